@@ -132,7 +132,7 @@ class _Edges:
 
     def _at_rest(self, i: int, k: int, s: int) -> tuple[Bools, Array]:
         """All of the friction could turn."""
-        lay, law, nodes = self.nlp.layout, self.nlp.laws.contact, self._nodes(i)[1:]
+        lay, law, nodes = self.nlp.layout, self.nlp.laws.friction, self._nodes(i)[1:]
         held = self._active(law.direction.index[lay.ends[i] : lay.ends[i + 1], k])
         force, law = lay.contact.T[nodes, k], law.sliding.index[nodes, k]
         most = 2 * np.abs(self.outcome.x[force]) * self.nlp.unit[force] / self.nlp.row_unit[law]
@@ -140,7 +140,7 @@ class _Edges:
 
     def _at_limit(self, i: int, k: int, side: int, way: int) -> tuple[Bools, Array]:
         """It could slide at the typical rate."""
-        law, nodes = self.nlp.laws.contact, self._nodes(i)
+        law, nodes = self.nlp.laws.friction, self._nodes(i)
         held = self._active(law.cone.index[nodes, k, side])
         stuck = law.stuck.index[nodes[1:], k]
         return held[:-1] & held[1:], way * self.outcome.duals.y[stuck]

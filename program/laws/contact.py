@@ -1,34 +1,22 @@
-"""Contacts that last and friction: their rows and terms.
+"""Contacts that last: their rows and terms.
 
-A phase with closed contacts and friction has normal impulses P_k >= 0 and tangential ones T_k at
-each of its nodes, the ends among them, and velocities v- before and v+ after its events (equations
-:eq:`del-contact` to :eq:`events` of the theory)::
+A phase with closed contacts has normal impulses P_k >= 0 at each of its nodes, the ends among them,
+and velocities v- before and v+ after its events (equations :eq:`del-contact` to :eq:`events` of the
+theory); what rubs at them is the law of friction (:mod:`dmoc.program.laws.friction`)::
 
-    momentum   ... - sum P_k grad g(q_k) + sum T_k grad tau(q_k) = 0     also of arrival, departure
+    momentum   ... - sum P_k grad g(q_k) = 0      also of arrival, departure
     closed     g(q_k) = 0                         at the nodes after the first one
-    stuck      tau(q_k) - tau(q_km1) = 0          where it sticks
-    sliding    T_k + s mu P_k = 0                 where it slides in the direction s
-    at rest    gamma(q_N, v-) = 0, sigma(q_N, v-) = 0      at the end of the phase, also of what
-                                                  stops sliding or turns there
-    stays      gamma(q_c, v+) = 0, sigma(q_c, v+) = 0      after an impact, with impulses P_c, T_c
-    cone       mu P_k - |T_k| >= 0, mu P_c - |T_c| >= 0    where it sticks
-    direction  s (tau(q_kp1) - tau(q_k)) >= 0, s sigma >= 0 on both sides of an impact
-               and at the ends of the motion
+    at rest    gamma(q_N, v-) = 0                 at the end of the phase
+    lands      g(q_c) = 0                         of what lands beside the first one
+    stays      gamma(q_c, v+) = 0                 after an impact, with impulses P_c
 
-A contact that slides the other way after an impact than before has s of either phase on either
-side.  Where the impact presses it, P_c > 0, its friction turns at a moment within, which these rows
-do not know: the check refuses such a motion.
-
-A rail has the largest force F instead of mu P_k, times the time that the node stands for.  This is
-the scheme RATTLE with the momenta of the step element.
-
-The places of closed, stuck and direction are measured by how far the contact could move in one
-step.
+This is the scheme RATTLE with the momenta of the step element.  Places are measured by how far the
+contact could move in one step.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -36,15 +24,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contacts import RAIL
-from dmoc.mechanics.touch import Touch
-from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Entries, Index, Numbering
-from dmoc.program.bound_kinds import BoundKind
-from dmoc.program.interior import bound_once, give_way
-from dmoc.program.laws.law import AT_REST, INPUT, Law, Pivot, key
-from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase
+from dmoc.program.blocks import NOWHERE, Block, Numbering
+from dmoc.program.interior import give_way
+from dmoc.program.laws.law import AT_REST, Law, Pivot, key
+from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import Settled, settled
 from dmoc.program.reactions import place
@@ -62,8 +46,6 @@ class ContactLaw(Law):
     Attributes
     ----------
     lay : Layout
-    mu : array, shape (nt,)
-        Coefficients of friction of surfaces, largest forces of rails.
     pulling : bool
         Closed contacts may pull, to see how strongly they would have to.
     settled : Settled
@@ -71,96 +53,56 @@ class ContactLaw(Law):
     """
 
     lay: Layout
-    mu: Array
     pulling: bool
     settled: Settled = field(init=False)
     closed: Block = field(init=False)
-    stuck: Block = field(init=False)
-    sliding: Block = field(init=False)
     at_rest: Block = field(init=False)
-    stopped: Block = field(init=False)
     lands: Block = field(init=False)
     stays: Block = field(init=False)
-    sticks: Block = field(init=False)
-    slides: Block = field(init=False)
-    cone: Block = field(init=False)
-    cone_of_impact: Block = field(init=False)
-    direction: Block = field(init=False)
-    direction_at_ends: Block = field(init=False)
-    direction_of_impact: Block = field(init=False)
 
-    @property
-    def touch(self) -> Touch:
-        return self.lay.touch
+    @cached_property
+    def along(self) -> PhaseNodes:
+        """The nodes of all phases, if something touches in one of them."""
+        return PhaseNodes(self.lay, not self.lay.touch.free)
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
-        lay, touch, unknowns = self.lay, self.touch, self.lay.contact
-        if touch.free:
-            return
+        lay, unknowns = self.lay, self.lay.contact
         held = [
             (np.arange(lay.ends[i], lay.ends[i + 1] + 1), surface)
             for i, mode in enumerate(lay.touch.modes)
             for surface in mode.closed
         ]
         give_way(problem, lay, box, scale, held)
-        bound_once(problem, lay, box)
         if not self.pulling:
             for index in (unknowns.P, unknowns.P_c):
                 box[index[index != NOWHERE], 0] = 0.0
-        smooth = touch.sticks & (self.mu == 0)  # they hold nothing
-        box[unknowns.T[self._phases.along(smooth)]] = 0.0
-        box[unknowns.T_c[smooth[1:] & touch.rubs_in_impact]] = 0.0
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
-        lay = self.lay
-        self.settled = Settled.nothing(lay) if self.touch.free else settled(problem, lay, limits)
-
-    # Rows -----------------------------------------------------------------------------------------
+        free = self.lay.touch.free
+        self.settled = Settled.nothing(self.lay) if free else settled(problem, self.lay, limits)
 
     def equations(self, block: Numbering) -> None:
-        lay, touch = self.lay, self.touch
-        names, friction = touch.contacts.surfaces, touch.contacts.tangents
-        along = self._phases
-        moves = np.vstack([np.ones_like(self.settled.stuck[:1]), self.settled.stuck])
-        landing = np.zeros_like(touch.beside)
+        lay, touch, along = self.lay, self.lay.touch, self.along
+        names, landing = touch.contacts.surfaces, np.zeros_like(touch.beside)
         for i, event in enumerate(touch.events):
             landing[i, list(event.lands[1:])] = True
-
-        def at(r: int, j: int, which: Sequence[str]) -> str:
-            return f"{which[j]} {place(lay.steps, r)}"
-
         self.closed = block(
             "closed",
             along.places(touch.is_closed, self.settled.places),
-            lambda r, j: f"contact {at(r, j, names)}",
+            lambda r, j: f"contact {names[j]} {place(lay.steps, r)}",
             lambda s: along.in_a_step(s.rate, s),
-        )
-        self.stuck = block(
-            "stuck",
-            along.places(touch.sticks, moves),
-            lambda r, j: f"sticking of {at(r, j, friction)}",
-            lambda s: along.in_a_step(s.slide, s),
-        )
-        self.sliding = block(
-            "sliding",
-            self._phases.along(touch.rubs & ~touch.sticks),
-            lambda r, j: f"sliding friction of {at(r, j, friction)}",
-            lambda s: s.friction / lay.total,
         )
         self.at_rest = block(
             "at rest",
-            self._ends(touch.is_closed, self.settled.rates),
+            ends_of_phases(touch.is_closed, self.settled.rates),
             lambda i, j: f"rate of contact {names[j]} {end_of_phase(i)}",
             lambda s: s.rate,
         )
-        self.stopped = block(
-            "stopped",
-            self._ends(touch.sticks, self.settled.slides, self._stops),
-            lambda i, j: f"sliding velocity of {friction[j]} {end_of_phase(i)}",
-            lambda s: s.slide,
-        )
         self.lands = block(
-            "lands", landing, lambda i, j: f"landing of {names[j]} at event {i + 1}", _gap
+            "lands",
+            landing,
+            lambda i, j: f"landing of {names[j]} at event {i + 1}",
+            lambda s: s.gap,
         )
         self.stays = block(
             "stays",
@@ -168,255 +110,30 @@ class ContactLaw(Law):
             lambda i, j: f"rate of {names[j]} after event {i + 1}",
             lambda s: s.rate,
         )
-        self.sticks = block(
-            "sticks",
-            touch.rubs_in_impact & touch.sticks[1:],
-            lambda i, j: f"sliding velocity of {friction[j]} after event {i + 1}",
-            lambda s: s.slide,
-        )
-        self.slides = block(
-            "slides",
-            touch.rubs_in_impact & ~touch.sticks[1:],
-            lambda i, j: f"sliding friction of {friction[j]} at event {i + 1}",
-            lambda s: s.friction,
-        )
-
-    def inequalities(self, block: Numbering) -> None:
-        """The last axis of cones and of directions of impacts are the two sides."""
-        lay, touch = self.lay, self.touch
-        friction, nodes = touch.contacts.tangents, self._phases.nodes
-        slides = touch.signs[lay.phase_of_step] != 0
-        slides = slides if not touch.free else slides[:0]
-        steps = np.arange(len(slides))
-
-        def word(i: int, j: int) -> str:
-            return FRICTION_WORDS[int(touch.signs[i, j])]
-
-        self.cone = block(
-            "cone",
-            _twice(self._phases.along(self._grips)),
-            lambda r, j, _: f"friction cone of {friction[j]} {place(lay.steps, r)}",
-            lambda s: s.friction[:, None] / lay.total,
-            nodes,
-            counted=Counted(BoundKind.CONE, friction, nodes),
-        )
-        self.cone_of_impact = block(
-            "cone of an impact",
-            _twice(touch.rubs_in_impact & self._grips[1:]),
-            lambda i, j, _: f"friction cone of {friction[j]} at event {i + 1}",
-            lambda s: s.friction[:, None],
-        )
-        self.direction = block(
-            "direction",
-            slides,
-            lambda k, j: f"{word(int(lay.phase_of_step[k]), j)} of {friction[j]} in step {k}",
-            lambda s: s.slide * s.h[lay.phase_of_step][: len(slides), None],
-            steps,
-            counted=Counted(BoundKind.DIRECTION, friction, steps),
-        )
-        self.direction_at_ends = block(
-            "direction at the ends",
-            self._slides_freely,
-            lambda e, j: f"{word(-e, j)} of {friction[j]} at the {('start', 'end')[e]}",
-            lambda s: s.slide,
-        )
-        self.direction_of_impact = block(
-            "direction of an impact",
-            _twice(touch.rubs_in_impact & ~touch.sticks[1:]),
-            lambda i, j, side: (
-                f"{word(i + (1 if side or not touch.turns[i, j] else 0), j)} of {friction[j]} "
-                f"{'after' if side else 'before'} event {i + 1}"
-            ),
-            lambda s: s.slide[:, None],
-        )
-
-    @property
-    def _grips(self) -> Bools:
-        """Tangents that stick with friction, shape (phases, nt): the cone of those without has no
-        interior, and bounds say T = 0."""
-        return np.asarray(self.touch.sticks & (self.mu > 0))
-
-    @cached_property
-    def _phases(self) -> PhaseNodes:
-        return PhaseNodes(self.lay, not self.touch.free)
-
-    @property
-    def _stops(self) -> Bools:
-        """Tangents that slide in a phase, and not any more in this direction after its event,
-        which is no impact, shape (phases, nt)."""
-        touch = self.touch
-        stops = np.zeros_like(touch.rubs)
-        for i, impact in enumerate(touch.impacts):
-            slid, goes_on = touch.signs[i] != 0, touch.rubs[i + 1]
-            stops[i] = slid & goes_on & (touch.signs[i + 1] != touch.signs[i]) & (not impact)
-        return stops
-
-    @property
-    def _slides_freely(self) -> Bools:
-        """Tangents that slide at the start and at the end of the motion, and whose rates there are
-        not fixed, shape (2, nt)."""
-        lay, signs = self.lay, self.touch.signs
-        unknown = np.array([len(lay.index_v_B) > 0, len(lay.index_v_E) > 0]) & (not lay.touch.free)
-        slides = (signs[[0, -1]] != 0) & ~self.settled.slides
-        return np.asarray(slides & unknown[:, None])
-
-    def _ends(self, held: Bools, settled: Bools, more: Bools | None = None) -> Bools:
-        """Where rates vanish: at the start and at the end of each phase, shape (phases + 1,
-        size)."""
-        ends = np.vstack([held[:1] & ~settled[0], held if more is None else held | more])
-        ends[-1] &= ~settled[1]
-        return ends
-
-    # Terms ----------------------------------------------------------------------------------------
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:
-        lay, momentum = self.lay, laws.step.momentum.index
-        if self.touch.free:
+        lay, along, nodes = self.lay, self.along, self.lay.collision_nodes
+        if lay.touch.free:
             return []
-        along, unknowns = self._phases, lay.contact
         q, t = lay.index_q[along.nodes], places.times(along.nodes)
         terms = [
-            *along.pushes("normal", unknowns.P, -1.0, places, laws),
-            *along.pushes("traction", unknowns.T, 1.0, places, laws),
+            *along.pushes("normal", lay.contact.P, -1.0, places, laws),
             *along.rests("gap_rate", self.at_rest.index, places),
-            *along.rests("slide_rate", self.stopped.index, places),
-        ]
-        terms += self._at_events(places, momentum)
-        stuck = self.stuck.index
-        before = np.full_like(stuck, NOWHERE)
-        before[:-1] = stuck[1:]
-        terms += [
             Term("surface", (q, t), (self.closed.index,)),
-            Term("tangent", (q, t), (stuck,)),
-            Term("tangent", (q, t), (before,), -1.0),
         ]
-        return terms + self._directions(places)
-
-    def _at_events(self, places: Places, momentum: Index) -> list[Term]:
-        """Impulses of impacts, and rates before and after them and at both ends."""
-        lay, touch = self.lay, self.touch
-        nodes = lay.collision_nodes
-        q, t = lay.index_q[nodes], places.times(nodes)
-        P_c, T_c = places.known(lay.contact.P_c), places.known(lay.contact.T_c)
-        terms = []
         if len(nodes):
+            q, t, P_c = lay.index_q[nodes], places.times(nodes), places.known(lay.contact.P_c)
             terms += [
-                Term("normal", (q, P_c, t), (momentum[nodes],), -1.0),
-                Term("traction", (q, T_c, t), (momentum[nodes],)),
+                Term("normal", (q, P_c, t), (laws.step.momentum.index[nodes],), -1.0),
                 Term("surface", (q, t), (self.lands.index,)),
                 Term("gap_rate", (q, lay.impact.v_c, t), (self.stays.index,)),
-                Term("slide_rate", (q, lay.impact.v_c, t), (self.sticks.index,)),
             ]
-            direction = self.direction_of_impact.index
-            before = np.where(touch.turns, touch.signs[:-1], touch.signs[1:])
-            sides = ((lay.impact.v_a, before), (lay.impact.v_c, touch.signs[1:]))
-            for side, (v, signs) in enumerate(sides):
-                for sign in (1.0, -1.0):
-                    rows = np.where(signs == sign, direction[:, :, side], NOWHERE)
-                    terms.append(Term("slide_rate", (q, v, t), (rows,), sign))
-        ends = lay.ends
-        for e, v in ((0, lay.index_v_B), (-1, lay.index_v_E)):
-            for sign in (1.0, -1.0) if len(v) else ():
-                rows = np.where(touch.signs[e] == sign, self.direction_at_ends.index[e], NOWHERE)
-                at = ends[[e]]
-                state = (lay.index_q[at], v[None], places.times(at))
-                terms.append(Term("slide_rate", state, (rows[None],), sign))
         return terms
-
-    def _directions(self, places: Places) -> list[Term]:
-        lay, rows = self.lay, self.direction.index
-        signs = self.touch.signs[lay.phase_of_step]
-        terms = []
-        for sign in (1.0, -1.0):
-            at = np.where(signs == sign, rows, NOWHERE)
-            for nodes, side in ((np.arange(1, lay.total + 1), sign), (np.arange(lay.total), -sign)):
-                place = (lay.index_q[nodes], places.times(nodes))
-                terms.append(Term("tangent", place, (at,), side))
-        return terms
-
-    # Linear rows ----------------------------------------------------------------------------------
-
-    def entries(self, laws: Laws) -> list[Entries]:
-        """Entries of the rows that say how large friction is: sliding, and cones."""
-        lay, touch = self.lay, self.touch
-        if touch.free:
-            return []
-        entries: list[Entries] = []
-        phase, sides = self._phases.phase, np.array([1.0, -1.0])
-        weight = np.where(self._phases.is_first | self._phases.is_last, 0.5, 1.0)
-        events = touch.rubs_in_impact
-        for t, surface in enumerate(touch.contacts.supports):
-            along = np.flatnonzero(touch.rubs[phase, t])
-            if surface == RAIL:
-                limit, factor = lay.index_h[phase[along]], self.mu[t] * weight[along]
-            else:
-                limit = lay.contact.P[along, surface]
-                factor = np.full(len(along), self.mu[t])
-            signs = touch.signs[phase[along], t]
-            entries += _friction(
-                (lay.contact.T[along, t], limit, factor, signs),
-                (self.sliding.index[along, t], self.cone.index[along, t]),
-                sides,
-            )
-            if surface == RAIL:
-                continue
-            at = np.flatnonzero(events[:, t])
-            normal = np.where(
-                lay.touch.surfaces[at] == surface, lay.impact.lam[at], lay.contact.P_c[at, surface]
-            )
-            entries += _friction(
-                (
-                    lay.contact.T_c[at, t],
-                    normal,
-                    np.full(len(at), self.mu[t]),
-                    touch.signs[at + 1, t],
-                ),
-                (self.slides.index[at, t], self.cone_of_impact.index[at, t]),
-                sides,
-            )
-        return entries
-
-    # Pivots ---------------------------------------------------------------------------------------
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
-        """Rows of contacts determine their impulses."""
-        lay, touch = self.lay, self.touch
-        if touch.free:
-            return
-        along, unknowns, events = self._phases, lay.contact, lay.collision_nodes
-        nodes = along.nodes - along.is_last
-        yield Pivot(unknowns.T, self.sliding.index, key(nodes, INPUT))
-        stopped = np.where(touch.sticks, self.stopped.index[1:], NOWHERE)
-        yield from along.pivots(unknowns.P, self.closed.index, self.at_rest.index)
-        yield from along.pivots(unknowns.T, self.stuck.index, stopped)
-        yield Pivot(lay.contact.P_c, self.stays.index, key(events, AT_REST))
-        yield Pivot(lay.contact.T_c, self.sticks.index, key(events, AT_REST))
-        yield Pivot(lay.contact.T_c, self.slides.index, key(events - 1, INPUT))
-
-
-def _friction(
-    law: tuple[Index, Index, Array, Array], rows: tuple[Index, Index], sides: Array
-) -> list[Entries]:
-    """T + s factor limit = 0 in rows of sliding, factor limit -+ T >= 0 in the two rows of a
-    cone."""
-    (T, limit, factor, signs), (sliding, cone) = law, rows
-    slides = sliding != NOWHERE
-    entries = [
-        (sliding[slides], T[slides], np.ones(int(slides.sum()))),
-        (sliding[slides], limit[slides], (signs * factor)[slides]),
-    ]
-    for side, sign in enumerate(sides):
-        sticks = cone[:, side] != NOWHERE
-        entries += [
-            (cone[sticks, side], T[sticks], np.full(int(sticks.sum()), -sign)),
-            (cone[sticks, side], limit[sticks], factor[sticks]),
-        ]
-    return entries
-
-
-def _twice(mask: Bools) -> Bools:
-    return np.repeat(mask[:, :, None], 2, axis=2)
-
-
-def _gap(s: Scale) -> Array:
-    return s.gap
+        """Places and rates of contacts determine their impulses."""
+        unknowns = self.lay.contact
+        if not self.lay.touch.free:
+            yield from self.along.pivots(unknowns.P, self.closed.index, self.at_rest.index)
+            after = key(self.lay.collision_nodes, AT_REST)
+            yield Pivot(unknowns.P_c, self.stays.index, after)

@@ -17,6 +17,7 @@ from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Block, Index, Numbering
 from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.ends import EndsLaw, Goal
+from dmoc.program.laws.friction import FrictionLaw
 from dmoc.program.laws.hit import HitLaw
 from dmoc.program.laws.impact import ImpactLaw
 from dmoc.program.laws.joint import JointLaw
@@ -36,6 +37,7 @@ class Laws:
     impact: ImpactLaw
     ends: EndsLaw
     contact: ContactLaw
+    friction: FrictionLaw
     hit: HitLaw
     joint: JointLaw
     equalities: tuple[Block, ...] = ()
@@ -50,13 +52,12 @@ class Laws:
         return sum(b.count for b in self.inequalities)
 
     def __iter__(self) -> Iterator[Law]:
-        return iter(
-            (self.step, self.path, self.impact, self.ends, self.contact, self.hit, self.joint)
-        )
+        before = self.step, self.path, self.impact, self.ends
+        return iter((*before, self.contact, self.friction, self.hit, self.joint))
 
     def number(self, problem: Problem, limits: tuple[Array, Array]) -> None:
         """Number the rows of a problem whose unknowns have some lower and upper limits."""
-        shared = (self.contact, self.hit) if _is_untouched(self.contact.lay) else ()
+        shared = (self.contact, self.friction, self.hit) if _is_untouched(self.contact.lay) else ()
         laws = [law for law in self if law not in shared]
         block = Numbering()
         for law in laws:
@@ -75,13 +76,14 @@ def laws_of(
     constraints instead of bounds, the other arguments are those of the program."""
     impact = ImpactLaw.of(problem, lay, touching)
     if _is_untouched(lay):
-        contact, hit = _untouched(lay)
+        contact, friction, hit = _untouched(lay)
     else:
-        contact = ContactLaw(lay, problem.model.friction, pulling)
+        contact = ContactLaw(lay, pulling)
+        friction = FrictionLaw(contact, problem.model.friction)
         hit = HitLaw.of(problem, lay, impact)
     return Laws(
         StepLaw(problem, lay), PathLaw.of(problem, lay), impact,
-        EndsLaw(problem, lay, tuple(goals)), contact, hit,
+        EndsLaw(problem, lay, tuple(goals)), contact, friction, hit,
         JointLaw(lay, tuple(problem.kernels.manifest["bent_joints"])),
     )  # fmt: skip
 
@@ -92,14 +94,14 @@ def _is_untouched(lay: Layout) -> bool:
 
 
 @lru_cache(maxsize=SHARED)
-def _untouched(lay: Layout) -> tuple[ContactLaw, HitLaw]:
+def _untouched(lay: Layout) -> tuple[ContactLaw, FrictionLaw, HitLaw]:
     """Laws of contacts where there are none: their blocks have no members, so that all programs of
     a layout share them."""
     mu, events = np.zeros(len(lay.touch.contacts.tangents)), len(lay.touch.surfaces)
-    contact = ContactLaw(lay, mu, False)
-    contact.settled = Settled.nothing(lay)
+    contact = ContactLaw(lay, False)
+    contact.settled, friction = Settled.nothing(lay), FrictionLaw(contact, mu)
     hit = HitLaw(lay, (), mu, np.zeros(events), np.zeros(events, bool))
-    for law in (contact, hit):
+    for law in (contact, friction, hit):
         law.equations(Numbering())
         law.inequalities(Numbering())
-    return contact, hit
+    return contact, friction, hit

@@ -107,6 +107,15 @@ class PhaseNodes:
         yield Pivot(impulse[last][:-1], ends, key(nodes[last][:-1] - 1, AT_REST))
 
 
+def ends_of_phases(held: Bools, settled: Bools, more: Bools | None = None) -> Bools:
+    """Where rates vanish: at the start and at the end of each phase, shape (phases + 1, size), of
+    what is ``held`` in it, and ``more``, but for those that are ``settled`` at both ends of the
+    motion."""
+    ends = np.vstack([held[:1] & ~settled[0], held if more is None else held | more])
+    ends[-1] &= ~settled[1]
+    return ends
+
+
 def end_of_phase(i: int) -> str:
     """The start of a motion, or the end of a phase before it."""
     return f"at the end of phase {i - 1}" if i else "at the start"

@@ -1,0 +1,351 @@
+"""Friction of contacts that last, and of rails: its rows and terms.
+
+What rubs in a phase has tangential impulses T_k at each of its nodes, beside the normal ones P_k of
+its contact (:mod:`dmoc.program.laws.contact`)::
+
+    momentum   ... + sum T_k grad tau(q_k) = 0    also of arrival, departure
+    stuck      tau(q_k) - tau(q_km1) = 0          where it sticks
+    sliding    T_k + s mu P_k = 0                 where it slides in the direction s
+    stopped    sigma(q_N, v-) = 0                 at the end of a phase in which it sticks, and
+                                                  where it stops sliding or turns
+    sticks     sigma(q_c, v+) = 0                 after an impact, with impulses T_c
+    slides     T_c + s mu P_c = 0                 in an impact
+    cone       mu P_k - |T_k| >= 0, mu P_c - |T_c| >= 0    where it sticks
+    direction  s (tau(q_kp1) - tau(q_k)) >= 0, s sigma >= 0 on both sides of an impact
+               and at the ends of the motion
+
+A contact that slides the other way after an impact than before has s of either phase on either
+side.  Where the impact presses it, P_c > 0, its friction turns at a moment within, which these rows
+do not know: the check refuses such a motion.
+
+A rail has the largest force F instead of mu P_k, times the time that the node stands for.  The
+places of stuck and direction are measured by how far the contact could move in one step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contacts import RAIL
+from dmoc.mechanics.touch import Touch
+from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Entries, Index, Numbering
+from dmoc.program.bound_kinds import BoundKind
+from dmoc.program.interior import bound_once
+from dmoc.program.laws.contact import ContactLaw
+from dmoc.program.laws.law import AT_REST, INPUT, Law, Pivot, key
+from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases
+from dmoc.program.layout import Layout
+from dmoc.program.presolve import Settled
+from dmoc.program.reactions import place
+from dmoc.program.scale import Scale
+from dmoc.program.terms import Places, Term
+
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
+
+
+@dataclass(eq=False)
+class FrictionLaw(Law):
+    """What rubs along the phases of a problem.
+
+    Attributes
+    ----------
+    contact : ContactLaw
+        The law of the contacts at which it rubs.
+    mu : array, shape (nt,)
+        Coefficients of friction of surfaces, largest forces of rails.
+    """
+
+    contact: ContactLaw
+    mu: Array
+    stuck: Block = field(init=False)
+    sliding: Block = field(init=False)
+    stopped: Block = field(init=False)
+    sticks: Block = field(init=False)
+    slides: Block = field(init=False)
+    cone: Block = field(init=False)
+    cone_of_impact: Block = field(init=False)
+    direction: Block = field(init=False)
+    direction_at_ends: Block = field(init=False)
+    direction_of_impact: Block = field(init=False)
+
+    @property
+    def lay(self) -> Layout:
+        return self.contact.lay
+
+    @property
+    def touch(self) -> Touch:
+        return self.lay.touch
+
+    @property
+    def along(self) -> PhaseNodes:
+        return self.contact.along
+
+    @property
+    def settled(self) -> Settled:
+        return self.contact.settled
+
+    def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
+        lay, touch, unknowns = self.lay, self.touch, self.lay.contact
+        if touch.free:
+            return
+        bound_once(problem, lay, box)
+        smooth = touch.sticks & (self.mu == 0)  # they hold nothing
+        box[unknowns.T[self.along.along(smooth)]] = 0.0
+        box[unknowns.T_c[smooth[1:] & touch.rubs_in_impact]] = 0.0
+
+    # Rows -----------------------------------------------------------------------------------------
+
+    def equations(self, block: Numbering) -> None:
+        lay, touch, names = self.lay, self.touch, self.touch.contacts.tangents
+        along, settled = self.along, self.settled
+        moves = np.vstack([np.ones_like(settled.stuck[:1]), settled.stuck])
+        self.stuck = block(
+            "stuck",
+            along.places(touch.sticks, moves),
+            lambda r, j: f"sticking of {names[j]} {place(lay.steps, r)}",
+            lambda s: along.in_a_step(s.slide, s),
+        )
+        self.sliding = block(
+            "sliding",
+            along.along(touch.rubs & ~touch.sticks),
+            lambda r, j: f"sliding friction of {names[j]} {place(lay.steps, r)}",
+            lambda s: s.friction / lay.total,
+        )
+        self.stopped = block(
+            "stopped",
+            ends_of_phases(touch.sticks, settled.slides, self._stops),
+            lambda i, j: f"sliding velocity of {names[j]} {end_of_phase(i)}",
+            lambda s: s.slide,
+        )
+        self.sticks = block(
+            "sticks",
+            touch.rubs_in_impact & touch.sticks[1:],
+            lambda i, j: f"sliding velocity of {names[j]} after event {i + 1}",
+            lambda s: s.slide,
+        )
+        self.slides = block(
+            "slides",
+            touch.rubs_in_impact & ~touch.sticks[1:],
+            lambda i, j: f"sliding friction of {names[j]} at event {i + 1}",
+            lambda s: s.friction,
+        )
+
+    def inequalities(self, block: Numbering) -> None:
+        """The last axis of cones and of directions of impacts are the two sides."""
+        lay, touch = self.lay, self.touch
+        names, nodes = touch.contacts.tangents, self.along.nodes
+        slides = touch.signs[lay.phase_of_step] != 0
+        slides = slides if not touch.free else slides[:0]
+        steps = np.arange(len(slides))
+
+        def word(i: int, j: int) -> str:
+            return FRICTION_WORDS[int(touch.signs[i, j])]
+
+        self.cone = block(
+            "cone",
+            _twice(self.along.along(self._grips)),
+            lambda r, j, _: f"friction cone of {names[j]} {place(lay.steps, r)}",
+            lambda s: s.friction[:, None] / lay.total,
+            nodes,
+            counted=Counted(BoundKind.CONE, names, nodes),
+        )
+        self.cone_of_impact = block(
+            "cone of an impact",
+            _twice(touch.rubs_in_impact & self._grips[1:]),
+            lambda i, j, _: f"friction cone of {names[j]} at event {i + 1}",
+            lambda s: s.friction[:, None],
+        )
+        self.direction = block(
+            "direction",
+            slides,
+            lambda k, j: f"{word(int(lay.phase_of_step[k]), j)} of {names[j]} in step {k}",
+            lambda s: s.slide * s.h[lay.phase_of_step][: len(slides), None],
+            steps,
+            counted=Counted(BoundKind.DIRECTION, names, steps),
+        )
+        self.direction_at_ends = block(
+            "direction at the ends",
+            self._slides_freely,
+            lambda e, j: f"{word(-e, j)} of {names[j]} at the {('start', 'end')[e]}",
+            lambda s: s.slide,
+        )
+        self.direction_of_impact = block(
+            "direction of an impact",
+            _twice(touch.rubs_in_impact & ~touch.sticks[1:]),
+            lambda i, j, side: (
+                f"{word(i + (1 if side or not touch.turns[i, j] else 0), j)} of {names[j]} "
+                f"{'after' if side else 'before'} event {i + 1}"
+            ),
+            lambda s: s.slide[:, None],
+        )
+
+    @property
+    def _grips(self) -> Bools:
+        """Tangents that stick with friction, shape (phases, nt): the cone of those without has no
+        interior, and bounds say T = 0."""
+        return np.asarray(self.touch.sticks & (self.mu > 0))
+
+    @property
+    def _stops(self) -> Bools:
+        """Tangents that slide in a phase, and not any more in this direction after its event,
+        which is no impact, shape (phases, nt)."""
+        touch = self.touch
+        stops = np.zeros_like(touch.rubs)
+        for i, impact in enumerate(touch.impacts):
+            slid, goes_on = touch.signs[i] != 0, touch.rubs[i + 1]
+            stops[i] = slid & goes_on & (touch.signs[i + 1] != touch.signs[i]) & (not impact)
+        return stops
+
+    @property
+    def _slides_freely(self) -> Bools:
+        """Tangents that slide at the start and at the end of the motion, and whose rates there are
+        not fixed, shape (2, nt)."""
+        lay, signs = self.lay, self.touch.signs
+        unknown = np.array([len(lay.index_v_B) > 0, len(lay.index_v_E) > 0]) & (not lay.touch.free)
+        slides = (signs[[0, -1]] != 0) & ~self.settled.slides
+        return np.asarray(slides & unknown[:, None])
+
+    # Terms ----------------------------------------------------------------------------------------
+
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
+        lay, along, unknowns = self.lay, self.along, self.lay.contact
+        if self.touch.free:
+            return []
+        q, t = lay.index_q[along.nodes], places.times(along.nodes)
+        stuck = self.stuck.index
+        before = np.full_like(stuck, NOWHERE)
+        before[:-1] = stuck[1:]
+        return [
+            *along.pushes("traction", unknowns.T, 1.0, places, laws),
+            *along.rests("slide_rate", self.stopped.index, places),
+            Term("tangent", (q, t), (stuck,)),
+            Term("tangent", (q, t), (before,), -1.0),
+            *self._at_events(places, laws.step.momentum.index),
+            *self._at_ends(places),
+            *self._directions(places),
+        ]
+
+    def _at_events(self, places: Places, momentum: Index) -> Iterator[Term]:
+        """Impulses of impacts, and rates before and after them."""
+        lay, touch, nodes = self.lay, self.touch, self.lay.collision_nodes
+        if not len(nodes):
+            return
+        q, t, T_c = lay.index_q[nodes], places.times(nodes), places.known(lay.contact.T_c)
+        yield Term("traction", (q, T_c, t), (momentum[nodes],))
+        yield Term("slide_rate", (q, lay.impact.v_c, t), (self.sticks.index,))
+        direction = self.direction_of_impact.index
+        before = np.where(touch.turns, touch.signs[:-1], touch.signs[1:])
+        sides = ((lay.impact.v_a, before), (lay.impact.v_c, touch.signs[1:]))
+        for side, (v, signs) in enumerate(sides):
+            for sign in (1.0, -1.0):
+                rows = np.where(signs == sign, direction[:, :, side], NOWHERE)
+                yield Term("slide_rate", (q, v, t), (rows,), sign)
+
+    def _at_ends(self, places: Places) -> Iterator[Term]:
+        """Sliding velocities at both ends of the motion."""
+        lay, signs = self.lay, self.touch.signs
+        for e, v in ((0, lay.index_v_B), (-1, lay.index_v_E)):
+            at = lay.ends[[e]]
+            for sign in (1.0, -1.0) if len(v) else ():
+                rows = np.where(signs[e] == sign, self.direction_at_ends.index[e], NOWHERE)
+                state = (lay.index_q[at], v[None], places.times(at))
+                yield Term("slide_rate", state, (rows[None],), sign)
+
+    def _directions(self, places: Places) -> list[Term]:
+        lay, rows = self.lay, self.direction.index
+        signs = self.touch.signs[lay.phase_of_step]
+        terms = []
+        for sign in (1.0, -1.0):
+            at = np.where(signs == sign, rows, NOWHERE)
+            for nodes, side in ((np.arange(1, lay.total + 1), sign), (np.arange(lay.total), -sign)):
+                place = (lay.index_q[nodes], places.times(nodes))
+                terms.append(Term("tangent", place, (at,), side))
+        return terms
+
+    # Linear rows ----------------------------------------------------------------------------------
+
+    def entries(self, laws: Laws) -> list[Entries]:
+        """Entries of the rows that say how large friction is: sliding, and cones."""
+        lay, touch = self.lay, self.touch
+        if touch.free:
+            return []
+        entries: list[Entries] = []
+        phase, sides = self.along.phase, np.array([1.0, -1.0])
+        weight = np.where(self.along.is_first | self.along.is_last, 0.5, 1.0)
+        events = touch.rubs_in_impact
+        for t, surface in enumerate(touch.contacts.supports):
+            along = np.flatnonzero(touch.rubs[phase, t])
+            if surface == RAIL:
+                limit, factor = lay.index_h[phase[along]], self.mu[t] * weight[along]
+            else:
+                limit = lay.contact.P[along, surface]
+                factor = np.full(len(along), self.mu[t])
+            signs = touch.signs[phase[along], t]
+            entries += _friction(
+                (lay.contact.T[along, t], limit, factor, signs),
+                (self.sliding.index[along, t], self.cone.index[along, t]),
+                sides,
+            )
+            if surface == RAIL:
+                continue
+            at = np.flatnonzero(events[:, t])
+            normal = np.where(
+                lay.touch.surfaces[at] == surface, lay.impact.lam[at], lay.contact.P_c[at, surface]
+            )
+            entries += _friction(
+                (
+                    lay.contact.T_c[at, t],
+                    normal,
+                    np.full(len(at), self.mu[t]),
+                    touch.signs[at + 1, t],
+                ),
+                (self.slides.index[at, t], self.cone_of_impact.index[at, t]),
+                sides,
+            )
+        return entries
+
+    # Pivots ---------------------------------------------------------------------------------------
+
+    def pivots(self, laws: Laws) -> Iterator[Pivot]:
+        """Rows of friction determine its impulses."""
+        touch, along, unknowns = self.touch, self.along, self.lay.contact
+        if touch.free:
+            return
+        yield Pivot(unknowns.T, self.sliding.index, key(along.nodes - along.is_last, INPUT))
+        stopped = np.where(touch.sticks, self.stopped.index[1:], NOWHERE)
+        yield from along.pivots(unknowns.T, self.stuck.index, stopped)
+        events = self.lay.collision_nodes
+        yield Pivot(unknowns.T_c, self.sticks.index, key(events, AT_REST))
+        yield Pivot(unknowns.T_c, self.slides.index, key(events - 1, INPUT))
+
+
+def _friction(
+    law: tuple[Index, Index, Array, Array], rows: tuple[Index, Index], sides: Array
+) -> list[Entries]:
+    """T + s factor limit = 0 in rows of sliding, factor limit -+ T >= 0 in the two rows of a
+    cone."""
+    (T, limit, factor, signs), (sliding, cone) = law, rows
+    slides = sliding != NOWHERE
+    entries = [
+        (sliding[slides], T[slides], np.ones(int(slides.sum()))),
+        (sliding[slides], limit[slides], (signs * factor)[slides]),
+    ]
+    for side, sign in enumerate(sides):
+        sticks = cone[:, side] != NOWHERE
+        entries += [
+            (cone[sticks, side], T[sticks], np.full(int(sticks.sum()), -sign)),
+            (cone[sticks, side], limit[sticks], factor[sticks]),
+        ]
+    return entries
+
+
+def _twice(mask: Bools) -> Bools:
+    return np.repeat(mask[:, :, None], 2, axis=2)

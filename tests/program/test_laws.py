@@ -1,0 +1,36 @@
+"""The laws of a program: what each of them numbers."""
+
+from __future__ import annotations
+
+import pytest
+from contact_problems import against_wall_on_floor, pushers, rimless
+from hit_problems import back
+
+import dmoc
+from dmoc.program.laws.law import Law
+from dmoc.program.transcription import Transcription
+
+
+def counts(law: Law) -> dict[str, int]:
+    """Rows of a law by their names."""
+    return {b.name: b.count for b in vars(law).values() if hasattr(b, "missed")}
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [against_wall_on_floor(4, 0.2), pushers(4), rimless(4), back(sequence=["floor:stick"])],
+)
+def test_every_row_belongs_to_one_law(problem: dmoc.Problem) -> None:
+    laws = Transcription(problem).laws
+    held = [b for law in laws for b in vars(law).values() if hasattr(b, "missed")]
+    assert {*map(id, held)} == {*map(id, (*laws.equalities, *laws.inequalities))}
+
+
+def test_contacts_push_by_one_law_and_rub_by_another() -> None:
+    """A block slides on a floor in two phases of 10 steps, with a hit of the wall between them."""
+    laws = Transcription(against_wall_on_floor(10, 0.25)).laws
+    contact, friction = counts(laws.contact), counts(laws.friction)
+    assert contact == {"closed": 2 * 10, "at rest": 2, "lands": 0, "stays": 1}
+    assert {name: count for name, count in friction.items() if count} == {
+        "sliding": 2 * 11, "direction": 2 * 10, "slides": 1, "direction of an impact": 2,
+    }  # fmt: skip
