@@ -5,14 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from films import END, EVIL, ROD, TURN, mirrored, motion, place
-from PIL import Image
+from films import END, EVIL, TURN, mirrored, motion, place
+from players import circle, now, playing, press, scale, seek, shot, texts
 from selenium.webdriver.chrome.webdriver import WebDriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
@@ -42,49 +40,6 @@ def tree(tmp_path_factory: pytest.TempPathFactory, solution: dmoc.Solution) -> P
         (("floor",), "floor", "unreachable", None, (), None),
     ]  # fmt: skip
     return animate_tree("shuttle", nodes, tmp_path_factory.mktemp("tree") / "tree.html")
-
-
-def now(driver: WebDriver) -> float:
-    """The time that the slider shows."""
-    return float(driver.find_element(By.ID, "slider").get_property("value"))
-
-
-def playing(driver: WebDriver) -> bool:
-    return driver.find_element(By.ID, "play").get_attribute("aria-label") == "pause"
-
-
-def seek(driver: WebDriver, t: float) -> None:
-    script = """const slider = document.getElementById("slider");
-        slider.value = arguments[0];
-        slider.dispatchEvent(new Event("input", {bubbles: true}));"""
-    driver.execute_script(script, t)
-
-
-def press(driver: WebDriver, *keys: str) -> None:
-    ActionChains(driver).send_keys(*keys).perform()
-
-
-def circle(driver: WebDriver, number: int = 0) -> np.ndarray[Any, Any]:
-    """Middle of the drawn mass on the screen in pixels, as the browser has laid it out."""
-    script = """const mass = document.querySelectorAll("circle.point")[arguments[0]];
-        const box = mass.getBoundingClientRect();
-        return [box.x + box.width / 2, box.y + box.height / 2];"""
-    return np.array(driver.execute_script(script, number))
-
-
-def scale(driver: WebDriver, number: int = 0) -> float:
-    """Pixels of a metre, from the length of the drawn rod."""
-    script = """const rod = document.querySelectorAll("path.link")[arguments[0]];
-        return rod.getTotalLength();"""
-    return float(driver.execute_script(script, number)) / ROD
-
-
-def shot(driver: WebDriver) -> Image.Image:
-    return Image.open(BytesIO(driver.get_screenshot_as_png())).convert("RGB")
-
-
-def texts(driver: WebDriver, selector: str) -> list[str]:
-    return [element.text for element in driver.find_elements(By.CSS_SELECTOR, selector)]
 
 
 @pytest.mark.parametrize("t", [0.0, 0.2, 0.45, 0.9, END])

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import block_and_wall
 import numpy as np
@@ -15,20 +15,16 @@ import pytest
 import sympy as sp
 from scipy.integrate import DOP853, solve_ivp
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system, driven_system
+from systems import driven_system
 
 import dmoc
-from dmoc.base.deadline import ENDLESS
-from dmoc.check.amplification import carried
-from dmoc.check.checked_motion import Motion, OutOfTimeError
-from dmoc.check.segments import segments
+from dmoc.check.checked_motion import OutOfTimeError
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row
 from dmoc.simulation import dormand_prince
 from dmoc.simulation.integrator import Integrator
-from dmoc.simulation.roots import crossing
 
 T = dynamicsymbols._t
 
@@ -360,72 +356,3 @@ def test_the_check_needs_no_scipy() -> None:
     code = "import sys, dmoc.check.check; print({'scipy', 'sympy'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
-
-
-# The linearised flow of a motion ------------------------------------------------------------------
-
-
-@pytest.mark.slow
-def test_a_force_without_a_slope_at_rest_is_differenced() -> None:
-    """Drag against the speed of a mass that starts at rest: sqrt(v^2) has no derivative there."""
-    x, y, f, g = dynamicsymbols("x y f g")
-    speed = sp.sqrt(x.diff(T) ** 2 + y.diff(T) ** 2)
-    system = dmoc.MechanicalSystem(
-        "dragged", [x, y], (x.diff(T) ** 2 + y.diff(T) ** 2) / 2, {}, [f, g],
-        {x: f - speed * x.diff(T), y: g - speed * y.diff(T)}, cost=f**2 + g**2,
-    )  # fmt: skip
-    problem = dmoc.Problem(
-        dmoc.build(system), start={"x": 0, "y": 0}, goal={"x": 1, "y": 0.5}, steps=40,
-        final_time=1.0,
-    )  # fmt: skip
-    solution = dmoc.solve(problem, "ipm")
-    (phase,) = solution.phases
-    at_rest = replace(phase, v=np.vstack([[0.0, 0.0], phase.v[1:]]))
-    motion = Motion.of(replace(solution.trajectory, phases=(at_rest,)), problem.kernels, ENDLESS)
-    parts = segments(motion)
-    start = np.hstack([at_rest.q[:1], at_rest.v[:1], np.eye(4).reshape(1, 16)])
-    motion.flow.advance(start, motion.steps[0], np.array([0]), np.array([4]))
-    assert not np.isfinite(start[0, 4:]).all()
-    amplified = carried(motion, parts).amplification
-    assert amplified == pytest.approx(solution.verify().amplification, rel=1e-5)
-
-
-def test_the_amplification_of_a_free_mass_is_known() -> None:
-    """q' = v: the flow over a time s is (1, s; 0, 1) in units, whose largest norm is that of the
-    whole motion."""
-    kernels = dmoc.build(block_system())
-    problem = dmoc.Problem(
-        kernels, start={"x": 0}, goal={"x": 0.5, "x_dot": 0}, steps=30, final_time=1.0
-    )
-    solution = dmoc.solve(problem, "ipm")
-    motion = Motion.of(solution.trajectory, kernels, ENDLESS)
-    ratio = motion.sizes.v[0] / motion.sizes.q[0]
-    known = np.linalg.norm(np.array([[1, ratio], [0, 1]]), 2)
-    assert solution.verify().amplification == pytest.approx(known, rel=1e-9)
-
-
-# Roots --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("f", "low", "high", "root"),
-    [
-        (lambda x: x**3 - 2, 0.0, 2.0, 2 ** (1 / 3)),
-        (lambda x: np.exp(8 * x) - 2, -1.0, 1.0, np.log(2) / 8),
-        (lambda x: 1 - x, 0.0, 3.0, 1.0),
-        (lambda x: (x - 0.3) ** 9, 0.0, 1.0, 0.3),
-        (lambda x: -1.0 if x < 0.7 else 1.0, 0.0, 1.0, 0.7),
-    ],
-)
-def test_crossings_are_found(
-    f: Callable[[float], float], low: float, high: float, root: float
-) -> None:
-    calls = []
-
-    def counted(x: float) -> float:
-        calls.append(x)
-        return f(x)
-
-    found = crossing(counted, (low, f(low)), (high, f(high)), 1e-13)
-    assert found == pytest.approx(root, abs=1e-12)
-    assert len(calls) < 100 and all(low <= x <= high for x in calls)

@@ -22,7 +22,6 @@ from dmoc.guess.automatic import initial_guesses
 from dmoc.models.registry import build
 from dmoc.program.transcription import Transcription
 from dmoc.solvers import ipm, slsqp, slsqp_full
-from dmoc.solvers.ipm import least_violation
 from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Iteration, Options, Status
 
@@ -324,93 +323,3 @@ def test_kernels_on_numpy_give_the_same_program_and_no_interior_point() -> None:
         a.program.curvatures(x, y, 0.5), b.program.curvatures(x, y, 0.5), rtol=1e-13, atol=1e-12
     )
     assert dmoc.solve(problems[1], starts=1, verify=False).status == "solved"
-
-
-# Infeasible is an answer --------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["ipm", "slsqp"])
-def test_a_weak_force_misses_the_goal(seed: dmoc.Problem, method: str) -> None:
-    solution = dmoc.solve(seed.but(bounds={"F": (-1, 1)}, steps=40), method=method, starts=1)
-    assert solution.status == "infeasible" and not solution.solved
-    assert (
-        solution.conflicts[0].startswith("the goal of alpha is missed by 1.0")
-        and " rad" in solution.conflicts[0]
-    )
-    assert any("F >= -1 in" in c for c in solution.conflicts)
-    assert [c for c in solution.conflicts if c not in solution.message] == []
-    assert solution.max_violation > 1e-3
-    assert solution.to_dict()["conflicts"] == list(solution.conflicts)
-
-
-def test_a_phase_shorter_than_the_shortest_time_is_named(seed: dmoc.Problem) -> None:
-    problem = seed.but(durations=[(None, 0.05), (None, None)])
-    solution = dmoc.solve(problem, method="ipm", starts=1)
-    assert solution.status == "infeasible"
-    text = " | ".join(solution.conflicts)
-    assert "collision 1 misses 'left' by 0.0144 rad" in text
-    assert (
-        "phase 0 -> 'left': the shortest time at full input is about 0.0549 s, the bounds allow "
-        "0.05 s" in text
-    )
-    assert "duration of phase 0 <= 0.05 s" in text
-
-
-def test_the_miss_of_a_block_has_the_amount_of_the_closed_form(block: Kernels) -> None:
-    """A unit mass from rest under |u| <= 1 comes to 1/2 in 1 s: half the way to the wall."""
-    problem = dmoc.Problem(
-        block, start={"x": 0.0}, sequence=["wall"], steps=50, bounds={"u": (-1, 1)},
-        durations=[(None, 1.0), (None, None)], final_time=(None, 2.0),
-    )  # fmt: skip
-    solution = dmoc.solve(problem, method="ipm", starts=1)
-    assert solution.status == "infeasible"
-    assert solution.conflicts[0] == "collision 1 misses 'wall' by 0.5"
-    assert "about 1.41 s, the bounds allow 1 s" in solution.conflicts[1]
-
-
-@pytest.mark.parametrize("goal", [0.7, (0.7, 0.8), (0.7, None)])
-def test_a_goal_is_missed_by_what_is_lacking(block: Kernels, goal: object) -> None:
-    """The same block comes to 1/2 in 1 s at most."""
-    problem = dmoc.Problem(
-        block, start={"x": 0.0}, goal={"x": goal}, steps=50, bounds={"u": (-1, 1)}, final_time=1.0
-    )
-    solution = dmoc.solve(problem, method="ipm", starts=1)
-    assert solution.status == "infeasible"
-    assert solution.conflicts[0] == "the goal of x is missed by 0.2"
-    assert "u <= 1 in 50 steps" in solution.conflicts[-1]
-
-
-def test_least_violation_of_a_feasible_problem_is_none(seed: dmoc.Problem) -> None:
-    nlp = Transcription(seed.but(steps=40))
-    x = initial_guesses(nlp.problem)[0].x
-    outcome = least_violation(nlp, x, Options(), np.ones(nlp.n_eq + nlp.n_in))
-    assert outcome.status is Status.SOLVED
-    assert max(np.abs(nlp.equality(outcome.x)).max(), -nlp.inequality(outcome.x).min()) < 1e-6
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("e", [0.0, 0.3])
-def test_a_goal_on_the_surface_that_is_hit(block: Kernels, e: float) -> None:
-    """The gap of a fixed goal is no constraint: it has no interior, and its multiplier would
-    hide that the motion is no minimum."""
-    problem = there_and_back(block, goal={"x": 1.0, "x_dot": 0.0}, steps=20, restitution=e)
-    one, other = (dmoc.solve(problem, method, starts=1) for method in ("ipm", "slsqp"))
-    assert one.status == other.status == "solved"
-    assert one.cost == pytest.approx(other.cost, rel=1e-6)
-
-
-@pytest.mark.parametrize("order", [2, 4])
-def test_a_limit_at_the_surface_itself(order: int) -> None:
-    """A bound that a contact implies leaves no interior at the collision; one in front of the
-    surface makes the problem infeasible."""
-    problem = dmoc.Problem(
-        dmoc.build(block_system(), order=order), start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0},
-        sequence=["wall"], steps=20, final_time=1.0, restitution=0.5,
-    )  # fmt: skip
-    free = dmoc.solve(problem, "ipm", starts=1)
-    for method in ("ipm", "slsqp"):
-        held = dmoc.solve(problem.but(bounds={"x": (None, 1.0)}), method, starts=1)
-        assert held.solved and held.cost == pytest.approx(free.cost, rel=1e-6)
-    beyond = problem.but(bounds={"x": (None, 0.9)})
-    assert dmoc.solve(beyond, "ipm", starts=1).status == "infeasible"

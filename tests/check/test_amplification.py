@@ -1,0 +1,56 @@
+"""The linearised flow of a motion: how much it amplifies errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+from systems import block_system
+
+import dmoc
+from dmoc.base.deadline import ENDLESS
+from dmoc.check.amplification import carried
+from dmoc.check.checked_motion import Motion
+from dmoc.check.segments import segments
+
+
+@pytest.mark.slow
+def test_a_force_without_a_slope_at_rest_is_differenced() -> None:
+    """Drag against the speed of a mass that starts at rest: sqrt(v^2) has no derivative there."""
+    x, y, f, g = dynamicsymbols("x y f g")
+    speed = sp.sqrt(x.diff() ** 2 + y.diff() ** 2)
+    system = dmoc.MechanicalSystem(
+        "dragged", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2, {}, [f, g],
+        {x: f - speed * x.diff(), y: g - speed * y.diff()}, cost=f**2 + g**2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system), start={"x": 0, "y": 0}, goal={"x": 1, "y": 0.5}, steps=40,
+        final_time=1.0,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm")
+    (phase,) = solution.phases
+    at_rest = replace(phase, v=np.vstack([[0.0, 0.0], phase.v[1:]]))
+    motion = Motion.of(replace(solution.trajectory, phases=(at_rest,)), problem.kernels, ENDLESS)
+    parts = segments(motion)
+    start = np.hstack([at_rest.q[:1], at_rest.v[:1], np.eye(4).reshape(1, 16)])
+    motion.flow.advance(start, motion.steps[0], np.array([0]), np.array([4]))
+    assert not np.isfinite(start[0, 4:]).all()
+    amplified = carried(motion, parts).amplification
+    assert amplified == pytest.approx(solution.verify().amplification, rel=1e-5)
+
+
+def test_the_amplification_of_a_free_mass_is_known() -> None:
+    """q' = v: the flow over a time s is (1, s; 0, 1) in units, whose largest norm is that of the
+    whole motion."""
+    kernels = dmoc.build(block_system())
+    problem = dmoc.Problem(
+        kernels, start={"x": 0}, goal={"x": 0.5, "x_dot": 0}, steps=30, final_time=1.0
+    )
+    solution = dmoc.solve(problem, "ipm")
+    motion = Motion.of(solution.trajectory, kernels, ENDLESS)
+    ratio = motion.sizes.v[0] / motion.sizes.q[0]
+    known = np.linalg.norm(np.array([[1, ratio], [0, 1]]), 2)
+    assert solution.verify().amplification == pytest.approx(known, rel=1e-9)
