@@ -1,11 +1,11 @@
-"""Options of a function, each stated once, as an annotated field of a dataclass: type and default,
-how it is read, and what the command line says of it."""
+"""Options of a function, each stated once, as a field of a dataclass: type and default, how it is
+read, and what the command line says of it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cache
+from functools import cache, partial
 from types import NoneType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from dmoc.base.arguments import ErrorKind
 
 T = TypeVar("T")
+ABOUT = "option"  # in the metadata of a field
 
 
 @dataclass(frozen=True)
@@ -21,8 +22,7 @@ class Option:
 
     reader: str = ""  # the function of dmoc.base.arguments that reads what a caller gives, if any
     help: str = ""  # what the command line says of it, which else has no such option
-    # Whether the answer depends on it, and not only whether, when and where it is looked for.
-    decides: bool = True
+    decides: bool = True  # the answer depends on it
     limits: Mapping[str, Any] = field(default_factory=dict)  # further arguments of the reader
     type: Any = None  # of the field
 
@@ -36,21 +36,24 @@ class Option:
         return getattr(arguments, self.reader)(value, name, error=error, **self.limits)
 
 
-def option(reader: str = "", help: str = "", *, decides: bool = True, **limits: Any) -> Option:
-    """What a field's annotation says of it; ``limits`` are further arguments of its reader."""
-    return Option(reader, help, decides, limits)
+def option(
+    default: Any, reader: str = "", help: str = "", *, decides: bool = True, **limits: Any
+) -> Any:
+    """A field with its default; ``limits`` are further arguments of its reader."""
+    return field(default=default, metadata={ABOUT: Option(reader, help, decides, limits)})
+
+
+# One on which the answer does not depend: whether, when and where it is looked for.
+elsewhere = partial(option, decides=False)
 
 
 @cache
 def options_of(kind: Any) -> Mapping[str, Option]:
     """The options of a dataclass, by name."""
-    types, annotated = get_type_hints(kind), get_type_hints(kind, include_extras=True)
-    stated: dict[str, Option] = {}
-    for name in (f.name for f in fields(kind)):
-        about = getattr(annotated[name], "__metadata__", ())
-        one = next((a for a in about if isinstance(a, Option)), Option())
-        stated[name] = replace(one, type=types[name])
-    return stated
+    types = get_type_hints(kind)
+    return {
+        f.name: replace(f.metadata.get(ABOUT, Option()), type=types[f.name]) for f in fields(kind)
+    }
 
 
 def read(kind: type[T], values: Mapping[str, Any], error: ErrorKind) -> T:

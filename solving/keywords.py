@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Any
 
 from dmoc.base.options import option
 from dmoc.base.tolerances import ITERATIONS, OPTIMALITY, VIOLATION
@@ -27,52 +27,42 @@ SEED = "Seed of the random starts."
 class Keywords:
     """The keywords of :func:`dmoc.solve` that mean the same for every problem."""
 
-    method: Annotated[
-        str | None,
-        option(
-            "choice",
-            f"{METHOD}; {DEFAULT} by default, with --tolerance, contacts that last or hits with "
-            f"friction {REFINING} if the kernels are compiled.",
-            choices=METHODS,
-        ),
-    ] = None
-    tolerance: Annotated[
-        float | None,
-        option(
-            "positive",
-            "Refine the mesh, from --steps on, until the relative error is below this.",
-            expected=f"{NUMBER}, or None",
-        ),
-    ] = None
-    form: Annotated[
-        str,
-        option(
-            "choice",
-            "For slsqp: condensed, or the full program (small numbers of steps).",
-            choices=FORMS,
-        ),
-    ] = ProgramForm.CONDENSED
-    starts: Annotated[
-        int | None,
-        option(
-            "whole",
-            "Starts that are tried on a coarse mesh before the best minimum is solved; 1 for the "
-            "guess alone, as many as it seems to take by default.",
-            least=1,
-            most=MOST_STARTS,
-        ),
-    ] = None
-    seed: Annotated[int, option("whole", SEED, least=0, most=MOST_COUNT)] = 0
-    optimality: Annotated[float, option("positive", expected=NUMBER)] = OPTIMALITY
-    violation: Annotated[float, option("positive", expected=NUMBER)] = VIOLATION
-    iterations: Annotated[int, option("whole", "Iteration limit.", least=1, most=MOST_COUNT)] = (
-        ITERATIONS
+    method: str | None = option(
+        None,
+        "choice",
+        f"{METHOD}; {DEFAULT} by default, with --tolerance, contacts that last or hits with "
+        f"friction {REFINING} if the kernels are compiled.",
+        choices=METHODS,
     )
-    seconds: Annotated[
-        float | None, option("positive", "Time limit of the solver in seconds.", expected=LIMIT)
-    ] = None
-    verify: Annotated[bool, option("flag")] = True
-    reference: Annotated[str, option("text")] = ""
+    tolerance: float | None = option(
+        None,
+        "positive",
+        "Refine the mesh, from --steps on, until the relative error is below this.",
+        expected=f"{NUMBER}, or None",
+    )
+    form: str = option(
+        ProgramForm.CONDENSED,
+        "choice",
+        "For slsqp: condensed, or the full program (small numbers of steps).",
+        choices=FORMS,
+    )
+    starts: int | None = option(
+        None,
+        "whole",
+        "Starts that are tried on a coarse mesh before the best minimum is solved; 1 for the "
+        "guess alone, as many as it seems to take by default.",
+        least=1,
+        most=MOST_STARTS,
+    )
+    seed: int = option(0, "whole", SEED, least=0, most=MOST_COUNT)
+    optimality: float = option(OPTIMALITY, "positive", expected=NUMBER)
+    violation: float = option(VIOLATION, "positive", expected=NUMBER)
+    iterations: int = option(ITERATIONS, "whole", "Iteration limit.", least=1, most=MOST_COUNT)
+    seconds: float | None = option(
+        None, "positive", "Time limit of the solver in seconds.", expected=LIMIT
+    )
+    verify: bool = option(True, "flag")
+    reference: str = option("", "text")
 
 
 @dataclass(frozen=True)
@@ -80,13 +70,11 @@ class BatchKeywords:
     """The keywords of :func:`dmoc.solve_many` and :func:`dmoc.sweep`; ``options`` are those of a
     solve."""
 
-    method: Annotated[str | None, option(help=METHOD_OF_MANY)] = None
-    workers: Annotated[int, option("whole", WORKERS, least=1, most=MOST_WORKERS)] = 1
-    executor: Annotated[Executor | None, option("executor")] = None
+    method: str | None = option(None, help=METHOD_OF_MANY)
+    workers: int = option(1, "whole", WORKERS, least=1, most=MOST_WORKERS)
+    executor: Executor | None = option(None, "executor")
     guess: Any = None
-    keep: Annotated[bool, option("flag")] = False
-    seconds: Annotated[
-        float | None, option("positive", "Time limit of all solves.", expected=LIMIT)
-    ] = None
+    keep: bool = option(False, "flag")
+    seconds: float | None = option(None, "positive", "Time limit of all solves.", expected=LIMIT)
     progress: Any = None
     options: Mapping[str, Any] = field(default_factory=dict)

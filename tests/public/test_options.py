@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import pytest
 import typer
@@ -79,13 +79,13 @@ def test_a_command_has_the_keywords_with_a_help(name: str, keywords: Any) -> Non
 class Bakery:
     """Keywords of a function that nobody has written yet."""
 
-    loaves: Annotated[int, option("whole", "How many.", least=1, most=9)] = 2
-    heat: Annotated[float | None, option("positive", "In kelvin.", expected="expected heat")] = None
-    kind: Annotated[str, option("choice", "Of bread.", choices=("rye", "oat"))] = "rye"
-    seeds: Annotated[Sequence[str] | None, option("names", "On top.", of="seeds")] = None
-    oven: Annotated[str | None, option("path", "Where.")] = None
-    twice: Annotated[bool, option("flag", "Once more.")] = False
-    baker: Annotated[str, option("text")] = "nobody"
+    loaves: int = option(2, "whole", "How many.", least=1, most=9)
+    heat: float | None = option(None, "positive", "In kelvin.", expected="expected heat")
+    kind: str = option("rye", "choice", "Of bread.", choices=("rye", "oat"))
+    seeds: Sequence[str] | None = option(None, "names", "On top.", of="seeds")
+    oven: str | None = option(None, "path", "Where.")
+    twice: bool = option(False, "flag", "Once more.")
+    baker: str = option("nobody", "text")
 
 
 def baked(words: Sequence[str]) -> tuple[int, str, dict[str, Any]]:
