@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from enum import StrEnum
 from functools import wraps
 from pathlib import Path
@@ -20,6 +20,24 @@ from dmoc.cli.option_values import read_names
 # What the command line takes where the library reads more.
 TYPES: Mapping[str, Any] = {"names": str | None, "path": Path | None}
 COMPLETED = {"method": completion.methods}
+WORDS, STATED = "words", "stated"  # in the metadata of a field
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What an option states: a field of a problem, by a function of its text; or, with its name in
+    messages, values of a field by name, which change those that a model comes with."""
+
+    field: str
+    read: Callable[[Any], Any] = str
+    option: str = ""
+
+
+def stated(help: str, about: Stated | None = None, **words: Any) -> Any:
+    """An option of a group, with its words for Typer and what it states."""
+    names = [about.option] if about is not None and about.option else []
+    metadata = {WORDS: typer.Option(*names, help=help, **words), STATED: about}
+    return field(default=None, metadata=metadata)
 
 
 def spread(command: Callable[..., None]) -> Callable[..., None]:
@@ -62,7 +80,9 @@ def passed_on(keywords: Any) -> dict[str, Any]:
 def _shown(group: Any) -> dict[str, Any]:
     """The options of a group, each with its annotation for Typer."""
     keywords = {name: _typed(name, o) for name, o in options_of(group).items() if o.help}
-    return keywords or get_type_hints(group, include_extras=True)
+    types = get_type_hints(group)
+    own = [f for f in fields(group) if WORDS in f.metadata]
+    return keywords | {f.name: Annotated[types[f.name], f.metadata[WORDS]] for f in own}
 
 
 def _typed(name: str, option: Option) -> Any:

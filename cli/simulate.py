@@ -12,8 +12,8 @@ from dmoc.base.errors import SimulationError
 from dmoc.base.table import print_table
 from dmoc.cli import completion
 from dmoc.cli.console import draw, in_turn, out, prepare, written
-from dmoc.cli.option_values import read_pairs, read_restitution
-from dmoc.cli.problem_options import OrderOption, RestitutionOption, SetOption
+from dmoc.cli.option_values import read_pairs
+from dmoc.cli.problem_options import ModelOptions, problem_fields
 from dmoc.cli.shared_options import DarkOption, out_option
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ STEPS = 1000  # of a model, where nothing is said
 
 
 def simulate(
+    *,
     model: Annotated[
         str,
         typer.Argument(
@@ -58,9 +59,7 @@ def simulate(
             help="Constant input of a model; several with commas, or repeat it.",
         ),
     ] = None,
-    set_: SetOption = None,
-    restitution: RestitutionOption = None,
-    order: OrderOption = None,
+    values: ModelOptions,
     own_model: Annotated[
         str | None,
         typer.Option(
@@ -79,15 +78,11 @@ def simulate(
     from dmoc.results.solution import Solution
 
     prepare(target, None)
-    laws: dict[str, Any] = {}
-    if set_:
-        laws["parameters"] = read_pairs(set_, "--set")
-    if restitution:
-        laws["restitution"] = read_restitution(restitution)
+    laws = {name: value for name, value in problem_fields({}, values).items() if value != {}}
     if model.endswith(".npz"):
         for option, value in (
             ("--start", start), ("--final-time", final_time), ("--input", input_),
-            ("--order", order),
+            ("--order", values.order),
         ):  # fmt: skip
             if value is not None:
                 raise SimulationError(f"{option} goes with a model: a solution file has its own.")
@@ -98,7 +93,7 @@ def simulate(
         return
     if own_model is not None:
         raise SimulationError("--model goes with a solution file: a model is named alone.")
-    kernels = registry.find(model).kernels(order)
+    kernels = registry.find(model).kernels(values.order)
     if final_time is None:
         raise SimulationError("--final-time is missing: give it in seconds, such as 2.5.")
     if not 0 < final_time < inf:
