@@ -268,8 +268,9 @@ class Solution(Shown, MotionResult, Saved):
         check, proposal = self.verification, self.proposal
         return {
             "model": self.trajectory.model,
+            "method": self.method,
             "status": str(self.status),
-            **_named(self, "method message cost final_time"),
+            **_named(self, "message cost final_time"),
             "active_bounds": list(map(str, self.active_bounds)),
             "phases": [_named(p, "steps step_size duration mode") for p in self.phases],
             "collisions": [_event(c) for c in self.collisions],
