@@ -49,7 +49,8 @@ def solve(
 ) -> None:
     """Solve an optimal control problem and check the solution by simulation."""
     from dmoc.models import registry
-    from dmoc.problem.problem import AUTOMATIC_ORDER, Problem, says_lasting
+    from dmoc.problem.problem import Problem
+    from dmoc.problem.reading import AUTOMATIC_ORDER, says_lasting
     from dmoc.solving.sensitivity import sensitivities as differentiated
     from dmoc.solving.solve import solve as solved
 

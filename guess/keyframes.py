@@ -206,7 +206,7 @@ def _completed(problem: Problem, lay: Layout, x: Array) -> Array:
     rates = np.diff(q, axis=0) / np.diff(t)[:, None]
     x[lay.index_t] = t[: len(lay.index_t)]
     x[lay.index_q_i] = lay.scheme.within(q[:-1], q[1:]).reshape(lay.total, -1)
-    for i, (node, event) in enumerate(zip(lay.collision_nodes, problem.events, strict=True)):
+    for i, (node, event) in enumerate(zip(lay.collision_nodes, problem.touch.events, strict=True)):
         v, after, impulse = rates[node - 1], rates[node], 0.0
         if event.impact:
             lands, at = bool(event.lands), float(t[node])

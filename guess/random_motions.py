@@ -162,7 +162,7 @@ def _points(problem: Problem, durations: Array, uniform: Array, away: Array) -> 
     part = np.hstack([np.zeros((len(part), 1)), part])[:, :, None]
     points = (1 - part) * ends[0][:, None] + part * ends[1][:, None]
     times = np.cumsum(durations, axis=1)
-    for i, event in enumerate(problem.events):
+    for i, event in enumerate(problem.touch.events):
         if not event.impact:
             continue
         j = event.surface
@@ -203,7 +203,7 @@ def _velocities(
     )  # fmt: skip
     v_last[:, -1] = np.where(np.isnan(default), legs[:, -1], default)
     times = np.cumsum(durations, axis=1)
-    for i, event in enumerate(problem.events):
+    for i, event in enumerate(problem.touch.events):
         if not event.impact:
             v_last[:, i] = v_first[:, i + 1] = (legs[:, i] + legs[:, i + 1]) / 2
             continue

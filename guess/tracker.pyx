@@ -86,7 +86,7 @@ cdef class Marcher:
         self.low, self.high = np.append(box[:, 0], 0.0), np.append(box[:, 1], 0.0)
         self.size = np.append(_input_ranges(box), 1.0)
         self.restitution = np.append(problem.restitution_values, 1.0)
-        hits = [event.hit for event in problem.events]
+        hits = [event.hit for event in problem.touch.events]
         self.hits = np.array([*hits, 0], dtype=np.intp)
         self.rows, self.right, self.part = (np.empty(most * most + 1) for _ in range(3))
         self.solution = np.empty(most * most + 1)

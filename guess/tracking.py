@@ -85,7 +85,7 @@ class Planner:
         surfaces = problem.model.surface_coordinates
         goal = problem.goal_bounds.position
         said = [
-            sum(i in surfaces[e.hit] for e in problem.events) + bool(goal[i, 0] == goal[i, 1])
+            sum(i in surfaces[e.hit] for e in problem.touch.events) + bool(goal[i, 0] == goal[i, 1])
             for i in range(nq)
         ]
         order = sorted(range(nq), key=lambda i: (-said[i], i))

@@ -62,7 +62,7 @@ def route_of(problem: Problem, final_time: float) -> Route:
     goal = midpoints(problem.goal_bounds.position, problem.start_position)
     share = np.linspace(0.0, 1.0, problem.phases + 1)
     points = (1 - share[:, None]) * problem.start_position + share[:, None] * goal
-    surfaces = [event.hit for event in problem.events]
+    surfaces = [event.hit for event in problem.touch.events]
     for i, surface in enumerate(surfaces):
         t = float(share[i + 1]) * final_time
         points[i + 1] = contact_point(problem, points[i + 1], points[i], surface, t)
@@ -77,7 +77,7 @@ def route_of(problem: Problem, final_time: float) -> Route:
 
 
 def _normal(problem: Problem, q: Array, collision: int, t: float) -> Normal:
-    j = problem.events[collision].hit
+    j = problem.touch.events[collision].hit
     slope = problem.model.gap_slopes(q, t)[j, :-1]
     e = max(float(problem.restitution_values[j]), SOFTEST_MIRROR)
     return Normal(slope, *problem.model.impulse_response(q, slope), e)

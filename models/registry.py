@@ -24,7 +24,8 @@ from dmoc.codegen.build import load_installed
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.system_kernels import build as build
 from dmoc.models import catalogue
-from dmoc.problem.problem import Problem, says_held
+from dmoc.problem.problem import Problem
+from dmoc.problem.reading import says_held
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem

@@ -83,7 +83,7 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
             )
         if surface in problem.ignored:
             continue
-        closed = j in problem.modes[0].closed
+        closed = j in problem.touch.modes[0].closed
         if end == "start" and fixed.all() and gaps[j] >= -rounding[j] and not closed:
             _check_leaving(problem, at, j, state)
 
@@ -134,7 +134,7 @@ def check_contacts(problem: Problem) -> None:
     if not problem.explicit_time:
         _check_joined(problem, "goal", problem.goal_bounds)
     _check_start_in_contact(problem)
-    for i, mode in enumerate(problem.modes):
+    for i, mode in enumerate(problem.touch.modes):
         _check_independent(problem, i, mode)
 
 
@@ -165,7 +165,7 @@ def _check_joined(problem: Problem, end: str, boundary: Boundary) -> None:
 
 def _check_start_in_contact(problem: Problem) -> None:
     """Refuse a fixed start off the contacts that are closed there."""
-    model, mode, q = problem.model, problem.modes[0], problem.start_position
+    model, mode, q = problem.model, problem.touch.modes[0], problem.start_position
     position = problem.start_bounds.position
     fixed = position[:, 0] == position[:, 1]
     v = _fixed_velocity(problem.start_bounds, problem, q) if fixed.all() else None

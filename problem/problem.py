@@ -13,21 +13,13 @@ import numpy as np
 from dmoc.base.arguments import (
     Interval,
     Range,
-    check_known,
-    flag,
-    listed,
-    names,
-    shown,
 )
 from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
-from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.codegen.system_kernels import kernels_of
-from dmoc.mechanics.contact_mode import Event, Mode
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.model_values import by_name, parameter_row, restitution_row
+from dmoc.mechanics.model_values import parameter_row, restitution_row
 from dmoc.mechanics.modes import along, mode_of, words_along
 from dmoc.mechanics.possible_words import open_hits
 from dmoc.mechanics.touch import Touch
@@ -41,20 +33,20 @@ from dmoc.problem.ranges import (
     duration,
     durations_of,
     midpoints,
-    periodic_of,
     relations_of,
     steps_of,
     via_of,
 )
 from dmoc.problem.reach import onto_first, reach_of
+from dmoc.problem.reading import read
 from dmoc.problem.statement import statement_in_short, table_of_problem
 
 if TYPE_CHECKING:
     from dmoc.codegen.system_kernels import GivenModel
 
-# Order of the kernels of a system, with steps that are given and without; steps of a phase, times
-# the degree of the discretisation, of the first mesh of a solve that chooses its own.
-DEFAULT_ORDER, AUTOMATIC_ORDER, FIRST_MESH = 2, 4, 100
+# Steps of a phase, times the degree of the discretisation, of the first mesh of a solve that
+# chooses its own.
+FIRST_MESH = 100
 
 
 @dataclass(frozen=True)
@@ -188,51 +180,12 @@ class Problem(Shown):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        order = AUTOMATIC_ORDER if self.steps is None else DEFAULT_ORDER
-        others = DISCRETISATIONS[order].controls
-        if isinstance(self.controls, str) and self.controls not in others:
-            order = DEFAULT_ORDER
-        put(self, "sequence", tuple(names(self.sequence, "sequence", "surfaces")))
-        put(self, "contacts", tuple(names(self.contacts, "contacts", "surfaces")))
-        if says_held(self.kernels, self.contacts, self.sequence):
-            order = DEFAULT_ORDER  # the only one for contacts that last and for constraints
-        put(self, "kernels", kernels_of(self.kernels, order))
-        for name in ("start", "goal", "bounds", "parameters"):
-            put(self, name, by_name(getattr(self, name), name))
-        if not isinstance(self.control_form, str) or self.control_form not in self.scheme.controls:
-            forms = ", ".join(self.scheme.controls)
-            raise ProblemError(
-                f"controls = {shown(self.controls)}: expected one of {forms} with kernels of order "
-                f"{self.order}."
-            )
-        put(self, "ignored", tuple(names(self.ignored, "ignored", "surfaces")))
-        for name in self.ignored:
-            check_known(name, self.kernels.surfaces, "surface", "in ignored")
-        put(self, "minimal_times", flag(self.minimal_times, "minimal_times"))
-        put(self, "steps", steps_of(self))
-        check_size(self)
-        put(self, "periodic", periodic_of(self))
-        _ = self.relations
-        if self.durations is not None:
-            put(
-                self,
-                "durations",
-                tuple(listed(self.durations, "durations", "ranges, one for each phase")),
-            )
-        if self.via is not None:
-            put(self, "via", tuple(listed(self.via, "via", "mappings, one for each event")))
+        read(self)
         # The properties below check what they read.
-        _ = (
-            self.touch,
-            self.via_bounds,
-            self.parameter_values,
-            self.restitution_values,
-            self.input_bounds,
-            self.coordinate_bounds,
-            self.final_time_bounds,
-            self.duration_bounds,
-        )
+        _ = self.relations, self.touch, self.via_bounds
+        _ = self.parameter_values, self.restitution_values
+        _ = self.input_bounds, self.coordinate_bounds
+        _ = self.final_time_bounds, self.duration_bounds
         _ = self.start_bounds, self.goal_bounds
         check_kinks(self)
         check_mass_matrix(self)
@@ -324,16 +277,6 @@ class Problem(Shown):
         contacts = replace(names, plastic=plastic, rough=names.named(self.model.rough))
         return along(mode_of(self.contacts, contacts), self.sequence, contacts)
 
-    @property
-    def events(self) -> tuple[Event, ...]:
-        """What happens between the phases."""
-        return self.touch.events
-
-    @property
-    def modes(self) -> tuple[Mode, ...]:
-        """What is in contact in each phase."""
-        return self.touch.modes
-
     @cached_property
     def open_hits(self) -> dict[int, list[str]]:
         """Hits with friction whose course is not said, by their places in the sequence, and the
@@ -396,13 +339,6 @@ class Problem(Shown):
         ends = np.hstack([self.start_bounds.position, self.goal_bounds.position])
         return np.where(np.isinf(ends).all(axis=1), 1.0, 0.0)
 
-    @property
-    def start_is_known(self) -> bool:
-        """Whether position and velocity at the start are fixed."""
-        b = self.start_bounds
-        fixed = [bool((a[:, 0] == a[:, 1]).all()) for a in (b.position, b.velocity, b.momentum)]
-        return fixed[0] and (fixed[1] or fixed[2])
-
     @cached_property
     def inertia(self) -> Array:
         """Diagonal of the mass matrix at the start, shape (nq,)."""
@@ -458,16 +394,3 @@ class Problem(Shown):
         """Names of all coordinates, velocities and momenta."""
         names = self.kernels.coordinates
         return [*names, *map(velocity_name, names), *map(momentum_name, names)]
-
-
-def says_held(model: Any, contacts: Sequence[str], sequence: Sequence[str]) -> bool:
-    """Whether contacts last or constraints hold, where no kernels are known yet that could tell:
-    words say so, or a system has constraints, or rails, which rub in every phase."""
-    tangents = getattr(model, "tangents", None)
-    rails = isinstance(tangents, dict) and bool(set(tangents) - set(getattr(model, "surfaces", ())))
-    return rails or says_lasting(contacts, sequence) or bool(getattr(model, "constraints", ()))
-
-
-def says_lasting(contacts: Sequence[str], sequence: Sequence[str]) -> bool:
-    """Whether words say that contacts last."""
-    return bool(contacts) or any(part.startswith("+") for word in sequence for part in word.split())

@@ -43,6 +43,13 @@ class Boundary:
     def needs_velocity(self) -> bool:
         return bool(np.isfinite(self.velocity).any())
 
+    @property
+    def is_state(self) -> bool:
+        """Whether position and velocity are fixed."""
+        bounds = self.position, self.velocity, self.momentum
+        position, velocity, momentum = (bool((b[:, 0] == b[:, 1]).all()) for b in bounds)
+        return position and (velocity or momentum)
+
 
 @dataclass(frozen=True)
 class Relation:

@@ -21,7 +21,7 @@ NEWTON, MOVING = 30, 33
 def onto_first(problem: Problem, q: Array) -> Array:
     """Move the coordinates of which nothing is said onto the first surface of the sequence, as
     it is at the start; the point as it is where that does not lead there."""
-    surfaces = [event.surface for event in problem.events if event.impact]
+    surfaces = [event.surface for event in problem.touch.events if event.impact]
     if not surfaces or not problem.unsaid.any():
         return q
     j, at = surfaces[0], q.copy()
@@ -50,7 +50,7 @@ def reach_of(problem: Problem) -> Array:
     if problem.kernels.surfaces:
         slopes, gaps = problem.model.gap_slopes(start), np.abs(problem.model.gaps(start))
         gaps = np.where(gaps <= problem.model.gap_rounding(start), 0.0, gaps)
-        for j in {event.surface for event in problem.events if event.impact}:
+        for j in {event.surface for event in problem.touch.events if event.impact}:
             size = np.abs(slopes[j, :-1])
             with np.errstate(divide="ignore", invalid="ignore"):
                 away = np.where(size > 0, gaps[j] / size, 0.0)
@@ -78,7 +78,7 @@ def _swing(problem: Problem) -> Array:
         times = np.linspace(0.0, time, MOVING)
         gaps = problem.model.gaps(np.tile(problem.start_position, (MOVING, 1)), times)
         slopes = np.abs(problem.model.gap_slopes(problem.start_position)[:, :-1])
-        for j in {event.surface for event in problem.events if event.impact}:
+        for j in {event.surface for event in problem.touch.events if event.impact}:
             moved = np.ptp(gaps[:, j]) / slopes[j]
             swing = np.where(np.isfinite(moved), np.maximum(swing, moved), swing)
     root = np.sqrt(np.abs(problem.inertia))

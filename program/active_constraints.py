@@ -116,6 +116,7 @@ def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
 
 
 def _impulses(nlp: Transcription, x: Array) -> Iterator[ActiveBound]:
-    for i, (k, event) in enumerate(zip(nlp.layout.impact.lam, nlp.problem.events, strict=True)):
+    lay = nlp.layout
+    for i, (k, event) in enumerate(zip(lay.impact.lam, lay.touch.events, strict=True)):
         if event.hit != NOWHERE and x[k] <= NO_IMPULSE:
             yield ActiveBound(BoundKind.IMPULSE, f"{i + 1} ({nlp.problem.sequence[i]})")

@@ -88,7 +88,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
         return 2 * (ends[0] - ends[1])
 
     surfaces = problem.model.contacts.surfaces
-    hits = [surfaces[event.hit] for event in problem.events if event.hit != NOWHERE]
+    hits = [surfaces[event.hit] for event in problem.touch.events if event.hit != NOWHERE]
     ends, force = nlp.laws.ends, np.concatenate([-y, w])
     time = sum(force[ends.final_time.numbers]) + sum(force[ends.earliest.numbers])
     return {

@@ -43,7 +43,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         p = np.vstack([p_start[first : first + 1], p_end[first:last]])
         p = _as_held(nlp, i, (at, p + _pushed(nlp, x, i, at, t), t))
         inputs = u[lay.row_u_k[first] : lay.row_u_kp1[last - 1] + 1]
-        mode, weight = problem.modes[i], h[i] * node_shares(steps)[:, None]
+        mode, weight = lay.touch.modes[i], h[i] * node_shares(steps)[:, None]
         forces = {r.kind: _forces(r.impulses(x) / weight) for r in lay.reactions(i)}
         v = problem.model.velocity(at, p, t)
         phases.append(
@@ -64,7 +64,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         begin = float(t[-1])
     for i, (before, after) in enumerate(pairwise(phases)):
         arriving, leaving = before.p[-1], after.p[0]
-        event, t, impulses = problem.events[i], float(after.t[0]), _impulses(lay, x, i)
+        event, t, impulses = lay.touch.events[i], float(after.t[0]), _impulses(lay, x, i)
         effect = event.hit == NOWHERE or not _without_effect(arriving, leaving, largest)
         collisions.append(
             Collision(
@@ -78,7 +78,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 not effect,
                 contacts.named(event.lands),
                 contacts.named(event.leaves),
-                {contacts.tangents[k]: s for k, s in changes(*problem.modes[i : i + 2]).items()},
+                {contacts.tangents[k]: s for k, s in changes(*lay.touch.modes[i : i + 2]).items()},
                 impulses["normal"],
                 impulses["tangential"],
                 "" if event.course is None else str(event.course),
@@ -213,7 +213,7 @@ def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[A
 def stated_in_rates(problem: Problem, named: Mapping[str, Array]) -> bool:
     """Whether multipliers by kind are those of elastic collisions whose law is stated in the rates
     of the gaps: in energies it has a separation beside it."""
-    e, hits = problem.restitution_values, [event.hit for event in problem.events]
+    e, hits = problem.restitution_values, [event.hit for event in problem.touch.events]
     elastic = any(e[hit] > 0 for hit in hits if hit != NOWHERE)
     return elastic and "separation" not in named
 

@@ -80,12 +80,12 @@ class Layout:
         turning = {name for r in problem.relations for name in (r.start, r.end)}
         turns = any(velocity_name(c) in turning for c in kernels.coordinates)
         joined = bool(kernels.joints)
-        free = [mode.free and not joined for mode in problem.modes]
-        at_start = turns or not (free[0] or problem.start_is_known)
+        free = [mode.free and not joined for mode in problem.touch.modes]
+        at_start = turns or not (free[0] or problem.start_bounds.is_state)
         at_goal = turns or not free[-1] or bool(kernels.manifest["terminal_velocity"])
         for row in kernels.manifest["path_rows"]:
             if row["velocities"] and (FORMS[problem.control_form].shared or not row["inputs"]):
-                at_start |= row["inputs"] or not problem.start_is_known
+                at_start |= row["inputs"] or not problem.start_bounds.is_state
                 at_goal = True
         kind = Kind(
             tuple(kernels.coordinates),

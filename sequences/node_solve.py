@@ -259,7 +259,7 @@ def extended(parent: Solution, problem: Problem) -> Array:
     """Unknowns of a motion with one more event: the parent's last phase, bent to touch the surface
     that is met where it comes closest to it, or cut in its middle where none is, and all phases
     equally long, because where it is cut tells little about when the event shall be."""
-    event = problem.events[-1]
+    event = problem.touch.events[-1]
     *earlier, last = pieces_of(parent.trajectory)
     steps = len(last.t) - 1
     k, q, rates = steps // 2, last.q, [last.v[: steps // 2 + 1], last.v[steps // 2 :]]

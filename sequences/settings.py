@@ -95,7 +95,7 @@ def children(problem: Problem, sequence: tuple[str, ...], settings: Settings) ->
     otherwise, else whatever its last mode leaves possible."""
     if hits_alone(problem, settings):
         return list(settings.surfaces)
-    mode = problem.but(sequence=sequence, durations=None, via=None).modes[-1]
+    mode = problem.but(sequence=sequence, durations=None, via=None).touch.modes[-1]
     if settings.events is not None:
         return list(possible_after(mode, settings.events, problem.touch.contacts))
     return list(words_after(mode, problem.touch.contacts, settings.surfaces))
@@ -110,7 +110,7 @@ def proposed(problem: Problem, solution: Solution | None, settings: Settings) ->
     words = proposal.sequence
     if proposal.contacts is not None:  # the search begins as the problem does
         contacts = problem.touch.contacts
-        start = problem.modes[0], mode_of(proposal.contacts, contacts)
+        start = problem.touch.modes[0], mode_of(proposal.contacts, contacts)
         words = (word_between(contacts, *start), *words)
     fits = settings.events is None or set(words) <= set(settings.events)
     return words if fits and len(words) <= settings.max_collisions + BEYOND else ()

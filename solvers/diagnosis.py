@@ -188,7 +188,7 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
         return ()
     low, high = problem.duration_bounds.T
     sentences = []
-    for i, event in enumerate(problem.events):
+    for i, event in enumerate(problem.touch.events):
         allowed = min(high[i], problem.final_time_bounds[1] - (low.sum() - low[i]))
         at = x.copy()
         if i == 0:  # the start is known: a motion of least violation may have left it

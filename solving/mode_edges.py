@@ -51,7 +51,7 @@ def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
         return None
     t, edges = lay.times(nlp.physical(outcome.x)), _Edges(nlp, outcome)
     stays, modes = list[Stay](), list[list[Mode]]()
-    for i, mode in enumerate(problem.modes):
+    for i, mode in enumerate(problem.touch.modes):
         in_steps = [mode] * lay.steps[i]
         for change, words, steps in edges.of_phase(i):
             contact, word, cheaper = words
@@ -59,7 +59,7 @@ def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
             stays.append(Stay(i, contact, begin, end, word, cheaper))
             for k in steps:
                 in_steps[k] = change(in_steps[k])
-        if i and problem.events[i - 1].course and mode.closed:
+        if i and problem.touch.events[i - 1].course and mode.closed:
             in_steps[0] = mode  # what the impact ends with
         modes.append(in_steps)
     if not stays:
@@ -72,7 +72,7 @@ def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
         tuple(stays),
         tuple(word for word, _ in events),
         tuple(time for _, time in events),
-        None if start == problem.modes[0] else contacts,
+        None if start == problem.touch.modes[0] else contacts,
     )
 
 
@@ -97,7 +97,7 @@ def _events(
     of_step = list(chain.from_iterable(modes))
     for k, (before, after) in enumerate(pairwise(of_step), start=1):
         (at,) = np.nonzero(ends == k)
-        event = problem.events[at[0]] if len(at) else None
+        event = problem.touch.events[at[0]] if len(at) else None
         word = word_between(problem.model.contacts, before, after, event)
         if word:
             yield word, float(t[k])

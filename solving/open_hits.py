@@ -187,7 +187,7 @@ def _said(problem: Problem, courses: Mapping[int, Course]) -> Words:
 
     def said() -> Iterator[str]:
         for i, words in enumerate(_words(problem)):
-            hit = problem.events[i].hit
+            hit = problem.touch.events[i].hit
             wanted = "" if hit == NOWHERE else f"{problem.kernels.surfaces[hit]}:{courses.get(i)}"
             yield next((word for word in words if wanted in word.split()), words[0])
 

@@ -49,7 +49,7 @@ def _turned(problem: Problem, words: Sequence[str]) -> Iterator[tuple[str, ...]]
         yield tuple(words)
         return
     word, contacts = problem.sequence[len(words)], problem.touch.contacts
-    touch = along(problem.modes[0], [*words, word], contacts)
+    touch = along(problem.touch.modes[0], [*words, word], contacts)
     event, said = touch.events[-1], dict(touch.events[-1].friction)
     if event.hit != NOWHERE and event.course is None:
         for k, sign in touch.modes[-1].sliding:

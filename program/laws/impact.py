@@ -91,10 +91,10 @@ class ImpactLaw(Law):
     @classmethod
     def of(cls, problem: Problem, lay: Layout, touching: Index) -> ImpactLaw:
         touches = np.isin(np.arange(len(lay.touch.surfaces)), touching)
-        landing = np.array([bool(event.lands) for event in problem.events], dtype=bool)
+        landing = np.array([bool(event.lands) for event in problem.touch.events], dtype=bool)
         e = np.where(touches | landing, 0.0, restitution_of(problem, lay.touch.surfaces))
         joined = bool(problem.kernels.joints)
-        lasts = np.array([joined or not mode.free for mode in problem.modes], dtype=bool)
+        lasts = np.array([joined or not mode.free for mode in problem.touch.modes], dtype=bool)
         rough = np.zeros(len(lay.touch.surfaces), dtype=bool)
         rough[[p.event for p in lay.hit.passages if not p.lands]] = True
         stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough

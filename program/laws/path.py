@@ -204,7 +204,7 @@ def _known_at_contacts(problem: Problem, lay: Layout) -> Bools:
     """Coordinates that the contact of a collision fixes at the ends of the phases beside it."""
     model = problem.model
     fixed = np.zeros((2 * lay.phases, lay.nq), dtype=bool)
-    for i, event in enumerate(problem.events):
+    for i, event in enumerate(problem.touch.events):
         on = model.surface_coordinates[event.surface] if event.impact else []
         if len(on) == 1 and event.surface not in model.moving:
             fixed[2 * i + 1 : 2 * i + 3, on] = True
