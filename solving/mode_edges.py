@@ -17,27 +17,26 @@ whatever its multiplier says: what counts is the sum over gaps that grow and van
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import chain, pairwise
-from typing import TypeAlias
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import STICK, Mode, mode_in_words
+from dmoc.mechanics.contact_mode import Mode, mode_in_words
 from dmoc.mechanics.modes import word_between
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.active_constraints import NO_FORCE
 from dmoc.program.blocks import NOWHERE, Bools, Index
+from dmoc.program.laws.law import Edge
 from dmoc.program.transcription import Transcription
 from dmoc.results.proposal import CLOSED, OPEN, Proposal, Stay
 from dmoc.solvers.kkt import cost_size
 from dmoc.solvers.outcome import Outcome
 
-Change: TypeAlias = Callable[[Mode], Mode]
 # Steps of a stay, at least: in a single one a row may be active by the mesh alone.
 FEWEST = 2
 # What another mode may save to first order, relative to the cost, for a stay to be told.
@@ -50,15 +49,15 @@ def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
     if lay.touch.free:
         return None
     t, edges = lay.times(nlp.physical(outcome.x)), _Edges(nlp, outcome)
-    stays, modes = list[Stay](), list[list[Mode]]()
+    stays, modes, names = list[Stay](), list[list[Mode]](), lay.touch.contacts
     for i, mode in enumerate(problem.touch.modes):
         in_steps = [mode] * lay.steps[i]
-        for change, words, steps in edges.of_phase(i):
-            contact, word, cheaper = words
+        for edge, steps in edges.of_phase(i):
             begin, end = (float(t[lay.ends[i] + k]) for k in (steps.start, steps.stop))
-            stays.append(Stay(i, contact, begin, end, word, cheaper))
+            states = [FRICTION_WORDS[s] for s in edge.friction or ()] or [CLOSED, OPEN]
+            stays.append(Stay(i, edge.name, begin, end, *states))
             for k in steps:
-                in_steps[k] = change(in_steps[k])
+                in_steps[k] = _beyond(edge, in_steps[k], names.supports)
         if i and problem.touch.events[i - 1].course and mode.closed:
             in_steps[0] = mode  # what the impact ends with
         modes.append(in_steps)
@@ -66,7 +65,6 @@ def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
         return None
     events = list(_events(problem, modes, t))
     start = modes[0][0]
-    names = lay.touch.contacts
     contacts = () if start.free else tuple(mode_in_words(names, start).split())
     return Proposal(
         tuple(stays),
@@ -76,16 +74,15 @@ def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
     )
 
 
-def _opened(supports: tuple[int, ...], surface: int, mode: Mode) -> Mode:
-    """A mode in which a contact has left."""
-    rubbing = {k: s for k, s in mode.rubbing.items() if supports[k] != surface}
-    return Mode.of([j for j in mode.closed if j != surface], rubbing)
-
-
-def _rubbing(tangent: int, friction: int, mode: Mode) -> Mode:
-    """A mode in which a tangent rubs otherwise; the same where its contact has left."""
+def _beyond(edge: Edge, mode: Mode, supports: tuple[int, ...]) -> Mode:
+    """The mode beyond an edge of another one; the same where the contact that rubs has left."""
     rubbing = mode.rubbing
-    return Mode.of(mode.closed, {**rubbing, tangent: friction}) if tangent in rubbing else mode
+    if edge.friction is None:
+        left = {k: s for k, s in rubbing.items() if supports[k] != edge.number}
+        return Mode.of([j for j in mode.closed if j != edge.number], left)
+    if edge.number not in rubbing:
+        return mode
+    return Mode.of(mode.closed, rubbing | {edge.number: edge.friction[1]})
 
 
 def _events(
@@ -111,61 +108,40 @@ class _Edges:
     nlp: Transcription
     outcome: Outcome
 
-    def of_phase(self, i: int) -> Iterator[tuple[Change, tuple[str, str, str], range]]:
-        """Contacts that stay at an edge in phase i: the change of the mode that would cost less;
-        contact, what it does, and what it would do then; and the steps of the phase."""
-        mode, names = self.nlp.layout.touch.modes[i], self.nlp.layout.touch.contacts
-        for j in mode.closed:
-            for steps in self._unloaded(i, j):
-                change = partial(_opened, names.supports, j)
-                yield change, (names.surfaces[j], CLOSED, OPEN), steps
-        for k, s in mode.rubbing.items():
-            edges = [(STICK, self._at_rest(i, k, s))]
-            if s == STICK:
-                edges = [(way, self._at_limit(i, k, n, way)) for n, way in enumerate((-1, 1))]
-            for way, edge in edges:
-                for steps in self._worth(*edge):
-                    words = names.tangents[k], FRICTION_WORDS[s], FRICTION_WORDS[way]
-                    yield partial(_rubbing, k, way), words, steps
+    def of_phase(self, i: int) -> Iterator[tuple[Edge, range]]:
+        """Edges of phase i at which contacts stay where the mode beyond would cost less, with the
+        steps of the phase."""
+        last = i == self.nlp.layout.phases - 1
+        for edge in chain.from_iterable(law.edges(i) for law in self.nlp.laws):
+            saved = self._saved(edge)
+            free_end = last and edge.gives[-1] != NOWHERE
+            for steps in _runs(self._held(edge)):
+                part = saved[steps.start : steps.stop]
+                if edge.friction is None:
+                    lifts = _lifts(len(steps), bool(free_end) and steps.stop == len(saved))
+                    most = (lifts @ part).max()
+                else:
+                    most = np.maximum(part[:-1], 0.0).sum()
+                if most > self._least:
+                    yield edge, steps
 
-    # Steps at an edge, and what the other mode saves at the node after each, in units of the cost.
+    def _held(self, edge: Edge) -> Bools:
+        """Steps at an edge."""
+        if edge.friction is None:
+            x, z = self.outcome.x[edge.active], self.outcome.duals.z[edge.active]
+            held = np.asarray(z > np.maximum(x, NO_FORCE))
+        else:
+            held = self._active(edge.active)
+        return held if len(held) == len(edge.gives) else held[:-1] & held[1:]
 
-    def _at_rest(self, i: int, k: int, s: int) -> tuple[Bools, Array]:
-        """All of the friction could turn."""
-        lay, law, nodes = self.nlp.layout, self.nlp.laws.friction, self._nodes(i)[1:]
-        held = self._active(law.direction.index[lay.ends[i] : lay.ends[i + 1], k])
-        force, law = lay.contact.T[nodes, k], law.sliding.index[nodes, k]
-        most = 2 * np.abs(self.outcome.x[force]) * self.nlp.unit[force] / self.nlp.row_unit[law]
-        return held, s * self.outcome.duals.y[law] * most
-
-    def _at_limit(self, i: int, k: int, side: int, way: int) -> tuple[Bools, Array]:
-        """It could slide at the typical rate."""
-        law, nodes = self.nlp.laws.friction, self._nodes(i)
-        held = self._active(law.cone.index[nodes, k, side])
-        stuck = law.stuck.index[nodes[1:], k]
-        return held[:-1] & held[1:], way * self.outcome.duals.y[stuck]
-
-    def _unloaded(self, i: int, j: int) -> Iterator[range]:
-        """It could leave at the typical rate."""
-        nodes = self._nodes(i)
-        P, closed = (
-            self.nlp.layout.contact.P[nodes, j],
-            self.nlp.laws.contact.closed.index[nodes[1:], j],
-        )
-        held = self.outcome.duals.z[P] > np.maximum(self.outcome.x[P], NO_FORCE)
-        saved = np.where(closed == NOWHERE, 0.0, -self.outcome.duals.y[closed])
-        free_end = (
-            nodes[-1] + 1 == len(self.nlp.laws.contact.closed.index) and closed[-1] != NOWHERE
-        )
-        for steps in _runs(held[:-1] & held[1:]):
-            lifts = _lifts(len(steps), free_end and steps.stop == len(saved))
-            if (lifts @ saved[steps.start : steps.stop]).max() > self._least:
-                yield steps
-
-    def _nodes(self, i: int) -> Index:
-        """Rows of the nodes of phase i among those of all phases."""
-        ends = self.nlp.layout.ends
-        return np.arange(ends[i], ends[i + 1] + 1) + i
+    def _saved(self, edge: Edge) -> Array:
+        """What the other mode saves at the node after each step, in units of the cost: by all of
+        the friction that could turn, else at the typical rate."""
+        saved = edge.sign * self.outcome.duals.y[edge.gives]
+        if edge.turning is not None:
+            unit = self.nlp.unit[edge.turning] / self.nlp.row_unit[edge.gives]
+            saved = saved * 2 * np.abs(self.outcome.x[edge.turning]) * unit
+        return np.where(edge.gives == NOWHERE, 0.0, saved)
 
     @cached_property
     def _distances(self) -> Array:
@@ -179,12 +155,6 @@ class _Edges:
     @cached_property
     def _least(self) -> float:
         return WORTH * cost_size(self.nlp, self.outcome.x)
-
-    def _worth(self, held: Bools, saved: Array) -> Iterator[range]:
-        """Runs of steps in which something that counts is saved at the nodes between them."""
-        for steps in _runs(held):
-            if np.maximum(saved[steps.start : steps.stop - 1], 0.0).sum() > self._least:
-                yield steps
 
 
 def _runs(held: Bools) -> list[range]:

@@ -27,11 +27,11 @@ from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Numbering
 from dmoc.program.interior import give_way
-from dmoc.program.laws.law import AT_REST, Law, Pivot, key
+from dmoc.program.laws.law import AT_REST, Edge, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import Settled, settled
-from dmoc.program.reactions import place
+from dmoc.program.reactions import place, rows_of_phase
 from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
 
@@ -129,6 +129,14 @@ class ContactLaw(Law):
                 Term("gap_rate", (q, lay.impact.v_c, t), (self.stays.index,)),
             ]
         return terms
+
+    def edges(self, i: int) -> Iterator[Edge]:
+        """Where a contact does not press it may leave."""
+        lay, rows = self.lay, rows_of_phase(self.lay.steps, i)
+        for j in lay.touch.modes[i].closed:
+            gives = self.closed.index[rows, j][1:]
+            name = lay.touch.contacts.surfaces[j]
+            yield Edge(name, j, None, lay.contact.P[rows, j], gives, -1.0)
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
         """Places and rates of contacts determine their impulses."""

@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import STICK
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.touch import Touch
 from dmoc.motion.trajectory import FRICTION_WORDS
@@ -39,11 +40,11 @@ from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Entries, Index, 
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.interior import bound_once
 from dmoc.program.laws.contact import ContactLaw
-from dmoc.program.laws.law import AT_REST, INPUT, Law, Pivot, key
+from dmoc.program.laws.law import AT_REST, INPUT, Edge, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import Settled
-from dmoc.program.reactions import place
+from dmoc.program.reactions import place, rows_of_phase
 from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
 
@@ -312,7 +313,22 @@ class FrictionLaw(Law):
             )
         return entries
 
-    # Pivots ---------------------------------------------------------------------------------------
+    # Edges and pivots -----------------------------------------------------------------------------
+
+    def edges(self, i: int) -> Iterator[Edge]:
+        """What slides may come to rest, what sticks slide at the limit of its friction."""
+        lay, rows = self.lay, rows_of_phase(self.lay.steps, i)
+        steps = slice(lay.ends[i], lay.ends[i + 1])
+        for k, s in self.touch.modes[i].rubbing.items():
+            name = self.touch.contacts.tangents[k]
+            if s == STICK:
+                gives = self.stuck.index[rows, k][1:]
+                for side, way in enumerate((-1, 1)):
+                    cone = self.cone.index[rows, k, side]
+                    yield Edge(name, k, (s, way), cone, gives, way)
+            else:
+                gives, T = self.sliding.index[rows, k][1:], lay.contact.T[rows, k][1:]
+                yield Edge(name, k, (s, STICK), self.direction.index[steps, k], gives, s, T)
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
         """Rows of friction determine its impulses."""

@@ -36,6 +36,37 @@ class Pivot(NamedTuple):
     key: Index | int
 
 
+class Edge(NamedTuple):
+    """An edge of the mode of a phase, beyond which another mode may cost less.
+
+    Attributes
+    ----------
+    name : str
+        The contact or the rail.
+    number : int
+        Of the tangent that rubs otherwise beyond the edge, or of the surface that leaves.
+    friction : tuple of two int, optional
+        That of the tangent, and beyond the edge; None for a contact that leaves.
+    active : array of int
+        Numbers of the inequalities that are active at the edge, one for each step of the phase or
+        for each of its nodes; of the impulses that are at their bounds, of a contact that leaves.
+    gives : array of int, shape (steps,)
+        Numbers of the equations of the nodes after each step that give way.
+    sign : float
+        The direction in which they do.
+    turning : array of int, optional
+        Impulses that could turn, shape (steps,); otherwise they give way by their sizes.
+    """
+
+    name: str
+    number: int
+    friction: tuple[int, int] | None
+    active: Index
+    gives: Index
+    sign: float
+    turning: Index | None = None
+
+
 class Law:
     """A law contributes nothing unless it says so."""
 
@@ -63,6 +94,10 @@ class Law:
 
     def constants(self) -> Iterator[tuple[int, float]]:
         """Rows that have a constant, and which."""
+        yield from ()
+
+    def edges(self, i: int) -> Iterator[Edge]:
+        """Edges of the mode of phase i."""
         yield from ()
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
