@@ -65,8 +65,11 @@ def style_of(dark: bool) -> str:
     return "dark" if dark else "light"
 
 
-def draw(path: Path, figure: Callable[..., object], quiet: bool, dark: bool) -> None:
-    """Draw a figure of a result that is kept already: what goes wrong is a note."""
+def draw(path: Path | None, figure: Callable[..., object], quiet: bool, dark: bool) -> None:
+    """Draw a figure of a result that is kept already, if there is a place for it: what goes wrong
+    is a note."""
+    if path is None:
+        return
     try:
         figure(path, style=style_of(dark))
     except Exception as error:

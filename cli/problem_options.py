@@ -134,13 +134,13 @@ def stated_by(*groups: Any) -> Iterator[tuple[str, Stated, Any]]:
 def problem_fields(defaults: Mapping[str, Any], *groups: Any) -> dict[str, Any]:
     """Fields of a problem: a model's own, changed by options."""
     changed = dict(defaults)
-    for _, about, given in stated_by(*groups):
+    for _, about, value in stated_by(*groups):
         if about.option:
-            pairs = read_pairs(given, about.option)
+            pairs = read_pairs(value, about.option)
             changed[about.field] = {**changed.get(about.field, {}), **pairs}
             _replace_rest(changed[about.field], pairs)
-        elif given not in (None, []):
-            changed[about.field] = about.read(given)
+        elif value not in (None, []):
+            changed[about.field] = about.read(value)
     return changed
 
 

@@ -69,17 +69,12 @@ def search(
         save,
         lambda: emit(result.to_dict(), json_),
         tell,
-        lambda: _draw(result, target, quiet, dark),
+        lambda: draw(target and target / "tree.png", result.plot, quiet, dark),
+        lambda: draw(target and target / "best.png", result.plot_best, quiet, dark),
+        lambda: draw(target and target / "tree.html", result.animate, quiet, dark),
         lambda: _complain(result),
     )
     raise typer.Exit(0 if result.best is not None else NOT_SOLVED)
-
-
-def _draw(result: SearchResult, folder: Path | None, quiet: bool, dark: bool) -> None:
-    if folder is not None:
-        draw(folder / "tree.png", result.plot, quiet, dark)
-        draw(folder / "best.png", result.plot_best, quiet, dark)
-        draw(folder / "tree.html", result.animate, quiet, dark)
 
 
 def _complain(result: SearchResult) -> None:

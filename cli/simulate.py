@@ -150,7 +150,5 @@ def _show(motion: Simulation, target: Path | None, dark: bool) -> None:
     in_turn(
         save,
         tell,
-        lambda: (
-            None if target is None else draw(target / "simulation.png", motion.plot, False, dark)
-        ),
+        lambda: draw(target and target / "simulation.png", motion.plot, False, dark),
     )

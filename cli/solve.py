@@ -93,9 +93,7 @@ def solve(
             solution.to_dict() | ({"sensitivities": derivatives[0]} if derivatives else {}), json_
         ),
         tell,
-        lambda: (
-            None if target is None else draw(target / "solution.png", solution.plot, quiet, dark)
-        ),
+        lambda: draw(target and target / "solution.png", solution.plot, quiet, dark),
     )
     raise typer.Exit(0 if solution.solved else NOT_SOLVED)
 

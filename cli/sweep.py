@@ -84,7 +84,7 @@ def sweep(
         lambda: emit(batch.to_dict(), json_),
         tell,
         save,
-        lambda: None if plot is None else draw(plot, batch.plot, quiet, dark),
+        lambda: draw(plot, batch.plot, quiet, dark),
     )
     raise typer.Exit(0 if batch.solved.all() else NOT_SOLVED)
 

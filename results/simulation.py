@@ -206,14 +206,8 @@ def simulate(
     >>> bool(abs(motion.energy - motion.energy[0]).max() < 1e-3)
     True
     """
-    named = {
-        "position": position,
-        "velocity": velocity,
-        "inputs": inputs,
-        "parameters": parameters,
-        "restitution": restitution,
-    }
-    changes = {name: value for name, value in named.items() if value is not None}
+    keywords, names = locals(), ("position", "velocity", "inputs", "parameters", "restitution")
+    changes = {name: keywords[name] for name in names if keywords[name] is not None}
     if isinstance(kernels, Solution):
         system, stated = _replay(kernels, model, changes, step_size, steps)
     elif model is not None:

@@ -265,7 +265,10 @@ class Solution(Shown, MotionResult, Saved):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary that the command line prints as JSON."""
-        check, proposal = self.verification, self.proposal
+        check, proposal, refinement = self.verification, self.proposal, dict[str, Any]()
+        if self.meshes:  # to a tolerance
+            refinement = {"error_estimate": self.error_estimate}
+            refinement["meshes"] = [asdict(m) for m in self.meshes]
         return {
             "model": self.trajectory.model,
             "method": self.method,
@@ -283,13 +286,8 @@ class Solution(Shown, MotionResult, Saved):
             **_named(self, "starts found"),
             "others": [asdict(m) for m in self.others],
             "proposal": None if proposal is None else asdict(proposal),
-        } | self._refinement()
-
-    def _refinement(self) -> dict[str, Any]:
-        """What a tolerance adds to the summary."""
-        if not self.meshes:
-            return {}
-        return {"error_estimate": self.error_estimate, "meshes": [asdict(m) for m in self.meshes]}
+            **refinement,
+        }
 
 
 def _named(value: Any, names: str) -> dict[str, Any]:
