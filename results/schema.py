@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -124,98 +124,75 @@ class Nothing:
 
 
 @dataclass(frozen=True)
-class Number:
+class Plain:
+    """A value that JSON has by itself: what makes it, whether data are right, and what else was
+    expected."""
+
+    make: Callable[[Any], Any]
+    right: Callable[[Any], bool]
+    expected: str
+
+    def write(self, value: Any, where: str, put: Put) -> Any:
+        return self.make(value)
+
+    def read(self, data: Any, where: str, context: Context) -> Any:
+        _expect(self.right(data), data, where, self.expected)
+        return self.make(data)
+
+
+def Number(
+    low: float = -LARGEST_NUMBER, high: float = LARGEST_NUMBER, special: bool = False
+) -> Plain:
     """A number in a range; any at all, infinite and NaN included, where it is ``special``."""
 
-    low: float = -LARGEST_NUMBER
-    high: float = LARGEST_NUMBER
-    special: bool = False
-
-    def write(self, value: Any, where: str, put: Put) -> float:
-        return float(value)
-
-    def read(self, data: Any, where: str, context: Context) -> float:
+    def right(data: Any) -> bool:
         number = isinstance(data, float) or (_is_whole(data) and abs(data) <= LARGEST_INTEGER)
-        _expect(number, data, where, "a number")
-        _expect(
-            self.special or self.low <= data <= self.high,
-            data,
-            where,
-            f"a number from {self.low:g} to {self.high:g}",
-        )
-        return float(data)
+        return number and (special or low <= data <= high)
+
+    return Plain(float, right, "a number" if special else f"a number from {low:g} to {high:g}")
 
 
-@dataclass(frozen=True)
-class Whole:
+def Whole(low: int = 0) -> Plain:
     """A whole number of at least ``low``."""
-
-    low: int = 0
-
-    def write(self, value: Any, where: str, put: Put) -> int:
-        return int(value)
-
-    def read(self, data: Any, where: str, context: Context) -> int:
-        right = _is_whole(data) and self.low <= data <= LARGEST_INTEGER
-        _expect(right, data, where, f"a whole number of at least {self.low}")
-        return int(data)
+    return Plain(
+        int,
+        lambda data: _is_whole(data) and low <= data <= LARGEST_INTEGER,
+        f"a whole number of at least {low}",
+    )
 
 
 def _is_whole(data: Any) -> bool:
     return isinstance(data, int) and not isinstance(data, bool)
 
 
-@dataclass(frozen=True)
-class Flag:
-    """True or false."""
-
-    def write(self, value: Any, where: str, put: Put) -> bool:
-        return bool(value)
-
-    def read(self, data: Any, where: str, context: Context) -> bool:
-        _expect(isinstance(data, bool), data, where, "true or false")
-        return bool(data)
+def Flag() -> Plain:
+    return Plain(bool, lambda data: isinstance(data, bool), "true or false")
 
 
-@dataclass(frozen=True)
-class Text:
+def Text() -> Plain:
     """A text of printable characters and ends of lines; others become question marks when it is
     written."""
-
-    def write(self, value: Any, where: str, put: Put) -> str:
-        return "".join(c if c == "\n" or c.isprintable() else "?" for c in str(value))
-
-    def read(self, data: Any, where: str, context: Context) -> str:
-        right = isinstance(data, str) and data.replace("\n", "").isprintable()
-        _expect(right, data, where, "a printable text")
-        return str(data)
+    return Plain(
+        lambda value: "".join(c if c == "\n" or c.isprintable() else "?" for c in str(value)),
+        lambda data: isinstance(data, str) and data.replace("\n", "").isprintable(),
+        "a printable text",
+    )
 
 
-@dataclass(frozen=True)
-class Name:
+def Name() -> Plain:
     """A name as models have them."""
-
-    def write(self, value: Any, where: str, put: Put) -> str:
-        return str(value)
-
-    def read(self, data: Any, where: str, context: Context) -> str:
-        _expect(isinstance(data, str) and NAME.fullmatch(data) is not None, data, where, "a name")
-        return str(data)
+    return Plain(
+        str, lambda data: isinstance(data, str) and NAME.fullmatch(data) is not None, "a name"
+    )
 
 
-@dataclass(frozen=True)
-class Choice:
+def Choice(values: Sequence[str | int]) -> Plain:
     """One of some texts or whole numbers."""
-
-    values: tuple[str | int, ...]
-
-    def write(self, value: Any, where: str, put: Put) -> Any:
-        return value
-
-    def read(self, data: Any, where: str, context: Context) -> Any:
-        matching = [v for v in self.values if v == data and not isinstance(data, bool)]
-        _expect(bool(matching), data, where, "one of " + ", ".join(map(str, self.values)))
-        return matching[0]
+    return Plain(
+        lambda value: next((v for v in values if v == value), value),
+        lambda data: not isinstance(data, bool) and data in values,
+        "one of " + ", ".join(map(str, values)),
+    )
 
 
 class Either:
@@ -264,7 +241,7 @@ class ShortArray:
     """A short array, within the text."""
 
     size: Size = None
-    kind: FieldKind = Number()
+    kind: FieldKind = field(default_factory=Number)
 
     def write(self, value: Any, where: str, put: Put) -> list[Any]:
         return Listed(self.kind).write(np.asarray(value).tolist(), where, put)
@@ -279,7 +256,7 @@ class Mapped:
 
     kind: FieldKind
     size: Size = None
-    names: FieldKind = Text()
+    names: FieldKind = field(default_factory=Text)
 
     def write(self, value: Any, where: str, put: Put) -> dict[str, Any]:
         return {

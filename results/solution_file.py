@@ -130,7 +130,7 @@ class Bound:
     """A bound that is active, as the text that it is."""
 
     def write(self, value: Any, where: str, put: Put) -> str:
-        return Text().write(value, where, put)
+        return str(Text().write(value, where, put))
 
     def read(self, data: Any, where: str, context: Context) -> ActiveBound:
         return ActiveBound.read(Text().read(data, where, context))
