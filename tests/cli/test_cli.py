@@ -24,17 +24,6 @@ SHORT = "solve cart_pendulum --method ipm --final-time 1"
 HOSTILE = "x[/y]:warning:[bold]"
 
 
-def test_help_is_shown_without_loading_numpy() -> None:
-    code = (
-        "import sys, dmoc.cli; sys.argv = ['dmoc', '--help']\n"
-        "try: dmoc.cli.main()\n"
-        "except SystemExit: print(sorted({'numpy', 'scipy', 'sympy', 'sqlite3', 'matplotlib', "
-        "'multiprocessing'} & set(sys.modules)))"
-    )
-    text = printed(sys.executable, "-c", code)
-    assert "Usage: dmoc" in text and text.splitlines()[-1] == "[]"
-
-
 def test_solve_prints_the_json_alone(run: Run) -> None:
     code, out, _ = run(
         "solve cart_pendulum --steps 100 --final-time 1.0 --sequence left --method slsqp --json -"

@@ -7,13 +7,12 @@ import pickle
 import platform
 import re
 import runpy
-import sys
 import sysconfig
 import tomllib
 from pathlib import Path
 
 import pytest
-from commands import Run, printed
+from commands import Run
 from matplotlib.image import imread
 
 import dmoc
@@ -203,18 +202,6 @@ def test_the_shell_completes_models_methods_and_names(
     monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
     code, out, err = run()
     assert code == 0 and not err and out.split() == proposed
-
-
-@pytest.mark.slow
-def test_a_completion_reads_no_numpy() -> None:
-    code = (
-        "import sys, dmoc.cli; sys.argv = ['dmoc']\n"
-        "try: dmoc.cli.main()\n"
-        "except SystemExit: print(sorted({'numpy', 'scipy', 'sympy'} & set(sys.modules)))"
-    )
-    words = {"_DMOC_COMPLETE": "complete_bash", "COMP_CWORD": "4"}
-    words["COMP_WORDS"] = "dmoc solve cart_pendulum --set m_p"
-    assert printed(sys.executable, "-c", code, env=words).split("\n")[:2] == ["m_p=", "[]"]
 
 
 KINDS = sorted(e.__name__ for e in vars(errors).values() if isinstance(e, type))

@@ -195,13 +195,6 @@ def test_no_problems_are_an_empty_table() -> None:
     assert len(batch) == 0 and batch.complete and batch.columns()["cost"] == []
 
 
-@pytest.mark.slow
-def test_importing_it_starts_no_machinery_of_processes() -> None:
-    code = "import sys, dmoc; dmoc.solve_many; print('multiprocessing' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "False\n"
-
-
 SCRIPT = r"""
 import os
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -26,27 +24,6 @@ def test_every_method_has_a_driver_and_its_package_is_an_extra() -> None:
         assert all(callable(method.minimise(form)) for form in FORMS)
         assert method.package is None or name in extras
         assert method.falls_back_on is None or method.falls_back_on in METHODS
-
-
-def test_the_list_is_read_without_loading_a_solver() -> None:
-    code = (
-        "import sys, dmoc.solving.methods; print(sorted({'numpy', 'scipy', 'sympy'} & "
-        "set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
-
-
-@pytest.mark.slow
-def test_a_checked_solve_with_the_compiled_method_imports_no_scipy() -> None:
-    code = (
-        "import sys, dmoc; from dmoc.models.registry import find; r = find('cart_pendulum'); s = "
-        "dmoc.solve(dmoc.Problem(r.kernels(), **r.defaults), 'ipm'); assert s.solved;"
-        "print(sorted({'scipy', 'sympy', 'matplotlib', 'sqlite3', 'rich', 'typer', "
-        "'multiprocessing'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,52 @@
+"""What programs, which start often, leave unloaded because it takes long."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+from commands import printed
+
+pytestmark = pytest.mark.slow
+
+COMMAND = "import sys, dmoc.cli; sys.argv = ['dmoc'{}]\ntry: dmoc.cli.main()\n"
+COMMAND += "except SystemExit: pass"
+SOLVE = (
+    "import dmoc; from dmoc.models.registry import find; r = find('cart_pendulum'); "
+    "dmoc.solve(dmoc.Problem(r.kernels(), **{{**r.defaults, 'steps': {}}}){})"
+)
+COMPLETED = {
+    "_DMOC_COMPLETE": "complete_bash",
+    "COMP_CWORD": "4",
+    "COMP_WORDS": "dmoc solve cart_pendulum --set m_p",
+}
+
+
+@pytest.mark.parametrize(
+    ("code", "modules", "shown"),
+    [
+        (
+            COMMAND.format(", '--help'"),
+            "numpy scipy sympy sqlite3 matplotlib multiprocessing",
+            "Usage: dmoc",
+        ),
+        (COMMAND.format(""), "numpy scipy sympy", "m_p="),
+        ("import dmoc.solving.methods", "numpy scipy sympy", ""),
+        ("import dmoc.check.check", "scipy sympy", ""),
+        ("import dmoc; dmoc.solve_many", "multiprocessing", ""),
+        (
+            SOLVE.format(100, ", 'ipm'"),
+            "scipy sympy symengine matplotlib sqlite3 rich typer multiprocessing",
+            "",
+        ),
+        (SOLVE.format(10, ""), "sympy symengine", ""),
+    ],
+    ids=["help", "completion", "methods", "check", "many", "solve", "solve by default"],
+)
+def test_it_loads_none_of_these(
+    request: pytest.FixtureRequest, code: str, modules: str, shown: str
+) -> None:
+    env = COMPLETED if "completion" in request.node.name else {}
+    code += f"\nimport sys; print(sorted(set({modules.split()}) & set(sys.modules)))"
+    *text, loaded = printed(sys.executable, "-c", code, env=env).splitlines()
+    assert loaded == "[]" and shown in "\n".join(text)
