@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import symengine as se
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
@@ -117,7 +118,8 @@ def read(derivation: Derivation, name: str, point: dict[str, float]) -> float:
 
 
 def valued(expression: Any, point: dict[str, float]) -> float:
-    return float(expression.subs({s: point[s.name] for s in expression.free_symbols}))
+    numbers = {se.Symbol(s.name): point[s.name] for s in expression.free_symbols}
+    return float(se.sympify(expression).subs(numbers))
 
 
 def step_of(derivation: Derivation, parameters: dict[str, float]) -> dict[str, float]:
