@@ -18,7 +18,7 @@ KEPT = 1e-6
 # different points of its neighbourhood differ by as much.
 SAME_COST = 1e-5
 # A divisor that may be zero is at least this.
-LEAST = 1e-300
+TINY = 1e-300
 # Of a solve, where it is given none: the residual of optimality, relative to the cost, the largest
 # violation of a constraint, relative to its size, and the limit of iterations.
 OPTIMALITY, VIOLATION, ITERATIONS = 1e-6, 1e-10, 1000

@@ -21,7 +21,7 @@ from dmoc.simulation.sizes import NOTHING
 
 # Both sides of an event share a node: times and positions differ by rounding errors, momenta by
 # what a solver leaves of the balance.  Shares of the sizes.
-JOINED, BALANCED = 1e-6, 1e-4
+JOINED, UNBALANCED = 1e-6, 1e-4
 # A joint may be off, as a closed contact off its surface and what sticks off its place, by this
 # share of the sizes, and their rates by the second share.
 OFF, DRIFT = 1e-4, 0.02
@@ -56,7 +56,7 @@ def _momenta(motion: Motion) -> Iterator[str]:
     """Nodes whose momentum is not that of their velocity."""
     for phase in motion.trajectory.phases:
         p = motion.model.momentum(phase.q, phase.v, phase.t)
-        k, which = _worst((phase.p - p) / motion.sizes.p, BALANCED)
+        k, which = _worst((phase.p - p) / motion.sizes.p, UNBALANCED)
         if which >= 0:
             yield (
                 f"the momentum of {motion.trajectory.coordinates[which]} at {phase.t[k]:.4g} s, "
@@ -102,7 +102,7 @@ def _balances(motion: Motion) -> Iterator[str]:
         jumps = [before.p[-1] - c.momentum_before, after.p[0] - c.momentum_after]
         if before.free and after.free:
             jumps.append(p.missing)
-        k, which = _worst(np.array(jumps) / motion.sizes.p, BALANCED)
+        k, which = _worst(np.array(jumps) / motion.sizes.p, UNBALANCED)
         if which >= 0:
             yield (
                 f"the momentum of {names[which]} jumps by "

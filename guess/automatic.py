@@ -35,7 +35,7 @@ TIME_RATIO = 1.2
 COARSE_STEPS = 80
 FEWEST_STEPS = 8
 # Excess of an input, relative to the range of its bounds, that counts as keeping them.
-KEPT = 1e-3
+WITHIN = 1e-3
 # Violation of the discrete equations, relative to the momenta, above which a guess that obeys the
 # equations of motion has drifted off its goal.
 DRIFTED = 30.0
@@ -125,7 +125,7 @@ def _best_time(
         if trial is None:
             continue
         excess, cost = trial
-        rank = (max(excess, KEPT), cost, final_time)
+        rank = (max(excess, WITHIN), cost, final_time)
         if best is None or rank < best:
             best = rank
     return float(best[2] if best else times[-1])

@@ -8,7 +8,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 
 # What rounding leaves of a smallest eigenvalue that is zero, of a matrix with ones on its diagonal.
-ROUNDING = 1e-14
+DEFINITE = 1e-14
 
 
 def solved(A: Array, b: Array) -> Array:
@@ -37,7 +37,7 @@ def is_positive(M: Array) -> bool:
     if not (np.isfinite(M).all() and (diagonal > 0).all()):
         return False
     root = np.sqrt(diagonal)
-    return bool(np.linalg.eigvalsh(M / root[:, None] / root)[0] > ROUNDING)
+    return bool(np.linalg.eigvalsh(M / root[:, None] / root)[0] > DEFINITE)
 
 
 def least_squares(A: Array, b: Array) -> Array:

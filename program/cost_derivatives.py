@@ -15,7 +15,7 @@ from typing import TypedDict
 import numpy as np
 
 from dmoc.base.names import momentum_name, velocity_name
-from dmoc.base.tolerances import LEAST
+from dmoc.base.tolerances import TINY
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Index
@@ -75,7 +75,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
         surface: str,
     ) -> float:  # L is linear in e > 0; the law of plastic impacts is -lam w / 2 = 0 there
         hit = nlp.laws.impact.impact
-        lam = np.maximum(x[nlp.layout.impact.lam[hit]], LEAST)
+        lam = np.maximum(x[nlp.layout.impact.lam[hit]], TINY)
         plain = (nlp.laws.impact.plain & ~nlp.laws.impact.by_rates)[hit]
         law = np.asarray(named.get("energy", np.zeros(0))) * np.where(plain, -2 / lam, 1.0)
         high, low = (

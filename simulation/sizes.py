@@ -26,7 +26,7 @@ STILL, HELD = 1e-4, 1e-6
 # limits.
 ROOM = 1e-12
 # And by so many rounding errors of the numbers that it is told in.
-ROUNDING = 1e4 * float(np.finfo(float).eps)
+DIGITS = 1e4 * float(np.finfo(float).eps)
 # A contact force counts by at least this share of the forces of the motion.
 WEAK = 0.05
 # Where there is nothing at all to go by, errors are either none or infinite.
@@ -93,13 +93,13 @@ def sizes_of(trajectory: Trajectory, model: Model) -> Sizes:
     strongest = float((force / root).max())
     speed = max(STILL * fastest, HELD * strongest * time)
     speed = max(speed, ROOM * _room(trajectory, model, nodes) / time, NOTHING)
-    rounding = ROUNDING * np.abs(nodes.q).max(axis=0)
+    rounding = DIGITS * np.abs(nodes.q).max(axis=0)
     way, least = speed * time / root, np.maximum(speed / root, rounding / nodes.step)
     q = np.maximum.reduce([np.ptp(nodes.q, axis=0), way, rounding])
     v = np.maximum(np.abs(nodes.v).max(axis=0), least)
     p = np.maximum(np.abs(nodes.p).max(axis=0), nodes.inertia * least)
     energies = np.abs(model.energy(nodes.q, nodes.v, nodes.t))
-    energy = max(kinetic, float(force @ way), float(least @ p), ROUNDING * float(energies.max()))
+    energy = max(kinetic, float(force @ way), float(least @ p), DIGITS * float(energies.max()))
 
     gap, rate = _along(model.gap_slopes(nodes.q, nodes.t), q, v, time)
     place, slide = _along(model.tangent_slopes(nodes.q, nodes.t), q, v, time)

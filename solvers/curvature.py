@@ -21,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
+from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import Bools
 from dmoc.program.transcription import Transcription
@@ -48,10 +49,9 @@ ITERATIONS, SETTLED = 40, 0.02
 # Rates of what holds along a direction of size 1 that are rounding errors.
 TANGENT = 1e-4
 # Distances, in sizes of the unknowns, at which motions along a direction are looked at, the steps
-# of Newton's method that bring them onto the constraints, the violation that they may keep, and the
-# share of the expected fall of the cost that confirms it; no fall below the last one, in the unit,
-# counts.
-DISTANCES, CORRECTIONS, KEPT, CONFIRMED = (0.3, 0.1, 0.03, 0.01, 3e-3), 6, 1e-6, 0.3
+# of Newton's method that bring them onto the constraints, and the share of the expected fall of the
+# cost that confirms it; no fall below the last one, in the unit, counts.
+DISTANCES, CORRECTIONS, CONFIRMED = (0.3, 0.1, 0.03, 0.01, 3e-3), 6, 0.3
 LEAST_FALL = 1e-9
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dmoc.base.tolerances import LEAST
+from dmoc.base.tolerances import TINY
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import jams
 from dmoc.problem.problem import Problem
@@ -93,7 +93,7 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
     # everywhere.
     w = np.where(nlp.inequality(outcome.x) < -INFEASIBLE, 0.0, outcome.duals.w)
     z = outcome.duals.z
-    faint = FAINT * max(float(np.abs(z).max(initial=0.0)), float(w.max(initial=0.0)), LEAST)
+    faint = FAINT * max(float(np.abs(z).max(initial=0.0)), float(w.max(initial=0.0)), TINY)
     w, z = (np.where(np.abs(d) > faint, d, 0.0) for d in (w, z))
     against = active_bounds(nlp, outcome.x, w, z) if outcome.status is Status.INFEASIBLE else ()
     amount = max((value for value, _ in missed), default=0.0)

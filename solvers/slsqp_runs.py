@@ -30,7 +30,7 @@ EQUATION_TOLERANCE = 1e-12
 FOLLOWING_LIMIT = 20
 # Multiples of it that rounding errors may leave; share of its residual that an iteration may leave
 # with old derivatives; growth from which the motion is lost.
-ROUNDING, CHORD, MOST_GROWTH = 100.0, 0.1, 1e3
+UNCERTAIN, CHORD, MOST_GROWTH = 100.0, 0.1, 1e3
 # A trial step may shrink no step size below this share of what it was at the start of the run.
 LEAST_SHRINK = 0.02
 
@@ -246,7 +246,7 @@ class FollowingRun(SlsqpRun):
             x[setting.parts.kept] = y
             c = setting.nlp.equality(x)
             size = self._excess(c)
-            if size <= 1 or (size <= ROUNDING and size > 0.5 * previous):
+            if size <= 1 or (size <= UNCERTAIN and size > 0.5 * previous):
                 self._trial_r = r
                 return x
             if not size < MOST_GROWTH * previous:

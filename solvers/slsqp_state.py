@@ -7,7 +7,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
-from dmoc.base.tolerances import LEAST
+from dmoc.base.tolerances import TINY
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import least_squares
 from dmoc.program.blocks import NOWHERE
@@ -98,7 +98,7 @@ class Descent:
             box = nlp.problem.input_bounds / nlp.scale.u[:, None]
             width = np.where(np.isfinite(box[:, 1] - box[:, 0]), box[:, 1] - box[:, 0], 1.0) / 4
             with np.errstate(divide="ignore"):
-                size = np.where(curvature > 0, 1 / np.sqrt(np.maximum(curvature, LEAST)), width)
+                size = np.where(curvature > 0, 1 / np.sqrt(np.maximum(curvature, TINY)), width)
             scale[lay.index_u[lay.row_u_kp1]] = size
             scale[lay.index_u[lay.row_u_k]] = size
         return scale
@@ -290,6 +290,6 @@ def _split(A: Array) -> tuple[Array, Array]:
             inverse = scipy.linalg.solve_triangular(R[:rows], Q[:, :rows].T).T
             return np.asarray(inverse), Q[:, rows:]
     U, sizes, Vt = np.linalg.svd(A, full_matrices=True)
-    rank = int((sizes > 1e-10 * max(sizes[0], LEAST)).sum())
+    rank = int((sizes > 1e-10 * max(sizes[0], TINY)).sum())
     inverse = Vt[:rank].T / sizes[:rank]
     return inverse @ U.T if rank == len(A) else inverse, Vt[rank:].T

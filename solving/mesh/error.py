@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dmoc.base.tolerances import LEAST
+from dmoc.base.tolerances import TINY
 from dmoc.program.bound_kinds import ALONG_THE_WAY
 from dmoc.results.solution import Mesh, Solution
 
@@ -62,7 +62,7 @@ def _left(last: float, before: float | None, ratios: Sequence[int], order: int) 
     the discretisation's is assumed."""
     shown = order / 2
     if before is not None:
-        shown = _order(before / max(last, LEAST), ratios[0], ratios[-1], order)
+        shown = _order(before / max(last, TINY), ratios[0], ratios[-1], order)
     return float(last / (ratios[-1] ** shown - 1))
 
 
