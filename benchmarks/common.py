@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -34,6 +35,8 @@ from dmoc.solving.methods import DEFAULT as DEFAULT
 from dmoc.solving.methods import METHODS
 from dmoc.symbolic.families import model_spec
 
+# Some problems are those of the tests, a folder of scripts.
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
 ITERATIONS = 1000  # of a solve, at most
 SAME_COST = 1e-6  # relative difference of two costs that are of one minimum
 

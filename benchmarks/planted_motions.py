@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import sympy as sp
 from common import find, seed
+from contact_problems import rimless
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
@@ -88,32 +89,9 @@ def pole() -> dmoc.Problem:
     )  # fmt: skip
 
 
-def wheel() -> dmoc.Problem:
-    """A rimless wheel rolls down a slope, from one spoke to the next."""
-    half, slope, inertia = sp.pi / 8, 0.08, 0.1
-    feet = {"this": A, "next": A + 2 * half}
-    places = {name: (X + sp.sin(b), Y - sp.cos(b)) for name, b in feet.items()}
-    turning = (X.diff(T) ** 2 + Y.diff(T) ** 2 + inertia * A.diff(T) ** 2) / 2
-    system = dmoc.MechanicalSystem(
-        "planted_wheel", [X, Y, A],
-        turning + G * (sp.sin(slope) * X - sp.cos(slope) * Y), {MU: 2.0, G: FALL},
-        surfaces={name: at[1] >= 0 for name, at in places.items()},
-        tangents={name: at[0] for name, at in places.items()},
-        friction=dict.fromkeys(places, MU), cost=1,
-    )  # fmt: skip
-    return dmoc.Problem(
-        system, start={"x": 0, "a": 0}, contacts=["this"], sequence=["+next -this"], steps=20,
-        periodic={
-            "x": ("x", None), "y": "y", "a": ("a", float(-2 * half)),
-            "x_dot": "x_dot", "y_dot": "y_dot", "a_dot": "a_dot",
-        },
-        final_time=(0.1, 2), durations=[(0.02, None)] * 2,
-    )  # fmt: skip
-
-
 PROBLEMS: dict[str, Callable[[], dmoc.Problem]] = {
     "cart-pendulum": seed, "puck": puck, "ball": ball, "block": block, "hopper": hopper,
-    "pole on a rail": pole, "rimless wheel": wheel,
+    "pole on a rail": pole, "rimless wheel": lambda: rimless(20),
 }  # fmt: skip
 
 

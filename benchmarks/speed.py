@@ -31,11 +31,9 @@ from common import (
     violation,
 )
 from common import cost as own_cost
+from contact_problems import floor
 
 import dmoc
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))  # a folder of scripts
-import contact_problems as contacts
 
 SOLVED = "Solve_Succeeded"  # as CasADi says it
 PEER = "CasADi + IPOPT"
@@ -96,7 +94,7 @@ def contact(quick: bool) -> Section:
             "times the free one",
         ],
     )  # fmt: skip
-    system = contacts.floor()
+    system = floor()
     slow = {"start": {"x": 0, "y": 0, "x_dot": 1}, "goal": {"x": 1}, "final_time": 0.8}
     problems = {
         "free": {"start": {"x": 0, "y": 1, "x_dot": 1}, "goal": {"x": 1}, "final_time": 0.6},

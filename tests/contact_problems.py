@@ -160,7 +160,6 @@ HALF_ANGLE, SLOPE, INERTIA = pi / 8, 0.08, 0.1
 def rimless(steps: int) -> dmoc.Problem:
     """A rimless wheel of unit mass and radius rolls down a slope, from one spoke to the next."""
     x, y, c = dynamicsymbols("x y c")
-    mu = sp.Symbol("mu")
 
     def foot(angle: object) -> sp.Matrix:
         return sp.Matrix([x + sp.sin(angle), y - sp.cos(angle)])
@@ -170,11 +169,11 @@ def rimless(steps: int) -> dmoc.Problem:
         "rimless",
         [x, y, c],
         (x.diff(T) ** 2 + y.diff(T) ** 2 + INERTIA * c.diff(T) ** 2) / 2
-        + 9.81 * (sin(SLOPE) * x - sp.cos(SLOPE) * y),
-        {mu: 2.0},
+        + G * (sin(SLOPE) * x - sp.cos(SLOPE) * y),
+        {MU: 2.0, G: 9.81},
         surfaces={"this": this[1] >= 0, "next": following[1] >= 0},
         tangents={"this": this[0], "next": following[0]},
-        friction={"this": mu, "next": mu},
+        friction={"this": MU, "next": MU},
         cost=1,
     )
     return dmoc.Problem(

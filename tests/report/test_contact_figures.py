@@ -6,15 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn import drawn, labelled, legend, limits
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.text import Annotation
 from systems import landing_problem
 
 import dmoc
-from dmoc.motion.trajectory import Trajectory
 from dmoc.report.style import LIGHT
 
 FLOOR = LIGHT.colours[0]
@@ -31,22 +30,8 @@ def figure(landed: dmoc.Solution) -> Figure:
     return landed.plot()
 
 
-def drawn(solution: dmoc.Solution, **changes: object) -> Figure:
-    motion: Trajectory = replace(solution.trajectory, **changes)  # type: ignore[arg-type]
-    return replace(solution, trajectory=motion).plot()
-
-
-def labelled(figure: Figure, label: str) -> Axes:
-    (axes,) = (a for a in figure.axes if a.get_ylabel() == label)
-    return axes
-
-
 def solid(axes: Axes) -> list[np.ndarray]:
     return [np.asarray(a.get_xydata()) for a in axes.lines if a.get_linestyle() == "-" and many(a)]
-
-
-def limits(axes: Axes) -> list[Line2D]:
-    return [a for a in axes.lines if a.get_gid() == "limit"]
 
 
 def many(line: object) -> bool:
@@ -58,12 +43,6 @@ def marks(axes: Axes) -> dict[str, float]:
     times = [float(np.asarray(a.get_xdata())[0]) for a in axes.lines if a.get_marker() == "v"]
     texts = [t.get_text() for t in axes.texts]
     return dict(zip(texts, times, strict=True))
-
-
-def legend(axes: Axes) -> list[str]:
-    shown = axes.get_legend()
-    assert shown is not None
-    return [t.get_text() for t in shown.get_texts()]
 
 
 def test_panels_of_forces_stand_below_those_of_every_motion(figure: Figure) -> None:

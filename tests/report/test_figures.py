@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn import drawn, labelled, legend, limits, nothing_is_cut_off
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
@@ -17,28 +18,13 @@ import dmoc
 from dmoc.base.errors import OutputError
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
-from dmoc.motion.trajectory import Phase, Trajectory
+from dmoc.motion.trajectory import Phase
 from dmoc.report.style import DARK, LIGHT
-
-
-def labelled(figure: Figure, label: str) -> Axes:
-    (axes,) = (a for a in figure.axes if a.get_ylabel() == label)
-    return axes
 
 
 def curves(axes: Axes) -> list[np.ndarray]:
     """Lines of more than two points, as rows (time, value)."""
     return [line.get_xydata() for line in axes.lines if len(line.get_xdata()) > 2]
-
-
-def legend(axes: Axes) -> list[str]:
-    shown = axes.get_legend()
-    return [] if shown is None else [t.get_text() for t in shown.get_texts()]
-
-
-def drawn(solution: dmoc.Solution, **changes: object) -> Figure:
-    motion: Trajectory = replace(solution.trajectory, **changes)  # type: ignore[arg-type]
-    return replace(solution, trajectory=motion).plot()
 
 
 @pytest.mark.slow
@@ -146,7 +132,7 @@ def test_inputs_are_steps_and_far_bounds_are_told_beside_them(
 ) -> None:
     inputs = labelled(figure, "input $F$ [N]")
     assert legend(inputs) == [r"$-200\leq F\leq 200$"] and not inputs.texts
-    assert not [line for line in inputs.lines if line.get_gid() == "limit"]
+    assert not limits(inputs)
     steps = curves(inputs)
     assert len(steps) == 2
     for step, phase in zip(steps, solution.phases, strict=True):
@@ -157,7 +143,7 @@ def test_inputs_are_steps_and_far_bounds_are_told_beside_them(
 def test_a_bound_near_the_inputs_is_drawn_and_the_far_one_told(solution: dmoc.Solution) -> None:
     figure = drawn(solution, input_bounds=np.array([[-60.0, 500.0]]))
     inputs = labelled(figure, "input $F$ [N]")
-    levels = {float(a.get_ydata()[0]) for a in inputs.lines if a.get_gid() == "limit"}
+    levels = {float(a.get_ydata()[0]) for a in limits(inputs)}
     assert levels == {-60.0}
     assert legend(inputs) == [r"$F\leq 500$", "bounds"]
 
@@ -168,7 +154,7 @@ def test_no_bound_is_told_where_there_is_none(solution: dmoc.Solution) -> None:
         figure = drawn(solution, input_bounds=np.array([bounds]))
         inputs = labelled(figure, "input $F$ [N]")
         assert legend(inputs) == said
-        assert not [line for line in inputs.lines if line.get_gid() == "limit"]
+        assert not limits(inputs)
 
 
 def test_snapshots_are_the_scene_at_seven_times_of_each_phase(
@@ -229,12 +215,8 @@ def test_an_arrow_shows_where_and_how_the_surface_pushes(
 def test_nothing_is_cut_off_and_no_text_lies_on_curves(solution: dmoc.Solution) -> None:
     for style in ("light", "dark"):
         figure = solution.plot(velocities=True, style=style)
-        figure.canvas.draw()
+        nothing_is_cut_off(figure)
         for axes in figure.axes:
-            box = axes.get_tightbbox()
-            assert box is not None
-            assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1, axes.get_ylabel()
-            assert figure.bbox.y0 <= box.y0 and box.y1 <= figure.bbox.y1, axes.get_ylabel()
             if not axes.get_title():
                 inner = Bbox.from_extents(*np.add(axes.bbox.extents, (1, 1, -1, -1)))
                 beside = [*axes.texts, *filter(None, [axes.get_legend()])]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn import nothing_is_cut_off
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from systems import block_system
@@ -130,16 +131,12 @@ def test_the_best_motions_are_drawn_at_one_scale_and_nothing_is_cut_off(
 ) -> None:
     motion = solution.trajectory
     figure = plot_motions([("left", 1.0, motion), ("again", 2.0, motion)], style="dark")
-    figure.canvas.draw()
+    nothing_is_cut_off(figure)
     ways = [a.transData.transform([(0, 0), (1, 0)]) for a in figure.axes[:2]]
     scales = [way[1, 0] - way[0, 0] for way in ways]
     assert scales[0] == pytest.approx(scales[1], rel=1e-6)
     masses = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
     assert len(masses) == 2 * 7  # of both phases
-    for axes in figure.axes:
-        box = axes.get_tightbbox()
-        assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1
-        assert figure.bbox.y0 <= box.y0 and box.y1 <= figure.bbox.y1
     assert {to_hex(a.get_facecolor()) for a in figure.axes} == {DARK.paper}
 
 
