@@ -18,13 +18,7 @@ REMEDY = "choose a writable place with room"
 
 def write_whole(path: str | os.PathLike[str], content: bytes) -> Path:
     """Write a file through a temporary one beside it, which nobody can foresee; a device is written
-    to directly.  Return its path.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written; an existing file is then left as it was.
-    """
+    to directly.  Return its path.  One that cannot be written is refused, and left as it was."""
     named = path_of(path)
     try:
         target = named.resolve()  # a link stays a link

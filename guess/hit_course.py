@@ -14,17 +14,9 @@ from dmoc.program.layout import Layout
 
 
 def course_of(rates: Array, A: Array, mu: float, e: float) -> Course:
-    """The course of an impact (equation :eq:`poisson` of the theory).
-
-    Parameters
-    ----------
-    rates : array of shape (2,)
-        Rates of separation, negative where the bodies approach, and of sliding.
-    A : array of shape (2, 2)
-        What impulses along the normal and the tangent change them by.
-    mu, e : float
-        Coefficients of friction and of restitution.
-    """
+    """The course of an impact (:eq:`poisson`) from the rates of separation, negative where the
+    bodies approach, and of sliding (2,), and what impulses along normal and tangent change them by
+    (2, 2)."""
     n, sigma = min(float(rates[0]), 0.0), float(rates[1])
     holds = abs(A[0, 1]) <= mu * A[1, 1]
     s = int(np.sign(sigma)) or (1 if holds or A[0, 1] > 0 else -1)

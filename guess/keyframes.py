@@ -59,13 +59,8 @@ def is_given_by_name(guess: object) -> bool:
 
 
 def courses_of(problem: Problem, guess: Any) -> tuple[Courses, ...]:
-    """Read a guess by name.
-
-    Raises
-    ------
-    ProblemError
-        If a name is unknown, a value is no course, or the parts are not one for each phase.
-    """
+    """Read a guess by name; unknown names, what is no course, and parts that are not one for each
+    phase are refused."""
     if isinstance(guess, Mapping):
         courses = [_read(problem, guess, 0, problem.phases, "guess")]
     elif len(guess) == problem.phases:

@@ -113,13 +113,7 @@ WRITERS: dict[str, Callable[[Trajectory], str]] = {"csv": to_csv, "json": to_jso
 
 
 def written_as(ending: str) -> Callable[[Trajectory], str]:
-    """What writes files of an ending, as "csv".
-
-    Raises
-    ------
-    MotionError
-        If there is no such format.
-    """
+    """What writes files of an ending, as "csv"; an unknown one is refused."""
     if ending not in WRITERS:
         endings = " or ".join(f".{name}" for name in WRITERS)
         raise MotionError(

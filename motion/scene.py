@@ -72,19 +72,8 @@ class Scene:
 
 
 def resampled(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-    """Times and positions of a phase finely enough to be drawn: cubics between its nodes, with
-    the velocities there.
-
-    Parameters
-    ----------
-    t : array of shape (N + 1,)
-    q, v : arrays of shape (N + 1, nq)
-
-    Returns
-    -------
-    arrays of shape (n,) and (n, nq)
-        With the nodes among them, or some of the nodes if those are more than FINEST.
-    """
+    """Times (n,) and positions (n, nq) of a phase finely enough to be drawn: cubics between its
+    nodes, with the velocities there; or some of the nodes if those are more than FINEST."""
     if len(t) > FINEST + 1:
         chosen = np.linspace(0, len(t) - 1, FINEST + 1).round().astype(int)
         return t[chosen], q[chosen]

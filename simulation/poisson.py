@@ -51,18 +51,9 @@ class Impulses:
 
 
 def impulses(rates: Array, response: Array, mu: float, e: float) -> Impulses:
-    """The impulses of an impact.
-
-    Parameters
-    ----------
-    rates : array of shape (2,)
-        Rates (n, t) before the impact: of separation, negative where the bodies approach, and of
-        sliding.
-    response : array of shape (2, 2)
-        A, symmetric and positive definite.
-    mu, e : float
-        Coefficients of friction and of restitution, mu >= 0 and 0 <= e <= 1.
-    """
+    """The impulses of an impact from the rates before it, of separation, negative where the bodies
+    approach, and of sliding (2,), and the symmetric positive definite response A (2, 2); mu >= 0
+    and 0 <= e <= 1."""
     n, t = float(rates[0]), float(rates[1])
     if n >= 0:
         return Impulses(0.0, 0.0, (), ())

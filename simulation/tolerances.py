@@ -26,24 +26,14 @@ class Reach:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """What counts as zero at one state.
+    """What counts as zero at one state."""
 
-    Attributes
-    ----------
-    size : array of shape (2 nq,)
-        Of the rows (q | v) that are integrated.
-    gap, rate, bend, force : arrays of shape (nc,)
-        Of gaps, their rates, their second derivatives, and contact forces.
-    slide, skid, hold : arrays of shape (nt,)
-        Of sliding velocities, their rates, and friction forces.
-    """
-
-    size: Array
-    gap: Array
+    size: Array  # of the rows (q | v) that are integrated, (2 nq,)
+    gap: Array  # of gaps, their rates, their second derivatives, and contact forces, (nc,)
     rate: Array
     bend: Array
     force: Array
-    slide: Array
+    slide: Array  # of sliding velocities, their rates, and friction forces, (nt,)
     skid: Array
     hold: Array
 
