@@ -24,23 +24,14 @@ Pattern = tuple[NDArray[np.int32], NDArray[np.int32]]
 
 @dataclass(frozen=True, eq=False)
 class ElementData:
-    """n rows of a kernel.
-
-    Attributes
-    ----------
-    kernel : str
-    arguments : tuple of positions, shape (n, size) or (1, size)
-        Where each argument stands in the pool; one row, of consecutive positions, serves all n.
-    slots : tuple of positions, shape (n, size)
-        For each result, what its values are added to; -1 drops a value.
-    factors : tuple of arrays, shape (n, size)
-        What the values are multiplied by.
-    """
+    """n rows of a kernel."""
 
     kernel: str
+    # Where each argument stands in the pool, (n, size); one row of consecutive positions, (1, size),
+    # serves all n.
     arguments: tuple[Positions, ...]
-    slots: tuple[Positions, ...]
-    factors: tuple[Array, ...]
+    slots: tuple[Positions, ...]  # (n, size): what each result is added to; -1 drops a value
+    factors: tuple[Array, ...]  # (n, size): what the values are multiplied by
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,36 +47,19 @@ class PassData:
 
 @dataclass(frozen=True, eq=False)
 class ProgramData:
-    """Minimise f subject to c = 0, d >= 0, lower <= x <= upper.
+    """Minimise f subject to c = 0, d >= 0, lower <= x <= upper."""
 
-    Attributes
-    ----------
-    equalities : int
-        Number of rows c; the others of the m rows (c | d) are inequalities.
-    lower, upper : arrays, shape (n,)
-    unit : array, shape (n + m + 1,)
-        What x, y and sigma are multiplied by: the sizes of the unknowns, the inverse sizes of the
-        constraints and that of the cost.
-    pool : array
-        As it is before the first evaluation: zeros, and the parameters.
-    values : PassData
-        To (f | c | d).
-    slopes : PassData
-        To the gradient of f, dense, and the entries of d(c | d)/dx.
-    curvatures : PassData
-        To the entries of the upper triangle of the Hessian of sigma f + y . (c | d).
-    jacobian, hessian : pairs of integer arrays
-        Patterns of d(c | d)/dx and of the Hessian in CSR form: starts of the rows, columns.
-    """
-
-    equalities: int
-    lower: Array
+    equalities: int  # rows c; the others of the m rows (c | d) are inequalities
+    lower: Array  # (n,), as upper
     upper: Array
+    # What x, y and sigma are multiplied by (n + m + 1,): the sizes of the unknowns, the inverse
+    # sizes of the constraints and that of the cost.
     unit: Array
-    pool: Array
-    values: PassData
-    slopes: PassData
-    curvatures: PassData
+    pool: Array  # as it is before the first evaluation: zeros, and the parameters
+    values: PassData  # to (f | c | d)
+    slopes: PassData  # to the gradient of f, dense, and the entries of d(c | d)/dx
+    curvatures: PassData  # to the upper triangle of the Hessian of sigma f + y . (c | d)
+    # Patterns of d(c | d)/dx and of the Hessian in CSR form: starts of the rows, columns.
     jacobian: Pattern
     hessian: Pattern
 

@@ -18,25 +18,9 @@ from dmoc.mechanics.model import Model
 def averaged_accelerations(
     model: Model, q: Array, v: Array, q_c: Array, surface: int, bounds: Array
 ) -> tuple[Array, Array]:
-    """Return a = M^-1 F half-way between q and q_c at full input towards a surface, and da/dq
-    half-way.
-
-    Parameters
-    ----------
-    q, v, q_c : arrays of shape (nq,)
-        State at the start and position at the collision; the coefficients are taken at (q + q_c)/2
-        and v.
-    surface : int
-        Index of the surface.
-    bounds : array of shape (nu, 2)
-        Finite bounds of the inputs.
-
-    Returns
-    -------
-    a : array of shape (nq,)
-    a_D_s : array of shape (nq, 2 nq)
-        Derivative with respect to the averaged position and v.
-    """
+    """Return a = M^-1 F (nq,) half-way between the positions q at the start and q_c at the
+    collision, at full input within finite bounds (nu, 2) towards a surface, and its derivative (nq,
+    2 nq) with respect to the averaged position and v."""
     at = 0.5 * (q + q_c)
     inputs = model.input_matrix(at, v, bounds.mean(axis=1))
     gradient = model.gap_slopes(at)[surface, :-1]  # a surface with a minimal time stands still

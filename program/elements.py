@@ -41,52 +41,27 @@ MOST_KEPT = 8
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """What the structure of a program follows from.
-
-    Attributes
-    ----------
-    kernels : Kernels
-    parameters : int
-        Number of the model's parameters.
-    terms : sequence of Term
-    linear : Linear
-    n, m, equalities : int
-        Numbers of unknowns, of rows (c | d), and of rows c.
-    """
+    """What the structure of a program follows from."""
 
     kernels: Kernels
-    parameters: int
+    parameters: int  # their number
     terms: Sequence[Term]
     linear: Linear
-    n: int
+    n: int  # numbers of unknowns, of rows (c | d), and of rows c
     m: int
     equalities: int
 
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """The numbers of one problem.
+    """The numbers of one problem."""
 
-    Attributes
-    ----------
-    parameters : array, shape (npar,)
-    constants : array, shape (m,)
-        Constants of all rows.
-    lower, upper : arrays, shape (n,)
-        Bounds of the scaled unknowns.
-    unit : array, shape (n,)
-        Sizes of the unknowns.
-    row_unit : array, shape (m,)
-        Sizes of the constraints.
-    cost_unit : float
-    """
-
-    parameters: Array
-    constants: Array
-    lower: Array
+    parameters: Array  # (npar,)
+    constants: Array  # of all rows, (m,)
+    lower: Array  # bounds of the scaled unknowns, (n,)
     upper: Array
-    unit: Array
-    row_unit: Array
+    unit: Array  # sizes of the unknowns, (n,)
+    row_unit: Array  # of the constraints, (m,)
     cost_unit: float
 
 

@@ -16,17 +16,9 @@ if TYPE_CHECKING:
 
 
 class SparsePattern:
-    """A CSR pattern made of contributions (row, column), given in groups; a negative row stands for
-    none.
-
-    Attributes
-    ----------
-    slots : list of integer arrays
-        For each group, the entry that each contribution is added to, -1 for none; of the shape of
-        the group.
-    indptr, indices : arrays
-        The pattern in CSR form.
-    """
+    """A CSR pattern (``indptr``, ``indices``) made of contributions (row, column), given in groups;
+    a negative row stands for none. ``slots`` has for each group, in its shape, the entry that each
+    contribution is added to, -1 for none."""
 
     def __init__(self, shape: tuple[int, int], groups: Sequence[tuple[Index, Index]]) -> None:
         flat = [row.ravel() * shape[1] + column.ravel() for row, column in groups]
