@@ -27,7 +27,7 @@ class ElementData:
     """n rows of a kernel."""
 
     kernel: str
-    # Where each argument stands in the pool, (n, size); one row of consecutive positions, (1, size),
+    # Where each argument stands in the pool, (n, size); one row of consecutive positions (1, size)
     # serves all n.
     arguments: tuple[Positions, ...]
     slots: tuple[Positions, ...]  # (n, size): what each result is added to; -1 drops a value
