@@ -67,34 +67,15 @@ CASES += [
     {"lagrangian": value * x.diff(T) ** 2 / 2, "parameters": {}}
     for value in (1e-300, sp.Float("1e300"), HUGE, 0, -sp.I)
 ]
+NO_PARTS = (
+    CODE, None, 1, ENDLESS, x, Hostile(), [CODE], [None], [ENDLESS], [1], {CODE: 1}, {None: 1},
+    {ENDLESS: 1}, {u: CODE}, {1.5: x},
+)  # fmt: skip
+PARTS = "coordinates inputs parameters forces surfaces path_constraints units".split()
 CASES += [
     {field: value}
-    for field in (
-        "coordinates",
-        "inputs",
-        "parameters",
-        "forces",
-        "surfaces",
-        "path_constraints",
-        "units",
-    )
-    for value in (
-        CODE,
-        None,
-        1,
-        ENDLESS,
-        x,
-        Hostile(),
-        [CODE],
-        [None],
-        [ENDLESS],
-        [1],
-        {CODE: 1},
-        {None: 1},
-        {ENDLESS: 1},
-        {u: CODE},
-        {1.5: x},
-    )
+    for field in PARTS
+    for value in NO_PARTS
     if not (field in ("parameters", "units") and value == {u: CODE})
 ]
 CASES += [{"coordinates": {x}}, {"inputs": {u}}]
