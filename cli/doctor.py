@@ -15,7 +15,7 @@ from dmoc.cli.console import emit, out
 from dmoc.cli.shared_options import BAD_INPUT
 from dmoc.solving.methods import METHODS
 
-PACKAGES = ("numpy", "scipy", "sympy", "symengine", "cython")
+PACKAGES = ("numpy", "scipy", "sympy", "cython")
 
 
 class PartState(StrEnum):

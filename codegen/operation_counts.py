@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 
 from dmoc.codegen.printer import CPrinter, listing
+from dmoc.codegen.schedule import functions_of
 from dmoc.symbolic.spec import KernelSpec
 
 # Signs of operations; those of exponents, as in 1e-05, are none.
@@ -27,13 +28,15 @@ class Count:
 
 def count_of(spec: KernelSpec) -> Count:
     """Count the operations in the C code of a kernel, after shared values are found."""
-    code = listing(spec, CPrinter, "{name}[{i}]")
-    texts = [text for _, text in code.locals] + [t for _, values in code.outputs for t in values]
+    code = listing(spec, CPrinter, functions_of([spec]))
+    texts = [text.split("=", 1)[-1] for text in code.statements] + [
+        t for _, values in code.outputs for t in values
+    ]
     plain = [re.sub(r"\[[^]]*\]", "", text) for text in texts]
     return Count(
         spec.name,
         sum(o.size for o in spec.outputs),
-        len(code.locals),
+        len(code.statements),
         sum(len(_SIGNS.findall(text)) for text in plain),
         sum(len(_CALLS.findall(text)) for text in plain),
     )

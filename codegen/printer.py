@@ -1,183 +1,174 @@
-"""Expressions to text: shared subexpressions per kernel, then one formatting method per kind of
-node.
+"""Scheduled expressions to text: one formatting method per kind of node.
 
-The text does not depend on hash seeds, because the terms of sums and products are sorted by their
-text; numbers are printed with 17 significant digits.
+Numbers are printed with 17 significant digits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
-
-import symengine as se
+from typing import ClassVar
 
 from dmoc.base.errors import GenerationError
-from dmoc.symbolic.spec import KernelSpec
+from dmoc.codegen.schedule import Schedule, is_unit, schedule
+from dmoc.symbolic import graph
+from dmoc.symbolic.graph import Node
+from dmoc.symbolic.spec import FunctionSpec, Input, KernelSpec
 
 _SUM, _PRODUCT, _ATOM = 1, 2, 3  # how tightly a text binds
-CONDITIONS = ("StrictLessThan", "LessThan", "Equality", "Unequality", "And", "Or")
 
 
 @dataclass(frozen=True)
 class Listing:
-    """A kernel as straight-line code: local assignments, then one right-hand side per stored
-    output value."""
+    """A kernel as straight-line code: statements, then one right-hand side per stored output
+    value; the inputs that are read."""
 
-    locals: tuple[tuple[str, str], ...]
+    statements: tuple[str, ...]
     outputs: tuple[tuple[str, tuple[str, ...]], ...]
+    read: frozenset[str]
 
 
 class Printer:
-    """Prints expressions in one language; subclasses say how it writes calls and conditions."""
+    """Prints the nodes of a schedule in one language; subclasses say how it writes statements,
+    functions and conditions."""
 
     functions: ClassVar[Mapping[str, str]]
-    choice: ClassVar[str]  # of a value by a condition
+    conditional: ClassVar[str]  # a value by a condition
     words: ClassVar[Mapping[str, str]]  # between conditions
+    component: ClassVar[str]  # of an input
+    assignment: ClassVar[str]
+    call: ClassVar[tuple[str, ...]]  # of a function of its own
 
-    def __init__(self, names: Mapping[str, str]) -> None:
-        self._names = dict(names)
+    def __init__(self, plan: Schedule, names: Mapping[Node, str]) -> None:
+        self.plan, self.statements = plan, list[str]()
+        self._texts = {node: (name, _ATOM) for node, name in names.items()}
+        self._calls: dict[tuple[FunctionSpec, tuple[Node, ...]], str] = {}
+        self._terms: dict[Node, list[tuple[bool, str]]] = {}  # of sums without a name
+        self._values = 0
+        for node in plan.order:
+            if node not in self._texts:
+                self._texts[node] = self._kept(node)
 
-    def text(self, expression: Any) -> str:
-        return self._print(expression)[0]
+    @classmethod
+    def name_of(cls, argument: Input, i: int) -> str:
+        return cls.component.format(name=argument.name, i=i)
 
-    def call(self, function: str, *arguments: str) -> str:
-        return f"{self.functions[function]}({', '.join(arguments)})"
+    def text(self, node: Node) -> str:
+        return self._texts[node][0]
 
-    def integer_power(self, base: str, exponent: int) -> str:
-        """Small powers are functions that the templates define."""
-        return f"power{exponent}({base})"
+    def _kept(self, node: Node) -> tuple[str, int]:
+        """What stands for a node: a name where several read it, or its text."""
+        text, binds = self._print(node)
+        if self.plan.uses[node] < 2 and node not in self.plan.definitions:
+            return text, binds
+        if node.kind in (graph.NUMBER, graph.RESULT, graph.RELATION, graph.JUNCTION):
+            return text, binds
+        self._terms.pop(node, None)
+        name = node.value if node.kind == graph.SYMBOL else f"w{self._values}"
+        self._values += node.kind != graph.SYMBOL
+        self.statements.append(self.assignment.format(name=name, value=text))
+        return name, _ATOM
 
-    def conditional(self, branches: Sequence[tuple[str, str]], otherwise: str) -> str:
-        """Choose the value of the first (value, condition) that holds."""
-        for value, condition in reversed(branches):
-            otherwise = self.choice.format(value=value, condition=condition, otherwise=otherwise)
-        return otherwise
+    def _print(self, node: Node) -> tuple[str, int]:
+        if node.kind == graph.NUMBER:
+            return _number(node.value), _ATOM if node.value >= 0 else _SUM
+        if node.kind == graph.SYMBOL:
+            if node not in self.plan.definitions:
+                raise GenerationError(f"the symbol {node.value} is no input of the kernel.")
+            return self.text(self.plan.definitions[node]), _ATOM
+        if node.kind == graph.SUM:
+            return self._sum(node)
+        if node.kind == graph.PRODUCT:
+            return self._product(node)
+        if node.kind == graph.RESULT:
+            return self._result(node), _ATOM
+        texts = [self.text(part) for part in node.parts]
+        if node.kind == graph.CALL:
+            return f"{self.functions[node.value]}({', '.join(texts)})", _ATOM
+        if node.kind == graph.RELATION:
+            return f"({texts[0]} {node.value} {texts[1]})", _ATOM
+        if node.kind == graph.JUNCTION:
+            return f"({self.words[node.value].join(texts)})", _ATOM
+        otherwise = texts[-1]
+        for value, condition in list(zip(texts[:-1:2], texts[1::2], strict=True))[::-1]:
+            otherwise = self.conditional.format(
+                value=value, condition=condition, otherwise=otherwise
+            )
+        return otherwise, _ATOM
 
-    # One method per kind of node ------------------------------------------------------------------
-
-    def _print(self, e: Any) -> tuple[str, int]:
-        if e.is_Symbol:
-            try:
-                return self._names[str(e)], _ATOM
-            except KeyError:
-                raise GenerationError(f"the symbol {e} is no input of the kernel.") from None
-        if e.is_Number or e in (se.pi, se.E):
-            return self._number(e)
-        kind = type(e).__name__
-        if e.is_Add:
-            return self._add(e)
-        if e.is_Mul:
-            return self._mul(e)
-        if e.is_Pow:
-            return self._pow(e)
-        if kind == "Piecewise":
-            return self._piecewise(e)
-        if kind in self.functions:
-            return self.call(kind, *(self.text(a) for a in e.args)), _ATOM
-        raise GenerationError(
-            f"the expression {e} ({kind}) cannot be printed as {type(self).__name__[:-7]} code."
-        )
-
-    def _number(self, e: Any) -> tuple[str, int]:
-        value = float(e)
-        if value != value or value in (float("inf"), float("-inf")):
-            raise GenerationError(f"the constant {e} is not finite.")
-        text = f"{value:.17g}"
-        if not set(text) & set(".e"):
-            text += ".0"
-        return text, (_ATOM if value >= 0 else _SUM)
-
-    def _add(self, e: Any) -> tuple[str, int]:
-        terms = sorted((self._signed(a) for a in e.args), key=lambda t: (t[0], t[1]))
-        first, *rest = terms  # positive terms come first
-        text = ("-" if first[0] else "") + first[1]
-        for negative, term in rest:
-            text += (" - " if negative else " + ") + term
-        return text, _SUM
-
-    def _signed(self, e: Any) -> tuple[bool, str]:
-        """Split a term into its sign and the text of its magnitude."""
-        coefficient = (
-            e.args[0] if e.is_Mul and e.args[0].is_Number else (e if e.is_Number else None)
-        )
-        if coefficient is not None and float(coefficient) < 0:
-            return True, self._wrap(-e, _PRODUCT)
-        return False, self._wrap(e, _PRODUCT)
-
-    def _mul(self, e: Any) -> tuple[str, int]:
-        factors: list[str] = []
-        divisors: list[str] = []
-        number = ""
-        for a in e.args:
-            if a.is_Number:
-                if float(a) < 0:
-                    return f"-{self._wrap(-e, _PRODUCT)}", _SUM
-                number = self._number(a)[0]
-            elif a.is_Pow and a.args[1].is_Number and float(a.args[1]) < 0:
-                divisors.append(self._wrap(1 / a, _ATOM))
+    def _sum(self, node: Node) -> tuple[str, int]:
+        terms: list[tuple[bool, str]] = []  # whether negative, magnitude
+        if node.value:
+            terms.append((node.value < 0, _number(abs(node.value))))
+        for part, c in node.parts:
+            if abs(c) != 1:
+                terms.append((c < 0, f"{_number(abs(c))}*{self._wrap(part, _ATOM)}"))
+            elif part in self._terms:
+                terms += [((c < 0) != negative, text) for negative, text in self._terms[part]]
             else:
-                factors.append(self._wrap(a, _ATOM))
-        product = "*".join(([number] if number else []) + sorted(factors)) or "1.0"
-        if not divisors:
-            return product, _PRODUCT
-        below = "*".join(sorted(divisors))
-        return f"{product}/{below}" if len(divisors) == 1 else f"{product}/({below})", _PRODUCT
+                terms.append((c < 0, self._wrap(part, _PRODUCT)))
+        terms.sort(key=lambda term: term[0])  # positive terms come first
+        self._terms[node] = terms
+        text = "".join((" - " if negative else " + ") + term for negative, term in terms)
+        first = ("-" if terms[0][0] else "") + text[3:]
+        return first, _PRODUCT if len(terms) == 1 and not terms[0][0] else _SUM
 
-    def _pow(self, e: Any) -> tuple[str, int]:
-        base, exponent = e.args
-        if base == se.E:
-            return self.call("exp", self.text(exponent)), _ATOM
-        if exponent.is_Number and float(exponent) < 0:
-            return f"1.0/{self._wrap(1 / e, _ATOM)}", _PRODUCT
-        if exponent == se.Rational(1, 2):
-            return self.call("sqrt", self.text(base)), _ATOM
-        if exponent.is_Integer and int(exponent) <= 4:
-            return self.integer_power(self.text(base), int(exponent)), _ATOM
-        return self.call("pow", self.text(base), self.text(exponent)), _ATOM
+    def _product(self, node: Node) -> tuple[str, int]:
+        factors = self.plan.factors[node]
+        if is_unit(node):
+            (base,) = factors
+            if node.parts[0][1] == 0.5:
+                return f"{self.functions['sqrt']}({self.text(base)})", _ATOM
+            return f"1.0/{self._wrap(base, _ATOM)}", _PRODUCT
+        above = [f for f in factors if not self._divides(f)]
+        below = [self.plan.factors[f][0] for f in factors if self._divides(f)]
+        text = "*".join(self._wrap(f, _ATOM) for f in above) or "1.0"
+        if below:
+            divisor = "*".join(self._wrap(f, _ATOM) for f in below)
+            text += f"/{divisor}" if len(below) == 1 else f"/({divisor})"
+        return text, _PRODUCT
 
-    def _piecewise(self, e: Any) -> tuple[str, int]:
-        branches: list[tuple[str, str]] = []
-        for value, condition in zip(e.args[::2], e.args[1::2], strict=True):
-            kind = type(condition).__name__
-            if kind == "BooleanTrue":
-                return self.conditional(branches, self.text(value)), _ATOM
-            if kind != "BooleanFalse":
-                branches.append((self.text(value), self.condition(condition)))
-        raise GenerationError(
-            f"the Piecewise {e} has no value elsewhere: end it with (value, True)."
-        )
+    def _divides(self, factor: Node) -> bool:
+        """Whether it is the inverse of something, which nobody else needs."""
+        return is_unit(factor) and factor.parts[0][1] == -1 and self.plan.uses[factor] == 1
 
-    def condition(self, c: Any) -> str:
-        kind = type(c).__name__
-        signs = {"StrictLessThan": "<", "LessThan": "<=", "Equality": "==", "Unequality": "!="}
-        if kind in signs:
-            a, b = c.args
-            for flag, other in ((a, b), (b, a)):  # a shared condition x comes back as x == True
-                if type(flag).__name__ == "BooleanTrue":
-                    return self.text(other)
-            return f"({self.text(a)} {signs[kind]} {self.text(b)})"
-        if kind in ("And", "Or"):
-            return f"({self.words[kind].join(sorted(self.condition(a) for a in c.args))})"
-        raise GenerationError(f"the condition {c} ({kind}) cannot be printed.")
+    def _result(self, node: Node) -> str:
+        function, place = self.plan.functions[node]
+        key = function, node.parts
+        if key not in self._calls:
+            number = self._calls[key] = str(len(self._calls))
+            arguments = ", ".join(self.text(a) for a in node.parts)
+            self.statements += [
+                line.format(
+                    number=number, name=function.name, arguments=arguments, size=function.size,
+                    constants=f", {function.constants.name}" if function.constants.size else "",
+                )
+                for line in self.call
+            ]  # fmt: skip
+        return f"d{self._calls[key]}[{place}]"
 
-    def _wrap(self, e: Any, at_least: int) -> str:
-        text, binds = self._print(e)
+    def _wrap(self, node: Node, at_least: int) -> str:
+        text, binds = self._texts[node]
         return text if binds >= at_least else f"({text})"
 
 
 class CPrinter(Printer):
-    """C11 with <math.h>; the template defines the small integer powers."""
+    """C11 with <math.h>."""
 
     functions: ClassVar[Mapping[str, str]] = {
         n: n
         for n in "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh log exp sqrt "
         "pow".split()
     }
-
-    choice = "({condition} ? {value} : {otherwise})"
+    conditional = "({condition} ? {value} : {otherwise})"
     words: ClassVar[Mapping[str, str]] = {"And": " && ", "Or": " || "}
+    component = "{name}[{i}]"
+    assignment = "const double {name} = {value};"
+    call = (
+        "const double z{number}[] = {{{arguments}}};",
+        "double d{number}[{size}];",
+        "{name}(z{number}{constants}, d{number});",
+    )
 
 
 class NumPyPrinter(Printer):
@@ -188,53 +179,43 @@ class NumPyPrinter(Printer):
         **{n: f"np.arc{n[1:]}" for n in "asin acos atan atan2 asinh acosh atanh".split()},
         "pow": "np.power",
     }
-
-    choice = "np.where({condition}, {value}, {otherwise})"
+    conditional = "np.where({condition}, {value}, {otherwise})"
     words: ClassVar[Mapping[str, str]] = {"And": " & ", "Or": " | "}
+    component = "{name}[..., {i}]"
+    assignment = "{name} = {value}"
+    call = ("d{number} = {name}([{arguments}]{constants})",)
 
 
-def listing(spec: KernelSpec, printer: type[Printer], component: str) -> Listing:
-    """Print a kernel: definitions, shared subexpressions as ``w0, w1, ...``, outputs; nothing that
-    no output needs.
+class ArgumentPrinter(NumPyPrinter):
+    """The same for a function that is called with a list of columns."""
 
-    ``component`` is the format of an input component, for instance ``"{name}[{i}]"``.
-    """
+    @classmethod
+    def name_of(cls, argument: Input, i: int) -> str:
+        return f"z[{i}]" if argument.name == "z" else super().name_of(argument, i)
+
+
+def listing(
+    spec: KernelSpec, printer: type[Printer], functions: Iterable[FunctionSpec] = ()
+) -> Listing:
+    """Print a kernel: values that several others need as ``w0, w1, ...``, outputs; nothing that
+    no output needs."""
+    wanted = [e for output in spec.outputs for e in output.expressions]
+    plan = schedule(wanted, dict(spec.definitions), functions)
     names = {
-        str(s): component.format(name=argument.name, i=i)
+        s: printer.name_of(argument, i)
         for argument in spec.inputs
         for i, s in enumerate(argument.symbols)
     }
-    wanted = [e for output in spec.outputs for e in output.expressions]
-    shared, reduced = se.cse(wanted) if wanted else ([], [])
-    defined = {symbol for symbol, _ in spec.definitions}
-    assignments: list[tuple[str, str]] = []
-    temporaries = 0
-    for symbol, expression in _needed([*spec.definitions, *shared], reduced):
-        write = printer(names)
-        if type(expression).__name__ in CONDITIONS:  # a condition has no local of its own
-            names[str(symbol)] = write.condition(expression)
-            continue
-        text = write.text(expression)
-        if symbol in defined:
-            names[str(symbol)] = str(symbol)
-        else:
-            names[str(symbol)] = f"w{temporaries}"
-            temporaries += 1
-        assignments.append((names[str(symbol)], text))
-    write = printer(names)
-    values = iter(reduced)
+    code = printer(plan, names)
+    values = iter(plan.results)
     outputs = tuple(
-        (o.name, tuple(write.text(next(values)) for _ in o.expressions)) for o in spec.outputs
+        (o.name, tuple(code.text(next(values)) for _ in o.expressions)) for o in spec.outputs
     )
-    return Listing(tuple(assignments), outputs)
+    read = frozenset(a.name for a in spec.inputs if any(s in plan.uses for s in a.symbols))
+    read |= {f.constants.name for f, _ in plan.functions.values() if f.constants.size}
+    return Listing(tuple(code.statements), outputs, read)
 
 
-def _needed(steps: Sequence[tuple[Any, Any]], results: Sequence[Any]) -> list[tuple[Any, Any]]:
-    """The assignments that results depend on: terms that cancel leave others behind."""
-    live = set().union(set(), *(e.free_symbols for e in results))
-    needed = []
-    for symbol, expression in reversed(steps):
-        if symbol in live:
-            live |= expression.free_symbols
-            needed.append((symbol, expression))
-    return needed[::-1]
+def _number(value: float) -> str:
+    text = f"{value:.17g}"
+    return text if set(text) & set(".e") else text + ".0"

@@ -4,28 +4,25 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
+from collections.abc import Sequence
 from importlib import resources
 from typing import Any
 
 import jinja2
 
-from dmoc.codegen.printer import CPrinter, NumPyPrinter, listing
-from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
-
-POWERS = ("power2", "power3", "power4")
+from dmoc.codegen.printer import ArgumentPrinter, CPrinter, Listing, NumPyPrinter, listing
+from dmoc.codegen.schedule import functions_of
+from dmoc.symbolic.spec import FunctionSpec, Input, KernelSpec, ModelSpec, Output
 
 
 def c_files(model: ModelSpec) -> dict[str, str]:
     """Return the C and Cython sources of a model and its manifest, as ``{file name: text}``."""
-    kernels = [_c_kernel(k) for k in model.kernels]
-    used = "\n".join(value for k in kernels for _, value in k["locals"] + k["assignments"])
-    powers = [f for f in POWERS if f"{f}(" in used or (f == "power2" and "power4(" in used)]
+    functions = functions_of(model.kernels)
     facts: dict[str, Any] = {
         "name": model.name,
-        "kernels": kernels,
+        "functions": [_c_kernel(f.kernel, ()) for f in functions],
+        "kernels": [_c_kernel(k, functions) for k in model.kernels],
         "legend": _legend(model),
-        "powers": powers,
     }
     return _files(model, facts, _digest(_files(model, facts, "")))
 
@@ -45,9 +42,13 @@ def _digest(files: dict[str, str]) -> str:
 
 def numpy_text(model: ModelSpec) -> str:
     """Return a NumPy module with the same functions as the compiled one."""
-    return _render(
-        "numpy.py", {"name": model.name, "kernels": [_numpy_kernel(k) for k in model.kernels]}
-    )
+    functions = functions_of(model.kernels)
+    facts = {
+        "name": model.name,
+        "functions": [_numpy_function(f) for f in functions],
+        "kernels": [_numpy_kernel(k, functions) for k in model.kernels],
+    }
+    return _render("numpy.py", facts)
 
 
 def manifest(model: ModelSpec) -> dict[str, Any]:
@@ -96,46 +97,44 @@ def _arrays(spec: KernelSpec) -> list[Input | Output]:
     return [*spec.inputs, *spec.outputs]
 
 
-def _common(spec: KernelSpec) -> dict[str, Any]:
+def _common(spec: KernelSpec, code: Listing, place: str) -> dict[str, Any]:
     return {
         "name": spec.name,
         "summary": spec.summary,
         "names": [a.name for a in _arrays(spec)],
         "inputs": [{"name": a.name, "size": a.size} for a in spec.inputs],
         "outputs": [{"name": o.name, "size": o.size, "layout": _layout(o)} for o in spec.outputs],
+        "statements": code.statements,
+        "assignments": [
+            (place.format(name=name, i=i), v)
+            for name, values in code.outputs
+            for i, v in enumerate(values)
+        ],
     }
 
 
-def _c_kernel(spec: KernelSpec) -> dict[str, Any]:
-    code = listing(spec, CPrinter, "{name}[{i}]")
-    texts = [value for _, value in code.locals] + [v for _, values in code.outputs for v in values]
-    read = {name for text in texts for name in re.findall(r"(\w+)\[", text)}
-    unused = [a.name for a in spec.inputs if a.name not in read]
+def _c_kernel(spec: KernelSpec, functions: Sequence[FunctionSpec]) -> dict[str, Any]:
+    code = listing(spec, CPrinter, functions)
+    unused = [a.name for a in spec.inputs if a.name not in code.read]
     unused += [name for name, values in code.outputs if not values]
     pointers = [f"const double *restrict {a.name}" for a in spec.inputs]
     pointers += [f"double *restrict {o.name}" for o in spec.outputs]
     arguments = [f"in[{i}] + i*stride[{i}]" for i in range(len(spec.inputs))]
     arguments += [f"out[{i}] + i*{o.size}" for i, o in enumerate(spec.outputs)]
-    return _common(spec) | {
+    return _common(spec, code, "{name}[{i}]") | {
         "signature": ", ".join(pointers),
         "arguments": ", ".join(arguments),
         "arrays": ", ".join(f'{{"{a.name}", {a.size}}}' for a in _arrays(spec)),
         "unused": unused,
-        "locals": list(code.locals),
-        "assignments": [
-            (f"{name}[{i}]", v) for name, values in code.outputs for i, v in enumerate(values)
-        ],
     }
 
 
-def _numpy_kernel(spec: KernelSpec) -> dict[str, Any]:
-    code = listing(spec, NumPyPrinter, "{name}[..., {i}]")
-    return _common(spec) | {
-        "locals": list(code.locals),
-        "assignments": [
-            (f"{name}[..., {i}]", v) for name, values in code.outputs for i, v in enumerate(values)
-        ],
-    }
+def _numpy_kernel(spec: KernelSpec, functions: Sequence[FunctionSpec]) -> dict[str, Any]:
+    return _common(spec, listing(spec, NumPyPrinter, functions), "{name}[..., {i}]")
+
+
+def _numpy_function(function: FunctionSpec) -> dict[str, Any]:
+    return _common(function.kernel, listing(function.kernel, ArgumentPrinter), "")
 
 
 def _layout(output: Output) -> str:

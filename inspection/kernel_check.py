@@ -9,7 +9,7 @@ random directions.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -76,7 +76,7 @@ def _families(system: MechanicalSystem, kernels: Kernels, values: Array) -> dict
     """What the kernels compute; those of steps have hidden unknowns in the place of kinks."""
     f, unknowns = readable(system), split(system).unknowns
     smooth = f.smooth(system, [sp.Dummy(real=True) for _ in unknowns])
-    kinks = f.with_rows(system, [kink for _, kink in unknowns])
+    kinks = replace(f, r=tuple(f.rewritten(system, [kink for _, kink in unknowns])))
     plain, of_steps, hidden = (_Definitions(g, kernels, values) for g in (f, smooth, kinks))
     families = plain.families | {name: of_steps.families[name] for name in OF_STEPS}
     return families | {"hidden": lambda x: {"s": hidden.r(x)}}
@@ -190,6 +190,7 @@ class _Definitions:
             "path_node": lambda x: {"r_k": self.r(self._node(x))},
             "path_ends": lambda x: {"r_e": [r for y in self._ends(x) for r in self.r(y)]},
             "dynamics": self._dynamics,
+            "residual": self._residual,
             "momentum": lambda x: {"p": self._momenta(state(x))},
             "energy": lambda x: {"E": [self._energy(state(x))]},
             "input_matrix": lambda x: {
@@ -265,6 +266,14 @@ class _Definitions:
         slopes = [self._slopes(self.L, y, i)[0] for i in range(n)]
         force = [a - b + c for a, b, c in zip(slopes, along, self.Q(y), strict=True)]
         return {"M": [mass[j][i] for i in range(n) for j in range(n)], "F": force}
+
+    def _residual(self, x: Vector) -> dict[str, Vector]:
+        """F - M a at x = (q, v, u, t, a)."""
+        y, a = x[: -self.nq], x[-self.nq :]
+        parts = self._dynamics(y)
+        rows = [parts["M"][i : i + self.nq] for i in range(0, self.nq**2, self.nq)]
+        moved = [mp.fdot(row, a) for row in rows]
+        return {"R": [f - g for f, g in zip(parts["F"], moved, strict=True)]}
 
     # Steps ----------------------------------------------------------------------------------------
 

@@ -14,8 +14,7 @@ from dmoc.mechanics.contacts import Contacts
 
 # Matrix outputs that are read here, and their kernels.
 MATRICES = {
-    "M_D": "dynamics_jac",
-    "F_D": "dynamics_jac",
+    "R_D": "residual_jac",
     "g_D": "surface_jac",
     "gamma_D": "gap_rate_jac",
     "tau_D": "tangent_jac",

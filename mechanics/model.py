@@ -90,16 +90,14 @@ class Model(BoundKernels):
         return solved(M, impulses) if B.ndim == q.ndim else columns(M, impulses)
 
     def equations_slopes(
-        self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
-    ) -> tuple[Array, Array]:
-        """Derivatives of M and F with respect to (q, v), shapes (..., nq, nq, 2 nq), (..., nq, 2
+        self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0,
+        *, a: Array,
+    ) -> Array:  # fmt: skip
+        """Derivatives of F - M a at accelerations a with respect to (q, v), shape (..., nq, 2
         nq)."""
-        M, F = self._at("dynamics_jac", q, self._state(v), self._input(u), as_column(t))
-        state = slice(2 * self.nq)  # the derivatives with respect to u and t follow
-        forces = self._full("F_D", F)[..., state]
-        return self._full("M_D", M)[..., state].reshape(
-            *forces.shape[:-1], *forces.shape[-2:]
-        ), forces
+        time = as_column(t)
+        (R,) = self._at("residual_jac", q, self._state(v), self._input(u), time, as_rows(a))
+        return self._full("R_D", R)[..., : 2 * self.nq]
 
     def input_matrix(
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0

@@ -28,9 +28,7 @@ def averaged_accelerations(
     full = np.where(push > 0, bounds[:, 1], bounds[:, 0])
     mass, force = model.equations(at, v, full)
     a = solved(mass, force)
-    M_D_s, F_D_s = model.equations_slopes(at, v, full)
-    change = F_D_s - np.einsum("ijs,j->is", M_D_s, a)
-    return a, solved(mass, change)
+    return a, solved(mass, model.equations_slopes(at, v, full, a=a))
 
 
 def minimal_time(

@@ -13,10 +13,10 @@ cdef class Dynamics:
     cdef object kernels
     cdef bint ready  # for joints, and modes with contacts or friction
     cdef ptrdiff_t nq, nu, nc, nt, nj, capacity
-    cdef Rows dynamics, force, dynamics_jac, surface, tangent, gap_rate, slide_rate
+    cdef Rows dynamics, force, residual_jac, surface, tangent, gap_rate, slide_rate
     cdef Rows gap_rate_jac, slide_rate_jac, joint, joint_rate, joint_rate_jac
-    cdef double[::1] par, at, rates, u, t, mass, f, Q, power, M_D, F_D, G
-    cdef ptrdiff_t[::1] pivot, M_row, M_column, F_row, F_column
+    cdef double[::1] par, at, rates, u, t, mass, f, Q, power, R_D, G
+    cdef ptrdiff_t[::1] pivot, pivots, R_row, R_column
     # Conditions of the mode, those of closed contacts, of what sticks and of joints: their number,
     # their gradients C and the directions B of their pushes at one state, what sliding tangents
     # push by, and the places of surfaces and tangents; joints are the last.
@@ -36,16 +36,15 @@ cdef class Dynamics:
         compiled = kernels.backend == "compiled"
         self.capacity = rows = SIDE_BY_SIDE if compiled else SIDE_BY_SIDE_NUMPY
         self.dynamics, self.force = Rows(kernels, "dynamics"), Rows(kernels, "force")
-        self.dynamics_jac = Rows(kernels, "dynamics_jac")
-        self.M_row, self.M_column = map(np.array, kernels.pattern("dynamics_jac", "M_D"))
-        self.F_row, self.F_column = map(np.array, kernels.pattern("dynamics_jac", "F_D"))
+        self.residual_jac = Rows(kernels, "residual_jac")
+        self.R_row, self.R_column = map(np.array, kernels.pattern("residual_jac", "R_D"))
         self.at, self.rates = _space(rows * 2 * nq), _space(rows * 2 * nq)
         self.u, self.t, self.power = _space(rows * self.nu), _space(rows), _space(rows)
         self.mass, self.f, self.Q = _space(rows * nq * nq), _space(rows * nq), _space(rows * nq)
-        self.M_D = _space(rows * self.M_row.shape[0])
-        self.F_D = _space(rows * self.F_row.shape[0])
+        self.R_D = _space(rows * self.R_row.shape[0])
         self.G = _space(2 * nq * nq)
         self.pivot, self.holds = np.zeros(nq, dtype=np.intp), np.zeros(rows, dtype=np.intp)
+        self.pivots = np.zeros(rows * nq, dtype=np.intp)  # of all rows
         self.kernels, self.nt, self.nj = kernels, len(kernels.tangents), len(kernels.joints)
         if self.nc:
             self.surface = Rows(kernels, "surface")
@@ -143,9 +142,6 @@ cdef class Dynamics:
         if width == 2 * nq + 1:
             results[0], results[1] = &self.Q[0], &self.power[0]
             self.force.run(n, args, stride, results)
-        elif width > 2 * nq:
-            results[0], results[1] = &self.M_D[0], &self.F_D[0]
-            self.dynamics_jac.run(n, args, stride, results)
         if not free:
             self.gradients(n, width, y)
         for i in range(n):
@@ -168,27 +164,29 @@ cdef class Dynamics:
                 if not free:
                     rate[2 * nq] += self.contact_power(i, state + nq)
             elif width > 2 * nq:
-                self.carry(i, M, rate + nq, state + 2 * nq, rate + 2 * nq)
+                for j in range(nq):
+                    self.pivots[i * nq + j] = self.pivot[j]
+        if width > 2 * nq + 1:
+            args[4], args[5] = out + nq, &self.par[0]
+            stride[4], stride[5] = width, 0
+            results[0] = &self.R_D[0]
+            self.residual_jac.run(n, args, stride, results)
+            for i in range(n):
+                state, rate = y + i * width, out + i * width
+                if rate[nq] == rate[nq]:
+                    self.carry(i, state + 2 * nq, rate + 2 * nq)
         return 0
 
-    cdef void carry(
-        self, ptrdiff_t i, const double *LU, const double *a, const double *X, double *X_dot
-    ) noexcept nogil:
-        """X' = J X with the factors of M, the acceleration a and the derivatives of row i."""
+    cdef void carry(self, ptrdiff_t i, const double *X, double *X_dot) noexcept nogil:
+        """X' = J X of row i, whose M is factored."""
         cdef ptrdiff_t nq = self.nq, m = 2 * self.nq, e, r, c, k
         cdef double *G = &self.G[0]
         for e in range(nq * m):
             G[e] = 0.0
-        for e in range(self.F_row.shape[0]):
-            if self.F_column[e] < m:
-                G[self.F_row[e] * m + self.F_column[e]] += self.F_D[i * self.F_row.shape[0] + e]
-        for e in range(self.M_row.shape[0]):
-            if self.M_column[e] < m:
-                r = self.M_row[e]  # of the entry (r // nq, r % nq) of M
-                G[(r // nq) * m + self.M_column[e]] -= (
-                    self.M_D[i * self.M_row.shape[0] + e] * a[r % nq]
-                )
-        solve(LU, &self.pivot[0], G, nq, nq, m)
+        for e in range(self.R_row.shape[0]):
+            if self.R_column[e] < m:
+                G[self.R_row[e] * m + self.R_column[e]] = self.R_D[i * self.R_row.shape[0] + e]
+        solve(&self.mass[i * nq * nq], &self.pivots[i * nq], G, nq, nq, m)
         for e in range(nq * m):
             X_dot[e] = X[nq * m + e]
         for r in range(nq):

@@ -1,2 +1,2 @@
-"""From a Lagrangian to kernel specifications, with SymPy to model and inspect and SymEngine to
-differentiate."""
+"""From a Lagrangian to kernel specifications: SymPy to model and to inspect, a graph of expressions
+to differentiate."""

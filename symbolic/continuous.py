@@ -2,27 +2,26 @@
 of the kernels.
 
 The functions below use nothing but arithmetic and ``.diff``; they work on SymPy expressions, which
-people read, and on SymEngine expressions, which become kernels.
+people read, and on nodes of a graph, which become kernels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import symengine as se
 import sympy as sp
-from sympy.functions.elementary.piecewise import ExprCondPair
-from sympy.logic.boolalg import Boolean
 from sympy.physics.mechanics import dynamicsymbols
 
-from dmoc.base.errors import GenerationError
 from dmoc.base.names import name_of, velocity_name
+from dmoc.symbolic.conversion import to_nodes
 from dmoc.symbolic.drawing import values_of
+from dmoc.symbolic.graph import Graph, Node, gradient
 from dmoc.symbolic.kinks import split
-from dmoc.symbolic.spec import FUNCTIONS
-from dmoc.symbolic.system import MechanicalSystem
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.system import MechanicalSystem
 
 
 @dataclass(frozen=True)
@@ -96,37 +95,37 @@ class Continuous:
             r=tuple(r.xreplace(table) for _, r in parts.rows),
         )
 
-    def with_rows(self, system: MechanicalSystem, functions: Sequence[Any]) -> Continuous:
-        """The same system with other functions as path constraints."""
+    def rewritten(self, system: MechanicalSystem, functions: Sequence[Any]) -> list[Any]:
+        """More functions of the system in these symbols."""
         table = _table(system, self.q, self.v, self.u, self.t, self.par)
-        return replace(self, r=tuple(e.xreplace(table) for e in functions))
+        return [e.xreplace(table) for e in functions]
 
-    def to_symengine(self) -> Continuous:
-        """Return the same functions as SymEngine expressions."""
+    def as_nodes(self, functions: Sequence[Any], graph: Graph) -> list[Node]:
+        """More functions in these symbols as nodes."""
+        symbols = (*self.q, *self.v, *self.u, self.t, *self.par)
+        return to_nodes(graph, functions, {s: graph.symbol(s.name) for s in symbols})
 
-        def convert(expression: Any) -> Any:
-            return se.sympify(_elementary(expression))
+    def to_nodes(self, graph: Graph) -> Continuous:
+        """The same functions as nodes of a graph, whose symbols have the same names."""
+        functions = [e for name in FUNCTIONS for e in _listed(getattr(self, name))]
+        nodes = iter(self.as_nodes(functions, graph))
 
-        def each(values: Sequence[Any]) -> tuple[Any, ...]:
-            return tuple(convert(value) for value in values)
+        def each(values: Any) -> Any:
+            return tuple(next(nodes) for _ in values) if isinstance(values, tuple) else next(nodes)
 
-        return Continuous(
-            each(self.q),
-            each(self.v),
-            each(self.u),
-            convert(self.t),
-            each(self.par),
-            convert(self.L),
-            each(self.Q),
-            convert(self.C),
-            convert(self.Phi),
-            each(self.g),
-            each(self.r),
-            each(self.tau),
-            each(self.mu),
-            each(self.phi),
-            each(self.looks),
+        q, v, u, par = (
+            tuple(graph.symbol(s.name) for s in part) for part in (self.q, self.v, self.u, self.par)
         )
+        made = {name: each(getattr(self, name)) for name in FUNCTIONS}
+        return Continuous(q, v, u, graph.symbol(self.t.name), par, **made)
+
+
+# The functions of a Continuous, which are one expression or several.
+FUNCTIONS = ("L", "Q", "C", "Phi", "g", "r", "tau", "mu", "phi", "looks")
+
+
+def _listed(value: Any) -> tuple[Any, ...]:
+    return value if isinstance(value, tuple) else (value,)
 
 
 def _table(
@@ -155,45 +154,20 @@ def readable(system: MechanicalSystem) -> Continuous:
     )
 
 
-def _elementary(expression: Any) -> Any:
-    """Write functions with a kink as Piecewise, which can be differentiated, and refuse what no
-    printer knows."""
-    kinks = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside)
-    if expression.has(*kinks):
-        expression = sp.piecewise_fold(
-            expression.replace(lambda e: isinstance(e, kinks), lambda e: e.rewrite(sp.Piecewise))
-        )
-    for node in sp.preorder_traversal(expression):
-        if not _is_printable(node):
-            raise GenerationError(
-                f"{sp.sstr(node)} cannot be turned into C: use +, -, *, /, powers, Abs, sign, Min, "
-                "Max, Piecewise and "
-                f"{', '.join(sorted(FUNCTIONS))}, exp, sqrt."
-            )
-    return expression
-
-
-def _is_printable(node: Any) -> bool:
-    if isinstance(
-        node,
-        (sp.Add, sp.Mul, sp.Pow, sp.Symbol, sp.exp, sp.Piecewise, Boolean, sp.Rational, sp.Float),
-    ):
-        return not isinstance(node, (sp.Not, sp.Xor, sp.ITE))
-    if isinstance(node, ExprCondPair) or node in (sp.pi, sp.E):
-        return True
-    return isinstance(node, sp.Function) and type(node).__name__ in FUNCTIONS
-
-
-def gradient(expression: Any, symbols: Sequence[Any]) -> list[Any]:
-    return [expression.diff(s) for s in symbols]
-
-
 def jacobian(expressions: Sequence[Any], symbols: Sequence[Any]) -> list[list[Any]]:
     return [gradient(e, symbols) for e in expressions]
 
 
 def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    return sum((x * y for x, y in zip(a, b, strict=True)), start=0 * (a[0] if a else 0))
+    return total(x * y for x, y in zip(a, b, strict=True))
+
+
+def total(terms: Iterable[Any]) -> Any:
+    """The sum of nodes, or of expressions of SymPy."""
+    terms = list(terms)
+    if terms and isinstance(terms[0], Node):
+        return terms[0].graph.sum((term, 1.0) for term in terms)
+    return sum(terms)
 
 
 def momenta(f: Continuous) -> list[Any]:
@@ -238,9 +212,7 @@ def impact_work(f: Continuous, lam: Sequence[Any]) -> tuple[Any, Any]:
     -lam (gamma + e gamma-)/2: Newton's law as the mean of the balance of energy (e = 1) and of the
     plastic impact (e = 0), with a simple root for every e.
     """
-    moving = [s * g.diff(f.t) for s, g in zip(lam, f.g, strict=True)]
-    rates = [s * w for s, w in zip(lam, gap_rates(f), strict=True)]
-    return sum(moving[1:], start=moving[0]), sum(rates[1:], start=rates[0])
+    return dot(lam, [g.diff(f.t) for g in f.g]), dot(lam, gap_rates(f))
 
 
 def input_matrix(f: Continuous) -> list[list[Any]]:

@@ -30,7 +30,8 @@ from typing import Any
 import sympy as sp
 
 from dmoc.base.discretisation import DISCRETISATIONS, known_order
-from dmoc.symbolic.continuous import Continuous, dot
+from dmoc.symbolic.continuous import Continuous, dot, total
+from dmoc.symbolic.graph import gradient
 
 
 @dataclass(frozen=True)
@@ -105,28 +106,41 @@ class StepElement:
             values.append((f.t, self.t_k + p.c * self.h))
         return tuple(values)
 
+    @property
+    def symbols(self) -> tuple[Any, ...]:
+        """What expressions contain: positions, velocities and times of the points, inputs, h."""
+        states = (s for p in self.points for s in (*p.start.q, *p.start.v, p.start.t))
+        return (*states, *self.u_k, *self.u_kp1, self.h)
+
     def D(self, expression: Any, i: int) -> Any:
-        """Total derivative of an expression in the symbols of the points, u_k, u_kp1 and h with
-        respect to ``x_k[i]``."""
+        """Total derivative of an expression in :attr:`symbols` with respect to ``x_k[i]``."""
+        return self._total(expression.diff, i)
+
+    def chain(self, partial: Callable[[Sequence[Any]], list[Any]]) -> list[Any]:
+        """Total derivatives with respect to all of x_k from the partial ones by
+        :attr:`symbols`."""
+        by = dict(zip(self.symbols, partial(self.symbols), strict=True))
+        return [self._total(by.__getitem__, i) for i in range(len(self.x_k))]
+
+    def _total(self, by: Callable[[Any], Any], i: int) -> Any:
         node, j = self._node(i)
         if node is not None:
-            parts = [
-                p.phi[node] * expression.diff(p.start.q[j])
-                + p.slope[node] * expression.diff(p.start.v[j]) / self.h
+            return total(
+                part
                 for p in self.points
-            ]
-            return sum(parts[1:], start=parts[0])
-        total = expression.diff(self.x_k[i])
-        if i == self.at_h:
-            for p in self.points:
-                total = total + p.c * expression.diff(p.start.t)
-                total = total - sum(
-                    (v / self.h * expression.diff(v) for v in p.start.v), start=0 * self.h
+                for part in (
+                    p.phi[node] * by(p.start.q[j]),
+                    p.slope[node] * by(p.start.v[j]) / self.h,
                 )
-        elif i == self.at_h + 1:
-            for p in self.points:
-                total = total + expression.diff(p.start.t)
-        return total
+            )
+        if i < self.at_h:
+            return by(self.x_k[i])
+        times = [by(p.start.t) for p in self.points]
+        if i > self.at_h:
+            return total(times)
+        moved = [p.c * slope for p, slope in zip(self.points, times, strict=True)]
+        slowed = [v * by(v) / self.h for p in self.points for v in p.start.v]
+        return total([by(self.h), *moved]) - total(slowed)
 
     def _node(self, i: int) -> tuple[int | None, int]:
         """Node and coordinate that ``x_k[i]`` is; no node for inputs, h and t_k."""
@@ -150,12 +164,16 @@ class StepElement:
 
     def _sum(self, value: Callable[[QuadraturePoint], Any]) -> Any:
         """h sum_i b_i value_i."""
-        parts = [self.h * p.b * value(p) for p in self.points]
-        return sum(parts[1:], start=parts[0])
+        return total(self.h * p.b * value(p) for p in self.points)
 
     @cached_property
     def L_d(self) -> Any:
         return self._sum(lambda p: p.start.L)
+
+    @cached_property
+    def _slopes(self) -> list[Any]:
+        """Total derivatives of L_d."""
+        return self.chain(lambda symbols: gradient(self.L_d, symbols))
 
     def _force(self, node: int, side: Callable[[QuadraturePoint], Continuous]) -> list[Any]:
         def component(j: int) -> Any:
@@ -174,7 +192,7 @@ class StepElement:
     def _momentum(self, node: int, force: list[Any]) -> list[Any]:
         n = len(self.q_k)
         first = node * n if node < 2 else self.at_h + 2 + (node - 2) * n
-        return [self.D(self.L_d, first + j) + f for j, f in enumerate(force)]
+        return [self._slopes[first + j] + f for j, f in enumerate(force)]
 
     @cached_property
     def r_minus(self) -> list[Any]:
@@ -194,11 +212,11 @@ class StepElement:
 
     @cached_property
     def e_plus(self) -> Any:
-        return self.D(self.L_d, self.at_h) - self._sum(lambda p: p.c * dot(p.end.Q, p.end.v))
+        return self._slopes[self.at_h] - self._sum(lambda p: p.c * dot(p.end.Q, p.end.v))
 
     @cached_property
     def e_minus(self) -> Any:
-        at_fixed_end = self.D(self.L_d, self.at_h) - self.D(self.L_d, self.at_h + 1)
+        at_fixed_end = self._slopes[self.at_h] - self._slopes[self.at_h + 1]
         return at_fixed_end + self._sum(lambda p: (1 - p.c) * dot(p.start.Q, p.start.v))
 
     @cached_property
@@ -263,6 +281,11 @@ def _point(
     return QuadraturePoint(exact(c), exact(b), phi, slope, start, end)
 
 
+def exact(number: Any) -> float:
+    """An exact number as a float, for graphs."""
+    return float(number)
+
+
 def quadrature(degree: int) -> tuple[list[Any], list[Any]]:
     """Exact Gauss points and weights on [0, 1], as many as the degree."""
     x = sp.Symbol("x")
@@ -314,5 +337,5 @@ def _substituted(f: Continuous, table: dict[Any, Any]) -> Continuous:
     def each(values: Sequence[Any]) -> tuple[Any, ...]:
         return tuple(v.subs(table) if table else v for v in values)
 
-    L, C = each((f.L, f.C))
+    (L, C) = each((f.L, f.C))
     return replace(f, L=L, Q=each(f.Q), C=C, r=each(f.r))

@@ -8,10 +8,10 @@ before the parameters, ``hess`` an upper triangle of second derivatives of a wei
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
-import symengine as se
 import sympy as sp
 
 from dmoc.base.discretisation import known_order
@@ -21,24 +21,27 @@ from dmoc.symbolic.continuous import (
     dot,
     energy,
     gap_rates,
-    gradient,
     impact_work,
     input_matrix,
     mass_matrix,
     momenta,
     rates,
     right_hand_side,
+    total,
 )
-from dmoc.symbolic.discrete import StepElement, step_element
+from dmoc.symbolic.discrete import StepElement, exact, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
 from dmoc.symbolic.expressions import atoms_of
-from dmoc.symbolic.kernel_family import family
+from dmoc.symbolic.graph import Graph, Node, Scalar, gradient, reverse
+from dmoc.symbolic.kernel_family import contracted, family
 from dmoc.symbolic.kinks import split
-from dmoc.symbolic.path_constraints import path_kernels, path_limits, path_rows
+from dmoc.symbolic.path_constraints import path_kernels, path_limits, path_rows, terms_of
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
+from dmoc.symbolic.traversal import operations
 
-FORMAT = 11  # of the facts and the kernel list
+FORMAT = 12  # of the facts and the kernel list
+LARGE = 600  # operations of the second derivatives of a Lagrangian
 EQUATIONS = 6  # of what the kernels compute: solutions of other equations are refused
 
 
@@ -57,13 +60,16 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     plain = Continuous.of(
         system, symbols("q", nq), symbols("v", nq), u[:nu], t, symbols("par", npar)
     )
-    f, smooth = plain.to_symengine(), plain.smooth(system, u[nu:]).to_symengine()
-    e = step_element(smooth, order, se.Symbol, se.sympify)
+    graph = Graph()
+    f, smooth = plain.to_nodes(graph), plain.smooth(system, u[nu:]).to_nodes(graph)
+    terms = [terms_of(r) for r in plain.r]
+    light = replace(smooth, L=_callable(smooth))
+    e = step_element(light, order, graph.symbol, exact)
     kernels = [
         *_step_kernels(smooth, e),
-        *path_limits(f),
-        *_hidden_kernels(system, plain),
-        *_state_kernels(f),
+        *path_limits(f, plain.as_nodes([t for own in terms for t in own], graph)),
+        *_hidden_kernels(system, plain, f),
+        *_state_kernels(f, replace(f, L=light.L)),
         *_surface_kernels(f),
         *_tangent_kernels(f),
         *_joint_kernels(f),
@@ -74,9 +80,18 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     return ModelSpec(
         system.name,
         model_fingerprint(system, order),
-        _facts(system, f, smooth, order),
+        _facts(system, f, smooth, order, [len(own) for own in terms]),
         tuple(kernels),
     )
+
+
+def _callable(f: Continuous) -> Any:
+    """The Lagrangian: a large one as a function of its own, which all kernels call."""
+    symbols = (*f.q, *f.v, f.t) if f.t in f.L.free_symbols else (*f.q, *f.v)
+    curvature = [slope.diff(s) for slope in reverse(f.L, symbols) for s in symbols]
+    if operations(curvature) < LARGE:
+        return f.L
+    return Scalar("lagrangian", symbols, f.L, f.par)(symbols)
 
 
 def model_key(system: MechanicalSystem, order: int = 2) -> str:
@@ -104,7 +119,7 @@ def _title(system: MechanicalSystem) -> str:
 
 
 def _facts(
-    system: MechanicalSystem, f: Continuous, smooth: Continuous, order: int
+    system: MechanicalSystem, f: Continuous, smooth: Continuous, order: int, terms: list[int]
 ) -> dict[str, Any]:
     in_mass = set().union(*(e.free_symbols for row in mass_matrix(f) for e in row))
     in_forces = set().union(set(), *(e.free_symbols for row in input_matrix(f) for e in row))
@@ -131,7 +146,10 @@ def _facts(
         ],
         "path_constraints": list(system.path_constraints),
         "path_rows": path_rows(smooth, [name for name, _ in parts.rows]),
-        "path_limits": path_rows(f, list(system.path_constraints)),
+        "path_limits": [
+            row | {"terms": count}
+            for row, count in zip(path_rows(f, list(system.path_constraints)), terms, strict=True)
+        ],
         "kink_signs": {name_of(s): parts.signs[s] for s in system.parameters if s in parts.signs},
         "hidden": [f"the unknown for {sp.sstr(_plain(kink))}" for _, kink in parts.unknowns],
         "tangents": list(system.tangents),
@@ -175,23 +193,29 @@ def _step_kernels(f: Continuous, e: StepElement) -> list[KernelSpec]:
     ]  # fmt: skip
     par = Input("par", f.par)
     groups = [
-        family(name, text, inputs, values, par, e.D, e.definitions)
+        family(name, text, inputs, values, par, e.chain, e.definitions)
         for name, text, values in families
     ]
     return [kernel for kernels in groups for kernel in kernels] + path_kernels(f, e, inputs)
 
 
-def _state_kernels(f: Continuous) -> list[KernelSpec]:
+def _state_kernels(f: Continuous, light: Continuous) -> list[KernelSpec]:
     """Kernels of the continuous equations: they serve the initial guess and the independent
-    check."""
+    check.  ``light`` is the same system with its Lagrangian as a function of its own, whose third
+    derivatives the equations of motion would need one by one."""
     q, v, u, t, par = _inputs(f)
     mass = [entry for row in mass_matrix(f) for entry in row]
     force = right_hand_side(f)
     b = [entry for row in input_matrix(f) for entry in row]
     power = dot(f.Q, f.v) - f.L.diff(f.t)
     summary = "Equations of motion M q'' = F: M row by row, F."
+    a = Input.vector(f.L.graph, "a", len(f.q))
+    R = residual(light, a.symbols)
+    of_forces = "Residual R = F - M a of the equations of motion at accelerations a."
+    dynamics = (Output.vector("M", mass), Output.vector("F", force))
     return [
-        *family("dynamics", summary, (q, v, u, t), {"M": mass, "F": force}, par, second=False),
+        KernelSpec("dynamics", summary, (q, v, u, t, par), dynamics),
+        *family("residual", of_forces, (q, v, u, t, a), {"R": R}, par, second=False),
         KernelSpec(
             "input_matrix", "B = dQ/du row by row.", (q, v, u, t, par), (Output.vector("B", b),)
         ),
@@ -201,9 +225,12 @@ def _state_kernels(f: Continuous) -> list[KernelSpec]:
             (q, v, u, t, par),
             (Output.vector("Q", f.Q), Output.vector("power", [power])),
         ),
-        *family("momentum", "Momenta p = dL/dv.", (q, v, t), {"p": momenta(f)}, par),
+        *family("momentum", "Momenta p = dL/dv.", (q, v, t), {"p": momenta(light)}, par),
         KernelSpec(
-            "energy", "Energy E = v . p - L.", (q, v, t, par), (Output.vector("E", [energy(f)]),)
+            "energy",
+            "Energy E = v . p - L.",
+            (q, v, t, par),
+            (Output.vector("E", [energy(light)]),),
         ),
         KernelSpec(
             "running_cost",
@@ -217,20 +244,39 @@ def _state_kernels(f: Continuous) -> list[KernelSpec]:
     ]
 
 
+def residual(f: Continuous, a: Sequence[Any]) -> list[Any]:
+    """dL/dq - d(dL/dv)/dt + Q at accelerations a; d/dt is the derivative along (v, a, 1)."""
+    g = f.L.graph
+    places = [*f.q, *f.v, f.t]
+    along = Input.vector(g, "along", len(places)).symbols
+    moved = gradient(contracted(dot(along, gradient(f.L, places))), f.v)
+    values = dict(zip(along, (*f.v, *a, g.one), strict=True))
+    return [
+        slope - rate.subs(values) + force
+        for slope, rate, force in zip(gradient(f.L, f.q), moved, f.Q, strict=True)
+    ]
+
+
 def _plain(e: Any) -> Any:
     """An expression with names instead of functions of time and their derivatives."""
     return e.xreplace({s: sp.Symbol(name_of(s)) for s in atoms_of(e)})
 
 
-def _hidden_kernels(system: MechanicalSystem, f: Continuous) -> list[KernelSpec]:
+def _hidden_kernels(system: MechanicalSystem, f: Continuous, nodes: Continuous) -> list[KernelSpec]:
     """What the hidden unknowns are at a minimum."""
     kinks = [kink for _, kink in split(system).unknowns]
     if not kinks:
         return []
-    g = f.with_rows(system, kinks).to_symengine()
-    q, v, u, t, par = _inputs(g)
+    q, v, u, t, par = _inputs(nodes)
     text = "What the hidden unknowns are at a minimum."
-    return family("hidden", text, (q, v, u, t), {"s": g.r}, par, second=False)
+    return family(
+        "hidden",
+        text,
+        (q, v, u, t),
+        {"s": f.as_nodes(f.rewritten(system, kinks), nodes.L.graph)},
+        par,
+        second=False,
+    )
 
 
 def _inputs(f: Continuous) -> tuple[Input, Input, Input, Input, Input]:
@@ -249,7 +295,7 @@ def _surface_kernels(f: Continuous) -> list[KernelSpec]:
     if not f.g:
         return []
     q, v, _, t, par = _inputs(f)
-    lam = Input.vector("lam", len(f.g))
+    lam = Input.vector(f.L.graph, "lam", len(f.g))
     normal = gradient(dot(lam.symbols, f.g), f.q)
     moving, rate = impact_work(f, lam.symbols)
     return [
@@ -281,7 +327,7 @@ def _tangent_kernels(f: Continuous) -> list[KernelSpec]:
     if not f.tau:
         return []
     q, v, _, t, par = _inputs(f)
-    T = Input.vector("T", len(f.tau))
+    T = Input.vector(f.L.graph, "T", len(f.tau))
     along = gradient(dot(T.symbols, f.tau), f.q)
     slides = rates(f, f.tau)
     return [
@@ -304,9 +350,9 @@ def _joint_kernels(f: Continuous) -> list[KernelSpec]:
     if not f.phi:
         return []
     q, v, _, t, par = _inputs(f)
-    R = Input.vector("R", len(f.phi))
-    q_k, q_kp1 = Input.vector("q_k", len(f.q)), Input.vector("q_kp1", len(f.q))
-    t_k, t_kp1 = Input.vector("t_k", 1), Input.vector("t_kp1", 1)
+    R = Input.vector(f.L.graph, "R", len(f.phi))
+    q_k, q_kp1 = (Input.vector(f.L.graph, name, len(f.q)) for name in ("q_k", "q_kp1"))
+    t_k, t_kp1 = (Input.vector(f.L.graph, name, 1) for name in ("t_k", "t_kp1"))
     along = gradient(dot(R.symbols, f.phi), f.q)
     return [
         *family("joint", "Constraints phi = 0.", (q, t), {"phi": f.phi}, par),
@@ -332,14 +378,14 @@ def _turns(f: Continuous, start: tuple[Input, Input], end: tuple[Input, Input]) 
     masses = [at(row[i], start) for i, row in enumerate(mass_matrix(f))]
     slopes = [gradient(phi, f.q) for phi in f.phi]
     return [
-        sum(at(s, start) * at(s, end) / m for s, m in zip(row, masses, strict=True) if s != 0)
+        total(at(s, start) * at(s, end) / m for s, m in zip(row, masses, strict=True))
         for row in slopes
     ]
 
 
 def _terminal_kernels(f: Continuous) -> list[KernelSpec]:
     """Kernels of the terminal cost Phi(q, v, t)."""
-    if f.Phi == 0:
+    if f.Phi is f.Phi.graph.zero:
         return []
     q, v, _, t, par = _inputs(f)
     return family("terminal_cost", "Terminal cost Phi.", (q, v, t), {"Phi": [f.Phi]}, par)
@@ -355,23 +401,23 @@ def _feasibility_kernels(f: Continuous) -> list[KernelSpec]:
     """
     if not f.g or any(f.t in g.free_symbols for g in f.g):
         return []
-    e = step_element(f, 2, se.Symbol, se.sympify)
-    q_c, a = Input.vector("q_c", len(f.q)), Input.vector("a", len(f.q))
+    e = step_element(f, 2, f.L.graph.symbol, exact)
+    q_c, a = (Input.vector(f.L.graph, name, len(f.q)) for name in ("q_c", "a"))
     half_way = {s: (s + c) / 2 for s, c in zip(f.q, q_c.symbols, strict=True)}
     n = len(f.q)
     times = [e.h / 2 + first_root(*approach(g, f, a.symbols, half_way)) for g in f.g]
     inputs = (Input("q_k", e.q_k), Input("q_kp1", e.q_kp1), Input("h", (e.h,)), q_c, a)
-    symbols = [s for i in inputs for s in i.symbols]
 
-    def derive(expression: Any, i: int) -> Any:
-        if i > 2 * n:
-            return expression.diff(symbols[i])
-        return e.D(expression, i if i < 2 * n else e.at_h)
+    def chain(partial: Callable[[Sequence[Node]], list[Node]]) -> list[Node]:
+        own = (*q_c.symbols, *a.symbols)
+        slopes = partial((*e.symbols, *own))
+        of_step = e.chain(lambda symbols: slopes[: len(symbols)])
+        return [*of_step[: 2 * n], of_step[e.at_h], *slopes[-len(own) :]]
 
     summary = "Shortest time to each surface at averaged full acceleration."
     par = Input("par", f.par)
     return family(
-        "min_time", summary, inputs, {"T_min": times}, par, derive, e.definitions, second=False
+        "min_time", summary, inputs, {"T_min": times}, par, chain, e.definitions, second=False
     )
 
 
@@ -396,5 +442,4 @@ def approach(
 def first_root(g: Any, rate: Any, acceleration: Any) -> Any:
     """First positive root of g + rate t + acceleration t^2 / 2 for g < 0; not a number, or not
     positive, where there is none."""
-    half = 1 / (1 + g**0)  # exact in the expression type of g
-    return -2 * g / (rate + (rate**2 - 2 * g * acceleration) ** half)
+    return -2 * g / (rate + (rate**2 - 2 * g * acceleration) ** sp.S.Half)

@@ -6,7 +6,13 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from dmoc.symbolic.continuous import dot
+from dmoc.symbolic.graph import RESULT, Node, reverse
 from dmoc.symbolic.spec import Input, KernelSpec, Output
+from dmoc.symbolic.traversal import operations, reached
+
+# The derivatives of an expression by all components, from its partial derivatives: a function that
+# takes those by the symbols that it is given.
+Chain = Callable[[Callable[[Sequence[Node]], list[Node]]], list[Node]]
 
 
 def family(
@@ -15,7 +21,7 @@ def family(
     inputs: tuple[Input, ...],
     outputs: dict[str, Sequence[Any]],
     par: Input,
-    derive: Callable[[Any, int], Any] | None = None,
+    chain: Chain | None = None,
     definitions: tuple[tuple[Any, Any], ...] = (),
     second: bool = True,
 ) -> list[KernelSpec]:
@@ -24,19 +30,16 @@ def family(
     ``name`` has the values; ``name_jac`` the matrices ``a_D`` of their first derivatives, one for
     each output a; ``name_hess``, where second ones are wanted, the upper triangle of the second
     derivatives of sum_a w_a . a, with the weights w_a of every output as further inputs, in the
-    order of the outputs.  ``derive(e, i)`` is the derivative of an expression with respect to
-    component i, where that is not a partial one.
+    order of the outputs.  ``chain`` makes derivatives with respect to the components of partial
+    ones, where they are not the same.
     """
     symbols = [s for i in inputs for s in i.symbols]
-    size, derivative = len(symbols), derive or (lambda e, i: e.diff(symbols[i]))
-
-    def gradient_of(expression: Any) -> list[Any]:
-        return [derivative(expression, i) for i in range(size)]
+    size, chain = len(symbols), chain or (lambda partial: partial(symbols))
 
     arguments, listed = (*inputs, par), ", ".join(i.name for i in inputs)
     values = tuple(Output.vector(a, v) for a, v in outputs.items())
     slopes = tuple(
-        Output.matrix(f"{a}_D", [gradient_of(e) for e in v], size) for a, v in outputs.items()
+        Output.matrix(f"{a}_D", [chain(_forward(e)) for e in v], size) for a, v in outputs.items()
     )
     text = f"First derivatives of `{name}` with respect to ({listed})."
     specs = [
@@ -44,17 +47,49 @@ def family(
         KernelSpec(f"{name}_jac", text, arguments, slopes, definitions),
     ]
     if second:
-        weights = tuple(Input.vector(f"w_{a}", len(v)) for a, v in outputs.items())
+        weights = tuple(
+            Input.vector(symbols[0].graph, f"w_{a}", len(v)) for a, v in outputs.items()
+        )
         total = dot(
             [s for w in weights for s in w.symbols], [e for v in outputs.values() for e in v]
         )
-        first = gradient_of(total)
-        rows = [
-            [derivative(first[i], j) if j >= i else 0 for j in range(size)] for i in range(size)
-        ]
+        rows = _second(total, chain)
         curvatures = (Output.matrix("hess", rows, size, upper=True),)
         text = f"Second derivatives of the weighted sum of all results of `{name}`."
         specs.append(
             KernelSpec(f"{name}_hess", text, (*arguments, *weights), curvatures, definitions)
         )
     return specs
+
+
+def _forward(expression: Node) -> Callable[[Sequence[Node]], list[Node]]:
+    return lambda symbols: [expression.diff(s) for s in symbols]
+
+
+def _backward(expression: Node) -> Callable[[Sequence[Node]], list[Node]]:
+    return lambda symbols: reverse(expression, symbols)
+
+
+def _second(total: Node, chain: Chain) -> list[list[Node]]:
+    """Second derivatives, by the way that takes fewer operations."""
+    whole = contracted(total)
+    if whole is not total:
+        return [chain(_forward(e)) for e in chain(_backward(whole))]
+    ways = ([chain(_forward(e)) for e in chain(way(whole))] for way in (_backward, _forward))
+    return min(ways, key=lambda rows: operations(e for i, r in enumerate(rows) for e in r[i:]))
+
+
+def contracted(total: Node) -> Node:
+    """The same sum, linear in the slopes of functions: their weighted sum is a function of its own,
+    which has second derivatives where its parts had third ones."""
+    results = [n for n in reached([total]) if n.kind == RESULT]
+    if not results:
+        return total
+    weights = dict(zip(results, reverse(total, results), strict=True))
+    g = total.graph
+    terms = [(total.subs(dict.fromkeys(results, g.zero)), 1.0)]
+    for function, arguments in dict.fromkeys((n.value[0], n.parts) for n in results):
+        paths = [(), *((i,) for i in range(len(function.symbols)))]
+        own = [weights.get(g.result(function, path, arguments), g.zero) for path in paths]
+        terms.append((function.weighted((*arguments, *own)), 1.0))
+    return g.sum(terms)

@@ -8,20 +8,21 @@ the step's polynomial.  At the ends of phases velocities are unknowns.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
-import symengine as se
+import sympy as sp
 
-from dmoc.symbolic.continuous import Continuous
-from dmoc.symbolic.discrete import StepElement, at_ends
+from dmoc.symbolic.continuous import Continuous, dot
+from dmoc.symbolic.discrete import StepElement, at_ends, exact
+from dmoc.symbolic.graph import Node
 from dmoc.symbolic.kernel_family import family
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 
 def path_rows(f: Continuous, names: Sequence[str | None]) -> list[dict[str, Any]]:
     """What each path constraint depends on: numbers of the coordinates, whether on velocities,
-    inputs and the time; and how many terms it has.  Those of hidden unknowns have no name."""
+    inputs and the time.  Those of hidden unknowns have no name."""
     return [
         {
             "name": name,
@@ -29,7 +30,6 @@ def path_rows(f: Continuous, names: Sequence[str | None]) -> list[dict[str, Any]
             "velocities": bool(r.free_symbols & set(f.v)),
             "inputs": bool(r.free_symbols & set(f.u)),
             "time": f.t in r.free_symbols,
-            "terms": len(_terms(r)),
         }
         for name, r in zip(names, f.r, strict=True)
     ]
@@ -47,18 +47,17 @@ def path_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list
     ]
     if not e.inside:
         return kernels + _at_node(f, par)
-    ends = at_ends(f, e, se.Symbol, se.sympify)
+    ends = at_ends(f, e, f.L.graph.symbol, exact)
     text = "Path constraints r_e >= 0 at the start and at the end of a step."
     return kernels + _of_step("path_ends", text, "r_e", ends, step, par)
 
 
-def path_limits(f: Continuous) -> list[KernelSpec]:
-    """Path constraints as they were stated, for the check."""
+def path_limits(f: Continuous, terms: Sequence[Node]) -> list[KernelSpec]:
+    """Path constraints as they were stated, for the check, and their terms."""
     if not f.r:
         return []
     par = Input("par", f.par)
     state = (Input("q", f.q), Input("v", f.v), Input("u", f.u), Input("t", (f.t,)))
-    terms = [term for r in f.r for term in _terms(r)]
     text = "Path constraints r >= 0 as they were stated."
     return [
         *family("path_limit", text, state, {"r_s": f.r}, par, second=False),
@@ -74,35 +73,31 @@ def path_limits(f: Continuous) -> list[KernelSpec]:
 def _of_step(
     name: str, text: str, output: str, e: StepElement, step: tuple[Input, ...], par: Input
 ) -> list[KernelSpec]:
-    return family(name, text, step, {output: e.r_d}, par, e.D, e.definitions)
+    return family(name, text, step, {output: e.r_d}, par, e.chain, e.definitions)
 
 
 def _at_node(f: Continuous, par: Input) -> list[KernelSpec]:
     """Path constraints at a node inside a phase."""
-    n, h = len(f.q), se.Symbol("h")
-    before, after = (Input.vector(name, n) for name in ("q_km1", "q_kp1"))
+    n, g = len(f.q), f.L.graph
+    h = g.symbol("h")
+    before, after = (Input.vector(g, name, n) for name in ("q_km1", "q_kp1"))
     inputs = (before, Input("q_k", f.q), after, Input("u_k", f.u), Input("h", (h,)),
               Input("t_k", (f.t,)))  # fmt: skip
-    symbols = [s for i in inputs for s in i.symbols]
 
-    def derive(expression: Any, i: int) -> Any:
-        if i < n or 2 * n <= i < 3 * n:
-            rate = expression.diff(f.v[i % n]) / (2 * h)
-            return -rate if i < n else rate
-        partial = expression.diff(symbols[i])
-        if symbols[i] == h:
-            return partial - sum((v / h * expression.diff(v) for v in f.v), start=0 * h)
-        return partial
+    def chain(partial: Callable[[Sequence[Node]], list[Node]]) -> list[Node]:
+        by = dict(zip(symbols := (*f.q, *f.v, *f.u, h, f.t), partial(symbols), strict=True))
+        rates = [by[v] / (2 * h) for v in f.v]
+        slowed = by[h] - dot(f.v, [by[v] for v in f.v]) / h
+        return [*(-r for r in rates), *(by[q] for q in f.q), *rates, *(by[u] for u in f.u), slowed,
+                by[f.t]]  # fmt: skip
 
     central = tuple(
         (v, (b - a) / (2 * h)) for v, a, b in zip(f.v, before.symbols, after.symbols, strict=True)
     )
     text = "Path constraints r_k >= 0 at a node inside a phase, from the three nodes around it."
-    return family("path_node", text, inputs, {"r_k": f.r}, par, derive, central)
+    return family("path_node", text, inputs, {"r_k": f.r}, par, chain, central)
 
 
-def _terms(r: Any) -> list[Any]:
-    """The terms of a sum, in an order that does not depend on how they are stored."""
-    if not isinstance(r, se.Add):
-        r = se.expand(r)
-    return sorted(r.args, key=str) if isinstance(r, se.Add) else [r]
+def terms_of(r: Any) -> tuple[Any, ...]:
+    """The terms of a sum, an expression of SymPy."""
+    return sp.Add.make_args(r if r.is_Add else sp.expand(r))  # type: ignore[no-any-return]

@@ -11,15 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import symengine as se
-
-Expression = Any  # a SymEngine expression; SymEngine ships no type information
-
-# The functions that expressions may contain beside +, *, powers, numbers, pi, e and Piecewise: each
-# printer knows them all.
-FUNCTIONS = frozenset(
-    "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh log".split()
-)
+from dmoc.symbolic.graph import Graph, Node, Scalar
 
 
 @dataclass(frozen=True)
@@ -27,12 +19,12 @@ class Input:
     """A named vector argument; ``symbols`` stand for its components."""
 
     name: str
-    symbols: tuple[Expression, ...]
+    symbols: tuple[Node, ...]
 
     @classmethod
-    def vector(cls, name: str, size: int) -> Input:
-        """Make an input of ``size`` fresh symbols ``name_0 .. name_{size-1}``."""
-        return cls(name, tuple(se.Symbol(f"{name}_{i}") for i in range(size)))
+    def vector(cls, graph: Graph, name: str, size: int) -> Input:
+        """Make an input of ``size`` symbols ``name_0 .. name_{size-1}``."""
+        return cls(name, tuple(graph.symbol(f"{name}_{i}") for i in range(size)))
 
     @property
     def size(self) -> int:
@@ -51,22 +43,22 @@ class Output:
     name: str
     shape: tuple[int, ...]
     entries: tuple[tuple[int, ...], ...]
-    expressions: tuple[Expression, ...]
+    expressions: tuple[Node, ...]
 
     @classmethod
-    def vector(cls, name: str, expressions: Sequence[Expression]) -> Output:
+    def vector(cls, name: str, expressions: Sequence[Node]) -> Output:
         """Make a dense vector output."""
         size = len(expressions)
         return cls(
             name,
             (size,),
             tuple((i,) for i in range(size)),
-            tuple(se.sympify(e) for e in expressions),
+            tuple(expressions),
         )
 
     @classmethod
     def matrix(
-        cls, name: str, rows: Sequence[Sequence[Expression]], columns: int, upper: bool = False
+        cls, name: str, rows: Sequence[Sequence[Node]], columns: int, upper: bool = False
     ) -> Output:
         """Make a sparse matrix output: entries that are identically zero are left out, as is a
         strict lower triangle when ``upper`` is set."""
@@ -74,8 +66,7 @@ class Output:
         values = []
         for i, row in enumerate(rows):
             for j, value in enumerate(row):
-                value = se.sympify(value)
-                if (upper and j < i) or value == 0:
+                if (upper and j < i) or value is value.graph.zero:
                     continue
                 entries.append((i, j))
                 values.append(value)
@@ -94,7 +85,36 @@ class KernelSpec:
     summary: str
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
-    definitions: tuple[tuple[Expression, Expression], ...] = ()
+    definitions: tuple[tuple[Node, Node], ...] = ()
+
+
+@dataclass(frozen=True)
+class FunctionSpec:
+    """A function that kernels call: a scalar's derivatives ``paths``, of which the longest have
+    ``order``, by its arguments."""
+
+    function: Scalar
+    order: int
+    paths: tuple[tuple[int, ...], ...]
+
+    @property
+    def name(self) -> str:
+        return f"{self.function.name}_{self.order}"
+
+    @property
+    def size(self) -> int:
+        return len(self.paths)
+
+    @property
+    def constants(self) -> Input:
+        return Input("par", self.function.constants)
+
+    @property
+    def kernel(self) -> KernelSpec:
+        """The same as a kernel of its arguments z and its results d."""
+        values = [self.function.derivative(path) for path in self.paths]
+        inputs = (Input("z", self.function.symbols), self.constants)
+        return KernelSpec(self.name, "", inputs, (Output.vector("d", values),))
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+import mpmath
 import sympy as sp
 from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import shown
-from dmoc.base.errors import ModelError
+from dmoc.base.errors import GenerationError, ModelError
 from dmoc.base.names import check_name, momentum_name, name_of, velocity_name
+from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.expressions import KINDS, atoms_of, unknown_symbol
+from dmoc.symbolic.graph import NUMBER, Graph, Node, reverse
 from dmoc.symbolic.kinks import check_smooth, split
 from dmoc.symbolic.system_fields import LARGEST_PARAMETER
+from dmoc.symbolic.traversal import evaluated
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -189,24 +193,32 @@ def _check_kinks(system: MechanicalSystem) -> None:
 
 def _check_mass_matrix(system: MechanicalSystem) -> None:
     """Refuse masses that are singular, that depend on velocities or that no float takes."""
-    mass = system.mass_matrix
-    for i, q in enumerate(system.coordinates):
-        if all(entry == 0 for entry in mass.row(i)):
+    f, graph = readable(system), Graph()
+    try:
+        (lagrangian,) = f.as_nodes([f.L], graph)
+    except GenerationError:  # what has no numbers is refused when it is built
+        return
+    v = [graph.symbol(s.name) for s in f.v]
+    mass = [[p.diff(s) for s in v] for p in reverse(lagrangian, v)]
+    for q, row in zip(system.coordinates, mass, strict=True):
+        if all(entry is graph.zero for entry in row):
             raise ModelError(
                 f"the kinetic energy does not contain the velocity of coordinate {name_of(q)}: "
                 "the mass matrix would be singular; give the coordinate inertia or remove it."
             )
-    for entry in mass:
-        if (
-            entry.is_number
-            and entry != 0
-            and not 1 / LARGEST_PARAMETER <= abs(entry) <= LARGEST_PARAMETER
+    entries = [entry for row in mass for entry in row]
+    for entry in entries:
+        if entry.kind == NUMBER and not 1 / LARGEST_PARAMETER <= abs(entry.value or 1) <= (
+            LARGEST_PARAMETER
         ):
             raise ModelError(
-                f"the mass matrix of model {system.name!r} contains {shown(entry)}: expected "
+                f"the mass matrix of model {system.name!r} contains {entry.value!r}: expected "
                 "masses from 1e-100 to 1e100; use other units."
             )
-    if any(atoms_of(entry) & set(system.velocities) for entry in mass):
+    # What depends on velocities may have to be expanded to be seen not to.
+    if any(entry.free_symbols & set(v) for entry in entries) and any(
+        atoms_of(sp.expand(entry)) & set(system.velocities) for entry in system.mass_matrix
+    ):
         raise ModelError(
             "the kinetic energy is not quadratic in the velocities: the mass matrix depends on "
             "them."
@@ -223,26 +235,25 @@ def _is_function_of_time(symbol: Any) -> bool:
     return isinstance(symbol, AppliedUndef) and symbol.args == (dynamicsymbols._t,)
 
 
-def _is_singular(mass: sp.Matrix) -> bool:
+def _is_singular(mass: list[list[Node]]) -> bool:
     """Tell whether M is singular at several fixed generic points, hence everywhere."""
-    symbols = sorted(set().union(*(atoms_of(entry) for entry in mass)), key=str)
+    entries = [entry for row in mass for entry in row]
+    symbols = entries[0].graph.symbols
     for shift in (0.0, 1.7, 4.1):
-        point = {
-            s: sp.Float(0.4 + (0.618033988749895 * (i + 1) + shift) % 1.0, 30)
-            for i, s in enumerate(symbols)
-        }
-        matrix = mass.xreplace(point).evalf(30)
-        # What is singular in one set of units is so in all of them.
-        scale = sp.prod([abs(matrix[i, i]) for i in range(matrix.rows)])
-        if scale == 0:
-            scale = sp.Max(*(abs(entry) for entry in matrix)) ** matrix.rows
-        determinant = abs(matrix.det())
-        if (
-            determinant.is_comparable
-            and scale.is_comparable
-            and determinant > scale * sp.Float("1e-20")
-        ):
-            return False
+        with mpmath.workdps(30):
+            point = {
+                s: mpmath.mpf(0.4 + (0.618033988749895 * (i + 1) + shift) % 1.0)
+                for i, s in enumerate(symbols)
+            }
+            matrix = mpmath.matrix(len(mass))
+            for k, value in enumerate(evaluated(entries, point, mpmath)):
+                matrix[k // len(mass), k % len(mass)] = value
+            # What is singular in one set of units is so in all of them.
+            scale = mpmath.fprod(abs(matrix[i, i]) for i in range(len(mass)))
+            scale = scale or max(map(abs, matrix)) ** len(mass)
+            determinant = abs(mpmath.det(matrix))
+            if mpmath.isfinite(determinant) and determinant > scale * 1e-20:
+                return False
     return True
 
 

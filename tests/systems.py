@@ -198,3 +198,22 @@ def landing_problem(steps: int = 8) -> dmoc.Problem:
         goal={"x": 0.5, "x_dot": 0}, sequence=["+floor:slip+", "floor:stick"], steps=steps,
         final_time=1.5,
     )  # fmt: skip
+
+
+def chain_system(links: int, relative: bool = False) -> dmoc.MechanicalSystem:
+    """A chain of point masses with a torque in every joint; angles are those of the links, or
+    those of the joints between them."""
+    angles, torques = (dynamicsymbols(f"{name}1:{links + 1}") for name in ("theta", "tau"))
+    m, l, g = sp.symbols("m l g")
+    vx = vy = y = kinetic = potential = angle = sp.S.Zero
+    for theta in angles:
+        angle = theta + angle if relative else theta
+        rate = angle.diff()
+        vx, vy = vx + l * sp.cos(angle) * rate, vy + l * sp.sin(angle) * rate
+        y -= l * sp.cos(angle)
+        kinetic += m * (vx**2 + vy**2) / 2
+        potential += m * g * y
+    return dmoc.MechanicalSystem(
+        f"chain_{links}", angles, kinetic - potential, {m: 0.5, l: 0.4, g: 9.81}, inputs=torques,
+        forces=dict(zip(angles, torques, strict=True)), cost=sum(u**2 for u in torques) / 2,
+    )  # fmt: skip

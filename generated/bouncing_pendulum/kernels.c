@@ -8,8 +8,6 @@
 
 #include <math.h>
 
-static inline double power2(double x) { return x*x; }
-
 /* Momenta at both ends of a step, its cost, and the equations of the nodes inside.
  *   in  q_k[1]
  *   in  q_kp1[1]
@@ -31,12 +29,13 @@ static inline void step_element(const double *restrict q_k, const double *restri
     (void)t_k;
     (void)q_i;
     (void)r_i;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double w0 = par[0]*power2(par[1])*v_0;
-    const double w1 = -0.5*h[0]*par[0]*par[1]*par[2]*sin(q_0);
-    r_minus[0] = w1 - w0;
-    r_plus[0] = w0 + w1;
+    const double v_0 = -(q_k[0] - q_kp1[0])/h[0];
+    const double w0 = par[0]*par[1];
+    const double w1 = v_0*par[1]*w0;
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w2 = par[2]*sin(q_0)*h[0]*w0;
+    r_minus[0] = -w1 - 0.5*w2;
+    r_plus[0] = w1 - 0.5*w2;
     C_d[0] = 0.0;
 }
 
@@ -68,21 +67,23 @@ static inline void step_jac_element(const double *restrict q_k, const double *re
     (void)q_i;
     (void)C_d_D;
     (void)r_i_D;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double w0 = par[0]*power2(par[1])/h[0];
-    const double w1 = par[0]*par[1]*par[2];
-    const double w2 = -0.25*cos(q_0)*h[0]*w1;
-    const double w3 = w0 + w2;
-    const double w4 = w2 - w0;
-    const double w5 = v_0*w0;
-    const double w6 = -0.5*sin(q_0)*w1;
-    r_minus_D[0] = w3;
-    r_minus_D[1] = w4;
-    r_minus_D[2] = w5 + w6;
-    r_plus_D[0] = w4;
-    r_plus_D[1] = w3;
-    r_plus_D[2] = w6 - w5;
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w0 = par[0]*par[1];
+    const double w1 = par[2]*w0;
+    const double w2 = cos(q_0)*h[0]*w1;
+    const double w3 = 1.0/h[0];
+    const double w4 = w0*(par[1]*w3);
+    const double w5 = w4 - 0.25*w2;
+    const double w6 = -0.25*w2 - w4;
+    const double w7 = sin(q_0)*w1;
+    const double v_0 = -w3*(q_k[0] - q_kp1[0]);
+    const double w8 = v_0*w4;
+    r_minus_D[0] = w5;
+    r_minus_D[1] = w6;
+    r_minus_D[2] = w8 - 0.5*w7;
+    r_plus_D[0] = w6;
+    r_plus_D[1] = w5;
+    r_plus_D[2] = -0.5*w7 - w8;
 }
 
 void bouncing_pendulum_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -114,21 +115,20 @@ static inline void step_hess_element(const double *restrict q_k, const double *r
     (void)q_i;
     (void)w_C_d;
     (void)w_r_i;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double w0 = 0.25*par[0]*par[1]*par[2];
-    const double w1 = h[0]*sin(q_0)*w0;
-    const double w2 = 0.5*(w1*w_r_minus[0] + w1*w_r_plus[0]);
-    const double w3 = par[0]*power2(par[1]);
-    const double w4 = (w3*w_r_plus[0] - w3*w_r_minus[0])/power2(h[0]);
-    const double w5 = cos(q_0)*w0;
-    const double w6 = -w5*w_r_minus[0] - w5*w_r_plus[0];
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w0 = par[0]*par[1];
+    const double w1 = w0*(par[2]*(w_r_minus[0] + w_r_plus[0]));
+    const double w2 = 0.125*(sin(q_0)*h[0]*w1);
+    const double w3 = cos(q_0)*w1;
+    const double w4 = 1.0/h[0];
+    const double w5 = (w4*w4)*(w0*(par[1]*(w_r_minus[0] - w_r_plus[0])));
+    const double v_0 = -w4*(q_k[0] - q_kp1[0]);
     hess[0] = w2;
     hess[1] = w2;
-    hess[2] = w4 + w6;
+    hess[2] = -0.25*w3 - w5;
     hess[3] = w2;
-    hess[4] = w6 - w4;
-    hess[5] = 2.0*v_0*w4;
+    hess[4] = w5 - 0.25*w3;
+    hess[5] = -2.0*(v_0*w5);
 }
 
 void bouncing_pendulum_step_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -155,11 +155,12 @@ static inline void impact_element(const double *restrict q_k, const double *rest
     (void)u_kp1;
     (void)t_k;
     (void)q_i;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double w0 = cos(q_0)*par[0]*par[1]*par[2] - 0.5*par[0]*power2(par[1])*power2(v_0);
-    e_plus[0] = w0;
-    e_minus[0] = w0;
+    const double v_0 = -(q_k[0] - q_kp1[0])/h[0];
+    const double w0 = par[0]*par[1];
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w1 = par[2]*cos(q_0)*w0 - 0.5*(v_0*v_0*par[1]*w0);
+    e_plus[0] = w1;
+    e_minus[0] = w1;
 }
 
 void bouncing_pendulum_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -186,20 +187,21 @@ static inline void impact_jac_element(const double *restrict q_k, const double *
     (void)u_kp1;
     (void)t_k;
     (void)q_i;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double w0 = par[0]*power2(par[1])/h[0];
-    const double w1 = v_0*w0;
-    const double w2 = -0.5*par[0]*par[1]*par[2]*sin(q_0);
-    const double w3 = w1 + w2;
-    const double w4 = w2 - w1;
-    const double w5 = power2(v_0)*w0;
-    e_plus_D[0] = w3;
-    e_plus_D[1] = w4;
-    e_plus_D[2] = w5;
-    e_minus_D[0] = w3;
-    e_minus_D[1] = w4;
-    e_minus_D[2] = w5;
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w0 = par[0]*par[1];
+    const double w1 = par[2]*sin(q_0)*w0;
+    const double w2 = 1.0/h[0];
+    const double v_0 = -w2*(q_k[0] - q_kp1[0]);
+    const double w3 = (v_0*par[1])*(w2*w0);
+    const double w4 = w3 - 0.5*w1;
+    const double w5 = -0.5*w1 - w3;
+    const double w6 = v_0*w3;
+    e_plus_D[0] = w4;
+    e_plus_D[1] = w5;
+    e_plus_D[2] = w6;
+    e_minus_D[0] = w4;
+    e_minus_D[1] = w5;
+    e_minus_D[2] = w6;
 }
 
 void bouncing_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -227,28 +229,20 @@ static inline void impact_hess_element(const double *restrict q_k, const double 
     (void)u_kp1;
     (void)t_k;
     (void)q_i;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double w0 = 1.0/power2(h[0]);
-    const double w1 = par[0]*power2(par[1]);
-    const double w2 = w1*w_e_minus[0];
-    const double w3 = w1*w_e_plus[0];
-    const double w4 = -w2 - w3;
-    const double w5 = w0*w4;
-    const double w6 = 0.5*cos(q_0)*par[0]*par[1]*par[2];
-    const double w7 = 0.5*(-w6*w_e_minus[0] - w6*w_e_plus[0]);
-    const double w8 = w5 + w7;
-    const double w9 = v_0*w5;
-    const double w10 = -v_0*w2 - v_0*w3;
-    const double w11 = w0*w10;
-    const double w12 = 1.0/h[0];
-    const double w13 = v_0*w12;
-    hess[0] = w8;
-    hess[1] = w7 - w5;
-    hess[2] = w11 + w9;
-    hess[3] = w8;
-    hess[4] = -w11 - w9;
-    hess[5] = v_0*w11 - (-w10*w12 - w13*w4)*w13;
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w0 = (w_e_plus[0] + w_e_minus[0])*(par[0]*par[1]);
+    const double w1 = par[2]*cos(q_0)*w0;
+    const double w2 = 1.0/h[0];
+    const double w3 = w0*(w2*(par[1]*w2));
+    const double w4 = -0.25*w1 - w3;
+    const double v_0 = -w2*(q_k[0] - q_kp1[0]);
+    const double w5 = v_0*w3;
+    hess[0] = w4;
+    hess[1] = w3 - 0.25*w1;
+    hess[2] = -2.0*w5;
+    hess[3] = w4;
+    hess[4] = 2.0*w5;
+    hess[5] = -3.0*(v_0*w5);
 }
 
 void bouncing_pendulum_impact_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -271,8 +265,9 @@ static inline void dynamics_element(const double *restrict q, const double *rest
     (void)v;
     (void)u;
     (void)t;
-    M[0] = par[0]*power2(par[1]);
-    F[0] = -par[0]*par[1]*par[2]*sin(q[0]);
+    const double w0 = par[0]*par[1];
+    M[0] = par[1]*w0;
+    F[0] = -par[2]*sin(q[0])*w0;
 }
 
 void bouncing_pendulum_dynamics(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -281,28 +276,53 @@ void bouncing_pendulum_dynamics(ptrdiff_t n, const double *const in[], const ptr
         dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1, out[1] + i*1);
 }
 
-/* First derivatives of `dynamics` with respect to (q, v, u, t).
+/* Residual R = F - M a of the equations of motion at accelerations a.
  *   in  q[1]
  *   in  v[1]
  *   in  u[0]
  *   in  t[1]
+ *   in  a[1]
  *   in  par[4]
- *   out M_D[0]
- *   out F_D[1], entries of a 1 x 3 matrix: (0,0)
+ *   out R[1]
  */
-static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M_D, double *restrict F_D)
+static inline void residual_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict a, const double *restrict par, double *restrict R)
 {
     (void)v;
     (void)u;
     (void)t;
-    (void)M_D;
-    F_D[0] = -cos(q[0])*par[0]*par[1]*par[2];
+    R[0] = -par[0]*par[1]*(par[2]*sin(q[0]) + par[1]*a[0]);
 }
 
-void bouncing_pendulum_dynamics_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void bouncing_pendulum_residual(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        dynamics_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*0, out[1] + i*1);
+        residual_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1);
+}
+
+/* First derivatives of `residual` with respect to (q, v, u, t, a).
+ *   in  q[1]
+ *   in  v[1]
+ *   in  u[0]
+ *   in  t[1]
+ *   in  a[1]
+ *   in  par[4]
+ *   out R_D[2], entries of a 1 x 4 matrix: (0,0) (0,3)
+ */
+static inline void residual_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict a, const double *restrict par, double *restrict R_D)
+{
+    (void)v;
+    (void)u;
+    (void)t;
+    (void)a;
+    const double w0 = par[0]*par[1];
+    R_D[0] = -par[2]*cos(q[0])*w0;
+    R_D[1] = -par[1]*w0;
+}
+
+void bouncing_pendulum_residual_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        residual_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*2);
 }
 
 /* B = dQ/du row by row.
@@ -365,7 +385,7 @@ static inline void momentum_element(const double *restrict q, const double *rest
 {
     (void)q;
     (void)t;
-    p[0] = par[0]*power2(par[1])*v[0];
+    p[0] = v[0]*par[0]*par[1]*par[1];
 }
 
 void bouncing_pendulum_momentum(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -386,7 +406,7 @@ static inline void momentum_jac_element(const double *restrict q, const double *
     (void)q;
     (void)v;
     (void)t;
-    p_D[0] = par[0]*power2(par[1]);
+    p_D[0] = par[0]*par[1]*par[1];
 }
 
 void bouncing_pendulum_momentum_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -428,8 +448,8 @@ void bouncing_pendulum_momentum_hess(ptrdiff_t n, const double *const in[], cons
 static inline void energy_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict E)
 {
     (void)t;
-    const double w0 = par[0]*power2(par[1])*power2(v[0]);
-    E[0] = w0 - (0.5*w0 + cos(q[0])*par[0]*par[1]*par[2]);
+    const double w0 = par[0]*par[1];
+    E[0] = 0.5*(v[0]*v[0]*par[1]*w0) - par[2]*cos(q[0])*w0;
 }
 
 void bouncing_pendulum_energy(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -734,7 +754,7 @@ static inline void rate_work_element(const double *restrict q, const double *res
     (void)q;
     (void)t;
     (void)par;
-    W_gamma[0] = -lam[0]*v[0];
+    W_gamma[0] = -v[0]*lam[0];
 }
 
 void bouncing_pendulum_rate_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -803,10 +823,10 @@ void bouncing_pendulum_rate_work_hess(ptrdiff_t n, const double *const in[], con
 static inline void min_time_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min)
 {
     (void)q_c;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double w0 = 2.0*(par[3] - q_0);
-    T_min[0] = 0.5*h[0] - w0/(sqrt(a[0]*w0 + power2(v_0)) - v_0);
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w0 = q_0 - par[3];
+    const double v_0 = -(q_k[0] - q_kp1[0])/h[0];
+    T_min[0] = 0.5*h[0] - 2.0*(w0/(v_0 - sqrt(v_0*v_0 - 2.0*(w0*a[0]))));
 }
 
 void bouncing_pendulum_min_time(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -827,22 +847,21 @@ void bouncing_pendulum_min_time(ptrdiff_t n, const double *const in[], const ptr
 static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D)
 {
     (void)q_c;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double w0 = par[3] - q_0;
-    const double w1 = 2.0*w0;
-    const double w2 = a[0]*w1;
-    const double w3 = sqrt(power2(v_0) + w2);
-    const double w4 = w3 - v_0;
-    const double w5 = 1.0/power2(w4);
-    const double w6 = 1.0/w3;
-    const double w7 = (v_0*w6 - 1.0)*w1*w5/h[0];
-    const double w8 = w5*w6;
-    const double w9 = 0.5*(2.0/w4 - w2*w8);
-    T_min_D[0] = w9 - w7;
-    T_min_D[1] = w7 + w9;
-    T_min_D[2] = 0.5 - v_0*w7;
-    T_min_D[3] = (2.0*par[3] - 2.0*q_0)*w0*w8;
+    const double w0 = 1.0/h[0];
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w1 = q_0 - par[3];
+    const double w2 = sqrt(v_0*v_0 - 2.0*(w1*a[0]));
+    const double w3 = 1.0/(v_0 - w2);
+    const double w4 = w1*w3;
+    const double w5 = w3*w4;
+    const double w6 = 1.0/w2;
+    const double w7 = w5*(w0*(1.0 - v_0*w6));
+    const double w8 = w3*(1.0 - a[0]*w6*w4);
+    T_min_D[0] = -2.0*w7 - w8;
+    T_min_D[1] = 2.0*w7 - w8;
+    T_min_D[2] = 0.5 - 2.0*(v_0*w7);
+    T_min_D[3] = 2.0*(w1*w6*w5);
 }
 
 void bouncing_pendulum_min_time_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -860,29 +879,27 @@ void bouncing_pendulum_min_time_jac(ptrdiff_t n, const double *const in[], const
 static inline void drawing_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict shapes)
 {
     (void)t;
-    const double w0 = sin(par[3]);
-    const double w1 = 0.69999999999999996*par[1];
-    const double w2 = cos(par[3]);
-    const double w3 = 1.1499999999999999*par[1];
-    const double w4 = sin(q[0]);
-    const double w5 = par[1]*w4;
-    const double w6 = cos(q[0]);
-    const double w7 = -par[1]*w6;
-    const double w8 = 1.0/sqrt(power2(w4) + power2(w6));
-    shapes[0] = w0*w1;
-    shapes[1] = -w1*w2;
-    shapes[2] = w0*w3;
-    shapes[3] = -w2*w3;
+    const double w0 = par[1]*sin(par[3]);
+    const double w1 = par[1]*cos(par[3]);
+    const double w2 = sin(q[0]);
+    const double w3 = par[1]*w2;
+    const double w4 = cos(q[0]);
+    const double w5 = -par[1]*w4;
+    const double w6 = 1.0/sqrt(w4*w4 + w2*w2);
+    shapes[0] = 0.69999999999999996*w0;
+    shapes[1] = -0.69999999999999996*w1;
+    shapes[2] = 1.1499999999999999*w0;
+    shapes[3] = -1.1499999999999999*w1;
     shapes[4] = 0.0;
     shapes[5] = 0.0;
-    shapes[6] = w5;
-    shapes[7] = w7;
-    shapes[8] = w5;
-    shapes[9] = w7;
-    shapes[10] = w5;
-    shapes[11] = w7;
-    shapes[12] = w6*w8;
-    shapes[13] = w4*w8;
+    shapes[6] = w3;
+    shapes[7] = w5;
+    shapes[8] = w3;
+    shapes[9] = w5;
+    shapes[10] = w3;
+    shapes[11] = w5;
+    shapes[12] = w4*w6;
+    shapes[13] = w2*w6;
 }
 
 void bouncing_pendulum_drawing(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -914,8 +931,11 @@ static const dmoc_array impact_hess_arrays[] = {
 static const dmoc_array dynamics_arrays[] = {
     {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"M", 1}, {"F", 1},
 };
-static const dmoc_array dynamics_jac_arrays[] = {
-    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"M_D", 0}, {"F_D", 1},
+static const dmoc_array residual_arrays[] = {
+    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"a", 1}, {"par", 4}, {"R", 1},
+};
+static const dmoc_array residual_jac_arrays[] = {
+    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"a", 1}, {"par", 4}, {"R_D", 2},
 };
 static const dmoc_array input_matrix_arrays[] = {
     {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"B", 0},
@@ -1001,7 +1021,8 @@ static const dmoc_entry entries[] = {
     {"impact_jac", bouncing_pendulum_impact_jac, 8, 2, impact_jac_arrays},
     {"impact_hess", bouncing_pendulum_impact_hess, 10, 1, impact_hess_arrays},
     {"dynamics", bouncing_pendulum_dynamics, 5, 2, dynamics_arrays},
-    {"dynamics_jac", bouncing_pendulum_dynamics_jac, 5, 2, dynamics_jac_arrays},
+    {"residual", bouncing_pendulum_residual, 6, 1, residual_arrays},
+    {"residual_jac", bouncing_pendulum_residual_jac, 6, 1, residual_jac_arrays},
     {"input_matrix", bouncing_pendulum_input_matrix, 5, 1, input_matrix_arrays},
     {"force", bouncing_pendulum_force, 5, 2, force_arrays},
     {"momentum", bouncing_pendulum_momentum, 4, 1, momentum_arrays},
@@ -1029,4 +1050,4 @@ static const dmoc_entry entries[] = {
     {"drawing", bouncing_pendulum_drawing, 3, 1, drawing_arrays},
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", 33, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", 34, entries};

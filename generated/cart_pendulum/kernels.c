@@ -9,8 +9,6 @@
 
 #include <math.h>
 
-static inline double power2(double x) { return x*x; }
-
 /* Momenta at both ends of a step, its cost, and the equations of the nodes inside.
  *   in  q_k[2]
  *   in  q_kp1[2]
@@ -30,22 +28,21 @@ static inline void step_element(const double *restrict q_k, const double *restri
     (void)t_k;
     (void)q_i;
     (void)r_i;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
-    const double w0 = par[0]*v_1;
-    const double w1 = par[2]*sin(q_0);
-    const double w2 = par[0]*v_0;
-    const double w3 = power2(par[2])*w2 - w0*w1;
-    const double w4 = cos(q_0)*par[2];
-    const double w5 = 0.5*h[0];
-    const double w6 = (-par[0]*par[3]*w4 - v_0*w0*w4)*w5;
-    const double w7 = par[1]*v_1 + w0 - w1*w2;
-    r_minus[0] = w6 - w3;
-    r_minus[1] = u_k[0]*w5 - w7;
-    r_plus[0] = w3 + w6;
-    r_plus[1] = u_kp1[0]*w5 + w7;
-    C_d[0] = (0.5*power2(u_k[0]) + 0.5*power2(u_kp1[0]))*w5;
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w0 = 1.0/h[0];
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
+    const double w1 = par[0]*par[2];
+    const double w2 = cos(q_0)*h[0]*(par[3] + v_0*v_1)*w1;
+    const double w3 = sin(q_0);
+    const double w4 = v_0*par[2];
+    const double w5 = (v_1*w3 - w4)*w1;
+    const double w6 = v_1*par[1] + par[0]*(v_1 - w3*w4);
+    r_minus[0] = w5 - 0.5*w2;
+    r_minus[1] = 0.5*(u_k[0]*h[0]) - w6;
+    r_plus[0] = -0.5*w2 - w5;
+    r_plus[1] = 0.5*(u_kp1[0]*h[0]) + w6;
+    C_d[0] = 0.25*(h[0]*(u_k[0]*u_k[0] + u_kp1[0]*u_kp1[0]));
 }
 
 void cart_pendulum_step(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -73,60 +70,64 @@ static inline void step_jac_element(const double *restrict q_k, const double *re
     (void)t_k;
     (void)q_i;
     (void)r_i_D;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/h[0];
-    const double w1 = 0.5*h[0];
-    const double w2 = par[0]*par[2];
-    const double w3 = cos(q_0)*w2;
+    const double w1 = par[0]*par[2];
+    const double w2 = par[2]*w1;
+    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w3 = cos(q_0)*w1;
     const double w4 = v_1*w3;
-    const double w5 = -w1*w4;
-    const double w6 = par[0]*power2(par[2]);
-    const double w7 = (w5 - w6)*w0;
-    const double w8 = sin(q_0)*w2;
-    const double w9 = (par[3]*w8 + v_0*v_1*w8)*w1;
-    const double w10 = 0.5*(w4 + w9);
-    const double w11 = -v_0*w1*w3;
-    const double w12 = (w11 + w8)*w0;
-    const double w13 = 0.5*w3;
-    const double w14 = -0.5*v_0*w4 - par[3]*w13;
-    const double w15 = w0*w8;
-    const double w16 = -w15;
-    const double w17 = v_0*w13;
-    const double w18 = (-par[0] - par[1])*w0;
-    const double w19 = v_0*w15;
-    const double w20 = 0.5*u_k[0];
-    const double w21 = (w5 + w6)*w0;
-    const double w22 = 0.5*(w9 - w4);
-    const double w23 = (w11 - w8)*w0;
-    const double w24 = -w17;
-    const double w25 = (par[0] + par[1])*w0;
-    r_minus_D[0] = w10 - w7;
-    r_minus_D[1] = -w12;
-    r_minus_D[2] = w10 + w7;
-    r_minus_D[3] = w12;
-    r_minus_D[4] = w14 - (v_0*w7 + v_1*w12);
-    r_minus_D[5] = w16 + w17;
-    r_minus_D[6] = -w18;
-    r_minus_D[7] = w15 + w17;
-    r_minus_D[8] = w18;
-    r_minus_D[9] = w1;
-    r_minus_D[10] = w20 - (v_1*w18 + w19);
-    r_plus_D[0] = w22 - w21;
-    r_plus_D[1] = -w23;
-    r_plus_D[2] = w21 + w22;
-    r_plus_D[3] = w23;
-    r_plus_D[4] = w14 - (v_0*w21 + v_1*w23);
-    r_plus_D[5] = w15 + w24;
-    r_plus_D[6] = -w25;
-    r_plus_D[7] = w16 + w24;
-    r_plus_D[8] = w25;
-    r_plus_D[9] = w1;
-    r_plus_D[10] = 0.5*u_kp1[0] - (v_1*w25 - w19);
-    C_d_D[0] = h[0]*w20;
-    C_d_D[1] = u_kp1[0]*w1;
-    C_d_D[2] = 0.5*(0.5*power2(u_k[0]) + 0.5*power2(u_kp1[0]));
+    const double w5 = h[0]*w4;
+    const double w6 = w2 + 0.5*w5;
+    const double w7 = w0*w6;
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double w8 = par[3] + v_0*v_1;
+    const double w9 = sin(q_0)*w1;
+    const double w10 = h[0]*w8*w9;
+    const double w11 = w4 + 0.5*w10;
+    const double w12 = v_0*w3;
+    const double w13 = h[0]*w12;
+    const double w14 = w9 - 0.5*w13;
+    const double w15 = w0*w14;
+    const double w16 = w8*w3;
+    const double w17 = w0*w9;
+    const double w18 = 0.5*w12 - w17;
+    const double w19 = par[0] + par[1];
+    const double w20 = w19*w0;
+    const double w21 = 0.5*w12 + w17;
+    const double w22 = -w20;
+    const double w23 = 0.5*h[0];
+    const double w24 = w0*(v_0*w9 - v_1*w19);
+    const double w25 = w2 - 0.5*w5;
+    const double w26 = w0*w25;
+    const double w27 = w4 - 0.5*w10;
+    const double w28 = w9 + 0.5*w13;
+    const double w29 = w0*w28;
+    r_minus_D[0] = w7 + 0.5*w11;
+    r_minus_D[1] = -w15;
+    r_minus_D[2] = 0.5*w11 - w7;
+    r_minus_D[3] = w15;
+    r_minus_D[4] = w0*(v_0*w6 - v_1*w14) - 0.5*w16;
+    r_minus_D[5] = w18;
+    r_minus_D[6] = w20;
+    r_minus_D[7] = w21;
+    r_minus_D[8] = w22;
+    r_minus_D[9] = w23;
+    r_minus_D[10] = 0.5*u_k[0] - w24;
+    r_plus_D[0] = -w26 - 0.5*w27;
+    r_plus_D[1] = w29;
+    r_plus_D[2] = w26 - 0.5*w27;
+    r_plus_D[3] = -w29;
+    r_plus_D[4] = -0.5*w16 - w0*(v_0*w25 - v_1*w28);
+    r_plus_D[5] = -w18;
+    r_plus_D[6] = w22;
+    r_plus_D[7] = -w21;
+    r_plus_D[8] = w20;
+    r_plus_D[9] = w23;
+    r_plus_D[10] = 0.5*u_kp1[0] + w24;
+    C_d_D[0] = 0.5*(u_k[0]*h[0]);
+    C_d_D[1] = 0.5*(u_kp1[0]*h[0]);
+    C_d_D[2] = 0.25*(u_k[0]*u_k[0] + u_kp1[0]*u_kp1[0]);
 }
 
 void cart_pendulum_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -155,74 +156,59 @@ static inline void step_hess_element(const double *restrict q_k, const double *r
     (void)t_k;
     (void)q_i;
     (void)w_r_i;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/h[0];
-    const double w1 = par[0]*par[2];
-    const double w2 = sin(q_0)*w1;
-    const double w3 = v_1*w2;
-    const double w4 = h[0]*w3;
-    const double w5 = 0.25*w4;
-    const double w6 = 0.5*w_r_minus[1];
-    const double w7 = cos(q_0)*w1;
-    const double w8 = 0.5*w_r_plus[1];
-    const double w9 = (w5*w_r_minus[0] + w5*w_r_plus[0] + w6*w7 - w7*w8)*w0;
-    const double w10 = 0.5*w_r_plus[0];
-    const double w11 = 0.5*w_r_minus[0];
+    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w1 = sin(q_0);
+    const double w2 = w_r_minus[0] + w_r_plus[0];
+    const double w3 = w1*w2;
+    const double w4 = cos(q_0);
+    const double w5 = w_r_minus[1] - w_r_plus[1];
+    const double w6 = 0.5*(v_1*h[0]*w3) + w4*w5;
+    const double w7 = par[0]*par[2];
+    const double w8 = w0*w7;
+    const double w9 = w6*w8;
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double w10 = par[3] + v_0*v_1;
+    const double w11 = w4*w2;
     const double w12 = h[0]*w11;
-    const double w13 = (w10*w4 + w12*w3 + w7*w_r_minus[1] - w7*w_r_plus[1])*w0;
-    const double w14 = v_0*w7;
-    const double w15 = 0.5*h[0];
-    const double w16 = (par[3]*w7 + v_1*w14)*w15;
-    const double w17 = v_0*w2;
-    const double w18 = (w16 + w3)*w10 + (w16 - w3)*w11 + w17*w8 - w17*w6;
-    const double w19 = 0.5*(w18 - w13);
-    const double w20 = w10*w7;
-    const double w21 = -h[0]*w20 - w12*w7;
-    const double w22 = w0*w21;
-    const double w23 = w15*w17;
-    const double w24 = (w23 + w7)*w_r_minus[0];
-    const double w25 = (w23 - w7)*w_r_plus[0];
-    const double w26 = 0.5*w24 + 0.5*w25;
-    const double w27 = (w26 - w22)*w0;
-    const double w28 = 1.0/power2(h[0]);
-    const double w29 = v_1*w7;
-    const double w30 = -w15*w29;
-    const double w31 = par[0]*power2(par[2]);
-    const double w32 = (w30 + w31)*w_r_plus[0] + (w30 - w31)*w_r_minus[0] + w2*w_r_minus[1] - w2*w_r_plus[1];
-    const double w33 = w28*w32;
-    const double w34 = v_0*w9;
-    const double w35 = -v_1*w20 - w11*w29;
-    const double w36 = w0*w35;
-    const double w37 = 0.5*(0.5*par[3]*w2 + 0.5*v_0*w3);
-    const double w38 = w37*w_r_minus[0] + w37*w_r_plus[0];
-    const double w39 = w21*w28;
-    const double w40 = v_0*w39;
-    const double w41 = -w10*w14 - w11*w14;
-    const double w42 = w0*w41;
-    const double w43 = -w14*w15;
-    const double w44 = (-par[0] - par[1])*w_r_minus[1] + (par[0] + par[1])*w_r_plus[1] + (w2 + w43)*w_r_minus[0] + (w43 - w2)*w_r_plus[0];
-    const double w45 = w28*w44;
-    const double w46 = (w22 + w26)*w0;
-    const double w47 = 0.5*w_C_d[0];
-    const double w48 = h[0]*w47;
-    hess[0] = w19 - w9;
-    hess[1] = -w27;
-    hess[2] = w19 + w9;
-    hess[3] = w27;
-    hess[4] = w33 + w38 - (v_1*w27 + w34) - w36;
-    hess[5] = -0.5*(w24 + w25)*w0 - w39;
-    hess[6] = w40 + w45 - w42;
-    hess[7] = 0.5*(w13 + w18) + w9;
-    hess[8] = w46;
-    hess[9] = w36 + w38 - (v_1*w46 + w34) - w33;
-    hess[10] = w42 - w40 - w45;
-    hess[11] = w48;
-    hess[12] = u_k[0]*w47 + w6;
-    hess[13] = w48;
-    hess[14] = u_kp1[0]*w47 + w8;
-    hess[15] = v_0*w33 + v_1*w45 - ((w35 - v_1*w22 - w0*w32)*v_0*w0 + (w41 - v_0*w22 - w0*w44)*v_1*w0) - v_0*w36 - v_1*w42;
+    const double w13 = w_r_minus[0] - w_r_plus[0];
+    const double w14 = (0.5*(w10*w12) - w1*(v_0*w5 + v_1*w13))*w7;
+    const double w15 = w7*w11;
+    const double w16 = v_0*w1;
+    const double w17 = 0.5*(h[0]*w2*w16) + w4*w13;
+    const double w18 = w17*w7;
+    const double w19 = w15 + w18;
+    const double w20 = w0*w19;
+    const double w21 = w10*w7*w3;
+    const double w22 = v_1*w11;
+    const double w23 = w0*(par[2]*w13 + 0.5*(h[0]*w22) - w1*w5);
+    const double w24 = (w23 - 0.5*w22)*w8;
+    const double w25 = v_0*w8;
+    const double w26 = w6*w25;
+    const double w27 = v_1*w0;
+    const double w28 = par[1]*w5 + par[0]*(w5 + par[2]*(0.5*(v_0*w12) - w1*w13));
+    const double w29 = w0*w0;
+    const double w30 = w28*w29;
+    const double w31 = w15 - w18;
+    const double w32 = 0.5*(h[0]*w_C_d[0]);
+    const double w33 = par[2]*w16;
+    hess[0] = -0.5*(2.0*w9 - 0.5*w14);
+    hess[1] = -0.5*w20;
+    hess[2] = 0.25*w14;
+    hess[3] = 0.5*w20;
+    hess[4] = 0.25*w21 - w24 - 0.5*(w26 + w19*w27);
+    hess[5] = 0.5*((w11 - w17)*w8);
+    hess[6] = -w30;
+    hess[7] = 0.5*(2.0*w9 + 0.5*w14);
+    hess[8] = -0.5*(w0*w31);
+    hess[9] = 0.25*w21 + w24 - 0.5*(w26 - w31*w27);
+    hess[10] = w30;
+    hess[11] = w32;
+    hess[12] = 0.5*(w_r_minus[1] + u_k[0]*w_C_d[0]);
+    hess[13] = w32;
+    hess[14] = 0.5*(w_r_plus[1] + u_kp1[0]*w_C_d[0]);
+    hess[15] = w25*w22 - 2.0*(w25*w23) - (par[0]*(w5*w33 - v_1*w5) + par[0]*w5*(v_1 - w33) + 2.0*(v_1*w28))*w29;
 }
 
 void cart_pendulum_step_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -247,19 +233,17 @@ static inline void impact_element(const double *restrict q_k, const double *rest
 {
     (void)t_k;
     (void)q_i;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
-    const double w0 = 0.5*h[0]*v_1;
-    const double w1 = par[0]*v_0;
-    const double w2 = par[2]*sin(q_0);
-    const double w3 = par[0]*v_1;
-    const double w4 = w2*w3;
-    const double w5 = power2(par[2]);
-    const double w6 = 0.5*power2(v_1);
-    const double w7 = 0.5*par[0]*power2(v_0)*w5 + par[0]*w6 + par[1]*w6 - ((par[1]*v_1 + w3 - w1*w2)*v_1 + (w1*w5 - w4)*v_0) - par[0]*par[3]*w2 - v_0*w4;
-    e_plus[0] = w7 - u_kp1[0]*w0;
-    e_minus[0] = u_k[0]*w0 + w7;
+    const double w0 = 1.0/h[0];
+    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
+    const double w1 = v_1*h[0];
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double w2 = v_0*par[2];
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w3 = sin(q_0);
+    const double w4 = v_1*par[1];
+    const double w5 = par[0]*(0.5*(v_1*v_1) - par[2]*(0.5*(v_0*w2) + par[3]*w3)) + v_1*(0.5*w4 - w4 - par[0]*(v_1 - w3*w2));
+    e_plus[0] = w5 - 0.5*(u_kp1[0]*w1);
+    e_minus[0] = 0.5*(u_k[0]*w1) + w5;
 }
 
 void cart_pendulum_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -284,36 +268,42 @@ static inline void impact_jac_element(const double *restrict q_k, const double *
 {
     (void)t_k;
     (void)q_i;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
-    const double w0 = 1.0/h[0];
-    const double w1 = par[2]*sin(q_0);
-    const double w2 = par[0]*v_0;
-    const double w3 = (par[0]*v_1*w1 - power2(par[2])*w2)*w0;
-    const double w4 = cos(q_0)*par[2];
-    const double w5 = 0.5*(v_1*w2*w4 - par[0]*par[3]*w4);
-    const double w6 = w5 - w3;
-    const double w7 = 0.5*u_kp1[0];
-    const double w8 = w1*w2 - (par[0] + par[1])*v_1;
-    const double w9 = (w8 - h[0]*w7)*w0;
-    const double w10 = w3 + w5;
-    const double w11 = 0.5*h[0]*v_1;
-    const double w12 = v_0*w3;
-    const double w13 = 0.5*u_k[0];
-    const double w14 = (h[0]*w13 + w8)*w0;
-    e_plus_D[0] = w6;
-    e_plus_D[1] = -w9;
-    e_plus_D[2] = w10;
-    e_plus_D[3] = w9;
-    e_plus_D[4] = -w11;
-    e_plus_D[5] = -(v_1*w9 + w12) - v_1*w7;
-    e_minus_D[0] = w6;
-    e_minus_D[1] = -w14;
-    e_minus_D[2] = w10;
-    e_minus_D[3] = w14;
-    e_minus_D[4] = w11;
-    e_minus_D[5] = v_1*w13 - (v_1*w14 + w12);
+    const double w0 = par[0]*par[2];
+    const double w1 = 1.0/h[0];
+    const double v_1 = -w1*(q_k[1] - q_kp1[1]);
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w2 = sin(q_0);
+    const double w3 = v_1*w2;
+    const double v_0 = -w1*(q_k[0] - q_kp1[0]);
+    const double w4 = v_0*par[2];
+    const double w5 = w3 - w4;
+    const double w6 = w1*w5;
+    const double w7 = w0*w6;
+    const double w8 = cos(q_0);
+    const double w9 = v_0*w0;
+    const double w10 = par[3]*w8*w0 - v_1*w8*w9;
+    const double w11 = -w7 - 0.5*w10;
+    const double w12 = v_1*par[0];
+    const double w13 = par[0]*(v_1 - w2*w4);
+    const double w14 = w12 - w13 - v_1*(par[0] + par[1]);
+    const double w15 = w1*(0.5*(u_kp1[0]*h[0]) - w14);
+    const double w16 = w7 - 0.5*w10;
+    const double w17 = v_1*h[0];
+    const double w18 = w9*w6;
+    const double w19 = w1*(v_0*(w0*w3 - par[2]*w9 - w5*w0) + v_1*(w2*w9 + w13 - w12));
+    const double w20 = w1*(0.5*(u_k[0]*h[0]) + w14);
+    e_plus_D[0] = w11;
+    e_plus_D[1] = w15;
+    e_plus_D[2] = w16;
+    e_plus_D[3] = -w15;
+    e_plus_D[4] = -0.5*w17;
+    e_plus_D[5] = w19 - w18 - v_1*(0.5*u_kp1[0] - w15);
+    e_minus_D[0] = w11;
+    e_minus_D[1] = -w20;
+    e_minus_D[2] = w16;
+    e_minus_D[3] = w20;
+    e_minus_D[4] = 0.5*w17;
+    e_minus_D[5] = w19 + v_1*(0.5*u_k[0] - w20) - w18;
 }
 
 void cart_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -339,70 +329,66 @@ static inline void impact_hess_element(const double *restrict q_k, const double 
 {
     (void)t_k;
     (void)q_i;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/h[0];
-    const double w1 = par[0]*power2(par[2]);
-    const double w2 = (-w1*w_e_minus[0] - w1*w_e_plus[0])*w0;
-    const double w3 = 0.5*w_e_plus[0];
-    const double w4 = par[0]*par[2];
-    const double w5 = cos(q_0)*w4;
-    const double w6 = v_1*w5;
-    const double w7 = 0.5*w_e_minus[0];
-    const double w8 = w3*w6 + w6*w7;
-    const double w9 = (w8 - w2)*w0;
-    const double w10 = w5*w_e_minus[0];
-    const double w11 = w5*w_e_plus[0];
-    const double w12 = (v_1*w10 + v_1*w11)*w0;
-    const double w13 = sin(q_0)*w4;
-    const double w14 = v_0*w13;
-    const double w15 = par[3]*w13 - v_1*w14;
-    const double w16 = w15*w3 + w15*w7;
-    const double w17 = 0.5*(w16 - w12);
-    const double w18 = w13*w_e_minus[0] + w13*w_e_plus[0];
-    const double w19 = w0*w18;
-    const double w20 = v_0*w5;
-    const double w21 = w20*w3 + w20*w7;
-    const double w22 = (w21 - w19)*w0;
-    const double w23 = 1.0/power2(h[0]);
-    const double w24 = v_1*w13 - v_0*w1;
-    const double w25 = w24*w_e_minus[0] + w24*w_e_plus[0];
-    const double w26 = w23*w25;
-    const double w27 = -par[0] - par[1];
-    const double w28 = w27*w_e_minus[0] + w27*w_e_plus[0];
-    const double w29 = w23*w28;
-    const double w30 = w18*w23;
-    const double w31 = v_1*w29;
-    const double w32 = v_0*w30;
-    const double w33 = u_k[0]*w7 - u_kp1[0]*w3;
-    const double w34 = w0*w33;
-    const double w35 = 0.5*h[0];
-    const double w36 = w14 - (par[0] + par[1])*v_1;
-    const double w37 = (u_k[0]*w35 + w36)*w_e_minus[0] + (w36 - u_kp1[0]*w35)*w_e_plus[0];
-    const double w38 = w23*w37;
-    const double w39 = (w2 + w8)*w0;
-    const double w40 = (w19 + w21)*w0;
-    const double w41 = v_1*w0;
-    hess[0] = w17 - w9;
-    hess[1] = -w22;
-    hess[2] = w17 + w9;
-    hess[3] = w22;
-    hess[4] = w26 - (v_0*w9 + v_1*w22);
-    hess[5] = w29;
-    hess[6] = -0.5*(v_0*w10 + v_0*w11)*w0 - w30;
-    hess[7] = -w29;
-    hess[8] = -w7;
-    hess[9] = w3;
-    hess[10] = w38 - (-w31 - w32) - w34;
-    hess[11] = 0.5*(w12 + w16) + w39;
-    hess[12] = w40;
-    hess[13] = -(v_0*w39 + v_1*w40) - w26;
-    hess[14] = w29;
-    hess[15] = w7;
-    hess[16] = -w3;
-    hess[17] = w34 - (w31 + w32) - w38;
-    hess[18] = v_0*w26 + v_1*w38 - ((-v_0*w2 - v_1*w19 - w0*w25)*v_0*w0 + (w33 - v_0*w19 - w0*w37 - w28*w41)*w41) - v_1*w34;
+    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w1 = cos(q_0);
+    const double w2 = v_1*w1;
+    const double w3 = par[0]*par[2];
+    const double w4 = w_e_plus[0] + w_e_minus[0];
+    const double w5 = w3*w4;
+    const double w6 = w2*w5;
+    const double w7 = w0*w4;
+    const double w8 = w3*w7;
+    const double w9 = par[2]*w8;
+    const double w10 = 0.5*w6 + w9;
+    const double w11 = w0*w10;
+    const double w12 = w8*w2;
+    const double w13 = sin(q_0);
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double w14 = w13*(par[3] - v_0*v_1)*w5;
+    const double w15 = w12 - 0.5*w14;
+    const double w16 = v_0*w3;
+    const double w17 = w1*w4*w16;
+    const double w18 = w13*w8;
+    const double w19 = 0.5*w17 - w18;
+    const double w20 = w0*w19;
+    const double w21 = v_0*par[2];
+    const double w22 = v_1*w13 - w21;
+    const double w23 = w8*(w0*w22);
+    const double w24 = par[0] + par[1];
+    const double w25 = w24*w0*w7;
+    const double w26 = -w25;
+    const double w27 = u_k[0]*w_e_minus[0];
+    const double w28 = u_kp1[0]*w_e_plus[0];
+    const double w29 = w27 - w28;
+    const double w30 = w13*w21;
+    const double w31 = par[0]*(v_1 - w30);
+    const double w32 = v_1*par[1] + w31;
+    const double w33 = w4*w32 - 0.5*(h[0]*w29);
+    const double w34 = v_1*w24;
+    const double w35 = w0*(0.5*w29 + w0*(w33 - w4*(w13*w16 - w34)));
+    const double w36 = 0.5*w6 - w9;
+    const double w37 = 0.5*w17 + w18;
+    hess[0] = -w11 - 0.5*w15;
+    hess[1] = -w20;
+    hess[2] = w11 - 0.5*w15;
+    hess[3] = w20;
+    hess[4] = w23 - w0*(v_0*w10 + v_1*w19);
+    hess[5] = w26;
+    hess[6] = -(0.5*(v_0*w1) + w13*w0)*w8;
+    hess[7] = w25;
+    hess[8] = -0.5*w_e_minus[0];
+    hess[9] = 0.5*w_e_plus[0];
+    hess[10] = -w35;
+    hess[11] = w0*w36 + 0.5*(w12 + 0.5*w14);
+    hess[12] = w0*w37;
+    hess[13] = -w23 - w0*(v_0*w36 + v_1*w37);
+    hess[14] = w26;
+    hess[15] = 0.5*w_e_minus[0];
+    hess[16] = -0.5*w_e_plus[0];
+    hess[17] = w35;
+    hess[18] = 2.0*(v_0*w23) - w0*(w0*(v_1*w33 + w4*(v_1*(w31 - par[0]*(v_1 - 2.0*w30)) - (w21 + 2.0*w22)*w16)) + v_1*(0.5*w29 + 0.5*w27 + w32*w7 + 2.0*(w7*w34) + w0*(w33 - 2.0*(w4*w34)) - 0.5*w28));
 }
 
 void cart_pendulum_impact_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -426,12 +412,12 @@ static inline void dynamics_element(const double *restrict q, const double *rest
     const double w0 = par[0]*par[2];
     const double w1 = -sin(q[0])*w0;
     const double w2 = cos(q[0])*w0;
-    M[0] = par[0]*power2(par[2]);
+    M[0] = par[2]*w0;
     M[1] = w1;
     M[2] = w1;
     M[3] = par[0] + par[1];
     F[0] = -par[3]*w2;
-    F[1] = power2(v[0])*w2 + u[0];
+    F[1] = u[0] + v[0]*v[0]*w2;
 }
 
 void cart_pendulum_dynamics(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -440,35 +426,61 @@ void cart_pendulum_dynamics(ptrdiff_t n, const double *const in[], const ptrdiff
         dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*4, out[1] + i*2);
 }
 
-/* First derivatives of `dynamics` with respect to (q, v, u, t).
+/* Residual R = F - M a of the equations of motion at accelerations a.
  *   in  q[2]
  *   in  v[2]
  *   in  u[1]
  *   in  t[1]
+ *   in  a[2]
  *   in  par[6]
- *   out M_D[2], entries of a 4 x 6 matrix: (1,0) (2,0)
- *   out F_D[4], entries of a 2 x 6 matrix: (0,0) (1,0) (1,2) (1,4)
+ *   out R[2]
  */
-static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M_D, double *restrict F_D)
+static inline void residual_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict a, const double *restrict par, double *restrict R)
+{
+    (void)t;
+    const double w0 = sin(q[0]);
+    const double w1 = cos(q[0]);
+    R[0] = -par[0]*par[2]*(par[2]*a[0] + par[3]*w1 - w0*a[1]);
+    R[1] = u[0] - par[1]*a[1] - par[0]*(a[1] - par[2]*(v[0]*v[0]*w1 + w0*a[0]));
+}
+
+void cart_pendulum_residual(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        residual_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*2);
+}
+
+/* First derivatives of `residual` with respect to (q, v, u, t, a).
+ *   in  q[2]
+ *   in  v[2]
+ *   in  u[1]
+ *   in  t[1]
+ *   in  a[2]
+ *   in  par[6]
+ *   out R_D[8], entries of a 2 x 8 matrix: (0,0) (0,6) (0,7) (1,0) (1,2) (1,4) (1,6) (1,7)
+ */
+static inline void residual_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict a, const double *restrict par, double *restrict R_D)
 {
     (void)u;
     (void)t;
-    const double w0 = par[0]*par[2];
-    const double w1 = cos(q[0])*w0;
-    const double w2 = -w1;
-    const double w3 = sin(q[0])*w0;
-    M_D[0] = w2;
-    M_D[1] = w2;
-    F_D[0] = par[3]*w3;
-    F_D[1] = -power2(v[0])*w3;
-    F_D[2] = 2.0*v[0]*w1;
-    F_D[3] = 1.0;
+    const double w0 = sin(q[0]);
+    const double w1 = cos(q[0]);
+    const double w2 = par[0]*par[2];
+    const double w3 = w0*w2;
+    R_D[0] = (par[3]*w0 + w1*a[1])*w2;
+    R_D[1] = -par[2]*w2;
+    R_D[2] = w3;
+    R_D[3] = -(v[0]*v[0]*w0 - w1*a[0])*w2;
+    R_D[4] = 2.0*(v[0]*w1*w2);
+    R_D[5] = 1.0;
+    R_D[6] = w3;
+    R_D[7] = -par[0] - par[1];
 }
 
-void cart_pendulum_dynamics_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void cart_pendulum_residual_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        dynamics_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*2, out[1] + i*4);
+        residual_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*8);
 }
 
 /* B = dQ/du row by row.
@@ -512,7 +524,7 @@ static inline void force_element(const double *restrict q, const double *restric
     (void)par;
     Q[0] = 0.0;
     Q[1] = u[0];
-    power[0] = u[0]*v[1];
+    power[0] = v[1]*u[0];
 }
 
 void cart_pendulum_force(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -531,11 +543,10 @@ void cart_pendulum_force(ptrdiff_t n, const double *const in[], const ptrdiff_t 
 static inline void momentum_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p)
 {
     (void)t;
-    const double w0 = par[0]*v[0];
-    const double w1 = par[0]*v[1];
-    const double w2 = par[2]*sin(q[0]);
-    p[0] = power2(par[2])*w0 - w1*w2;
-    p[1] = par[1]*v[1] + w1 - w0*w2;
+    const double w0 = sin(q[0]);
+    const double w1 = v[0]*par[2];
+    p[0] = -par[0]*par[2]*(v[1]*w0 - w1);
+    p[1] = v[1]*par[1] + par[0]*(v[1] - w0*w1);
 }
 
 void cart_pendulum_momentum(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -558,7 +569,7 @@ static inline void momentum_jac_element(const double *restrict q, const double *
     const double w1 = cos(q[0])*w0;
     const double w2 = -sin(q[0])*w0;
     p_D[0] = -v[1]*w1;
-    p_D[1] = par[0]*power2(par[2]);
+    p_D[1] = par[2]*w0;
     p_D[2] = w2;
     p_D[3] = -v[0]*w1;
     p_D[4] = w2;
@@ -583,11 +594,10 @@ static inline void momentum_hess_element(const double *restrict q, const double 
 {
     (void)t;
     const double w0 = par[0]*par[2];
-    const double w1 = sin(q[0])*w0;
-    const double w2 = cos(q[0])*w0;
-    hess[0] = v[0]*w1*w_p[1] + v[1]*w1*w_p[0];
-    hess[1] = -w2*w_p[1];
-    hess[2] = -w2*w_p[0];
+    const double w1 = cos(q[0])*w0;
+    hess[0] = sin(q[0])*(v[0]*w_p[1] + v[1]*w_p[0])*w0;
+    hess[1] = -w_p[1]*w1;
+    hess[2] = -w_p[0]*w1;
 }
 
 void cart_pendulum_momentum_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -606,13 +616,10 @@ void cart_pendulum_momentum_hess(ptrdiff_t n, const double *const in[], const pt
 static inline void energy_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict E)
 {
     (void)t;
-    const double w0 = par[0]*v[1];
-    const double w1 = par[2]*sin(q[0]);
-    const double w2 = w0*w1;
-    const double w3 = power2(par[2]);
-    const double w4 = 0.5*power2(v[1]);
-    const double w5 = par[0]*v[0];
-    E[0] = (par[1]*v[1] + w0 - w1*w5)*v[1] + (w3*w5 - w2)*v[0] - (0.5*par[0]*power2(v[0])*w3 + par[0]*w4 + par[1]*w4 - par[0]*par[3]*w1 - v[0]*w2);
+    const double w0 = v[0]*par[2];
+    const double w1 = sin(q[0]);
+    const double w2 = v[1]*par[1];
+    E[0] = -par[0]*(0.5*(v[1]*v[1]) - par[2]*(0.5*(v[0]*w0) + par[3]*w1)) - v[1]*(0.5*w2 - w2 - par[0]*(v[1] - w1*w0));
 }
 
 void cart_pendulum_energy(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -636,7 +643,7 @@ static inline void running_cost_element(const double *restrict q, const double *
     (void)v;
     (void)t;
     (void)par;
-    C[0] = 0.5*power2(u[0]);
+    C[0] = 0.5*(u[0]*u[0]);
     C_DD_u[0] = 1.0;
 }
 
@@ -922,7 +929,7 @@ static inline void rate_work_element(const double *restrict q, const double *res
     (void)q;
     (void)t;
     (void)par;
-    W_gamma[0] = lam[1]*v[0] - lam[0]*v[0];
+    W_gamma[0] = -v[0]*(lam[0] - lam[1]);
 }
 
 void cart_pendulum_rate_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -993,15 +1000,13 @@ void cart_pendulum_rate_work_hess(ptrdiff_t n, const double *const in[], const p
 static inline void min_time_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min)
 {
     (void)q_c;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double w0 = par[4] - q_0;
-    const double w1 = 2.0*a[0];
-    const double w2 = power2(v_0);
-    const double w3 = 0.5*h[0];
-    const double w4 = q_0 - par[5];
-    T_min[0] = w3 - 2.0*w0/(sqrt(w0*w1 + w2) - v_0);
-    T_min[1] = w3 - 2.0*w4/(sqrt(w2 - w1*w4) + v_0);
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w0 = q_0 - par[4];
+    const double v_0 = -(q_k[0] - q_kp1[0])/h[0];
+    const double w1 = v_0*v_0;
+    const double w2 = q_0 - par[5];
+    T_min[0] = 0.5*h[0] - 2.0*(w0/(v_0 - sqrt(w1 - 2.0*(w0*a[0]))));
+    T_min[1] = 0.5*h[0] - 2.0*(w2/(v_0 + sqrt(w1 - 2.0*(w2*a[0]))));
 }
 
 void cart_pendulum_min_time(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -1022,38 +1027,37 @@ void cart_pendulum_min_time(ptrdiff_t n, const double *const in[], const ptrdiff
 static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D)
 {
     (void)q_c;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double w0 = par[4] - q_0;
-    const double w1 = 2.0*a[0];
-    const double w2 = w0*w1;
-    const double w3 = power2(v_0);
-    const double w4 = sqrt(w2 + w3);
-    const double w5 = 1.0/w4;
-    const double w6 = w4 - v_0;
-    const double w7 = 1.0/power2(w6);
-    const double w8 = w0*w7;
-    const double w9 = 2.0/h[0];
-    const double w10 = (v_0*w5 - 1.0)*w8*w9;
-    const double w11 = 0.5*(2.0/w6 - w2*w5*w7);
-    const double w12 = -2.0*q_0;
-    const double w13 = q_0 - par[5];
-    const double w14 = w1*w13;
-    const double w15 = sqrt(w3 - w14);
-    const double w16 = 1.0/w15;
-    const double w17 = v_0 + w15;
-    const double w18 = 1.0/power2(w17);
-    const double w19 = w13*w18;
-    const double w20 = (1.0 + v_0*w16)*w19*w9;
-    const double w21 = 0.5*(-2.0/w17 - w14*w16*w18);
-    T_min_D[0] = w11 - w10;
-    T_min_D[1] = w10 + w11;
-    T_min_D[2] = 0.5 - v_0*w10;
-    T_min_D[3] = (2.0*par[4] + w12)*w5*w8;
-    T_min_D[4] = w21 - w20;
-    T_min_D[5] = w20 + w21;
-    T_min_D[6] = 0.5 - v_0*w20;
-    T_min_D[7] = (2.0*par[5] + w12)*w16*w19;
+    const double w0 = 1.0/h[0];
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double w1 = v_0*v_0;
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w2 = q_0 - par[4];
+    const double w3 = sqrt(w1 - 2.0*(w2*a[0]));
+    const double w4 = 1.0/w3;
+    const double w5 = 1.0/(v_0 - w3);
+    const double w6 = w2*w5;
+    const double w7 = w5*w6;
+    const double w8 = (1.0 - v_0*w4)*w7;
+    const double w9 = w0*w8;
+    const double w10 = w5*(1.0 - a[0]*w4*w6);
+    const double w11 = v_0*w0;
+    const double w12 = q_0 - par[5];
+    const double w13 = sqrt(w1 - 2.0*(w12*a[0]));
+    const double w14 = 1.0/w13;
+    const double w15 = 1.0/(v_0 + w13);
+    const double w16 = w12*w15;
+    const double w17 = w15*w16;
+    const double w18 = (1.0 + v_0*w14)*w17;
+    const double w19 = w0*w18;
+    const double w20 = w15*(1.0 + a[0]*w14*w16);
+    T_min_D[0] = -2.0*w9 - w10;
+    T_min_D[1] = 2.0*w9 - w10;
+    T_min_D[2] = 0.5 - 2.0*(w11*w8);
+    T_min_D[3] = 2.0*(w2*w4*w7);
+    T_min_D[4] = -2.0*w19 - w20;
+    T_min_D[5] = 2.0*w19 - w20;
+    T_min_D[6] = 0.5 - 2.0*(w11*w18);
+    T_min_D[7] = -2.0*(w12*w14*w17);
 }
 
 void cart_pendulum_min_time_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -1071,27 +1075,25 @@ void cart_pendulum_min_time_jac(ptrdiff_t n, const double *const in[], const ptr
 static inline void drawing_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict shapes)
 {
     (void)t;
-    const double w0 = cos(par[4]);
-    const double w1 = 0.75*par[2];
-    const double w2 = sin(par[4]);
-    const double w3 = 1.1000000000000001*par[2];
-    const double w4 = cos(par[5]);
-    const double w5 = sin(par[5]);
-    const double w6 = cos(q[0]);
-    const double w7 = par[2]*w6 + q[1];
-    const double w8 = sin(q[0]);
-    const double w9 = par[2]*w8;
-    const double w10 = 1.0/sqrt(power2(w6) + power2(w8));
-    const double w11 = w10*w8;
-    const double w12 = w10*w6;
-    shapes[0] = q[1] + w0*w1;
-    shapes[1] = w1*w2;
-    shapes[2] = q[1] + w0*w3;
-    shapes[3] = w2*w3;
-    shapes[4] = q[1] + w3*w4;
-    shapes[5] = w3*w5;
-    shapes[6] = q[1] + w1*w4;
-    shapes[7] = w1*w5;
+    const double w0 = par[2]*cos(par[4]);
+    const double w1 = par[2]*sin(par[4]);
+    const double w2 = par[2]*cos(par[5]);
+    const double w3 = par[2]*sin(par[5]);
+    const double w4 = cos(q[0]);
+    const double w5 = q[1] + par[2]*w4;
+    const double w6 = sin(q[0]);
+    const double w7 = par[2]*w6;
+    const double w8 = 1.0/sqrt(w4*w4 + w6*w6);
+    const double w9 = w6*w8;
+    const double w10 = w4*w8;
+    shapes[0] = q[1] + 0.75*w0;
+    shapes[1] = 0.75*w1;
+    shapes[2] = q[1] + 1.1000000000000001*w0;
+    shapes[3] = 1.1000000000000001*w1;
+    shapes[4] = q[1] + 1.1000000000000001*w2;
+    shapes[5] = 1.1000000000000001*w3;
+    shapes[6] = q[1] + 0.75*w2;
+    shapes[7] = 0.75*w3;
     shapes[8] = q[1];
     shapes[9] = 0.0;
     shapes[10] = 0.5*par[2];
@@ -1099,18 +1101,18 @@ static inline void drawing_element(const double *restrict q, const double *restr
     shapes[12] = 0.0;
     shapes[13] = q[1];
     shapes[14] = 0.0;
-    shapes[15] = w7;
-    shapes[16] = w9;
-    shapes[17] = w7;
-    shapes[18] = w9;
-    shapes[19] = w7;
-    shapes[20] = w9;
-    shapes[21] = -w11;
-    shapes[22] = w12;
-    shapes[23] = w7;
-    shapes[24] = w9;
-    shapes[25] = w11;
-    shapes[26] = -w12;
+    shapes[15] = w5;
+    shapes[16] = w7;
+    shapes[17] = w5;
+    shapes[18] = w7;
+    shapes[19] = w5;
+    shapes[20] = w7;
+    shapes[21] = -w9;
+    shapes[22] = w10;
+    shapes[23] = w5;
+    shapes[24] = w7;
+    shapes[25] = w9;
+    shapes[26] = -w10;
 }
 
 void cart_pendulum_drawing(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -1142,8 +1144,11 @@ static const dmoc_array impact_hess_arrays[] = {
 static const dmoc_array dynamics_arrays[] = {
     {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"M", 4}, {"F", 2},
 };
-static const dmoc_array dynamics_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"M_D", 2}, {"F_D", 4},
+static const dmoc_array residual_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"a", 2}, {"par", 6}, {"R", 2},
+};
+static const dmoc_array residual_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"a", 2}, {"par", 6}, {"R_D", 8},
 };
 static const dmoc_array input_matrix_arrays[] = {
     {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"B", 2},
@@ -1229,7 +1234,8 @@ static const dmoc_entry entries[] = {
     {"impact_jac", cart_pendulum_impact_jac, 8, 2, impact_jac_arrays},
     {"impact_hess", cart_pendulum_impact_hess, 10, 1, impact_hess_arrays},
     {"dynamics", cart_pendulum_dynamics, 5, 2, dynamics_arrays},
-    {"dynamics_jac", cart_pendulum_dynamics_jac, 5, 2, dynamics_jac_arrays},
+    {"residual", cart_pendulum_residual, 6, 1, residual_arrays},
+    {"residual_jac", cart_pendulum_residual_jac, 6, 1, residual_jac_arrays},
     {"input_matrix", cart_pendulum_input_matrix, 5, 1, input_matrix_arrays},
     {"force", cart_pendulum_force, 5, 2, force_arrays},
     {"momentum", cart_pendulum_momentum, 4, 1, momentum_arrays},
@@ -1257,4 +1263,4 @@ static const dmoc_entry entries[] = {
     {"drawing", cart_pendulum_drawing, 3, 1, drawing_arrays},
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", 33, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", 34, entries};

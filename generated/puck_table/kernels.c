@@ -9,8 +9,6 @@
 
 #include <math.h>
 
-static inline double power2(double x) { return x*x; }
-
 /* Momenta at both ends of a step, its cost, and the equations of the nodes inside.
  *   in  q_k[2]
  *   in  q_kp1[2]
@@ -30,16 +28,16 @@ static inline void step_element(const double *restrict q_k, const double *restri
     (void)t_k;
     (void)q_i;
     (void)r_i;
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
-    const double w0 = 0.5*h[0];
-    const double w1 = par[0]*v_0;
-    const double w2 = par[0]*v_1;
-    r_minus[0] = u_k[0]*w0 - w1;
-    r_minus[1] = u_k[1]*w0 - w2;
-    r_plus[0] = u_kp1[0]*w0 + w1;
-    r_plus[1] = u_kp1[1]*w0 + w2;
-    C_d[0] = (0.5*power2(u_k[0]) + 0.5*power2(u_k[1]) + 0.5*power2(u_kp1[0]) + 0.5*power2(u_kp1[1]))*w0;
+    const double w0 = 1.0/h[0];
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double w1 = v_0*par[0];
+    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
+    const double w2 = v_1*par[0];
+    r_minus[0] = 0.5*(u_k[0]*h[0]) - w1;
+    r_minus[1] = 0.5*(u_k[1]*h[0]) - w2;
+    r_plus[0] = w1 + 0.5*(u_kp1[0]*h[0]);
+    r_plus[1] = w2 + 0.5*(u_kp1[1]*h[0]);
+    C_d[0] = 0.25*(h[0]*(u_k[0]*u_k[0] + u_k[1]*u_k[1] + u_kp1[0]*u_kp1[0] + u_kp1[1]*u_kp1[1]));
 }
 
 void puck_table_step(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -67,34 +65,35 @@ static inline void step_jac_element(const double *restrict q_k, const double *re
     (void)t_k;
     (void)q_i;
     (void)r_i_D;
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
-    const double w0 = par[0]/h[0];
-    const double w1 = -w0;
-    const double w2 = 0.5*h[0];
-    const double w3 = v_0*w0;
-    const double w4 = v_1*w0;
-    r_minus_D[0] = w0;
-    r_minus_D[1] = w1;
-    r_minus_D[2] = w2;
-    r_minus_D[3] = 0.5*u_k[0] + w3;
-    r_minus_D[4] = w0;
-    r_minus_D[5] = w1;
-    r_minus_D[6] = w2;
-    r_minus_D[7] = 0.5*u_k[1] + w4;
-    r_plus_D[0] = w1;
-    r_plus_D[1] = w0;
-    r_plus_D[2] = w2;
-    r_plus_D[3] = 0.5*u_kp1[0] - w3;
-    r_plus_D[4] = w1;
-    r_plus_D[5] = w0;
-    r_plus_D[6] = w2;
-    r_plus_D[7] = 0.5*u_kp1[1] - w4;
-    C_d_D[0] = u_k[0]*w2;
-    C_d_D[1] = u_k[1]*w2;
-    C_d_D[2] = u_kp1[0]*w2;
-    C_d_D[3] = u_kp1[1]*w2;
-    C_d_D[4] = 0.5*(0.5*power2(u_k[0]) + 0.5*power2(u_k[1]) + 0.5*power2(u_kp1[0]) + 0.5*power2(u_kp1[1]));
+    const double w0 = 1.0/h[0];
+    const double w1 = par[0]*w0;
+    const double w2 = -w1;
+    const double w3 = 0.5*h[0];
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double w4 = v_0*w1;
+    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
+    const double w5 = v_1*w1;
+    r_minus_D[0] = w1;
+    r_minus_D[1] = w2;
+    r_minus_D[2] = w3;
+    r_minus_D[3] = 0.5*u_k[0] + w4;
+    r_minus_D[4] = w1;
+    r_minus_D[5] = w2;
+    r_minus_D[6] = w3;
+    r_minus_D[7] = 0.5*u_k[1] + w5;
+    r_plus_D[0] = w2;
+    r_plus_D[1] = w1;
+    r_plus_D[2] = w3;
+    r_plus_D[3] = 0.5*u_kp1[0] - w4;
+    r_plus_D[4] = w2;
+    r_plus_D[5] = w1;
+    r_plus_D[6] = w3;
+    r_plus_D[7] = 0.5*u_kp1[1] - w5;
+    C_d_D[0] = 0.5*(u_k[0]*h[0]);
+    C_d_D[1] = 0.5*(u_k[1]*h[0]);
+    C_d_D[2] = 0.5*(u_kp1[0]*h[0]);
+    C_d_D[3] = 0.5*(u_kp1[1]*h[0]);
+    C_d_D[4] = 0.25*(u_k[0]*u_k[0] + u_k[1]*u_k[1] + u_kp1[0]*u_kp1[0] + u_kp1[1]*u_kp1[1]);
 }
 
 void puck_table_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -123,28 +122,28 @@ static inline void step_hess_element(const double *restrict q_k, const double *r
     (void)t_k;
     (void)q_i;
     (void)w_r_i;
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
-    const double w0 = 1.0/power2(h[0]);
-    const double w1 = (par[0]*w_r_plus[0] - par[0]*w_r_minus[0])*w0;
-    const double w2 = (par[0]*w_r_plus[1] - par[0]*w_r_minus[1])*w0;
-    const double w3 = 0.5*w_C_d[0];
-    const double w4 = h[0]*w3;
-    const double w5 = v_1*w2;
-    const double w6 = v_0*w1;
-    hess[0] = w1;
-    hess[1] = w2;
-    hess[2] = -w1;
-    hess[3] = -w2;
-    hess[4] = w4;
-    hess[5] = 0.5*w_r_minus[0] + u_k[0]*w3;
-    hess[6] = w4;
-    hess[7] = 0.5*w_r_minus[1] + u_k[1]*w3;
-    hess[8] = w4;
-    hess[9] = 0.5*w_r_plus[0] + u_kp1[0]*w3;
-    hess[10] = w4;
-    hess[11] = 0.5*w_r_plus[1] + u_kp1[1]*w3;
-    hess[12] = w5 + w6 - (-w5 - w6);
+    const double w0 = w_r_minus[0] - w_r_plus[0];
+    const double w1 = 1.0/h[0];
+    const double w2 = w1*(par[0]*w1);
+    const double w3 = w0*w2;
+    const double w4 = w_r_minus[1] - w_r_plus[1];
+    const double w5 = w4*w2;
+    const double w6 = 0.5*(h[0]*w_C_d[0]);
+    const double v_0 = -w1*(q_k[0] - q_kp1[0]);
+    const double v_1 = -w1*(q_k[1] - q_kp1[1]);
+    hess[0] = -w3;
+    hess[1] = -w5;
+    hess[2] = w3;
+    hess[3] = w5;
+    hess[4] = w6;
+    hess[5] = 0.5*(w_r_minus[0] + u_k[0]*w_C_d[0]);
+    hess[6] = w6;
+    hess[7] = 0.5*(w_r_minus[1] + u_k[1]*w_C_d[0]);
+    hess[8] = w6;
+    hess[9] = 0.5*(w_r_plus[0] + u_kp1[0]*w_C_d[0]);
+    hess[10] = w6;
+    hess[11] = 0.5*(w_r_plus[1] + u_kp1[1]*w_C_d[0]);
+    hess[12] = -2.0*((v_0*w0 + v_1*w4)*w2);
 }
 
 void puck_table_step_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -169,14 +168,14 @@ static inline void impact_element(const double *restrict q_k, const double *rest
 {
     (void)t_k;
     (void)q_i;
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
-    const double w0 = 0.5*h[0];
-    const double w1 = power2(v_1);
-    const double w2 = power2(v_0);
-    const double w3 = 0.5*(w1 + w2)*par[0] - (par[0]*w1 + par[0]*w2);
-    e_plus[0] = w3 - (u_kp1[0]*v_0 + u_kp1[1]*v_1)*w0;
-    e_minus[0] = (u_k[0]*v_0 + u_k[1]*v_1)*w0 + w3;
+    const double w0 = 1.0/h[0];
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
+    const double w1 = v_0*v_0;
+    const double w2 = v_1*v_1;
+    const double w3 = par[0]*(w1 + w2 - 0.5*(w1 + w2));
+    e_plus[0] = -0.5*(h[0]*(v_0*u_kp1[0] + v_1*u_kp1[1])) - w3;
+    e_minus[0] = 0.5*(h[0]*(v_0*u_k[0] + v_1*u_k[1])) - w3;
 }
 
 void puck_table_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -201,34 +200,35 @@ static inline void impact_jac_element(const double *restrict q_k, const double *
 {
     (void)t_k;
     (void)q_i;
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/h[0];
-    const double w1 = -par[0]*v_0;
-    const double w2 = 0.5*h[0];
-    const double w3 = (w1 - u_kp1[0]*w2)*w0;
-    const double w4 = -par[0]*v_1;
-    const double w5 = (w4 - u_kp1[1]*w2)*w0;
-    const double w6 = 0.5*v_0;
-    const double w7 = h[0]*w6;
-    const double w8 = v_1*w2;
-    const double w9 = 0.5*v_1;
-    const double w10 = (u_k[0]*w2 + w1)*w0;
-    const double w11 = (u_k[1]*w2 + w4)*w0;
-    e_plus_D[0] = -w3;
-    e_plus_D[1] = -w5;
-    e_plus_D[2] = w3;
-    e_plus_D[3] = w5;
-    e_plus_D[4] = -w7;
-    e_plus_D[5] = -w8;
-    e_plus_D[6] = -(v_0*w3 + v_1*w5) - u_kp1[0]*w6 - u_kp1[1]*w9;
-    e_minus_D[0] = -w10;
-    e_minus_D[1] = -w11;
-    e_minus_D[2] = w10;
-    e_minus_D[3] = w11;
-    e_minus_D[4] = w7;
-    e_minus_D[5] = w8;
-    e_minus_D[6] = u_k[0]*w6 + u_k[1]*w9 - (v_0*w10 + v_1*w11);
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double w1 = v_0*par[0];
+    const double w2 = w1 + 0.5*(u_kp1[0]*h[0]);
+    const double w3 = w0*w2;
+    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
+    const double w4 = v_1*par[0];
+    const double w5 = w4 + 0.5*(u_kp1[1]*h[0]);
+    const double w6 = w0*w5;
+    const double w7 = v_0*h[0];
+    const double w8 = v_1*h[0];
+    const double w9 = w1 - 0.5*(u_k[0]*h[0]);
+    const double w10 = w0*w9;
+    const double w11 = w4 - 0.5*(u_k[1]*h[0]);
+    const double w12 = w0*w11;
+    e_plus_D[0] = w3;
+    e_plus_D[1] = w6;
+    e_plus_D[2] = -w3;
+    e_plus_D[3] = -w6;
+    e_plus_D[4] = -0.5*w7;
+    e_plus_D[5] = -0.5*w8;
+    e_plus_D[6] = w0*(v_0*w2 + v_1*w5) - 0.5*(v_0*u_kp1[0] + v_1*u_kp1[1]);
+    e_minus_D[0] = w10;
+    e_minus_D[1] = w12;
+    e_minus_D[2] = -w10;
+    e_minus_D[3] = -w12;
+    e_minus_D[4] = 0.5*w7;
+    e_minus_D[5] = 0.5*w8;
+    e_minus_D[6] = 0.5*(v_0*u_k[0] + v_1*u_k[1]) + w0*(v_0*w9 + v_1*w11);
 }
 
 void puck_table_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -254,50 +254,45 @@ static inline void impact_hess_element(const double *restrict q_k, const double 
 {
     (void)t_k;
     (void)q_i;
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
-    const double w0 = 1.0/power2(h[0]);
-    const double w1 = -par[0]*w_e_minus[0] - par[0]*w_e_plus[0];
-    const double w2 = w0*w1;
+    const double w0 = 1.0/h[0];
+    const double w1 = par[0]*(w_e_plus[0] + w_e_minus[0]);
+    const double w2 = w0*w0*w1;
     const double w3 = -w2;
-    const double w4 = 0.5*w_e_minus[0];
-    const double w5 = -w4;
-    const double w6 = 0.5*w_e_plus[0];
-    const double w7 = v_0*w2;
-    const double w8 = 1.0/h[0];
-    const double w9 = u_k[0]*w4 - u_kp1[0]*w6;
-    const double w10 = w8*w9;
-    const double w11 = -par[0]*v_0;
-    const double w12 = 0.5*h[0];
-    const double w13 = (u_k[0]*w12 + w11)*w_e_minus[0] + (w11 - u_kp1[0]*w12)*w_e_plus[0];
-    const double w14 = w0*w13;
-    const double w15 = u_k[1]*w4 - u_kp1[1]*w6;
-    const double w16 = w15*w8;
-    const double w17 = v_1*w2;
-    const double w18 = -par[0]*v_1;
-    const double w19 = (u_k[1]*w12 + w18)*w_e_minus[0] + (w18 - u_kp1[1]*w12)*w_e_plus[0];
-    const double w20 = w0*w19;
-    const double w21 = -w6;
-    const double w22 = w1*w8;
-    hess[0] = w2;
-    hess[1] = w3;
-    hess[2] = w5;
-    hess[3] = w6;
-    hess[4] = w14 + w7 - w10;
-    hess[5] = w2;
-    hess[6] = w3;
-    hess[7] = w5;
-    hess[8] = w6;
-    hess[9] = w17 + w20 - w16;
-    hess[10] = w2;
-    hess[11] = w4;
-    hess[12] = w21;
-    hess[13] = w10 - w14 - w7;
-    hess[14] = w2;
-    hess[15] = w4;
-    hess[16] = w21;
-    hess[17] = w16 - w17 - w20;
-    hess[18] = v_0*w14 + v_1*w20 - ((w15 - v_1*w22 - w19*w8)*v_1*w8 + (w9 - v_0*w22 - w13*w8)*v_0*w8) - v_0*w10 - v_1*w16;
+    const double w4 = -0.5*w_e_minus[0];
+    const double w5 = 0.5*w_e_plus[0];
+    const double w6 = u_k[0]*w_e_minus[0] - u_kp1[0]*w_e_plus[0];
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double w7 = v_0*par[0];
+    const double w8 = (w7 + 0.5*(u_kp1[0]*h[0]))*w_e_plus[0] + (w7 - 0.5*(u_k[0]*h[0]))*w_e_minus[0];
+    const double w9 = 0.5*w6 + w0*(v_0*w1 + w8);
+    const double w10 = w0*w9;
+    const double w11 = u_k[1]*w_e_minus[0] - u_kp1[1]*w_e_plus[0];
+    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
+    const double w12 = v_1*par[0];
+    const double w13 = (w12 + 0.5*(u_kp1[1]*h[0]))*w_e_plus[0] + (w12 - 0.5*(u_k[1]*h[0]))*w_e_minus[0];
+    const double w14 = 0.5*w11 + w0*(v_1*w1 + w13);
+    const double w15 = w0*w14;
+    const double w16 = 0.5*w_e_minus[0];
+    const double w17 = -0.5*w_e_plus[0];
+    hess[0] = w3;
+    hess[1] = w2;
+    hess[2] = w4;
+    hess[3] = w5;
+    hess[4] = -w10;
+    hess[5] = w3;
+    hess[6] = w2;
+    hess[7] = w4;
+    hess[8] = w5;
+    hess[9] = -w15;
+    hess[10] = w3;
+    hess[11] = w16;
+    hess[12] = w17;
+    hess[13] = w10;
+    hess[14] = w3;
+    hess[15] = w16;
+    hess[16] = w17;
+    hess[17] = w15;
+    hess[18] = -w0*(v_1*(0.5*w11 + w0*w13 + w14) + v_0*(0.5*w6 + w0*w8 + w9));
 }
 
 void puck_table_impact_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -334,31 +329,57 @@ void puck_table_dynamics(ptrdiff_t n, const double *const in[], const ptrdiff_t 
         dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*4, out[1] + i*2);
 }
 
-/* First derivatives of `dynamics` with respect to (q, v, u, t).
+/* Residual R = F - M a of the equations of motion at accelerations a.
  *   in  q[2]
  *   in  v[2]
  *   in  u[2]
  *   in  t[1]
+ *   in  a[2]
  *   in  par[3]
- *   out M_D[0]
- *   out F_D[2], entries of a 2 x 7 matrix: (0,4) (1,5)
+ *   out R[2]
  */
-static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M_D, double *restrict F_D)
+static inline void residual_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict a, const double *restrict par, double *restrict R)
+{
+    (void)q;
+    (void)v;
+    (void)t;
+    R[0] = u[0] - par[0]*a[0];
+    R[1] = u[1] - par[0]*a[1];
+}
+
+void puck_table_residual(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        residual_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*2);
+}
+
+/* First derivatives of `residual` with respect to (q, v, u, t, a).
+ *   in  q[2]
+ *   in  v[2]
+ *   in  u[2]
+ *   in  t[1]
+ *   in  a[2]
+ *   in  par[3]
+ *   out R_D[4], entries of a 2 x 9 matrix: (0,4) (0,7) (1,5) (1,8)
+ */
+static inline void residual_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict a, const double *restrict par, double *restrict R_D)
 {
     (void)q;
     (void)v;
     (void)u;
     (void)t;
-    (void)par;
-    (void)M_D;
-    F_D[0] = 1.0;
-    F_D[1] = 1.0;
+    (void)a;
+    const double w0 = -par[0];
+    R_D[0] = 1.0;
+    R_D[1] = w0;
+    R_D[2] = 1.0;
+    R_D[3] = w0;
 }
 
-void puck_table_dynamics_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void puck_table_residual_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        dynamics_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*0, out[1] + i*2);
+        residual_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*4);
 }
 
 /* B = dQ/du row by row.
@@ -404,7 +425,7 @@ static inline void force_element(const double *restrict q, const double *restric
     (void)par;
     Q[0] = u[0];
     Q[1] = u[1];
-    power[0] = u[0]*v[0] + u[1]*v[1];
+    power[0] = v[0]*u[0] + v[1]*u[1];
 }
 
 void puck_table_force(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -424,8 +445,8 @@ static inline void momentum_element(const double *restrict q, const double *rest
 {
     (void)q;
     (void)t;
-    p[0] = par[0]*v[0];
-    p[1] = par[0]*v[1];
+    p[0] = v[0]*par[0];
+    p[1] = v[1]*par[0];
 }
 
 void puck_table_momentum(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -490,9 +511,9 @@ static inline void energy_element(const double *restrict q, const double *restri
 {
     (void)q;
     (void)t;
-    const double w0 = power2(v[1]);
-    const double w1 = power2(v[0]);
-    E[0] = par[0]*w0 + par[0]*w1 - 0.5*(w0 + w1)*par[0];
+    const double w0 = v[0]*v[0];
+    const double w1 = v[1]*v[1];
+    E[0] = par[0]*(w0 + w1 - 0.5*(w0 + w1));
 }
 
 void puck_table_energy(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -516,7 +537,7 @@ static inline void running_cost_element(const double *restrict q, const double *
     (void)v;
     (void)t;
     (void)par;
-    C[0] = 0.5*power2(u[0]) + 0.5*power2(u[1]);
+    C[0] = 0.5*(u[0]*u[0] + u[1]*u[1]);
     C_DD_u[0] = 1.0;
     C_DD_u[1] = 1.0;
 }
@@ -813,7 +834,7 @@ static inline void rate_work_element(const double *restrict q, const double *res
     (void)q;
     (void)t;
     (void)par;
-    W_gamma[0] = lam[1]*v[0] + lam[3]*v[1] - lam[0]*v[0] - lam[2]*v[1];
+    W_gamma[0] = -v[1]*(lam[2] - lam[3]) - v[0]*(lam[0] - lam[1]);
 }
 
 void puck_table_rate_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -890,21 +911,19 @@ void puck_table_rate_work_hess(ptrdiff_t n, const double *const in[], const ptrd
 static inline void min_time_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min)
 {
     (void)q_c;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double q_1 = 0.5*q_k[1] + 0.5*q_kp1[1];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
-    const double w0 = 2.0*a[0];
-    const double w1 = power2(v_0);
-    const double w2 = 0.5*h[0];
-    const double w3 = q_0 - par[1];
-    const double w4 = 2.0*a[1];
-    const double w5 = power2(v_1);
-    const double w6 = q_1 - par[2];
-    T_min[0] = 2.0*q_0/(sqrt(w1 - q_0*w0) - v_0) + w2;
-    T_min[1] = w2 - 2.0*w3/(sqrt(w1 - w0*w3) + v_0);
-    T_min[2] = 2.0*q_1/(sqrt(w5 - q_1*w4) - v_1) + w2;
-    T_min[3] = w2 - 2.0*w6/(sqrt(w5 - w4*w6) + v_1);
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w0 = 1.0/h[0];
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double w1 = v_0*v_0;
+    const double w2 = q_0 - par[1];
+    const double q_1 = 0.5*(q_k[1] + q_kp1[1]);
+    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
+    const double w3 = v_1*v_1;
+    const double w4 = q_1 - par[2];
+    T_min[0] = 0.5*h[0] - 2.0*(q_0/(v_0 - sqrt(w1 - 2.0*(q_0*a[0]))));
+    T_min[1] = 0.5*h[0] - 2.0*(w2/(v_0 + sqrt(w1 - 2.0*(w2*a[0]))));
+    T_min[2] = 0.5*h[0] - 2.0*(q_1/(v_1 - sqrt(w3 - 2.0*(q_1*a[1]))));
+    T_min[3] = 0.5*h[0] - 2.0*(w4/(v_1 + sqrt(w3 - 2.0*(w4*a[1]))));
 }
 
 void puck_table_min_time(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -925,67 +944,65 @@ void puck_table_min_time(ptrdiff_t n, const double *const in[], const ptrdiff_t 
 static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D)
 {
     (void)q_c;
-    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
-    const double q_1 = 0.5*q_k[1] + 0.5*q_kp1[1];
-    const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double v_1 = (q_kp1[1] - q_k[1])/h[0];
-    const double w0 = 2.0*q_0;
-    const double w1 = a[0]*w0;
-    const double w2 = power2(v_0);
-    const double w3 = sqrt(w2 - w1);
-    const double w4 = w3 - v_0;
-    const double w5 = 1.0/power2(w4);
-    const double w6 = 1.0/h[0];
-    const double w7 = 1.0/w3;
-    const double w8 = (v_0*w7 - 1.0)*w0*w5*w6;
-    const double w9 = w5*w7;
-    const double w10 = 0.5*(2.0/w4 + w1*w9);
+    const double w0 = 1.0/h[0];
+    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
+    const double w1 = v_0*v_0;
+    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double w2 = sqrt(w1 - 2.0*(q_0*a[0]));
+    const double w3 = 1.0/w2;
+    const double w4 = 1.0/(v_0 - w2);
+    const double w5 = q_0*w4;
+    const double w6 = w4*w5;
+    const double w7 = (1.0 - v_0*w3)*w6;
+    const double w8 = w0*w7;
+    const double w9 = w4*(1.0 - a[0]*w3*w5);
+    const double w10 = v_0*w0;
     const double w11 = q_0 - par[1];
-    const double w12 = 2.0*w11;
-    const double w13 = a[0]*w12;
-    const double w14 = sqrt(w2 - w13);
-    const double w15 = v_0 + w14;
-    const double w16 = 1.0/power2(w15);
-    const double w17 = 1.0/w14;
-    const double w18 = (1.0 + v_0*w17)*w12*w16*w6;
-    const double w19 = w16*w17;
-    const double w20 = 0.5*(-2.0/w15 - w13*w19);
-    const double w21 = 2.0*q_1;
-    const double w22 = a[1]*w21;
-    const double w23 = power2(v_1);
-    const double w24 = sqrt(w23 - w22);
-    const double w25 = w24 - v_1;
-    const double w26 = 1.0/power2(w25);
-    const double w27 = 1.0/w24;
-    const double w28 = (v_1*w27 - 1.0)*w21*w26*w6;
-    const double w29 = w26*w27;
-    const double w30 = 0.5*(2.0/w25 + w22*w29);
-    const double w31 = q_1 - par[2];
-    const double w32 = 2.0*w31;
-    const double w33 = a[1]*w32;
-    const double w34 = sqrt(w23 - w33);
-    const double w35 = v_1 + w34;
-    const double w36 = 1.0/power2(w35);
-    const double w37 = 1.0/w34;
-    const double w38 = (1.0 + v_1*w37)*w32*w36*w6;
-    const double w39 = w36*w37;
-    const double w40 = 0.5*(-2.0/w35 - w33*w39);
-    T_min_D[0] = w10 + w8;
-    T_min_D[1] = w10 - w8;
-    T_min_D[2] = 0.5 + v_0*w8;
-    T_min_D[3] = 2.0*power2(q_0)*w9;
-    T_min_D[4] = w20 - w18;
-    T_min_D[5] = w18 + w20;
-    T_min_D[6] = 0.5 - v_0*w18;
-    T_min_D[7] = (2.0*par[1] - w0)*w11*w19;
-    T_min_D[8] = w28 + w30;
-    T_min_D[9] = w30 - w28;
-    T_min_D[10] = 0.5 + v_1*w28;
-    T_min_D[11] = 2.0*power2(q_1)*w29;
-    T_min_D[12] = w40 - w38;
-    T_min_D[13] = w38 + w40;
-    T_min_D[14] = 0.5 - v_1*w38;
-    T_min_D[15] = (2.0*par[2] - w21)*w31*w39;
+    const double w12 = sqrt(w1 - 2.0*(w11*a[0]));
+    const double w13 = 1.0/w12;
+    const double w14 = 1.0/(v_0 + w12);
+    const double w15 = w11*w14;
+    const double w16 = w14*w15;
+    const double w17 = (1.0 + v_0*w13)*w16;
+    const double w18 = w0*w17;
+    const double w19 = w14*(1.0 + a[0]*w13*w15);
+    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
+    const double w20 = v_1*v_1;
+    const double q_1 = 0.5*(q_k[1] + q_kp1[1]);
+    const double w21 = sqrt(w20 - 2.0*(q_1*a[1]));
+    const double w22 = 1.0/w21;
+    const double w23 = 1.0/(v_1 - w21);
+    const double w24 = q_1*w23;
+    const double w25 = w23*w24;
+    const double w26 = (1.0 - v_1*w22)*w25;
+    const double w27 = w0*w26;
+    const double w28 = w23*(1.0 - a[1]*w22*w24);
+    const double w29 = v_1*w0;
+    const double w30 = q_1 - par[2];
+    const double w31 = sqrt(w20 - 2.0*(w30*a[1]));
+    const double w32 = 1.0/w31;
+    const double w33 = 1.0/(v_1 + w31);
+    const double w34 = w30*w33;
+    const double w35 = w33*w34;
+    const double w36 = (1.0 + v_1*w32)*w35;
+    const double w37 = w0*w36;
+    const double w38 = w33*(1.0 + a[1]*w32*w34);
+    T_min_D[0] = -2.0*w8 - w9;
+    T_min_D[1] = 2.0*w8 - w9;
+    T_min_D[2] = 0.5 - 2.0*(w10*w7);
+    T_min_D[3] = 2.0*(q_0*w3*w6);
+    T_min_D[4] = -2.0*w18 - w19;
+    T_min_D[5] = 2.0*w18 - w19;
+    T_min_D[6] = 0.5 - 2.0*(w10*w17);
+    T_min_D[7] = -2.0*(w11*w13*w16);
+    T_min_D[8] = -2.0*w27 - w28;
+    T_min_D[9] = 2.0*w27 - w28;
+    T_min_D[10] = 0.5 - 2.0*(w29*w26);
+    T_min_D[11] = 2.0*(q_1*w22*w25);
+    T_min_D[12] = -2.0*w37 - w38;
+    T_min_D[13] = 2.0*w37 - w38;
+    T_min_D[14] = 0.5 - 2.0*(w29*w36);
+    T_min_D[15] = -2.0*(w30*w32*w35);
 }
 
 void puck_table_min_time_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -1068,8 +1085,11 @@ static const dmoc_array impact_hess_arrays[] = {
 static const dmoc_array dynamics_arrays[] = {
     {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"M", 4}, {"F", 2},
 };
-static const dmoc_array dynamics_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"M_D", 0}, {"F_D", 2},
+static const dmoc_array residual_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"a", 2}, {"par", 3}, {"R", 2},
+};
+static const dmoc_array residual_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"a", 2}, {"par", 3}, {"R_D", 4},
 };
 static const dmoc_array input_matrix_arrays[] = {
     {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"B", 4},
@@ -1155,7 +1175,8 @@ static const dmoc_entry entries[] = {
     {"impact_jac", puck_table_impact_jac, 8, 2, impact_jac_arrays},
     {"impact_hess", puck_table_impact_hess, 10, 1, impact_hess_arrays},
     {"dynamics", puck_table_dynamics, 5, 2, dynamics_arrays},
-    {"dynamics_jac", puck_table_dynamics_jac, 5, 2, dynamics_jac_arrays},
+    {"residual", puck_table_residual, 6, 1, residual_arrays},
+    {"residual_jac", puck_table_residual_jac, 6, 1, residual_jac_arrays},
     {"input_matrix", puck_table_input_matrix, 5, 1, input_matrix_arrays},
     {"force", puck_table_force, 5, 2, force_arrays},
     {"momentum", puck_table_momentum, 4, 1, momentum_arrays},
@@ -1183,4 +1204,4 @@ static const dmoc_entry entries[] = {
     {"drawing", puck_table_drawing, 3, 1, drawing_arrays},
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", 33, entries};
+const dmoc_table puck_table_kernels = {"puck_table", 34, entries};

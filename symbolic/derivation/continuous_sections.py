@@ -11,7 +11,6 @@ from dmoc.symbolic.continuous import (
     Continuous,
     dot,
     energy,
-    gradient,
     input_matrix,
     mass_matrix,
     momenta,
@@ -27,6 +26,7 @@ from dmoc.symbolic.derivation.document import (
 )
 from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
 from dmoc.symbolic.families import approach, first_root
+from dmoc.symbolic.graph import gradient
 from dmoc.symbolic.system import MechanicalSystem
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import sympy as sp
 
 from dmoc.base.names import name_of
-from dmoc.symbolic.continuous import Continuous, dot, gradient, impact_work
+from dmoc.symbolic.continuous import Continuous, dot, impact_work
 from dmoc.symbolic.derivation.document import (
     LEFT,
     Equation,
@@ -19,6 +19,7 @@ from dmoc.symbolic.derivation.document import (
 )
 from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
 from dmoc.symbolic.discrete import StepElement
+from dmoc.symbolic.graph import gradient
 from dmoc.symbolic.system import MechanicalSystem
 
 

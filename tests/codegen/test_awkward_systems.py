@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 import sympy as sp
@@ -19,6 +20,7 @@ from dmoc.codegen.compiler import HEADERS, compiler
 from dmoc.codegen.text import c_files, manifest, numpy_text
 from dmoc.symbolic.families import model_spec
 from dmoc.symbolic.spec import KernelSpec
+from dmoc.symbolic.traversal import evaluated
 
 pytestmark = pytest.mark.slow
 
@@ -150,8 +152,9 @@ def _values(
         for a, row in zip(kernel.inputs, inputs, strict=True)
         for s, v in zip(a.symbols, row[0].tolist(), strict=True)
     }
-    point |= {symbol: value.subs(point) for symbol, value in kernel.definitions}
-    numbers = [complex(sp.sympify(e.subs(point)).evalf()) for e in expressions]
+    defined = {s: v for s, v in kernel.definitions if v.free_symbols <= set(point)}
+    point |= dict(zip(defined, evaluated(list(defined.values()), point, mpmath), strict=True))
+    numbers = [complex(z) for z in evaluated(expressions, point, mpmath)]
     return np.array([z.real if z.imag == 0 else np.nan for z in numbers])
 
 

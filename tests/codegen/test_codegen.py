@@ -22,8 +22,8 @@ from dmoc.codegen.printer import CPrinter, NumPyPrinter
 from dmoc.codegen.text import c_files
 from dmoc.mechanics.model import Model
 from dmoc.symbolic.continuous import readable
+from dmoc.symbolic.conversion import FUNCTIONS
 from dmoc.symbolic.families import model_spec
-from dmoc.symbolic.spec import FUNCTIONS
 
 T = dynamicsymbols._t
 AWKWARD = [
@@ -60,7 +60,7 @@ def values(kernels: Kernels, at: float) -> np.ndarray:
     for weights in np.eye(len(AWKWARD)):
         model = Model(kernels, np.array([[1.3, *weights]]))
         value = model.equations(q, still, none)[1][0, 0]
-        columns.append((value, model.equations_slopes(q, still, none)[1][0, 0, 0]))
+        columns.append((value, model.equations_slopes(q, still, none, a=still)[0, 0, 0]))
     return np.array(columns).T
 
 

@@ -2,30 +2,40 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
-import symengine as se
+import sympy as sp
 
 from dmoc.codegen.printer import CPrinter, NumPyPrinter
+from dmoc.codegen.schedule import schedule
+from dmoc.symbolic.conversion import to_nodes
+from dmoc.symbolic.graph import Graph
 
-X, Y = se.symbols("x y")
+X, Y = sp.symbols("x y")
 
 
 @pytest.mark.parametrize(
     ("condition", "below", "at", "above"),
     [
-        (se.Lt(X, Y), True, False, False),
-        (se.Le(X, Y), True, True, False),
-        (se.Gt(X, Y), False, False, True),
-        (se.Ge(X, Y), False, True, True),
-        (se.Eq(X, Y), False, True, False),
-        (se.Ne(X, Y), True, False, True),
+        (X < Y, True, False, False),
+        (X <= Y, True, True, False),
+        (X > Y, False, False, True),
+        (X >= Y, False, True, True),
+        (sp.Eq(X, Y), False, True, False),
+        (sp.Ne(X, Y), True, False, True),
     ],
 )
 def test_a_relation_holds_where_it_is_written_to(
-    condition: object, below: bool, at: bool, above: bool
+    condition: Any, below: bool, at: bool, above: bool
 ) -> None:
-    names = {"x": "x", "y": "y"}
-    for text in (NumPyPrinter(names).condition(condition), CPrinter(names).condition(condition)):
-        for x, expected in ((0.9, below), (1.0, at), (1.1, above)):
-            assert eval(text, {"np": np}, {"x": x, "y": 1.0}) is expected, text
+    graph = Graph()
+    x, y = graph.symbol("x"), graph.symbol("y")
+    (choice,) = to_nodes(graph, [sp.Piecewise((1, condition), (0, True))], {X: x, Y: y})
+    relation = choice.parts[1]
+    plan = schedule([relation], {}, ())
+    for printer in (NumPyPrinter, CPrinter):
+        text = printer(plan, {x: "x", y: "y"}).text(relation)
+        for value, expected in ((0.9, below), (1.0, at), (1.1, above)):
+            assert eval(text, {"np": np}, {"x": value, "y": 1.0}) is expected, text

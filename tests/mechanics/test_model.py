@@ -47,8 +47,8 @@ def test_rows_of_states_are_evaluated_as_each_of_them_alone(model: Model) -> Non
             lambda k: [a[0] for a in model.balance(q[[k]], v[[k]], u[[k]], t[[k]])],
         ),
         "slopes of the equations": (
-            model.equations_slopes(q, v, u, t),
-            lambda k: model.equations_slopes(q[k], v[k], u[k], t[k]),
+            (model.equations_slopes(q, v, u, t, a=v),),
+            lambda k: (model.equations_slopes(q[k], v[k], u[k], t[k], a=v[k]),),
         ),
         "others": (
             (
@@ -79,7 +79,7 @@ def test_shapes_are_those_of_the_mathematics(model: Model) -> None:
     nq, nu, nc = 2, 1, 2
     assert (model.nq, model.nu, model.nc) == (nq, nu, nc)
     assert [a.shape for a in model.equations(q, v, u, t)] == [(5, nq, nq), (5, nq)]
-    assert [a.shape for a in model.equations_slopes(q[0], v[0])] == [(nq, nq, 2 * nq), (nq, 2 * nq)]
+    assert model.equations_slopes(q[0], v[0], a=v[0]).shape == (nq, 2 * nq)
     assert model.input_matrix(q).shape == (5, nq, nu)
     assert model.energy(q, v, t).shape == (5,)
     assert [a.shape for a in model.balance(q, v, u, t)] == [(5, nq, nq), (5, nq), (5,)]
@@ -112,14 +112,15 @@ def test_functions_belong_together(model: Model) -> None:
         np.einsum("kji,ki->kj", model.gap_slopes(q, t), ends), model.gap_rates(q, v, t), atol=1e-14
     )
     little = 1e-6
-    M_D_s, F_D_s = model.equations_slopes(q[0], v[0], u[0])
+    a = np.array([0.7, -1.3])
+    R_D_s = model.equations_slopes(q[0], v[0], u[0], a=a)
     for i in range(4):
         step = little * np.eye(4)[i]
         ahead, behind = (
             model.equations(q[0] + s * step[:2], v[0] + s * step[2:], u[0]) for s in (1, -1)
         )
-        np.testing.assert_allclose(M_D_s[..., i], (ahead[0] - behind[0]) / (2 * little), atol=1e-7)
-        np.testing.assert_allclose(F_D_s[..., i], (ahead[1] - behind[1]) / (2 * little), atol=1e-7)
+        change = ahead[1] - behind[1] - (ahead[0] - behind[0]) @ a
+        np.testing.assert_allclose(R_D_s[..., i], change / (2 * little), atol=1e-7)
 
 
 def test_a_unit_impulse_changes_the_momentum_along_its_direction(model: Model) -> None:

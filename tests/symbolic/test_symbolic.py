@@ -12,7 +12,6 @@ from dmoc.models import catalogue
 from dmoc.symbolic.continuous import (
     dot,
     energy,
-    gradient,
     mass_matrix,
     momenta,
     readable,
@@ -20,6 +19,7 @@ from dmoc.symbolic.continuous import (
 )
 from dmoc.symbolic.derivation.discrete_sections import tangents
 from dmoc.symbolic.discrete import StepElement, step_element
+from dmoc.symbolic.graph import gradient
 
 pytestmark = pytest.mark.slow
 

@@ -36,10 +36,10 @@ COMPLETED = {
         ("import dmoc; dmoc.solve_many", "multiprocessing", ""),
         (
             SOLVE.format(100, ", 'ipm'"),
-            "scipy sympy symengine matplotlib sqlite3 rich typer multiprocessing",
+            "scipy sympy matplotlib sqlite3 rich typer multiprocessing",
             "",
         ),
-        (SOLVE.format(10, ""), "sympy symengine", ""),
+        (SOLVE.format(10, ""), "sympy", ""),
     ],
     ids=["help", "completion", "methods", "check", "many", "solve", "solve by default"],
 )

@@ -1,0 +1,195 @@
+"""From a graph of expressions to straight-line code: which values there are, and in what order.
+
+Sums take out factors that their terms share, and the pairs of factors that most products share
+become values of their own.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from dmoc.symbolic.graph import PRODUCT, RESULT, SUM, Node, Scalar
+from dmoc.symbolic.pairs import Part, share_pairs
+from dmoc.symbolic.spec import FunctionSpec, KernelSpec
+from dmoc.symbolic.traversal import in_order, reached
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """The values that ``results`` need; ``factors`` of products, each as often as it counts;
+    ``definitions`` of symbols."""
+
+    results: tuple[Node, ...]
+    factors: Mapping[Node, Sequence[Node]]
+    definitions: Mapping[Node, Node]
+    specs: Sequence[FunctionSpec]
+
+    def operands(self, node: Node) -> Iterable[Node]:
+        if node in self.definitions:
+            return (self.definitions[node],)
+        return self.factors.get(node, node.children)
+
+    @cached_property
+    def order(self) -> list[Node]:
+        """All nodes, operands first."""
+        return in_order(self.results, self.operands)
+
+    @cached_property
+    def uses(self) -> Counter[Node]:
+        """How often a node is read."""
+        uses = Counter(self.results)
+        for node in self.order:
+            uses.update(self.operands(node))
+        return uses
+
+    @cached_property
+    def functions(self) -> dict[Node, tuple[FunctionSpec, int]]:
+        """The function that gives a result, and its place there."""
+        results = [n for n in self.order if n.kind == RESULT]
+        orders = dict(_by_function(results).keys())
+        specs = {(s.function, s.order): s for s in self.specs}
+        called = {n: specs[n.value[0], orders[n.value[0]]] for n in results}
+        return {n: (spec, spec.paths.index(n.value[1])) for n, spec in called.items()}
+
+
+def schedule(
+    results: Sequence[Node], definitions: Mapping[Node, Node], specs: Iterable[FunctionSpec]
+) -> Schedule:
+    """Arrange the computation of some nodes."""
+    wanted = len(results)
+    arranged = _with_common_factors([*results, *definitions.values()])
+    results = arranged[:wanted]
+    definitions = dict(zip(definitions, arranged[wanted:], strict=True))
+    factors: dict[Node, list[Node]] = {}
+    waiting = [node for node in reached(arranged) if node.kind == PRODUCT]
+    while waiting:
+        node = waiting.pop()
+        if node not in factors:
+            factors[node] = _factors(node)
+            waiting += [n for n in factors[node] if n.kind == PRODUCT]
+    parts = {n: [(f, 1.0) for f in own] for n, own in factors.items() if len(own) > 1}
+    share_pairs(parts, _product_of)
+    factors |= {n: [f for f, _ in own] for n, own in parts.items()}
+    return Schedule(tuple(results), factors, definitions, tuple(specs))
+
+
+def _product_of(a: Node, b: Node, ratio: float, owners: Sequence[Node]) -> Part:
+    if owners:
+        return owners[0], 1.0
+    parts = ((a, 2),) if a is b else ((a, 1), (b, 1))
+    return a.graph.make(PRODUCT, None, parts), 1.0
+
+
+def is_unit(node: Node) -> bool:
+    """Whether a product is an inverse or a root, which are values of their own."""
+    return node.kind == PRODUCT and len(node.parts) == 1 and node.parts[0][1] in (-1, 0.5)
+
+
+def _factors(node: Node) -> list[Node]:
+    """The factors of a product, each with exponent 1; inverses, roots and powers as nodes."""
+    if is_unit(node):
+        return [node.parts[0][0]]
+    g, factors = node.graph, []
+    for base, e in node.parts:
+        whole, part = divmod(abs(e), 1)
+        if part not in (0, 0.5) or whole > 4:
+            power = g.apply("pow", base, g.node(abs(e)))
+            factors.append(power if e > 0 else g.product([(power, -1)]))
+            continue
+        for unit, times in ((base, int(whole)), (g.product([(base, 0.5)]), 1 if part else 0)):
+            if times:
+                factors += [unit if e > 0 else g.make(PRODUCT, None, ((unit, -1),))] * times
+    return factors
+
+
+def _with_common_factors(results: Sequence[Node]) -> list[Node]:
+    """The same values, where sums have taken out what terms that nobody else needs share."""
+    nodes = reached(results)
+    uses = Counter(results)
+    for node in nodes:
+        uses.update(node.children)
+    new: dict[Node, Node] = {}
+    for node in nodes:
+        new[node] = node.rebuilt(new)
+        if node.kind == SUM and len(node.parts) > 1:
+            opened, constant = _opened(node, uses)
+            alone = [(new[n], c) for n, c in opened if uses[n] == 1]
+            others = [(new[n], c) for n, c in opened if uses[n] > 1]
+            new[node] = node.graph.sum([*others, *_factored(alone)], constant)
+    return [new[r] for r in results]
+
+
+def _opened(node: Node, uses: Counter[Node]) -> tuple[list[Part], float]:
+    """The terms of a sum and its constant, and those of sums in it that nobody else needs."""
+    terms, constant = [], node.value
+    for n, c in node.parts:
+        if n.kind == SUM and uses[n] == 1 and (abs(c) == 1 or len(n.parts) == 1):
+            inner, value = _opened(n, uses)
+            terms += [(m, c * d) for m, d in inner]
+            constant += c * value
+        else:
+            terms.append((n, c))
+    return terms, constant
+
+
+def _factored(terms: Sequence[Part]) -> list[Part]:
+    """Terms of a sum, in which the factor that most of them share stands before a sum, and so
+    on."""
+    products = [_plain(term) for term in terms]
+    count: Counter[tuple[Node, bool]] = Counter()
+    for node, _ in products:
+        if node.kind == PRODUCT:
+            count.update((n, e > 0) for n, e in node.parts if e == int(e))
+    (factor, above), most = max(
+        count.items(), key=lambda c: (c[1], c[0][0].number, c[0][1]), default=((None, True), 0)
+    )
+    if factor is None or most < 2:
+        return products
+    g, sign = factor.graph, 1 if above else -1
+
+    def has(node: Node) -> bool:
+        return node.kind == PRODUCT and any(
+            n is factor and e * sign > 0 and e == int(e) for n, e in node.parts
+        )
+
+    inside = [(g.product([(n, 1), (factor, -sign)]), c) for n, c in products if has(n)]
+    whole = g.product([(factor, sign), (g.sum(_factored(inside)), 1)])
+    return [(whole, 1.0), *_factored([p for p in products if not has(p[0])])]
+
+
+def _plain(term: Part) -> Part:
+    """A term whose coefficient is not inside its node."""
+    node, c = term
+    if node.kind == SUM and len(node.parts) == 1 and not node.value:
+        ((node, factor),) = node.parts
+        return node, c * factor
+    return term
+
+
+def functions_of(kernels: Iterable[KernelSpec]) -> list[FunctionSpec]:
+    """The functions that kernels call, each with all results that any of them needs."""
+    paths: dict[tuple[Scalar, int], set[tuple[int, ...]]] = {}
+    for kernel in kernels:
+        results = [n for n in reached(_expressions(kernel)) if n.kind == RESULT]
+        for (function, order), own in _by_function(results).items():
+            paths.setdefault((function, order), set()).update(own)
+    return [
+        FunctionSpec(function, order, tuple(sorted(own, key=lambda path: (len(path), path))))
+        for (function, order), own in paths.items()
+    ]
+
+
+def _expressions(kernel: KernelSpec) -> list[Node]:
+    values = [e for output in kernel.outputs for e in output.expressions]
+    return [*values, *(e for _, e in kernel.definitions)]
+
+
+def _by_function(results: Iterable[Node]) -> dict[tuple[Scalar, int], list[tuple[int, ...]]]:
+    """The derivatives of functions with the order of the highest one."""
+    paths: dict[Scalar, list[tuple[int, ...]]] = {}
+    for node in results:
+        paths.setdefault(node.value[0], []).append(node.value[1])
+    return {(f, max(map(len, own))): own for f, own in paths.items()}

@@ -1,0 +1,93 @@
+"""From expressions of SymPy to nodes of a graph."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import sympy as sp
+from sympy.functions.elementary.piecewise import ExprCondPair
+from sympy.logic.boolalg import Boolean
+
+from dmoc.base.errors import GenerationError
+from dmoc.symbolic.graph import JUNCTION, RELATION, SLOPES, Graph, Node
+from dmoc.symbolic.pairs import with_shared_sums
+
+RELATIONS = {
+    "StrictLessThan": "<", "LessThan": "<=", "StrictGreaterThan": ">", "GreaterThan": ">=",
+    "Equality": "==", "Unequality": "!=",
+}  # fmt: skip
+FUNCTIONS = frozenset(SLOPES) - {"pow", "exp"}
+
+
+def to_nodes(graph: Graph, expressions: Sequence[Any], table: Mapping[Any, Node]) -> list[Node]:
+    """Expressions of SymPy as nodes; ``table`` has the nodes of their symbols."""
+    made: dict[Any, Node] = dict(table)
+
+    def convert(e: Any) -> Node:
+        node = made.get(e)
+        if node is None:
+            node = made[e] = _converted(graph, e, convert)
+        return node
+
+    return with_shared_sums([convert(_elementary(e)) for e in expressions])
+
+
+def _converted(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
+    if isinstance(e, sp.Expr) and e.is_number:
+        return g.node(float(e))
+    if e.is_Add:
+        return g.sum([(convert(a), 1.0) for a in e.args])
+    if e.is_Mul:
+        return g.product([(convert(a), 1) for a in e.args])
+    if e.is_Pow:
+        return g.power(convert(e.base), convert(e.exp))
+    if isinstance(e, sp.Piecewise):
+        return _choice(g, e, convert)
+    if e.is_Relational:
+        return g.make(RELATION, RELATIONS[type(e).__name__], (convert(e.lhs), convert(e.rhs)))
+    if isinstance(e, (sp.And, sp.Or)):
+        parts = sorted((convert(a) for a in e.args), key=lambda n: n.number)
+        return g.make(JUNCTION, type(e).__name__, tuple(parts))
+    if e.is_Symbol:
+        raise GenerationError(f"the symbol {e} is no input of the kernel.")
+    return g.apply(type(e).__name__, *(convert(a) for a in e.args))
+
+
+def _choice(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
+    parts: list[Node] = []
+    for value, condition in e.args:
+        if condition == True:  # noqa: E712  SymPy's truth
+            return g.choice([*parts, convert(value)])
+        if condition != False:  # noqa: E712
+            parts += [convert(value), convert(condition)]
+    raise GenerationError(f"the Piecewise {e} has no value elsewhere: end it with (value, True).")
+
+
+def _elementary(expression: Any) -> Any:
+    """Write functions with a kink as Piecewise, which can be differentiated, and refuse what no
+    printer knows."""
+    kinks = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside)
+    if expression.has(*kinks):
+        expression = sp.piecewise_fold(
+            expression.replace(lambda e: isinstance(e, kinks), lambda e: e.rewrite(sp.Piecewise))
+        )
+    for node in sp.preorder_traversal(expression):
+        if not _is_printable(node):
+            raise GenerationError(
+                f"{sp.sstr(node)} cannot be turned into C: use +, -, *, /, powers, Abs, sign, Min, "
+                "Max, Piecewise and "
+                f"{', '.join(sorted(FUNCTIONS))}, exp, sqrt."
+            )
+    return expression
+
+
+def _is_printable(node: Any) -> bool:
+    if isinstance(
+        node,
+        (sp.Add, sp.Mul, sp.Pow, sp.Symbol, sp.exp, sp.Piecewise, Boolean, sp.Rational, sp.Float),
+    ):
+        return not isinstance(node, (sp.Not, sp.Xor, sp.ITE))
+    if isinstance(node, ExprCondPair) or node in (sp.pi, sp.E):
+        return True
+    return isinstance(node, sp.Function) and type(node).__name__ in FUNCTIONS

@@ -1,0 +1,395 @@
+"""Expressions as a graph in which equal ones are one node, and their derivatives.
+
+A sum holds a constant and its terms with coefficients, a product its factors with exponents; both
+merge equal parts when they are made, so that what cancels is gone.  A sum inside a sum stays what
+it is, because others may use it.  Nodes are numbered in the order in which they are made, so that
+an expression comes after its parts.  :func:`reverse` differentiates one expression by all symbols
+at once, at a few times its own size; :meth:`Node.diff` differentiates by one symbol, and whoever
+asks again finds what was there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, TypeAlias
+
+from dmoc.base.errors import GenerationError
+
+Operand: TypeAlias = "Node | float"
+
+NUMBER, SYMBOL, SUM, PRODUCT, CALL, CHOICE, RELATION, JUNCTION, RESULT = range(9)
+
+
+class Node:
+    """An expression.
+
+    ``kind`` says what ``parts`` are: of a sum (node, coefficient), of a product (node, exponent),
+    of a call its arguments, of a choice values and conditions in turn and the value otherwise, of
+    a relation its sides, of a junction conditions, of a result the arguments of its function.
+    ``value`` is the number, the constant of a sum, the name of a symbol, function, relation or
+    junction, or which derivative of which function a result is.
+    """
+
+    __slots__ = ("_partials", "_slopes", "graph", "kind", "number", "parts", "symbols", "value")
+
+    def __init__(self, graph: Graph, number: int, kind: int, value: Any, parts: Any) -> None:
+        self.graph, self.number, self.kind = graph, number, kind
+        self.value, self.parts = value, parts
+        self.symbols = 0  # bits of the symbols that it depends on
+        for child in self.children:
+            self.symbols |= child.symbols
+        self._slopes: dict[Node, Node] = {}  # derivatives by symbols
+        self._partials: list[tuple[Node, Node]] | None = None  # and by children
+
+    @property
+    def children(self) -> Iterable[Node]:
+        if self.kind in (SUM, PRODUCT):
+            return [node for node, _ in self.parts]
+        return self.parts  # type: ignore[no-any-return]
+
+    def __add__(self, other: Operand) -> Node:
+        return self.graph.sum([(self, 1.0), (self.graph.node(other), 1.0)])
+
+    def __sub__(self, other: Operand) -> Node:
+        return self.graph.sum([(self, 1.0), (self.graph.node(other), -1.0)])
+
+    def __rsub__(self, other: Operand) -> Node:
+        return self.graph.sum([(self.graph.node(other), 1.0), (self, -1.0)])
+
+    def __neg__(self) -> Node:
+        return self.graph.sum([(self, -1.0)])
+
+    def __mul__(self, other: Operand) -> Node:
+        return self.graph.product([(self, 1), (self.graph.node(other), 1)])
+
+    def __truediv__(self, other: Operand) -> Node:
+        return self.graph.product([(self, 1), (self.graph.node(other), -1)])
+
+    def __rtruediv__(self, other: Operand) -> Node:
+        return self.graph.product([(self.graph.node(other), 1), (self, -1)])
+
+    def __pow__(self, exponent: Operand) -> Node:
+        return self.graph.power(self, exponent)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __repr__(self) -> str:
+        if self.kind == SYMBOL:
+            return str(self.value)
+        return f"<Node {self.number}: {self.value} of {len(self.parts)} parts>"
+
+    @property
+    def free_symbols(self) -> set[Node]:
+        return {s for i, s in enumerate(self.graph.symbols) if self.symbols >> i & 1}
+
+    def subs(self, new: Mapping[Node, Node]) -> Node:
+        """The same expression of other nodes in the place of symbols, or of some nodes."""
+        made = dict(new)
+        for node in _below(self, _bits(new), lambda n: n in made):
+            made[node] = node.rebuilt(made)
+        return made.get(self, self)
+
+    def rebuilt(self, new: Mapping[Node, Node]) -> Node:
+        """The same expression of other parts, where there are others."""
+        g = self.graph
+        if self.kind == SUM:
+            return g.sum([(new.get(n, n), c) for n, c in self.parts], self.value)
+        if self.kind == PRODUCT:
+            return g.product([(new.get(n, n), e) for n, e in self.parts])
+        parts = [new.get(n, n) for n in self.parts]
+        if self.kind == CALL:
+            return g.apply(self.value, *parts)
+        if self.kind == CHOICE:
+            return g.choice(parts)
+        return g.make(self.kind, self.value, tuple(parts))
+
+    def diff(self, symbol: Node) -> Node:
+        """Partial derivative by a symbol."""
+        for node in _below(self, symbol.symbols, lambda n: symbol in n._slopes):
+            node._slopes[symbol] = node._slope(symbol)
+        return self._slopes.get(symbol, self.graph.zero)
+
+    def _slope(self, symbol: Node) -> Node:
+        g, bit = self.graph, symbol.symbols
+        if self is symbol:
+            return g.one
+        if self.kind == SUM:
+            return g.sum((n._slopes[symbol], c) for n, c in self.parts if n.symbols & bit)
+        return g.sum((p * n._slopes[symbol], 1.0) for n, p in self.partials() if n.symbols & bit)
+
+    def partials(self) -> list[tuple[Node, Node]]:
+        """Its partial derivatives by its children."""
+        if self._partials is None:
+            self._partials = list(self._by_children())
+        return self._partials
+
+    def _by_children(self) -> Iterator[tuple[Node, Node]]:
+        g = self.graph
+        if self.kind == SUM:
+            for child, coefficient in self.parts:
+                yield child, g.node(coefficient)
+        elif self.kind == PRODUCT:
+            for i, (child, e) in enumerate(self.parts):
+                rest = [*self.parts[:i], (child, e - 1), *self.parts[i + 1 :]]
+                yield child, g.product(rest) * e
+        elif self.kind == CALL:
+            yield from zip(self.parts, SLOPES[self.value](g, *self.parts), strict=True)
+        elif self.kind == RESULT:
+            function, path = self.value
+            for i, argument in enumerate(self.parts):
+                yield argument, g.result(function, tuple(sorted((*path, i))), self.parts)
+        elif self.kind == CHOICE:
+            for i in range(0, len(self.parts), 2):
+                picked = [part if j % 2 else g.zero for j, part in enumerate(self.parts)]
+                picked[i] = g.one
+                yield self.parts[i], g.choice(picked)
+
+
+@dataclass(frozen=True, eq=False)
+class Scalar:
+    """A function of its own: a scalar expression in symbols; code calls it for its value and its
+    derivatives by the symbols.  What it contains beside them are ``constants`` for it."""
+
+    name: str
+    symbols: tuple[Node, ...]
+    body: Node
+    constants: tuple[Node, ...] = ()
+
+    def __call__(self, arguments: Sequence[Node]) -> Node:
+        return self.body.graph.result(self, (), tuple(arguments))
+
+    @cached_property
+    def slopes(self) -> list[Node]:
+        return reverse(self.body, self.symbols)
+
+    @cached_property
+    def weighted(self) -> Scalar:
+        """The sum of its value and its slopes, each times a weight, which are more arguments."""
+        g = self.body.graph
+        weights = [g.symbol(f"{self.name}_w{i}") for i in range(len(self.symbols) + 1)]
+        body = g.sum((w * e, 1.0) for w, e in zip(weights, [self.body, *self.slopes], strict=True))
+        return Scalar(f"{self.name}_w", (*self.symbols, *weights), body, self.constants)
+
+    def derivative(self, path: tuple[int, ...]) -> Node:
+        """Its derivative by the symbols of these numbers."""
+        if not path:
+            return self.body
+        node = self.slopes[path[0]]
+        for i in path[1:]:
+            node = node.diff(self.symbols[i])
+        return node
+
+
+@dataclass
+class Graph:
+    """The nodes of expressions that belong together."""
+
+    symbols: list[Node] = field(default_factory=list)
+    _nodes: dict[tuple[Any, ...], Node] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.zero, self.one = self.node(0.0), self.node(1.0)
+
+    def make(self, kind: int, value: Any, parts: tuple[Any, ...] = ()) -> Node:
+        key = (kind, value, parts)
+        node = self._nodes.get(key)
+        if node is None:
+            node = self._nodes[key] = Node(self, len(self._nodes), kind, value, parts)
+        return node
+
+    def node(self, value: Operand) -> Node:
+        """A number as a node; a node as it is."""
+        if isinstance(value, Node):
+            return value
+        if not math.isfinite(value):
+            raise GenerationError(f"the constant {value} is not finite.")
+        return self.make(NUMBER, float(value) + 0.0)
+
+    def symbol(self, name: str) -> Node:
+        node = self.make(SYMBOL, name)
+        if not node.symbols:
+            node.symbols = 1 << len(self.symbols)
+            self.symbols.append(node)
+        return node
+
+    def sum(self, terms: Iterable[tuple[Node, float]], constant: float = 0.0) -> Node:
+        """The sum of nodes times coefficients."""
+        merged: dict[Node, float] = {}
+        for node, coefficient in terms:
+            if node.kind == NUMBER:
+                constant += coefficient * node.value
+                continue
+            if node.kind == SUM and len(node.parts) == 1:  # a multiple
+                constant += coefficient * node.value
+                ((node, factor),) = node.parts
+                coefficient *= factor
+            merged[node] = merged.get(node, 0.0) + coefficient
+        constant += _cancel(merged)
+        parts = sorted(((n, c) for n, c in merged.items() if c), key=_number)
+        if not parts:
+            return self.node(constant)
+        if len(parts) == 1:
+            alone = not constant and parts[0][1] == 1
+            return parts[0][0] if alone else self.make(SUM, constant + 0.0, tuple(parts))
+        first = parts[0][1]  # a sum and its multiple share what they have in common
+        alike = all(abs(c) == abs(first) for _, c in parts)
+        scale = first if alike else math.copysign(1.0, first)
+        plain = self.make(SUM, constant / scale + 0.0, tuple((n, c / scale) for n, c in parts))
+        return plain if scale == 1 else self.make(SUM, 0.0, ((plain, scale),))
+
+    def product(self, factors: Iterable[tuple[Node, float]]) -> Node:
+        """The product of nodes with numbers as exponents."""
+        coefficient = 1.0
+        merged: dict[Node, float] = {}
+        waiting = list(factors)[::-1]
+        while waiting:
+            node, e = waiting.pop()
+            if not e:
+                continue
+            whole = e == int(e)
+            if node.kind == NUMBER and (whole or node.value > 0):
+                coefficient *= _power(node.value, e)
+            elif whole and node.kind == SUM and len(node.parts) == 1 and not node.value:
+                ((inner, factor),) = node.parts
+                coefficient *= _power(factor, e)
+                waiting.append((inner, e))
+            elif whole and node.kind == PRODUCT:
+                waiting += [(n, other * e) for n, other in node.parts]
+            else:
+                merged[node] = merged.get(node, 0) + e
+        parts = tuple(sorted(((n, e) for n, e in merged.items() if e), key=_number))
+        if not parts or not coefficient:
+            return self.node(coefficient)
+        plain = len(parts) == 1 and parts[0][1] == 1
+        node = parts[0][0] if plain else self.make(PRODUCT, None, parts)
+        return node if coefficient == 1 else self.sum([(node, coefficient)])
+
+    def power(self, base: Node, exponent: Operand) -> Node:
+        if isinstance(exponent, Node) and exponent.kind != NUMBER:
+            return self.apply("pow", base, exponent)
+        e = exponent.value if isinstance(exponent, Node) else float(exponent)
+        return self.product([(base, int(e) if e == int(e) else e)])
+
+    def apply(self, function: str, *arguments: Node) -> Node:
+        """A function of nodes; of numbers it is a number."""
+        if function not in SLOPES:
+            raise GenerationError(f"the function {function} has no derivative here.")
+        if all(a.kind == NUMBER for a in arguments):
+            return self.node(getattr(math, function)(*(a.value for a in arguments)))
+        return self.make(CALL, function, arguments)
+
+    def choice(self, parts: Sequence[Node]) -> Node:
+        """The first value whose condition holds, or the last one."""
+        same = all(value is parts[-1] for value in parts[::2])
+        return parts[-1] if same else self.make(CHOICE, None, tuple(parts))
+
+    def result(self, function: Scalar, path: tuple[int, ...], arguments: tuple[Node, ...]) -> Node:
+        """A function, or a derivative of it, at arguments."""
+        if function.derivative(path) is self.zero:
+            return self.zero
+        return self.make(RESULT, (function, path), arguments)
+
+
+def _cancel(terms: dict[Node, float]) -> float:
+    """Open the sums among terms of which a part cancels another term, or a part of another one;
+    return their constants."""
+    sums = [n for n in terms if n.kind == SUM]
+    if not sums:
+        return 0.0
+    seen: dict[Node, float] = dict(terms)
+    opened: dict[Node, None] = {}
+    sources: dict[Node, list[Node]] = {}
+    for node in sums:
+        for part, c in node.parts:
+            value = terms[node] * c
+            if part in seen and seen[part] == -value:
+                opened.update(dict.fromkeys([node, *sources.get(part, [])]))
+            else:
+                seen[part] = value
+                sources[part] = [node]
+    constant = 0.0
+    for node in opened:
+        c = terms.pop(node)
+        constant += c * node.value
+        for part, factor in node.parts:
+            terms[part] = terms.get(part, 0.0) + c * factor
+    return constant
+
+
+def _number(part: tuple[Node, float]) -> int:
+    return part[0].number
+
+
+def _power(base: float, exponent: float) -> float:
+    if not base and exponent < 0:
+        raise GenerationError("an expression divides by zero.")
+    return float(base**exponent)
+
+
+def _bits(symbols: Iterable[Node]) -> int:
+    bits = 0
+    for s in symbols:
+        bits |= s.symbols
+    return bits
+
+
+def _below(root: Node, bits: int, done: Callable[[Node], bool]) -> list[Node]:
+    """What a node is made of that depends on symbols and is not done, parts first."""
+    open_nodes: set[Node] = set()
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if node.symbols & bits and node not in open_nodes and not done(node):
+            open_nodes.add(node)
+            waiting += node.children
+    return sorted(open_nodes, key=lambda n: n.number)
+
+
+def reverse(expression: Node, symbols: Sequence[Node]) -> list[Node]:
+    """Partial derivatives of an expression by symbols, or by other nodes that no other of them
+    contains, from its end to its beginning."""
+    g, wanted, bits = expression.graph, set(symbols), _bits(symbols)
+    adjoints: dict[Node, list[tuple[Node, float]]] = {expression: [(g.one, 1.0)]}
+    totals: dict[Node, Node] = {}
+    for node in reversed(_below(expression, bits, lambda n: False)):
+        total = totals[node] = g.sum(adjoints.pop(node, []))
+        if node not in wanted:
+            for child, slope in node.partials():
+                if child.symbols & bits:
+                    adjoints.setdefault(child, []).append((total * slope, 1.0))
+    return [totals.get(s, g.zero) for s in symbols]
+
+
+def gradient(expression: Any, symbols: Sequence[Any]) -> list[Any]:
+    """Partial derivatives of a node, or of an expression of SymPy."""
+    if isinstance(expression, Node):
+        return reverse(expression, symbols)
+    return [expression.diff(s) for s in symbols]
+
+
+def _of_power(g: Graph, b: Node, e: Node) -> tuple[Node, Node]:
+    return e * g.apply("pow", b, e - 1), g.apply("pow", b, e) * g.apply("log", b)
+
+
+# Derivatives of functions by their arguments.
+SLOPES: dict[str, Callable[..., tuple[Node, ...]]] = {
+    "sin": lambda g, x: (g.apply("cos", x),),
+    "cos": lambda g, x: (-g.apply("sin", x),),
+    "tan": lambda g, x: (1 + g.apply("tan", x) ** 2,),
+    "asin": lambda g, x: ((1 - x**2) ** -0.5,),
+    "acos": lambda g, x: (-((1 - x**2) ** -0.5),),
+    "atan": lambda g, x: (1 / (1 + x**2),),
+    "atan2": lambda g, y, x: (x / (x**2 + y**2), -y / (x**2 + y**2)),
+    "sinh": lambda g, x: (g.apply("cosh", x),),
+    "cosh": lambda g, x: (g.apply("sinh", x),),
+    "tanh": lambda g, x: (1 - g.apply("tanh", x) ** 2,),
+    "asinh": lambda g, x: ((1 + x**2) ** -0.5,),
+    "acosh": lambda g, x: ((x - 1) ** -0.5 * (x + 1) ** -0.5,),
+    "atanh": lambda g, x: (1 / (1 - x**2),),
+    "log": lambda g, x: (1 / x,),
+    "exp": lambda g, x: (g.apply("exp", x),),
+    "pow": _of_power,
+}

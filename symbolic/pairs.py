@@ -1,0 +1,98 @@
+"""What several sums, or several products, have in common, two parts at a time."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from heapq import heappop, heappush
+from itertools import combinations
+from typing import TypeAlias
+
+from dmoc.symbolic.graph import SUM, Node
+from dmoc.symbolic.traversal import in_order, reached
+
+Part: TypeAlias = tuple[Node, float]
+
+
+def share_pairs(
+    parts: dict[Node, list[Part]], combined: Callable[[Node, Node, float, Sequence[Node]], Part]
+) -> None:
+    """Replace pairs of parts (a, w), (b, w ratio) that several owners have by one part, those that
+    most have first; ``combined(a, b, ratio, owners)`` is the node that stands for (a, 1) and
+    (b, ratio), and its weight, where these owners have no other parts."""
+    nodes: dict[int, Node] = {}
+    owners: dict[tuple[int, int, float], set[Node]] = defaultdict(set)
+    heap: list[tuple[int, int, int, float]] = []
+
+    def enter(owner: Node, x: Part, y: Part) -> None:
+        (a, weight), (b, other) = (x, y) if x[0].number <= y[0].number else (y, x)
+        nodes[a.number], nodes[b.number] = a, b
+        key = (a.number, b.number, other / weight)
+        owners[key].add(owner)
+        if len(owners[key]) > 1:
+            heappush(heap, (-len(owners[key]), *key))
+
+    for owner, own in parts.items():
+        for x, y in combinations(own, 2):
+            enter(owner, x, y)
+    while heap:
+        count, *key_of = heappop(heap)
+        i, j, ratio = key = (int(key_of[0]), int(key_of[1]), key_of[2])
+        a, b = nodes[i], nodes[j]
+        having = owners[key] = {n for n in owners[key] if _has(parts[n], a, b, ratio)}
+        if len(having) != -count:
+            if len(having) > 1:
+                heappush(heap, (-len(having), *key))
+            continue
+        ordered = sorted(having, key=lambda n: n.number)
+        node, weight = combined(a, b, ratio, [n for n in ordered if len(parts[n]) == 2])
+        for owner in ordered:
+            if owner is node:
+                continue
+            own = parts[owner]
+            x = own.pop(_place(own, a))
+            own.pop(_place(own, b))
+            new = (node, x[1] / weight)
+            for other in own:
+                enter(owner, new, other)
+            own.append(new)
+        if node not in parts:
+            parts[node] = [(a, 1.0 / weight), (b, ratio / weight)]
+        owners[key] = {node}
+
+
+def _place(own: Sequence[Part], node: Node) -> int:
+    return next((i for i, (n, _) in enumerate(own) if n is node), -1)
+
+
+def _has(own: Sequence[Part], a: Node, b: Node, ratio: float) -> bool:
+    i = _place(own, a)
+    rest = [*own[:i], *own[i + 1 :]] if i >= 0 else []
+    j = _place(rest, b)
+    return j >= 0 and rest[j][1] / own[i][1] == ratio
+
+
+def with_shared_sums(results: Sequence[Node]) -> list[Node]:
+    """The same expressions with nested sums: SymPy writes them as flat ones."""
+    parts = {
+        node: list(node.parts)
+        for node in reached(results)
+        if node.kind == SUM and len(node.parts) > 1
+    }
+    share_pairs(parts, _sum_of)
+    new: dict[Node, Node] = {}
+    for node in in_order(results, lambda n: [p for p, _ in parts[n]] if n in parts else n.children):
+        new[node] = (
+            node.graph.sum([(new[n], c) for n, c in parts[node]], node.value)
+            if node in parts
+            else node.rebuilt(new)
+        )
+    return [new[r] for r in results]
+
+
+def _sum_of(a: Node, b: Node, ratio: float, _: Sequence[Node]) -> Part:
+    node = a.graph.sum([(a, 1.0), (b, ratio)])
+    if len(node.parts) == 1:  # a multiple of the sum
+        ((plain, factor),) = node.parts
+        return plain, 1 / factor
+    return node, 1.0

@@ -1,0 +1,74 @@
+"""Going through a graph from its operands to its results."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from dmoc.symbolic.graph import CALL, JUNCTION, NUMBER, PRODUCT, RELATION, SUM, SYMBOL, Node
+
+
+def reached(results: Iterable[Node]) -> list[Node]:
+    """What results are made of, parts first."""
+    return in_order(results, lambda n: n.children)
+
+
+def operations(results: Iterable[Node]) -> int:
+    """About how many operations results take."""
+    count = 0
+    for node in reached(results):
+        if node.kind in (SUM, PRODUCT):
+            count += len(node.parts) - 1 + sum(abs(weight) != 1 for _, weight in node.parts)
+        elif node.parts:
+            count += 1
+    return count
+
+
+def in_order(results: Iterable[Node], operands: Callable[[Node], Iterable[Node]]) -> list[Node]:
+    """Results and what they need, operands first."""
+    order: list[Node] = []
+    seen: set[Node] = set()
+    waiting: list[tuple[Node, bool]] = [(r, False) for r in results][::-1]
+    while waiting:
+        node, ready = waiting.pop()
+        if ready:
+            order.append(node)
+        elif node not in seen:
+            seen.add(node)
+            waiting.append((node, True))
+            waiting += [(n, False) for n in operands(node) if n not in seen][::-1]
+    return order
+
+
+def evaluated(results: Sequence[Node], values: Mapping[Node, Any], functions: Any) -> list[Any]:
+    """Values of expressions at values of their symbols; ``functions`` is a module that has those
+    of the expressions, such as mpmath."""
+    done = dict(values)
+    for node in reached(results):
+        if node.kind == NUMBER:
+            done[node] = node.value
+        elif node.kind == SUM:
+            done[node] = node.value + sum(c * done[n] for n, c in node.parts)
+        elif node.kind == PRODUCT:
+            done[node] = math.prod(done[n] ** e for n, e in node.parts)
+        elif node.kind != SYMBOL:
+            parts = [done[n] for n in node.parts]
+            done[node] = _value(node, parts, functions)
+    return [done[r] for r in results]
+
+
+def _value(node: Node, parts: Sequence[Any], functions: Any) -> Any:
+    if node.kind == CALL:
+        return getattr(functions, node.value)(*parts)
+    if node.kind == RELATION:
+        return COMPARISONS[node.value](*parts)
+    if node.kind == JUNCTION:
+        return (all if node.value == "And" else any)(parts)
+    holds = (value for value, condition in zip(parts[:-1:2], parts[1::2], strict=True) if condition)
+    return next(holds, parts[-1])
+
+
+COMPARISONS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
+               "==": operator.eq, "!=": operator.ne}  # fmt: skip

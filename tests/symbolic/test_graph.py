@@ -1,0 +1,181 @@
+"""Expressions as graphs: their derivatives against SymPy's, and what several have in common."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from systems import chain_system
+
+import dmoc
+from dmoc.codegen.build import numpy_kernels
+from dmoc.codegen.schedule import schedule
+from dmoc.codegen.text import c_files, manifest, numpy_text
+from dmoc.inspection.kernel_check import checked
+from dmoc.symbolic import families
+from dmoc.symbolic.conversion import to_nodes
+from dmoc.symbolic.graph import RESULT, SLOPES, SUM, Graph, Node, Scalar, reverse
+from dmoc.symbolic.traversal import evaluated, operations, reached
+
+X, Y, Z = SYMBOLS = sp.symbols("x y z")
+LEAVES = st.sampled_from([X, Y, Z, sp.Integer(2), sp.Rational(1, 3), sp.Float(0.7)])
+POSITIVE = {X: 0.31, Y: 0.57, Z: 0.83}
+
+
+def joined(parts: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    return st.one_of(
+        st.builds(sp.Add, parts, parts),
+        st.builds(sp.Mul, parts, parts),
+        st.builds(lambda a, b: a - b, parts, parts),
+        st.builds(lambda a: sp.sin(a), parts),
+        st.builds(lambda a: sp.exp(sp.cos(a)), parts),
+        st.builds(lambda a: (1 + a**2) ** sp.Rational(-1, 2), parts),
+        st.builds(lambda a: a**3, parts),
+    )
+
+
+def nodes_of(*expressions: Any) -> tuple[list[Node], dict[Any, Node]]:
+    graph = Graph()
+    table = {s: graph.symbol(s.name) for s in SYMBOLS}
+    return to_nodes(graph, expressions, table), table
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.recursive(LEAVES, joined, max_leaves=12))
+def test_first_and_second_derivatives_are_sympys(expression: Any) -> None:
+    (node,), table = nodes_of(expression)
+    backward = reverse(node, list(table.values()))
+    point = {table[s]: mpmath.mpf(x) for s, x in POSITIVE.items()}
+    for s, slope in zip(SYMBOLS, backward, strict=True):
+        wanted = [expression.diff(s), *(expression.diff(s).diff(r) for r in SYMBOLS)]
+        ours = [slope, *(slope.diff(table[r]) for r in SYMBOLS)]
+        forward = node.diff(table[s])
+        for a, b in zip(evaluated([*ours, forward], point, mpmath), [*wanted, wanted[0]],
+                        strict=True):  # fmt: skip
+            assert float(a) == pytest.approx(float(b.subs(POSITIVE)), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", sorted(SLOPES))
+def test_the_derivative_of_every_function_is_its_slope(name: str) -> None:
+    graph = Graph()
+    arguments = [graph.symbol(s) for s in ("a", "b")[: 2 if name in ("atan2", "pow") else 1]]
+    node = graph.apply(name, *arguments)
+    at = [1.7 if name == "acosh" else 0.4, 0.9][: len(arguments)]
+    step = 1e-6
+    for i, argument in enumerate(arguments):
+        ahead, behind = (
+            getattr(math, name)(*(a + s * (k == i) for k, a in enumerate(at)))
+            for s in (step, -step)
+        )
+        (slope,) = evaluated([node.diff(argument)], dict(zip(arguments, at, strict=True)), math)
+        assert slope == pytest.approx((ahead - behind) / (2 * step), rel=1e-8)
+
+
+def test_equal_expressions_are_one_node_and_what_cancels_is_gone() -> None:
+    g = Graph()
+    x, y = g.symbol("x"), g.symbol("y")
+    assert x * y + 2 is 2 + y * x
+    assert (x + y) - x is y and (x + y) - (y + x) is g.zero
+    assert 2 * (x - y) is -((y - x) * 2)
+    assert x * y / x is y and (x**2) ** 0.5 is not x
+
+
+def test_sums_that_sympy_writes_flat_share_their_parts_again() -> None:
+    n = 8
+    symbols = sp.symbols(f"x0:{n}")
+    graph = Graph()
+    table = {s: graph.symbol(s.name) for s in symbols}
+    sums = to_nodes(graph, [sp.Add(*symbols[: k + 1]) for k in range(n)], table)
+    nested = [node for node in reached(sums) if node.kind == SUM]
+    assert len(nested) == n - 1 and all(len(node.parts) == 2 for node in nested)
+
+
+def test_terms_of_a_sum_take_out_their_common_factors() -> None:
+    g = Graph()
+    a, b, c, d = (g.symbol(s) for s in "abcd")
+    plan = schedule([a * b + a * c + a * d], {}, ())
+    assert operations(plan.results) == 3  # a*(b + c + d)
+    point = {s: 1.0 + i for i, s in enumerate((a, b, c, d))}
+    assert evaluated(plan.results, point, math) == [9.0]
+
+
+def test_a_function_and_its_weighted_slopes_have_the_derivatives_of_their_body() -> None:
+    g = Graph()
+    x, y, s, t = (g.symbol(n) for n in "xyst")
+    body = x**2 * y + g.apply("sin", x * y)
+    f = Scalar("f", (x, y), body)
+    arguments = (s * t, s + t)
+    inside = body.subs({x: arguments[0], y: arguments[1]})
+    call = f(arguments)
+    for p in (s, t):
+        for q in (s, t):
+            second = call.diff(p).diff(q)
+            flat = second.subs(
+                {
+                    n: n.value[0].derivative(n.value[1]).subs({x: arguments[0], y: arguments[1]})
+                    for n in reached([second])
+                    if n.kind == RESULT
+                }
+            )
+            point = {s: 0.3, t: 0.8}
+            a, b = evaluated([flat, inside.diff(p).diff(q)], point, math)
+            assert a == pytest.approx(b, rel=1e-13)
+    (*weights,) = f.weighted.symbols[2:]
+    wanted = weights[0] * body + weights[1] * body.diff(x) + weights[2] * body.diff(y)
+    point = {x: 0.4, y: 1.1, **{w: 0.3 * i - 0.5 for i, w in enumerate(weights)}}
+    a, b = evaluated([f.weighted.body, wanted], point, math)
+    assert a == pytest.approx(b, rel=1e-13)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_lagrangian_as_a_function_gives_the_same_kernels(
+    order: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(3)
+    system, kernels = chain_system(2), []
+    for large in (0, 10**9):
+        monkeypatch.setattr(families, "LARGE", large)
+        model = families.model_spec(system, order)
+        assert ("lagrangian_w_2(" in c_files(model)["kernels.c"]) is (large == 0)
+        kernels.append(numpy_kernels(manifest(model), numpy_text(model)))
+    as_function, inline = kernels
+    for name, facts in inline.manifest["kernels"].items():
+        inputs = [rng.uniform(0.3, 1.2, (2, size)) for _, size in facts["inputs"]]
+        for output in facts["outputs"]:
+            place = inline.outputs(name).index(output["name"])
+            full = []
+            for k in kernels:
+                values = k.call(name, *inputs)[place]
+                if "rows" in output:
+                    dense = np.zeros((2, *output["shape"]))
+                    dense[:, *k.pattern(name, output["name"])] = values
+                    values = dense
+                full.append(values)
+            np.testing.assert_allclose(full[0], full[1], rtol=1e-11, atol=1e-12, err_msg=name)
+    assert as_function.manifest["fingerprint"] == inline.manifest["fingerprint"]
+
+
+@pytest.mark.slow
+def test_kernels_of_a_chain_of_four_are_those_of_its_lagrangian() -> None:
+    """Its Lagrangian is a function of its own; the numbers are differences of 40 digits."""
+    system = chain_system(4, relative=True)
+    kernels = dmoc.build(system, backend="numpy")
+    assert all(c.error < 1e-10 for c in checked(system, kernels))
+
+
+@pytest.mark.slow
+def test_work_of_a_chain_grows_as_its_matrices_do() -> None:
+    counts = []
+    for links in (4, 8):
+        model = families.model_spec(chain_system(links))
+        values = {k.name: [e for o in k.outputs for e in o.expressions] for k in model.kernels}
+        counts.append({k: operations(values[k]) for k in ("step", "step_jac", "step_hess")})
+    few, many = counts
+    assert many["step"] < 2.5 * few["step"]
+    assert many["step_jac"] < 5 * few["step_jac"] and many["step_hess"] < 5 * few["step_hess"]
