@@ -31,7 +31,8 @@ MADE = """x_m x_dot_m t_m x_k x_kp1 x_i x_1 x_2 x_dot_1 x_dot_2 t_1 t_2 t_k t_0 
     q_c q_c_0 x_ddot x_ddot_bar x_bar delta_x r_plus_x r_minus_x r_i_x r_minus r_plus
     r_d r_i_0 L L_d C C_d M E Q F B Q_x H I N O S pi e i j n D1_Ld_x D3_Ld fd_minus_x
     g g_wall grad Phi T_min T_min_wall x_free x_dot_k x_k_dot step power2 in out
-    stride kernel MOST lagrangian lagrangian_1 lagrangian_w0 along_0 d0 z0 np sin sqrt INFINITY M_PI NULL ptrdiff_t views names""".split()
+    stride kernel MOST np sin sqrt INFINITY M_PI NULL ptrdiff_t views names
+    lagrangian lagrangian_1 lagrangian_w0 along_0 d0 z0""".split()
 NAMES = sorted({*MADE, "short", "lambda", "double"})
 INSIDE = ["x_1", "x_dot_2", "x_i", "t_1", "t_k", "h", "u_k", "mu_i_0", "r_i_x", "x_kp1"]
 VALUES = [round(0.1 + 0.01 * i, 2) for i in range(len(NAMES))]
