@@ -14,7 +14,7 @@ from typing import Any
 
 import sympy as sp
 
-from dmoc.base.discretisation import known_order
+from dmoc.base.discretisation import DISCRETISATIONS, known_order
 from dmoc.base.names import name_of
 from dmoc.symbolic.continuous import (
     Continuous,
@@ -63,13 +63,12 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     graph = Graph()
     f, smooth = plain.to_nodes(graph), plain.smooth(system, u[nu:]).to_nodes(graph)
     terms = [terms_of(r) for r in plain.r]
-    light = replace(smooth, L=_callable(smooth))
-    e = step_element(light, order, graph.symbol, exact)
+    e = step_element(_light(smooth, DISCRETISATIONS[order].degree), order, graph.symbol, exact)
     kernels = [
         *_step_kernels(smooth, e),
         *path_limits(f, plain.as_nodes([t for own in terms for t in own], graph)),
         *_hidden_kernels(system, plain, f),
-        *_state_kernels(f, replace(f, L=light.L)),
+        *_state_kernels(f, _light(f, 1)),
         *_surface_kernels(f),
         *_tangent_kernels(f),
         *_joint_kernels(f),
@@ -85,13 +84,14 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     )
 
 
-def _callable(f: Continuous) -> Any:
-    """The Lagrangian: a large one as a function of its own, which all kernels call."""
+def _light(f: Continuous, points: int) -> Continuous:
+    """The same system; where its Lagrangian is large, for kernels that take it at so many points,
+    it is a function of its own, which they call."""
     symbols = (*f.q, *f.v, f.t) if f.t in f.L.free_symbols else (*f.q, *f.v)
     curvature = [slope.diff(s) for slope in reverse(f.L, symbols) for s in symbols]
-    if operations(curvature) < LARGE:
-        return f.L
-    return Scalar("lagrangian", symbols, f.L, f.par)(symbols)
+    if points * operations(curvature) < LARGE:
+        return f
+    return replace(f, L=Scalar("lagrangian", symbols, f.L, f.par)(symbols))
 
 
 def model_key(system: MechanicalSystem, order: int = 2) -> str:

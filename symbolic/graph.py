@@ -148,7 +148,7 @@ class Node:
                 yield self.parts[i], g.choice(picked)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Scalar:
     """A function of its own: a scalar expression in symbols; code calls it for its value and its
     derivatives by the symbols.  What it contains beside them are ``constants`` for it."""
