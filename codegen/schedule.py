@@ -138,26 +138,31 @@ def _opened(node: Node, uses: Counter[Node]) -> tuple[list[Part], float]:
 def _factored(terms: Sequence[Part]) -> list[Part]:
     """Terms of a sum, in which the factor that most of them share stands before a sum, and so
     on."""
-    products = [_plain(term) for term in terms]
-    count: Counter[tuple[Node, bool]] = Counter()
-    for node, _ in products:
-        if node.kind == PRODUCT:
-            count.update((n, e > 0) for n, e in node.parts if e == int(e))
-    (factor, above), most = max(
-        count.items(), key=lambda c: (c[1], c[0][0].number, c[0][1]), default=((None, True), 0)
-    )
-    if factor is None or most < 2:
-        return products
-    g, sign = factor.graph, 1 if above else -1
-
-    def has(node: Node) -> bool:
-        return node.kind == PRODUCT and any(
-            n is factor and e * sign > 0 and e == int(e) for n, e in node.parts
+    products, taken = [_plain(term) for term in terms], list[Part]()
+    while True:
+        count: Counter[tuple[Node, bool]] = Counter()
+        for node, _ in products:
+            if node.kind == PRODUCT:
+                count.update((n, e > 0) for n, e in node.parts if e == int(e))
+        (factor, above), most = max(
+            count.items(), key=lambda c: (c[1], c[0][0].number, c[0][1]), default=((None, True), 0)
         )
+        if factor is None or most < 2:
+            return [*taken, *products]
+        g, sign = factor.graph, 1 if above else -1
+        inside = [
+            (g.product([(n, 1), (factor, -sign)]), c)
+            for n, c in products
+            if _has_factor(n, factor, sign)
+        ]
+        taken.append((g.product([(factor, sign), (g.sum(_factored(inside)), 1)]), 1.0))
+        products = [p for p in products if not _has_factor(p[0], factor, sign)]
 
-    inside = [(g.product([(n, 1), (factor, -sign)]), c) for n, c in products if has(n)]
-    whole = g.product([(factor, sign), (g.sum(_factored(inside)), 1)])
-    return [(whole, 1.0), *_factored([p for p in products if not has(p[0])])]
+
+def _has_factor(node: Node, factor: Node, sign: int) -> bool:
+    return node.kind == PRODUCT and any(
+        n is factor and e * sign > 0 and e == int(e) for n, e in node.parts
+    )
 
 
 def _plain(term: Part) -> Part:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import sympy as sp
+from sympy.core.evalf import PrecisionExhausted
 from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import Boolean
 
@@ -35,7 +36,9 @@ def to_nodes(graph: Graph, expressions: Sequence[Any], table: Mapping[Any, Node]
 
 def _converted(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
     if isinstance(e, sp.Expr) and e.is_number:
-        return g.node(float(e))
+        value = _constant(e)
+        if value is not None:
+            return g.node(value)
     if e.is_Add:
         return g.sum([(convert(a), 1.0) for a in e.args])
     if e.is_Mul:
@@ -52,6 +55,17 @@ def _converted(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
     if e.is_Symbol:
         raise GenerationError(f"the symbol {e} is no input of the kernel.")
     return g.apply(type(e).__name__, *(convert(a) for a in e.args))
+
+
+def _constant(e: Any) -> float | None:
+    """The value of a constant; None where it is made of others one of which is 0 in all digits."""
+    try:
+        value = e.evalf(strict=True)
+    except PrecisionExhausted:
+        return 0.0 if e.is_Add else None
+    if not value.is_extended_real:
+        raise GenerationError(f"the constant {sp.sstr(e)} is {value}: expected a real number.")
+    return float(value)
 
 
 def _choice(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:

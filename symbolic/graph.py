@@ -11,6 +11,7 @@ asks again finds what was there.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -197,6 +198,8 @@ class Graph:
         key = (kind, value, parts)
         node = self._nodes.get(key)
         if node is None:
+            if kind == SUM:
+                _check_finite(value, *(coefficient for _, coefficient in parts))
             node = self._nodes[key] = Node(self, len(self._nodes), kind, value, parts)
         return node
 
@@ -204,8 +207,7 @@ class Graph:
         """A number as a node; a node as it is."""
         if isinstance(value, Node):
             return value
-        if not math.isfinite(value):
-            raise GenerationError(f"the constant {value} is not finite.")
+        _check_finite(value)
         return self.make(NUMBER, float(value) + 0.0)
 
     def symbol(self, name: str) -> Node:
@@ -236,6 +238,7 @@ class Graph:
             return parts[0][0] if alone else self.make(SUM, constant + 0.0, tuple(parts))
         first = parts[0][1]  # a sum and its multiple share what they have in common
         alike = all(abs(c) == abs(first) for _, c in parts)
+        alike = alike and is_normal(constant / first)
         scale = first if alike else math.copysign(1.0, first)
         plain = self.make(SUM, constant / scale + 0.0, tuple((n, c / scale) for n, c in parts))
         return plain if scale == 1 else self.make(SUM, 0.0, ((plain, scale),))
@@ -250,7 +253,7 @@ class Graph:
             if not e:
                 continue
             whole = e == int(e)
-            if node.kind == NUMBER and (whole or node.value > 0):
+            if node.kind == NUMBER and (whole or node.value >= 0):
                 coefficient *= _power(node.value, e)
             elif whole and node.kind == SUM and len(node.parts) == 1 and not node.value:
                 ((inner, factor),) = node.parts
@@ -278,7 +281,15 @@ class Graph:
         if function not in SLOPES:
             raise GenerationError(f"the function {function} has no derivative here.")
         if all(a.kind == NUMBER for a in arguments):
-            return self.node(getattr(math, function)(*(a.value for a in arguments)))
+            values = [a.value for a in arguments]
+            try:
+                return self.node(getattr(math, function)(*values))
+            except (ValueError, OverflowError):
+                listed = ", ".join(f"{value:g}" for value in values)
+                raise GenerationError(
+                    f"{function}({listed}), or a derivative that contains it, is no real number of "
+                    "C: expected expressions that are real and below 1.8e308; use other units."
+                ) from None
         return self.make(CALL, function, arguments)
 
     def choice(self, parts: Sequence[Node]) -> Node:
@@ -325,8 +336,25 @@ def _number(part: tuple[Node, float]) -> int:
 
 def _power(base: float, exponent: float) -> float:
     if not base and exponent < 0:
-        raise GenerationError("an expression divides by zero.")
-    return float(base**exponent)
+        raise GenerationError("an expression divides by a constant that is 0: remove it.")
+    try:
+        return float(base**exponent)
+    except OverflowError:
+        return math.inf  # which no node takes
+
+
+def is_normal(value: float) -> bool:
+    """Whether a float is zero, or has all its digits."""
+    return not value or sys.float_info.min <= abs(value) <= sys.float_info.max
+
+
+def _check_finite(*constants: float) -> None:
+    for value in constants:
+        if not math.isfinite(value):
+            raise GenerationError(
+                f"a constant of an expression or of its derivatives is {value}: expected "
+                "magnitudes below 1.8e308; use other units."
+            )
 
 
 def _bits(symbols: Iterable[Node]) -> int:

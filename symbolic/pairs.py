@@ -8,10 +8,13 @@ from heapq import heappop, heappush
 from itertools import combinations
 from typing import TypeAlias
 
-from dmoc.symbolic.graph import SUM, Node
+from dmoc.symbolic.graph import SUM, Node, is_normal
 from dmoc.symbolic.traversal import in_order, reached
 
 Part: TypeAlias = tuple[Node, float]
+
+# Terms that several sums share all at once: of more, the pairs would be thousands.
+MANY = 40
 
 
 def share_pairs(
@@ -26,14 +29,36 @@ def share_pairs(
 
     def enter(owner: Node, x: Part, y: Part) -> None:
         (a, weight), (b, other) = (x, y) if x[0].number <= y[0].number else (y, x)
+        ratio = other / weight
+        if not is_normal(ratio) or not is_normal(weight / other):
+            return
         nodes[a.number], nodes[b.number] = a, b
-        key = (a.number, b.number, other / weight)
+        key = (a.number, b.number, ratio)
         owners[key].add(owner)
         if len(owners[key]) > 1:
             heappush(heap, (-len(owners[key]), *key))
 
+    # What one owner has alone is in no pair that others have.
+    owners_of: dict[Node, dict[Node, None]] = defaultdict(dict)
     for owner, own in parts.items():
-        for x, y in combinations(own, 2):
+        for n, _ in own:
+            owners_of[n][owner] = None
+
+    def shared(own: Sequence[Part]) -> list[Part]:
+        return [part for part in own if len(owners_of[part[0]]) > 1]
+
+    def give(node: Node, new: Sequence[Node]) -> None:
+        before = [*owners_of[node]]
+        owners_of[node].update(dict.fromkeys(new))
+        if len(before) == 1 < len(owners_of[node]):
+            own = shared(parts[before[0]])
+            for part in [part for part in own if part[0] is node]:
+                for other in own:
+                    if other is not part:
+                        enter(before[0], part, other)
+
+    for owner, own in parts.items():
+        for x, y in combinations(shared(own), 2):
             enter(owner, x, y)
     while heap:
         count, *key_of = heappop(heap)
@@ -46,14 +71,14 @@ def share_pairs(
             continue
         ordered = sorted(having, key=lambda n: n.number)
         node, weight = combined(a, b, ratio, [n for n in ordered if len(parts[n]) == 2])
+        ordered = [n for n in ordered if n is not node]
+        give(node, ordered)
         for owner in ordered:
-            if owner is node:
-                continue
             own = parts[owner]
             x = own.pop(_place(own, a))
             own.pop(_place(own, b))
             new = (node, x[1] / weight)
-            for other in own:
+            for other in shared(own):
                 enter(owner, new, other)
             own.append(new)
         if node not in parts:
@@ -79,6 +104,7 @@ def with_shared_sums(results: Sequence[Node]) -> list[Node]:
         for node in reached(results)
         if node.kind == SUM and len(node.parts) > 1
     }
+    _share_bundles(parts)
     share_pairs(parts, _sum_of)
     new: dict[Node, Node] = {}
     for node in in_order(results, lambda n: [p for p, _ in parts[n]] if n in parts else n.children):
@@ -88,6 +114,29 @@ def with_shared_sums(results: Sequence[Node]) -> list[Node]:
             else node.rebuilt(new)
         )
     return [new[r] for r in results]
+
+
+def _share_bundles(parts: dict[Node, list[Part]]) -> None:
+    """Replace many terms that the same sums have in the same ratios by one, at once."""
+    owners: dict[Node, list[Part]] = defaultdict(list)
+    for owner, own in parts.items():
+        for node, c in own:
+            owners[node].append((owner, c))
+    bundles: dict[tuple[Part, ...], list[Part]] = defaultdict(list)
+    for node, places in owners.items():
+        first = places[0][1]
+        bundles[tuple((owner, c / first) for owner, c in places)].append((node, first))
+    for places, terms in bundles.items():
+        if len(places) > 1 and len(terms) >= MANY and all(is_normal(r) for _, r in places):
+            whole = terms[0][0].graph.sum(terms)
+            alone = len(whole.parts) == 1
+            node, factor = whole.parts[0] if alone else (whole, 1.0)
+            parts.setdefault(node, list(node.parts))
+            inside = {n for n, _ in terms}
+            for owner, ratio in places:
+                if owner is not node:
+                    rest = [(n, c) for n, c in parts[owner] if n not in inside]
+                    parts[owner] = [*rest, (node, ratio * factor)]
 
 
 def _sum_of(a: Node, b: Node, ratio: float, _: Sequence[Node]) -> Part:

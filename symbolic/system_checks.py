@@ -246,7 +246,11 @@ def _is_singular(mass: list[list[Node]]) -> bool:
                 for i, s in enumerate(symbols)
             }
             matrix = mpmath.matrix(len(mass))
-            for k, value in enumerate(evaluated(entries, point, mpmath)):
+            try:
+                values = evaluated(entries, point, mpmath)
+            except (TypeError, ZeroDivisionError):  # a condition, or a value, is not real there
+                return False
+            for k, value in enumerate(values):
                 matrix[k // len(mass), k % len(mass)] = value
             # What is singular in one set of units is so in all of them.
             scale = mpmath.fprod(abs(matrix[i, i]) for i in range(len(mass)))

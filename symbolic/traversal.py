@@ -60,6 +60,8 @@ def evaluated(results: Sequence[Node], values: Mapping[Node, Any], functions: An
 
 
 def _value(node: Node, parts: Sequence[Any], functions: Any) -> Any:
+    if node.kind == CALL and node.value == "pow":
+        return parts[0] ** parts[1]
     if node.kind == CALL:
         return getattr(functions, node.value)(*parts)
     if node.kind == RELATION:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import mpmath
@@ -11,9 +12,11 @@ import pytest
 import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sympy.physics.mechanics import dynamicsymbols
 from systems import chain_system
 
 import dmoc
+from dmoc.base.errors import GenerationError
 from dmoc.codegen.build import numpy_kernels
 from dmoc.codegen.schedule import schedule
 from dmoc.codegen.text import c_files, manifest, numpy_text
@@ -21,6 +24,7 @@ from dmoc.inspection.kernel_check import checked
 from dmoc.symbolic import families
 from dmoc.symbolic.conversion import to_nodes
 from dmoc.symbolic.graph import RESULT, SLOPES, SUM, Graph, Node, Scalar, reverse
+from dmoc.symbolic.pairs import with_shared_sums
 from dmoc.symbolic.traversal import evaluated, operations, reached
 
 X, Y, Z = SYMBOLS = sp.symbols("x y z")
@@ -179,3 +183,96 @@ def test_work_of_a_chain_grows_as_its_matrices_do() -> None:
     few, many = counts
     assert many["step"] < 2.5 * few["step"]
     assert many["step_jac"] < 5 * few["step_jac"] and many["step_hess"] < 5 * few["step_hess"]
+
+
+def test_sums_of_thousands_of_terms_take_no_depth_and_no_pairs() -> None:
+    g = Graph()
+    x, y, u, w = (g.symbol(name) for name in "xyuw")
+    waves = [(g.apply("sin", x * float(i)), 1.0 + i) for i in range(1, 3000)]
+    alone = [g.sum(waves)]
+    assert with_shared_sums(alone) == alone
+    more = [g.sum([*waves, (u, 1.0)]), g.sum([*waves, (w, 1.0)]), g.sum([*waves[::2], (y, 3.0)])]
+    point = {x: 0.3, y: 0.7, u: 0.2, w: 0.9}
+    shared = with_shared_sums(more)
+    assert evaluated(shared, point, math) == pytest.approx(evaluated(more, point, math), rel=1e-9)
+    assert operations(shared) < 1.1 * operations(alone)
+    pairs = g.sum(
+        (g.apply("sin", x * float(i)) * h, 1.0)
+        for i in range(1, 1300)
+        for h in (g.apply("cos", y * float(i)), g.apply("exp", y / float(i)))
+    )
+    (factored,) = schedule([pairs], {}, ()).results
+    expected = evaluated([pairs], point, math)
+    assert evaluated([factored], point, math) == pytest.approx(expected, rel=1e-9)
+
+
+def test_constants_far_apart_neither_overflow_nor_vanish() -> None:
+    g = Graph()
+    x, y, z = (g.symbol(name) for name in "xyz")
+    point = {x: 0.3, y: 0.7, z: 0.0}
+    (tiny,) = evaluated([g.sum([(x, 1e-300), (y, 1e-300)], 1e10)], point, math)
+    assert tiny == 1e10
+    (huge,) = evaluated([g.sum([(x, 1e300), (y, 1e300)], 1e-20)], {x: 0.0, y: 0.0}, math)
+    assert huge == 1e-20
+    sums = [g.sum([(z, 1e300), (x, 1e-300), (y, c)]) for c in (1.0, 2.0)]
+    sums = [g.apply("sin", e) for e in with_shared_sums(sums)]
+    assert evaluated(sums, point, math) == pytest.approx([math.sin(0.7), math.sin(1.4)])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda g, x: (x * 1e200 + 1) * (x * 1e200) * 1e200 * 1e200, "is inf: expected"),
+        (lambda g, x: (x * 1e200) ** 2, "is inf: expected"),
+        (lambda g, x: g.apply("sin", x * 1e200).diff(x).diff(x), "is -inf: expected"),
+        (lambda g, x: g.apply("pow", g.node(-2.0), x).diff(x), r"log\(-2\), or a derivative"),
+        (lambda g, x: g.apply("exp", g.node(1e4)), r"exp\(10000\), or a derivative"),
+        (lambda g, x: x / g.zero, "divides by a constant that is 0"),
+        (lambda g, x: g.zero**-0.5 * x, "divides by a constant that is 0"),
+    ],
+)
+def test_constants_that_are_no_numbers_of_c_are_refused(
+    make: Callable[[Graph, Node], Node], message: str
+) -> None:
+    g = Graph()
+    with pytest.raises(GenerationError, match=message):
+        make(g, g.symbol("x"))
+
+
+@pytest.mark.parametrize(
+    ("constant", "message"),
+    [
+        (sp.asin(2), "1.5707963267949 - 1.31695789692482.I: expected a real number"),
+        (sp.Integer(-1) ** sp.Rational(1, 3), "expected a real number"),
+        (1 / (sp.sin(1) ** 2 + sp.cos(1) ** 2 - 1), "divides by a constant that is 0"),
+        ((sp.sqrt(2) + 1) ** 2 - 3 - 2 * sp.sqrt(2), None),
+        (sp.exp(1000), "is inf: expected"),
+        (sp.pi * sp.sqrt(2), None),
+    ],
+)
+def test_constants_of_expressions_are_their_numbers(constant: sp.Expr, message: str | None) -> None:
+    g, s = Graph(), sp.Symbol("x")
+    if message is not None:
+        with pytest.raises(GenerationError, match=message):
+            to_nodes(g, [s * constant], {s: g.symbol("x")})
+        return
+    (node,) = to_nodes(g, [s * constant], {s: g.symbol("x")})
+    (value,) = evaluated([node], {g.symbol("x"): 1.0}, math)
+    assert value == pytest.approx(float(constant.expand()), rel=1e-15, abs=0.0)
+
+
+@pytest.mark.parametrize(
+    "mass",
+    [
+        lambda x: 1 + x ** sp.Symbol("n"),
+        lambda x: sp.Piecewise((x, sp.sqrt(x - 5) < 1), (2, True)),
+    ],
+)
+def test_masses_that_mpmath_calls_otherwise_or_has_no_order_for(
+    mass: Callable[[sp.Expr], sp.Expr],
+) -> None:
+    x = dynamicsymbols("x")
+    own = mass(x)
+    parameters = {s: 2.0 for s in own.free_symbols if s.name == "n"}
+    made = dmoc.MechanicalSystem("mass", [x], own * x.diff() ** 2 / 2, parameters)
+    assert made.coordinates == (x,)
