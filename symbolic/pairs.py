@@ -123,9 +123,9 @@ def _share_bundles(parts: dict[Node, list[Part]]) -> None:
         for node, c in own:
             owners[node].append((owner, c))
     bundles: dict[tuple[Part, ...], list[Part]] = defaultdict(list)
-    for node, places in owners.items():
-        first = places[0][1]
-        bundles[tuple((owner, c / first) for owner, c in places)].append((node, first))
+    for node, having in owners.items():
+        first = having[0][1]
+        bundles[tuple((owner, c / first) for owner, c in having)].append((node, first))
     for places, terms in bundles.items():
         if len(places) > 1 and len(terms) >= MANY and all(is_normal(r) for _, r in places):
             whole = terms[0][0].graph.sum(terms)
