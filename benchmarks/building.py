@@ -52,7 +52,7 @@ def compare(quick: bool) -> Section:
     ]
     models += [] if quick else [("cart, 6 links", cart_with_links(6))]
     for name, system in models:
-        cold, warm = _build(system)
+        cold, warm = cold_and_warm(system)
         section.row(
             f"dmoc, {name}", f"{cold:.2f}", f"{1e3 * warm:.1f}", f"{bytes_of_c(system):,} (any N)"
         )
@@ -75,7 +75,8 @@ def compare(quick: bool) -> Section:
     return section
 
 
-def _build(system: dmoc.MechanicalSystem) -> tuple[float, float]:
+def cold_and_warm(system: dmoc.MechanicalSystem) -> tuple[float, float]:
+    """Seconds of a build without a cache, and with it."""
     before = os.environ.get("DMOC_CACHE")
     try:
         with tempfile.TemporaryDirectory() as folder:

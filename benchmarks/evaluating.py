@@ -85,12 +85,12 @@ def compare(quick: bool) -> Section:
         slow = _own(numpy, kernel, states, max(repeats // 20, 3))
         function = functions()[name]
         inputs = [states[k] for k in ("a", "b", "u", "h", "s", "mm", "mp")][: function.n_in()]
-        c = _generated(function, inputs, repeats)
+        c = generated(function, inputs, repeats)
         machine = function.map(STEPS)
         arguments = [ca.DM(i.T) for i in inputs]
         vm, _ = timed(lambda m=machine, a=arguments: m(*a), max(repeats // 20, 3))
         entries = (
-            sum(_sizes(compiled, kernel)),
+            sum(sizes_of(compiled, kernel)),
             sum(function.nnz_out(i) for i in range(function.n_out())),
         )
         section.row(
@@ -105,18 +105,18 @@ def _own(kernels: Kernels, kernel: str, s: dict[str, np.ndarray], repeats: int) 
     time, nothing = np.zeros((1, 1)), np.zeros((1, 0))
     arguments = [s["a"], s["b"], s["u"], s["u"], s["h"], time, nothing, par]
     arguments += [s["mm"], s["mp"], s["s"], nothing] if kernel == "step_hess" else []
-    results = [np.empty((STEPS, size)) for size in _sizes(kernels, kernel)]
+    results = [np.empty((STEPS, size)) for size in sizes_of(kernels, kernel)]
     function = kernels.functions[kernel]
     return timed(lambda: function(*arguments, *results), repeats)[0]
 
 
-def _sizes(kernels: Kernels, kernel: str) -> list[int]:
+def sizes_of(kernels: Kernels, kernel: str) -> list[int]:
     """Numbers that each output of a kernel stores for a row."""
     outputs = kernels.manifest["kernels"][kernel]["outputs"]
     return [len(o["rows"]) if "rows" in o else o["shape"][0] for o in outputs]
 
 
-def _generated(function: ca.Function, inputs: list[np.ndarray], repeats: int) -> float:
+def generated(function: ca.Function, inputs: list[np.ndarray], repeats: int) -> float:
     """Seconds of a loop over the function's generated C."""
     with tempfile.TemporaryDirectory() as folder:
         text = Path(folder) / "f.c"

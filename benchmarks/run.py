@@ -20,6 +20,7 @@ import campaign
 import evaluating
 import invariance
 import ladder
+import links
 import planted
 import robustness
 import searching
@@ -48,6 +49,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "ladder": lambda quick: ladder.ladder(quick, folder),
         "growth": lambda quick: speed.growth(quick, folder),
         "kernels": evaluating.compare,
+        "links": links.compare,
         "build": building.compare,
         "robust": robustness.compare,
         "campaign": partial(campaign.campaign, campaign.FREE),
