@@ -11,8 +11,9 @@ from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import Boolean
 
 from dmoc.base.errors import GenerationError
-from dmoc.symbolic.graph import JUNCTION, RELATION, SLOPES, Graph, Node
+from dmoc.symbolic.graph import JUNCTION, RELATION, Graph, Node
 from dmoc.symbolic.pairs import with_shared_sums
+from dmoc.symbolic.slopes import SLOPES
 
 RELATIONS = {
     "StrictLessThan": "<", "LessThan": "<=", "StrictGreaterThan": ">", "GreaterThan": ">=",

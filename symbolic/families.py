@@ -16,24 +16,21 @@ import sympy as sp
 
 from dmoc.base.discretisation import DISCRETISATIONS, known_order
 from dmoc.base.names import name_of
+from dmoc.symbolic.contact_kernels import joint_kernels, surface_kernels, tangent_kernels
 from dmoc.symbolic.continuous import (
     Continuous,
     dot,
     energy,
-    gap_rates,
-    impact_work,
     input_matrix,
     mass_matrix,
     momenta,
-    rates,
     right_hand_side,
-    total,
 )
 from dmoc.symbolic.discrete import StepElement, exact, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
 from dmoc.symbolic.expressions import atoms_of
 from dmoc.symbolic.graph import Graph, Node, Scalar, gradient, reverse
-from dmoc.symbolic.kernel_family import contracted, family
+from dmoc.symbolic.kernel_family import contracted, family, state_inputs
 from dmoc.symbolic.kinks import split
 from dmoc.symbolic.path_constraints import path_kernels, path_limits, path_rows, terms_of
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
@@ -69,9 +66,9 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
         *path_limits(f, plain.as_nodes([t for own in terms for t in own], graph)),
         *_hidden_kernels(system, plain, f),
         *_state_kernels(f, _light(f, 1)),
-        *_surface_kernels(f),
-        *_tangent_kernels(f),
-        *_joint_kernels(f),
+        *surface_kernels(f),
+        *tangent_kernels(f),
+        *joint_kernels(f),
         *_terminal_kernels(f),
         *_feasibility_kernels(f),
         *_drawing_kernels(f),
@@ -203,7 +200,7 @@ def _state_kernels(f: Continuous, light: Continuous) -> list[KernelSpec]:
     """Kernels of the continuous equations: they serve the initial guess and the independent
     check.  ``light`` is the same system with its Lagrangian as a function of its own, whose third
     derivatives the equations of motion would need one by one."""
-    q, v, u, t, par = _inputs(f)
+    q, v, u, t, par = state_inputs(f)
     mass = [entry for row in mass_matrix(f) for entry in row]
     force = right_hand_side(f)
     b = [entry for row in input_matrix(f) for entry in row]
@@ -267,7 +264,7 @@ def _hidden_kernels(system: MechanicalSystem, f: Continuous, nodes: Continuous) 
     kinks = [kink for _, kink in split(system).unknowns]
     if not kinks:
         return []
-    q, v, u, t, par = _inputs(nodes)
+    q, v, u, t, par = state_inputs(nodes)
     text = "What the hidden unknowns are at a minimum."
     return family(
         "hidden",
@@ -279,115 +276,11 @@ def _hidden_kernels(system: MechanicalSystem, f: Continuous, nodes: Continuous) 
     )
 
 
-def _inputs(f: Continuous) -> tuple[Input, Input, Input, Input, Input]:
-    return (
-        Input("q", f.q),
-        Input("v", f.v),
-        Input("u", f.u),
-        Input("t", (f.t,)),
-        Input("par", f.par),
-    )
-
-
-def _surface_kernels(f: Continuous) -> list[KernelSpec]:
-    """Kernels of the gaps g(q, t), of the normal impulse lam . grad g and of the work of an
-    impact."""
-    if not f.g:
-        return []
-    q, v, _, t, par = _inputs(f)
-    lam = Input.vector(f.L.graph, "lam", len(f.g))
-    normal = gradient(dot(lam.symbols, f.g), f.q)
-    moving, rate = impact_work(f, lam.symbols)
-    return [
-        *family("surface", "Gaps g <= 0.", (q, t), {"g": f.g}, par),
-        *family("gap_rate", "Rates gamma of the gaps.", (q, v, t), {"gamma": gap_rates(f)}, par),
-        *family(
-            "normal", "Normal impulse n = sum_j lam_j grad g_j.", (q, lam, t), {"n": normal}, par
-        ),
-        *family(
-            "moving_work",
-            "Work of moving surfaces, W_t = sum_j lam_j dg_j/dt, in an impact.",
-            (q, lam, t),
-            {"W_t": [moving]},
-            par,
-        ),
-        *family(
-            "rate_work",
-            "Impulses times rates after an impact, W_gamma = sum_j lam_j gamma_j.",
-            (q, v, lam, t),
-            {"W_gamma": [rate]},
-            par,
-        ),
-    ]
-
-
-def _tangent_kernels(f: Continuous) -> list[KernelSpec]:
-    """Kernels of the tangential positions tau(q, t), of the tangential impulse T . grad tau, and
-    of the coefficients of friction."""
-    if not f.tau:
-        return []
-    q, v, _, t, par = _inputs(f)
-    T = Input.vector(f.L.graph, "T", len(f.tau))
-    along = gradient(dot(T.symbols, f.tau), f.q)
-    slides = rates(f, f.tau)
-    return [
-        *family("tangent", "Tangential positions tau.", (q, t), {"tau": f.tau}, par),
-        *family("slide_rate", "Sliding velocities sigma.", (q, v, t), {"sigma": slides}, par),
-        *family(
-            "traction", "Tangential impulse s = sum_j T_j grad tau_j.", (q, T, t), {"s": along}, par
-        ),
-        KernelSpec(
-            "friction",
-            "Coefficients of friction of surfaces, largest forces of rails.",
-            (par,),
-            (Output.vector("mu", f.mu),),
-        ),
-    ]
-
-
-def _joint_kernels(f: Continuous) -> list[KernelSpec]:
-    """Kernels of the constraints phi(q, t) = 0 and of their impulse R . grad c."""
-    if not f.phi:
-        return []
-    q, v, _, t, par = _inputs(f)
-    R = Input.vector(f.L.graph, "R", len(f.phi))
-    q_k, q_kp1 = (Input.vector(f.L.graph, name, len(f.q)) for name in ("q_k", "q_kp1"))
-    t_k, t_kp1 = (Input.vector(f.L.graph, name, 1) for name in ("t_k", "t_kp1"))
-    along = gradient(dot(R.symbols, f.phi), f.q)
-    return [
-        *family("joint", "Constraints phi = 0.", (q, t), {"phi": f.phi}, par),
-        *family("joint_rate", "Their rates.", (q, v, t), {"phi_dot": rates(f, f.phi)}, par),
-        *family("reaction", "Impulse s = sum_j R_j grad phi_j.", (q, R, t), {"s": along}, par),
-        *family(
-            "joint_turn",
-            "Products of the gradients at both ends of a step, each over the masses.",
-            (q_k, q_kp1, t_k, t_kp1),
-            {"turn": _turns(f, (q_k, t_k), (q_kp1, t_kp1))},
-            par,
-        ),
-    ]
-
-
-def _turns(f: Continuous, start: tuple[Input, Input], end: tuple[Input, Input]) -> list[Any]:
-    """Of each constraint, sum_i d_i phi(start) d_i phi(end) / M_ii(start)."""
-
-    def at(expression: Any, place: tuple[Input, Input]) -> Any:
-        q, t = place
-        return expression.subs(dict(zip((*f.q, f.t), (*q.symbols, *t.symbols), strict=True)))
-
-    masses = [at(row[i], start) for i, row in enumerate(mass_matrix(f))]
-    slopes = [gradient(phi, f.q) for phi in f.phi]
-    return [
-        total(at(s, start) * at(s, end) / m for s, m in zip(row, masses, strict=True))
-        for row in slopes
-    ]
-
-
 def _terminal_kernels(f: Continuous) -> list[KernelSpec]:
     """Kernels of the terminal cost Phi(q, v, t)."""
     if f.Phi is f.Phi.graph.zero:
         return []
-    q, v, _, t, par = _inputs(f)
+    q, v, _, t, par = state_inputs(f)
     return family("terminal_cost", "Terminal cost Phi.", (q, v, t), {"Phi": [f.Phi]}, par)
 
 
@@ -425,7 +318,7 @@ def _drawing_kernels(f: Continuous) -> list[KernelSpec]:
     """The values of the drawing; nothing is differentiated by them."""
     if not f.looks:
         return []
-    q, _, _, t, par = _inputs(f)
+    q, _, _, t, par = state_inputs(f)
     drawn = (Output.vector("shapes", f.looks),)
     return [KernelSpec("drawing", "Values of the shapes of the drawing.", (q, t, par), drawn)]
 

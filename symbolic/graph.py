@@ -18,6 +18,7 @@ from functools import cached_property
 from typing import Any, TypeAlias
 
 from dmoc.base.errors import GenerationError
+from dmoc.symbolic.slopes import SLOPES
 
 Operand: TypeAlias = "Node | float"
 
@@ -396,28 +397,3 @@ def gradient(expression: Any, symbols: Sequence[Any]) -> list[Any]:
     if isinstance(expression, Node):
         return reverse(expression, symbols)
     return [expression.diff(s) for s in symbols]
-
-
-def _of_power(g: Graph, b: Node, e: Node) -> tuple[Node, Node]:
-    return e * g.apply("pow", b, e - 1), g.apply("pow", b, e) * g.apply("log", b)
-
-
-# Derivatives of functions by their arguments.
-SLOPES: dict[str, Callable[..., tuple[Node, ...]]] = {
-    "sin": lambda g, x: (g.apply("cos", x),),
-    "cos": lambda g, x: (-g.apply("sin", x),),
-    "tan": lambda g, x: (1 + g.apply("tan", x) ** 2,),
-    "asin": lambda g, x: ((1 - x**2) ** -0.5,),
-    "acos": lambda g, x: (-((1 - x**2) ** -0.5),),
-    "atan": lambda g, x: (1 / (1 + x**2),),
-    "atan2": lambda g, y, x: (x / (x**2 + y**2), -y / (x**2 + y**2)),
-    "sinh": lambda g, x: (g.apply("cosh", x),),
-    "cosh": lambda g, x: (g.apply("sinh", x),),
-    "tanh": lambda g, x: (1 - g.apply("tanh", x) ** 2,),
-    "asinh": lambda g, x: ((1 + x**2) ** -0.5,),
-    "acosh": lambda g, x: ((x - 1) ** -0.5 * (x + 1) ** -0.5,),
-    "atanh": lambda g, x: (1 / (1 - x**2),),
-    "log": lambda g, x: (1 / x,),
-    "exp": lambda g, x: (g.apply("exp", x),),
-    "pow": _of_power,
-}

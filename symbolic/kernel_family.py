@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from dmoc.symbolic.continuous import dot
+from dmoc.symbolic.continuous import Continuous, dot
 from dmoc.symbolic.graph import RESULT, Node, reverse
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 from dmoc.symbolic.traversal import operations, reached
@@ -13,6 +13,17 @@ from dmoc.symbolic.traversal import operations, reached
 # The derivatives of an expression by all components, from its partial derivatives: a function that
 # takes those by the symbols that it is given.
 Chain = Callable[[Callable[[Sequence[Node]], list[Node]]], list[Node]]
+
+
+def state_inputs(f: Continuous) -> tuple[Input, Input, Input, Input, Input]:
+    """(q, v, u, t, par)."""
+    return (
+        Input("q", f.q),
+        Input("v", f.v),
+        Input("u", f.u),
+        Input("t", (f.t,)),
+        Input("par", f.par),
+    )
 
 
 def family(
