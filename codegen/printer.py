@@ -141,7 +141,7 @@ class Printer:
             self.statements += [
                 line.format(
                     number=number, name=function.name, arguments=arguments, size=function.size,
-                    constants=f", {function.constants.name}" if function.constants.size else "",
+                    constants=function.constants.name,
                 )
                 for line in self.call
             ]  # fmt: skip
@@ -167,7 +167,7 @@ class CPrinter(Printer):
     call = (
         "const double z{number}[] = {{{arguments}}};",
         "double d{number}[{size}];",
-        "{name}(z{number}{constants}, d{number});",
+        "{name}(z{number}, {constants}, d{number});",
     )
 
 
@@ -183,7 +183,7 @@ class NumPyPrinter(Printer):
     words: ClassVar[Mapping[str, str]] = {"And": " & ", "Or": " | "}
     component = "{name}[..., {i}]"
     assignment = "{name} = {value}"
-    call = ("d{number} = {name}([{arguments}]{constants})",)
+    call = ("d{number} = {name}([{arguments}], {constants})",)
 
 
 class ArgumentPrinter(NumPyPrinter):
@@ -212,7 +212,7 @@ def listing(
         (o.name, tuple(code.text(next(values)) for _ in o.expressions)) for o in spec.outputs
     )
     read = frozenset(a.name for a in spec.inputs if any(s in plan.uses for s in a.symbols))
-    read |= {f.constants.name for f, _ in plan.functions.values() if f.constants.size}
+    read |= {f.constants.name for f, _ in plan.functions.values()}
     return Listing(tuple(code.statements), outputs, read)
 
 

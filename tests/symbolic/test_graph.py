@@ -167,6 +167,20 @@ def test_a_lagrangian_as_a_function_gives_the_same_kernels(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("backend", ["compiled", "numpy"])
+def test_a_lagrangian_without_parameters_may_be_a_function(
+    backend: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(families, "LARGE", 0)
+    x, y = dynamicsymbols("x y")
+    mass = 2 + sp.sin(x + dynamicsymbols._t) * sp.cos(y)
+    made = dmoc.MechanicalSystem("bare", [x, y], mass * (x.diff() ** 2 + y.diff() ** 2) - x * y)
+    kernels = dmoc.build(made, backend=backend)
+    errors = checked(made, kernels)
+    assert errors and all(c.error < 1e-12 for c in errors)
+
+
+@pytest.mark.slow
 def test_kernels_of_a_chain_of_four_are_those_of_its_lagrangian() -> None:
     """Its Lagrangian is a function of its own; the numbers are differences of 40 digits."""
     system = chain_system(4, relative=True)
