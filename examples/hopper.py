@@ -71,7 +71,7 @@ def system() -> dmoc.MechanicalSystem:
 # What repeats is named by ``periodic``; the forward speed and the period are ranges.
 
 
-def problem(steps: int = 40, order: int = 2) -> dmoc.Problem:
+def problem(steps: int = 60, order: int = 2) -> dmoc.Problem:
     states = ("y", "phi", "r")
     return dmoc.Problem(
         dmoc.build(system(), order=order),
