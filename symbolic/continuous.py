@@ -7,7 +7,7 @@ people read, and on nodes of a graph, which become kernels.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -100,10 +100,14 @@ class Continuous:
         table = _table(system, self.q, self.v, self.u, self.t, self.par)
         return [e.xreplace(table) for e in functions]
 
-    def as_nodes(self, functions: Sequence[Any], graph: Graph) -> list[Node]:
-        """More functions in these symbols as nodes."""
+    def as_nodes(
+        self, functions: Sequence[Any], graph: Graph, constants: Mapping[Any, Node] | None = None
+    ) -> list[Node]:
+        """More functions in these symbols as nodes, and those of some constants, which are exact
+        then."""
         symbols = (*self.q, *self.v, *self.u, self.t, *self.par)
-        return to_nodes(graph, functions, {s: graph.symbol(s.name) for s in symbols})
+        table = {s: graph.symbol(s.name) for s in symbols}
+        return to_nodes(graph, functions, table | dict(constants or {}))
 
     def to_nodes(self, graph: Graph) -> Continuous:
         """The same functions as nodes of a graph, whose symbols have the same names."""

@@ -45,7 +45,8 @@ def _converted(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
     if e.is_Mul:
         return g.product([(convert(a), 1) for a in e.args])
     if e.is_Pow:
-        return g.power(convert(e.base), convert(e.exp))
+        exponent = _constant(e.exp) if e.exp.is_number else None
+        return g.power(convert(e.base), convert(e.exp) if exponent is None else exponent)
     if isinstance(e, sp.Piecewise):
         return _choice(g, e, convert)
     if e.is_Relational:
@@ -72,9 +73,9 @@ def _constant(e: Any) -> float | None:
 def _choice(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
     parts: list[Node] = []
     for value, condition in e.args:
-        if condition == True:  # noqa: E712  SymPy's truth
+        if condition is sp.true:
             return g.choice([*parts, convert(value)])
-        if condition != False:  # noqa: E712
+        if condition is not sp.false:
             parts += [convert(value), convert(condition)]
     raise GenerationError(f"the Piecewise {e} has no value elsewhere: end it with (value, True).")
 

@@ -337,5 +337,5 @@ def _substituted(f: Continuous, table: dict[Any, Any]) -> Continuous:
     def each(values: Sequence[Any]) -> tuple[Any, ...]:
         return tuple(v.subs(table) if table else v for v in values)
 
-    (L, C) = each((f.L, f.C))
+    L, C = each((f.L, f.C))
     return replace(f, L=L, Q=each(f.Q), C=C, r=each(f.r))

@@ -50,7 +50,8 @@ class Node:
     def children(self) -> Iterable[Node]:
         if self.kind in (SUM, PRODUCT):
             return [node for node, _ in self.parts]
-        return self.parts  # type: ignore[no-any-return]
+        parts: tuple[Node, ...] = self.parts
+        return parts
 
     def __add__(self, other: Operand) -> Node:
         return self.graph.sum([(self, 1.0), (self.graph.node(other), 1.0)])

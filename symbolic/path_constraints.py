@@ -100,4 +100,4 @@ def _at_node(f: Continuous, par: Input) -> list[KernelSpec]:
 
 def terms_of(r: Any) -> tuple[Any, ...]:
     """The terms of a sum, an expression of SymPy."""
-    return sp.Add.make_args(r if r.is_Add else sp.expand(r))  # type: ignore[no-any-return]
+    return tuple(sp.Add.make_args(r if r.is_Add else sp.expand(r)))

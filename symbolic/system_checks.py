@@ -3,7 +3,7 @@ sentence says what is not."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import mpmath
@@ -17,7 +17,7 @@ from dmoc.base.names import check_name, momentum_name, name_of, velocity_name
 from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.expressions import KINDS, atoms_of, unknown_symbol
-from dmoc.symbolic.graph import NUMBER, Graph, Node, reverse
+from dmoc.symbolic.graph import Graph, Node, reverse
 from dmoc.symbolic.kinks import check_smooth, split
 from dmoc.symbolic.system_fields import LARGEST_PARAMETER
 from dmoc.symbolic.traversal import evaluated
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 # What places and states are made of.
 PLACE = ("coordinates", "the time", "parameters")
 STATE = ("coordinates", "velocities", "the time", "parameters")
+
+DIGITS = 30  # in which it is seen whether a mass matrix is singular
 
 
 def check(system: MechanicalSystem) -> None:
@@ -194,8 +196,11 @@ def _check_kinks(system: MechanicalSystem) -> None:
 def _check_mass_matrix(system: MechanicalSystem) -> None:
     """Refuse masses that are singular, that depend on velocities or that no float takes."""
     f, graph = readable(system), Graph()
+    constants = {c: graph.symbol(f"constant {i}") for i, c in enumerate(_constants(f.L))}
+    with mpmath.workdps(DIGITS):
+        exact = {node: mpmath.mpf(c.evalf(DIGITS)) for c, node in constants.items()}
     try:
-        (lagrangian,) = f.as_nodes([f.L], graph)
+        (lagrangian,) = f.as_nodes([f.L], graph, constants)
     except GenerationError:  # what has no numbers is refused when it is built
         return
     v = [graph.symbol(s.name) for s in f.v]
@@ -208,12 +213,13 @@ def _check_mass_matrix(system: MechanicalSystem) -> None:
             )
     entries = [entry for row in mass for entry in row]
     for entry in entries:
-        if entry.kind == NUMBER and not 1 / LARGEST_PARAMETER <= abs(entry.value or 1) <= (
-            LARGEST_PARAMETER
-        ):
+        if entry is graph.zero or entry.free_symbols - set(exact):
+            continue
+        (value,) = evaluated([entry], exact, mpmath)
+        if not 1 / LARGEST_PARAMETER <= abs(value) <= LARGEST_PARAMETER:
             raise ModelError(
-                f"the mass matrix of model {system.name!r} contains {entry.value!r}: expected "
-                "masses from 1e-100 to 1e100; use other units."
+                f"the mass matrix of model {system.name!r} contains {mpmath.nstr(value, 6)}: "
+                "expected masses from 1e-100 to 1e100; use other units."
             )
     # What depends on velocities may have to be expanded to be seen not to.
     if any(entry.free_symbols & set(v) for entry in entries) and any(
@@ -223,7 +229,7 @@ def _check_mass_matrix(system: MechanicalSystem) -> None:
             "the kinetic energy is not quadratic in the velocities: the mass matrix depends on "
             "them."
         )
-    if _is_singular(mass):
+    if _is_singular(mass, exact):
         raise ModelError(
             f"the mass matrix of model {system.name!r} is singular (its determinant is zero "
             f"everywhere): the coordinates {_listed(system.coordinates)} are not independent, or "
@@ -235,16 +241,28 @@ def _is_function_of_time(symbol: Any) -> bool:
     return isinstance(symbol, AppliedUndef) and symbol.args == (dynamicsymbols._t,)
 
 
-def _is_singular(mass: list[list[Node]]) -> bool:
+def _constants(expression: Any) -> list[Any]:
+    """The constants of an expression that a float would round."""
+    constants: dict[Any, None] = {}
+    parts = sp.preorder_traversal(expression)
+    for part in parts:
+        if isinstance(part, sp.Expr) and part.is_number:
+            parts.skip()
+            if not part.is_Integer and part.is_extended_real:
+                constants[part] = None
+    return list(constants)
+
+
+def _is_singular(mass: list[list[Node]], constants: Mapping[Node, Any]) -> bool:
     """Tell whether M is singular at several fixed generic points, hence everywhere."""
     entries = [entry for row in mass for entry in row]
     symbols = entries[0].graph.symbols
     for shift in (0.0, 1.7, 4.1):
-        with mpmath.workdps(30):
+        with mpmath.workdps(DIGITS):
             point = {
                 s: mpmath.mpf(0.4 + (0.618033988749895 * (i + 1) + shift) % 1.0)
                 for i, s in enumerate(symbols)
-            }
+            } | dict(constants)
             matrix = mpmath.matrix(len(mass))
             try:
                 values = evaluated(entries, point, mpmath)

@@ -19,7 +19,7 @@ from dmoc.codegen.text import c_files
 from dmoc.symbolic.families import model_key, model_spec
 
 T = dynamicsymbols._t
-x, u = dynamicsymbols("x u")
+x, y, u = dynamicsymbols("x y u")
 m, k = sp.symbols("m k")
 HUGE = 10**400
 ENDLESS = 10**5000  # Python refuses to write it
@@ -215,7 +215,7 @@ def test_numbers_of_any_kind_are_numbers(value: Any) -> None:
     assert system.parameters == {m: 2.0} and type(system.parameters[m]) is float
 
 
-V = x.diff(T)
+V, W = x.diff(T), y.diff(T)
 ALONE = "coordinates, the time and parameters alone"
 
 
@@ -300,3 +300,19 @@ def test_relations_that_are_joined_are_constraints_of_their_own() -> None:
     joined = make(path_constraints={"v": (V <= 0.75) & (V >= -0.75)})
     assert set(joined.path_functions.values()) == {V + 0.75, 0.75 - V}
     assert list(joined.path_functions) == ["v_1", "v_2"]
+
+
+@pytest.mark.parametrize(
+    "kinetic",
+    [
+        (V / 3 + W / 7) ** 2 / 2,
+        (sp.pi * V + sp.sqrt(2) * W) ** 2,
+        (sp.Float("0.1") * V + sp.Float("0.3") * W) ** 2,
+        V**2 / 9 + 2 * V * W / 21 + W**2 / 49,
+        (sp.cos(x) * V / 3 + W / 7) ** 2,
+    ],
+)
+def test_masses_are_singular_whatever_a_float_makes_of_their_constants(kinetic: Any) -> None:
+    with pytest.raises(ModelError, match="its determinant is zero everywhere"):
+        make(coordinates=[x, y], lagrangian=kinetic, parameters={})
+    make(coordinates=[x, y], lagrangian=kinetic + sp.Float("1e-12") * W**2, parameters={})
