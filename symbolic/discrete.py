@@ -281,11 +281,6 @@ def _point(
     return QuadraturePoint(exact(c), exact(b), phi, slope, start, end)
 
 
-def exact(number: Any) -> float:
-    """An exact number as a float, for graphs."""
-    return float(number)
-
-
 def quadrature(degree: int) -> tuple[list[Any], list[Any]]:
     """Exact Gauss points and weights on [0, 1], as many as the degree."""
     x = sp.Symbol("x")

@@ -26,7 +26,7 @@ from dmoc.symbolic.continuous import (
     momenta,
     right_hand_side,
 )
-from dmoc.symbolic.discrete import StepElement, exact, step_element
+from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
 from dmoc.symbolic.expressions import atoms_of
 from dmoc.symbolic.graph import Graph, Node, Scalar, gradient, reverse
@@ -60,7 +60,7 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     graph = Graph()
     f, smooth = plain.to_nodes(graph), plain.smooth(system, u[nu:]).to_nodes(graph)
     terms = [terms_of(r) for r in plain.r]
-    e = step_element(_light(smooth, DISCRETISATIONS[order].degree), order, graph.symbol, exact)
+    e = step_element(_light(smooth, DISCRETISATIONS[order].degree), order, graph.symbol, float)
     kernels = [
         *_step_kernels(smooth, e),
         *path_limits(f, plain.as_nodes([t for own in terms for t in own], graph)),
@@ -294,7 +294,7 @@ def _feasibility_kernels(f: Continuous) -> list[KernelSpec]:
     """
     if not f.g or any(f.t in g.free_symbols for g in f.g):
         return []
-    e = step_element(f, 2, f.L.graph.symbol, exact)
+    e = step_element(f, 2, f.L.graph.symbol, float)
     q_c, a = (Input.vector(f.L.graph, name, len(f.q)) for name in ("q_c", "a"))
     half_way = {s: (s + c) / 2 for s, c in zip(f.q, q_c.symbols, strict=True)}
     n = len(f.q)

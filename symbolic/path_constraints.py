@@ -14,7 +14,7 @@ from typing import Any
 import sympy as sp
 
 from dmoc.symbolic.continuous import Continuous, dot
-from dmoc.symbolic.discrete import StepElement, at_ends, exact
+from dmoc.symbolic.discrete import StepElement, at_ends
 from dmoc.symbolic.graph import Node
 from dmoc.symbolic.kernel_family import family
 from dmoc.symbolic.spec import Input, KernelSpec, Output
@@ -47,7 +47,7 @@ def path_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list
     ]
     if not e.inside:
         return kernels + _at_node(f, par)
-    ends = at_ends(f, e, f.L.graph.symbol, exact)
+    ends = at_ends(f, e, f.L.graph.symbol, float)
     text = "Path constraints r_e >= 0 at the start and at the end of a step."
     return kernels + _of_step("path_ends", text, "r_e", ends, step, par)
 
