@@ -24,11 +24,10 @@ LOOSE = 1e-2
 class Request:
     """How a problem shall be solved; its parts are checked.
 
-    ``verify`` is for the solution, ``ranks_checked`` for the minima among which it is chosen;
-    ``tolerance`` is that of a
-    refinement, None where the mesh of the problem is the only one; where finer meshes do not lead
-    there, an error up to ``loose`` that the check confirms is a solution too.  ``refining`` is the
-    method of other meshes than that of the answer.
+    ``verify`` is for the solution, ``ranks_checked`` for the minima among which it is chosen.
+    ``tolerance`` is that of a refinement, None where the mesh of the problem is the only one; where
+    finer meshes do not lead there, an error up to ``loose`` that the check confirms is a solution
+    too.  ``refining`` is the method of other meshes than that of the answer.
     """
 
     method: Method
