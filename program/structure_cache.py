@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from threading import Lock
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,37 @@ from dmoc.program.elements import Form, Structure, structure_of
 # Structures that are remembered, and bytes of all together: a search goes to and fro between the
 # forms of some tens of sequences, and one of 20 000 unknowns takes up to 35 MB.
 MOST, MOST_BYTES = 32, 2**27
+
+
+T = TypeVar("T")
+
+
+class Recent(Generic[T]):
+    """What was asked for last, by keys that say what it follows from."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._kept: OrderedDict[Hashable, T] = OrderedDict()
+
+    def of(self, key: Hashable | None, make: Callable[[], T]) -> T:
+        """What follows from a key; made anew where that is None."""
+        if key is None:
+            return make()
+        with self._lock:
+            kept = self._kept.get(key)
+            if kept is not None:
+                self._kept.move_to_end(key)
+                return kept
+        made = make()
+        with self._lock:
+            kept = self._kept.setdefault(key, made)
+            while len(self._kept) > MOST:
+                self._kept.popitem(last=False)
+        return kept
+
+    def clear(self) -> None:
+        with self._lock:
+            self._kept.clear()
 
 
 class Structures:

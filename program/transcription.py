@@ -8,6 +8,7 @@ of :class:`Transcription` is x divided by ``unit``, a row of (c | d) is divided 
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import chain
@@ -28,15 +29,16 @@ from dmoc.program.elements import (
     structure_of,
 )
 from dmoc.program.evaluator import Evaluator
-from dmoc.program.laws.laws import laws_of
+from dmoc.program.laws.laws import Laws, laws_of, rows_follow_from
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
-from dmoc.program.structure_cache import Structures
+from dmoc.program.structure_cache import Recent, Structures
 from dmoc.program.terms import Places
 
 # Unknowns of a program whose structure is remembered.
 MOST_SHARED = 20_000
 STRUCTURES = Structures()
+LAWS: Recent[Laws] = Recent()
 
 
 class Transcription(Evaluator):
@@ -77,9 +79,12 @@ class Transcription(Evaluator):
         self.layout = Layout.of(problem)
         touches = np.asarray(touching, dtype=np.intp)
         goals = goal_rows(problem, self.layout) if goal_as_rows else []
-        self.laws = laws_of(problem, self.layout, touches, goals, pulling)
-        self.limits = limits(problem, self.layout, self.laws, self.scale, goals)
-        self.laws.number(problem, self.limits)
+        laws = laws_of(problem, self.layout, touches, goals, pulling)
+        self.limits = limits(problem, self.layout, laws, self.scale, goals)
+        shared = None
+        if not goals and self.layout.size <= MOST_SHARED:
+            shared = rows_follow_from(problem, self.layout, touches, self.limits)
+        self.laws = LAWS.of(shared, lambda: laws.numbered(problem, self.limits))
         self.n = self.layout.size
         self.n_eq, self.n_in = self.laws.n_eq, self.laws.n_in
         self.unit = self.layout.units(self.scale)
@@ -94,12 +99,14 @@ class Transcription(Evaluator):
     @cached_property
     def structure(self) -> Structure:
         """What it has in common with the programs of all problems of its form."""
-        form = self._form()
         if self.n > MOST_SHARED:
-            return structure_of(form)
-        return STRUCTURES.of(
-            form, (*self.layout.unknowns, *self.laws.equalities, *self.laws.inequalities)
-        )
+            return structure_of(self._form())
+        kept = self.laws.structure() if self.laws.structure else None
+        if kept is None:
+            blocks = self.layout.unknowns, self.laws.equalities, self.laws.inequalities
+            kept = STRUCTURES.of(self._form(), chain.from_iterable(blocks))
+            self.laws.structure = weakref.ref(kept)
+        return kept
 
     def assemble(self) -> Assembled:
         m = self.laws.n_eq + self.laws.n_in

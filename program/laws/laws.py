@@ -6,7 +6,8 @@ contacts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import weakref
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -15,6 +16,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Block, Index, Numbering
+from dmoc.program.elements import Structure
 from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.ends import EndsLaw, Goal
 from dmoc.program.laws.friction import FrictionLaw
@@ -30,7 +32,8 @@ from dmoc.program.presolve import Settled
 
 @dataclass(eq=False)
 class Laws:
-    """All laws of a program, in the order of their rows, and the blocks of all rows."""
+    """All laws of a program, in the order of their rows, and the blocks of all rows; the structure
+    that follows from them, as long as somebody keeps it."""
 
     step: StepLaw
     path: PathLaw
@@ -42,6 +45,7 @@ class Laws:
     joint: JointLaw
     equalities: tuple[Block, ...] = ()
     inequalities: tuple[Block, ...] = ()
+    structure: weakref.ref[Structure] | None = None
 
     @property
     def n_eq(self) -> int:
@@ -55,7 +59,7 @@ class Laws:
         before = self.step, self.path, self.impact, self.ends
         return iter((*before, self.contact, self.friction, self.hit, self.joint))
 
-    def number(self, problem: Problem, limits: tuple[Array, Array]) -> None:
+    def numbered(self, problem: Problem, limits: tuple[Array, Array]) -> Laws:
         """Number the rows of a problem whose unknowns have some lower and upper limits."""
         shared = (self.contact, self.friction, self.hit) if _is_untouched(self.contact.lay) else ()
         laws = [law for law in self if law not in shared]
@@ -67,6 +71,7 @@ class Laws:
         for law in laws:
             law.inequalities(block)
         self.equalities, self.inequalities = tuple(block.made[:count]), tuple(block.made[count:])
+        return self
 
 
 def laws_of(
@@ -85,6 +90,24 @@ def laws_of(
         StepLaw(problem, lay), PathLaw.of(problem, lay), impact,
         EndsLaw(problem, lay, tuple(goals)), contact, friction, hit,
         JointLaw(lay, tuple(problem.kernels.manifest["bent_joints"])),
+    )  # fmt: skip
+
+
+def rows_follow_from(
+    problem: Problem, lay: Layout, touching: Index, limits: tuple[Array, Array]
+) -> Hashable | None:
+    """All that rows, terms and entries of a program follow from: problems that differ in other
+    numbers share them.  None where they follow from more, as where fixed values settle rows of
+    contacts and constraints."""
+    manifest = problem.kernels.manifest
+    if not _is_untouched(lay) or problem.kernels.joints:
+        return None
+    model = manifest["fingerprint"], manifest.get("code"), problem.kernels.backend
+    said = problem.final_time_bounds, problem.relations, tuple(problem.ignored), problem.by_rates
+    fixed = limits[0] == limits[1]
+    return (
+        lay, model, said, problem.restitution_values.tobytes(), touching.tobytes(),
+        fixed.tobytes(),
     )  # fmt: skip
 
 
