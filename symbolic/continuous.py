@@ -15,8 +15,10 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.names import name_of, velocity_name
-from dmoc.symbolic.conversion import to_nodes
+from dmoc.symbolic.conversion import plain_nodes, to_nodes
+from dmoc.symbolic.definitions import rate_of, rate_symbol, symbols_of
 from dmoc.symbolic.drawing import values_of
+from dmoc.symbolic.expressions import atoms_of
 from dmoc.symbolic.graph import Graph, Node, gradient
 from dmoc.symbolic.kinks import split
 
@@ -28,7 +30,8 @@ if TYPE_CHECKING:
 class Continuous:
     """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
     gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, constraints phi_j,
-    looks: the values of the drawing."""
+    looks: the values of the drawing; symbols x of definitions with their rates x_dot and their
+    values x_of, and the dissipation R of which Q lacks the forces.  Nodes have neither."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -45,6 +48,10 @@ class Continuous:
     mu: tuple[Any, ...]
     phi: tuple[Any, ...]
     looks: tuple[Any, ...]
+    R: Any = sp.S.Zero
+    x: tuple[Any, ...] = ()
+    x_dot: tuple[Any, ...] = ()
+    x_of: tuple[Any, ...] = ()
 
     @classmethod
     def of(
@@ -55,9 +62,16 @@ class Continuous:
         u: Sequence[Any],
         t: Any,
         par: Sequence[Any],
+        x: Sequence[Any] = (),
+        x_dot: Sequence[Any] = (),
     ) -> Continuous:
-        """Rewrite the functions of ``system`` in the given SymPy symbols."""
-        table = _table(system, q, v, u, t, par)
+        """Rewrite the functions of ``system`` in the given SymPy symbols; ``x`` and ``x_dot`` are
+        those of its definitions and their rates."""
+        table = _table(system, q, v, u, t, par, x, x_dot)
+        forces, R = system.force_vector, sp.S.Zero
+        if atoms_of(system.dissipation) & symbols_of(system.definitions):
+            forces = tuple(system.forces.get(s, sp.S.Zero) for s in system.coordinates)
+            R = system.dissipation
 
         def rewrite(expression: Any) -> Any:
             # All at once, from the outside: a velocity contains its coordinate, that the time, and
@@ -71,7 +85,7 @@ class Continuous:
             t,
             tuple(par),
             rewrite(system.lagrangian),
-            tuple(rewrite(e) for e in system.force_vector),
+            tuple(rewrite(e) for e in forces),
             rewrite(system.cost),
             rewrite(system.terminal_cost),
             tuple(rewrite(e) for e in system.gaps.values()),
@@ -80,13 +94,17 @@ class Continuous:
             tuple(rewrite(system.friction[name]) for name in system.tangents),
             tuple(rewrite(e) for e in system.constraints.values()),
             tuple(rewrite(e) for part in system.shapes for e in values_of(part)),
+            rewrite(R),
+            tuple(x),
+            tuple(x_dot),
+            tuple(rewrite(e) for e in system.definitions.values()),
         )
 
     def smooth(self, system: MechanicalSystem, hidden: Sequence[Any]) -> Continuous:
         """The same system with hidden unknowns behind its inputs, and a smooth cost and smooth path
         constraints."""
         parts = split(system)
-        table = _table(system, self.q, self.v, self.u, self.t, self.par)
+        table = self._table(system)
         table |= dict(zip((s for s, _ in parts.unknowns), hidden, strict=True))
         return replace(
             self,
@@ -97,8 +115,11 @@ class Continuous:
 
     def rewritten(self, system: MechanicalSystem, functions: Sequence[Any]) -> list[Any]:
         """More functions of the system in these symbols."""
-        table = _table(system, self.q, self.v, self.u, self.t, self.par)
+        table = self._table(system)
         return [e.xreplace(table) for e in functions]
+
+    def _table(self, system: MechanicalSystem) -> dict[Any, Any]:
+        return _table(system, self.q, self.v, self.u, self.t, self.par, self.x, self.x_dot)
 
     def as_nodes(
         self, functions: Sequence[Any], graph: Graph, constants: Mapping[Any, Node] | None = None
@@ -106,8 +127,13 @@ class Continuous:
         """More functions in these symbols as nodes, and those of some constants, which are exact
         then."""
         symbols = (*self.q, *self.v, *self.u, self.t, *self.par)
-        table = {s: graph.symbol(s.name) for s in symbols}
-        return to_nodes(graph, functions, table | dict(constants or {}))
+        table = {s: graph.symbol(s.name) for s in symbols} | dict(constants or {})
+        rates = dict(zip((table[q] for q in self.q), (table[v] for v in self.v), strict=True))
+        rates[table[self.t]] = graph.one
+        for x, x_dot, value in zip(self.x, self.x_dot, self.x_of, strict=True):
+            (table[x],) = plain_nodes(graph, [value], table)
+            table[x_dot] = rate_of(table[x], rates)
+        return to_nodes(graph, functions, table)
 
     def to_nodes(self, graph: Graph) -> Continuous:
         """The same functions as nodes of a graph, whose symbols have the same names."""
@@ -121,11 +147,14 @@ class Continuous:
             tuple(graph.symbol(s.name) for s in part) for part in (self.q, self.v, self.u, self.par)
         )
         made = {name: each(getattr(self, name)) for name in FUNCTIONS}
+        damping = gradient(made["R"], v)
+        made["Q"] = tuple(force - slope for force, slope in zip(made["Q"], damping, strict=True))
+        made["R"] = graph.zero
         return Continuous(q, v, u, graph.symbol(self.t.name), par, **made)
 
 
 # The functions of a Continuous, which are one expression or several.
-FUNCTIONS = ("L", "Q", "C", "Phi", "g", "r", "tau", "mu", "phi", "looks")
+FUNCTIONS = ("L", "Q", "C", "Phi", "g", "r", "tau", "mu", "phi", "looks", "R")
 
 
 def _listed(value: Any) -> tuple[Any, ...]:
@@ -134,10 +163,12 @@ def _listed(value: Any) -> tuple[Any, ...]:
 
 def _table(
     system: MechanicalSystem, q: Sequence[Any], v: Sequence[Any], u: Sequence[Any], t: Any,
-    par: Sequence[Any],
+    par: Sequence[Any], x: Sequence[Any], x_dot: Sequence[Any],
 ) -> dict[Any, Any]:  # fmt: skip
     """The symbols of a system and others in their place."""
     table = dict(zip(system.velocities, v, strict=True))
+    table |= dict(zip(map(rate_symbol, system.definitions), x_dot, strict=True))
+    table |= dict(zip(system.definitions, x, strict=True))
     table |= dict(zip(system.coordinates, q, strict=True))
     table |= dict(zip(system.inputs, u, strict=True))
     table |= dict(zip(system.parameters, par, strict=True))
@@ -148,6 +179,7 @@ def _table(
 def readable(system: MechanicalSystem) -> Continuous:
     """Return the functions of ``system`` in symbols that carry the user's names."""
     names = [name_of(q) for q in system.coordinates]
+    defined = [name_of(x) for x in system.definitions]
     return Continuous.of(
         system,
         sp.symbols(names, real=True),
@@ -155,6 +187,8 @@ def readable(system: MechanicalSystem) -> Continuous:
         sp.symbols([name_of(u) for u in system.inputs], real=True),
         sp.Symbol("t", real=True),
         list(system.parameters),
+        sp.symbols(defined, real=True),
+        sp.symbols([velocity_name(n) for n in defined], real=True),
     )
 
 

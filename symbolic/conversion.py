@@ -24,6 +24,11 @@ FUNCTIONS = frozenset(SLOPES) - {"pow", "exp"}
 
 def to_nodes(graph: Graph, expressions: Sequence[Any], table: Mapping[Any, Node]) -> list[Node]:
     """Expressions of SymPy as nodes; ``table`` has the nodes of their symbols."""
+    return with_shared_sums(plain_nodes(graph, expressions, table))
+
+
+def plain_nodes(graph: Graph, expressions: Sequence[Any], table: Mapping[Any, Node]) -> list[Node]:
+    """The same, with sums as SymPy writes them."""
     made: dict[Any, Node] = dict(table)
 
     def convert(e: Any) -> Node:
@@ -32,7 +37,7 @@ def to_nodes(graph: Graph, expressions: Sequence[Any], table: Mapping[Any, Node]
             node = made[e] = _converted(graph, e, convert)
         return node
 
-    return with_shared_sums([convert(_elementary(e)) for e in expressions])
+    return [convert(_elementary(e)) for e in expressions]
 
 
 def _converted(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:

@@ -14,6 +14,7 @@ import sympy as sp
 
 from dmoc.base.arguments import listed, shown
 from dmoc.base.errors import ModelError
+from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.expressions import expression_in
 
 Place: TypeAlias = tuple[Any, Any]  # x and y, as SymPy expressions
@@ -231,8 +232,9 @@ def values_of(part: Part) -> tuple[Any, ...]:
 
 
 def with_normal(
-    part: Part, gaps: Mapping[str, Any], tangents: Mapping[str, Any], coordinates: Sequence[Any]
-) -> Part:
+    part: Part, gaps: Mapping[str, Any], tangents: Mapping[str, Any], coordinates: Sequence[Any],
+    definitions: Mapping[Any, Any],
+) -> Part:  # fmt: skip
     """A contact with the direction in which it pushes; another shape as it is.
 
     A force F at the place a(q) does the work of -grad g of a gap g(q) <= 0, or of grad tau of a
@@ -240,11 +242,15 @@ def with_normal(
     """
     if not isinstance(part, Contact) or part.normal is not None:
         return part
-    slopes = sp.Matrix(part.at).jacobian(coordinates)
     rail = part.surface not in gaps
     along = tangents[part.surface] if rail else -gaps[part.surface]
-    v = sp.Matrix([sp.diff(along, q) for q in coordinates])
-    x, y = _force(slopes, v)
+    place, symbols = (*part.at, along), (*coordinates, *definitions)
+    # What is so for any values of definitions is so for their own.
+    direction = _axis(*_slopes(place, symbols))
+    if direction is None:
+        slopes, v = _slopes([expanded(e, definitions) for e in place], coordinates)
+        direction = _axis(slopes, v) or _force(slopes, v)
+    x, y = direction
     if (x, y) == (0, 0):
         raise ModelError(
             f"the Contact {shown(part.surface)} is at a place that its surface does not move: give "
@@ -253,11 +259,22 @@ def with_normal(
     return replace(part, normal=(-y, x) if rail else (x, y))
 
 
-def _force(slopes: Any, v: Any) -> Place:
-    """The direction of F in slopes' F = v."""
-    for along in ((0, 1), (1, 0), (0, -1), (-1, 0)):  # nearly always, and without long expressions
+def _slopes(place: Sequence[Any], symbols: Sequence[Any]) -> tuple[Any, Any]:
+    """Derivatives of a place, and of what is along the force there, by symbols."""
+    slopes = sp.Matrix(place).jacobian(symbols)
+    return slopes[:2, :], slopes[2, :].T
+
+
+def _axis(slopes: Any, v: Any) -> Place | None:
+    """The direction of F in slopes' F = v if it is along an axis, as nearly always."""
+    for along in ((0, 1), (1, 0), (0, -1), (-1, 0)):
         if (slopes.T * sp.Matrix(along) - v).expand().is_zero_matrix:
             return along
+    return None
+
+
+def _force(slopes: Any, v: Any) -> Place:
+    """The direction of F in slopes' F = v."""
     gram = slopes * slopes.T
     flat = sp.simplify(gram.det()) == 0
     x, y = (slopes if flat else gram.adjugate() * slopes) * v

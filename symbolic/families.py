@@ -47,6 +47,7 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     check_system(system)
     order = known_order(order)
     nq, nu, npar = len(system.coordinates), len(system.inputs), len(system.parameters)
+    nx = len(system.definitions)
 
     def symbols(name: str, size: int) -> tuple[Any, ...]:
         return tuple(sp.Symbol(f"{name}_{i}", real=True) for i in range(size))
@@ -55,8 +56,9 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     parts = split(system)
     u = symbols("u", nu + len(parts.unknowns))
     plain = Continuous.of(
-        system, symbols("q", nq), symbols("v", nq), u[:nu], t, symbols("par", npar)
-    )
+        system, symbols("q", nq), symbols("v", nq), u[:nu], t, symbols("par", npar),
+        symbols("x", nx), symbols("x_dot", nx),
+    )  # fmt: skip
     graph = Graph()
     f, smooth = plain.to_nodes(graph), plain.smooth(system, u[nu:]).to_nodes(graph)
     terms = [terms_of(r) for r in plain.r]

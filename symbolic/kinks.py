@@ -220,12 +220,10 @@ def _shown(e: Any) -> str:
 
 def _real(system: MechanicalSystem) -> tuple[dict[Any, Any], dict[Any, Any]]:
     """All symbols as real ones, of which SymPy knows that abs(a)**2 = a**2, and back."""
-    symbols = (*system.coordinates, *system.inputs, dynamicsymbols._t)
+    places = (*system.coordinates, *system.definitions)
+    symbols = (*places, *system.inputs, dynamicsymbols._t)
     table = {s: sp.Dummy(str(s.func if s.args else s), real=True) for s in symbols}
-    table |= {
-        v: sp.Dummy(f"{q.func}'", real=True)
-        for q, v in zip(system.coordinates, system.velocities, strict=True)
-    }
+    table |= {q.diff(dynamicsymbols._t): sp.Dummy(f"{q.func}'", real=True) for q in places}
     for s in system.parameters:
         sign = next((name for name in SIGNS if getattr(s, f"is_{name}")), None)
         table[s] = sp.Dummy(s.name, real=True, **({sign: True} if sign else {}))

@@ -16,6 +16,7 @@ from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
 from dmoc.base.names import check_name, name_of
 from dmoc.base.table import Shown, Table
+from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.drawing import Part, with_normal
 from dmoc.symbolic.expressions import slack_of
 from dmoc.symbolic.system_checks import check, check_names
@@ -78,6 +79,12 @@ class MechanicalSystem(Shown):
         How figures and animations show a planar model: Link, Point, Disc, Box, Spring, Wall and
         Contact, whose places are expressions in q, t and parameters:
         ``[dmoc.Box((x, 0), 0.2, 0.1), dmoc.Link((x, 0), tip), dmoc.Point(tip)]``.
+    definitions : mapping of dynamicsymbols to Expr, optional
+        Names for places, in their order: expressions in coordinates, the time, parameters and
+        earlier definitions.  All other expressions may contain them and, where velocities belong,
+        their ``.diff()``, which follows by the chain rule: ``{x1: l * sp.sin(a), y1: ...}`` and
+        ``lagrangian=m * (x1.diff() ** 2 + y1.diff() ** 2) / 2``.  Large models are stated so
+        without being written out.
 
     Raises
     ------
@@ -129,6 +136,7 @@ class MechanicalSystem(Shown):
     friction: Mapping[str, Any] = field(default_factory=dict)
     drawing: Sequence[Part] = ()
     constraints: Mapping[str, Any] = field(default_factory=dict)
+    definitions: Mapping[Any, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_name(self.name, "model")
@@ -215,13 +223,21 @@ class MechanicalSystem(Shown):
         """Generalised forces Q(q, q', u, t) with those of the Rayleigh function, in the order of
         the coordinates."""
         pairs = zip(self.coordinates, self.velocities, strict=True)
-        return tuple(self.forces.get(q, sp.S.Zero) - self.dissipation.diff(v) for q, v in pairs)
+        damping = expanded(self.dissipation, self.definitions)
+        return tuple(self.forces.get(q, sp.S.Zero) - damping.diff(v) for q, v in pairs)
+
+    @property
+    def _forces_as_stated(self) -> tuple[Any, ...]:
+        return (*(self.forces.get(q, sp.S.Zero) for q in self.coordinates), self.dissipation)
 
     @cached_property
     def shapes(self) -> tuple[Part, ...]:
         """The shapes of the drawing, contacts with the directions in which they push."""
         gaps = self.gaps
-        return tuple(with_normal(p, gaps, self.tangents, self.coordinates) for p in self.drawing)
+        return tuple(
+            with_normal(p, gaps, self.tangents, self.coordinates, self.definitions)
+            for p in self.drawing
+        )
 
     @property
     def gaps(self) -> dict[str, Any]:
@@ -242,7 +258,7 @@ class MechanicalSystem(Shown):
     @property
     def mass_matrix(self) -> sp.Matrix:
         """M(q) = d2L/dq'2."""
-        return sp.hessian(self.lagrangian, self.velocities)
+        return sp.hessian(expanded(self.lagrangian, self.definitions), self.velocities)
 
     def fingerprint(self) -> str:
         """Return a digest of everything that solutions depend on."""
@@ -254,7 +270,7 @@ class MechanicalSystem(Shown):
             "|",
             *(f"{sp.srepr(s)}={v!r}" for s, v in self.parameters.items()),
             sp.srepr(self.lagrangian),
-            *map(sp.srepr, self.force_vector),
+            *map(sp.srepr, self._forces_as_stated if self.definitions else self.force_vector),
             sp.srepr(self.cost),
             sp.srepr(self.terminal_cost),
             *(f"{n}:{sp.srepr(g)}" for n, g in self.gaps.items()),
@@ -263,6 +279,7 @@ class MechanicalSystem(Shown):
             "|",
             *(f"{n}:{sp.srepr(e)}:{sp.srepr(self.friction[n])}" for n, e in self.tangents.items()),
             *(f"{n}=0:{sp.srepr(c)}" for n, c in self.constraints.items()),
+            *(f"{sp.srepr(x)}:={sp.srepr(e)}" for x, e in self.definitions.items()),
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 

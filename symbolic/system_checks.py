@@ -15,6 +15,7 @@ from dmoc.base.arguments import shown
 from dmoc.base.errors import GenerationError, ModelError
 from dmoc.base.names import check_name, momentum_name, name_of, velocity_name
 from dmoc.symbolic.continuous import readable
+from dmoc.symbolic.definitions import atoms_below, check_definitions, rate_symbol
 from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.expressions import KINDS, atoms_of, unknown_symbol
 from dmoc.symbolic.graph import Graph, Node, reverse
@@ -28,12 +29,14 @@ if TYPE_CHECKING:
 # What places and states are made of.
 PLACE = ("coordinates", "the time", "parameters")
 STATE = ("coordinates", "velocities", "the time", "parameters")
+DEFINED = {"coordinates": "definitions", "velocities": "velocities of definitions"}
 
 DIGITS = 30  # in which it is seen whether a mass matrix is singular
 
 
 def check(system: MechanicalSystem) -> None:
     """Raise ModelError where the parts of a system do not fit together."""
+    check_definitions(system)
     _check_friction(system)
     _check_symbols(system)
     _check_kinks(system)
@@ -42,7 +45,7 @@ def check(system: MechanicalSystem) -> None:
         ("surface", "a relation", system.gaps), ("constraint", "an equation", system.constraints),
     ):  # fmt: skip
         for name, place in places.items():
-            if not atoms_of(place) & set(system.coordinates):
+            if not atoms_below(place, system.definitions) & set(system.coordinates):
                 raise ModelError(
                     f"{what} {name!r} contains no coordinate: expected {kind} in "
                     f"{_listed(system.coordinates)}."
@@ -56,6 +59,7 @@ def check_names(system: MechanicalSystem) -> None:
         "coordinate": [name_of(q) for q in system.coordinates],
         "input": [name_of(u) for u in system.inputs],
         "parameter": [name_of(s) for s in system.parameters],
+        "definition": [name_of(x) for x in system.definitions],
     }
     labels = {
         "surface": list(system.surfaces),
@@ -74,6 +78,8 @@ def check_names(system: MechanicalSystem) -> None:
                     "choose another name."
                 )
     _check_distinct(labels)
+    for x in symbols["definition"]:
+        symbols[f"velocity of {x}"] = [velocity_name(x)]
     for q in symbols["coordinate"]:
         symbols[f"velocity of {q}"] = [velocity_name(q)]
         symbols[f"momentum of {q}"] = [momentum_name(q)]
@@ -86,12 +92,13 @@ def _check_kinds(system: MechanicalSystem) -> None:
         raise ModelError(
             f"model {system.name!r} has no coordinates: give at least one dynamicsymbol."
         )
-    for q in system.coordinates:
-        if not _is_function_of_time(q):
-            raise ModelError(
-                f"coordinate {shown(q)} is not a function of time: make it with "
-                "sympy.physics.mechanics.dynamicsymbols."
-            )
+    for role in ("coordinate", "definition"):
+        for q in getattr(system, f"{role}s"):
+            if not _is_function_of_time(q):
+                raise ModelError(
+                    f"{role} {shown(q)} is not a function of time: make it with "
+                    "sympy.physics.mechanics.dynamicsymbols."
+                )
     for u in system.inputs:
         if not isinstance(u, sp.Symbol) and not _is_function_of_time(u):
             raise ModelError(f"input {shown(u)} is not a dynamicsymbol or a Symbol.")
@@ -119,7 +126,7 @@ def _check_friction(system: MechanicalSystem) -> None:
                 f"{shown(name)} has a tangent but no friction: give its coefficient mu, or, of "
                 f'a rail, its largest force, as friction={{"{name}": 0.5}}; 0 for none.'
             )
-        if not atoms_of(tau) & set(system.coordinates):
+        if not atoms_below(tau, system.definitions) & set(system.coordinates):
             raise ModelError(
                 f"the tangent of {name!r} contains no coordinate: expected a position along "
                 f"the contact in {_listed(system.coordinates)}."
@@ -139,12 +146,16 @@ def _check_symbols(system: MechanicalSystem) -> None:
         "inputs": set(system.inputs),
         "the time": {dynamicsymbols._t},
         "parameters": set(system.parameters),
+        "definitions": set(system.definitions),
+        "velocities of definitions": set(map(rate_symbol, system.definitions)),
     }
     used: set[Any] = set()
     for where, expression, allowed in _expressions(system):
         atoms = atoms_of(expression)
         used |= atoms
-        for symbol in sorted(atoms.difference(*(kinds[kind] for kind in allowed)), key=str):
+        permitted = [kinds[kind] for kind in allowed]
+        permitted += [kinds[DEFINED[kind]] for kind in allowed if kind in DEFINED]
+        for symbol in sorted(atoms.difference(*permitted), key=str):
             raise ModelError(unknown_symbol(symbol, where, kinds, allowed))
     for symbol in system.parameters:
         if symbol not in used:
@@ -162,6 +173,8 @@ def _check_symbols(system: MechanicalSystem) -> None:
 
 def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str, ...]]]:
     """Where each expression of a system stands, and the kinds of symbols that belong there."""
+    for x, e in system.definitions.items():
+        yield f"definition {name_of(x)}", e, PLACE
     yield "the Lagrangian", system.lagrangian, STATE
     yield "the cost", system.cost, KINDS
     yield "the dissipation", system.dissipation, STATE
@@ -196,7 +209,8 @@ def _check_kinks(system: MechanicalSystem) -> None:
 def _check_mass_matrix(system: MechanicalSystem) -> None:
     """Refuse masses that are singular, that depend on velocities or that no float takes."""
     f, graph = readable(system), Graph()
-    constants = {c: graph.symbol(f"constant {i}") for i, c in enumerate(_constants(f.L))}
+    parts = (f.L, *f.x_of)
+    constants = {c: graph.symbol(f"constant {i}") for i, c in enumerate(_constants(parts))}
     with mpmath.workdps(DIGITS):
         exact = {node: mpmath.mpf(c.evalf(DIGITS)) for c, node in constants.items()}
     try:
@@ -241,10 +255,10 @@ def _is_function_of_time(symbol: Any) -> bool:
     return isinstance(symbol, AppliedUndef) and symbol.args == (dynamicsymbols._t,)
 
 
-def _constants(expression: Any) -> list[Any]:
-    """The constants of an expression that a float would round."""
+def _constants(expressions: Sequence[Any]) -> list[Any]:
+    """The constants of expressions that a float would round."""
     constants: dict[Any, None] = {}
-    parts = sp.preorder_traversal(expression)
+    parts = sp.preorder_traversal(expressions)
     for part in parts:
         if isinstance(part, sp.Expr) and part.is_number:
             parts.skip()

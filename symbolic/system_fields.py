@@ -31,6 +31,7 @@ MAPPINGS = {  # with an example each
     "units": '{x: "m"}',
     "tangents": '{"floor": x}',
     "friction": '{"floor": 0.5}',
+    "definitions": "{x1: l * sp.sin(a)}",
 }
 
 
@@ -53,6 +54,9 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
         what = "Lagrangian" if name == "lagrangian" else name.replace("_", " ")
         read[name] = expression_in(getattr(system, name), f"the {what}")
     read["forces"] = _forces(system)
+    read["definitions"] = {
+        s: expression_in(e, f"definition {name_of(s)}") for s, e in system.definitions.items()
+    }
     for name, what in (("tangents", "tangent"), ("friction", "friction")):
         read[name] = {
             key: expression_in(e, f"the {what} of {key!r}")

@@ -46,9 +46,11 @@ def system_html(system: MechanicalSystem) -> str:
 def system_latex(system: MechanicalSystem) -> str:
     """The functions of a system as aligned formulas."""
     f = readable(system)
-    names = {s: latex_symbol(s.name) for s in (*f.q, *f.v, *f.u, *f.par, f.t)}
+    own = (*f.q, *f.v, *f.u, *f.par, f.t, *f.x, *f.x_dot)
+    names = {s: latex_symbol(s.name) for s in own}
+    left = {x.name: latex_symbol(x.name) for x in f.x}
     lines = [
-        f"{_latex_left(name)} &= {sp.latex(value, symbol_names=names)}"
+        f"{left.get(name) or _latex_left(name)} &= {sp.latex(value, symbol_names=names)}"
         for name, _, value in _functions(system, f)
     ]
     return "$\\displaystyle\\begin{aligned}" + r" \\ ".join(lines) + "\\end{aligned}$"
@@ -82,7 +84,11 @@ def _facts(system: MechanicalSystem) -> Iterator[tuple[str, str]]:
 def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, str, Any]]:
     """What a system consists of: names in text and in MathML, and expressions."""
     names = [name_of(q) for q in system.coordinates]
+    for x, value in zip(f.x, f.x_of, strict=True):
+        yield x.name, mathml.symbol(x.name), value
     yield "L", mathml.symbol("L"), f.L
+    if f.R != 0:
+        yield "R", mathml.symbol("R"), f.R
     for name, force in zip(names, f.Q, strict=True):
         if force != 0:
             yield f"Q_{name}", mathml.symbol(f"Q_{name}"), force

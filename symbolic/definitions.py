@@ -1,0 +1,92 @@
+"""Symbols that stand for expressions of places: what they may be, what they are made of, and their
+rates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+from dmoc.base.arguments import shown
+from dmoc.base.errors import ModelError
+from dmoc.base.names import name_of
+from dmoc.symbolic.expressions import atoms_of
+from dmoc.symbolic.graph import SUM, Node
+from dmoc.symbolic.kinks import check_smooth
+from dmoc.symbolic.traversal import reached
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.system import MechanicalSystem
+
+
+def rate_symbol(function: Any) -> Any:
+    """The derivative of a function of time."""
+    return function.diff(dynamicsymbols._t)
+
+
+def symbols_of(definitions: Iterable[Any]) -> set[Any]:
+    """Definitions and their rates."""
+    return {s for x in definitions for s in (x, rate_symbol(x))}
+
+
+def check_definitions(system: MechanicalSystem) -> None:
+    """Raise ModelError for definitions that contain themselves, what is defined after them, or
+    what has a velocity or a kink."""
+    names, rates = set(system.definitions), set(map(rate_symbol, system.definitions))
+    earlier: set[Any] = set()
+    for symbol, value in system.definitions.items():
+        where = f"definition {name_of(symbol)}"
+        for atom in sorted(atoms_of(value), key=str):
+            if atom == symbol:
+                raise ModelError(f"{where} contains itself: expected what is defined before it.")
+            if atom in names - earlier:
+                raise ModelError(
+                    f"{where} contains {name_of(atom)}, which is defined after it: put "
+                    f"{name_of(atom)} before {name_of(symbol)}."
+                )
+            if atom in rates or atom in system.velocities:
+                raise ModelError(
+                    f"{where} contains {shown(atom)}, a velocity: expected a place, in "
+                    "coordinates, the time, parameters and earlier definitions; its own velocity "
+                    f"is {name_of(symbol)}.diff()."
+                )
+        check_smooth(value, where, kinks=True)
+        earlier.add(symbol)
+
+
+def atoms_below(expression: Any, definitions: Mapping[Any, Any]) -> set[Any]:
+    """The atoms of an expression, and those that its definitions and their rates are made of."""
+    atoms: set[Any] = set()
+    waiting = atoms_of(expression)
+    while waiting:
+        atoms |= waiting
+        bare = {a.expr if isinstance(a, sp.Derivative) else a for a in waiting}
+        below = (atoms_of(definitions[x]) for x in bare if x in definitions)
+        waiting = set().union(*below) - atoms
+    return atoms
+
+
+def expanded(expression: Any, definitions: Mapping[Any, Any]) -> Any:
+    """The expression without definitions, whose size may double with each of them."""
+    below = atoms_below(expression, definitions) if definitions else ()
+    table: dict[Any, Any] = {}
+    for symbol, value in definitions.items():
+        rate = rate_symbol(symbol)
+        if symbol in below or rate in below:
+            table[symbol] = value.xreplace(table)
+            table[rate] = table[symbol].diff(dynamicsymbols._t)
+    return expression.xreplace(table)
+
+
+def rate_of(node: Node, rates: dict[Node, Node]) -> Node:
+    """The derivative of a node along the motion; ``rates`` are those of symbols, and of all nodes
+    once they are asked for."""
+    g = node.graph
+    for n in reached([node]):
+        if n not in rates:
+            slopes = n.parts if n.kind == SUM else n.partials()
+            moving = ((rates[part], slope) for part, slope in slopes if rates[part] is not g.zero)
+            rates[n] = g.sum((rate * slope, 1.0) for rate, slope in moving)
+    return rates[node]

@@ -1,0 +1,208 @@
+"""Symbols that stand for expressions of places: the same kernels as without them, and what they
+must not be."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.base.errors import ModelError
+from dmoc.codegen.kernels import Kernels
+from dmoc.inspection.kernel_check import checked
+from dmoc.symbolic.families import model_key, model_spec
+
+T = dynamicsymbols._t
+a, b, u = dynamicsymbols("a b u")
+x, y = dynamicsymbols("x y")
+m, l, g, d = sp.symbols("m l g d")
+
+
+def double_pendulum(named: bool, relative: bool = False, **fields: Any) -> dmoc.MechanicalSystem:
+    """Two point masses on rods; every field contains their places, by name or written out."""
+    definitions: dict[Any, Any] = {}
+    X = Y = angle = kinetic = potential = damping = sp.S.Zero
+    for i, coordinate in enumerate((a, b), 1):
+        angle = coordinate + angle if relative else coordinate
+        place = (X + l * sp.sin(angle), Y - l * sp.cos(angle))
+        names = tuple(dynamicsymbols(f"x{i} y{i}"))
+        definitions |= dict(zip(names, place, strict=True))
+        X, Y = names if named else place
+        kinetic += m * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2
+        potential += m * g * Y
+        damping += d * X.diff(T) ** 2 / 2
+    stated = {
+        "coordinates": [a, b], "inputs": [u], "lagrangian": kinetic - potential,
+        "forces": {b: u + sp.sin(X)}, "dissipation": damping,
+        "parameters": {m: 0.5, l: 0.4, g: 9.81, d: 0.1},
+        "cost": u**2 / 2 + X**2 + sp.Abs(Y.diff(T)), "terminal_cost": X**2 + X.diff(T) ** 2,
+        "surfaces": {"floor": -l - l * sp.sin(T) / 2 <= Y, "wall": l >= X},
+        "tangents": {"floor": X}, "friction": {"floor": 0.3},
+        "constraints": {"curve": sp.Eq(X, Y**2)},
+        "path_constraints": {"speed": X.diff(T) <= 3, "room": sp.Abs(X) <= 2 * l},
+        "drawing": [dmoc.Link((0, 0), (X, Y)), dmoc.Contact("floor", (X, Y))],
+        "definitions": definitions if named else {},
+    } | fields  # fmt: skip
+    return dmoc.MechanicalSystem("double_pendulum", **stated)
+
+
+def values_of(kernels: Kernels, name: str, inputs: list[Any]) -> list[Any]:
+    """Results of a kernel as full arrays."""
+    full = []
+    for output, values in zip(
+        kernels.manifest["kernels"][name]["outputs"], kernels.call(name, *inputs), strict=True
+    ):
+        if "rows" in output:
+            dense = np.zeros((len(values), *output["shape"]))
+            dense[:, *kernels.pattern(name, output["name"])] = values
+            values = dense
+        full.append(values)
+    return full
+
+
+@pytest.mark.parametrize(
+    ("relative", "order"),
+    [(False, 2), pytest.param(True, 2, marks=pytest.mark.slow),
+     pytest.param(True, 4, marks=pytest.mark.slow)],
+)  # fmt: skip
+@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # no time to a surface
+def test_kernels_with_definitions_are_those_without(relative: bool, order: int) -> None:
+    rng = np.random.default_rng(0)
+    with_names, without = (
+        dmoc.build(double_pendulum(named, relative), order=order, backend="numpy")
+        for named in (True, False)
+    )
+    assert set(with_names.manifest["kernels"]) == set(without.manifest["kernels"])
+    for name, facts in without.manifest["kernels"].items():
+        if name == "path_terms":  # as they were stated
+            continue
+        inputs = [rng.uniform(0.3, 1.2, (2, size)) for _, size in facts["inputs"]]
+        pairs = zip(*(values_of(k, name, inputs) for k in (with_names, without)), strict=True)
+        for ours, expected in pairs:
+            np.testing.assert_allclose(ours, expected, rtol=1e-12, atol=1e-12, err_msg=name)
+
+
+@pytest.mark.slow
+def test_kernels_with_definitions_are_those_of_their_numbers() -> None:
+    """Rates of definitions are differences in 90 digits there."""
+    system = double_pendulum(True, relative=True)
+    errors = checked(system, dmoc.build(system, backend="numpy"))
+    assert len(errors) > 40 and max(c.error for c in errors) < 1e-12
+
+
+def test_properties_are_in_coordinates_where_they_say_so() -> None:
+    system = double_pendulum(True)
+    expected = double_pendulum(False)
+    assert sp.simplify(system.mass_matrix - expected.mass_matrix) == sp.zeros(2)
+    for force, other in zip(system.force_vector, expected.force_vector, strict=True):
+        places = {dynamicsymbols("x2"): l * sp.sin(a) + l * sp.sin(b)}
+        assert sp.simplify(force.xreplace(places) - other) == 0
+    assert system.shapes[1].normal == (0, 1)
+
+
+def test_the_order_of_normals_does_not_need_places_to_be_named() -> None:
+    """A normal that turns is that of the places written out."""
+    named, plain = (
+        double_pendulum(
+            named,
+            surfaces={"floor": l**2 <= X**2 + Y**2},
+            drawing=[dmoc.Contact("floor", (X, Y))],
+        ).shapes[0].normal
+        for named, X, Y in (
+            (True, *dynamicsymbols("x2 y2")),
+            (False, l * sp.sin(a) + l * sp.sin(b), -l * sp.cos(a) - l * sp.cos(b)),
+        )
+    )  # fmt: skip
+    at = {a: 0.3, b: 0.9, l: 0.4}
+    assert [float(n.subs(at)) for n in named] == pytest.approx([float(n.subs(at)) for n in plain])
+
+
+@pytest.mark.slow
+def test_a_solve_with_definitions_is_one_without() -> None:
+    """A pendulum swings up over a post."""
+    solutions = []
+    for named in (True, False):
+        place = {x: l * sp.sin(a), y: -l * sp.cos(a)}
+        X, Y = (x, y) if named else place.values()
+        system = dmoc.MechanicalSystem(
+            "swing", [a], m * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - m * g * Y,
+            {m: 0.5, l: 0.4, g: 9.81}, inputs=[u], forces={a: u}, cost=u**2,
+            surfaces={"post": -l / 2 <= X}, definitions=place if named else {},
+        )  # fmt: skip
+        problem = dmoc.Problem(
+            system, start={"a": 0.0, "a_dot": 0.0}, goal={"a": 1.0, "a_dot": 0.0},
+            sequence=["post"], steps=10, final_time=2.0,
+        )  # fmt: skip
+        solutions.append(dmoc.solve(problem, "ipm", starts=1, verify=False))
+    assert {s.status for s in solutions} == {"solved"}
+    assert solutions[0].cost == pytest.approx(solutions[1].cost, rel=1e-9)
+
+
+def test_definitions_belong_to_what_a_model_is() -> None:
+    system = double_pendulum(True)
+    assert pickle.loads(pickle.dumps(system)).fingerprint() == system.fingerprint()
+    moved = double_pendulum(True, definitions=system.definitions | {dynamicsymbols("x1"): 2 * a})
+    assert moved.fingerprint() != system.fingerprint()
+    assert model_key(moved) != model_key(system)
+    assert ("x2", "l*sin(b) + x1") in system.summary().rows
+    assert r"x_{2} &= l \sin{\left(b \right)} + x_{1}" in system._repr_latex_()
+    assert model_spec(system).facts["surface_coordinates"] == {"floor": [0, 1], "wall": [0, 1]}
+
+
+MISTAKES = [
+    ({x: 2 * x}, "definition x contains itself: expected what is defined before it"),
+    ({x: a + y, y: 2 * a}, "definition x contains y, which is defined after it: put y before x"),
+    ({x: a.diff()}, r"definition x contains Derivative\(a\(t\), t\), a velocity: expected a place"),
+    ({y: a**2, x: y.diff(T)}, r"contains Derivative\(y\(t\), t\), a velocity.*is x\.diff\(\)"),
+    ({x: a + u}, r"definition x contains u\(t\), one of the inputs: expected coordinates, the"),
+    ({x: a * sp.Symbol("k")}, "definition x contains the symbol k, which is unknown"),
+    ({x: a + dynamicsymbols("z")}, r"contains z\(t\), which is neither a coordinate nor an input"),
+    ({a: 2 * b}, "the name 'a' is used twice, as coordinate and as definition: rename one"),
+    ({u: 2 * b}, "the name 'u' is used twice, as input and as definition"),
+    ({dynamicsymbols("m"): 2 * b}, "the name 'm' is used twice, as parameter and as definition"),
+    ({dynamicsymbols("a_dot"): 2 * b}, "'a_dot' is used twice"),
+    ({dynamicsymbols("p_a"): 2 * b}, "'p_a' is used twice"),
+    ({sp.Symbol("x"): a}, "definition x is not a function of time: make it with"),
+    ({"x": a}, "definition 'x' is not a function of time"),
+    ({x: sp.Abs(a)}, r"definition x contains Abs\(a\(t\)\), whose kink"),
+    ({x: "a"}, "definition x is not a scalar SymPy expression"),
+    ([x], r"definitions = .*: expected a mapping such as \{x1: l \* sp.sin\(a\)\}"),
+]
+
+
+@pytest.mark.parametrize(("definitions", "message"), MISTAKES)
+def test_a_wrong_definition_is_one_sentence(definitions: Any, message: str) -> None:
+    with pytest.raises(ModelError, match=message) as error:
+        dmoc.MechanicalSystem(
+            "wrong", [a, b], m * (a.diff() ** 2 + b.diff() ** 2) / 2, {m: 1.0}, inputs=[u],
+            forces={a: u}, definitions=definitions,
+        )  # fmt: skip
+    assert "\n" not in str(error.value) and str(error.value).endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"surfaces": {"s": x.diff() <= 1}}, r"one of the velocities of definitions: expected"),
+        ({"friction": {"floor": x}, "tangents": {"floor": a}, "surfaces": {"floor": a <= 1}},
+         r"contains x\(t\), one of the definitions: expected parameters alone"),
+        ({"cost": x.diff(T, 2)}, "which is not the first derivative of a coordinate"),
+        ({"surfaces": {"s": y <= 1}}, "surface 's' contains no coordinate"),
+        ({"lagrangian": x.diff() ** 2}, "the velocity of coordinate b"),
+        ({"lagrangian": (x.diff() + b.diff()) ** 2}, "is singular"),
+        ({"lagrangian": (x.diff() ** 2 + b.diff() ** 2) ** 2}, "is not quadratic"),
+    ],
+)  # fmt: skip
+def test_definitions_belong_where_their_coordinates_do(fields: Any, message: str) -> None:
+    stated = {"lagrangian": m * (a.diff() ** 2 + b.diff() ** 2) / 2} | fields
+    used = {m: 1.0} if "lagrangian" not in fields else {}
+    with pytest.raises(ModelError, match=message):
+        dmoc.MechanicalSystem(
+            "wrong", [a, b], parameters=used, inputs=[u], forces={a: u},
+            definitions={x: sp.sin(a), y: 1 + T}, **stated,
+        )  # fmt: skip
