@@ -27,9 +27,9 @@ test-browser: $(VENV)/.installed-browser
 	$(BIN)/python -m pytest tests/browser/*.py
 
 # Lines of the sources changed one at a time, each under the tests that ought to notice it; changed C
-# is compiled in place, for which pip installs setuptools in an environment of its own alone.
+# is compiled in place, for which pip installs setuptools and Cython in environments of its own alone.
 mutations: $(VENV)/.installed-test
-	$(BIN)/python -m pip install --quiet 'setuptools>=77'
+	$(BIN)/python -m pip install --quiet 'setuptools>=77' 'Cython>=3.1'
 	$(BIN)/python tools/mutations.py
 
 check: $(VENV)/.installed-test $(VENV)/.installed-check
@@ -78,7 +78,7 @@ test-wheels: $(VENV)/.installed-release
 	$(BIN)/python tools/wheels.py
 
 # The folders of sources are part of what is installed: a changed extension is compiled again.
-SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.pxi codegen/*.h simulation/*.pyx simulation/*.px[di] program/*.pyx program/*.pxd program/*.[ch] guess/*.pyx guess/*.pxd guess/*.[ch] solvers/*.pyx solvers/*.[ch]) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)
+SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.pxi codegen/*.h simulation/*.pyx simulation/*.px[di] program/*.pyx program/*.pxd program/*.[ch] guess/*.pyx guess/*.pxd guess/*.[ch] solvers/*.pyx solvers/*.[ch]) $(wildcard generated/*/kernels.c)
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

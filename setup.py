@@ -50,10 +50,11 @@ package_dir |= {f"dmoc.generated.{model}": f"generated/{model}" for model in mod
 
 extensions = [
     Extension(
-        f"dmoc.generated.{model}.wrapper",
-        [f"generated/{model}/wrapper.pyx", f"generated/{model}/kernels.c"],
+        f"dmoc.generated.{model}.kernels",  # no module: a library that dmoc.codegen.border loads
+        [f"generated/{model}/kernels.c"],
         depends=[f"generated/{model}/kernels.h", KERNEL],
         include_dirs=["codegen"],
+        libraries=["m"],
         extra_compile_args=GENERATED_FLAGS,
     )
     for model in models
@@ -132,10 +133,7 @@ setup(
             f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pxi", "*.pyi", "*.c", "*.h"]
             for layer in ("guess", "program", "solvers", "simulation")
         },
-        **{
-            f"dmoc.generated.{model}": ["*.c", "*.h", "*.pyx", "*.pyi", "manifest.json"]
-            for model in models
-        },
+        **{f"dmoc.generated.{model}": ["*.c", "*.h", "manifest.json"] for model in models},
     },
     ext_modules=cythonized(),
 )

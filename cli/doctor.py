@@ -15,7 +15,7 @@ from dmoc.cli.console import emit, out
 from dmoc.cli.shared_options import BAD_INPUT
 from dmoc.solving.methods import METHODS
 
-PACKAGES = ("numpy", "scipy", "sympy", "cython")
+PACKAGES = ("numpy", "scipy", "sympy")
 
 
 class PartState(StrEnum):
@@ -91,7 +91,7 @@ def _versions() -> Iterator[Finding]:
 
 
 def _compiler() -> Finding:
-    """Whether an extension can be compiled, by compiling one."""
+    """Whether a library can be compiled, by compiling one."""
     from dmoc.base.errors import BuildError
     from dmoc.codegen.compiler import tried_compiler
 

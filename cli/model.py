@@ -83,7 +83,7 @@ def generate(
         int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
     ] = 2,
 ) -> None:
-    """Write the C and Cython sources of a model."""
+    """Write the C sources of a model."""
     from dmoc.codegen.build import header, write_files
     from dmoc.codegen.text import c_files
     from dmoc.models.registry import find
@@ -117,4 +117,4 @@ def build(
         registry.find(model).system(), order=order, backend="compiled", force=force, progress=True
     )
     state = f"built in {kernels.seconds:.2f} s" if kernels.seconds else "found in the cache"
-    out.print(f"{kernels.name}: {state}, {kernels.module.__file__}", soft_wrap=True)
+    out.print(f"{kernels.name}: {state}, {kernels.module.path}", soft_wrap=True)

@@ -1,5 +1,6 @@
 """The border to compiled kernels."""
 
+from os import PathLike
 from typing import Any
 
 from numpy import float64
@@ -8,4 +9,9 @@ from numpy.typing import NDArray
 class Function:
     def __call__(self, *arrays: NDArray[float64]) -> None: ...
 
-def functions(capsule: Any) -> dict[str, Function]: ...
+class Library:
+    path: str
+    code: str
+    table: Any
+    def __init__(self, path: str | PathLike[str], model: str) -> None: ...
+    def functions(self) -> dict[str, Function]: ...

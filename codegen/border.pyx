@@ -1,28 +1,61 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, binding=False
-"""The border to compiled kernels: arrays are checked here before C code sees them."""
+"""The border to compiled kernels: libraries are loaded, and arrays are checked before C code sees
+them."""
+import ctypes
+import os
+
 from cpython.buffer cimport (
     PyBUF_C_CONTIGUOUS, PyBUF_FORMAT, PyBUF_WRITABLE, PyBuffer_Release, PyObject_GetBuffer
 )
-from cpython.pycapsule cimport PyCapsule_GetPointer
+from cpython.pycapsule cimport PyCapsule_New
 
 from dmoc_kernel cimport DMOC_MOST, DMOC_TABLE, dmoc_array, dmoc_entry, dmoc_table
 
 
-def functions(capsule):
-    """Return the kernels of a table by name, each a :class:`Function`."""
-    cdef const dmoc_table *table
-    cdef Function function
-    cdef int i
-    table = <const dmoc_table *>PyCapsule_GetPointer(capsule, DMOC_TABLE)
-    functions = {}
-    for i in range(table.entries):
-        function = Function.__new__(Function)
-        function.entry = &table.entry[i]
-        name = function.entry.name.decode()
-        if max(function.entry.inputs, function.entry.outputs) > DMOC_MOST:
-            raise ValueError(f"{name}: more than {DMOC_MOST} inputs or outputs")
-        functions[name] = function
-    return functions
+cdef class Library:
+    """The shared library of a model's kernels, loaded for good.
+
+    Attributes
+    ----------
+    path : str
+    code : str
+        The digest of the sources that it was compiled from.
+    table : capsule
+        Its kernels, for compiled code.
+
+    Raises
+    ------
+    OSError
+        If it cannot be loaded.
+    ValueError
+        If it is not that of the model.
+    """
+    cdef readonly str path, code
+    cdef readonly object table
+    cdef const dmoc_table *kernels
+
+    def __init__(self, path, str model):
+        cdef size_t address
+        self.path = os.path.abspath(path)  # what has no folder is looked for elsewhere
+        library = ctypes.CDLL(self.path)
+        address = ctypes.addressof(ctypes.c_char.in_dll(library, f"{model}_kernels"))
+        self.kernels = <const dmoc_table *>address
+        self.code = self.kernels.code.decode()
+        self.table = PyCapsule_New(<void *>self.kernels, DMOC_TABLE, NULL)
+
+    def functions(self):
+        """Return the kernels by name, each a :class:`Function`."""
+        cdef Function function
+        cdef int i
+        functions = {}
+        for i in range(self.kernels.entries):
+            function = Function.__new__(Function)
+            function.entry = &self.kernels.entry[i]
+            name = function.entry.name.decode()
+            if max(function.entry.inputs, function.entry.outputs) > DMOC_MOST:
+                raise ValueError(f"{name}: more than {DMOC_MOST} inputs or outputs")
+            functions[name] = function
+        return functions
 
 
 cdef str _name(dmoc_array array):

@@ -1,47 +1,39 @@
-"""Write, compile and load: generated text becomes a module, kept in a cache by the content it was
+"""Write, compile and load: generated text becomes a library, kept in a cache by the content it was
 made from.
 
-A cache entry is a folder ``<model>-<key>`` with the sources, the extension and ``build.json``,
-which holds the key and the digest of every other file.  An entry is made in a folder of its own and
-renamed into place under a lock, so that processes building at once do not see half an entry; an
-entry that is not whole is made again.  The digests find damage; against others stand the rights of
-the folder, the entries and the files: what others could have written is not loaded.  The compiled
-module holds the digest of its sources, as its manifest does, so that a module and a manifest of
-different sources never meet.
+A cache entry is a folder ``<model>-<key>`` with the sources, their shared library and
+``build.json``, which holds the key and the digest of every other file.  An entry is made in a
+folder of its own and renamed into place under a lock, so that processes building at once do not see
+half an entry; an entry that is not whole is made again.  The digests find damage; against others
+stand the rights of the folder, the entries and the files: what others could have written is not
+loaded.  The library holds the digest of its sources, as their manifest does, so that a library and
+a manifest of different sources never meet.
 """
 
 from __future__ import annotations
 
 import hashlib
-import importlib.machinery
 import importlib.util
 import json
 import os
-import sys
-import sysconfig
 import tempfile
 import time
 import types
 from collections.abc import Callable, Mapping
-from importlib import import_module, resources
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from typing import Any
 
 from dmoc.base.errors import BuildError, warn
 from dmoc.base.names import check_name
-from dmoc.codegen.compiler import (
-    FLAGS,
-    HEADER,
-    HEADERS,
-    WRAPPER,
-    compile_extension,
-    compiler,
-)
-from dmoc.codegen.kernels import COMPILED, NUMPY, Kernels
+from dmoc.codegen.compiler import HEADER, HEADERS, compile_library, compiler
+from dmoc.codegen.kernels import NUMPY, Kernels, kernels_of_library
 from dmoc.codegen.private_files import is_private, make_folder, remove, safe_folder, write_whole
 
 BUILD_RECORD = "build.json"
-SOURCES = ("__init__.py", "kernels.c", "kernels.h", "manifest.json", "wrapper.pyi", "wrapper.pyx")
+SOURCES = ("__init__.py", "kernels.c", "kernels.h", "manifest.json")
+# Setuptools names the libraries of the shipped models so: by the machine and its C library.
+LIBRARY = f"kernels{EXTENSION_SUFFIXES[0]}"
 NUMPY_TEXT = "numpy.py"
 
 
@@ -123,46 +115,47 @@ def build_cached(
             f"the kernels in {entry} were built and cannot be loaded, or are not those of their "
             "manifest: remove that folder and try again."
         )
-    return Kernels(kernels.manifest, kernels.module, COMPILED, time.perf_counter() - start)
+    return Kernels(kernels.manifest, kernels.module, time.perf_counter() - start)
 
 
 def load_installed(package: str) -> Kernels | None:
-    """Return the kernels of an installed package of generated code, or None if its extension was
-    not compiled.
+    """Return the kernels of an installed package of generated code, or None if they were not
+    compiled.
 
     Raises
     ------
     BuildError
-        If the extension was compiled from other sources than those beside it.
+        If they cannot be loaded, or were compiled from other sources than those beside them.
     """
-    try:
-        module = import_module(f"{package}.{WRAPPER}")
-    except ModuleNotFoundError:
+    folder = _folder(package)
+    if folder is None or not (folder / LIBRARY).exists():
         return None
-    manifest = json.loads(_installed_manifest(package))
-    if not _belong_together(module, manifest):
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    wrong = "were made from other sources than those installed"
+    try:
+        kernels = kernels_of_library(folder / LIBRARY, manifest)
+    except (OSError, ValueError) as error:
+        kernels, wrong = None, f"cannot be loaded ({error})"
+    if kernels is None:
         raise BuildError(
-            f"the compiled kernels of model {manifest['name']!r} were made from other sources than "
-            "those installed: install dmoc again (in a checkout: pip install -e .)."
+            f"the compiled kernels of model {manifest['name']!r} {wrong}: install dmoc again (in a "
+            "checkout: pip install -e .)."
         )
-    return Kernels(manifest, module, COMPILED)
+    return kernels
 
 
-def _installed_manifest(package: str) -> str:
-    return resources.files(package).joinpath("manifest.json").read_text(encoding="utf-8")
-
-
-def _belong_together(module: types.ModuleType, manifest: Mapping[str, Any]) -> bool:
-    """Whether a module was compiled from the sources that a manifest describes: sizes of other
-    sources reach beyond its arrays."""
-    return bool(getattr(module, "CODE", None) == manifest.get("code", ""))
+def _folder(package: str) -> Path | None:
+    """Where a package is installed."""
+    spec = importlib.util.find_spec(package)
+    places = spec.submodule_search_locations if spec else None
+    return Path(places[0]) if places else None
 
 
 def sources(kernels: Kernels) -> dict[str, str]:
     """Return the generated text that kernels were made from."""
     if kernels.backend == NUMPY:
         return {NUMPY_TEXT: kernels.module.__dict__["TEXT"]}
-    folder = Path(str(kernels.module.__file__)).parent
+    folder = Path(kernels.module.path).parent
     return {name: (folder / name).read_text(encoding="utf-8") for name in SOURCES}
 
 
@@ -194,10 +187,8 @@ def arrived(manifest: Mapping[str, Any], backend: str, files: Mapping[str, str])
     described = json.loads(files["manifest.json"])
     name = check_name(described["name"], "model")
     installed = f"dmoc.generated.{name}"
-    if (
-        importlib.util.find_spec(installed) is not None
-        and _installed_manifest(installed) == files["manifest.json"]
-    ):
+    folder = _folder(installed)
+    if folder and (folder / "manifest.json").read_text(encoding="utf-8") == files["manifest.json"]:
         kernels = load_installed(installed)
     else:
         kernels = _found(cache_directory(), name, _entry_key(str(described["key"])))
@@ -212,7 +203,7 @@ def numpy_kernels(manifest: Mapping[str, Any], text: str) -> Kernels:
     module = types.ModuleType(f"dmoc_numpy_{manifest['name']}")
     module.__dict__["TEXT"] = text
     exec(compile(text, module.__name__, "exec"), module.__dict__)
-    return Kernels(manifest, module, NUMPY)
+    return Kernels(manifest, module)
 
 
 def write_files(directory: Path, files: Mapping[str, str]) -> list[Path]:
@@ -229,22 +220,19 @@ def write_files(directory: Path, files: Mapping[str, str]) -> list[Path]:
 
 
 def _entry_key(key: str) -> str:
-    """Digest of the model, the generator, the compiler's command and the Python that loads the
-    result."""
+    """Digest of the model, the generator, the compiler's command and the kind of machine."""
     digest = hashlib.sha256(key.encode())
     for package in ("dmoc.symbolic", "dmoc.codegen"):
         for path in sorted(_sources(package)):
             digest.update(path.read_bytes())
-    digest.update(repr((*FLAGS, os.environ.get("CC"))).encode())
-    digest.update(f"{sysconfig.get_config_var('EXT_SUFFIX')} {sys.version}".encode())
+    digest.update(f"{os.environ.get('CC')} {LIBRARY}".encode())
     return digest.hexdigest()
 
 
 def _sources(package: str) -> list[Path]:
-    spec = importlib.util.find_spec(package)
-    if spec is None or not spec.submodule_search_locations:
+    root = _folder(package)
+    if root is None:
         raise BuildError(f"the package {package} cannot be found: install dmoc again.")
-    root = Path(next(iter(spec.submodule_search_locations)))
     return [p for p in root.rglob("*") if p.suffix in (".py", ".jinja", ".h")]
 
 
@@ -266,7 +254,7 @@ def _make_entry(entry: Path, digest: str, files: Mapping[str, str], command: lis
         folder = Path(work) / entry.name
         folder.mkdir(mode=0o700)
         write_files(folder, files)
-        compile_extension(folder, command)
+        compile_library(folder, command, LIBRARY)
         digests = {p.name: _digest(p) for p in sorted(folder.iterdir())}
         write_whole(
             folder / BUILD_RECORD, json.dumps({"key": digest, "files": digests}, indent=1) + "\n"
@@ -280,29 +268,17 @@ def _make_entry(entry: Path, digest: str, files: Mapping[str, str], command: lis
 def _load_entry(entry: Path, digest: str) -> Kernels | None:
     """Load an entry if it is complete, undamaged, of this key, and nobody else could have
     written it."""
-    extension = entry / f"{WRAPPER}{sysconfig.get_config_var('EXT_SUFFIX')}"
     try:
         if not all(is_private(path) for path in (entry, *entry.iterdir())):
             return None
         record = json.loads((entry / BUILD_RECORD).read_text(encoding="utf-8"))
-        digests = {name: _digest(entry / name) for name in (*SOURCES, extension.name)}
+        digests = {name: _digest(entry / name) for name in (*SOURCES, LIBRARY)}
         if record != {"key": digest, "files": digests}:
             return None
         manifest = json.loads((entry / "manifest.json").read_text(encoding="utf-8"))
-        module = _load_extension(extension, f"dmoc_built.{entry.name}.{WRAPPER}")
-    except (OSError, ValueError, ImportError, RecursionError):  # the last of JSON that is too deep
+        return kernels_of_library(entry / LIBRARY, manifest)
+    except (OSError, ValueError, RecursionError):  # the last of JSON that is too deep
         return None
-    return Kernels(manifest, module, COMPILED) if _belong_together(module, manifest) else None
-
-
-def _load_extension(path: Path, name: str) -> types.ModuleType:
-    loader = importlib.machinery.ExtensionFileLoader(name, str(path))
-    spec = importlib.util.spec_from_file_location(name, path, loader=loader)
-    if spec is None:
-        raise ImportError(path)
-    module = importlib.util.module_from_spec(spec)
-    loader.exec_module(module)
-    return module
 
 
 def _digest(path: Path) -> str:

@@ -4,7 +4,7 @@
  * row), and row i of output b starts at out[b] + i*(its number of values). Outputs do not overlap
  * inputs. No kernel allocates or keeps state.
  *
- * The sources of a model, kernels.c, end in its table; the module of a model holds the table in a
+ * The sources of a model, kernels.c, end in its table, <model>_kernels. Python hands it on in a
  * capsule named DMOC_TABLE.
  */
 #ifndef DMOC_KERNEL_H
@@ -34,6 +34,7 @@ typedef struct {
 
 typedef struct {
     const char *model;
+    const char *code; /* the digest of the sources, which their manifest holds too */
     int entries;
     const dmoc_entry *entry; /* [entries] */
 } dmoc_table;

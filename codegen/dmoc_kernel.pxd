@@ -17,16 +17,17 @@ cdef extern from "dmoc_kernel.h" nogil:
         const dmoc_array *array
     ctypedef struct dmoc_table:
         const char *model
+        const char *code
         int entries
         const dmoc_entry *entry
     const dmoc_entry *dmoc_find(const dmoc_table *table, const char *name)
 
 
-cdef inline const dmoc_entry *find_kernel(object module, str name) except NULL:
-    """The kernel of a model's compiled module."""
+cdef inline const dmoc_entry *find_kernel(object library, str name) except NULL:
+    """The kernel of a model's library."""
     cdef const dmoc_table *table
     cdef const dmoc_entry *entry
-    table = <const dmoc_table *>PyCapsule_GetPointer(module.KERNELS, DMOC_TABLE)
+    table = <const dmoc_table *>PyCapsule_GetPointer(library.table, DMOC_TABLE)
     entry = dmoc_find(table, name.encode())
     if entry == NULL:
         raise KeyError(name)

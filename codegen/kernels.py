@@ -7,6 +7,7 @@ import types
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from dmoc.base.errors import BuildError
 from dmoc.base.table import Shown, Table
-from dmoc.codegen.border import functions
+from dmoc.codegen.border import Library
 
 Array = NDArray[np.float64]
 COMPILED = "compiled"
@@ -29,11 +30,8 @@ class Kernels(Shown):
     ----------
     manifest : mapping
         Names, sizes, parameters and sparsity patterns of the model.
-    module : module
-        Compiled: a table of C functions, ``KERNELS``, and the digest of their sources, ``CODE``.
-        On NumPy: the functions.
-    backend : str
-        "compiled" or "numpy".
+    module : Library or module
+        The shared library of the compiled kernels, or a module of functions on NumPy.
     seconds : float
         Time spent on derivation, generation and compilation when the kernels were made; 0 if they
         were found ready.
@@ -42,8 +40,7 @@ class Kernels(Shown):
     """
 
     manifest: Mapping[str, Any]
-    module: types.ModuleType
-    backend: str
+    module: Library | types.ModuleType
     seconds: float = 0.0
     reference: str = field(default="", compare=False)
 
@@ -91,7 +88,12 @@ class Kernels(Shown):
     @property
     def compiled(self) -> bool:
         """Whether they are C, and not NumPy."""
-        return self.backend == COMPILED
+        return isinstance(self.module, Library)
+
+    @property
+    def backend(self) -> str:
+        """What runs them, "compiled" or "numpy"."""
+        return COMPILED if self.compiled else NUMPY
 
     @property
     def name(self) -> str:
@@ -149,9 +151,9 @@ class Kernels(Shown):
     def functions(self) -> Mapping[str, Callable[..., None]]:
         """Each kernel as a function of its inputs and then its outputs, C-contiguous float64
         arrays of shape (n, size)."""
-        if self.backend == NUMPY:
-            return {name: getattr(self.module, name) for name in self.manifest["kernels"]}
-        return functions(self.module.KERNELS)
+        if isinstance(self.module, Library):
+            return self.module.functions()
+        return {name: getattr(self.module, name) for name in self.manifest["kernels"]}
 
     @cached_property
     def _sizes(self) -> dict[str, list[int]]:
@@ -182,6 +184,13 @@ class Kernels(Shown):
                     places.flags.writeable = False
                     slots[kernel, o["name"]] = (places[0], places[1])
         return slots
+
+
+def kernels_of_library(path: Path, manifest: Mapping[str, Any]) -> Kernels | None:
+    """The kernels of a library, if it was compiled from the sources that a manifest describes:
+    sizes of other sources reach beyond its arrays."""
+    library = Library(path, manifest["name"])
+    return Kernels(manifest, library) if library.code == manifest.get("code") else None
 
 
 def _listed(names: list[str], units: Mapping[str, str]) -> str:

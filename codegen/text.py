@@ -16,7 +16,7 @@ from dmoc.symbolic.spec import FunctionSpec, Input, KernelSpec, ModelSpec, Outpu
 
 
 def c_files(model: ModelSpec) -> dict[str, str]:
-    """Return the C and Cython sources of a model and its manifest, as ``{file name: text}``."""
+    """Return the C sources of a model and its manifest, as ``{file name: text}``."""
     functions = functions_of(model.kernels)
     facts: dict[str, Any] = {
         "name": model.name,
@@ -28,9 +28,8 @@ def c_files(model: ModelSpec) -> dict[str, str]:
 
 
 def _files(model: ModelSpec, facts: dict[str, Any], code: str) -> dict[str, str]:
-    """The files with the digest of their content, which manifest and wrapper hold."""
-    names = ("kernels.h", "kernels.c", "wrapper.pyx", "wrapper.pyi")
-    files = {name: _render(name, facts | {"code": code}) for name in names}
+    """The files with the digest of their content, which manifest and table hold."""
+    files = {name: _render(name, facts | {"code": code}) for name in ("kernels.h", "kernels.c")}
     files["__init__.py"] = f'"""Generated kernels of the model {model.name}."""\n'
     files["manifest.json"] = json.dumps({"code": code, **manifest(model)}, indent=1) + "\n"
     return files

@@ -1050,4 +1050,4 @@ static const dmoc_entry entries[] = {
     {"drawing", bouncing_pendulum_drawing, 3, 1, drawing_arrays},
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", 34, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "4161ae2d76e2039abd2d4d5432452c8c7cb8344429f90e43750c097d6e8058ae", 34, entries};

@@ -1263,4 +1263,4 @@ static const dmoc_entry entries[] = {
     {"drawing", cart_pendulum_drawing, 3, 1, drawing_arrays},
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", 34, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "6d17b0bf458267acfde6315c157e5a3093f75220aab8eb56468bf30611df32aa", 34, entries};

@@ -1204,4 +1204,4 @@ static const dmoc_entry entries[] = {
     {"drawing", puck_table_drawing, 3, 1, drawing_arrays},
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", 34, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "67819c3efc1d44a4072b379d96556d1e0612c45cdd553d21529e5045df1e48ca", 34, entries};

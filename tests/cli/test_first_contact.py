@@ -7,7 +7,6 @@ import pickle
 import platform
 import re
 import runpy
-import sysconfig
 import tomllib
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from matplotlib.image import imread
 
 import dmoc
 from dmoc.base import errors
-from dmoc.base.errors import BuildError
 from dmoc.cli.new import TemplateKind
 from dmoc.solvers.outcome import Status
 
@@ -79,17 +77,6 @@ def test_the_doctor_tries_the_compiler(run: Run, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("CC", "false")
     code, _, parts = findings(run)
     assert code == 2 and "the compiler failed" in parts["C compiler"]["cure"]
-
-
-def test_missing_headers_of_python_are_named(
-    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    from dmoc.codegen.compiler import compiler
-
-    monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
-    with pytest.raises(BuildError, match=r"Python\.h is missing, .* apt install python3-dev"):
-        compiler()
-    assert "python3-dev" in findings(run)[2]["C compiler"]["cure"]
 
 
 def test_the_doctor_names_a_cache_that_cannot_be_used(

@@ -7,6 +7,8 @@ import os
 import pickle
 import subprocess
 import sys
+import sysconfig
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from systems import block_system
 
 import dmoc
 from dmoc.base.errors import BuildError
+from dmoc.codegen.build import LIBRARY
 
 pytestmark = pytest.mark.slow
 
@@ -47,13 +50,13 @@ def test_a_second_build_finds_the_first(own_cache: Path) -> None:
 @pytest.mark.parametrize("damage", ["truncate", "remove", "text"])
 def test_a_damaged_entry_is_built_again(own_cache: Path, damage: str) -> None:
     dmoc.build(block_system("cached"))
-    extension = next(entry(own_cache).glob("wrapper*.so"))
+    library = entry(own_cache) / LIBRARY
     if damage == "truncate":
-        content = extension.read_bytes()
-        extension.unlink()  # this process has it mapped
-        extension.write_bytes(content[:1000])
+        content = library.read_bytes()
+        library.unlink()  # this process has it mapped
+        library.write_bytes(content[:1000])
     elif damage == "remove":
-        extension.unlink()
+        library.unlink()
     else:
         (entry(own_cache) / "manifest.json").write_text("{")
     again = dmoc.build(block_system("cached"))
@@ -61,17 +64,12 @@ def test_a_damaged_entry_is_built_again(own_cache: Path, damage: str) -> None:
 
 
 def test_another_model_of_the_same_name_gets_an_entry_of_its_own(own_cache: Path) -> None:
+    """Both are used in turn, though their libraries have the same symbols."""
     system = block_system("cached")
-    dmoc.build(system)
-    other = dmoc.MechanicalSystem(
-        "cached", system.coordinates, 2 * system.lagrangian, system.parameters, system.inputs,
-        system.forces, system.surfaces, system.cost,
-    )  # fmt: skip
-    one = np.ones((1, 1))
-    assert (
-        dmoc.build(other).call("dynamics", one, one, one, one, np.array([[3.0, 1.0]]))[0][0, 0]
-        == 6.0
-    )
+    masses = {c: dmoc.build(replace(system, lagrangian=c * system.lagrangian)) for c in (1, 2)}
+    one, par = np.ones((1, 1)), np.array([[3.0, 1.0]])
+    for c, kernels in (*masses.items(), *masses.items()):
+        assert kernels.call("dynamics", one, one, one, one, par)[0][0, 0] == 3.0 * c
 
 
 def test_two_processes_building_at_once_both_succeed(own_cache: Path) -> None:
@@ -108,6 +106,20 @@ def test_a_warning_names_the_line_that_called(
     with pytest.warns(RuntimeWarning, match="no C compiler") as caught:
         dmoc.Problem(block_system("cached"), start={"x": 0.0}, final_time=1.0)
     assert [warning.filename for warning in caught] == [__file__]
+
+
+def test_a_build_takes_a_compiler_and_nothing_of_python(
+    own_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither Cython nor Python's headers, and one call of the compiler."""
+    command = tmp_path / "compiler"
+    command.write_text(f'#!/bin/sh\necho "$@" >> {tmp_path}/calls\nexec cc "$@"\n')
+    command.chmod(0o700)
+    monkeypatch.setenv("CC", str(command))
+    monkeypatch.setitem(sys.modules, "Cython", None)
+    kernels = dmoc.build(block_system("cached"), backend="compiled")
+    (call,) = (tmp_path / "calls").read_text().splitlines()
+    assert works(kernels) and sysconfig.get_path("include") not in call
 
 
 def test_a_failing_compiler_shows_its_output(

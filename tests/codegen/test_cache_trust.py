@@ -3,6 +3,7 @@ those of their manifest."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -13,11 +14,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commands import printed
 from systems import block_system
 
 import dmoc
 from dmoc.base.errors import BuildError, DmocError
-from dmoc.codegen.build import arrived, load_installed, sources, write_files
+from dmoc.codegen.build import LIBRARY, arrived, load_installed, sources, write_files
+from dmoc.codegen.compiler import compiler
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.text import c_files
 from dmoc.symbolic.families import model_key, model_spec
@@ -50,7 +53,7 @@ def own_cache(built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> P
         raise BuildError("built again.")
 
     monkeypatch.setenv("DMOC_CACHE", str(folder))
-    monkeypatch.setattr("dmoc.codegen.build.compile_extension", refuse)
+    monkeypatch.setattr("dmoc.codegen.build.compile_library", refuse)
     return folder
 
 
@@ -112,18 +115,45 @@ def _linked(path: Path) -> None:
     path.symlink_to(elsewhere)
 
 
-def _forged(entry: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    """Change the manifest and make the record agree."""
-    import hashlib
+def _changed(folder: Path, code: str | None) -> None:
+    """Put another digest of the sources into the manifest, or none."""
+    manifest = json.loads((folder / "manifest.json").read_text()) | {"code": code}
+    if code is None:
+        del manifest["code"]
+    (folder / "manifest.json").write_text(json.dumps(manifest))
 
-    manifest = json.loads((entry / "manifest.json").read_text())
-    change(manifest)
-    (entry / "manifest.json").write_text(json.dumps(manifest))
-    record = json.loads((entry / "build.json").read_text())
-    record["files"]["manifest.json"] = hashlib.sha256(
-        (entry / "manifest.json").read_bytes()
-    ).hexdigest()
-    (entry / "build.json").write_text(json.dumps(record))
+
+def _without_table(folder: Path) -> None:
+    """Make the library one that holds no table of the model."""
+    (folder / "empty.c").touch()
+    (folder / LIBRARY).unlink()
+    printed(*compiler(), "-shared", "empty.c", "-o", LIBRARY, cwd=folder)
+
+
+def _without_library(folder: Path) -> None:
+    (folder / LIBRARY).unlink()
+    (folder / LIBRARY).write_text("no library")
+
+
+def _of_older_form(entry: Path) -> None:
+    """Before kernels were plain libraries, each had a module of Python."""
+    record = (entry / "build.json").read_text()
+    (entry / "build.json").write_text(record.replace("kernels.cpy", "wrapper.cpy"))
+    (entry / LIBRARY).rename(entry / LIBRARY.replace("kernels", "wrapper"))
+
+
+def _recorded(change: Callable[[Path], None]) -> Callable[[Path], None]:
+    """A change of an entry after which its record agrees."""
+
+    def changed(entry: Path) -> None:
+        change(entry)
+        record = json.loads((entry / "build.json").read_text())
+        for name in record["files"]:
+            digest = hashlib.sha256((entry / name).read_bytes()).hexdigest()
+            record["files"][name] = digest
+        (entry / "build.json").write_text(json.dumps(record))
+
+    return changed
 
 
 def _of_another_key(entry: Path) -> None:
@@ -143,8 +173,11 @@ DAMAGE: dict[str, Callable[[Path], Any]] = {
     "record that is deeper than JSON is read": lambda e: (e / "build.json").write_text("[" * 10**5),
     "record that is a list": lambda e: (e / "build.json").write_text("[]"),
     "another key": _of_another_key,
-    "manifest of other sources": lambda e: _forged(e, lambda m: m.update(code="0" * 64)),
-    "manifest without a digest": lambda e: _forged(e, lambda m: m.pop("code")),
+    "manifest of other sources": _recorded(lambda e: _changed(e, code="0" * 64)),
+    "manifest without a digest": _recorded(lambda e: _changed(e, code=None)),
+    "library that is none": _recorded(_without_library),
+    "library without a table": _recorded(_without_table),
+    "older form": _of_older_form,
 }
 
 
@@ -155,33 +188,40 @@ def test_an_entry_that_others_could_have_made_is_not_loaded(own_cache: Path, dam
         dmoc.build(SYSTEM)
 
 
-def test_an_installed_module_of_other_sources_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+# What is wrong with installed kernels, and what is said of it.
+INSTALLED: dict[str, tuple[Callable[[Path], Any], str]] = {
+    "fresh": (lambda p: None, ""),
+    "not compiled": (lambda p: (p / LIBRARY).unlink(), ""),
+    "stale": (lambda p: _changed(p, code="0" * 64), "were made from other sources"),
+    "oldest": (lambda p: _changed(p, code=None), "were made from other sources"),
+    "damaged": (_without_library, "cannot be loaded"),
+    "of another name": (_without_table, "cannot be loaded"),
+}
+
+
+def test_installed_kernels_of_other_sources_are_refused(
+    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name, code in (
-        ("fresh_kernels", "new"),
-        ("stale_kernels", "old"),
-        ("oldest_kernels", None),
-    ):
-        folder = tmp_path / name
-        folder.mkdir()
-        (folder / "__init__.py").touch()
-        (folder / "wrapper.py").write_text(f"CODE = {code!r}" if code else "")
-        (folder / "manifest.json").write_text('{"name": "m", "code": "new"}')
+    packages = {name: tmp_path / f"{name}_kernels" for name in INSTALLED}
+    for name, folder in packages.items():
+        shutil.copytree(entry(built), folder)
+        INSTALLED[name][0](folder)
     monkeypatch.syspath_prepend(tmp_path)
-    assert load_installed("fresh_kernels") is not None
-    for name in ("stale_kernels", "oldest_kernels"):
-        with pytest.raises(
-            BuildError, match=r"of model 'm' were made from other sources .* install dmoc again"
-        ):
-            load_installed(name)
+    for name, folder in packages.items():
+        said = INSTALLED[name][1]
+        if said:
+            with pytest.raises(BuildError, match=f"of model 'trusted' {said}.*install dmoc again"):
+                load_installed(folder.name)
+        else:
+            assert (load_installed(folder.name) is None) == (name == "not compiled")
+    assert load_installed("no_such_kernels") is None
 
 
 def test_the_compiled_module_knows_its_sources(own_cache: Path) -> None:
     kernels = dmoc.build(SYSTEM)
-    assert kernels.manifest["code"] == kernels.module.CODE
+    assert kernels.manifest["code"] == kernels.module.code
     other = c_files(model_spec(replace(SYSTEM, lagrangian=2 * SYSTEM.lagrangian)))
-    assert json.loads(other["manifest.json"])["code"] != kernels.module.CODE
+    assert json.loads(other["manifest.json"])["code"] != kernels.module.code
 
 
 @pytest.mark.slow
@@ -205,7 +245,7 @@ def test_what_arrives_with_the_manifest_of_the_users_kernels_is_the_users(own_ca
     files = sources(own)
     files["kernels.c"] += "other\n"
     found = arrived(own.manifest, "compiled", files)
-    assert found.module.__file__ == own.module.__file__
+    assert found.module.path == own.module.path
     assert sources(found)["kernels.c"] != files["kernels.c"]
 
 

@@ -10,6 +10,7 @@ import tomllib
 import zipfile
 from fnmatch import fnmatch
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -27,11 +28,10 @@ MANUAL = ("docs/_build/", "docs/examples/", "docs/reference/names/", "docs/sg_ex
 @pytest.fixture
 def arguments(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What setup.py says, in its folder."""
-    import Cython.Build
-
     seen: dict[str, Any] = {}
     monkeypatch.setattr(setuptools, "setup", lambda **arguments: seen.update(arguments))
-    monkeypatch.setattr(Cython.Build, "cythonize", lambda extensions, **_: extensions)
+    cython = SimpleNamespace(cythonize=lambda extensions, **_: extensions)
+    monkeypatch.setitem(sys.modules, "Cython.Build", cython)
     monkeypatch.chdir(ROOT)
     runpy.run_path(str(ROOT / "setup.py"))
     return seen
