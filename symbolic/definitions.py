@@ -1,5 +1,5 @@
-"""Symbols that stand for expressions of places: what they may be, what they are made of, and their
-rates."""
+"""Symbols that stand for expressions of places and velocities: what they may be, what they are made
+of, and their rates."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
 from dmoc.base.names import name_of
 from dmoc.symbolic.expressions import atoms_of
@@ -26,34 +25,47 @@ def rate_symbol(function: Any) -> Any:
     return function.diff(dynamicsymbols._t)
 
 
+def _function(atom: Any) -> Any:
+    """What an atom is, or what it is the derivative of."""
+    return atom.expr if isinstance(atom, sp.Derivative) else atom
+
+
 def symbols_of(definitions: Iterable[Any]) -> set[Any]:
     """Definitions and their rates."""
     return {s for x in definitions for s in (x, rate_symbol(x))}
 
 
 def check_definitions(system: MechanicalSystem) -> None:
-    """Raise ModelError for definitions that contain themselves, what is defined after them, or
-    what has a velocity or a kink."""
-    names, rates = set(system.definitions), set(map(rate_symbol, system.definitions))
-    earlier: set[Any] = set()
+    """Raise ModelError for definitions that contain themselves, what is defined after them, or a
+    kink."""
+    later = set(system.definitions)
     for symbol, value in system.definitions.items():
         where = f"definition {name_of(symbol)}"
-        for atom in sorted(atoms_of(value), key=str):
+        for atom in sorted(map(_function, atoms_of(value)), key=str):
             if atom == symbol:
                 raise ModelError(f"{where} contains itself: expected what is defined before it.")
-            if atom in names - earlier:
+            if atom in later:
                 raise ModelError(
                     f"{where} contains {name_of(atom)}, which is defined after it: put "
                     f"{name_of(atom)} before {name_of(symbol)}."
                 )
-            if atom in rates or atom in system.velocities:
-                raise ModelError(
-                    f"{where} contains {shown(atom)}, a velocity: expected a place, in "
-                    "coordinates, the time, parameters and earlier definitions; its own velocity "
-                    f"is {name_of(symbol)}.diff()."
-                )
         check_smooth(value, where, kinks=True)
-        earlier.add(symbol)
+        later.remove(symbol)
+
+
+def kinds_of(system: MechanicalSystem) -> dict[str, set[Any]]:
+    """The symbols of definitions by what they are."""
+    velocities = {*system.velocities, *map(rate_symbol, system.definitions)}
+    fast: set[Any] = set()
+    for symbol, value in system.definitions.items():
+        if atoms_of(value) & (velocities | fast):
+            fast.add(symbol)
+    places = set(system.definitions) - fast
+    return {
+        "definitions of places": places,
+        "velocities of definitions": set(map(rate_symbol, places)),
+        "definitions of velocities": fast,
+    }
 
 
 def atoms_below(expression: Any, definitions: Mapping[Any, Any]) -> set[Any]:
@@ -62,8 +74,7 @@ def atoms_below(expression: Any, definitions: Mapping[Any, Any]) -> set[Any]:
     waiting = atoms_of(expression)
     while waiting:
         atoms |= waiting
-        bare = {a.expr if isinstance(a, sp.Derivative) else a for a in waiting}
-        below = (atoms_of(definitions[x]) for x in bare if x in definitions)
+        below = (atoms_of(definitions[x]) for x in map(_function, waiting) if x in definitions)
         waiting = set().union(*below) - atoms
     return atoms
 

@@ -124,8 +124,14 @@ def unknown_symbol(
             about = next(
                 (word for word in ("surface", "Lagrangian", "friction") if word in where), ""
             )
-            remedy = REMEDIES.get((about, kind)) or REMEDIES.get((about, ""), "")
+            own = "velocities" if "velocities" in kind else kind
+            remedy = REMEDIES.get((about, own)) or REMEDIES.get((about, ""), "")
             return f"{where} contains {symbol}, one of the {kind}: expected {only} alone{remedy}."
+    if isinstance(symbol, sp.Derivative) and symbol.expr in kinds["definitions of velocities"]:
+        return (
+            f"{where} contains {symbol}, an acceleration: {symbol.expr} is defined by velocities; "
+            f"expected {only} alone."
+        )
     if isinstance(symbol, sp.Derivative):
         return (
             f"{where} contains {symbol}, which is not the first derivative of a coordinate: "

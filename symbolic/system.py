@@ -80,9 +80,9 @@ class MechanicalSystem(Shown):
         Contact, whose places are expressions in q, t and parameters:
         ``[dmoc.Box((x, 0), 0.2, 0.1), dmoc.Link((x, 0), tip), dmoc.Point(tip)]``.
     definitions : mapping of dynamicsymbols to Expr, optional
-        Names for places, in their order: expressions in coordinates, the time, parameters and
-        earlier definitions.  All other expressions may contain them and, where velocities belong,
-        their ``.diff()``, which follows by the chain rule: ``{x1: l * sp.sin(a), y1: ...}`` and
+        Names for places and velocities, in their order: smooth expressions in q, q', t, parameters
+        and earlier definitions.  Other expressions may contain them, as they may contain q and
+        q'; the velocity of a place is its ``.diff()``: ``{x1: l * sp.sin(a), y1: ...}`` and
         ``lagrangian=m * (x1.diff() ** 2 + y1.diff() ** 2) / 2``.  Large models are stated so
         without being written out.
 

@@ -15,7 +15,7 @@ from dmoc.base.arguments import shown
 from dmoc.base.errors import GenerationError, ModelError
 from dmoc.base.names import check_name, momentum_name, name_of, velocity_name
 from dmoc.symbolic.continuous import readable
-from dmoc.symbolic.definitions import atoms_below, check_definitions, rate_symbol
+from dmoc.symbolic.definitions import atoms_below, check_definitions, kinds_of
 from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.expressions import KINDS, atoms_of, unknown_symbol
 from dmoc.symbolic.graph import Graph, Node, reverse
@@ -29,7 +29,10 @@ if TYPE_CHECKING:
 # What places and states are made of.
 PLACE = ("coordinates", "the time", "parameters")
 STATE = ("coordinates", "velocities", "the time", "parameters")
-DEFINED = {"coordinates": "definitions", "velocities": "velocities of definitions"}
+DEFINED = {
+    "coordinates": ("definitions of places",),
+    "velocities": ("velocities of definitions", "definitions of velocities"),
+}
 
 DIGITS = 30  # in which it is seen whether a mass matrix is singular
 
@@ -146,15 +149,13 @@ def _check_symbols(system: MechanicalSystem) -> None:
         "inputs": set(system.inputs),
         "the time": {dynamicsymbols._t},
         "parameters": set(system.parameters),
-        "definitions": set(system.definitions),
-        "velocities of definitions": set(map(rate_symbol, system.definitions)),
-    }
+    } | kinds_of(system)
     used: set[Any] = set()
     for where, expression, allowed in _expressions(system):
         atoms = atoms_of(expression)
         used |= atoms
         permitted = [kinds[kind] for kind in allowed]
-        permitted += [kinds[DEFINED[kind]] for kind in allowed if kind in DEFINED]
+        permitted += [kinds[own] for kind in allowed for own in DEFINED.get(kind, ())]
         for symbol in sorted(atoms.difference(*permitted), key=str):
             raise ModelError(unknown_symbol(symbol, where, kinds, allowed))
     for symbol in system.parameters:
@@ -174,7 +175,7 @@ def _check_symbols(system: MechanicalSystem) -> None:
 def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str, ...]]]:
     """Where each expression of a system stands, and the kinds of symbols that belong there."""
     for x, e in system.definitions.items():
-        yield f"definition {name_of(x)}", e, PLACE
+        yield f"definition {name_of(x)}", e, STATE
     yield "the Lagrangian", system.lagrangian, STATE
     yield "the cost", system.cost, KINDS
     yield "the dissipation", system.dissipation, STATE
