@@ -51,6 +51,13 @@ def derive(
     order: Annotated[
         int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
     ] = 2,
+    expanded: Annotated[
+        bool,
+        typer.Option(
+            "--expanded",
+            help="Write out large systems and definitions, whose structure is shown otherwise.",
+        ),
+    ] = False,
     target: Annotated[
         Path | None, out_option("Write to a file instead of standard output.")
     ] = None,
@@ -59,7 +66,7 @@ def derive(
     from dmoc.inspection.system_derivation import derive as derive_system
     from dmoc.models.registry import find
 
-    derivation = derive_system(find(model).system(), order)
+    derivation = derive_system(find(model).system(), order, expanded=expanded)
     made = {
         TextFormat.text: derivation.__str__,
         TextFormat.latex: derivation.latex,

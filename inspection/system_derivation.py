@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from dmoc.base.arguments import flag, place
 from dmoc.base.arguments import path as path_of
-from dmoc.base.arguments import place
-from dmoc.base.errors import OutputError, ProblemError
+from dmoc.base.errors import ModelError, OutputError, ProblemError
 from dmoc.base.files import write_whole
 from dmoc.base.html import page, paragraph, section, sparsity
 from dmoc.base.table import Table, html_of
@@ -81,7 +81,7 @@ class SystemDerivation(Derivation):
         return write_whole(target, made().encode())
 
 
-def derive(system: MechanicalSystem, order: int = 2) -> SystemDerivation:
+def derive(system: MechanicalSystem, order: int = 2, *, expanded: bool = False) -> SystemDerivation:
     """Derive a system from its Lagrangian to the derivatives of its discrete equations, in the
     discretisation of the given order.
 
@@ -94,6 +94,10 @@ def derive(system: MechanicalSystem, order: int = 2) -> SystemDerivation:
     system : MechanicalSystem
     order : {2, 4, 6}
         Order of the discretisation.
+    expanded : bool
+        Write out what is shown by its structure otherwise: large systems and those with
+        definitions, whose momenta, masses and forces are made of names for what they share.  Takes
+        minutes where the system is large.
 
     Returns
     -------
@@ -102,7 +106,7 @@ def derive(system: MechanicalSystem, order: int = 2) -> SystemDerivation:
     Raises
     ------
     ModelError
-        If there is no system, or the order is another one.
+        If there is no system, the order is another one, or ``expanded`` is not True or False.
 
     Examples
     --------
@@ -120,7 +124,7 @@ def derive(system: MechanicalSystem, order: int = 2) -> SystemDerivation:
     -----
     The sections follow equations :eq:`hamilton` to :eq:`law` of the theory.
     """
-    stated = sections.derive(system, order)
+    stated = sections.derive(system, order, flag(expanded, "expanded", ModelError))
     return SystemDerivation(stated.title, stated.sections, system, order)
 
 

@@ -4,6 +4,7 @@ of, and their rates."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
@@ -18,6 +19,13 @@ from dmoc.symbolic.traversal import reached
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
+
+
+# The fields of a system that contain definitions, but for the drawing.
+EXPRESSIONS = (
+    "lagrangian", "forces", "dissipation", "surfaces", "tangents", "cost", "terminal_cost",
+    "constraints", "path_constraints",
+)  # fmt: skip
 
 
 def rate_symbol(function: Any) -> Any:
@@ -87,8 +95,20 @@ def expanded(expression: Any, definitions: Mapping[Any, Any]) -> Any:
         rate = rate_symbol(symbol)
         if symbol in below or rate in below:
             table[symbol] = value.xreplace(table)
-            table[rate] = table[symbol].diff(dynamicsymbols._t)
+            table[rate] = rate_symbol(table[symbol])
     return expression.xreplace(table)
+
+
+def written_out(system: MechanicalSystem) -> MechanicalSystem:
+    """The system without definitions, and without its drawing."""
+
+    def each(values: Any) -> Any:
+        if isinstance(values, Mapping):
+            return {key: each(value) for key, value in values.items()}
+        return expanded(values, system.definitions)
+
+    fields = {name: each(getattr(system, name)) for name in EXPRESSIONS}
+    return replace(system, definitions={}, drawing=(), **fields)
 
 
 def rate_of(node: Node, rates: dict[Node, Node]) -> Node:

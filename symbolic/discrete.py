@@ -314,7 +314,7 @@ def _shapes(nodes: Sequence[Any], c: Any, derivative: int = 0) -> list[Any]:
 
 def _renamed(f: Continuous, number: int, make: Callable[[str], Any]) -> Continuous:
     """The functions in symbols of their own for one quadrature point."""
-    old = (*f.q, *f.v, f.t)
+    old = (*f.q, *f.v, f.t, *f.x, *f.x_dot)
     table = {s: make(f"{s}_{number}") for s in old}
     return replace(
         _substituted(f, table),

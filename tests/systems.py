@@ -217,3 +217,34 @@ def chain_system(links: int, relative: bool = False) -> dmoc.MechanicalSystem:
         f"chain_{links}", angles, kinetic - potential, {m: 0.5, l: 0.4, g: 9.81}, inputs=torques,
         forces=dict(zip(angles, torques, strict=True)), cost=sum(u**2 for u in torques) / 2,
     )  # fmt: skip
+
+
+def double_pendulum(named: bool, relative: bool = False, **fields: Any) -> dmoc.MechanicalSystem:
+    """Two point masses on rods; every field contains their places, by name or written out."""
+    T = dynamicsymbols._t
+    a, b, u = dynamicsymbols("a b u")
+    m, l, g, d = sp.symbols("m l g d")
+    definitions: dict[Any, Any] = {}
+    X = Y = angle = kinetic = potential = damping = sp.S.Zero
+    for i, coordinate in enumerate((a, b), 1):
+        angle = coordinate + angle if relative else coordinate
+        place = (X + l * sp.sin(angle), Y - l * sp.cos(angle))
+        names = tuple(dynamicsymbols(f"x{i} y{i}"))
+        definitions |= dict(zip(names, place, strict=True))
+        X, Y = names if named else place
+        kinetic += m * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2
+        potential += m * g * Y
+        damping += d * X.diff(T) ** 2 / 2
+    stated = {
+        "coordinates": [a, b], "inputs": [u], "lagrangian": kinetic - potential,
+        "forces": {b: u + sp.sin(X)}, "dissipation": damping,
+        "parameters": {m: 0.5, l: 0.4, g: 9.81, d: 0.1},
+        "cost": u**2 / 2 + X**2 + sp.Abs(Y.diff(T)), "terminal_cost": X**2 + X.diff(T) ** 2,
+        "surfaces": {"floor": -l - l * sp.sin(T) / 2 <= Y, "wall": l >= X},
+        "tangents": {"floor": X}, "friction": {"floor": 0.3},
+        "constraints": {"curve": sp.Eq(X, Y**2)},
+        "path_constraints": {"speed": X.diff(T) <= 3, "room": sp.Abs(X) <= 2 * l},
+        "drawing": [dmoc.Link((0, 0), (X, Y)), dmoc.Contact("floor", (X, Y))],
+        "definitions": definitions if named else {},
+    } | fields  # fmt: skip
+    return dmoc.MechanicalSystem("double_pendulum", **stated)

@@ -75,6 +75,11 @@ def continuous_sections(
             "g <= 0; the gradient points out of the admissible set.",
             tuple(equations),
         )
+    yield from held_sections(system, f, own)
+
+
+def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) -> Iterable[Section]:
+    """Constraints, and friction."""
     if f.phi:
         named = zip(system.constraints, f.phi, strict=True)
         equations = [definition(own, f"phi_{n}", rf"\phi_{upright(n)}", phi) for n, phi in named]

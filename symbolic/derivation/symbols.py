@@ -25,9 +25,9 @@ class DisplayNames:
     @classmethod
     def beside(cls, system: MechanicalSystem) -> DisplayNames:
         """The names that are free beside those of a system."""
-        coordinates = [name_of(q) for q in system.coordinates]
+        moving = [name_of(q) for q in (*system.coordinates, *system.definitions)]
         others = [name_of(s) for s in (*system.inputs, *system.parameters)]
-        return cls([*coordinates, *map(velocity_name, coordinates), *others, "t"])
+        return cls([*moving, *map(velocity_name, moving), *others, "t"])
 
     def __call__(self, usual: str, meaning: str) -> str:
         """Return the name of the quantity whose usual name and meaning are given, the same one

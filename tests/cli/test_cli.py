@@ -140,6 +140,7 @@ def test_a_problem_in_a_file_solves(run: Run, file: Model) -> None:
 def test_derive_generate_build_models_and_doctor(run: Run, tmp_path: Path, file: Model) -> None:
     code, out, _ = run("derive cart_pendulum")
     assert code == 0 and "Collision conditions" in out
+    assert run("derive cart_pendulum --expanded") == (code, out, "")
     code, out, _ = run("derive cart_pendulum --format latex")
     assert code == 0 and out.startswith(r"\documentclass")
     assert run("derive bouncing_pendulum --format html -o p.html")[0] == 0
