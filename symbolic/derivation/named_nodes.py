@@ -10,7 +10,7 @@ import sympy as sp
 
 from dmoc.symbolic.derivation.document import Equation
 from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
-from dmoc.symbolic.graph import CALL, CHOICE, JUNCTION, NUMBER, PRODUCT, RELATION, SUM, Node
+from dmoc.symbolic.graph import CALL, CHOICE, JUNCTION, NUMBER, PRODUCT, RELATION, SUM, SYMBOL, Node
 from dmoc.symbolic.traversal import in_order
 
 SHORT = 4  # symbols of an expression that is written again where it is used again
@@ -26,6 +26,10 @@ class NamedNodes:
         for node, symbol in names:
             if node.kind != NUMBER:
                 self._names.setdefault(node, symbol)
+            if node.kind == SUM and len(node.parts) == 1 and node.value == 0:
+                ((plain, sign),) = node.parts
+                if abs(sign) == 1 and plain.kind != SYMBOL:
+                    self._names.setdefault(plain, symbol / _number(sign))
         self._count = 0
 
     def write(self, results: Sequence[Node]) -> tuple[list[Equation], list[Any]]:
