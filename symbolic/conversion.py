@@ -19,6 +19,8 @@ RELATIONS = {
     "StrictLessThan": "<", "LessThan": "<=", "StrictGreaterThan": ">", "GreaterThan": ">=",
     "Equality": "==", "Unequality": "!=",
 }  # fmt: skip
+KINKS = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside)
+PLAIN = (sp.Add, sp.Mul, sp.Pow, sp.Symbol, sp.exp, sp.Piecewise, Boolean, sp.Rational, sp.Float)
 FUNCTIONS = frozenset(SLOPES) - {"pow", "exp"}
 
 
@@ -37,7 +39,7 @@ def plain_nodes(graph: Graph, expressions: Sequence[Any], table: Mapping[Any, No
             node = made[e] = _converted(graph, e, convert)
         return node
 
-    return [convert(_elementary(e)) for e in expressions]
+    return [convert(_checked(e)) for e in expressions]
 
 
 def _converted(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
@@ -54,6 +56,8 @@ def _converted(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
         return g.power(convert(e.base), convert(e.exp) if exponent is None else exponent)
     if isinstance(e, sp.Piecewise):
         return _choice(g, e, convert)
+    if isinstance(e, KINKS):
+        return _kink(g, e, convert)
     if e.is_Relational:
         return g.make(RELATION, RELATIONS[type(e).__name__], (convert(e.lhs), convert(e.rhs)))
     if isinstance(e, (sp.And, sp.Or)):
@@ -85,14 +89,27 @@ def _choice(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
     raise GenerationError(f"the Piecewise {e} has no value elsewhere: end it with (value, True).")
 
 
-def _elementary(expression: Any) -> Any:
-    """Write functions with a kink as Piecewise, which can be differentiated, and refuse what no
-    printer knows."""
-    kinks = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside)
-    if expression.has(*kinks):
-        expression = sp.piecewise_fold(
-            expression.replace(lambda e: isinstance(e, kinks), lambda e: e.rewrite(sp.Piecewise))
-        )
+def _kink(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
+    """A function with a kink as a choice, which can be differentiated."""
+
+    def relation(a: Node, sign: str, b: Node) -> Node:
+        return g.make(RELATION, sign, (a, b))
+
+    first, *others = (convert(a) for a in e.args)
+    if isinstance(e, (sp.Max, sp.Min)):
+        sign = ">=" if isinstance(e, sp.Max) else "<="
+        for other in others:
+            first = g.choice([first, relation(first, sign, other), other])
+        return first
+    if isinstance(e, sp.Abs):
+        return g.choice([first, relation(first, ">=", g.zero), -first])
+    below, at = (-g.one, g.zero) if isinstance(e, sp.sign) else (g.zero, others[0])
+    parts = [below, relation(first, "<", g.zero), at, relation(first, "==", g.zero), g.one]
+    return g.choice(parts)
+
+
+def _checked(expression: Any) -> Any:
+    """The expression, where a printer knows all of it."""
     for node in sp.preorder_traversal(expression):
         if not _is_printable(node):
             raise GenerationError(
@@ -104,10 +121,7 @@ def _elementary(expression: Any) -> Any:
 
 
 def _is_printable(node: Any) -> bool:
-    if isinstance(
-        node,
-        (sp.Add, sp.Mul, sp.Pow, sp.Symbol, sp.exp, sp.Piecewise, Boolean, sp.Rational, sp.Float),
-    ):
+    if isinstance(node, (*PLAIN, *KINKS)):
         return not isinstance(node, (sp.Not, sp.Xor, sp.ITE))
     if isinstance(node, ExprCondPair) or node in (sp.pi, sp.E):
         return True

@@ -221,6 +221,37 @@ def test_sums_of_thousands_of_terms_take_no_depth_and_no_pairs() -> None:
     assert evaluated([factored], point, math) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("kink", "expected"),
+    [
+        (lambda a, b: sp.Max(a, b, 0), lambda a, b: max(a, b, 0)),
+        (lambda a, b: sp.Min(sp.Abs(a), b), lambda a, b: min(abs(a), b)),
+        (lambda a, b: sp.sign(sp.Abs(a) - 1) * b, lambda a, b: float(np.sign(abs(a) - 1)) * b),
+        (lambda a, b: sp.Heaviside(a - b, 0), lambda a, b: float(a > b)),
+        (
+            lambda a, b: sp.Piecewise((a, sp.Max(a, b) > 1), (b**2, True)),
+            lambda a, b: a if max(a, b) > 1 else b**2,
+        ),
+    ],
+)
+def test_kinks_add_and_do_not_multiply(
+    kink: Callable[[Any, Any], Any], expected: Callable[[float, float], float]
+) -> None:
+    """Each is a choice of its own, and not all their ways together one choice."""
+    numbers, sizes = (-1.5, -1.0, 0.0, 0.5, 1.0, 2.0), []
+    for terms in (3, 12):
+        g = Graph()
+        x, y = sp.symbols("x y", real=True)
+        nodes = {s: g.symbol(s.name) for s in (x, y)}
+        (node,) = to_nodes(g, [sum(kink(x, i * y) for i in range(1, terms))], nodes)
+        sizes.append(operations([node]))
+        for a in numbers:
+            for b in numbers:
+                (value,) = evaluated([node], {nodes[x]: a, nodes[y]: b}, math)
+                assert value == pytest.approx(sum(expected(a, i * b) for i in range(1, terms)))
+    assert sizes[1] <= 10 * sizes[0]
+
+
 def test_constants_far_apart_neither_overflow_nor_vanish() -> None:
     g = Graph()
     x, y, z = (g.symbol(name) for name in "xyz")
