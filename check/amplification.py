@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
+from dmoc.check.findings import largest
 from dmoc.check.segments import PERTURBED, Segment
 from dmoc.codegen.kernels import Array
 
@@ -33,35 +34,37 @@ class Carried:
     @property
     def end(self) -> float:
         """The predicted deviation at the end of the motion."""
-        return float(np.nan_to_num(self.deviations[-1], nan=np.inf).max())
+        return largest(self.deviations[-1])
 
 
 def carried(motion: Motion, segments: Sequence[Segment]) -> Carried:
     """Carry the errors of segments to the ends of those that follow."""
     unit = np.concatenate([motion.sizes.q, motion.sizes.v])
     slopes = [segment.slope / unit[:, None] * unit for segment in segments]
-    deviations, errors = [], np.zeros((len(unit), 0))
+    own = np.maximum(np.abs([segment.defect / unit for segment in segments]), SMALLEST)
+    deviations, errors = np.empty(own.shape), np.empty((len(unit), len(segments)))
     product, products = np.eye(len(unit)), [np.eye(len(unit))]
     events = [
         event_slope(motion, one.phase, unit) if one.phase < other.phase else None
         for one, other in pairwise(segments)
     ]
-    for segment, slope, event in zip(segments, slopes, [*events, None], strict=True):
-        own = np.maximum(np.abs(segment.defect / unit), SMALLEST)
-        errors = np.hstack([slope @ errors, own[:, None]])
-        deviations.append(np.abs(errors).sum(axis=1))
-        errors = errors if event is None else event @ errors
+    for k, (slope, event) in enumerate(zip(slopes, [*events, None], strict=True)):
+        errors[:, :k] = slope @ errors[:, :k]
+        errors[:, k] = own[k]
+        np.abs(errors[:, : k + 1]).sum(axis=1, out=deviations[k])
+        if event is not None:
+            errors[:, : k + 1] = event @ errors[:, : k + 1]
     for slope, event in zip(reversed(slopes), [None, *reversed(events)], strict=True):
         product = (product if event is None else product @ event) @ slope
         products.append(product)
     finite = np.isfinite(products).all()
-    largest = np.linalg.norm(np.array(products), 2, axis=(1, 2)).max() if finite else np.inf
+    most = np.linalg.norm(np.array(products), 2, axis=(1, 2)).max() if finite else np.inf
     pairs = list(zip(segments, slopes, strict=True))
     phases = [
         _phase_error([pair for pair in pairs if pair[0].phase == i], unit)
         for i in range(len(motion.steps))
     ]
-    return Carried(float(largest), np.array(deviations), max(phases))
+    return Carried(float(most), deviations, max(phases))
 
 
 def _phase_error(parts: Sequence[tuple[Segment, Array]], unit: Array) -> float:
@@ -74,7 +77,7 @@ def _phase_error(parts: Sequence[tuple[Segment, Array]], unit: Array) -> float:
     if not np.isfinite(products[-1]).all():  # without limit: its segments are judged alone
         return 0.0
     most = float(np.abs(products).sum(axis=2).max())
-    return float(np.nan_to_num(np.abs(off).max(), nan=np.inf)) / max(1.0, most / STEADY)
+    return largest(np.abs(off)) / max(1.0, most / STEADY)
 
 
 def event_slope(motion: Motion, i: int, unit: Array) -> Array:

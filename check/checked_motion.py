@@ -15,6 +15,7 @@ from dmoc.base.deadline import Deadline
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import SimulationError
 from dmoc.check.arcs import allowance, arcs_of
+from dmoc.check.findings import infinite_where_none
 from dmoc.check.passages import EventPassage, passage_of
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.contact_mode import Mode, mode_by_names
@@ -144,10 +145,9 @@ class Motion:
         """Largest relative error of each row's state y = (q | v ...)."""
         nq = self.model.nq
         q, p = y[:, :nq], self.model.momentum(y[:, :nq], y[:, nq : 2 * nq], t)
-        parts = np.hstack(
-            [np.abs(q - q_wanted) / self.sizes.q, np.abs(p - p_wanted) / self.sizes.p]
-        )
-        return np.asarray(np.nan_to_num(parts.max(axis=1), nan=np.inf))
+        off_q = (np.abs(q - q_wanted) / self.sizes.q).max(axis=1)
+        off_p = (np.abs(p - p_wanted) / self.sizes.p).max(axis=1)
+        return infinite_where_none(np.maximum(off_q, off_p))
 
 
 def _check_shapes(trajectory: Trajectory) -> None:
@@ -194,4 +194,5 @@ def _mode_of(phase: Phase, model: Model) -> Mode:
 
 def nodes_of_segments(steps: int) -> NDArray[np.intp]:
     """First nodes of the segments of a phase, and its last node."""
-    return np.unique(np.linspace(0, steps, SEGMENTS + 1).round().astype(np.intp))
+    segments = min(SEGMENTS, steps)
+    return np.linspace(0, steps, segments + 1).round().astype(np.intp)

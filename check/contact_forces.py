@@ -9,9 +9,9 @@ from dataclasses import fields, replace
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
-from dmoc.check.findings import Findings
+from dmoc.check.findings import Findings, largest
 from dmoc.check.plan import DRIFT, OFF
-from dmoc.check.segments import largest, put
+from dmoc.check.segments import put
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.mechanics.contacts import RAIL

@@ -8,7 +8,7 @@ import numpy as np
 
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import BEARABLE, TURNED
-from dmoc.check.findings import Findings
+from dmoc.check.findings import Findings, largest
 from dmoc.check.passages import EventPassage
 from dmoc.mechanics.contacts import RAIL
 from dmoc.simulation.sizes import Sizes
@@ -29,7 +29,7 @@ def event_errors(motion: Motion, work: tuple[float, ...]) -> Findings:
         "error of the law of impact": shares,
         "error of the law of impact relative to its own rates": own,
     }
-    worst = {name: float(np.nan_to_num(np.max(e), nan=np.inf)) for name, e in measured.items()}
+    worst = {name: largest(e) for name, e in measured.items()}
     sentences = [p.wrong for p in motion.passages if p.wrong]
     if motion.has_modes:
         sentences += [sentence for p in fit for sentence in _contradictions(p, sizes)]
@@ -61,9 +61,9 @@ def _impact_errors(p: EventPassage, sizes: Sizes) -> tuple[float, float]:
     _, inertia = p.model.impulse_response(p.before.q[-1], p.normals[j], p.c.time)
     impulse = abs(float(p.law.normal[0, j]) - p.c.impulse) * inertia
     off = after - (0.0 if p.c.grazes else right)
-    largest = float(np.nan_to_num(np.max([abs(off), impulse, -before, after]), nan=np.inf))
+    worst = largest([abs(off), impulse, -before, after])
     own = max(abs(before), abs(after), SOFT * float(sizes.rate[j]))
-    return 0.0 if p.c.grazes else largest / own, largest / float(sizes.rate[j])
+    return 0.0 if p.c.grazes else worst / own, worst / float(sizes.rate[j])
 
 
 def _contact_errors(p: EventPassage, sizes: Sizes) -> tuple[float, float]:

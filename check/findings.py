@@ -5,6 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dmoc.codegen.kernels import Array
+
 
 @dataclass(frozen=True)
 class Findings:
@@ -13,3 +18,14 @@ class Findings:
 
     measured: Mapping[str, float]
     contradictions: tuple[str, ...] = ()
+
+
+def largest(a: ArrayLike) -> float:
+    """The largest entry above 0; infinite if one is not a number."""
+    most = float(np.max(a, initial=0.0))
+    return most if most >= 0 else np.inf
+
+
+def infinite_where_none(a: Array) -> Array:
+    """The same, infinite where it is not a number."""
+    return np.where(np.isnan(a), np.inf, a)

@@ -12,8 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
-from dmoc.check.findings import Findings
-from dmoc.check.segments import largest
+from dmoc.check.findings import Findings, infinite_where_none, largest
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import columns
 from dmoc.motion.trajectory import Collision
@@ -116,9 +115,10 @@ def _event(c: Collision) -> str:
 
 def _worst(shares: Array, most: float) -> tuple[int, int]:
     """Row and column of the largest entry, if it is above a limit or no number; else -1."""
-    sizes = np.nan_to_num(np.abs(shares), nan=np.inf)
-    if not sizes.max(initial=0.0) > most:
+    sizes = np.abs(shares)
+    if not largest(sizes) > most:
         return -1, -1
+    sizes = infinite_where_none(sizes)
     row, column = np.unravel_index(int(np.argmax(sizes)), sizes.shape)
     return int(row), int(column)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -73,8 +72,9 @@ def open_loop(motion: Motion) -> tuple[float, list[SurfaceContact]]:
     try:
         for phase, steps in zip(motion.trajectory.phases, motion.steps, strict=True):
             upper, wanted, k = flow.upper(steps), np.ascontiguousarray(phase.q), 0
+            end = np.array([len(steps)])
             while k < len(steps):
-                k, astray = flow.quiet(y, steps, upper, k, len(steps), wanted, far)
+                (k,), astray = flow.quiet(y[None], steps, upper, np.array([k]), end, wanted, far)
                 if not astray and k < len(steps):
                     y = flow.through_contacts(y, steps, k, contacts)
                     k += 1
@@ -95,12 +95,15 @@ def on_the_way(motion: Motion) -> list[SurfaceContact]:
 
 def contacts_of_phase(motion: Motion, i: int) -> list[SurfaceContact]:
     """Contacts met in the segments of one phase."""
-    contacts, phase = list[SurfaceContact](), motion.trajectory.phases[i]
-    upper = motion.flow.upper(motion.steps[i])
-    for first, last in pairwise(map(int, nodes_of_segments(phase.steps))):
+    contacts, phase, steps = list[SurfaceContact](), motion.trajectory.phases[i], motion.steps[i]
+    nodes, upper = nodes_of_segments(phase.steps), motion.flow.upper(steps)
+    wanted, everywhere = np.ascontiguousarray(phase.q), np.full(motion.model.nq, np.inf)
+    rows = np.hstack([phase.q[nodes[:-1]], phase.v[nodes[:-1]]])
+    stops, _ = motion.flow.quiet(rows, steps, upper, nodes[:-1], nodes[1:], wanted, everywhere)
+    for y, k, last in zip(rows, map(int, stops), map(int, nodes[1:]), strict=True):
         met = list[SurfaceContact]()
         try:
-            y = _segment(motion, i, upper, (first, last), met)
+            y = _segment(motion, i, upper, (y, k, last), met)
             if last == phase.steps and i < len(motion.trajectory.collisions):
                 met += _late(motion, i, y, float(phase.t[last]), met)
         except Lost:
@@ -110,24 +113,23 @@ def contacts_of_phase(motion: Motion, i: int) -> list[SurfaceContact]:
 
 
 def _segment(
-    motion: Motion, i: int, upper: Array, span: tuple[int, int], met: list[SurfaceContact]
+    motion: Motion, i: int, upper: Array, stopped: tuple[Array, int, int], met: list[SurfaceContact]
 ) -> Array:
-    """Simulate a segment; where its planned collision is met early, the end is that of the
-    motion without the impact."""
-    (k, last), phase, steps = span, motion.trajectory.phases[i], motion.steps[i]
+    """Simulate what is left of a segment from a state before a step up to its last; where its
+    planned collision is met early, the end is that of the motion without the impact."""
+    (y, k, last), phase, steps = stopped, motion.trajectory.phases[i], motion.steps[i]
     wanted, everywhere = np.ascontiguousarray(phase.q), np.full(motion.model.nq, np.inf)
-    y = np.concatenate([phase.q[k], phase.v[k]])
-    while True:
-        k, _ = motion.flow.quiet(y, steps, upper, k, last, wanted, everywhere)
-        if k == last:
-            return y
+    while k < last:
         before, count = y, len(met)
         y = motion.flow.through_contacts(y, steps, k, met)
         early = last == len(steps) and any(is_planned(motion, i, c) for c in met[count:])
         if early:
             del met[count + 1 :]
             return motion.flow.freely(before, steps, k, last)
-        k += 1
+        (k,), _ = motion.flow.quiet(
+            y[None], steps, upper, np.array([k + 1]), np.array([last]), wanted, everywhere
+        )
+    return y
 
 
 def is_planned(motion: Motion, i: int, contact: SurfaceContact) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
-from dmoc.check.findings import Findings
+from dmoc.check.findings import Findings, infinite_where_none, largest
 from dmoc.check.path_limits import Excess, IntegratedSteps, path_excess
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
@@ -121,12 +121,7 @@ def _inside_errors(motion: Motion, path: Array, planned: Sequence[Array]) -> Arr
     """Largest relative error (N,) of the nodes inside steps beside a path there, (nodes, N, nq)."""
     nodes = np.vstack(planned).reshape(path.shape[1], -1, motion.model.nq)
     off = np.abs(np.swapaxes(path, 0, 1) - nodes) / motion.sizes.q
-    return np.asarray(np.nan_to_num(off, nan=np.inf).max(axis=(1, 2), initial=0.0))
-
-
-def largest(a: Array) -> float:
-    """The largest entry above 0; infinite if one is not a number."""
-    return max(0.0, float(np.nan_to_num(a, nan=np.inf).max(initial=0.0)))
+    return infinite_where_none(off.max(axis=(1, 2), initial=0.0))
 
 
 # Segments -----------------------------------------------------------------------------------------
@@ -188,12 +183,12 @@ def _differences(
     differences."""
     (y, t), m = start, 2 * motion.model.nq
     unit = PERTURBED * np.concatenate([motion.sizes.q, motion.sizes.v])
-    changes = np.vstack([np.zeros(m), np.diag(unit), -np.diag(unit)])
+    changes = np.vstack([np.zeros(m), np.diag(unit)])
     rows, held = put(
         motion, piece.mode, (y[:, None] + changes).reshape(-1, m), np.repeat(t, len(changes))
     )
     first, last = (np.repeat(a, len(changes)) for a in (first, last))
     motion.flow.advance(rows, piece.steps, first, last, piece.mode, held)
     ends = rows.reshape(len(y), len(changes), m)
-    slopes = np.swapaxes(ends[:, 1 : 1 + m] - ends[:, 1 + m :], 1, 2) / (2 * unit)
+    slopes = np.swapaxes(ends[:, 1:] - ends[:, :1], 1, 2) / unit
     return np.ascontiguousarray(ends[:, 0]), slopes

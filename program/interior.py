@@ -30,7 +30,7 @@ def give_way(
         unknowns = lay.index_q[nodes, j]
         unknowns = unknowns[box[unknowns, 0] < box[unknowns, 1]]
         for side, sign in enumerate((-1.0, 1.0)):
-            for limit in np.unique(box[unknowns, side]):
+            for limit in sorted(set(box[unknowns, side].tolist())):
                 q = np.zeros(problem.nq)
                 q[j] = limit
                 if np.isfinite(limit) and near_surface(problem, q, surface):

@@ -42,11 +42,11 @@ class Integrator:
         h: Array,
         u0: Array,
         u1: Array,
-        k: int,
-        end: int,
+        first: Index,
+        last: Index,
         shares: Array,
         upper: Array,
         near: Array,
         q_wanted: Array,
         astray: Array,
-    ) -> tuple[int, bool]: ...
+    ) -> tuple[Index, bool]: ...
