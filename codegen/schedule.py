@@ -1,7 +1,6 @@
 """From a graph of expressions to straight-line code: which values there are, and in what order.
 
-Sums take out factors that their terms share, and the pairs of factors that most products share
-become values of their own.
+The pairs of factors that most products share become values of their own.
 """
 
 from __future__ import annotations
@@ -11,7 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from dmoc.symbolic.graph import PRODUCT, RESULT, SUM, Node, Scalar
+from dmoc.symbolic.arrangement import with_common_factors
+from dmoc.symbolic.graph import PRODUCT, RESULT, Node, Scalar
 from dmoc.symbolic.pairs import Part, share_pairs
 from dmoc.symbolic.spec import FunctionSpec, KernelSpec
 from dmoc.symbolic.traversal import in_order, reached
@@ -60,7 +60,7 @@ def schedule(
 ) -> Schedule:
     """Arrange the computation of some nodes."""
     wanted = len(results)
-    arranged = _with_common_factors([*results, *definitions.values()])
+    arranged = with_common_factors([*results, *definitions.values()])
     results = arranged[:wanted]
     definitions = dict(zip(definitions, arranged[wanted:], strict=True))
     factors: dict[Node, list[Node]] = {}
@@ -103,75 +103,6 @@ def _factors(node: Node) -> list[Node]:
             if times:
                 factors += [unit if e > 0 else g.make(PRODUCT, None, ((unit, -1),))] * times
     return factors
-
-
-def _with_common_factors(results: Sequence[Node]) -> list[Node]:
-    """The same values, where sums have taken out what terms that nobody else needs share."""
-    nodes = reached(results)
-    uses = Counter(results)
-    for node in nodes:
-        uses.update(node.children)
-    new: dict[Node, Node] = {}
-    for node in nodes:
-        new[node] = node.rebuilt(new)
-        if node.kind == SUM and len(node.parts) > 1:
-            opened, constant = _opened(node, uses)
-            alone = [(new[n], c) for n, c in opened if uses[n] == 1]
-            others = [(new[n], c) for n, c in opened if uses[n] > 1]
-            new[node] = node.graph.sum([*others, *_factored(alone)], constant)
-    return [new[r] for r in results]
-
-
-def _opened(node: Node, uses: Counter[Node]) -> tuple[list[Part], float]:
-    """The terms of a sum and its constant, and those of sums in it that nobody else needs."""
-    terms, constant = [], node.value
-    for n, c in node.parts:
-        if n.kind == SUM and uses[n] == 1 and (abs(c) == 1 or len(n.parts) == 1):
-            inner, value = _opened(n, uses)
-            terms += [(m, c * d) for m, d in inner]
-            constant += c * value
-        else:
-            terms.append((n, c))
-    return terms, constant
-
-
-def _factored(terms: Sequence[Part]) -> list[Part]:
-    """Terms of a sum, in which the factor that most of them share stands before a sum, and so
-    on."""
-    products, taken = [_plain(term) for term in terms], list[Part]()
-    while True:
-        count: Counter[tuple[Node, bool]] = Counter()
-        for node, _ in products:
-            if node.kind == PRODUCT:
-                count.update((n, e > 0) for n, e in node.parts if e == int(e))
-        (factor, above), most = max(
-            count.items(), key=lambda c: (c[1], c[0][0].number, c[0][1]), default=((None, True), 0)
-        )
-        if factor is None or most < 2:
-            return [*taken, *products]
-        g, sign = factor.graph, 1 if above else -1
-        inside = [
-            (g.product([(n, 1), (factor, -sign)]), c)
-            for n, c in products
-            if _has_factor(n, factor, sign)
-        ]
-        taken.append((g.product([(factor, sign), (g.sum(_factored(inside)), 1)]), 1.0))
-        products = [p for p in products if not _has_factor(p[0], factor, sign)]
-
-
-def _has_factor(node: Node, factor: Node, sign: int) -> bool:
-    return node.kind == PRODUCT and any(
-        n is factor and e * sign > 0 and e == int(e) for n, e in node.parts
-    )
-
-
-def _plain(term: Part) -> Part:
-    """A term whose coefficient is not inside its node."""
-    node, c = term
-    if node.kind == SUM and len(node.parts) == 1 and not node.value:
-        ((node, factor),) = node.parts
-        return node, c * factor
-    return term
 
 
 def functions_of(kernels: Iterable[KernelSpec]) -> list[FunctionSpec]:

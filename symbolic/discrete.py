@@ -30,6 +30,7 @@ from typing import Any
 import sympy as sp
 
 from dmoc.base.discretisation import DISCRETISATIONS, known_order
+from dmoc.symbolic.arrangement import flat
 from dmoc.symbolic.continuous import Continuous, dot, total
 from dmoc.symbolic.graph import gradient
 
@@ -122,25 +123,37 @@ class StepElement:
         by = dict(zip(self.symbols, partial(self.symbols), strict=True))
         return [self._total(by.__getitem__, i) for i in range(len(self.x_k))]
 
+    def spread(self, partial: Callable[[Sequence[Any]], list[Any]]) -> list[Any]:
+        """The same as sums without sums in them, which others share."""
+        by = dict(zip(self.symbols, partial(self.symbols), strict=True))
+        return [flat(self._parts(by.__getitem__, i)) for i in range(len(self.x_k))]
+
     def _total(self, by: Callable[[Any], Any], i: int) -> Any:
+        return total(factor * value for factor, value in self._parts(by, i))
+
+    def _parts(self, by: Callable[[Any], Any], i: int) -> list[tuple[Any, Any]]:
+        """What the total derivative by ``x_k[i]`` is the sum of: factors and partial
+        derivatives."""
         node, j = self._node(i)
         if node is not None:
-            return total(
+            return [
                 part
                 for p in self.points
                 for part in (
-                    p.phi[node] * by(p.start.q[j]),
-                    p.slope[node] * by(p.start.v[j]) / self.h,
+                    (p.phi[node], by(p.start.q[j])),
+                    (p.slope[node] / self.h, by(p.start.v[j])),
                 )
-            )
+            ]
         if i < self.at_h:
-            return by(self.x_k[i])
+            return [(1, by(self.x_k[i]))]
         times = [by(p.start.t) for p in self.points]
         if i > self.at_h:
-            return total(times)
-        moved = [p.c * slope for p, slope in zip(self.points, times, strict=True)]
-        slowed = [v * by(v) / self.h for p in self.points for v in p.start.v]
-        return total([by(self.h), *moved]) - total(slowed)
+            return [(1, slope) for slope in times]
+        return [
+            (1, by(self.h)),
+            *((p.c, slope) for p, slope in zip(self.points, times, strict=True)),
+            *((-v / self.h, by(v)) for p in self.points for v in p.start.v),
+        ]
 
     def _node(self, i: int) -> tuple[int | None, int]:
         """Node and coordinate that ``x_k[i]`` is; no node for inputs, h and t_k."""

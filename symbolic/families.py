@@ -37,8 +37,10 @@ from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 from dmoc.symbolic.traversal import operations
 
-FORMAT = 12  # of the facts and the kernel list
-LARGE = 600  # operations of the second derivatives of a Lagrangian
+FORMAT = 13  # of the facts and the kernel list
+# Operations of the second derivatives of a Lagrangian at all points of a step, and elsewhere, from
+# which on it is a function of its own.
+LARGE_STEP, LARGE = 500, 600
 EQUATIONS = 6  # of what the kernels compute: solutions of other equations are refused
 
 
@@ -62,12 +64,18 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     graph = Graph()
     f, smooth = plain.to_nodes(graph), plain.smooth(system, u[nu:]).to_nodes(graph)
     terms = [terms_of(r) for r in plain.r]
-    e = step_element(_light(smooth, DISCRETISATIONS[order].degree), order, graph.symbol, float)
+    points = DISCRETISATIONS[order].degree
     kernels = [
-        *_step_kernels(smooth, e),
+        *_step_kernels(
+            smooth,
+            *(
+                step_element(_light(smooth, most / points), order, graph.symbol, float)
+                for most in (LARGE_STEP, LARGE)
+            ),
+        ),
         *path_limits(f, plain.as_nodes([t for own in terms for t in own], graph)),
         *_hidden_kernels(system, plain, f),
-        *_state_kernels(f, _light(f, 1)),
+        *_state_kernels(f, _light(f, LARGE)),
         *surface_kernels(f),
         *tangent_kernels(f),
         *joint_kernels(f),
@@ -83,12 +91,12 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     )
 
 
-def _light(f: Continuous, points: int) -> Continuous:
-    """The same system; where its Lagrangian is large, for kernels that take it at so many points,
-    it is a function of its own, which they call."""
+def _light(f: Continuous, most: float) -> Continuous:
+    """The same system; where the second derivatives of its Lagrangian are not below so many
+    operations, it is a function of its own, which kernels call."""
     symbols = (*f.q, *f.v, f.t) if f.t in f.L.free_symbols else (*f.q, *f.v)
     curvature = [slope.diff(s) for slope in reverse(f.L, symbols) for s in symbols]
-    if points * operations(curvature) < LARGE:
+    if operations(curvature) < most:
         return f
     return replace(f, L=Scalar("lagrangian", symbols, f.L, f.par)(symbols))
 
@@ -174,7 +182,7 @@ def _facts(
     }
 
 
-def _step_kernels(f: Continuous, e: StepElement) -> list[KernelSpec]:
+def _step_kernels(f: Continuous, e: StepElement, at_events: StepElement) -> list[KernelSpec]:
     inputs = (
         Input("q_k", e.q_k),
         Input("q_kp1", e.q_kp1),
@@ -184,18 +192,28 @@ def _step_kernels(f: Continuous, e: StepElement) -> list[KernelSpec]:
         Input("t_k", (e.t_k,)),
         Input("q_i", e.q_i),
     )
-    families: list[tuple[str, str, dict[str, Sequence[Any]]]] = [
-        ("step", "Momenta at both ends of a step, its cost, and the equations of the nodes inside.",
-         {"r_minus": e.r_minus, "r_plus": e.r_plus, "C_d": [e.C_d], "r_i": e.r_i}),
-        ("impact", "Discrete energies at the end (e_plus) and at the start (e_minus) of a step.",
-         {"e_plus": [e.e_plus], "e_minus": [e.e_minus]}),
-    ]  # fmt: skip
-    par = Input("par", f.par)
-    groups = [
-        family(name, text, inputs, values, par, e.chain, e.definitions)
-        for name, text, values in families
+    step = {"r_minus": e.r_minus, "r_plus": e.r_plus, "C_d": [e.C_d], "r_i": e.r_i}
+    energies = {"e_plus": [at_events.e_plus], "e_minus": [at_events.e_minus]}
+    par, ways = Input("par", f.par), (e.chain, e.spread, e.definitions)
+    return [
+        *family(
+            "step",
+            "Momenta at both ends of a step, its cost, and the equations of the nodes inside.",
+            inputs,
+            step,
+            par,
+            *ways,
+        ),
+        *family(
+            "impact",
+            "Discrete energies at the end (e_plus) and at the start (e_minus) of a step.",
+            inputs,
+            energies,
+            par,
+            *ways,
+        ),
+        *path_kernels(f, e, inputs),
     ]
-    return [kernel for kernels in groups for kernel in kernels] + path_kernels(f, e, inputs)
 
 
 def _state_kernels(f: Continuous, light: Continuous) -> list[KernelSpec]:
@@ -312,7 +330,14 @@ def _feasibility_kernels(f: Continuous) -> list[KernelSpec]:
     summary = "Shortest time to each surface at averaged full acceleration."
     par = Input("par", f.par)
     return family(
-        "min_time", summary, inputs, {"T_min": times}, par, chain, e.definitions, second=False
+        "min_time",
+        summary,
+        inputs,
+        {"T_min": times},
+        par,
+        chain,
+        definitions=e.definitions,
+        second=False,
     )
 
 

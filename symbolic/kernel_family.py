@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from dmoc.symbolic.arrangement import cheapest
 from dmoc.symbolic.continuous import Continuous, dot
 from dmoc.symbolic.graph import RESULT, Node, reverse
 from dmoc.symbolic.spec import Input, KernelSpec, Output
-from dmoc.symbolic.traversal import operations, reached
+from dmoc.symbolic.traversal import reached
 
 # The derivatives of an expression by all components, from its partial derivatives: a function that
 # takes those by the symbols that it is given.
@@ -30,9 +31,10 @@ def family(
     name: str,
     summary: str,
     inputs: tuple[Input, ...],
-    outputs: dict[str, Sequence[Any]],
+    outputs: Mapping[str, Sequence[Any]],
     par: Input,
     chain: Chain | None = None,
+    spread: Chain | None = None,
     definitions: tuple[tuple[Any, Any], ...] = (),
     second: bool = True,
 ) -> list[KernelSpec]:
@@ -42,15 +44,18 @@ def family(
     each output a; ``name_hess``, where second ones are wanted, the upper triangle of the second
     derivatives of sum_a w_a . a, with the weights w_a of every output as further inputs, in the
     order of the outputs.  ``chain`` makes derivatives with respect to the components of partial
-    ones, where they are not the same.
+    ones, where they are not the same; ``spread`` the same ones without sums in sums.
     """
     symbols = [s for i in inputs for s in i.symbols]
     size, chain = len(symbols), chain or (lambda partial: partial(symbols))
+    spread = spread or chain
 
     arguments, listed = (*inputs, par), ", ".join(i.name for i in inputs)
     values = tuple(Output.vector(a, v) for a, v in outputs.items())
+    results = [e for v in outputs.values() for e in v]
+    rows = iter(cheapest([[spread(_forward(e)) for e in results]]))
     slopes = tuple(
-        Output.matrix(f"{a}_D", [chain(_forward(e)) for e in v], size) for a, v in outputs.items()
+        Output.matrix(f"{a}_D", [next(rows) for _ in v], size) for a, v in outputs.items()
     )
     text = f"First derivatives of `{name}` with respect to ({listed})."
     specs = [
@@ -61,11 +66,8 @@ def family(
         weights = tuple(
             Input.vector(symbols[0].graph, f"w_{a}", len(v)) for a, v in outputs.items()
         )
-        total = dot(
-            [s for w in weights for s in w.symbols], [e for v in outputs.values() for e in v]
-        )
-        rows = _second(total, chain)
-        curvatures = (Output.matrix("hess", rows, size, upper=True),)
+        total = dot([s for w in weights for s in w.symbols], results)
+        curvatures = (Output.matrix("hess", _second(total, chain, spread), size, upper=True),)
         text = f"Second derivatives of the weighted sum of all results of `{name}`."
         specs.append(
             KernelSpec(f"{name}_hess", text, (*arguments, *weights), curvatures, definitions)
@@ -81,13 +83,13 @@ def _backward(expression: Node) -> Callable[[Sequence[Node]], list[Node]]:
     return lambda symbols: reverse(expression, symbols)
 
 
-def _second(total: Node, chain: Chain) -> list[list[Node]]:
-    """Second derivatives, by the way that takes fewer operations."""
-    whole = contracted(total)
-    if whole is not total:
-        return [chain(_forward(e)) for e in chain(_backward(whole))]
-    ways = ([chain(_forward(e)) for e in chain(way(whole))] for way in (_backward, _forward))
-    return min(ways, key=lambda rows: operations(e for i, r in enumerate(rows) for e in r[i:]))
+def _second(total: Node, chain: Chain, spread: Chain) -> list[list[Node]]:
+    """Upper triangle of the second derivatives."""
+    whole, zero = contracted(total), total.graph.zero
+    other = _forward if whole is total else _backward
+    ways = dict.fromkeys([(spread, _backward), (chain, other)])
+    squares = ([way(_forward(e)) for e in way(first(whole))] for way, first in ways)
+    return cheapest([[*[zero] * i, *row[i:]] for i, row in enumerate(rows)] for rows in squares)
 
 
 def contracted(total: Node) -> Node:

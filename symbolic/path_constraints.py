@@ -73,7 +73,7 @@ def path_limits(f: Continuous, terms: Sequence[Node]) -> list[KernelSpec]:
 def _of_step(
     name: str, text: str, output: str, e: StepElement, step: tuple[Input, ...], par: Input
 ) -> list[KernelSpec]:
-    return family(name, text, step, {output: e.r_d}, par, e.chain, e.definitions)
+    return family(name, text, step, {output: e.r_d}, par, e.chain, e.spread, e.definitions)
 
 
 def _at_node(f: Continuous, par: Input) -> list[KernelSpec]:
@@ -95,7 +95,7 @@ def _at_node(f: Continuous, par: Input) -> list[KernelSpec]:
         (v, (b - a) / (2 * h)) for v, a, b in zip(f.v, before.symbols, after.symbols, strict=True)
     )
     text = "Path constraints r_k >= 0 at a node inside a phase, from the three nodes around it."
-    return family("path_node", text, inputs, {"r_k": f.r}, par, chain, central)
+    return family("path_node", text, inputs, {"r_k": f.r}, par, chain, definitions=central)
 
 
 def terms_of(r: Any) -> tuple[Any, ...]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dmoc.symbolic.graph import Graph, Node, Scalar
+from dmoc.symbolic.pairs import with_shared_sums
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ class FunctionSpec:
     @property
     def kernel(self) -> KernelSpec:
         """The same as a kernel of its arguments z and its results d."""
-        values = [self.function.derivative(path) for path in self.paths]
+        values = with_shared_sums([self.function.derivative(path) for path in self.paths])
         inputs = (Input("z", self.function.symbols), self.constants)
         return KernelSpec(self.name, "", inputs, (Output.vector("d", values),))
 

@@ -121,7 +121,7 @@ static inline void step_hess_element(const double *restrict q_k, const double *r
     const double w2 = 0.125*(sin(q_0)*h[0]*w1);
     const double w3 = cos(q_0)*w1;
     const double w4 = 1.0/h[0];
-    const double w5 = (w4*w4)*(w0*(par[1]*(w_r_minus[0] - w_r_plus[0])));
+    const double w5 = (w4*(w_r_minus[0] - w_r_plus[0]))*(w0*(par[1]*w4));
     const double v_0 = -w4*(q_k[0] - q_kp1[0]);
     hess[0] = w2;
     hess[1] = w2;
@@ -1050,4 +1050,4 @@ static const dmoc_entry entries[] = {
     {"drawing", bouncing_pendulum_drawing, 3, 1, drawing_arrays},
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "4161ae2d76e2039abd2d4d5432452c8c7cb8344429f90e43750c097d6e8058ae", 34, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "4ad7889ee0c477ff0501272cc12e137bc097a1e0e69f8072eb3dfec7108399c1", 34, entries};

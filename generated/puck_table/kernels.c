@@ -202,33 +202,31 @@ static inline void impact_jac_element(const double *restrict q_k, const double *
     (void)q_i;
     const double w0 = 1.0/h[0];
     const double v_0 = -w0*(q_k[0] - q_kp1[0]);
-    const double w1 = v_0*par[0];
-    const double w2 = w1 + 0.5*(u_kp1[0]*h[0]);
-    const double w3 = w0*w2;
+    const double w1 = par[0]*w0;
+    const double w2 = v_0*w1;
+    const double w3 = 0.5*u_kp1[0] + w2;
     const double v_1 = -w0*(q_k[1] - q_kp1[1]);
-    const double w4 = v_1*par[0];
-    const double w5 = w4 + 0.5*(u_kp1[1]*h[0]);
-    const double w6 = w0*w5;
-    const double w7 = v_0*h[0];
-    const double w8 = v_1*h[0];
-    const double w9 = w1 - 0.5*(u_k[0]*h[0]);
-    const double w10 = w0*w9;
-    const double w11 = w4 - 0.5*(u_k[1]*h[0]);
-    const double w12 = w0*w11;
+    const double w4 = v_1*w1;
+    const double w5 = 0.5*u_kp1[1] + w4;
+    const double w6 = v_0*h[0];
+    const double w7 = v_1*h[0];
+    const double w8 = (v_0*v_0 + v_1*v_1)*w1;
+    const double w9 = 0.5*u_k[0] - w2;
+    const double w10 = 0.5*u_k[1] - w4;
     e_plus_D[0] = w3;
-    e_plus_D[1] = w6;
+    e_plus_D[1] = w5;
     e_plus_D[2] = -w3;
-    e_plus_D[3] = -w6;
-    e_plus_D[4] = -0.5*w7;
-    e_plus_D[5] = -0.5*w8;
-    e_plus_D[6] = w0*(v_0*w2 + v_1*w5) - 0.5*(v_0*u_kp1[0] + v_1*u_kp1[1]);
-    e_minus_D[0] = w10;
-    e_minus_D[1] = w12;
-    e_minus_D[2] = -w10;
-    e_minus_D[3] = -w12;
-    e_minus_D[4] = 0.5*w7;
-    e_minus_D[5] = 0.5*w8;
-    e_minus_D[6] = 0.5*(v_0*u_k[0] + v_1*u_k[1]) + w0*(v_0*w9 + v_1*w11);
+    e_plus_D[3] = -w5;
+    e_plus_D[4] = -0.5*w6;
+    e_plus_D[5] = -0.5*w7;
+    e_plus_D[6] = w8;
+    e_minus_D[0] = -w9;
+    e_minus_D[1] = -w10;
+    e_minus_D[2] = w9;
+    e_minus_D[3] = w10;
+    e_minus_D[4] = 0.5*w6;
+    e_minus_D[5] = 0.5*w7;
+    e_minus_D[6] = w8;
 }
 
 void puck_table_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -252,47 +250,40 @@ void puck_table_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_
  */
 static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_e_plus, const double *restrict w_e_minus, double *restrict hess)
 {
+    (void)u_k;
+    (void)u_kp1;
     (void)t_k;
     (void)q_i;
     const double w0 = 1.0/h[0];
-    const double w1 = par[0]*(w_e_plus[0] + w_e_minus[0]);
-    const double w2 = w0*w0*w1;
-    const double w3 = -w2;
-    const double w4 = -0.5*w_e_minus[0];
-    const double w5 = 0.5*w_e_plus[0];
-    const double w6 = u_k[0]*w_e_minus[0] - u_kp1[0]*w_e_plus[0];
+    const double w1 = (par[0]*w0)*(w0*(w_e_plus[0] + w_e_minus[0]));
+    const double w2 = -w1;
+    const double w3 = -0.5*w_e_minus[0];
+    const double w4 = 0.5*w_e_plus[0];
     const double v_0 = -w0*(q_k[0] - q_kp1[0]);
-    const double w7 = v_0*par[0];
-    const double w8 = (w7 + 0.5*(u_kp1[0]*h[0]))*w_e_plus[0] + (w7 - 0.5*(u_k[0]*h[0]))*w_e_minus[0];
-    const double w9 = 0.5*w6 + w0*(v_0*w1 + w8);
-    const double w10 = w0*w9;
-    const double w11 = u_k[1]*w_e_minus[0] - u_kp1[1]*w_e_plus[0];
+    const double w5 = v_0*w1;
     const double v_1 = -w0*(q_k[1] - q_kp1[1]);
-    const double w12 = v_1*par[0];
-    const double w13 = (w12 + 0.5*(u_kp1[1]*h[0]))*w_e_plus[0] + (w12 - 0.5*(u_k[1]*h[0]))*w_e_minus[0];
-    const double w14 = 0.5*w11 + w0*(v_1*w1 + w13);
-    const double w15 = w0*w14;
-    const double w16 = 0.5*w_e_minus[0];
-    const double w17 = -0.5*w_e_plus[0];
-    hess[0] = w3;
-    hess[1] = w2;
-    hess[2] = w4;
-    hess[3] = w5;
-    hess[4] = -w10;
-    hess[5] = w3;
-    hess[6] = w2;
-    hess[7] = w4;
-    hess[8] = w5;
-    hess[9] = -w15;
-    hess[10] = w3;
-    hess[11] = w16;
-    hess[12] = w17;
-    hess[13] = w10;
-    hess[14] = w3;
-    hess[15] = w16;
-    hess[16] = w17;
-    hess[17] = w15;
-    hess[18] = -w0*(v_1*(0.5*w11 + w0*w13 + w14) + v_0*(0.5*w6 + w0*w8 + w9));
+    const double w6 = v_1*w1;
+    const double w7 = 0.5*w_e_minus[0];
+    const double w8 = -0.5*w_e_plus[0];
+    hess[0] = w2;
+    hess[1] = w1;
+    hess[2] = w3;
+    hess[3] = w4;
+    hess[4] = -2.0*w5;
+    hess[5] = w2;
+    hess[6] = w1;
+    hess[7] = w3;
+    hess[8] = w4;
+    hess[9] = -2.0*w6;
+    hess[10] = w2;
+    hess[11] = w7;
+    hess[12] = w8;
+    hess[13] = 2.0*w5;
+    hess[14] = w2;
+    hess[15] = w7;
+    hess[16] = w8;
+    hess[17] = 2.0*w6;
+    hess[18] = -3.0*((v_0*v_0 + v_1*v_1)*w1);
 }
 
 void puck_table_impact_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -1204,4 +1195,4 @@ static const dmoc_entry entries[] = {
     {"drawing", puck_table_drawing, 3, 1, drawing_arrays},
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "67819c3efc1d44a4072b379d96556d1e0612c45cdd553d21529e5045df1e48ca", 34, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "b18dc4048b95bddbb5efe1c4f5f60d91b267cbeb995880f14f54fdf9dd6a05a2", 34, entries};

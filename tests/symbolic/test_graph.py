@@ -18,6 +18,7 @@ from systems import chain_system
 import dmoc
 from dmoc.base.errors import GenerationError
 from dmoc.codegen.build import numpy_kernels
+from dmoc.codegen.operation_counts import count_of
 from dmoc.codegen.schedule import schedule
 from dmoc.codegen.text import c_files, manifest, numpy_text
 from dmoc.inspection.kernel_check import checked
@@ -198,6 +199,19 @@ def test_work_of_a_chain_grows_as_its_matrices_do() -> None:
     few, many = counts
     assert many["step"] < 2.5 * few["step"]
     assert many["step_jac"] < 5 * few["step_jac"] and many["step_hess"] < 5 * few["step_hess"]
+
+
+@pytest.mark.parametrize("links", [6, 9])
+def test_a_steps_jacobian_takes_few_operations_beside_its_function(links: int) -> None:
+    (jacobian,) = (
+        k for k in families.model_spec(chain_system(links)).kernels if k.name == "step_jac"
+    )
+    # Two links have the entries a +- s and b +- d of both momenta, with a, b = h/4 L_qq +- L_vv/h
+    # and s, d = (L_qv +- L_vq)/2: products, sums and coefficients are at most 20 for each pair of
+    # links, and for the slopes by h two products with the velocities (4 for each two links), and
+    # for each link its q, v, the time and its input.
+    most = 20 * links * (links + 1) // 2 + 4 * links**2 + 24 * links
+    assert count_of(jacobian).operations < most
 
 
 def test_sums_of_thousands_of_terms_take_no_depth_and_no_pairs() -> None:
