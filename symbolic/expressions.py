@@ -49,17 +49,19 @@ def expression_in(value: Any, what: str) -> Any:
 
 def _number(value: Any) -> Any:
     """A real number as one of SymPy, exactly; nothing that the number says of itself is asked."""
+    if isinstance(value, sp.Expr):
+        return value
     if isinstance(value, numbers.Integral):
         return sp.Integer(int(value))
     if isinstance(value, numbers.Rational):
         return sp.Rational(int(value.numerator), int(value.denominator))
-    return sp.Float(float(value))
+    return sp.Float(float(value)) if value else sp.S.Zero
 
 
 def _fits_in_c(constant: Any) -> bool:
     if isinstance(constant, sp.Rational):
         return bool(max(abs(constant.p), constant.q) <= LARGEST)
-    return bool(constant == 0 or 1 / LARGEST <= abs(constant) <= LARGEST)
+    return bool(constant.is_zero or 1 / LARGEST <= abs(constant) <= LARGEST)
 
 
 def slack_of(relation: Any, what: str) -> Any:

@@ -24,9 +24,7 @@ from sympy.physics.mechanics import (
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
-from dmoc.base.names import name_of
-from dmoc.symbolic.expressions import expression_in
-from dmoc.symbolic.system_fields import MAPPINGS, mapping
+from dmoc.symbolic.system_fields import MAPPINGS, added_forces, mapping
 
 IMPORTED = ("name", "coordinates", "lagrangian", "parameters")  # not beside an imported model
 AS_THEY_ARE = ("inputs", "title", "units")  # fields without velocities
@@ -55,10 +53,8 @@ class Imported:
             key: value if key in AS_THEY_ARE else self._in_velocities(value)
             for key, value in others.items()
         }
-        forces, named = dict(self.forces), {name_of(q): q for q in self.coordinates}
-        for key, force in mapping(fields.get("forces", {}), "forces", MAPPINGS["forces"]).items():
-            q = named.get(key, key) if isinstance(key, str) else key
-            forces[q] = forces.get(q, sp.S.Zero) + expression_in(force, f"the force on {shown(q)}")
+        more = mapping(fields.get("forces", {}), "forces", MAPPINGS["forces"])
+        forces = added_forces(self.coordinates, self.forces, more)
         own = {"coordinates": self.coordinates, "lagrangian": self.lagrangian, "forces": forces}
         return fields | own
 

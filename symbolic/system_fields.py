@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
@@ -159,3 +159,14 @@ def _forces(system: MechanicalSystem) -> dict[Any, Any]:
             raise ModelError(f"the force on {name_of(q)} is given twice: add both.")
         forces[q] = expression_in(expression, f"the force on {name_of(q)}")
     return forces
+
+
+def added_forces(
+    coordinates: Sequence[Any], forces: Mapping[Any, Any], more: Mapping[Any, Any]
+) -> dict[Any, Any]:
+    """Forces by coordinate, and more of them by coordinate or name."""
+    total, named = dict(forces), {name_of(q): q for q in coordinates}
+    for key, force in more.items():
+        q = named.get(key, key) if isinstance(key, str) else key
+        total[q] = total.get(q, sp.S.Zero) + expression_in(force, f"the force on {shown(q)}")
+    return total

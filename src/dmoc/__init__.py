@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from dmoc.solving.sensitivity import sensitivities as sensitivities
     from dmoc.solving.solve import solve as solve
     from dmoc.solving.sweep import sweep as sweep
+    from dmoc.symbolic import planar as planar
+    from dmoc.symbolic import spatial as spatial
     from dmoc.symbolic.drawing import Box as Box
     from dmoc.symbolic.drawing import Contact as Contact
     from dmoc.symbolic.drawing import Disc as Disc
@@ -63,7 +65,8 @@ _PLACES = {
     "sweep": "dmoc.solving.sweep",
     "verify": "dmoc.check.check",
 }
-__all__ = [*_PLACES]
+_MODULES = {"planar": "dmoc.symbolic.planar", "spatial": "dmoc.symbolic.spatial"}
+__all__ = [*_PLACES, *_MODULES]
 
 
 def __getattr__(name: str) -> Any:
@@ -73,6 +76,8 @@ def __getattr__(name: str) -> Any:
         return version("dmoc")
     if name in _PLACES:
         return getattr(import_module(_PLACES[name]), name)
+    if name in _MODULES:
+        return import_module(_MODULES[name])
     raise AttributeError(f"module 'dmoc' has no attribute {name!r}")
 
 

@@ -72,6 +72,16 @@ def is_one_sentence(text: str) -> bool:
     return text.endswith(".") and "\n" not in text and ". " not in text and len(text) < 400
 
 
+def joining(module: Any, name: str) -> Callable[..., Any]:
+    """A method of a world of its own, which bodies are added to."""
+
+    def call(**arguments: Any) -> Any:
+        return getattr(module.World(), name)(**arguments)
+
+    call.__signature__ = inspect.signature(getattr(module.World(), name))  # type: ignore[attr-defined]
+    return call
+
+
 @pytest.fixture(scope="module")
 def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     """Every public function and method, and arguments that it takes."""
@@ -107,8 +117,18 @@ def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
     }  # fmt: skip
     # Made by functions alone; an error is given its text.
     results = {"Batch", "Simulation", "Solution", "DmocError"}
-    assert set(functions) | results == set(dmoc.__all__)
+    builders = {"planar", "spatial"}
+    assert set(functions) | results | builders == set(dmoc.__all__)
     made = {name: (getattr(dmoc, name), given) for name, given in functions.items()}
+    for module in (dmoc.planar, dmoc.spatial):
+        axis = {"axis": "z"} if module is dmoc.spatial else {}
+        made[f"{module.__name__}.World"] = module.World, {}
+        made[f"{module.__name__}.hinge"] = joining(module, "hinge"), {"angle": X} | axis
+        made[f"{module.__name__}.slide"] = joining(module, "slide"), {"distance": X} | axis
+        made[f"{module.__name__}.point"] = (
+            joining(module, "point"),
+            dict.fromkeys(("along",) if module is dmoc.planar else "abc", 1.0),
+        )
     made["simulate a solution"] = dmoc.simulate, {"kernels": solution, "steps": 3}
     needed = {
         "save": "a.npz", "load": "a.npz", "to_csv": "a.csv", "to_json": "a.json",

@@ -137,6 +137,12 @@ def test_a_bad_description_is_refused_in_one_sentence(
     assert evaluated == []
 
 
+@pytest.mark.parametrize("field", ["cost", "terminal_cost", "dissipation"])
+@pytest.mark.parametrize("zero", [0.0, sp.Float(0), np.float64(0)])
+def test_zero_may_be_a_float(field: str, zero: Any) -> None:
+    assert getattr(make(**{field: zero}), field) == 0
+
+
 @pytest.mark.parametrize("field", SCALARS)
 def test_text_is_no_expression(field: str) -> None:
     with pytest.raises(ModelError, match="write it with SymPy's symbols"):

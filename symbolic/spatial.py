@@ -1,0 +1,435 @@
+"""Linkages in space, built body by body: arms, legs, bodies that float.
+
+z points upwards.  A body has a frame with its origin at its joint.  Velocities and angular
+velocities are those of the body before it, turned into its own frame (Featherstone, "Rigid Body
+Dynamics Algorithms", 2008, chapter 5); places in the world are made where they are asked for.
+
+Examples
+--------
+A column that turns, with an arm that lifts:
+
+>>> from sympy.physics.mechanics import dynamicsymbols
+>>> import dmoc
+>>> a, b, u = dynamicsymbols("a b u")
+>>> world = dmoc.spatial.World(gravity=9.81)
+>>> column = world.hinge(a, "z", mass=5, inertia=(0.1, 0.1, 0.2))
+>>> arm = column.hinge(b, "y", tip=(0.6, 0, 0), mass=2, torque=u)
+>>> system = world.system("crane", inputs=[u], surfaces={"floor": arm.tip[2] >= -0.3}, cost=u**2)
+>>> system.forces, system.gaps
+({b(t): u(t)}, {'floor': -z_b(t) - 0.3})
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+from dmoc.base.arguments import shown
+from dmoc.base.errors import ModelError
+from dmoc.symbolic.expressions import expression_in
+from dmoc.symbolic.linkage import Linkage, coordinates, unit_vector, vector
+from dmoc.symbolic.system import MechanicalSystem
+
+Vector: TypeAlias = tuple[Any, Any, Any]
+
+AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
+ORIGIN: Vector = (sp.S.Zero,) * 3
+
+
+class Body:
+    """A body of a linkage; made by :meth:`hinge`, :meth:`slide` and :meth:`World.free`.
+
+    Its kinetic energy is m v.v/2 + w.I w/2 with the velocity v of its centre of mass and its
+    angular velocity w, its potential energy m g z.
+
+    Attributes
+    ----------
+    name : str
+        That of its coordinate, or the one given.
+    spin : triple of Expr
+        Its angular velocity in its own frame, in rad/s.
+
+    Examples
+    --------
+    >>> from sympy.physics.mechanics import dynamicsymbols
+    >>> import dmoc
+    >>> a, b = dynamicsymbols("a b")
+    >>> column = dmoc.spatial.World().hinge(a, "z", tip=(0, 0, 0.5), mass=2)
+    >>> arm = column.hinge(b, "y", tip=(0.4, 0, 0), mass=1)
+    >>> arm.spin[1], arm.tip
+    (Derivative(b(t), t), (x_b(t), y_b(t), z_b(t)))
+    """
+
+    def __init__(
+        self, linkage: Linkage, gravity: Any, name: str, before: _Before | None, tip: Vector
+    ) -> None:
+        self.name = name
+        self._linkage, self._gravity, self._before, self._end = linkage, gravity, before, tip
+        self._rows: dict[int, Vector] = {}
+        self._points: dict[tuple[Vector, int], Any] = {}
+        self._velocity = self.spin = ORIGIN
+        if before is not None:
+            body, rate = before.body, before.rate
+            moved = _sum(body._velocity, _cross(body.spin, before.at))
+            turned = before.turned(body.spin)
+            if before.slides:
+                moved = _sum(moved, _times(rate, before.axis))
+            else:
+                turned = _sum(turned, _times(rate, before.axis))
+            self.spin = self._named("w", turned)
+            self._velocity = self._named("v", before.turned(moved))
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}>"
+
+    @property
+    def origin(self) -> Vector:
+        """The place of its joint in the world."""
+        return self._place(ORIGIN, "_o")
+
+    @property
+    def tip(self) -> Vector:
+        """The place of its tip in the world."""
+        return self._place(self._end, "")
+
+    def point(self, a: Any, b: Any, c: Any) -> Vector:
+        """A point of the body: its place (x, y, z) in the world.
+
+        Parameters
+        ----------
+        a, b, c : Expr
+            The point in the frame of the body, in the unit of lengths.
+
+        Returns
+        -------
+        triple of Expr
+            Definitions of the system, for surfaces and, by ``.diff()``, velocities.
+
+        Raises
+        ------
+        ModelError
+            If they are no expressions.
+        """
+        return self._place(vector((a, b, c), 3, f"point of body {self.name}"), "_p")
+
+    def hinge(
+        self,
+        angle: Any,
+        axis: Any,
+        *,
+        zero: Any = 0,
+        torque: Any = 0,
+        at: Any = None,
+        tip: Any = ORIGIN,
+        mass: Any = 0,
+        centre: Any = None,
+        inertia: Any = None,
+        name: str | None = None,
+    ) -> Body:
+        """Hang a body from this one by a hinge.
+
+        Parameters
+        ----------
+        angle : dynamicsymbol
+            The coordinate in rad, by which the body is turned from this one.
+        axis : {"x", "y", "z"} or triple of float
+            Of the hinge, in the frames of both bodies.
+        zero : Expr
+            Angle of the body where the coordinate is 0.
+        torque : Expr
+            About the axis, from this body on the other; mostly an input.
+        name : str, optional
+            Of the body, behind the names of what is defined; that of the coordinate by default.
+        at : triple of Expr, optional
+            The joint in the frame of this body; its tip by default.
+        tip : triple of Expr, optional
+            Where the next joint is by default, in the frame of the body; its origin by default.
+        mass : Expr, optional
+        centre : triple of Expr, optional
+            The centre of mass in the frame of the body; half-way to the tip by default.
+        inertia : triple of Expr or matrix, optional
+            Moments of inertia about the centre of mass and the axes of the frame; those of a
+            slender rod to the tip by default.
+
+        Returns
+        -------
+        Body
+
+        Raises
+        ------
+        ModelError
+            If the coordinate is no function of time or belongs to a joint already, or something
+            is no expression of its size.
+        """
+        name = self._linkage.name_for(angle, name)
+        torque = expression_in(torque, f"the torque on body {name}")
+        turn = angle + expression_in(zero, f"the zero of body {name}")
+        joint = self._joint(name, at, axis, angle, turn)
+        load = _read_load(name, tip, mass, centre, inertia)
+        self._linkage.move(angle, "rad")
+        self._linkage.push(angle, torque)
+        return self._joined(name, joint, load)
+
+    def slide(
+        self,
+        distance: Any,
+        axis: Any,
+        *,
+        force: Any = 0,
+        at: Any = None,
+        tip: Any = ORIGIN,
+        mass: Any = 0,
+        centre: Any = None,
+        inertia: Any = None,
+        name: str | None = None,
+    ) -> Body:
+        """Put a body on a straight rail of this one.
+
+        Parameters
+        ----------
+        distance : dynamicsymbol
+            The coordinate in m: how far the body is along the rail.
+        axis : {"x", "y", "z"} or triple of float
+            Of the rail, in the frames of both bodies.
+        force : Expr
+            Along the rail, from this body on the other; mostly an input.
+        name, at, tip, mass, centre, inertia
+            As those of :meth:`hinge`; the rail begins at ``at``.
+
+        Returns
+        -------
+        Body
+
+        Raises
+        ------
+        ModelError
+            For the reasons of :meth:`hinge`.
+        """
+        name = self._linkage.name_for(distance, name)
+        force = expression_in(force, f"the force on body {name}")
+        joint = self._joint(name, at, axis, distance, None)
+        load = _read_load(name, tip, mass, centre, inertia)
+        self._linkage.move(distance, "m")
+        self._linkage.push(distance, force)
+        return self._joined(name, joint, load)
+
+    def _joint(self, name: str, at: Any, axis: Any, coordinate: Any, turn: Any) -> _Before:
+        known = isinstance(axis, str) and axis in AXES
+        direction = unit_vector(AXES[axis] if known else axis, 3, f"the axis of body {name}")
+        start = self._end if at is None else vector(at, 3, f"at of body {name}")
+        return _Before(self, start, direction, coordinate, turn)
+
+    def _joined(self, name: str, joint: _Before, load: _Load) -> Body:
+        """A body behind a joint, with its energies."""
+        body = Body(self._linkage, self._gravity, name, joint, load.tip)
+        velocity = _sum(body._velocity, _cross(body.spin, load.centre))
+        turning = _dot(body.spin, tuple(load.inertia * sp.Matrix(body.spin)))
+        energy = load.mass * _dot(velocity, velocity) / 2 + turning / 2
+        weight = load.mass * self._gravity
+        if weight != 0:
+            energy -= weight * body._coordinate(load.centre, 2, "_c")
+        self._linkage.lagrangian += energy
+        return body
+
+    def _row(self, k: int) -> Vector:
+        """A direction of the world in the frame of the body."""
+        if self._before is None:
+            return tuple(sp.Integer(i == k) for i in range(3))
+        if k not in self._rows:
+            turned = self._before.turned(self._before.body._row(k))
+            self._rows[k] = self._named(f"r{'xyz'[k]}", turned)
+        return self._rows[k]
+
+    def _coordinate(self, local: Vector, k: int, ending: str) -> Any:
+        """A coordinate in the world of a point of the frame."""
+        if self._before is None:
+            return local[k]
+        if (local, k) not in self._points:
+            origin = self._before.body._coordinate(self._before.at, k, "_p")
+            place = origin + _dot(self._row(k), local)
+            ending = "" if local == self._end else ending
+            name = f"{'xyz'[k]}_{self.name}{ending}"
+            self._points[local, k] = self._linkage.define(name, place)
+        return self._points[local, k]
+
+    def _place(self, local: Vector, ending: str) -> Vector:
+        x, y, z = (self._coordinate(local, k, ending) for k in range(3))
+        return x, y, z
+
+    def _named(self, letter: str, values: Sequence[Any]) -> Vector:
+        x, y, z = (
+            self._linkage.define(f"{letter}{i}_{self.name}", sp.sympify(e))
+            for i, e in enumerate(values, 1)
+        )
+        return x, y, z
+
+
+class World(Body):
+    """The world that linkages in space stand in, with gravity along -z.
+
+    Parameters
+    ----------
+    gravity : Expr
+        Its acceleration, such as 9.81 or a parameter.
+
+    Raises
+    ------
+    ModelError
+        If it is no expression.
+
+    Examples
+    --------
+    A spherical pendulum of a point mass:
+
+    >>> from sympy.physics.mechanics import dynamicsymbols
+    >>> import dmoc
+    >>> a, b = dynamicsymbols("a b")
+    >>> world = dmoc.spatial.World(gravity=9.81)
+    >>> rod = world.hinge(a, "z").hinge(
+    ...     b, "y", tip=(0, 0, -1), mass=1, centre=(0, 0, -1), inertia=(0, 0, 0)
+    ... )
+    >>> world.system("spherical", cost=1).mass_matrix
+    Matrix([
+    [sin(b(t))**2, 0],
+    [           0, 1]])
+    """
+
+    def __init__(self, gravity: Any = 0) -> None:
+        acceleration = expression_in(gravity, "the gravity of the world")
+        super().__init__(Linkage(), acceleration, "world", None, ORIGIN)
+
+    def free(self, place: Any, angles: Any, *, name: str | None = None, **body: Any) -> Body:
+        """Add a body that nothing holds.
+
+        Parameters
+        ----------
+        place : triple of dynamicsymbols
+            Coordinates of its origin in m.
+        angles : triple of dynamicsymbols
+            Coordinates in rad that turn it about its z axis, then its y axis, then its x axis: yaw,
+            pitch, roll.  Where the pitch is a quarter of a turn, the mass matrix is singular.
+        name : str, optional
+            That of the last angle by default.
+        **body
+            ``tip``, ``mass``, ``centre`` and ``inertia``, as of :meth:`Body.hinge`.
+
+        Returns
+        -------
+        Body
+
+        Raises
+        ------
+        ModelError
+            For the reasons of :meth:`Body.hinge`.
+        """
+        x, y, z = coordinates(place, 3, "place of a free body")
+        yaw, pitch, roll = coordinates(angles, 3, "angles of a free body")
+        carrier = self.slide(x, "x").slide(y, "y").slide(z, "z")
+        return carrier.hinge(yaw, "z").hinge(pitch, "y").hinge(roll, "x", name=name, **body)
+
+    def system(
+        self, name: str, parameters: Mapping[Any, float | None] | None = None, **fields: Any
+    ) -> MechanicalSystem:
+        """Return the system of all bodies.
+
+        Parameters
+        ----------
+        name : str
+        parameters : mapping of Symbol to float or None, optional
+        **fields
+            Those of :class:`dmoc.MechanicalSystem`, as of :meth:`dmoc.planar.World.system`.
+
+        Returns
+        -------
+        MechanicalSystem
+
+        Raises
+        ------
+        ModelError
+            For any of the reasons of MechanicalSystem.
+        """
+        return self._linkage.system(name, parameters, fields)
+
+
+@dataclass(frozen=True)
+class _Before:
+    """The joint of a body and the body before it; one that slides does not turn."""
+
+    body: Body
+    start: Vector
+    axis: Vector
+    coordinate: Any
+    turn: Any
+
+    @property
+    def slides(self) -> bool:
+        return self.turn is None
+
+    @property
+    def rate(self) -> Any:
+        return self.coordinate.diff(dynamicsymbols._t)
+
+    @property
+    def at(self) -> Vector:
+        """The joint in the frame of the body before it."""
+        moved = _times(self.coordinate, self.axis)
+        return _sum(self.start, moved) if self.slides else self.start
+
+    def turned(self, v: Vector) -> Vector:
+        """A vector of the frame before the joint in that behind it."""
+        if self.slides:
+            return v
+        along = _times(_dot(self.axis, v), self.axis)
+        across = _sum(v, _times(-1, along))
+        turned = _times(-sp.sin(self.turn), _cross(self.axis, v))
+        return _sum(along, _times(sp.cos(self.turn), across), turned)
+
+
+def _sum(*vectors: Vector) -> Vector:
+    x, y, z = (sum(entries) for entries in zip(*vectors, strict=True))
+    return x, y, z
+
+
+def _times(factor: Any, v: Vector) -> Vector:
+    return factor * v[0], factor * v[1], factor * v[2]
+
+
+def _dot(a: Vector, b: Vector) -> Any:
+    return sum(x * y for x, y in zip(a, b, strict=True))
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@dataclass(frozen=True)
+class _Load:
+    """What a body consists of, in its frame."""
+
+    tip: Vector
+    mass: Any
+    centre: Vector
+    inertia: sp.Matrix
+
+
+def _read_load(name: str, tip: Any, mass: Any, centre: Any, inertia: Any) -> _Load:
+    what = f"of body {name}"
+    end = vector(tip, 3, f"the tip {what}")
+    mass = expression_in(mass, f"the mass {what}")
+    middle = tuple(e / 2 for e in end) if centre is None else centre
+    rod = mass * (_dot(end, end) * sp.eye(3) - sp.Matrix(end) * sp.Matrix(end).T) / 12
+    moments = rod if inertia is None else _matrix(inertia, f"the inertia {what}")
+    return _Load(end, mass, vector(middle, 3, f"the centre {what}"), moments)
+
+
+def _matrix(inertia: Any, what: str) -> sp.Matrix:
+    """Moments of inertia, as three of them or as a symmetric matrix."""
+    if isinstance(inertia, sp.MatrixBase) and inertia.shape == (3, 3):
+        if inertia != inertia.T:
+            raise ModelError(f"{what} = {shown(inertia)}: expected a symmetric matrix.")
+        return inertia.applyfunc(lambda e: expression_in(e, what))
+    return sp.diag(*vector(inertia, 3, what))
