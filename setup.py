@@ -33,7 +33,8 @@ INNER = (
     "solving.multistart",
 )
 KERNEL = "codegen/dmoc_kernel.h"
-PARTS = [f"simulation/{name}.pxi" for name in ("rows", "dynamics", "dop853")]
+PARTS = [f"simulation/{name}.pxi" for name in ("rows", "conditions", "dynamics", "dop853")]
+LEGS = [f"simulation/{name}.pxi" for name in ("leg", "leg_surfaces")]
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off"]
 # A derivative without entries leaves its function unused, of which clang warns.
 GENERATED_FLAGS = [*FLAGS, "-Wno-unused-function"]
@@ -70,7 +71,7 @@ extensions += [
     Extension(
         "dmoc.simulation.stepper",
         ["simulation/stepper.pyx"],
-        depends=["simulation/elimination.pxd", "simulation/leg.pxi", "codegen/call.pxi", KERNEL],
+        depends=["simulation/elimination.pxd", *LEGS, "codegen/call.pxi", KERNEL],
         include_dirs=["codegen"],
         extra_compile_args=FLAGS,
     ),
@@ -91,7 +92,7 @@ extensions += [
     Extension(
         "dmoc.guess.tracker",
         ["guess/tracker.pyx", "guess/least_squares.c"],
-        depends=["guess/least_squares.h", "codegen/call.pxi", KERNEL],
+        depends=["guess/least_squares.h", "guess/equations.pxi", "codegen/call.pxi", KERNEL],
         include_dirs=["codegen", "guess"],
         extra_compile_args=FLAGS,
     ),

@@ -1,123 +1,27 @@
 """Slopes of rows of states in a mode, from the kernels of a model."""
 
-# Determinant, measured by the sizes of its rows and columns, of conditions that are far from saying
-# the same twice, and singular values, as shares of the largest, of those that do.
-cdef double REGULAR = 1e-6, REDUNDANT = 1e-11
-cdef enum:
-    SIDE_BY_SIDE = 16     # rows: what fits into a processor's cache
-    SIDE_BY_SIDE_NUMPY = 256
-
-
-cdef class Dynamics:
-    """The equations of motion of one model, for one thread."""
-    cdef object kernels
-    cdef bint ready  # for joints, and modes with contacts or friction
-    cdef ptrdiff_t nq, nu, nc, nt, nj, capacity
-    cdef Rows dynamics, force, residual_jac, surface, tangent, gap_rate, slide_rate
-    cdef Rows gap_rate_jac, slide_rate_jac, joint, joint_rate, joint_rate_jac
-    cdef double[::1] par, at, rates, u, t, mass, f, Q, power, R_D, G
-    cdef ptrdiff_t[::1] pivot, pivots, R_row, R_column
-    # Conditions of the mode, those of closed contacts, of what sticks and of joints: their number,
-    # their gradients C and the directions B of their pushes at one state, what sliding tangents
-    # push by, and the places of surfaces and tangents; joints are the last.
-    cdef ptrdiff_t m, closed, sticking, sliding
-    cdef ptrdiff_t[::1] closed_at, sticks_at, slides_at, presses, support, exchange
-    cdef ptrdiff_t[::1] gamma_row, gamma_column, sigma_row, sigma_column, phi_row, phi_column
-    cdef double[::1] mu, push, gamma_D, sigma_D, phi_D, g, tau, phi, C, B, along, bent, lam, change
-    cdef double[::1] responses, A, scaled, V, unit, wanted, spare
+cdef class Dynamics(Conditions):
+    """The equations of motion of one model in a mode."""
+    cdef Rows dynamics, force, residual_jac
+    cdef double[::1] at, rates, u, mass, f, Q, power, R_D, G
+    cdef ptrdiff_t[::1] pivots, R_row, R_column
     # Places (n, nt) that what sticks keeps, and which of them are those of the rows.
     cdef const double[:, ::1] held
     cdef ptrdiff_t[::1] holds
 
     def __init__(self, kernels, par):
-        cdef ptrdiff_t nq = len(kernels.coordinates), rows
-        self.nq, self.nu, self.nc = nq, len(kernels.inputs), len(kernels.surfaces)
-        self.par = np.append(par[0], 0.0)
-        compiled = kernels.backend == "compiled"
-        self.capacity = rows = SIDE_BY_SIDE if compiled else SIDE_BY_SIDE_NUMPY
+        super().__init__(kernels, par)
+        cdef ptrdiff_t nq = self.nq, rows = self.capacity
         self.dynamics, self.force = Rows(kernels, "dynamics"), Rows(kernels, "force")
         self.residual_jac = Rows(kernels, "residual_jac")
         self.R_row, self.R_column = map(np.array, kernels.pattern("residual_jac", "R_D"))
         self.at, self.rates = _space(rows * 2 * nq), _space(rows * 2 * nq)
-        self.u, self.t, self.power = _space(rows * self.nu), _space(rows), _space(rows)
+        self.u, self.power = _space(rows * self.nu), _space(rows)
         self.mass, self.f, self.Q = _space(rows * nq * nq), _space(rows * nq), _space(rows * nq)
-        self.R_D = _space(rows * self.R_row.shape[0])
-        self.G = _space(2 * nq * nq)
-        self.pivot, self.holds = np.zeros(nq, dtype=np.intp), np.zeros(rows, dtype=np.intp)
+        self.R_D, self.G = _space(rows * self.R_row.shape[0]), _space(2 * nq * nq)
         self.pivots = np.zeros(rows * nq, dtype=np.intp)  # of all rows
-        self.kernels, self.nt, self.nj = kernels, len(kernels.tangents), len(kernels.joints)
-        if self.nc:
-            self.surface = Rows(kernels, "surface")
-
-    def _contacts(self):
-        """Make what joints, and modes with contacts or friction, need."""
-        cdef ptrdiff_t nq = self.nq, rows = self.capacity, most = self.nc + self.nt + self.nj
-        kernels, self.ready = self.kernels, True
-        contacts = Contacts(tuple(kernels.surfaces), tuple(kernels.tangents))
-        self.support = np.array([*contacts.supports, RAIL], dtype=np.intp)
-        none = np.zeros(0, dtype=np.intp)
-        self.gamma_row = self.gamma_column = self.sigma_row = self.sigma_column = none
-        self.phi_row = self.phi_column = none
-        if self.nc:
-            self.gap_rate, self.gap_rate_jac = (
-                Rows(kernels, name) for name in ("gap_rate", "gap_rate_jac")
-            )
-            places = kernels.pattern("gap_rate_jac", "gamma_D")
-            self.gamma_row, self.gamma_column = map(np.array, places)
-        if self.nt:
-            self.tangent, self.slide_rate = Rows(kernels, "tangent"), Rows(kernels, "slide_rate")
-            self.slide_rate_jac = Rows(kernels, "slide_rate_jac")
-            places = kernels.pattern("slide_rate_jac", "sigma_D")
-            self.sigma_row, self.sigma_column = map(np.array, places)
-            par = np.asarray(self.par)[None, : self.par.shape[0] - 1]
-            self.mu = np.array(kernels.call("friction", np.array(par))[0][0])
-        if self.nj:
-            self.joint, self.joint_rate, self.joint_rate_jac = (
-                Rows(kernels, name) for name in ("joint", "joint_rate", "joint_rate_jac")
-            )
-            places = kernels.pattern("joint_rate_jac", "phi_dot_D")
-            self.phi_row, self.phi_column = map(np.array, places)
-        self.gamma_D = _space(rows * self.gamma_row.shape[0])
-        self.sigma_D = _space(rows * self.sigma_row.shape[0])
-        self.phi_D, self.phi = _space(rows * self.phi_row.shape[0]), _space(rows * self.nj)
-        self.g, self.tau = _space(rows * self.nc), _space(rows * self.nt)
-        self.lam = _space(rows * most)
-        self.C, self.B, self.along = _space(most * nq), _space(most * nq), _space(self.nt * nq)
-        self.responses = _space(2 * most * nq)
-        self.A, self.scaled, self.V = (_space(most * most) for _ in range(3))
-        self.bent, self.wanted, self.unit, self.spare = (_space(most) for _ in range(4))
-        self.change, self.push = _space(nq), _space(self.nt)
-        self.closed_at, self.sticks_at, self.slides_at, self.presses, self.exchange = (
-            np.zeros(n + 1, dtype=np.intp) for n in (self.nc, self.nt, self.nt, self.nt, most)
-        )
+        self.holds = np.zeros(rows, dtype=np.intp)
         self.held = np.zeros((1, max(self.nt, 1)))
-
-    def _enter(self, mode):
-        """Go by the conditions of a mode, without one by those of free flight, and of joints."""
-        cdef ptrdiff_t i, k
-        self.m = self.closed = self.sticking = self.sliding = 0
-        if mode is None and not self.nj:
-            return
-        if not self.ready:
-            self._contacts()
-        mode = FREE if mode is None else mode
-        closed, sticking, sliding = mode.closed, mode.sticking, mode.sliding
-        if not all(0 <= j < self.nc for j in closed) or not all(
-            0 <= k < self.nt for k in (*sticking, *(k for k, _ in sliding))
-        ):
-            raise ValueError(f"expected some of {self.nc} surfaces and of {self.nt} tangents")
-        self.closed, self.sticking, self.sliding = len(closed), len(sticking), len(sliding)
-        self.m = self.closed + self.sticking + self.nj
-        self.closed_at[:], self.sticks_at[:], self.slides_at[:] = -1, -1, -1
-        for i, j in enumerate(closed):
-            self.closed_at[<ptrdiff_t>j] = i
-        for i, k in enumerate(sticking):
-            self.sticks_at[k] = self.closed + i
-        for i, (k, s) in enumerate(sliding):
-            self.slides_at[k], self.push[i] = i, -s * self.mu[k]
-            self.presses[i] = self.closed_at[self.support[k]] if self.support[k] >= 0 else -1
-            if self.presses[i] < 0 <= self.support[k]:
-                raise ValueError("expected closed surfaces under what slides")
 
     # One slope ------------------------------------------------------------------------------------
 
@@ -195,135 +99,6 @@ cdef class Dynamics:
             for k in range(m):
                 for c in range(m):
                     X_dot[(nq + r) * m + c] += G[r * m + k] * X[k * m + c]
-
-    # Contacts -------------------------------------------------------------------------------------
-
-    cdef int gradients(self, ptrdiff_t n, ptrdiff_t width, const double *y) except -1 nogil:
-        """Evaluate what the conditions of n rows are made of."""
-        cdef const double *args[DMOC_MOST]
-        cdef ptrdiff_t stride[DMOC_MOST]
-        cdef double *results[DMOC_MOST]
-        args[0], args[1], args[2], args[3] = y, y + self.nq, &self.t[0], &self.par[0]
-        stride[0], stride[1], stride[2], stride[3] = width, width, 1, 0
-        if self.closed:
-            results[0] = &self.gamma_D[0]
-            self.gap_rate_jac.run(n, args, stride, results)
-        if self.sticking or self.sliding:
-            results[0] = &self.sigma_D[0]
-            self.slide_rate_jac.run(n, args, stride, results)
-        if self.nj:
-            results[0] = &self.phi_D[0]
-            self.joint_rate_jac.run(n, args, stride, results)
-        return 0
-
-    cdef void conditions(self, ptrdiff_t i, const double *v, double *F) noexcept nogil:
-        """Gradients C of the conditions of row i, their second derivatives without acceleration,
-        and the directions B of their pushes; the friction of rails is added to F."""
-        cdef ptrdiff_t nq = self.nq, e, p, c
-        for e in range(self.m * nq):
-            self.C[e] = 0.0
-        for p in range(self.m):
-            self.bent[p] = 0.0
-        for e in range(self.sliding * nq):
-            self.along[e] = 0.0
-        for e in range(self.gamma_row.shape[0] if self.closed else 0):
-            p = self.closed_at[self.gamma_row[e]]
-            if p >= 0:
-                self.enter(p, self.gamma_column[e], self.gamma_D[i * self.gamma_row.shape[0] + e], v)
-        for e in range(self.sigma_row.shape[0] if self.sticking or self.sliding else 0):
-            c = self.sigma_column[e]
-            p = self.sticks_at[self.sigma_row[e]]
-            if p >= 0:
-                self.enter(p, c, self.sigma_D[i * self.sigma_row.shape[0] + e], v)
-            p = self.slides_at[self.sigma_row[e]]
-            if p >= 0 and nq <= c < 2 * nq:
-                self.along[p * nq + c - nq] = self.sigma_D[i * self.sigma_row.shape[0] + e]
-        for e in range(self.phi_row.shape[0]):
-            p = self.closed + self.sticking + self.phi_row[e]
-            self.enter(p, self.phi_column[e], self.phi_D[i * self.phi_row.shape[0] + e], v)
-        for e in range(self.m * nq):
-            self.B[e] = -self.C[e] if e < self.closed * nq else self.C[e]
-        for p in range(self.sliding):
-            for c in range(nq):
-                if self.presses[p] >= 0:
-                    self.B[self.presses[p] * nq + c] += self.push[p] * self.along[p * nq + c]
-                elif F != NULL:
-                    F[c] += self.push[p] * self.along[p * nq + c]
-
-    cdef void enter(self, ptrdiff_t p, ptrdiff_t c, double x, const double *v) noexcept nogil:
-        """A derivative of the rate of condition p by entry c of (q, v, t)."""
-        if c < self.nq:
-            self.bent[p] += x * v[c]
-        elif c < 2 * self.nq:
-            self.C[p * self.nq + c - self.nq] = x
-        else:
-            self.bent[p] += x
-
-    cdef void react(self, ptrdiff_t i, const double *LU, double *a) noexcept nogil:
-        """Add to a = M^-1 F of row i what its multipliers make of it."""
-        cdef ptrdiff_t p, c
-        for p in range(self.m):
-            self.wanted[p] = -self.bent[p]
-            for c in range(self.nq):
-                self.wanted[p] -= self.C[p * self.nq + c] * a[c]
-        self.answer(LU, &self.B[0], &self.lam[i * self.m])
-        for c in range(self.nq):
-            a[c] += self.change[c]
-
-    cdef void answer(self, const double *LU, const double *B, double *lam) noexcept nogil:
-        """The change M^-1 B^T lam of an acceleration, a velocity or a position that changes the
-        conditions by what is wanted, and its multipliers: the smallest where several would do."""
-        cdef ptrdiff_t nq = self.nq, m = self.m, columns = m if m == 1 else 2 * m, p, k, c
-        cdef double determinant = 1.0
-        for c in range(nq):
-            for p in range(m):
-                self.responses[c * columns + p] = B[p * nq + c]
-                if m > 1:
-                    self.responses[c * columns + m + p] = self.C[p * nq + c]
-        solve(LU, &self.pivot[0], &self.responses[0], nq, nq, columns)
-        for p in range(m):
-            self.unit[p] = 0.0
-            for c in range(nq):
-                self.unit[p] += self.C[p * nq + c] * self.responses[c * columns + columns - m + p]
-            self.unit[p] = sqrt(fabs(self.unit[p])) if self.unit[p] > 0 and m > 1 else 1.0
-        for p in range(m):
-            lam[p] = self.wanted[p] / self.unit[p]
-            for k in range(m):
-                self.A[p * m + k] = 0.0
-                for c in range(nq):
-                    self.A[p * m + k] += self.C[p * nq + c] * self.responses[c * columns + k]
-                self.A[p * m + k] /= self.unit[p] * self.unit[k]
-                self.scaled[p * m + k] = self.A[p * m + k]
-        if m == 1:
-            lam[0] /= self.A[0]
-        else:
-            if factor(&self.A[0], &self.exchange[0], m, m):
-                for p in range(m):
-                    determinant *= self.A[p * m + p]
-            else:
-                determinant = 0.0
-            if fabs(determinant) > REGULAR:
-                solve(&self.A[0], &self.exchange[0], lam, m, m, 1)
-            else:
-                shortest(&self.scaled[0], &self.V[0], lam, &self.A[0], m, REDUNDANT)
-        for p in range(m):
-            lam[p] /= self.unit[p]
-        for c in range(nq):
-            self.change[c] = 0.0
-            for p in range(m):
-                self.change[c] += self.responses[c * columns + p] * lam[p]
-
-    cdef double contact_power(self, ptrdiff_t i, const double *v) noexcept nogil:
-        """Power of contact and friction forces of row i, whose conditions were the last."""
-        cdef ptrdiff_t p, c
-        cdef double power = 0.0
-        for c in range(self.nq):
-            for p in range(self.m):
-                power += self.lam[i * self.m + p] * self.B[p * self.nq + c] * v[c]
-            for p in range(self.sliding):
-                if self.presses[p] < 0:
-                    power += self.push[p] * self.along[p * self.nq + c] * v[c]
-        return power
 
     cdef int settle_rows(
         self, ptrdiff_t n, ptrdiff_t width, double *y, ptrdiff_t turns
@@ -452,21 +227,6 @@ cdef class Dynamics:
         return Reaction(
             accelerations, normals[:, : self.nc], tangentials[:, : self.nt], joints[:, : self.nj]
         )
-
-    cdef void spread(self, ptrdiff_t i, double *normal, double *tangential) noexcept nogil:
-        """The multipliers of row i as forces of surfaces and tangents."""
-        cdef ptrdiff_t j, p
-        cdef const double *lam = &self.lam[i * self.m]
-        for j in range(self.nc):
-            p = self.closed_at[j]
-            normal[j] = lam[p] if p >= 0 else 0.0
-        for j in range(self.nt):
-            tangential[j] = 0.0
-            if self.sticks_at[j] >= 0:
-                tangential[j] = lam[self.sticks_at[j]]
-            elif self.slides_at[j] >= 0:
-                p = self.presses[self.slides_at[j]]
-                tangential[j] = self.push[self.slides_at[j]] * (lam[p] if p >= 0 else 1.0)
 
     def _rows(self, n, width, times):
         """Refuse rows that do not fit together."""

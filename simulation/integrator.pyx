@@ -37,6 +37,7 @@ cdef double ASTRAY = 1e-6
 
 
 include "rows.pxi"
+include "conditions.pxi"
 include "dynamics.pxi"
 include "dop853.pxi"
 

@@ -31,9 +31,10 @@ from dmoc.simulation.simultaneous_impacts import NOISE, Lasting, simultaneous
 
 include "call.pxi"
 include "leg.pxi"
+include "leg_surfaces.pxi"
 
 
-cdef class Stepper(Leg):
+cdef class Stepper(LegAmongSurfaces):
     """Steps one model with given parameters.
 
     Parameters
