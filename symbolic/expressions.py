@@ -50,7 +50,7 @@ def expression_in(value: Any, what: str) -> Any:
 def _number(value: Any) -> Any:
     """A real number as one of SymPy, exactly; nothing that the number says of itself is asked."""
     if isinstance(value, sp.Expr):
-        return value
+        return sp.S.Zero if value.is_zero else value
     if isinstance(value, numbers.Integral):
         return sp.Integer(int(value))
     if isinstance(value, numbers.Rational):

@@ -249,7 +249,7 @@ def test_points_have_names_of_their_own() -> None:
     assert link.tip == link.point(4) == tuple(dynamicsymbols("x_a y_a"))
     assert link.point(0) == (0, 0) and link.point(2) == tuple(dynamicsymbols("x_a_c y_a_c"))
     assert link.point(0, 1) != link.point(0, -1)
-    other = world.hinge(b, length=1, name="a")  # two bodies of one name
+    other = world.hinge(b, length=3, name="a")  # two bodies of one name
     assert len({*link.tip, *other.tip}) == 4
     system = world.system("named", lagrangian=b.diff() ** 2, surfaces={"s": other.tip[0] <= 1})
     assert system.gaps["s"] == dynamicsymbols("x_a_2") - 1
