@@ -43,6 +43,7 @@ ORDER = (
     "puck",
     "pushed_block",
     "stance_hopper",
+    "jumper",
     "hopper",
     "finger_puck",
     "push_or_flick",

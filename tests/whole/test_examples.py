@@ -15,7 +15,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 NAMES = (
     "seed", "block_and_wall", "two_bounces", "two_discs", "cart_pole", "hanging", "cart_links",
     "hopper", "puck", "pushed_block", "compass_gait", "stance_hopper", "finger_puck", "walker",
-    "push_or_flick",
+    "push_or_flick", "jumper",
 )  # fmt: skip
 
 
