@@ -6,64 +6,58 @@ import errno
 import io
 import sys
 import warnings
+from collections.abc import Sequence
+from functools import cache
+from importlib import import_module
 from typing import Annotated
 
 import typer
 
 from dmoc.base.errors import DmocError
 from dmoc.base.files import REMEDY
-from dmoc.cli.animate import animate
 from dmoc.cli.console import err, out
-from dmoc.cli.doctor import doctor, versions
-from dmoc.cli.explain import explain
-from dmoc.cli.export import export, report
 from dmoc.cli.groups import spread
-from dmoc.cli.model import build, derive, generate, models
-from dmoc.cli.new import new
-from dmoc.cli.result import plot, verify
-from dmoc.cli.search import search
 from dmoc.cli.shared_options import BAD_INPUT
-from dmoc.cli.simulate import simulate
-from dmoc.cli.solve import solve
-from dmoc.cli.sweep import sweep
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-COMMANDS = (
-    new,
-    models,
-    derive,
-    generate,
-    build,
-    solve,
-    search,
-    sweep,
-    simulate,
-    verify,
-    plot,
-    animate,
-    export,
-    report,
-    doctor,
-    explain,
-)
+# The commands and their modules, of which a call loads one, and help all.
+COMMANDS = {
+    "new": "new", "models": "model", "derive": "model", "generate": "model", "build": "model",
+    "solve": "solve", "search": "search", "sweep": "sweep", "simulate": "simulate",
+    "verify": "result", "plot": "result", "animate": "animate", "export": "export",
+    "report": "export", "doctor": "doctor", "explain": "explain",
+}  # fmt: skip
 
-app = typer.Typer(
-    help="Discrete mechanics and optimal control for mechanical systems with collisions.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-for command in COMMANDS:
-    app.command()(spread(command))
+
+def command_line(words: Sequence[str] = ()) -> typer.Typer:
+    """The command that words begin with, or all commands."""
+    first = next((word for word in words if not word.startswith("-")), "")
+    return _app(tuple([first] if first in COMMANDS else COMMANDS))
+
+
+@cache
+def _app(commands: tuple[str, ...]) -> typer.Typer:
+    app = typer.Typer(
+        help="Discrete mechanics and optimal control for mechanical systems with collisions.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        callback=_options,
+    )
+    for name in commands:
+        module = import_module(f"dmoc.cli.{COMMANDS[name]}")
+        app.command()(spread(getattr(module, name)))
+    return app
 
 
 def _version(asked: bool) -> None:
     if asked:
+        from dmoc.cli.doctor import versions
+
         out.print(versions())
         raise typer.Exit()
 
 
-@app.callback()
 def _options(
     debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")] = False,
     version: Annotated[
@@ -86,7 +80,7 @@ def main() -> None:
             f"warning: {message}", soft_wrap=True
         )
     try:
-        app(prog_name="dmoc")
+        command_line(sys.argv[1:])(prog_name="dmoc")
     except (DmocError, OSError) as error:
         if debug or (isinstance(error, OSError) and error.errno not in NO_ROOM):
             raise

@@ -9,7 +9,7 @@ import typer
 from commands import Run
 
 from dmoc.base.errors import DmocError
-from dmoc.cli.app import app
+from dmoc.cli.app import command_line
 from dmoc.program.layout import Layout
 
 VALUES = ("", "nonsense", "-1", "nan", "1e999", "=", "l=", "l=1,l=2", "::", "ü;,", "9" * 20)
@@ -21,7 +21,7 @@ LEFT_OUT = {"derive", "generate", "build", "new"}
 
 def options() -> list[tuple[str, str]]:
     """Commands and their options that take a value."""
-    commands: dict[str, Any] = vars(typer.main.get_command(app))["commands"]
+    commands: dict[str, Any] = vars(typer.main.get_command(command_line()))["commands"]
     return [
         (name, parameter.opts[-1])
         for name, command in commands.items()

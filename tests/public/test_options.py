@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import dmoc
 from dmoc.base.errors import ProblemError
 from dmoc.base.options import option, options_of, read
-from dmoc.cli.app import app
+from dmoc.cli.app import command_line
 from dmoc.cli.groups import passed_on, spread
 from dmoc.sequences.keywords import SearchKeywords
 from dmoc.solving.keywords import BatchKeywords, Keywords
@@ -56,7 +56,7 @@ def test_a_batch_takes_what_a_solve_does() -> None:
 
 @pytest.mark.parametrize("name", ["solve", "search", "sweep"])
 def test_an_option_of_a_command_has_the_default_of_its_function(name: str) -> None:
-    commands: dict[str, Any] = vars(typer.main.get_command(app))["commands"]
+    commands: dict[str, Any] = vars(typer.main.get_command(command_line()))["commands"]
     defaults = defaults_of(getattr(dmoc, name))
     shared = [p for p in commands[name].params if p.name in defaults.keys() - {"start", "goal"}]
     assert len(shared) >= 4
@@ -68,7 +68,7 @@ def test_an_option_of_a_command_has_the_default_of_its_function(name: str) -> No
     [("solve", Keywords), ("search", SearchKeywords), ("sweep", BatchKeywords)],
 )
 def test_a_command_has_the_keywords_with_a_help(name: str, keywords: Any) -> None:
-    commands: dict[str, Any] = vars(typer.main.get_command(app))["commands"]
+    commands: dict[str, Any] = vars(typer.main.get_command(command_line()))["commands"]
     helps = {p.name: p.help for p in commands[name].params}
     shown = {name: one.help for name, one in options_of(keywords).items() if one.help}
     assert len(shown) >= 3 and shown.items() <= helps.items()

@@ -30,6 +30,11 @@ COMPLETED = {
             "numpy scipy sympy sqlite3 matplotlib multiprocessing",
             "Usage: dmoc",
         ),
+        (
+            COMMAND.format(", 'solve', '--help'"),
+            "numpy dmoc.cli.search dmoc.cli.sweep dmoc.cli.animate dmoc.cli.doctor",
+            "Usage: dmoc solve",
+        ),
         (COMMAND.format(""), "numpy scipy sympy", "m_p="),
         ("import dmoc.solving.methods", "numpy scipy sympy", ""),
         ("import dmoc.check.check", "scipy sympy", ""),
@@ -41,7 +46,16 @@ COMPLETED = {
         ),
         (SOLVE.format(10, ""), "sympy", ""),
     ],
-    ids=["help", "completion", "methods", "check", "many", "solve", "solve by default"],
+    ids=[
+        "help",
+        "help of a command",
+        "completion",
+        "methods",
+        "check",
+        "many",
+        "solve",
+        "solve by default",
+    ],
 )
 def test_it_loads_none_of_these(
     request: pytest.FixtureRequest, code: str, modules: str, shown: str
@@ -50,3 +64,13 @@ def test_it_loads_none_of_these(
     code += f"\nimport sys; print(sorted(set({modules.split()}) & set(sys.modules)))"
     *text, loaded = printed(sys.executable, "-c", code, env=env).splitlines()
     assert loaded == "[]" and shown in "\n".join(text)
+
+
+def test_a_command_does_not_look_through_what_its_modules_made() -> None:
+    code = (
+        "import gc, sys; from dmoc.__main__ import main; sys.argv = 'dmoc solve "
+        "cart_pendulum --method ipm --json -'.split()\n"
+        "try: main()\nexcept SystemExit: print(gc.get_stats()[2]['collections'])"
+    )
+    before = printed(sys.executable, "-c", "import gc; print(gc.get_stats()[2]['collections'])")
+    assert printed(sys.executable, "-c", code).splitlines()[-1] == before.strip()

@@ -12,7 +12,7 @@ import pytest
 from pages import DOCS, ROOT, TROUBLESHOOTING, agrees, commands_of, run, updated, write_shared
 
 from dmoc.base import errors
-from dmoc.cli.app import app
+from dmoc.cli.app import command_line
 from dmoc.sequences.nodes import Verdict
 from dmoc.solvers.outcome import Status
 
@@ -65,7 +65,7 @@ def test_commands_of_a_page_are_understood(
     monkeypatch.chdir(folder)
     for arguments in commands_of(page.read_text()):
         with warnings.catch_warnings():
-            result = CliRunner().invoke(app, arguments)
+            result = CliRunner().invoke(command_line(arguments), arguments)
         assert result.exit_code in (0, 1), (arguments, result.output)
 
 
