@@ -103,6 +103,6 @@ if __name__ == "__main__":
 # %%
 # How to read it
 # --------------
-# The legs swing up while it rises, so that it lands with its leg nearly straight: the knee comes to
-# its bound of 0.1 rad, and the trunk, which goes on after the landing, is caught on the way down.
+# The leg is folded in the air and lands nearly straight, its knee at the bound of 0.1 rad. So the
+# floor takes most of the momentum in the landing itself, which costs no torque.
 # Page :doc:`/stating/linkages` has the joints; ``world.system`` takes what every model takes.

@@ -139,7 +139,13 @@ def unknown_symbol(
             f"{where} contains {symbol}, which is not the first derivative of a coordinate: "
             f"expected {only} alone."
         )
-    if isinstance(symbol, AppliedUndef) and isinstance(symbol.func, UndefinedFunction):
+    foreign = isinstance(symbol, AppliedUndef) and isinstance(symbol.func, UndefinedFunction)
+    if foreign and kinds["definitions of places"] | kinds["definitions of velocities"]:
+        return (
+            f"{where} contains {symbol}, which is no coordinate, no input and no definition: "
+            "declare it or remove it; points of a linkage are made before its system."
+        )
+    if foreign:
         return (
             f"{where} contains {symbol}, which is neither a coordinate nor an input: declare it or "
             "remove it."

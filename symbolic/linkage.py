@@ -90,6 +90,11 @@ class Linkage:
         own["forces"] = added_forces(own["coordinates"], self.forces, forces)
         for key in ("definitions", "units"):
             own[key] = getattr(self, key) | mapping(stated.get(key, {}), key, MAPPINGS[key])
+        for symbol in stated.get("definitions", {}):
+            if symbol in self.definitions:
+                raise ModelError(
+                    f"definition {name_of(symbol)} is a name of the linkage: choose another one."
+                )
         return MechanicalSystem(name, parameters=parameters or {}, **own)
 
 

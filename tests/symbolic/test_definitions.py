@@ -159,7 +159,10 @@ MISTAKES = [
     ({x: a.diff(T, 2)}, "which is not the first derivative of a coordinate"),
     ({x: a + u}, r"definition x contains u\(t\), one of the inputs: expected coordinates, vel"),
     ({x: a * sp.Symbol("k")}, "definition x contains the symbol k, which is unknown"),
-    ({x: a + dynamicsymbols("z")}, r"contains z\(t\), which is neither a coordinate nor an input"),
+    (
+        {x: a + dynamicsymbols("z")},
+        r"contains z\(t\), which is no coordinate, no input and no definition",
+    ),
     ({a: 2 * b}, "the name 'a' is used twice, as coordinate and as definition: rename one"),
     ({u: 2 * b}, "the name 'u' is used twice, as input and as definition"),
     ({dynamicsymbols("m"): 2 * b}, "the name 'm' is used twice, as parameter and as definition"),

@@ -239,6 +239,13 @@ def test_what_a_world_refuses(module: Any) -> None:
         world.system("w", gaps={})
     with pytest.raises(ModelError, match="does not contain the velocity of coordinate a"):
         world.system("w")
+    with pytest.raises(ModelError, match="definition s_a is a name of the linkage"):
+        arm = dmoc.planar.World()
+        arm.hinge(a, length=1, mass=1)
+        arm.system("w", definitions={dynamicsymbols("s_a"): a})
+    with pytest.raises(ModelError, match=r"no definition: .*made before its system"):
+        link = dmoc.planar.World().hinge(b, length=1)
+        arm.system("w", surfaces={"floor": link.tip[1] >= 0})
     with pytest.raises(ModelError, match="the gravity of the world is not a scalar"):
         module.World("down")
 
