@@ -48,4 +48,33 @@ static inline const dmoc_entry *dmoc_find(const dmoc_table *table, const char *n
     return NULL;
 }
 
+#ifdef DMOC_NAME /* the sources of a model, which name its kernels so */
+
+/* Of a kernel they have a function of one row, whose arguments are the inputs and outputs that it
+ * needs, and KERNEL with their places: rows of the inputs, and outputs with their sizes. */
+#define IN const double *restrict
+#define OUT double *restrict
+#define ROW(a) in[a] + row*stride[a]
+#define INTO(b, size) out[b] + row*size
+#define KERNEL(kernel, ...) \
+    void DMOC_NAME(kernel)(ptrdiff_t rows, const double *const in[], const ptrdiff_t stride[], \
+                           double *const out[]) \
+    { \
+        (void)in, (void)stride; \
+        for (ptrdiff_t row = 0; row < rows; ++row) \
+            kernel(__VA_ARGS__); \
+    }
+/* A kernel without results. */
+#define EMPTY(kernel) \
+    void DMOC_NAME(kernel)(ptrdiff_t rows, const double *const in[], const ptrdiff_t stride[], \
+                           double *const out[]) \
+    { \
+        (void)rows, (void)in, (void)stride, (void)out; \
+    }
+/* Its entry in the table, with all arrays. */
+#define ENTRY(kernel, inputs, outputs, ...) \
+    {#kernel, DMOC_NAME(kernel), inputs, outputs, (const dmoc_array[]){__VA_ARGS__}}
+
+#endif
+
 #endif

@@ -29,9 +29,7 @@ class Count:
 def count_of(spec: KernelSpec) -> Count:
     """Count the operations in the C code of a kernel, after shared values are found."""
     code = listing(spec, CPrinter, functions_of([spec]))
-    texts = [text.split("=", 1)[-1] for text in code.statements] + [
-        t for _, values in code.outputs for t in values
-    ]
+    texts = [text for _, text in (*code.statements, *code.results)]
     plain = [re.sub(r"\[[^]]*\]", "", text) for text in texts]
     return Count(
         spec.name,

@@ -13,18 +13,18 @@ from dmoc.base.errors import GenerationError
 from dmoc.codegen.schedule import Schedule, is_unit, schedule
 from dmoc.symbolic import graph
 from dmoc.symbolic.graph import Node
-from dmoc.symbolic.spec import FunctionSpec, Input, KernelSpec
+from dmoc.symbolic.spec import FunctionSpec, Input, KernelSpec, Output
 
 _SUM, _PRODUCT, _ATOM = 1, 2, 3  # how tightly a text binds
 
 
 @dataclass(frozen=True)
 class Listing:
-    """A kernel as straight-line code: statements, then one right-hand side per stored output
-    value; the inputs that are read."""
+    """A kernel as straight-line code: values with their names, and other statements, which have
+    none; then the places of results with their values; the inputs that are read."""
 
-    statements: tuple[str, ...]
-    outputs: tuple[tuple[str, tuple[str, ...]], ...]
+    statements: tuple[tuple[str, str], ...]
+    results: tuple[tuple[tuple[str, ...], str], ...]
     read: frozenset[str]
 
 
@@ -35,12 +35,11 @@ class Printer:
     functions: ClassVar[Mapping[str, str]]
     conditional: ClassVar[str]  # a value by a condition
     words: ClassVar[Mapping[str, str]]  # between conditions
-    component: ClassVar[str]  # of an input
-    assignment: ClassVar[str]
+    component: ClassVar[str]  # of an input or output
     call: ClassVar[tuple[str, ...]]  # of a function of its own
 
     def __init__(self, plan: Schedule, names: Mapping[Node, str]) -> None:
-        self.plan, self.statements = plan, list[str]()
+        self.plan, self.statements = plan, list[tuple[str, str]]()
         self._texts = {node: (name, _ATOM) for node, name in names.items()}
         self._calls: dict[tuple[FunctionSpec, tuple[Node, ...]], str] = {}
         self._terms: dict[Node, list[tuple[bool, str]]] = {}  # of sums without a name
@@ -50,7 +49,7 @@ class Printer:
                 self._texts[node] = self._kept(node)
 
     @classmethod
-    def name_of(cls, argument: Input, i: int) -> str:
+    def name_of(cls, argument: Input | Output, i: int) -> str:
         return cls.component.format(name=argument.name, i=i)
 
     def text(self, node: Node) -> str:
@@ -66,7 +65,7 @@ class Printer:
         self._terms.pop(node, None)
         name = node.value if node.kind == graph.SYMBOL else f"w{self._values}"
         self._values += node.kind != graph.SYMBOL
-        self.statements.append(self.assignment.format(name=name, value=text))
+        self.statements.append((name, text))
         return name, _ATOM
 
     def _print(self, node: Node) -> tuple[str, int]:
@@ -138,13 +137,14 @@ class Printer:
         if key not in self._calls:
             number = self._calls[key] = str(len(self._calls))
             arguments = ", ".join(self.text(a) for a in node.parts)
-            self.statements += [
+            lines = (
                 line.format(
                     number=number, name=function.name, arguments=arguments, size=function.size,
                     constants=function.constants.name,
                 )
                 for line in self.call
-            ]  # fmt: skip
+            )  # fmt: skip
+            self.statements += [("", line) for line in lines]
         return f"d{self._calls[key]}[{place}]"
 
     def _wrap(self, node: Node, at_least: int) -> str:
@@ -163,7 +163,6 @@ class CPrinter(Printer):
     conditional = "({condition} ? {value} : {otherwise})"
     words: ClassVar[Mapping[str, str]] = {"And": " && ", "Or": " || "}
     component = "{name}[{i}]"
-    assignment = "const double {name} = {value};"
     call = (
         "const double z{number}[] = {{{arguments}}};",
         "double d{number}[{size}];",
@@ -182,16 +181,16 @@ class NumPyPrinter(Printer):
     conditional = "np.where({condition}, {value}, {otherwise})"
     words: ClassVar[Mapping[str, str]] = {"And": " & ", "Or": " | "}
     component = "{name}[..., {i}]"
-    assignment = "{name} = {value}"
     call = ("d{number} = {name}([{arguments}], {constants})",)
 
 
 class ArgumentPrinter(NumPyPrinter):
-    """The same for a function that is called with a list of columns."""
+    """The same for a function of a list of columns that returns another one."""
 
     @classmethod
-    def name_of(cls, argument: Input, i: int) -> str:
-        return f"z[{i}]" if argument.name == "z" else super().name_of(argument, i)
+    def name_of(cls, argument: Input | Output, i: int) -> str:
+        listed = argument.name in ("z", "d")
+        return f"{argument.name}[{i}]" if listed else super().name_of(argument, i)
 
 
 def listing(
@@ -207,13 +206,14 @@ def listing(
         for i, s in enumerate(argument.symbols)
     }
     code = printer(plan, names)
-    values = iter(plan.results)
-    outputs = tuple(
-        (o.name, tuple(code.text(next(values)) for _ in o.expressions)) for o in spec.outputs
-    )
+    places: dict[Node, list[str]] = {}
+    stored = (printer.name_of(o, i) for o in spec.outputs for i in range(o.size))
+    for node, place in zip(plan.results, stored, strict=True):
+        places.setdefault(node, []).append(place)
+    results = tuple((tuple(own), code.text(node)) for node, own in places.items())
     read = frozenset(a.name for a in spec.inputs if any(s in plan.uses for s in a.symbols))
     read |= {f.constants.name for f, _ in plan.functions.values()}
-    return Listing(tuple(code.statements), outputs, read)
+    return Listing(tuple(code.statements), results, read)
 
 
 def _number(value: float) -> str:

@@ -39,8 +39,8 @@ class Schedule:
 
     @cached_property
     def uses(self) -> Counter[Node]:
-        """How often a node is read."""
-        uses = Counter(self.results)
+        """How often a node is read; one that is several results is stored at once."""
+        uses = Counter(dict.fromkeys(self.results, 1))
         for node in self.order:
             uses.update(self.operands(node))
         return uses

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib import resources
+from itertools import groupby
 from typing import Any
 
 import jinja2
 
-from dmoc.codegen.printer import ArgumentPrinter, CPrinter, Listing, NumPyPrinter, listing
+from dmoc.codegen.printer import (
+    ArgumentPrinter,
+    CPrinter,
+    Listing,
+    NumPyPrinter,
+    Printer,
+    listing,
+)
 from dmoc.codegen.schedule import functions_of
 from dmoc.symbolic.spec import FunctionSpec, Input, KernelSpec, ModelSpec, Output
 
@@ -18,10 +26,15 @@ from dmoc.symbolic.spec import FunctionSpec, Input, KernelSpec, ModelSpec, Outpu
 def c_files(model: ModelSpec) -> dict[str, str]:
     """Return the C sources of a model and its manifest, as ``{file name: text}``."""
     functions = functions_of(model.kernels)
+    inputs, entries = _entries(model.kernels)
     facts: dict[str, Any] = {
         "name": model.name,
-        "functions": [_c_kernel(f.kernel, ()) for f in functions],
-        "kernels": [_c_kernel(k, functions) for k in model.kernels],
+        "functions": [_c_function(f) for f in functions],
+        "kernels": [
+            _c_kernel(k, functions) | {"entry": entry}
+            for k, entry in zip(model.kernels, entries, strict=True)
+        ],
+        "inputs": inputs,
         "legend": _legend(model),
     }
     return _files(model, facts, _digest(_files(model, facts, "")))
@@ -44,7 +57,7 @@ def numpy_text(model: ModelSpec) -> str:
     functions = functions_of(model.kernels)
     facts = {
         "name": model.name,
-        "functions": [_numpy_function(f) for f in functions],
+        "functions": [_numpy_kernel(f.kernel, (), ArgumentPrinter) for f in functions],
         "kernels": [_numpy_kernel(k, functions) for k in model.kernels],
     }
     return _render("numpy.py", facts)
@@ -92,55 +105,103 @@ def _render(name: str, values: dict[str, Any]) -> str:
     return environment.from_string(source).render(values)
 
 
-def _arrays(spec: KernelSpec) -> list[Input | Output]:
-    return [*spec.inputs, *spec.outputs]
-
-
-def _common(spec: KernelSpec, code: Listing, place: str) -> dict[str, Any]:
+def _c_kernel(spec: KernelSpec, functions: Sequence[FunctionSpec]) -> dict[str, Any]:
+    """What the template says of a kernel; of its arguments, which it needs."""
+    code = listing(spec, CPrinter, functions)
+    inputs = [(i, a.name) for i, a in enumerate(spec.inputs) if a.name in code.read]
+    outputs = [(i, o) for i, o in enumerate(spec.outputs) if o.size]
+    rows = [f"ROW({i})" for i, _ in inputs] + [f"INTO({i}, {o.size})" for i, o in outputs]
+    layouts = [f"  {o.name} {_layout(o)}" for _, o in outputs if len(o.shape) > 1]
     return {
         "name": spec.name,
-        "summary": spec.summary,
-        "names": [a.name for a in _arrays(spec)],
-        "inputs": [{"name": a.name, "size": a.size} for a in spec.inputs],
-        "outputs": [{"name": o.name, "size": o.size, "layout": _layout(o)} for o in spec.outputs],
-        "statements": code.statements,
-        "assignments": [
-            (place.format(name=name, i=i), v)
-            for name, values in code.outputs
-            for i, v in enumerate(values)
+        "comment": [spec.summary, *layouts],
+        "signature": ", ".join(
+            [f"IN {a}" for _, a in inputs] + [f"OUT {o.name}" for _, o in outputs]
+        ),
+        "arguments": ", ".join(rows),
+        "lines": [*_declarations(code), *(f"{line};" for line in _assignments(code))],
+    }
+
+
+def _c_function(function: FunctionSpec) -> dict[str, Any]:
+    """The same of a function, which has all arguments."""
+    facts = _c_kernel(function.kernel, ())
+    unused = [] if "IN par" in facts["signature"] else ["(void)par;"]
+    return facts | {"lines": [*unused, *facts["lines"]]}
+
+
+def _declarations(code: Listing) -> Iterator[str]:
+    """The values of a listing, as many in one declaration as there are without a call between."""
+    for named, group in groupby(code.statements, lambda statement: bool(statement[0])):
+        lines = [f"{name} = {text}" if named else text for name, text in group]
+        if not named:
+            yield from lines
+        else:
+            yield "const double"
+            yield from (f"{line}," for line in lines[:-1])
+            yield f"{lines[-1]};"
+
+
+def _assignments(code: Listing) -> list[str]:
+    return [" = ".join([*places, text]) for places, text in code.results]
+
+
+def _entries(kernels: Sequence[KernelSpec]) -> tuple[dict[str, str], list[str]]:
+    """Words for inputs that several kernels begin with, and the entries of all in the table."""
+    words: dict[tuple[Input, ...], str] = {}
+    entries = []
+    for k in kernels:
+        shared = next((i for i in range(len(k.inputs), 0, -1) if k.inputs[:i] in words), 0)
+        begins = [o for o in kernels if o.inputs[: len(k.inputs)] == k.inputs]
+        if not shared and len(begins) > 1:
+            words[k.inputs], shared = f"{k.name.upper()}_INPUTS", len(k.inputs)
+        arrays = [words[k.inputs[:shared]]] if shared else []
+        arrays += [*map(_array, k.inputs[shared:]), *map(_array, k.outputs)]
+        entries.append(f"{len(k.inputs)}, {len(k.outputs)}, {', '.join(arrays)}")
+    return {word: ", ".join(map(_array, own)) for own, word in words.items()}, entries
+
+
+def _array(a: Input | Output) -> str:
+    return f'{{"{a.name}", {a.size}}}'
+
+
+def _numpy_kernel(
+    spec: KernelSpec, functions: Sequence[FunctionSpec], printer: type[Printer] = NumPyPrinter
+) -> dict[str, Any]:
+    code = listing(spec, printer, functions)
+    return {
+        "name": spec.name,
+        "names": [*(a.name for a in spec.inputs), *(o.name for o in spec.outputs)],
+        "sizes": [o.size for o in spec.outputs],
+        "lines": [
+            *(f"{name} = {text}" if name else text for name, text in code.statements),
+            *_assignments(code),
         ],
     }
 
 
-def _c_kernel(spec: KernelSpec, functions: Sequence[FunctionSpec]) -> dict[str, Any]:
-    code = listing(spec, CPrinter, functions)
-    unused = [a.name for a in spec.inputs if a.name not in code.read]
-    unused += [name for name, values in code.outputs if not values]
-    pointers = [f"const double *restrict {a.name}" for a in spec.inputs]
-    pointers += [f"double *restrict {o.name}" for o in spec.outputs]
-    arguments = [f"in[{i}] + i*stride[{i}]" for i in range(len(spec.inputs))]
-    arguments += [f"out[{i}] + i*{o.size}" for i, o in enumerate(spec.outputs)]
-    return _common(spec, code, "{name}[{i}]") | {
-        "signature": ", ".join(pointers),
-        "arguments": ", ".join(arguments),
-        "arrays": ", ".join(f'{{"{a.name}", {a.size}}}' for a in _arrays(spec)),
-        "unused": unused,
-    }
-
-
-def _numpy_kernel(spec: KernelSpec, functions: Sequence[FunctionSpec]) -> dict[str, Any]:
-    return _common(spec, listing(spec, NumPyPrinter, functions), "{name}[..., {i}]")
-
-
-def _numpy_function(function: FunctionSpec) -> dict[str, Any]:
-    return _common(function.kernel, listing(function.kernel, ArgumentPrinter), "")
-
-
 def _layout(output: Output) -> str:
-    if len(output.shape) == 1 or not output.entries:
-        return ""
-    entries = " ".join(f"({i},{j})" for i, j in output.entries)
-    return f", entries of a {output.shape[0]} x {output.shape[1]} matrix: {entries}"
+    """The places of the stored entries of a matrix, by rows: those of a row, or of several that
+    have the same, with their columns."""
+    columns: dict[int, list[int]] = {}
+    for i, j in output.entries:
+        columns.setdefault(i, []).append(j)
+    rows: dict[tuple[int, ...], list[int]] = {}
+    for i, own in columns.items():
+        rows.setdefault(tuple(own), []).append(i)
+    listed = "; ".join(f"{_ranges(i)}: {_ranges(j)}" for j, i in rows.items())
+    return f"[{output.shape[0]}, {output.shape[1]}] at {listed}"
+
+
+def _ranges(numbers: Sequence[int]) -> str:
+    """Ascending numbers, of which those in a row are a range."""
+    runs: list[list[int]] = []
+    for n in numbers:
+        if runs and runs[-1][-1] == n - 1:
+            runs[-1][1:] = [n]
+        else:
+            runs.append([n])
+    return " ".join("-".join(map(str, run)) for run in runs)
 
 
 def _legend(model: ModelSpec) -> list[str]:

@@ -10,18 +10,18 @@ from dmoc.symbolic.pairs import Part, with_shared_sums
 from dmoc.symbolic.traversal import operations, reached
 
 
-def cheapest(ways: Iterable[Sequence[Sequence[Node]]]) -> list[list[Node]]:
-    """Of the ways to write some rows the one that takes fewest operations, after sums have shared
-    what they have in common."""
-    return min(map(_shared, ways), key=_cost)
+def cheapest(ways: Iterable[list[list[Node]]]) -> list[list[Node]]:
+    """Of the ways to write some rows, as they are or with sums that share what they have in common,
+    the one that takes fewest operations."""
+    return min((form for rows in ways for form in (_shared(rows), rows)), key=_cost)
 
 
-def _shared(rows: Sequence[Sequence[Node]]) -> list[list[Node]]:
+def _shared(rows: list[list[Node]]) -> list[list[Node]]:
     entries = iter(with_shared_sums([e for row in rows for e in row]))
     return [[next(entries) for _ in row] for row in rows]
 
 
-def _cost(rows: Sequence[Sequence[Node]]) -> int:
+def _cost(rows: list[list[Node]]) -> int:
     return operations(with_common_factors([e for row in rows for e in row]))
 
 

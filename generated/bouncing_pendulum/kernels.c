@@ -4,1050 +4,380 @@
  * g = (wall)
  * par = (m, l, g, theta_wall)
  */
-#include "kernels.h"
-
 #include <math.h>
 
-/* Momenta at both ends of a step, its cost, and the equations of the nodes inside.
- *   in  q_k[1]
- *   in  q_kp1[1]
- *   in  u_k[0]
- *   in  u_kp1[0]
- *   in  h[1]
- *   in  t_k[1]
- *   in  q_i[0]
- *   in  par[4]
- *   out r_minus[1]
- *   out r_plus[1]
- *   out C_d[1]
- *   out r_i[0]
- */
-static inline void step_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus, double *restrict r_plus, double *restrict C_d, double *restrict r_i)
+#define DMOC_NAME(kernel) bouncing_pendulum_##kernel
+#include "kernels.h"
+
+/* Momenta at both ends of a step, its cost, and the equations of the nodes inside. */
+static inline void step(IN q_k, IN q_kp1, IN h, IN par, OUT r_minus, OUT r_plus, OUT C_d)
 {
-    (void)u_k;
-    (void)u_kp1;
-    (void)t_k;
-    (void)q_i;
-    (void)r_i;
-    const double v_0 = -(q_k[0] - q_kp1[0])/h[0];
-    const double w0 = par[0]*par[1];
-    const double w1 = v_0*par[1]*w0;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
-    const double w2 = par[2]*sin(q_0)*h[0]*w0;
+    const double
+    v_0 = -(q_k[0] - q_kp1[0])/h[0],
+    w0 = par[0]*par[1],
+    w1 = v_0*par[1]*w0,
+    q_0 = 0.5*(q_k[0] + q_kp1[0]),
+    w2 = par[2]*sin(q_0)*h[0]*w0;
     r_minus[0] = -w1 - 0.5*w2;
     r_plus[0] = w1 - 0.5*w2;
     C_d[0] = 0.0;
 }
-
-void bouncing_pendulum_step(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        step_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*1, out[1] + i*1, out[2] + i*1, out[3] + i*0);
-}
+KERNEL(step, ROW(0), ROW(1), ROW(4), ROW(7), INTO(0, 1), INTO(1, 1), INTO(2, 1))
 
 /* First derivatives of `step` with respect to (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i).
- *   in  q_k[1]
- *   in  q_kp1[1]
- *   in  u_k[0]
- *   in  u_kp1[0]
- *   in  h[1]
- *   in  t_k[1]
- *   in  q_i[0]
- *   in  par[4]
- *   out r_minus_D[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
- *   out r_plus_D[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
- *   out C_d_D[0]
- *   out r_i_D[0]
- */
-static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus_D, double *restrict r_plus_D, double *restrict C_d_D, double *restrict r_i_D)
+ *   r_minus_D [1, 4] at 0: 0-2
+ *   r_plus_D [1, 4] at 0: 0-2 */
+static inline void step_jac(IN q_k, IN q_kp1, IN h, IN par, OUT r_minus_D, OUT r_plus_D)
 {
-    (void)u_k;
-    (void)u_kp1;
-    (void)t_k;
-    (void)q_i;
-    (void)C_d_D;
-    (void)r_i_D;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
-    const double w0 = par[0]*par[1];
-    const double w1 = par[2]*w0;
-    const double w2 = cos(q_0)*h[0]*w1;
-    const double w3 = 1.0/h[0];
-    const double w4 = w0*(par[1]*w3);
-    const double w5 = w4 - 0.25*w2;
-    const double w6 = -0.25*w2 - w4;
-    const double w7 = sin(q_0)*w1;
-    const double v_0 = -w3*(q_k[0] - q_kp1[0]);
-    const double w8 = v_0*w4;
-    r_minus_D[0] = w5;
-    r_minus_D[1] = w6;
-    r_minus_D[2] = w8 - 0.5*w7;
-    r_plus_D[0] = w6;
-    r_plus_D[1] = w5;
-    r_plus_D[2] = -0.5*w7 - w8;
+    const double
+    q_0 = 0.5*(q_k[0] + q_kp1[0]),
+    w0 = par[0]*par[1],
+    w1 = par[2]*w0,
+    w2 = cos(q_0)*h[0]*w1,
+    w3 = 1.0/h[0],
+    w4 = w0*(par[1]*w3),
+    w5 = sin(q_0)*w1,
+    v_0 = -w3*(q_k[0] - q_kp1[0]),
+    w6 = v_0*w4;
+    r_minus_D[0] = r_plus_D[1] = w4 - 0.25*w2;
+    r_minus_D[1] = r_plus_D[0] = -0.25*w2 - w4;
+    r_minus_D[2] = w6 - 0.5*w5;
+    r_plus_D[2] = -0.5*w5 - w6;
 }
-
-void bouncing_pendulum_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        step_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*3, out[1] + i*3, out[2] + i*0, out[3] + i*0);
-}
+KERNEL(step_jac, ROW(0), ROW(1), ROW(4), ROW(7), INTO(0, 3), INTO(1, 3))
 
 /* Second derivatives of the weighted sum of all results of `step`.
- *   in  q_k[1]
- *   in  q_kp1[1]
- *   in  u_k[0]
- *   in  u_kp1[0]
- *   in  h[1]
- *   in  t_k[1]
- *   in  q_i[0]
- *   in  par[4]
- *   in  w_r_minus[1]
- *   in  w_r_plus[1]
- *   in  w_C_d[1]
- *   in  w_r_i[0]
- *   out hess[6], entries of a 4 x 4 matrix: (0,0) (0,1) (0,2) (1,1) (1,2) (2,2)
- */
-static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_r_minus, const double *restrict w_r_plus, const double *restrict w_C_d, const double *restrict w_r_i, double *restrict hess)
+ *   hess [4, 4] at 0: 0-2; 1: 1-2; 2: 2 */
+static inline void step_hess(IN q_k, IN q_kp1, IN h, IN par, IN w_r_minus, IN w_r_plus, OUT hess)
 {
-    (void)u_k;
-    (void)u_kp1;
-    (void)t_k;
-    (void)q_i;
-    (void)w_C_d;
-    (void)w_r_i;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
-    const double w0 = par[0]*par[1];
-    const double w1 = w0*(par[2]*(w_r_minus[0] + w_r_plus[0]));
-    const double w2 = 0.125*(sin(q_0)*h[0]*w1);
-    const double w3 = cos(q_0)*w1;
-    const double w4 = 1.0/h[0];
-    const double w5 = (w4*(w_r_minus[0] - w_r_plus[0]))*(w0*(par[1]*w4));
-    const double v_0 = -w4*(q_k[0] - q_kp1[0]);
-    hess[0] = w2;
-    hess[1] = w2;
-    hess[2] = -0.25*w3 - w5;
-    hess[3] = w2;
-    hess[4] = w5 - 0.25*w3;
-    hess[5] = -2.0*(v_0*w5);
+    const double
+    q_0 = 0.5*(q_k[0] + q_kp1[0]),
+    w0 = par[0]*par[1],
+    w1 = w0*(par[2]*(w_r_minus[0] + w_r_plus[0])),
+    w2 = cos(q_0)*w1,
+    w3 = 1.0/h[0],
+    w4 = (w3*(w_r_minus[0] - w_r_plus[0]))*(w0*(par[1]*w3)),
+    v_0 = -w3*(q_k[0] - q_kp1[0]);
+    hess[0] = hess[1] = hess[3] = 0.125*(sin(q_0)*h[0]*w1);
+    hess[2] = -0.25*w2 - w4;
+    hess[4] = w4 - 0.25*w2;
+    hess[5] = -2.0*(v_0*w4);
 }
+KERNEL(step_hess, ROW(0), ROW(1), ROW(4), ROW(7), ROW(8), ROW(9), INTO(0, 6))
 
-void bouncing_pendulum_step_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Discrete energies at the end (e_plus) and at the start (e_minus) of a step. */
+static inline void impact(IN q_k, IN q_kp1, IN h, IN par, OUT e_plus, OUT e_minus)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        step_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], in[9] + i*stride[9], in[10] + i*stride[10], in[11] + i*stride[11], out[0] + i*6);
+    const double
+    v_0 = -(q_k[0] - q_kp1[0])/h[0],
+    w0 = par[0]*par[1],
+    q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    e_plus[0] = e_minus[0] = par[2]*cos(q_0)*w0 - 0.5*(v_0*v_0*par[1]*w0);
 }
-
-/* Discrete energies at the end (e_plus) and at the start (e_minus) of a step.
- *   in  q_k[1]
- *   in  q_kp1[1]
- *   in  u_k[0]
- *   in  u_kp1[0]
- *   in  h[1]
- *   in  t_k[1]
- *   in  q_i[0]
- *   in  par[4]
- *   out e_plus[1]
- *   out e_minus[1]
- */
-static inline void impact_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus, double *restrict e_minus)
-{
-    (void)u_k;
-    (void)u_kp1;
-    (void)t_k;
-    (void)q_i;
-    const double v_0 = -(q_k[0] - q_kp1[0])/h[0];
-    const double w0 = par[0]*par[1];
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
-    const double w1 = par[2]*cos(q_0)*w0 - 0.5*(v_0*v_0*par[1]*w0);
-    e_plus[0] = w1;
-    e_minus[0] = w1;
-}
-
-void bouncing_pendulum_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        impact_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*1, out[1] + i*1);
-}
+KERNEL(impact, ROW(0), ROW(1), ROW(4), ROW(7), INTO(0, 1), INTO(1, 1))
 
 /* First derivatives of `impact` with respect to (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i).
- *   in  q_k[1]
- *   in  q_kp1[1]
- *   in  u_k[0]
- *   in  u_kp1[0]
- *   in  h[1]
- *   in  t_k[1]
- *   in  q_i[0]
- *   in  par[4]
- *   out e_plus_D[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
- *   out e_minus_D[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
- */
-static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus_D, double *restrict e_minus_D)
+ *   e_plus_D [1, 4] at 0: 0-2
+ *   e_minus_D [1, 4] at 0: 0-2 */
+static inline void impact_jac(IN q_k, IN q_kp1, IN h, IN par, OUT e_plus_D, OUT e_minus_D)
 {
-    (void)u_k;
-    (void)u_kp1;
-    (void)t_k;
-    (void)q_i;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
-    const double w0 = par[0]*par[1];
-    const double w1 = par[2]*sin(q_0)*w0;
-    const double w2 = 1.0/h[0];
-    const double v_0 = -w2*(q_k[0] - q_kp1[0]);
-    const double w3 = (v_0*par[1])*(w2*w0);
-    const double w4 = w3 - 0.5*w1;
-    const double w5 = -0.5*w1 - w3;
-    const double w6 = v_0*w3;
-    e_plus_D[0] = w4;
-    e_plus_D[1] = w5;
-    e_plus_D[2] = w6;
-    e_minus_D[0] = w4;
-    e_minus_D[1] = w5;
-    e_minus_D[2] = w6;
+    const double
+    q_0 = 0.5*(q_k[0] + q_kp1[0]),
+    w0 = par[0]*par[1],
+    w1 = par[2]*sin(q_0)*w0,
+    w2 = 1.0/h[0],
+    v_0 = -w2*(q_k[0] - q_kp1[0]),
+    w3 = (v_0*par[1])*(w2*w0);
+    e_plus_D[0] = e_minus_D[0] = w3 - 0.5*w1;
+    e_plus_D[1] = e_minus_D[1] = -0.5*w1 - w3;
+    e_plus_D[2] = e_minus_D[2] = v_0*w3;
 }
-
-void bouncing_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        impact_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*3, out[1] + i*3);
-}
+KERNEL(impact_jac, ROW(0), ROW(1), ROW(4), ROW(7), INTO(0, 3), INTO(1, 3))
 
 /* Second derivatives of the weighted sum of all results of `impact`.
- *   in  q_k[1]
- *   in  q_kp1[1]
- *   in  u_k[0]
- *   in  u_kp1[0]
- *   in  h[1]
- *   in  t_k[1]
- *   in  q_i[0]
- *   in  par[4]
- *   in  w_e_plus[1]
- *   in  w_e_minus[1]
- *   out hess[6], entries of a 4 x 4 matrix: (0,0) (0,1) (0,2) (1,1) (1,2) (2,2)
- */
-static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_e_plus, const double *restrict w_e_minus, double *restrict hess)
+ *   hess [4, 4] at 0: 0-2; 1: 1-2; 2: 2 */
+static inline void impact_hess(IN q_k, IN q_kp1, IN h, IN par, IN w_e_plus, IN w_e_minus, OUT hess)
 {
-    (void)u_k;
-    (void)u_kp1;
-    (void)t_k;
-    (void)q_i;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
-    const double w0 = (w_e_plus[0] + w_e_minus[0])*(par[0]*par[1]);
-    const double w1 = par[2]*cos(q_0)*w0;
-    const double w2 = 1.0/h[0];
-    const double w3 = w0*(w2*(par[1]*w2));
-    const double w4 = -0.25*w1 - w3;
-    const double v_0 = -w2*(q_k[0] - q_kp1[0]);
-    const double w5 = v_0*w3;
-    hess[0] = w4;
+    const double
+    q_0 = 0.5*(q_k[0] + q_kp1[0]),
+    w0 = (w_e_plus[0] + w_e_minus[0])*(par[0]*par[1]),
+    w1 = par[2]*cos(q_0)*w0,
+    w2 = 1.0/h[0],
+    w3 = w0*(w2*(par[1]*w2)),
+    v_0 = -w2*(q_k[0] - q_kp1[0]),
+    w4 = v_0*w3;
+    hess[0] = hess[3] = -0.25*w1 - w3;
     hess[1] = w3 - 0.25*w1;
-    hess[2] = -2.0*w5;
-    hess[3] = w4;
-    hess[4] = 2.0*w5;
-    hess[5] = -3.0*(v_0*w5);
+    hess[2] = -2.0*w4;
+    hess[4] = 2.0*w4;
+    hess[5] = -3.0*(v_0*w4);
 }
+KERNEL(impact_hess, ROW(0), ROW(1), ROW(4), ROW(7), ROW(8), ROW(9), INTO(0, 6))
 
-void bouncing_pendulum_impact_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Equations of motion M q'' = F: M row by row, F. */
+static inline void dynamics(IN q, IN par, OUT M, OUT F)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], in[9] + i*stride[9], out[0] + i*6);
-}
-
-/* Equations of motion M q'' = F: M row by row, F.
- *   in  q[1]
- *   in  v[1]
- *   in  u[0]
- *   in  t[1]
- *   in  par[4]
- *   out M[1]
- *   out F[1]
- */
-static inline void dynamics_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M, double *restrict F)
-{
-    (void)v;
-    (void)u;
-    (void)t;
-    const double w0 = par[0]*par[1];
+    const double
+    w0 = par[0]*par[1];
     M[0] = par[1]*w0;
     F[0] = -par[2]*sin(q[0])*w0;
 }
+KERNEL(dynamics, ROW(0), ROW(4), INTO(0, 1), INTO(1, 1))
 
-void bouncing_pendulum_dynamics(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Residual R = F - M a of the equations of motion at accelerations a. */
+static inline void residual(IN q, IN a, IN par, OUT R)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1, out[1] + i*1);
-}
-
-/* Residual R = F - M a of the equations of motion at accelerations a.
- *   in  q[1]
- *   in  v[1]
- *   in  u[0]
- *   in  t[1]
- *   in  a[1]
- *   in  par[4]
- *   out R[1]
- */
-static inline void residual_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict a, const double *restrict par, double *restrict R)
-{
-    (void)v;
-    (void)u;
-    (void)t;
     R[0] = -par[0]*par[1]*(par[2]*sin(q[0]) + par[1]*a[0]);
 }
-
-void bouncing_pendulum_residual(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        residual_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1);
-}
+KERNEL(residual, ROW(0), ROW(4), ROW(5), INTO(0, 1))
 
 /* First derivatives of `residual` with respect to (q, v, u, t, a).
- *   in  q[1]
- *   in  v[1]
- *   in  u[0]
- *   in  t[1]
- *   in  a[1]
- *   in  par[4]
- *   out R_D[2], entries of a 1 x 4 matrix: (0,0) (0,3)
- */
-static inline void residual_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict a, const double *restrict par, double *restrict R_D)
+ *   R_D [1, 4] at 0: 0 3 */
+static inline void residual_jac(IN q, IN par, OUT R_D)
 {
-    (void)v;
-    (void)u;
-    (void)t;
-    (void)a;
-    const double w0 = par[0]*par[1];
+    const double
+    w0 = par[0]*par[1];
     R_D[0] = -par[2]*cos(q[0])*w0;
     R_D[1] = -par[1]*w0;
 }
+KERNEL(residual_jac, ROW(0), ROW(5), INTO(0, 2))
 
-void bouncing_pendulum_residual_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* B = dQ/du row by row. */
+EMPTY(input_matrix)
+
+/* Generalised forces Q, and the power Q . v - dL/dt that changes the energy. */
+static inline void force(OUT Q, OUT power)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        residual_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*2);
+    Q[0] = power[0] = 0.0;
 }
+KERNEL(force, INTO(0, 1), INTO(1, 1))
 
-/* B = dQ/du row by row.
- *   in  q[1]
- *   in  v[1]
- *   in  u[0]
- *   in  t[1]
- *   in  par[4]
- *   out B[0]
- */
-static inline void input_matrix_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict B)
+/* Momenta p = dL/dv. */
+static inline void momentum(IN v, IN par, OUT p)
 {
-    (void)q;
-    (void)v;
-    (void)u;
-    (void)t;
-    (void)par;
-    (void)B;
-}
-
-void bouncing_pendulum_input_matrix(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Generalised forces Q, and the power Q . v - dL/dt that changes the energy.
- *   in  q[1]
- *   in  v[1]
- *   in  u[0]
- *   in  t[1]
- *   in  par[4]
- *   out Q[1]
- *   out power[1]
- */
-static inline void force_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict Q, double *restrict power)
-{
-    (void)q;
-    (void)v;
-    (void)u;
-    (void)t;
-    (void)par;
-    Q[0] = 0.0;
-    power[0] = 0.0;
-}
-
-void bouncing_pendulum_force(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        force_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1, out[1] + i*1);
-}
-
-/* Momenta p = dL/dv.
- *   in  q[1]
- *   in  v[1]
- *   in  t[1]
- *   in  par[4]
- *   out p[1]
- */
-static inline void momentum_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p)
-{
-    (void)q;
-    (void)t;
     p[0] = v[0]*par[0]*par[1]*par[1];
 }
-
-void bouncing_pendulum_momentum(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        momentum_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
-}
+KERNEL(momentum, ROW(1), ROW(3), INTO(0, 1))
 
 /* First derivatives of `momentum` with respect to (q, v, t).
- *   in  q[1]
- *   in  v[1]
- *   in  t[1]
- *   in  par[4]
- *   out p_D[1], entries of a 1 x 3 matrix: (0,1)
- */
-static inline void momentum_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p_D)
+ *   p_D [1, 3] at 0: 1 */
+static inline void momentum_jac(IN par, OUT p_D)
 {
-    (void)q;
-    (void)v;
-    (void)t;
     p_D[0] = par[0]*par[1]*par[1];
 }
+KERNEL(momentum_jac, ROW(3), INTO(0, 1))
 
-void bouncing_pendulum_momentum_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        momentum_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
-}
+/* Second derivatives of the weighted sum of all results of `momentum`. */
+EMPTY(momentum_hess)
 
-/* Second derivatives of the weighted sum of all results of `momentum`.
- *   in  q[1]
- *   in  v[1]
- *   in  t[1]
- *   in  par[4]
- *   in  w_p[1]
- *   out hess[0]
- */
-static inline void momentum_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_p, double *restrict hess)
+/* Energy E = v . p - L. */
+static inline void energy(IN q, IN v, IN par, OUT E)
 {
-    (void)q;
-    (void)v;
-    (void)t;
-    (void)par;
-    (void)w_p;
-    (void)hess;
-}
-
-void bouncing_pendulum_momentum_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Energy E = v . p - L.
- *   in  q[1]
- *   in  v[1]
- *   in  t[1]
- *   in  par[4]
- *   out E[1]
- */
-static inline void energy_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict E)
-{
-    (void)t;
-    const double w0 = par[0]*par[1];
+    const double
+    w0 = par[0]*par[1];
     E[0] = 0.5*(v[0]*v[0]*par[1]*w0) - par[2]*cos(q[0])*w0;
 }
+KERNEL(energy, ROW(0), ROW(1), ROW(3), INTO(0, 1))
 
-void bouncing_pendulum_energy(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Integrand C of the cost and its second derivatives in u. */
+static inline void running_cost(OUT C)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        energy_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
-}
-
-/* Integrand C of the cost and its second derivatives in u.
- *   in  q[1]
- *   in  v[1]
- *   in  u[0]
- *   in  t[1]
- *   in  par[4]
- *   out C[1]
- *   out C_DD_u[0]
- */
-static inline void running_cost_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict C, double *restrict C_DD_u)
-{
-    (void)q;
-    (void)v;
-    (void)u;
-    (void)t;
-    (void)par;
-    (void)C_DD_u;
     C[0] = 0.0;
 }
+KERNEL(running_cost, INTO(0, 1))
 
-void bouncing_pendulum_running_cost(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Gaps g <= 0. */
+static inline void surface(IN q, IN par, OUT g)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        running_cost_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1, out[1] + i*0);
-}
-
-/* Gaps g <= 0.
- *   in  q[1]
- *   in  t[1]
- *   in  par[4]
- *   out g[1]
- */
-static inline void surface_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g)
-{
-    (void)t;
     g[0] = par[3] - q[0];
 }
-
-void bouncing_pendulum_surface(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        surface_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*1);
-}
+KERNEL(surface, ROW(0), ROW(2), INTO(0, 1))
 
 /* First derivatives of `surface` with respect to (q, t).
- *   in  q[1]
- *   in  t[1]
- *   in  par[4]
- *   out g_D[1], entries of a 1 x 2 matrix: (0,0)
- */
-static inline void surface_jac_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g_D)
+ *   g_D [1, 2] at 0: 0 */
+static inline void surface_jac(OUT g_D)
 {
-    (void)q;
-    (void)t;
-    (void)par;
     g_D[0] = -1.0;
 }
+KERNEL(surface_jac, INTO(0, 1))
 
-void bouncing_pendulum_surface_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        surface_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*1);
-}
+/* Second derivatives of the weighted sum of all results of `surface`. */
+EMPTY(surface_hess)
 
-/* Second derivatives of the weighted sum of all results of `surface`.
- *   in  q[1]
- *   in  t[1]
- *   in  par[4]
- *   in  w_g[1]
- *   out hess[0]
- */
-static inline void surface_hess_element(const double *restrict q, const double *restrict t, const double *restrict par, const double *restrict w_g, double *restrict hess)
+/* Rates gamma of the gaps. */
+static inline void gap_rate(IN v, OUT gamma)
 {
-    (void)q;
-    (void)t;
-    (void)par;
-    (void)w_g;
-    (void)hess;
-}
-
-void bouncing_pendulum_surface_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Rates gamma of the gaps.
- *   in  q[1]
- *   in  v[1]
- *   in  t[1]
- *   in  par[4]
- *   out gamma[1]
- */
-static inline void gap_rate_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict gamma)
-{
-    (void)q;
-    (void)t;
-    (void)par;
     gamma[0] = -v[0];
 }
-
-void bouncing_pendulum_gap_rate(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        gap_rate_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
-}
+KERNEL(gap_rate, ROW(1), INTO(0, 1))
 
 /* First derivatives of `gap_rate` with respect to (q, v, t).
- *   in  q[1]
- *   in  v[1]
- *   in  t[1]
- *   in  par[4]
- *   out gamma_D[1], entries of a 1 x 3 matrix: (0,1)
- */
-static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict gamma_D)
+ *   gamma_D [1, 3] at 0: 1 */
+static inline void gap_rate_jac(OUT gamma_D)
 {
-    (void)q;
-    (void)v;
-    (void)t;
-    (void)par;
     gamma_D[0] = -1.0;
 }
+KERNEL(gap_rate_jac, INTO(0, 1))
 
-void bouncing_pendulum_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        gap_rate_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
-}
+/* Second derivatives of the weighted sum of all results of `gap_rate`. */
+EMPTY(gap_rate_hess)
 
-/* Second derivatives of the weighted sum of all results of `gap_rate`.
- *   in  q[1]
- *   in  v[1]
- *   in  t[1]
- *   in  par[4]
- *   in  w_gamma[1]
- *   out hess[0]
- */
-static inline void gap_rate_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_gamma, double *restrict hess)
+/* Normal impulse n = sum_j lam_j grad g_j. */
+static inline void normal(IN lam, OUT n)
 {
-    (void)q;
-    (void)v;
-    (void)t;
-    (void)par;
-    (void)w_gamma;
-    (void)hess;
-}
-
-void bouncing_pendulum_gap_rate_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Normal impulse n = sum_j lam_j grad g_j.
- *   in  q[1]
- *   in  lam[1]
- *   in  t[1]
- *   in  par[4]
- *   out n[1]
- */
-static inline void normal_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n)
-{
-    (void)q;
-    (void)t;
-    (void)par;
     n[0] = -lam[0];
 }
-
-void bouncing_pendulum_normal(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        normal_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
-}
+KERNEL(normal, ROW(1), INTO(0, 1))
 
 /* First derivatives of `normal` with respect to (q, lam, t).
- *   in  q[1]
- *   in  lam[1]
- *   in  t[1]
- *   in  par[4]
- *   out n_D[1], entries of a 1 x 3 matrix: (0,1)
- */
-static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n_D)
+ *   n_D [1, 3] at 0: 1 */
+static inline void normal_jac(OUT n_D)
 {
-    (void)q;
-    (void)lam;
-    (void)t;
-    (void)par;
     n_D[0] = -1.0;
 }
+KERNEL(normal_jac, INTO(0, 1))
 
-void bouncing_pendulum_normal_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        normal_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
-}
+/* Second derivatives of the weighted sum of all results of `normal`. */
+EMPTY(normal_hess)
 
-/* Second derivatives of the weighted sum of all results of `normal`.
- *   in  q[1]
- *   in  lam[1]
- *   in  t[1]
- *   in  par[4]
- *   in  w_n[1]
- *   out hess[0]
- */
-static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_n, double *restrict hess)
+/* Work of moving surfaces, W_t = sum_j lam_j dg_j/dt, in an impact. */
+static inline void moving_work(OUT W_t)
 {
-    (void)q;
-    (void)lam;
-    (void)t;
-    (void)par;
-    (void)w_n;
-    (void)hess;
-}
-
-void bouncing_pendulum_normal_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Work of moving surfaces, W_t = sum_j lam_j dg_j/dt, in an impact.
- *   in  q[1]
- *   in  lam[1]
- *   in  t[1]
- *   in  par[4]
- *   out W_t[1]
- */
-static inline void moving_work_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_t)
-{
-    (void)q;
-    (void)lam;
-    (void)t;
-    (void)par;
     W_t[0] = 0.0;
 }
+KERNEL(moving_work, INTO(0, 1))
 
-void bouncing_pendulum_moving_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        moving_work_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
-}
+/* First derivatives of `moving_work` with respect to (q, lam, t). */
+EMPTY(moving_work_jac)
 
-/* First derivatives of `moving_work` with respect to (q, lam, t).
- *   in  q[1]
- *   in  lam[1]
- *   in  t[1]
- *   in  par[4]
- *   out W_t_D[0]
- */
-static inline void moving_work_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_t_D)
-{
-    (void)q;
-    (void)lam;
-    (void)t;
-    (void)par;
-    (void)W_t_D;
-}
+/* Second derivatives of the weighted sum of all results of `moving_work`. */
+EMPTY(moving_work_hess)
 
-void bouncing_pendulum_moving_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Impulses times rates after an impact, W_gamma = sum_j lam_j gamma_j. */
+static inline void rate_work(IN v, IN lam, OUT W_gamma)
 {
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Second derivatives of the weighted sum of all results of `moving_work`.
- *   in  q[1]
- *   in  lam[1]
- *   in  t[1]
- *   in  par[4]
- *   in  w_W_t[1]
- *   out hess[0]
- */
-static inline void moving_work_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_t, double *restrict hess)
-{
-    (void)q;
-    (void)lam;
-    (void)t;
-    (void)par;
-    (void)w_W_t;
-    (void)hess;
-}
-
-void bouncing_pendulum_moving_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Impulses times rates after an impact, W_gamma = sum_j lam_j gamma_j.
- *   in  q[1]
- *   in  v[1]
- *   in  lam[1]
- *   in  t[1]
- *   in  par[4]
- *   out W_gamma[1]
- */
-static inline void rate_work_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_gamma)
-{
-    (void)q;
-    (void)t;
-    (void)par;
     W_gamma[0] = -v[0]*lam[0];
 }
-
-void bouncing_pendulum_rate_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        rate_work_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1);
-}
+KERNEL(rate_work, ROW(1), ROW(2), INTO(0, 1))
 
 /* First derivatives of `rate_work` with respect to (q, v, lam, t).
- *   in  q[1]
- *   in  v[1]
- *   in  lam[1]
- *   in  t[1]
- *   in  par[4]
- *   out W_gamma_D[2], entries of a 1 x 4 matrix: (0,1) (0,2)
- */
-static inline void rate_work_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_gamma_D)
+ *   W_gamma_D [1, 4] at 0: 1-2 */
+static inline void rate_work_jac(IN v, IN lam, OUT W_gamma_D)
 {
-    (void)q;
-    (void)t;
-    (void)par;
     W_gamma_D[0] = -lam[0];
     W_gamma_D[1] = -v[0];
 }
-
-void bouncing_pendulum_rate_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        rate_work_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*2);
-}
+KERNEL(rate_work_jac, ROW(1), ROW(2), INTO(0, 2))
 
 /* Second derivatives of the weighted sum of all results of `rate_work`.
- *   in  q[1]
- *   in  v[1]
- *   in  lam[1]
- *   in  t[1]
- *   in  par[4]
- *   in  w_W_gamma[1]
- *   out hess[1], entries of a 4 x 4 matrix: (1,2)
- */
-static inline void rate_work_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_gamma, double *restrict hess)
+ *   hess [4, 4] at 1: 2 */
+static inline void rate_work_hess(IN w_W_gamma, OUT hess)
 {
-    (void)q;
-    (void)v;
-    (void)lam;
-    (void)t;
-    (void)par;
     hess[0] = -w_W_gamma[0];
 }
+KERNEL(rate_work_hess, ROW(5), INTO(0, 1))
 
-void bouncing_pendulum_rate_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Shortest time to each surface at averaged full acceleration. */
+static inline void min_time(IN q_k, IN q_kp1, IN h, IN a, IN par, OUT T_min)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        rate_work_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1);
-}
-
-/* Shortest time to each surface at averaged full acceleration.
- *   in  q_k[1]
- *   in  q_kp1[1]
- *   in  h[1]
- *   in  q_c[1]
- *   in  a[1]
- *   in  par[4]
- *   out T_min[1]
- */
-static inline void min_time_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min)
-{
-    (void)q_c;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
-    const double w0 = q_0 - par[3];
-    const double v_0 = -(q_k[0] - q_kp1[0])/h[0];
+    const double
+    q_0 = 0.5*(q_k[0] + q_kp1[0]),
+    w0 = q_0 - par[3],
+    v_0 = -(q_k[0] - q_kp1[0])/h[0];
     T_min[0] = 0.5*h[0] - 2.0*(w0/(v_0 - sqrt(v_0*v_0 - 2.0*(w0*a[0]))));
 }
-
-void bouncing_pendulum_min_time(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        min_time_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1);
-}
+KERNEL(min_time, ROW(0), ROW(1), ROW(2), ROW(4), ROW(5), INTO(0, 1))
 
 /* First derivatives of `min_time` with respect to (q_k, q_kp1, h, q_c, a).
- *   in  q_k[1]
- *   in  q_kp1[1]
- *   in  h[1]
- *   in  q_c[1]
- *   in  a[1]
- *   in  par[4]
- *   out T_min_D[4], entries of a 1 x 5 matrix: (0,0) (0,1) (0,2) (0,4)
- */
-static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D)
+ *   T_min_D [1, 5] at 0: 0-2 4 */
+static inline void min_time_jac(IN q_k, IN q_kp1, IN h, IN a, IN par, OUT T_min_D)
 {
-    (void)q_c;
-    const double w0 = 1.0/h[0];
-    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
-    const double w1 = q_0 - par[3];
-    const double w2 = sqrt(v_0*v_0 - 2.0*(w1*a[0]));
-    const double w3 = 1.0/(v_0 - w2);
-    const double w4 = w1*w3;
-    const double w5 = w3*w4;
-    const double w6 = 1.0/w2;
-    const double w7 = w5*(w0*(1.0 - v_0*w6));
-    const double w8 = w3*(1.0 - a[0]*w6*w4);
+    const double
+    w0 = 1.0/h[0],
+    v_0 = -w0*(q_k[0] - q_kp1[0]),
+    q_0 = 0.5*(q_k[0] + q_kp1[0]),
+    w1 = q_0 - par[3],
+    w2 = sqrt(v_0*v_0 - 2.0*(w1*a[0])),
+    w3 = 1.0/(v_0 - w2),
+    w4 = w1*w3,
+    w5 = w3*w4,
+    w6 = 1.0/w2,
+    w7 = w5*(w0*(1.0 - v_0*w6)),
+    w8 = w3*(1.0 - a[0]*w6*w4);
     T_min_D[0] = -2.0*w7 - w8;
     T_min_D[1] = 2.0*w7 - w8;
     T_min_D[2] = 0.5 - 2.0*(v_0*w7);
     T_min_D[3] = 2.0*(w1*w6*w5);
 }
+KERNEL(min_time_jac, ROW(0), ROW(1), ROW(2), ROW(4), ROW(5), INTO(0, 4))
 
-void bouncing_pendulum_min_time_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Values of the shapes of the drawing. */
+static inline void drawing(IN q, IN par, OUT shapes)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        min_time_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*4);
-}
-
-/* Values of the shapes of the drawing.
- *   in  q[1]
- *   in  t[1]
- *   in  par[4]
- *   out shapes[14]
- */
-static inline void drawing_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict shapes)
-{
-    (void)t;
-    const double w0 = par[1]*sin(par[3]);
-    const double w1 = par[1]*cos(par[3]);
-    const double w2 = sin(q[0]);
-    const double w3 = par[1]*w2;
-    const double w4 = cos(q[0]);
-    const double w5 = -par[1]*w4;
-    const double w6 = 1.0/sqrt(w4*w4 + w2*w2);
+    const double
+    w0 = par[1]*sin(par[3]),
+    w1 = par[1]*cos(par[3]),
+    w2 = sin(q[0]),
+    w3 = cos(q[0]),
+    w4 = 1.0/sqrt(w3*w3 + w2*w2);
     shapes[0] = 0.69999999999999996*w0;
     shapes[1] = -0.69999999999999996*w1;
     shapes[2] = 1.1499999999999999*w0;
     shapes[3] = -1.1499999999999999*w1;
-    shapes[4] = 0.0;
-    shapes[5] = 0.0;
-    shapes[6] = w3;
-    shapes[7] = w5;
-    shapes[8] = w3;
-    shapes[9] = w5;
-    shapes[10] = w3;
-    shapes[11] = w5;
-    shapes[12] = w4*w6;
-    shapes[13] = w2*w6;
+    shapes[4] = shapes[5] = 0.0;
+    shapes[6] = shapes[8] = shapes[10] = par[1]*w2;
+    shapes[7] = shapes[9] = shapes[11] = -par[1]*w3;
+    shapes[12] = w3*w4;
+    shapes[13] = w2*w4;
 }
-
-void bouncing_pendulum_drawing(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        drawing_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*14);
-}
+KERNEL(drawing, ROW(0), ROW(2), INTO(0, 14))
 
 /* ---- Table of the kernels ---- */
 
-static const dmoc_array step_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"r_minus", 1}, {"r_plus", 1}, {"C_d", 1}, {"r_i", 0},
-};
-static const dmoc_array step_jac_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"r_minus_D", 3}, {"r_plus_D", 3}, {"C_d_D", 0}, {"r_i_D", 0},
-};
-static const dmoc_array step_hess_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"w_r_minus", 1}, {"w_r_plus", 1}, {"w_C_d", 1}, {"w_r_i", 0}, {"hess", 6},
-};
-static const dmoc_array impact_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"e_plus", 1}, {"e_minus", 1},
-};
-static const dmoc_array impact_jac_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"e_plus_D", 3}, {"e_minus_D", 3},
-};
-static const dmoc_array impact_hess_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"w_e_plus", 1}, {"w_e_minus", 1}, {"hess", 6},
-};
-static const dmoc_array dynamics_arrays[] = {
-    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"M", 1}, {"F", 1},
-};
-static const dmoc_array residual_arrays[] = {
-    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"a", 1}, {"par", 4}, {"R", 1},
-};
-static const dmoc_array residual_jac_arrays[] = {
-    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"a", 1}, {"par", 4}, {"R_D", 2},
-};
-static const dmoc_array input_matrix_arrays[] = {
-    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"B", 0},
-};
-static const dmoc_array force_arrays[] = {
-    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"Q", 1}, {"power", 1},
-};
-static const dmoc_array momentum_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"p", 1},
-};
-static const dmoc_array momentum_jac_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"p_D", 1},
-};
-static const dmoc_array momentum_hess_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w_p", 1}, {"hess", 0},
-};
-static const dmoc_array energy_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"E", 1},
-};
-static const dmoc_array running_cost_arrays[] = {
-    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"C", 1}, {"C_DD_u", 0},
-};
-static const dmoc_array surface_arrays[] = {
-    {"q", 1}, {"t", 1}, {"par", 4}, {"g", 1},
-};
-static const dmoc_array surface_jac_arrays[] = {
-    {"q", 1}, {"t", 1}, {"par", 4}, {"g_D", 1},
-};
-static const dmoc_array surface_hess_arrays[] = {
-    {"q", 1}, {"t", 1}, {"par", 4}, {"w_g", 1}, {"hess", 0},
-};
-static const dmoc_array gap_rate_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"gamma", 1},
-};
-static const dmoc_array gap_rate_jac_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"gamma_D", 1},
-};
-static const dmoc_array gap_rate_hess_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w_gamma", 1}, {"hess", 0},
-};
-static const dmoc_array normal_arrays[] = {
-    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"n", 1},
-};
-static const dmoc_array normal_jac_arrays[] = {
-    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"n_D", 1},
-};
-static const dmoc_array normal_hess_arrays[] = {
-    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"w_n", 1}, {"hess", 0},
-};
-static const dmoc_array moving_work_arrays[] = {
-    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"W_t", 1},
-};
-static const dmoc_array moving_work_jac_arrays[] = {
-    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"W_t_D", 0},
-};
-static const dmoc_array moving_work_hess_arrays[] = {
-    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"w_W_t", 1}, {"hess", 0},
-};
-static const dmoc_array rate_work_arrays[] = {
-    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"W_gamma", 1},
-};
-static const dmoc_array rate_work_jac_arrays[] = {
-    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"W_gamma_D", 2},
-};
-static const dmoc_array rate_work_hess_arrays[] = {
-    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"w_W_gamma", 1}, {"hess", 1},
-};
-static const dmoc_array min_time_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"h", 1}, {"q_c", 1}, {"a", 1}, {"par", 4}, {"T_min", 1},
-};
-static const dmoc_array min_time_jac_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"h", 1}, {"q_c", 1}, {"a", 1}, {"par", 4}, {"T_min_D", 4},
-};
-static const dmoc_array drawing_arrays[] = {
-    {"q", 1}, {"t", 1}, {"par", 4}, {"shapes", 14},
-};
+#define STEP_INPUTS {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}
+#define DYNAMICS_INPUTS {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}
+#define RESIDUAL_INPUTS {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"a", 1}, {"par", 4}
+#define MOMENTUM_INPUTS {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}
+#define SURFACE_INPUTS {"q", 1}, {"t", 1}, {"par", 4}
+#define NORMAL_INPUTS {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}
+#define RATE_WORK_INPUTS {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}
+#define MIN_TIME_INPUTS {"q_k", 1}, {"q_kp1", 1}, {"h", 1}, {"q_c", 1}, {"a", 1}, {"par", 4}
 
 static const dmoc_entry entries[] = {
-    {"step", bouncing_pendulum_step, 8, 4, step_arrays},
-    {"step_jac", bouncing_pendulum_step_jac, 8, 4, step_jac_arrays},
-    {"step_hess", bouncing_pendulum_step_hess, 12, 1, step_hess_arrays},
-    {"impact", bouncing_pendulum_impact, 8, 2, impact_arrays},
-    {"impact_jac", bouncing_pendulum_impact_jac, 8, 2, impact_jac_arrays},
-    {"impact_hess", bouncing_pendulum_impact_hess, 10, 1, impact_hess_arrays},
-    {"dynamics", bouncing_pendulum_dynamics, 5, 2, dynamics_arrays},
-    {"residual", bouncing_pendulum_residual, 6, 1, residual_arrays},
-    {"residual_jac", bouncing_pendulum_residual_jac, 6, 1, residual_jac_arrays},
-    {"input_matrix", bouncing_pendulum_input_matrix, 5, 1, input_matrix_arrays},
-    {"force", bouncing_pendulum_force, 5, 2, force_arrays},
-    {"momentum", bouncing_pendulum_momentum, 4, 1, momentum_arrays},
-    {"momentum_jac", bouncing_pendulum_momentum_jac, 4, 1, momentum_jac_arrays},
-    {"momentum_hess", bouncing_pendulum_momentum_hess, 5, 1, momentum_hess_arrays},
-    {"energy", bouncing_pendulum_energy, 4, 1, energy_arrays},
-    {"running_cost", bouncing_pendulum_running_cost, 5, 2, running_cost_arrays},
-    {"surface", bouncing_pendulum_surface, 3, 1, surface_arrays},
-    {"surface_jac", bouncing_pendulum_surface_jac, 3, 1, surface_jac_arrays},
-    {"surface_hess", bouncing_pendulum_surface_hess, 4, 1, surface_hess_arrays},
-    {"gap_rate", bouncing_pendulum_gap_rate, 4, 1, gap_rate_arrays},
-    {"gap_rate_jac", bouncing_pendulum_gap_rate_jac, 4, 1, gap_rate_jac_arrays},
-    {"gap_rate_hess", bouncing_pendulum_gap_rate_hess, 5, 1, gap_rate_hess_arrays},
-    {"normal", bouncing_pendulum_normal, 4, 1, normal_arrays},
-    {"normal_jac", bouncing_pendulum_normal_jac, 4, 1, normal_jac_arrays},
-    {"normal_hess", bouncing_pendulum_normal_hess, 5, 1, normal_hess_arrays},
-    {"moving_work", bouncing_pendulum_moving_work, 4, 1, moving_work_arrays},
-    {"moving_work_jac", bouncing_pendulum_moving_work_jac, 4, 1, moving_work_jac_arrays},
-    {"moving_work_hess", bouncing_pendulum_moving_work_hess, 5, 1, moving_work_hess_arrays},
-    {"rate_work", bouncing_pendulum_rate_work, 5, 1, rate_work_arrays},
-    {"rate_work_jac", bouncing_pendulum_rate_work_jac, 5, 1, rate_work_jac_arrays},
-    {"rate_work_hess", bouncing_pendulum_rate_work_hess, 6, 1, rate_work_hess_arrays},
-    {"min_time", bouncing_pendulum_min_time, 6, 1, min_time_arrays},
-    {"min_time_jac", bouncing_pendulum_min_time_jac, 6, 1, min_time_jac_arrays},
-    {"drawing", bouncing_pendulum_drawing, 3, 1, drawing_arrays},
+    ENTRY(step, 8, 4, STEP_INPUTS, {"r_minus", 1}, {"r_plus", 1}, {"C_d", 1}, {"r_i", 0}),
+    ENTRY(step_jac, 8, 4, STEP_INPUTS, {"r_minus_D", 3}, {"r_plus_D", 3}, {"C_d_D", 0}, {"r_i_D", 0}),
+    ENTRY(step_hess, 12, 1, STEP_INPUTS, {"w_r_minus", 1}, {"w_r_plus", 1}, {"w_C_d", 1}, {"w_r_i", 0}, {"hess", 6}),
+    ENTRY(impact, 8, 2, STEP_INPUTS, {"e_plus", 1}, {"e_minus", 1}),
+    ENTRY(impact_jac, 8, 2, STEP_INPUTS, {"e_plus_D", 3}, {"e_minus_D", 3}),
+    ENTRY(impact_hess, 10, 1, STEP_INPUTS, {"w_e_plus", 1}, {"w_e_minus", 1}, {"hess", 6}),
+    ENTRY(dynamics, 5, 2, DYNAMICS_INPUTS, {"M", 1}, {"F", 1}),
+    ENTRY(residual, 6, 1, RESIDUAL_INPUTS, {"R", 1}),
+    ENTRY(residual_jac, 6, 1, RESIDUAL_INPUTS, {"R_D", 2}),
+    ENTRY(input_matrix, 5, 1, DYNAMICS_INPUTS, {"B", 0}),
+    ENTRY(force, 5, 2, DYNAMICS_INPUTS, {"Q", 1}, {"power", 1}),
+    ENTRY(momentum, 4, 1, MOMENTUM_INPUTS, {"p", 1}),
+    ENTRY(momentum_jac, 4, 1, MOMENTUM_INPUTS, {"p_D", 1}),
+    ENTRY(momentum_hess, 5, 1, MOMENTUM_INPUTS, {"w_p", 1}, {"hess", 0}),
+    ENTRY(energy, 4, 1, MOMENTUM_INPUTS, {"E", 1}),
+    ENTRY(running_cost, 5, 2, DYNAMICS_INPUTS, {"C", 1}, {"C_DD_u", 0}),
+    ENTRY(surface, 3, 1, SURFACE_INPUTS, {"g", 1}),
+    ENTRY(surface_jac, 3, 1, SURFACE_INPUTS, {"g_D", 1}),
+    ENTRY(surface_hess, 4, 1, SURFACE_INPUTS, {"w_g", 1}, {"hess", 0}),
+    ENTRY(gap_rate, 4, 1, MOMENTUM_INPUTS, {"gamma", 1}),
+    ENTRY(gap_rate_jac, 4, 1, MOMENTUM_INPUTS, {"gamma_D", 1}),
+    ENTRY(gap_rate_hess, 5, 1, MOMENTUM_INPUTS, {"w_gamma", 1}, {"hess", 0}),
+    ENTRY(normal, 4, 1, NORMAL_INPUTS, {"n", 1}),
+    ENTRY(normal_jac, 4, 1, NORMAL_INPUTS, {"n_D", 1}),
+    ENTRY(normal_hess, 5, 1, NORMAL_INPUTS, {"w_n", 1}, {"hess", 0}),
+    ENTRY(moving_work, 4, 1, NORMAL_INPUTS, {"W_t", 1}),
+    ENTRY(moving_work_jac, 4, 1, NORMAL_INPUTS, {"W_t_D", 0}),
+    ENTRY(moving_work_hess, 5, 1, NORMAL_INPUTS, {"w_W_t", 1}, {"hess", 0}),
+    ENTRY(rate_work, 5, 1, RATE_WORK_INPUTS, {"W_gamma", 1}),
+    ENTRY(rate_work_jac, 5, 1, RATE_WORK_INPUTS, {"W_gamma_D", 2}),
+    ENTRY(rate_work_hess, 6, 1, RATE_WORK_INPUTS, {"w_W_gamma", 1}, {"hess", 1}),
+    ENTRY(min_time, 6, 1, MIN_TIME_INPUTS, {"T_min", 1}),
+    ENTRY(min_time_jac, 6, 1, MIN_TIME_INPUTS, {"T_min_D", 4}),
+    ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 14}),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "4ad7889ee0c477ff0501272cc12e137bc097a1e0e69f8072eb3dfec7108399c1", 34, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "e463e3717bc2dfd5f2b994844e7ceaeaff8430a58b5d8ca354357a649538cfc3", 34, entries};

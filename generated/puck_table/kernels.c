@@ -5,848 +5,325 @@
  * g = (west, east, south, north)
  * par = (m, a, b)
  */
-#include "kernels.h"
-
 #include <math.h>
 
-/* Momenta at both ends of a step, its cost, and the equations of the nodes inside.
- *   in  q_k[2]
- *   in  q_kp1[2]
- *   in  u_k[2]
- *   in  u_kp1[2]
- *   in  h[1]
- *   in  t_k[1]
- *   in  q_i[0]
- *   in  par[3]
- *   out r_minus[2]
- *   out r_plus[2]
- *   out C_d[1]
- *   out r_i[0]
- */
-static inline void step_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus, double *restrict r_plus, double *restrict C_d, double *restrict r_i)
+#define DMOC_NAME(kernel) puck_table_##kernel
+#include "kernels.h"
+
+/* Momenta at both ends of a step, its cost, and the equations of the nodes inside. */
+static inline void step(IN q_k, IN q_kp1, IN u_k, IN u_kp1, IN h, IN par, OUT r_minus, OUT r_plus, OUT C_d)
 {
-    (void)t_k;
-    (void)q_i;
-    (void)r_i;
-    const double w0 = 1.0/h[0];
-    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
-    const double w1 = v_0*par[0];
-    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
-    const double w2 = v_1*par[0];
+    const double
+    w0 = 1.0/h[0],
+    v_0 = -w0*(q_k[0] - q_kp1[0]),
+    w1 = v_0*par[0],
+    v_1 = -w0*(q_k[1] - q_kp1[1]),
+    w2 = v_1*par[0];
     r_minus[0] = 0.5*(u_k[0]*h[0]) - w1;
     r_minus[1] = 0.5*(u_k[1]*h[0]) - w2;
     r_plus[0] = w1 + 0.5*(u_kp1[0]*h[0]);
     r_plus[1] = w2 + 0.5*(u_kp1[1]*h[0]);
     C_d[0] = 0.25*(h[0]*(u_k[0]*u_k[0] + u_k[1]*u_k[1] + u_kp1[0]*u_kp1[0] + u_kp1[1]*u_kp1[1]));
 }
-
-void puck_table_step(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        step_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*2, out[1] + i*2, out[2] + i*1, out[3] + i*0);
-}
+KERNEL(step, ROW(0), ROW(1), ROW(2), ROW(3), ROW(4), ROW(7), INTO(0, 2), INTO(1, 2), INTO(2, 1))
 
 /* First derivatives of `step` with respect to (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i).
- *   in  q_k[2]
- *   in  q_kp1[2]
- *   in  u_k[2]
- *   in  u_kp1[2]
- *   in  h[1]
- *   in  t_k[1]
- *   in  q_i[0]
- *   in  par[3]
- *   out r_minus_D[8], entries of a 2 x 10 matrix: (0,0) (0,2) (0,4) (0,8) (1,1) (1,3) (1,5) (1,8)
- *   out r_plus_D[8], entries of a 2 x 10 matrix: (0,0) (0,2) (0,6) (0,8) (1,1) (1,3) (1,7) (1,8)
- *   out C_d_D[5], entries of a 1 x 10 matrix: (0,4) (0,5) (0,6) (0,7) (0,8)
- *   out r_i_D[0]
- */
-static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus_D, double *restrict r_plus_D, double *restrict C_d_D, double *restrict r_i_D)
+ *   r_minus_D [2, 10] at 0: 0 2 4 8; 1: 1 3 5 8
+ *   r_plus_D [2, 10] at 0: 0 2 6 8; 1: 1 3 7-8
+ *   C_d_D [1, 10] at 0: 4-8 */
+static inline void step_jac(IN q_k, IN q_kp1, IN u_k, IN u_kp1, IN h, IN par, OUT r_minus_D, OUT r_plus_D, OUT C_d_D)
 {
-    (void)t_k;
-    (void)q_i;
-    (void)r_i_D;
-    const double w0 = 1.0/h[0];
-    const double w1 = par[0]*w0;
-    const double w2 = -w1;
-    const double w3 = 0.5*h[0];
-    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
-    const double w4 = v_0*w1;
-    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
-    const double w5 = v_1*w1;
-    r_minus_D[0] = w1;
-    r_minus_D[1] = w2;
-    r_minus_D[2] = w3;
-    r_minus_D[3] = 0.5*u_k[0] + w4;
-    r_minus_D[4] = w1;
-    r_minus_D[5] = w2;
-    r_minus_D[6] = w3;
-    r_minus_D[7] = 0.5*u_k[1] + w5;
-    r_plus_D[0] = w2;
-    r_plus_D[1] = w1;
-    r_plus_D[2] = w3;
-    r_plus_D[3] = 0.5*u_kp1[0] - w4;
-    r_plus_D[4] = w2;
-    r_plus_D[5] = w1;
-    r_plus_D[6] = w3;
-    r_plus_D[7] = 0.5*u_kp1[1] - w5;
+    const double
+    w0 = 1.0/h[0],
+    w1 = par[0]*w0,
+    v_0 = -w0*(q_k[0] - q_kp1[0]),
+    w2 = v_0*w1,
+    v_1 = -w0*(q_k[1] - q_kp1[1]),
+    w3 = v_1*w1;
+    r_minus_D[0] = r_minus_D[4] = r_plus_D[1] = r_plus_D[5] = w1;
+    r_minus_D[1] = r_minus_D[5] = r_plus_D[0] = r_plus_D[4] = -w1;
+    r_minus_D[2] = r_minus_D[6] = r_plus_D[2] = r_plus_D[6] = 0.5*h[0];
+    r_minus_D[3] = 0.5*u_k[0] + w2;
+    r_minus_D[7] = 0.5*u_k[1] + w3;
+    r_plus_D[3] = 0.5*u_kp1[0] - w2;
+    r_plus_D[7] = 0.5*u_kp1[1] - w3;
     C_d_D[0] = 0.5*(u_k[0]*h[0]);
     C_d_D[1] = 0.5*(u_k[1]*h[0]);
     C_d_D[2] = 0.5*(u_kp1[0]*h[0]);
     C_d_D[3] = 0.5*(u_kp1[1]*h[0]);
     C_d_D[4] = 0.25*(u_k[0]*u_k[0] + u_k[1]*u_k[1] + u_kp1[0]*u_kp1[0] + u_kp1[1]*u_kp1[1]);
 }
-
-void puck_table_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        step_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*8, out[1] + i*8, out[2] + i*5, out[3] + i*0);
-}
+KERNEL(step_jac, ROW(0), ROW(1), ROW(2), ROW(3), ROW(4), ROW(7), INTO(0, 8), INTO(1, 8), INTO(2, 5))
 
 /* Second derivatives of the weighted sum of all results of `step`.
- *   in  q_k[2]
- *   in  q_kp1[2]
- *   in  u_k[2]
- *   in  u_kp1[2]
- *   in  h[1]
- *   in  t_k[1]
- *   in  q_i[0]
- *   in  par[3]
- *   in  w_r_minus[2]
- *   in  w_r_plus[2]
- *   in  w_C_d[1]
- *   in  w_r_i[0]
- *   out hess[13], entries of a 10 x 10 matrix: (0,8) (1,8) (2,8) (3,8) (4,4) (4,8) (5,5) (5,8) (6,6) (6,8) (7,7) (7,8) (8,8)
- */
-static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_r_minus, const double *restrict w_r_plus, const double *restrict w_C_d, const double *restrict w_r_i, double *restrict hess)
+ *   hess [10, 10] at 0-3 8: 8; 4: 4 8; 5: 5 8; 6: 6 8; 7: 7-8 */
+static inline void step_hess(IN q_k, IN q_kp1, IN u_k, IN u_kp1, IN h, IN par, IN w_r_minus, IN w_r_plus, IN w_C_d, OUT hess)
 {
-    (void)t_k;
-    (void)q_i;
-    (void)w_r_i;
-    const double w0 = w_r_minus[0] - w_r_plus[0];
-    const double w1 = 1.0/h[0];
-    const double w2 = w1*(par[0]*w1);
-    const double w3 = w0*w2;
-    const double w4 = w_r_minus[1] - w_r_plus[1];
-    const double w5 = w4*w2;
-    const double w6 = 0.5*(h[0]*w_C_d[0]);
-    const double v_0 = -w1*(q_k[0] - q_kp1[0]);
-    const double v_1 = -w1*(q_k[1] - q_kp1[1]);
+    const double
+    w0 = w_r_minus[0] - w_r_plus[0],
+    w1 = 1.0/h[0],
+    w2 = w1*(par[0]*w1),
+    w3 = w0*w2,
+    w4 = w_r_minus[1] - w_r_plus[1],
+    w5 = w4*w2,
+    v_0 = -w1*(q_k[0] - q_kp1[0]),
+    v_1 = -w1*(q_k[1] - q_kp1[1]);
     hess[0] = -w3;
     hess[1] = -w5;
     hess[2] = w3;
     hess[3] = w5;
-    hess[4] = w6;
+    hess[4] = hess[6] = hess[8] = hess[10] = 0.5*(h[0]*w_C_d[0]);
     hess[5] = 0.5*(w_r_minus[0] + u_k[0]*w_C_d[0]);
-    hess[6] = w6;
     hess[7] = 0.5*(w_r_minus[1] + u_k[1]*w_C_d[0]);
-    hess[8] = w6;
     hess[9] = 0.5*(w_r_plus[0] + u_kp1[0]*w_C_d[0]);
-    hess[10] = w6;
     hess[11] = 0.5*(w_r_plus[1] + u_kp1[1]*w_C_d[0]);
     hess[12] = -2.0*((v_0*w0 + v_1*w4)*w2);
 }
+KERNEL(step_hess, ROW(0), ROW(1), ROW(2), ROW(3), ROW(4), ROW(7), ROW(8), ROW(9), ROW(10), INTO(0, 13))
 
-void puck_table_step_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Discrete energies at the end (e_plus) and at the start (e_minus) of a step. */
+static inline void impact(IN q_k, IN q_kp1, IN u_k, IN u_kp1, IN h, IN par, OUT e_plus, OUT e_minus)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        step_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], in[9] + i*stride[9], in[10] + i*stride[10], in[11] + i*stride[11], out[0] + i*13);
-}
-
-/* Discrete energies at the end (e_plus) and at the start (e_minus) of a step.
- *   in  q_k[2]
- *   in  q_kp1[2]
- *   in  u_k[2]
- *   in  u_kp1[2]
- *   in  h[1]
- *   in  t_k[1]
- *   in  q_i[0]
- *   in  par[3]
- *   out e_plus[1]
- *   out e_minus[1]
- */
-static inline void impact_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus, double *restrict e_minus)
-{
-    (void)t_k;
-    (void)q_i;
-    const double w0 = 1.0/h[0];
-    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
-    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
-    const double w1 = v_0*v_0;
-    const double w2 = v_1*v_1;
-    const double w3 = par[0]*(w1 + w2 - 0.5*(w1 + w2));
+    const double
+    w0 = 1.0/h[0],
+    v_0 = -w0*(q_k[0] - q_kp1[0]),
+    v_1 = -w0*(q_k[1] - q_kp1[1]),
+    w1 = v_0*v_0,
+    w2 = v_1*v_1,
+    w3 = par[0]*(w1 + w2 - 0.5*(w1 + w2));
     e_plus[0] = -0.5*(h[0]*(v_0*u_kp1[0] + v_1*u_kp1[1])) - w3;
     e_minus[0] = 0.5*(h[0]*(v_0*u_k[0] + v_1*u_k[1])) - w3;
 }
-
-void puck_table_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        impact_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*1, out[1] + i*1);
-}
+KERNEL(impact, ROW(0), ROW(1), ROW(2), ROW(3), ROW(4), ROW(7), INTO(0, 1), INTO(1, 1))
 
 /* First derivatives of `impact` with respect to (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i).
- *   in  q_k[2]
- *   in  q_kp1[2]
- *   in  u_k[2]
- *   in  u_kp1[2]
- *   in  h[1]
- *   in  t_k[1]
- *   in  q_i[0]
- *   in  par[3]
- *   out e_plus_D[7], entries of a 1 x 10 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (0,7) (0,8)
- *   out e_minus_D[7], entries of a 1 x 10 matrix: (0,0) (0,1) (0,2) (0,3) (0,4) (0,5) (0,8)
- */
-static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus_D, double *restrict e_minus_D)
+ *   e_plus_D [1, 10] at 0: 0-3 6-8
+ *   e_minus_D [1, 10] at 0: 0-5 8 */
+static inline void impact_jac(IN q_k, IN q_kp1, IN u_k, IN u_kp1, IN h, IN par, OUT e_plus_D, OUT e_minus_D)
 {
-    (void)t_k;
-    (void)q_i;
-    const double w0 = 1.0/h[0];
-    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
-    const double w1 = par[0]*w0;
-    const double w2 = v_0*w1;
-    const double w3 = 0.5*u_kp1[0] + w2;
-    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
-    const double w4 = v_1*w1;
-    const double w5 = 0.5*u_kp1[1] + w4;
-    const double w6 = v_0*h[0];
-    const double w7 = v_1*h[0];
-    const double w8 = (v_0*v_0 + v_1*v_1)*w1;
-    const double w9 = 0.5*u_k[0] - w2;
-    const double w10 = 0.5*u_k[1] - w4;
+    const double
+    w0 = 1.0/h[0],
+    v_0 = -w0*(q_k[0] - q_kp1[0]),
+    w1 = par[0]*w0,
+    w2 = v_0*w1,
+    w3 = 0.5*u_kp1[0] + w2,
+    v_1 = -w0*(q_k[1] - q_kp1[1]),
+    w4 = v_1*w1,
+    w5 = 0.5*u_kp1[1] + w4,
+    w6 = v_0*h[0],
+    w7 = v_1*h[0],
+    w8 = 0.5*u_k[0] - w2,
+    w9 = 0.5*u_k[1] - w4;
     e_plus_D[0] = w3;
     e_plus_D[1] = w5;
     e_plus_D[2] = -w3;
     e_plus_D[3] = -w5;
     e_plus_D[4] = -0.5*w6;
     e_plus_D[5] = -0.5*w7;
-    e_plus_D[6] = w8;
-    e_minus_D[0] = -w9;
-    e_minus_D[1] = -w10;
-    e_minus_D[2] = w9;
-    e_minus_D[3] = w10;
+    e_plus_D[6] = e_minus_D[6] = (v_0*v_0 + v_1*v_1)*w1;
+    e_minus_D[0] = -w8;
+    e_minus_D[1] = -w9;
+    e_minus_D[2] = w8;
+    e_minus_D[3] = w9;
     e_minus_D[4] = 0.5*w6;
     e_minus_D[5] = 0.5*w7;
-    e_minus_D[6] = w8;
 }
-
-void puck_table_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        impact_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*7, out[1] + i*7);
-}
+KERNEL(impact_jac, ROW(0), ROW(1), ROW(2), ROW(3), ROW(4), ROW(7), INTO(0, 7), INTO(1, 7))
 
 /* Second derivatives of the weighted sum of all results of `impact`.
- *   in  q_k[2]
- *   in  q_kp1[2]
- *   in  u_k[2]
- *   in  u_kp1[2]
- *   in  h[1]
- *   in  t_k[1]
- *   in  q_i[0]
- *   in  par[3]
- *   in  w_e_plus[1]
- *   in  w_e_minus[1]
- *   out hess[19], entries of a 10 x 10 matrix: (0,0) (0,2) (0,4) (0,6) (0,8) (1,1) (1,3) (1,5) (1,7) (1,8) (2,2) (2,4) (2,6) (2,8) (3,3) (3,5) (3,7) (3,8) (8,8)
- */
-static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_e_plus, const double *restrict w_e_minus, double *restrict hess)
+ *   hess [10, 10] at 0: 0 2 4 6 8; 1: 1 3 5 7-8; 2: 2 4 6 8; 3: 3 5 7-8; 8: 8 */
+static inline void impact_hess(IN q_k, IN q_kp1, IN h, IN par, IN w_e_plus, IN w_e_minus, OUT hess)
 {
-    (void)u_k;
-    (void)u_kp1;
-    (void)t_k;
-    (void)q_i;
-    const double w0 = 1.0/h[0];
-    const double w1 = (par[0]*w0)*(w0*(w_e_plus[0] + w_e_minus[0]));
-    const double w2 = -w1;
-    const double w3 = -0.5*w_e_minus[0];
-    const double w4 = 0.5*w_e_plus[0];
-    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
-    const double w5 = v_0*w1;
-    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
-    const double w6 = v_1*w1;
-    const double w7 = 0.5*w_e_minus[0];
-    const double w8 = -0.5*w_e_plus[0];
-    hess[0] = w2;
-    hess[1] = w1;
-    hess[2] = w3;
-    hess[3] = w4;
-    hess[4] = -2.0*w5;
-    hess[5] = w2;
-    hess[6] = w1;
-    hess[7] = w3;
-    hess[8] = w4;
-    hess[9] = -2.0*w6;
-    hess[10] = w2;
-    hess[11] = w7;
-    hess[12] = w8;
-    hess[13] = 2.0*w5;
-    hess[14] = w2;
-    hess[15] = w7;
-    hess[16] = w8;
-    hess[17] = 2.0*w6;
+    const double
+    w0 = 1.0/h[0],
+    w1 = (par[0]*w0)*(w0*(w_e_plus[0] + w_e_minus[0])),
+    v_0 = -w0*(q_k[0] - q_kp1[0]),
+    w2 = v_0*w1,
+    v_1 = -w0*(q_k[1] - q_kp1[1]),
+    w3 = v_1*w1;
+    hess[0] = hess[5] = hess[10] = hess[14] = -w1;
+    hess[1] = hess[6] = w1;
+    hess[2] = hess[7] = -0.5*w_e_minus[0];
+    hess[3] = hess[8] = 0.5*w_e_plus[0];
+    hess[4] = -2.0*w2;
+    hess[9] = -2.0*w3;
+    hess[11] = hess[15] = 0.5*w_e_minus[0];
+    hess[12] = hess[16] = -0.5*w_e_plus[0];
+    hess[13] = 2.0*w2;
+    hess[17] = 2.0*w3;
     hess[18] = -3.0*((v_0*v_0 + v_1*v_1)*w1);
 }
+KERNEL(impact_hess, ROW(0), ROW(1), ROW(4), ROW(7), ROW(8), ROW(9), INTO(0, 19))
 
-void puck_table_impact_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Equations of motion M q'' = F: M row by row, F. */
+static inline void dynamics(IN u, IN par, OUT M, OUT F)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], in[9] + i*stride[9], out[0] + i*19);
-}
-
-/* Equations of motion M q'' = F: M row by row, F.
- *   in  q[2]
- *   in  v[2]
- *   in  u[2]
- *   in  t[1]
- *   in  par[3]
- *   out M[4]
- *   out F[2]
- */
-static inline void dynamics_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M, double *restrict F)
-{
-    (void)q;
-    (void)v;
-    (void)t;
-    M[0] = par[0];
-    M[1] = 0.0;
-    M[2] = 0.0;
-    M[3] = par[0];
+    M[0] = M[3] = par[0];
+    M[1] = M[2] = 0.0;
     F[0] = u[0];
     F[1] = u[1];
 }
+KERNEL(dynamics, ROW(2), ROW(4), INTO(0, 4), INTO(1, 2))
 
-void puck_table_dynamics(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Residual R = F - M a of the equations of motion at accelerations a. */
+static inline void residual(IN u, IN a, IN par, OUT R)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*4, out[1] + i*2);
-}
-
-/* Residual R = F - M a of the equations of motion at accelerations a.
- *   in  q[2]
- *   in  v[2]
- *   in  u[2]
- *   in  t[1]
- *   in  a[2]
- *   in  par[3]
- *   out R[2]
- */
-static inline void residual_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict a, const double *restrict par, double *restrict R)
-{
-    (void)q;
-    (void)v;
-    (void)t;
     R[0] = u[0] - par[0]*a[0];
     R[1] = u[1] - par[0]*a[1];
 }
-
-void puck_table_residual(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        residual_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*2);
-}
+KERNEL(residual, ROW(2), ROW(4), ROW(5), INTO(0, 2))
 
 /* First derivatives of `residual` with respect to (q, v, u, t, a).
- *   in  q[2]
- *   in  v[2]
- *   in  u[2]
- *   in  t[1]
- *   in  a[2]
- *   in  par[3]
- *   out R_D[4], entries of a 2 x 9 matrix: (0,4) (0,7) (1,5) (1,8)
- */
-static inline void residual_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict a, const double *restrict par, double *restrict R_D)
+ *   R_D [2, 9] at 0: 4 7; 1: 5 8 */
+static inline void residual_jac(IN par, OUT R_D)
 {
-    (void)q;
-    (void)v;
-    (void)u;
-    (void)t;
-    (void)a;
-    const double w0 = -par[0];
-    R_D[0] = 1.0;
-    R_D[1] = w0;
-    R_D[2] = 1.0;
-    R_D[3] = w0;
+    R_D[0] = R_D[2] = 1.0;
+    R_D[1] = R_D[3] = -par[0];
 }
+KERNEL(residual_jac, ROW(5), INTO(0, 4))
 
-void puck_table_residual_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* B = dQ/du row by row. */
+static inline void input_matrix(OUT B)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        residual_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*4);
+    B[0] = B[3] = 1.0;
+    B[1] = B[2] = 0.0;
 }
+KERNEL(input_matrix, INTO(0, 4))
 
-/* B = dQ/du row by row.
- *   in  q[2]
- *   in  v[2]
- *   in  u[2]
- *   in  t[1]
- *   in  par[3]
- *   out B[4]
- */
-static inline void input_matrix_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict B)
+/* Generalised forces Q, and the power Q . v - dL/dt that changes the energy. */
+static inline void force(IN v, IN u, OUT Q, OUT power)
 {
-    (void)q;
-    (void)v;
-    (void)u;
-    (void)t;
-    (void)par;
-    B[0] = 1.0;
-    B[1] = 0.0;
-    B[2] = 0.0;
-    B[3] = 1.0;
-}
-
-void puck_table_input_matrix(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        input_matrix_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*4);
-}
-
-/* Generalised forces Q, and the power Q . v - dL/dt that changes the energy.
- *   in  q[2]
- *   in  v[2]
- *   in  u[2]
- *   in  t[1]
- *   in  par[3]
- *   out Q[2]
- *   out power[1]
- */
-static inline void force_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict Q, double *restrict power)
-{
-    (void)q;
-    (void)t;
-    (void)par;
     Q[0] = u[0];
     Q[1] = u[1];
     power[0] = v[0]*u[0] + v[1]*u[1];
 }
+KERNEL(force, ROW(1), ROW(2), INTO(0, 2), INTO(1, 1))
 
-void puck_table_force(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Momenta p = dL/dv. */
+static inline void momentum(IN v, IN par, OUT p)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        force_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*2, out[1] + i*1);
-}
-
-/* Momenta p = dL/dv.
- *   in  q[2]
- *   in  v[2]
- *   in  t[1]
- *   in  par[3]
- *   out p[2]
- */
-static inline void momentum_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p)
-{
-    (void)q;
-    (void)t;
     p[0] = v[0]*par[0];
     p[1] = v[1]*par[0];
 }
-
-void puck_table_momentum(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        momentum_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
-}
+KERNEL(momentum, ROW(1), ROW(3), INTO(0, 2))
 
 /* First derivatives of `momentum` with respect to (q, v, t).
- *   in  q[2]
- *   in  v[2]
- *   in  t[1]
- *   in  par[3]
- *   out p_D[2], entries of a 2 x 5 matrix: (0,2) (1,3)
- */
-static inline void momentum_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p_D)
+ *   p_D [2, 5] at 0: 2; 1: 3 */
+static inline void momentum_jac(IN par, OUT p_D)
 {
-    (void)q;
-    (void)v;
-    (void)t;
-    p_D[0] = par[0];
-    p_D[1] = par[0];
+    p_D[0] = p_D[1] = par[0];
 }
+KERNEL(momentum_jac, ROW(3), INTO(0, 2))
 
-void puck_table_momentum_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        momentum_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
-}
+/* Second derivatives of the weighted sum of all results of `momentum`. */
+EMPTY(momentum_hess)
 
-/* Second derivatives of the weighted sum of all results of `momentum`.
- *   in  q[2]
- *   in  v[2]
- *   in  t[1]
- *   in  par[3]
- *   in  w_p[2]
- *   out hess[0]
- */
-static inline void momentum_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_p, double *restrict hess)
+/* Energy E = v . p - L. */
+static inline void energy(IN v, IN par, OUT E)
 {
-    (void)q;
-    (void)v;
-    (void)t;
-    (void)par;
-    (void)w_p;
-    (void)hess;
-}
-
-void puck_table_momentum_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Energy E = v . p - L.
- *   in  q[2]
- *   in  v[2]
- *   in  t[1]
- *   in  par[3]
- *   out E[1]
- */
-static inline void energy_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict E)
-{
-    (void)q;
-    (void)t;
-    const double w0 = v[0]*v[0];
-    const double w1 = v[1]*v[1];
+    const double
+    w0 = v[0]*v[0],
+    w1 = v[1]*v[1];
     E[0] = par[0]*(w0 + w1 - 0.5*(w0 + w1));
 }
+KERNEL(energy, ROW(1), ROW(3), INTO(0, 1))
 
-void puck_table_energy(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Integrand C of the cost and its second derivatives in u. */
+static inline void running_cost(IN u, OUT C, OUT C_DD_u)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        energy_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
-}
-
-/* Integrand C of the cost and its second derivatives in u.
- *   in  q[2]
- *   in  v[2]
- *   in  u[2]
- *   in  t[1]
- *   in  par[3]
- *   out C[1]
- *   out C_DD_u[2]
- */
-static inline void running_cost_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict C, double *restrict C_DD_u)
-{
-    (void)q;
-    (void)v;
-    (void)t;
-    (void)par;
     C[0] = 0.5*(u[0]*u[0] + u[1]*u[1]);
-    C_DD_u[0] = 1.0;
-    C_DD_u[1] = 1.0;
+    C_DD_u[0] = C_DD_u[1] = 1.0;
 }
+KERNEL(running_cost, ROW(2), INTO(0, 1), INTO(1, 2))
 
-void puck_table_running_cost(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Gaps g <= 0. */
+static inline void surface(IN q, IN par, OUT g)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        running_cost_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1, out[1] + i*2);
-}
-
-/* Gaps g <= 0.
- *   in  q[2]
- *   in  t[1]
- *   in  par[3]
- *   out g[4]
- */
-static inline void surface_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g)
-{
-    (void)t;
     g[0] = -q[0];
     g[1] = q[0] - par[1];
     g[2] = -q[1];
     g[3] = q[1] - par[2];
 }
-
-void puck_table_surface(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        surface_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*4);
-}
+KERNEL(surface, ROW(0), ROW(2), INTO(0, 4))
 
 /* First derivatives of `surface` with respect to (q, t).
- *   in  q[2]
- *   in  t[1]
- *   in  par[3]
- *   out g_D[4], entries of a 4 x 3 matrix: (0,0) (1,0) (2,1) (3,1)
- */
-static inline void surface_jac_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g_D)
+ *   g_D [4, 3] at 0-1: 0; 2-3: 1 */
+static inline void surface_jac(OUT g_D)
 {
-    (void)q;
-    (void)t;
-    (void)par;
-    g_D[0] = -1.0;
-    g_D[1] = 1.0;
-    g_D[2] = -1.0;
-    g_D[3] = 1.0;
+    g_D[0] = g_D[2] = -1.0;
+    g_D[1] = g_D[3] = 1.0;
 }
+KERNEL(surface_jac, INTO(0, 4))
 
-void puck_table_surface_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        surface_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*4);
-}
+/* Second derivatives of the weighted sum of all results of `surface`. */
+EMPTY(surface_hess)
 
-/* Second derivatives of the weighted sum of all results of `surface`.
- *   in  q[2]
- *   in  t[1]
- *   in  par[3]
- *   in  w_g[4]
- *   out hess[0]
- */
-static inline void surface_hess_element(const double *restrict q, const double *restrict t, const double *restrict par, const double *restrict w_g, double *restrict hess)
+/* Rates gamma of the gaps. */
+static inline void gap_rate(IN v, OUT gamma)
 {
-    (void)q;
-    (void)t;
-    (void)par;
-    (void)w_g;
-    (void)hess;
-}
-
-void puck_table_surface_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Rates gamma of the gaps.
- *   in  q[2]
- *   in  v[2]
- *   in  t[1]
- *   in  par[3]
- *   out gamma[4]
- */
-static inline void gap_rate_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict gamma)
-{
-    (void)q;
-    (void)t;
-    (void)par;
     gamma[0] = -v[0];
     gamma[1] = v[0];
     gamma[2] = -v[1];
     gamma[3] = v[1];
 }
-
-void puck_table_gap_rate(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        gap_rate_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*4);
-}
+KERNEL(gap_rate, ROW(1), INTO(0, 4))
 
 /* First derivatives of `gap_rate` with respect to (q, v, t).
- *   in  q[2]
- *   in  v[2]
- *   in  t[1]
- *   in  par[3]
- *   out gamma_D[4], entries of a 4 x 5 matrix: (0,2) (1,2) (2,3) (3,3)
- */
-static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict gamma_D)
+ *   gamma_D [4, 5] at 0-1: 2; 2-3: 3 */
+static inline void gap_rate_jac(OUT gamma_D)
 {
-    (void)q;
-    (void)v;
-    (void)t;
-    (void)par;
-    gamma_D[0] = -1.0;
-    gamma_D[1] = 1.0;
-    gamma_D[2] = -1.0;
-    gamma_D[3] = 1.0;
+    gamma_D[0] = gamma_D[2] = -1.0;
+    gamma_D[1] = gamma_D[3] = 1.0;
 }
+KERNEL(gap_rate_jac, INTO(0, 4))
 
-void puck_table_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        gap_rate_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*4);
-}
+/* Second derivatives of the weighted sum of all results of `gap_rate`. */
+EMPTY(gap_rate_hess)
 
-/* Second derivatives of the weighted sum of all results of `gap_rate`.
- *   in  q[2]
- *   in  v[2]
- *   in  t[1]
- *   in  par[3]
- *   in  w_gamma[4]
- *   out hess[0]
- */
-static inline void gap_rate_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_gamma, double *restrict hess)
+/* Normal impulse n = sum_j lam_j grad g_j. */
+static inline void normal(IN lam, OUT n)
 {
-    (void)q;
-    (void)v;
-    (void)t;
-    (void)par;
-    (void)w_gamma;
-    (void)hess;
-}
-
-void puck_table_gap_rate_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Normal impulse n = sum_j lam_j grad g_j.
- *   in  q[2]
- *   in  lam[4]
- *   in  t[1]
- *   in  par[3]
- *   out n[2]
- */
-static inline void normal_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n)
-{
-    (void)q;
-    (void)t;
-    (void)par;
     n[0] = lam[1] - lam[0];
     n[1] = lam[3] - lam[2];
 }
-
-void puck_table_normal(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        normal_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
-}
+KERNEL(normal, ROW(1), INTO(0, 2))
 
 /* First derivatives of `normal` with respect to (q, lam, t).
- *   in  q[2]
- *   in  lam[4]
- *   in  t[1]
- *   in  par[3]
- *   out n_D[4], entries of a 2 x 7 matrix: (0,2) (0,3) (1,4) (1,5)
- */
-static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n_D)
+ *   n_D [2, 7] at 0: 2-3; 1: 4-5 */
+static inline void normal_jac(OUT n_D)
 {
-    (void)q;
-    (void)lam;
-    (void)t;
-    (void)par;
-    n_D[0] = -1.0;
-    n_D[1] = 1.0;
-    n_D[2] = -1.0;
-    n_D[3] = 1.0;
+    n_D[0] = n_D[2] = -1.0;
+    n_D[1] = n_D[3] = 1.0;
 }
+KERNEL(normal_jac, INTO(0, 4))
 
-void puck_table_normal_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        normal_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*4);
-}
+/* Second derivatives of the weighted sum of all results of `normal`. */
+EMPTY(normal_hess)
 
-/* Second derivatives of the weighted sum of all results of `normal`.
- *   in  q[2]
- *   in  lam[4]
- *   in  t[1]
- *   in  par[3]
- *   in  w_n[2]
- *   out hess[0]
- */
-static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_n, double *restrict hess)
+/* Work of moving surfaces, W_t = sum_j lam_j dg_j/dt, in an impact. */
+static inline void moving_work(OUT W_t)
 {
-    (void)q;
-    (void)lam;
-    (void)t;
-    (void)par;
-    (void)w_n;
-    (void)hess;
-}
-
-void puck_table_normal_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Work of moving surfaces, W_t = sum_j lam_j dg_j/dt, in an impact.
- *   in  q[2]
- *   in  lam[4]
- *   in  t[1]
- *   in  par[3]
- *   out W_t[1]
- */
-static inline void moving_work_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_t)
-{
-    (void)q;
-    (void)lam;
-    (void)t;
-    (void)par;
     W_t[0] = 0.0;
 }
+KERNEL(moving_work, INTO(0, 1))
 
-void puck_table_moving_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        moving_work_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
-}
+/* First derivatives of `moving_work` with respect to (q, lam, t). */
+EMPTY(moving_work_jac)
 
-/* First derivatives of `moving_work` with respect to (q, lam, t).
- *   in  q[2]
- *   in  lam[4]
- *   in  t[1]
- *   in  par[3]
- *   out W_t_D[0]
- */
-static inline void moving_work_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_t_D)
-{
-    (void)q;
-    (void)lam;
-    (void)t;
-    (void)par;
-    (void)W_t_D;
-}
+/* Second derivatives of the weighted sum of all results of `moving_work`. */
+EMPTY(moving_work_hess)
 
-void puck_table_moving_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Impulses times rates after an impact, W_gamma = sum_j lam_j gamma_j. */
+static inline void rate_work(IN v, IN lam, OUT W_gamma)
 {
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Second derivatives of the weighted sum of all results of `moving_work`.
- *   in  q[2]
- *   in  lam[4]
- *   in  t[1]
- *   in  par[3]
- *   in  w_W_t[1]
- *   out hess[0]
- */
-static inline void moving_work_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_t, double *restrict hess)
-{
-    (void)q;
-    (void)lam;
-    (void)t;
-    (void)par;
-    (void)w_W_t;
-    (void)hess;
-}
-
-void puck_table_moving_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    (void)n, (void)in, (void)stride, (void)out;
-}
-
-/* Impulses times rates after an impact, W_gamma = sum_j lam_j gamma_j.
- *   in  q[2]
- *   in  v[2]
- *   in  lam[4]
- *   in  t[1]
- *   in  par[3]
- *   out W_gamma[1]
- */
-static inline void rate_work_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_gamma)
-{
-    (void)q;
-    (void)t;
-    (void)par;
     W_gamma[0] = -v[1]*(lam[2] - lam[3]) - v[0]*(lam[0] - lam[1]);
 }
-
-void puck_table_rate_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        rate_work_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1);
-}
+KERNEL(rate_work, ROW(1), ROW(2), INTO(0, 1))
 
 /* First derivatives of `rate_work` with respect to (q, v, lam, t).
- *   in  q[2]
- *   in  v[2]
- *   in  lam[4]
- *   in  t[1]
- *   in  par[3]
- *   out W_gamma_D[6], entries of a 1 x 9 matrix: (0,2) (0,3) (0,4) (0,5) (0,6) (0,7)
- */
-static inline void rate_work_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_gamma_D)
+ *   W_gamma_D [1, 9] at 0: 2-7 */
+static inline void rate_work_jac(IN v, IN lam, OUT W_gamma_D)
 {
-    (void)q;
-    (void)t;
-    (void)par;
     W_gamma_D[0] = lam[1] - lam[0];
     W_gamma_D[1] = lam[3] - lam[2];
     W_gamma_D[2] = -v[0];
@@ -854,130 +331,85 @@ static inline void rate_work_jac_element(const double *restrict q, const double 
     W_gamma_D[4] = -v[1];
     W_gamma_D[5] = v[1];
 }
-
-void puck_table_rate_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        rate_work_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*6);
-}
+KERNEL(rate_work_jac, ROW(1), ROW(2), INTO(0, 6))
 
 /* Second derivatives of the weighted sum of all results of `rate_work`.
- *   in  q[2]
- *   in  v[2]
- *   in  lam[4]
- *   in  t[1]
- *   in  par[3]
- *   in  w_W_gamma[1]
- *   out hess[4], entries of a 9 x 9 matrix: (2,4) (2,5) (3,6) (3,7)
- */
-static inline void rate_work_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_gamma, double *restrict hess)
+ *   hess [9, 9] at 2: 4-5; 3: 6-7 */
+static inline void rate_work_hess(IN w_W_gamma, OUT hess)
 {
-    (void)q;
-    (void)v;
-    (void)lam;
-    (void)t;
-    (void)par;
-    const double w0 = -w_W_gamma[0];
-    hess[0] = w0;
-    hess[1] = w_W_gamma[0];
-    hess[2] = w0;
-    hess[3] = w_W_gamma[0];
+    hess[0] = hess[2] = -w_W_gamma[0];
+    hess[1] = hess[3] = w_W_gamma[0];
 }
+KERNEL(rate_work_hess, ROW(5), INTO(0, 4))
 
-void puck_table_rate_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Shortest time to each surface at averaged full acceleration. */
+static inline void min_time(IN q_k, IN q_kp1, IN h, IN a, IN par, OUT T_min)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        rate_work_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*4);
-}
-
-/* Shortest time to each surface at averaged full acceleration.
- *   in  q_k[2]
- *   in  q_kp1[2]
- *   in  h[1]
- *   in  q_c[2]
- *   in  a[2]
- *   in  par[3]
- *   out T_min[4]
- */
-static inline void min_time_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min)
-{
-    (void)q_c;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
-    const double w0 = 1.0/h[0];
-    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
-    const double w1 = v_0*v_0;
-    const double w2 = q_0 - par[1];
-    const double q_1 = 0.5*(q_k[1] + q_kp1[1]);
-    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
-    const double w3 = v_1*v_1;
-    const double w4 = q_1 - par[2];
+    const double
+    q_0 = 0.5*(q_k[0] + q_kp1[0]),
+    w0 = 1.0/h[0],
+    v_0 = -w0*(q_k[0] - q_kp1[0]),
+    w1 = v_0*v_0,
+    w2 = q_0 - par[1],
+    q_1 = 0.5*(q_k[1] + q_kp1[1]),
+    v_1 = -w0*(q_k[1] - q_kp1[1]),
+    w3 = v_1*v_1,
+    w4 = q_1 - par[2];
     T_min[0] = 0.5*h[0] - 2.0*(q_0/(v_0 - sqrt(w1 - 2.0*(q_0*a[0]))));
     T_min[1] = 0.5*h[0] - 2.0*(w2/(v_0 + sqrt(w1 - 2.0*(w2*a[0]))));
     T_min[2] = 0.5*h[0] - 2.0*(q_1/(v_1 - sqrt(w3 - 2.0*(q_1*a[1]))));
     T_min[3] = 0.5*h[0] - 2.0*(w4/(v_1 + sqrt(w3 - 2.0*(w4*a[1]))));
 }
-
-void puck_table_min_time(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        min_time_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*4);
-}
+KERNEL(min_time, ROW(0), ROW(1), ROW(2), ROW(4), ROW(5), INTO(0, 4))
 
 /* First derivatives of `min_time` with respect to (q_k, q_kp1, h, q_c, a).
- *   in  q_k[2]
- *   in  q_kp1[2]
- *   in  h[1]
- *   in  q_c[2]
- *   in  a[2]
- *   in  par[3]
- *   out T_min_D[16], entries of a 4 x 9 matrix: (0,0) (0,2) (0,4) (0,7) (1,0) (1,2) (1,4) (1,7) (2,1) (2,3) (2,4) (2,8) (3,1) (3,3) (3,4) (3,8)
- */
-static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D)
+ *   T_min_D [4, 9] at 0-1: 0 2 4 7; 2-3: 1 3-4 8 */
+static inline void min_time_jac(IN q_k, IN q_kp1, IN h, IN a, IN par, OUT T_min_D)
 {
-    (void)q_c;
-    const double w0 = 1.0/h[0];
-    const double v_0 = -w0*(q_k[0] - q_kp1[0]);
-    const double w1 = v_0*v_0;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
-    const double w2 = sqrt(w1 - 2.0*(q_0*a[0]));
-    const double w3 = 1.0/w2;
-    const double w4 = 1.0/(v_0 - w2);
-    const double w5 = q_0*w4;
-    const double w6 = w4*w5;
-    const double w7 = (1.0 - v_0*w3)*w6;
-    const double w8 = w0*w7;
-    const double w9 = w4*(1.0 - a[0]*w3*w5);
-    const double w10 = v_0*w0;
-    const double w11 = q_0 - par[1];
-    const double w12 = sqrt(w1 - 2.0*(w11*a[0]));
-    const double w13 = 1.0/w12;
-    const double w14 = 1.0/(v_0 + w12);
-    const double w15 = w11*w14;
-    const double w16 = w14*w15;
-    const double w17 = (1.0 + v_0*w13)*w16;
-    const double w18 = w0*w17;
-    const double w19 = w14*(1.0 + a[0]*w13*w15);
-    const double v_1 = -w0*(q_k[1] - q_kp1[1]);
-    const double w20 = v_1*v_1;
-    const double q_1 = 0.5*(q_k[1] + q_kp1[1]);
-    const double w21 = sqrt(w20 - 2.0*(q_1*a[1]));
-    const double w22 = 1.0/w21;
-    const double w23 = 1.0/(v_1 - w21);
-    const double w24 = q_1*w23;
-    const double w25 = w23*w24;
-    const double w26 = (1.0 - v_1*w22)*w25;
-    const double w27 = w0*w26;
-    const double w28 = w23*(1.0 - a[1]*w22*w24);
-    const double w29 = v_1*w0;
-    const double w30 = q_1 - par[2];
-    const double w31 = sqrt(w20 - 2.0*(w30*a[1]));
-    const double w32 = 1.0/w31;
-    const double w33 = 1.0/(v_1 + w31);
-    const double w34 = w30*w33;
-    const double w35 = w33*w34;
-    const double w36 = (1.0 + v_1*w32)*w35;
-    const double w37 = w0*w36;
-    const double w38 = w33*(1.0 + a[1]*w32*w34);
+    const double
+    w0 = 1.0/h[0],
+    v_0 = -w0*(q_k[0] - q_kp1[0]),
+    w1 = v_0*v_0,
+    q_0 = 0.5*(q_k[0] + q_kp1[0]),
+    w2 = sqrt(w1 - 2.0*(q_0*a[0])),
+    w3 = 1.0/w2,
+    w4 = 1.0/(v_0 - w2),
+    w5 = q_0*w4,
+    w6 = w4*w5,
+    w7 = (1.0 - v_0*w3)*w6,
+    w8 = w0*w7,
+    w9 = w4*(1.0 - a[0]*w3*w5),
+    w10 = v_0*w0,
+    w11 = q_0 - par[1],
+    w12 = sqrt(w1 - 2.0*(w11*a[0])),
+    w13 = 1.0/w12,
+    w14 = 1.0/(v_0 + w12),
+    w15 = w11*w14,
+    w16 = w14*w15,
+    w17 = (1.0 + v_0*w13)*w16,
+    w18 = w0*w17,
+    w19 = w14*(1.0 + a[0]*w13*w15),
+    v_1 = -w0*(q_k[1] - q_kp1[1]),
+    w20 = v_1*v_1,
+    q_1 = 0.5*(q_k[1] + q_kp1[1]),
+    w21 = sqrt(w20 - 2.0*(q_1*a[1])),
+    w22 = 1.0/w21,
+    w23 = 1.0/(v_1 - w21),
+    w24 = q_1*w23,
+    w25 = w23*w24,
+    w26 = (1.0 - v_1*w22)*w25,
+    w27 = w0*w26,
+    w28 = w23*(1.0 - a[1]*w22*w24),
+    w29 = v_1*w0,
+    w30 = q_1 - par[2],
+    w31 = sqrt(w20 - 2.0*(w30*a[1])),
+    w32 = 1.0/w31,
+    w33 = 1.0/(v_1 + w31),
+    w34 = w30*w33,
+    w35 = w33*w34,
+    w36 = (1.0 + v_1*w32)*w35,
+    w37 = w0*w36,
+    w38 = w33*(1.0 + a[1]*w32*w34);
     T_min_D[0] = -2.0*w8 - w9;
     T_min_D[1] = 2.0*w8 - w9;
     T_min_D[2] = 0.5 - 2.0*(w10*w7);
@@ -995,204 +427,67 @@ static inline void min_time_jac_element(const double *restrict q_k, const double
     T_min_D[14] = 0.5 - 2.0*(w29*w36);
     T_min_D[15] = -2.0*(w30*w32*w35);
 }
+KERNEL(min_time_jac, ROW(0), ROW(1), ROW(2), ROW(4), ROW(5), INTO(0, 16))
 
-void puck_table_min_time_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+/* Values of the shapes of the drawing. */
+static inline void drawing(IN q, IN par, OUT shapes)
 {
-    for (ptrdiff_t i = 0; i < n; ++i)
-        min_time_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*16);
+    shapes[0] = shapes[1] = shapes[3] = shapes[5] = shapes[10] = shapes[12] = shapes[14] = shapes[15] = shapes[21] = shapes[25] = shapes[28] = shapes[32] = 0.0;
+    shapes[2] = shapes[4] = shapes[6] = shapes[8] = par[1];
+    shapes[7] = shapes[9] = shapes[11] = shapes[13] = par[2];
+    shapes[16] = shapes[18] = shapes[22] = shapes[26] = shapes[30] = q[0];
+    shapes[17] = shapes[19] = shapes[23] = shapes[27] = shapes[31] = q[1];
+    shapes[20] = shapes[29] = 1.0;
+    shapes[24] = shapes[33] = -1.0;
 }
-
-/* Values of the shapes of the drawing.
- *   in  q[2]
- *   in  t[1]
- *   in  par[3]
- *   out shapes[34]
- */
-static inline void drawing_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict shapes)
-{
-    (void)t;
-    shapes[0] = 0.0;
-    shapes[1] = 0.0;
-    shapes[2] = par[1];
-    shapes[3] = 0.0;
-    shapes[4] = par[1];
-    shapes[5] = 0.0;
-    shapes[6] = par[1];
-    shapes[7] = par[2];
-    shapes[8] = par[1];
-    shapes[9] = par[2];
-    shapes[10] = 0.0;
-    shapes[11] = par[2];
-    shapes[12] = 0.0;
-    shapes[13] = par[2];
-    shapes[14] = 0.0;
-    shapes[15] = 0.0;
-    shapes[16] = q[0];
-    shapes[17] = q[1];
-    shapes[18] = q[0];
-    shapes[19] = q[1];
-    shapes[20] = 1.0;
-    shapes[21] = 0.0;
-    shapes[22] = q[0];
-    shapes[23] = q[1];
-    shapes[24] = -1.0;
-    shapes[25] = 0.0;
-    shapes[26] = q[0];
-    shapes[27] = q[1];
-    shapes[28] = 0.0;
-    shapes[29] = 1.0;
-    shapes[30] = q[0];
-    shapes[31] = q[1];
-    shapes[32] = 0.0;
-    shapes[33] = -1.0;
-}
-
-void puck_table_drawing(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
-{
-    for (ptrdiff_t i = 0; i < n; ++i)
-        drawing_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*34);
-}
+KERNEL(drawing, ROW(0), ROW(2), INTO(0, 34))
 
 /* ---- Table of the kernels ---- */
 
-static const dmoc_array step_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"r_minus", 2}, {"r_plus", 2}, {"C_d", 1}, {"r_i", 0},
-};
-static const dmoc_array step_jac_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"r_minus_D", 8}, {"r_plus_D", 8}, {"C_d_D", 5}, {"r_i_D", 0},
-};
-static const dmoc_array step_hess_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"w_r_minus", 2}, {"w_r_plus", 2}, {"w_C_d", 1}, {"w_r_i", 0}, {"hess", 13},
-};
-static const dmoc_array impact_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"e_plus", 1}, {"e_minus", 1},
-};
-static const dmoc_array impact_jac_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"e_plus_D", 7}, {"e_minus_D", 7},
-};
-static const dmoc_array impact_hess_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"w_e_plus", 1}, {"w_e_minus", 1}, {"hess", 19},
-};
-static const dmoc_array dynamics_arrays[] = {
-    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"M", 4}, {"F", 2},
-};
-static const dmoc_array residual_arrays[] = {
-    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"a", 2}, {"par", 3}, {"R", 2},
-};
-static const dmoc_array residual_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"a", 2}, {"par", 3}, {"R_D", 4},
-};
-static const dmoc_array input_matrix_arrays[] = {
-    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"B", 4},
-};
-static const dmoc_array force_arrays[] = {
-    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"Q", 2}, {"power", 1},
-};
-static const dmoc_array momentum_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"p", 2},
-};
-static const dmoc_array momentum_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"p_D", 2},
-};
-static const dmoc_array momentum_hess_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w_p", 2}, {"hess", 0},
-};
-static const dmoc_array energy_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"E", 1},
-};
-static const dmoc_array running_cost_arrays[] = {
-    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"C", 1}, {"C_DD_u", 2},
-};
-static const dmoc_array surface_arrays[] = {
-    {"q", 2}, {"t", 1}, {"par", 3}, {"g", 4},
-};
-static const dmoc_array surface_jac_arrays[] = {
-    {"q", 2}, {"t", 1}, {"par", 3}, {"g_D", 4},
-};
-static const dmoc_array surface_hess_arrays[] = {
-    {"q", 2}, {"t", 1}, {"par", 3}, {"w_g", 4}, {"hess", 0},
-};
-static const dmoc_array gap_rate_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"gamma", 4},
-};
-static const dmoc_array gap_rate_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"gamma_D", 4},
-};
-static const dmoc_array gap_rate_hess_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w_gamma", 4}, {"hess", 0},
-};
-static const dmoc_array normal_arrays[] = {
-    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"n", 2},
-};
-static const dmoc_array normal_jac_arrays[] = {
-    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"n_D", 4},
-};
-static const dmoc_array normal_hess_arrays[] = {
-    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"w_n", 2}, {"hess", 0},
-};
-static const dmoc_array moving_work_arrays[] = {
-    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"W_t", 1},
-};
-static const dmoc_array moving_work_jac_arrays[] = {
-    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"W_t_D", 0},
-};
-static const dmoc_array moving_work_hess_arrays[] = {
-    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"w_W_t", 1}, {"hess", 0},
-};
-static const dmoc_array rate_work_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"W_gamma", 1},
-};
-static const dmoc_array rate_work_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"W_gamma_D", 6},
-};
-static const dmoc_array rate_work_hess_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"w_W_gamma", 1}, {"hess", 4},
-};
-static const dmoc_array min_time_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 3}, {"T_min", 4},
-};
-static const dmoc_array min_time_jac_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 3}, {"T_min_D", 16},
-};
-static const dmoc_array drawing_arrays[] = {
-    {"q", 2}, {"t", 1}, {"par", 3}, {"shapes", 34},
-};
+#define STEP_INPUTS {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}
+#define DYNAMICS_INPUTS {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}
+#define RESIDUAL_INPUTS {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"a", 2}, {"par", 3}
+#define MOMENTUM_INPUTS {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}
+#define SURFACE_INPUTS {"q", 2}, {"t", 1}, {"par", 3}
+#define NORMAL_INPUTS {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}
+#define RATE_WORK_INPUTS {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}
+#define MIN_TIME_INPUTS {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 3}
 
 static const dmoc_entry entries[] = {
-    {"step", puck_table_step, 8, 4, step_arrays},
-    {"step_jac", puck_table_step_jac, 8, 4, step_jac_arrays},
-    {"step_hess", puck_table_step_hess, 12, 1, step_hess_arrays},
-    {"impact", puck_table_impact, 8, 2, impact_arrays},
-    {"impact_jac", puck_table_impact_jac, 8, 2, impact_jac_arrays},
-    {"impact_hess", puck_table_impact_hess, 10, 1, impact_hess_arrays},
-    {"dynamics", puck_table_dynamics, 5, 2, dynamics_arrays},
-    {"residual", puck_table_residual, 6, 1, residual_arrays},
-    {"residual_jac", puck_table_residual_jac, 6, 1, residual_jac_arrays},
-    {"input_matrix", puck_table_input_matrix, 5, 1, input_matrix_arrays},
-    {"force", puck_table_force, 5, 2, force_arrays},
-    {"momentum", puck_table_momentum, 4, 1, momentum_arrays},
-    {"momentum_jac", puck_table_momentum_jac, 4, 1, momentum_jac_arrays},
-    {"momentum_hess", puck_table_momentum_hess, 5, 1, momentum_hess_arrays},
-    {"energy", puck_table_energy, 4, 1, energy_arrays},
-    {"running_cost", puck_table_running_cost, 5, 2, running_cost_arrays},
-    {"surface", puck_table_surface, 3, 1, surface_arrays},
-    {"surface_jac", puck_table_surface_jac, 3, 1, surface_jac_arrays},
-    {"surface_hess", puck_table_surface_hess, 4, 1, surface_hess_arrays},
-    {"gap_rate", puck_table_gap_rate, 4, 1, gap_rate_arrays},
-    {"gap_rate_jac", puck_table_gap_rate_jac, 4, 1, gap_rate_jac_arrays},
-    {"gap_rate_hess", puck_table_gap_rate_hess, 5, 1, gap_rate_hess_arrays},
-    {"normal", puck_table_normal, 4, 1, normal_arrays},
-    {"normal_jac", puck_table_normal_jac, 4, 1, normal_jac_arrays},
-    {"normal_hess", puck_table_normal_hess, 5, 1, normal_hess_arrays},
-    {"moving_work", puck_table_moving_work, 4, 1, moving_work_arrays},
-    {"moving_work_jac", puck_table_moving_work_jac, 4, 1, moving_work_jac_arrays},
-    {"moving_work_hess", puck_table_moving_work_hess, 5, 1, moving_work_hess_arrays},
-    {"rate_work", puck_table_rate_work, 5, 1, rate_work_arrays},
-    {"rate_work_jac", puck_table_rate_work_jac, 5, 1, rate_work_jac_arrays},
-    {"rate_work_hess", puck_table_rate_work_hess, 6, 1, rate_work_hess_arrays},
-    {"min_time", puck_table_min_time, 6, 1, min_time_arrays},
-    {"min_time_jac", puck_table_min_time_jac, 6, 1, min_time_jac_arrays},
-    {"drawing", puck_table_drawing, 3, 1, drawing_arrays},
+    ENTRY(step, 8, 4, STEP_INPUTS, {"r_minus", 2}, {"r_plus", 2}, {"C_d", 1}, {"r_i", 0}),
+    ENTRY(step_jac, 8, 4, STEP_INPUTS, {"r_minus_D", 8}, {"r_plus_D", 8}, {"C_d_D", 5}, {"r_i_D", 0}),
+    ENTRY(step_hess, 12, 1, STEP_INPUTS, {"w_r_minus", 2}, {"w_r_plus", 2}, {"w_C_d", 1}, {"w_r_i", 0}, {"hess", 13}),
+    ENTRY(impact, 8, 2, STEP_INPUTS, {"e_plus", 1}, {"e_minus", 1}),
+    ENTRY(impact_jac, 8, 2, STEP_INPUTS, {"e_plus_D", 7}, {"e_minus_D", 7}),
+    ENTRY(impact_hess, 10, 1, STEP_INPUTS, {"w_e_plus", 1}, {"w_e_minus", 1}, {"hess", 19}),
+    ENTRY(dynamics, 5, 2, DYNAMICS_INPUTS, {"M", 4}, {"F", 2}),
+    ENTRY(residual, 6, 1, RESIDUAL_INPUTS, {"R", 2}),
+    ENTRY(residual_jac, 6, 1, RESIDUAL_INPUTS, {"R_D", 4}),
+    ENTRY(input_matrix, 5, 1, DYNAMICS_INPUTS, {"B", 4}),
+    ENTRY(force, 5, 2, DYNAMICS_INPUTS, {"Q", 2}, {"power", 1}),
+    ENTRY(momentum, 4, 1, MOMENTUM_INPUTS, {"p", 2}),
+    ENTRY(momentum_jac, 4, 1, MOMENTUM_INPUTS, {"p_D", 2}),
+    ENTRY(momentum_hess, 5, 1, MOMENTUM_INPUTS, {"w_p", 2}, {"hess", 0}),
+    ENTRY(energy, 4, 1, MOMENTUM_INPUTS, {"E", 1}),
+    ENTRY(running_cost, 5, 2, DYNAMICS_INPUTS, {"C", 1}, {"C_DD_u", 2}),
+    ENTRY(surface, 3, 1, SURFACE_INPUTS, {"g", 4}),
+    ENTRY(surface_jac, 3, 1, SURFACE_INPUTS, {"g_D", 4}),
+    ENTRY(surface_hess, 4, 1, SURFACE_INPUTS, {"w_g", 4}, {"hess", 0}),
+    ENTRY(gap_rate, 4, 1, MOMENTUM_INPUTS, {"gamma", 4}),
+    ENTRY(gap_rate_jac, 4, 1, MOMENTUM_INPUTS, {"gamma_D", 4}),
+    ENTRY(gap_rate_hess, 5, 1, MOMENTUM_INPUTS, {"w_gamma", 4}, {"hess", 0}),
+    ENTRY(normal, 4, 1, NORMAL_INPUTS, {"n", 2}),
+    ENTRY(normal_jac, 4, 1, NORMAL_INPUTS, {"n_D", 4}),
+    ENTRY(normal_hess, 5, 1, NORMAL_INPUTS, {"w_n", 2}, {"hess", 0}),
+    ENTRY(moving_work, 4, 1, NORMAL_INPUTS, {"W_t", 1}),
+    ENTRY(moving_work_jac, 4, 1, NORMAL_INPUTS, {"W_t_D", 0}),
+    ENTRY(moving_work_hess, 5, 1, NORMAL_INPUTS, {"w_W_t", 1}, {"hess", 0}),
+    ENTRY(rate_work, 5, 1, RATE_WORK_INPUTS, {"W_gamma", 1}),
+    ENTRY(rate_work_jac, 5, 1, RATE_WORK_INPUTS, {"W_gamma_D", 6}),
+    ENTRY(rate_work_hess, 6, 1, RATE_WORK_INPUTS, {"w_W_gamma", 1}, {"hess", 4}),
+    ENTRY(min_time, 6, 1, MIN_TIME_INPUTS, {"T_min", 4}),
+    ENTRY(min_time_jac, 6, 1, MIN_TIME_INPUTS, {"T_min_D", 16}),
+    ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 34}),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "b18dc4048b95bddbb5efe1c4f5f60d91b267cbeb995880f14f54fdf9dd6a05a2", 34, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "4289ac1adbdd07b8c52a69fe34976771f21d21e776d4ff5db644f21d31685456", 34, entries};

@@ -104,6 +104,15 @@ def test_c_hostile_parameter_names_work() -> None:
     assert mass[0, 0] == 8.0
 
 
+def test_a_model_may_be_called_as_a_word_of_the_header() -> None:
+    q = dynamicsymbols("q")
+    for name in ("OUT", "ROW", "NAN"):
+        made = dmoc.MechanicalSystem(name, [q], q.diff(T) ** 2 / 2)
+        one = np.ones((1, 1))
+        kernels = dmoc.build(made, backend="compiled")
+        assert kernels.call("energy", one, one, one, np.ones((1, 0)))[0] == 0.5
+
+
 @pytest.mark.slow
 def test_text_does_not_depend_on_the_hash_seed() -> None:
     program = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from pathlib import Path
 
 import pytest
@@ -34,3 +35,11 @@ def test_committed_sources_are_what_is_generated(name: str, request: pytest.Fixt
             )
         )
         assert not difference, difference
+
+
+@pytest.mark.parametrize("name", catalogue.models())
+def test_text_beside_arithmetic_is_four_lines_a_kernel(name: str) -> None:
+    """What it is for, its arguments, their places, its entry; not each argument several times."""
+    text = (ROOT / "generated" / name / "kernels.c").read_text(encoding="utf-8")
+    others = [line for line in text.splitlines(True) if not re.match(r"    .* = .*[,;]$", line)]
+    assert sum(map(len, others)) < 4 * 100 * text.count("ENTRY(")

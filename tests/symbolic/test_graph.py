@@ -146,9 +146,11 @@ def test_a_lagrangian_as_a_function_gives_the_same_kernels(
     rng = np.random.default_rng(3)
     system, kernels = chain_system(2), []
     for large in (0, 10**9):
-        monkeypatch.setattr(families, "LARGE", large)
+        for limit in ("LARGE_STEP", "LARGE"):
+            monkeypatch.setattr(families, limit, large)
         model = families.model_spec(system, order)
-        assert ("lagrangian_w_2(" in c_files(model)["kernels.c"]) is (large == 0)
+        calls = c_files(model)["kernels.c"].count("    lagrangian_w_2(")
+        assert calls == (4 * (large == 0) if order == 2 else 6 * (large == 0))
         kernels.append(numpy_kernels(manifest(model), numpy_text(model)))
     as_function, inline = kernels
     for name, facts in inline.manifest["kernels"].items():
@@ -172,7 +174,8 @@ def test_a_lagrangian_as_a_function_gives_the_same_kernels(
 def test_a_lagrangian_without_parameters_may_be_a_function(
     backend: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(families, "LARGE", 0)
+    for limit in ("LARGE_STEP", "LARGE"):
+        monkeypatch.setattr(families, limit, 0)
     x, y = dynamicsymbols("x y")
     mass = 2 + sp.sin(x + dynamicsymbols._t) * sp.cos(y)
     made = dmoc.MechanicalSystem("bare", [x, y], mass * (x.diff() ** 2 + y.diff() ** 2) - x * y)
