@@ -107,32 +107,36 @@ class Program:
         self.g.append(value)
         self.g_bounds.append(np.broadcast_to(bounds, (value.numel(), 2)))
 
-    def solver(self, cost: ca.SX, seconds: float) -> Any:
-        """A function that solves the program."""
+    def solver(self, cost: ca.SX, seconds: float, **ipopt: Any) -> Solver:
+        """The program as CasADi takes it."""
         options = {
-            "ipopt": {"print_level": 0, "sb": "yes", "max_wall_time": seconds, "max_iter": 3000},
+            "ipopt": {
+                "print_level": 0, "sb": "yes", "max_wall_time": seconds, "max_iter": 3000, **ipopt
+            },
             "print_time": False,
-        }
-        solver = ca.nlpsol(
-            "ladder",
-            "ipopt",
-            {"x": ca.vertcat(*self.x), "f": cost, "g": ca.vertcat(*self.g)},
-            options,
-        )
+        }  # fmt: skip
+        program = {"x": ca.vertcat(*self.x), "f": cost, "g": ca.vertcat(*self.g)}
         x_bounds, g_bounds = np.concatenate(self.x_bounds), np.concatenate(self.g_bounds)
-        start = np.concatenate(self.x0)
+        bounds = {
+            "lbx": x_bounds[:, 0], "ubx": x_bounds[:, 1],
+            "lbg": g_bounds[:, 0], "ubg": g_bounds[:, 1],
+        }  # fmt: skip
+        function = ca.nlpsol("ladder", "ipopt", program, options)
+        return Solver(function, bounds, np.concatenate(self.x0))
 
-        def solve() -> tuple[str, float]:
-            found = solver(
-                x0=start,
-                lbx=x_bounds[:, 0],
-                ubx=x_bounds[:, 1],
-                lbg=g_bounds[:, 0],
-                ubg=g_bounds[:, 1],
-            )
-            return str(solver.stats()["return_status"]), float(found["f"])
 
-        return solve
+@dataclass(frozen=True)
+class Solver:
+    """A program of CasADi with its bounds and its start."""
+
+    function: Any
+    bounds: dict[str, np.ndarray]
+    start: np.ndarray
+
+    def solve(self, **given: Any) -> tuple[str, dict[str, Any]]:
+        """Its status and its results, with other bounds or another start where they are given."""
+        found = self.function(**{"x0": self.start, **self.bounds, **given})
+        return str(self.function.stats()["return_status"]), found
 
 
 @dataclass(frozen=True)
@@ -169,9 +173,9 @@ def _middle(bounds: np.ndarray, otherwise: Any) -> np.ndarray:
 
 def solve(statement: Statement, problem: dmoc.Problem, seconds: float) -> Answer:
     """Transcribe a problem, which must not be periodic, with its steps and order, and solve it."""
-    build, run = clocked(lambda: _transcribed(statement, problem, seconds))
-    spent, (status, cost) = clocked(run)
-    return Answer(status, cost, build, spent)
+    build, solver = clocked(lambda: transcribed(statement, problem, seconds))
+    spent, (status, found) = clocked(solver.solve)
+    return Answer(status, float(found["f"]), build, spent)
 
 
 State = tuple[ca.SX, ca.SX]  # positions and velocities of a node
@@ -254,7 +258,10 @@ class Transcription(Program):
         return h / 6 * sum(weighted), u1
 
 
-def _transcribed(statement: Statement, problem: dmoc.Problem, seconds: float) -> Any:
+def transcribed(
+    statement: Statement, problem: dmoc.Problem, seconds: float, **ipopt: Any
+) -> Solver:
+    """The program of a problem, whose goal is in its last rows."""
     model = Model(statement.system, problem)
     program = Transcription(model, problem, Line.of(problem))
     step = program.midpoint if problem.order == 2 else program.simpson
@@ -273,4 +280,4 @@ def _transcribed(statement: Statement, problem: dmoc.Problem, seconds: float) ->
         if phase < problem.phases - 1:
             state = program.collision(phase, state, t)
     program.boundary(problem.goal_bounds, state, t)
-    return program.solver(cost + model.terminal_cost(*state, 0, t), seconds)
+    return program.solver(cost + model.terminal_cost(*state, 0, t), seconds, **ipopt)

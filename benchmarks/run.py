@@ -15,6 +15,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import batches
 import building
 import campaign
 import evaluating
@@ -57,6 +58,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "invariance": invariance.invariance,
         "planted": planted.compare,
         "warm": speed.warm,
+        "batches": batches.compare,
         "search": searching.compare,
         "puck": searching.puck,
     }
