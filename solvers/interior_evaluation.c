@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Slacks and elastic variables of which the product is far from over- and underflow. */
+/* Distances from bounds of which the product, and one more, is far from over- and underflow. */
 enum { TOGETHER = 4 };
 
 void ip_evaluate_values(solver *s, const double *x)
@@ -37,26 +37,21 @@ int ip_evaluate(solver *s, point *p)
     p->theta = 0;
     for (int r = 0; r < s->m; ++r)
         p->theta += fabs(p->residual[r]);
-    double logs = 0, damping = 0;
-    for (int i = 0; i < s->n; ++i) {
-        const int below = s->lo[i] > -INFINITY, above = s->up[i] < INFINITY;
-        if (below)
-            logs += log(p->v[i] - s->lo[i]);
-        if (above)
-            logs += log(s->up[i] - p->v[i]);
-        if (below && !above)
-            damping += (p->v[i] - s->lo[i]);
-        if (above && !below)
-            damping += (s->up[i] - p->v[i]);
-    }
-    for (int i = s->n; i < s->nv; i += TOGETHER) { /* positive, and one logarithm for several */
-        double product = 1;
-        for (int k = i; k < i + TOGETHER && k < s->nv; ++k) {
-            product *= p->v[k];
-            damping += p->v[k];
+    double logs = 0, damping = 0, product = 1, least = INFINITY;
+    int factors = 0;
+    for (int i = 0; i < s->nv; ++i) {
+        const double down = p->v[i] - s->lo[i], up = s->up[i] - p->v[i];
+        if (down < INFINITY)
+            product *= down, least = min(least, down), ++factors;
+        if (up < INFINITY)
+            product *= up, least = min(least, up), ++factors;
+        damping += s->open[i] > 0 ? down : s->open[i] < 0 ? up : 0;
+        if (factors >= TOGETHER) { /* one logarithm for several */
+            logs += log(product);
+            product = 1, factors = 0;
         }
-        logs += log(product);
     }
+    logs += log(least > 0 ? product : NAN); /* outside is no point */
     p->logs = KAPPA_D*damping - logs;
     p->phi = p->f + s->mu*p->logs;
     return isfinite(p->phi) && isfinite(p->theta);

@@ -94,7 +94,8 @@ static int allocate(solver *s)
         double **at;
         size_t count;
     } parts[] = {
-        {&s->lo, most}, {&s->up, most}, {&s->values, m + 1}, {&s->slopes, n + jac},
+        {&s->lo, most}, {&s->up, most}, {&s->open, most}, {&s->below, most},
+        {&s->above, most}, {&s->values, m + 1}, {&s->slopes, n + jac},
         {&s->hess, hess}, {&s->K, entries}, {&s->fs_rows, m},
         {&s->now.v, most}, {&s->now.y, m}, {&s->now.zl, most}, {&s->now.zu, most},
         {&s->now.residual, m}, {&s->trial.v, most}, {&s->trial.residual, m},

@@ -103,9 +103,10 @@ int ip_restore(solver *s)
         return status;
     ip_evaluate_slopes(s);
     /* Those of the restoration belong to another objective and another mu. */
+    ip_invert_distances(s);
     for (int i = 0; i < s->nv; ++i) {
-        s->now.zl[i] = s->lo[i] > -INFINITY ? s->mu/(s->now.v[i] - s->lo[i]) : 0;
-        s->now.zu[i] = s->up[i] < INFINITY ? s->mu/(s->up[i] - s->now.v[i]) : 0;
+        s->now.zl[i] = s->mu*s->below[i];
+        s->now.zu[i] = s->mu*s->above[i];
     }
     ip_estimate_multipliers(s);
     return -1;

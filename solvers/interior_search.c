@@ -19,32 +19,33 @@ enum { MOST_SOC = 4, MOST_TINY = 2 };
  * (15a), and the stretch of unknowns. */
 static double longest_primal(const solver *s, const double *dv)
 {
+    const double *v = s->now.v;
     double alpha = 1;
-    for (int i = 0; i < s->n; ++i) {
-        if (dv[i] < 0 && s->lo[i] > -INFINITY)
-            alpha = min(alpha, -s->tau*(s->now.v[i] - s->lo[i])/dv[i]);
-        if (dv[i] > 0 && s->up[i] < INFINITY)
-            alpha = min(alpha, s->tau*(s->up[i] - s->now.v[i])/dv[i]);
+    for (int i = 0; i < s->nv; ++i) {
+        const double to_lo = s->tau*(s->lo[i] - v[i]), to_up = s->tau*(s->up[i] - v[i]);
+        if (alpha*dv[i] < to_lo)
+            alpha = to_lo/dv[i];
+        if (alpha*dv[i] > to_up)
+            alpha = to_up/dv[i];
+    }
+    for (int i = 0; i < s->n; ++i)
         if (s->stretch[i] < INFINITY) { /* the ratio of two iterates is limited */
             const double share = dv[i] < 0 ? 1 - 1/s->stretch[i] : s->stretch[i] - 1;
-            alpha = min(alpha, share*s->now.v[i]/fabs(dv[i]));
+            alpha = min(alpha, share*v[i]/fabs(dv[i]));
         }
-    }
-    for (int i = s->n; i < s->nv; ++i)
-        if (dv[i] < 0)
-            alpha = min(alpha, -s->tau*s->now.v[i]/dv[i]);
     return alpha;
 }
 
 static double longest_dual(const solver *s)
 {
     double alpha = 1;
-    for (int i = 0; i < s->nv; ++i)
-        if (s->dzl[i] < 0)
-            alpha = min(alpha, -s->tau*s->now.zl[i]/s->dzl[i]);
-    for (int i = 0; i < s->n; ++i)
-        if (s->dzu[i] < 0)
-            alpha = min(alpha, -s->tau*s->now.zu[i]/s->dzu[i]);
+    for (int i = 0; i < s->nv; ++i) {
+        const double to_l = -s->tau*s->now.zl[i], to_u = -s->tau*s->now.zu[i];
+        if (alpha*s->dzl[i] < to_l)
+            alpha = to_l/s->dzl[i];
+        if (alpha*s->dzu[i] < to_u)
+            alpha = to_u/s->dzu[i];
+    }
     return alpha;
 }
 
@@ -136,10 +137,10 @@ static void take_dual_step(solver *s, const double *dy, double alpha, double alp
 {
     for (int r = 0; r < s->m; ++r)
         s->now.y[r] += alpha*dy[r];
-    for (int i = 0; i < s->nv; ++i)
+    for (int i = 0; i < s->nv; ++i) {
         s->now.zl[i] += alpha_z*s->dzl[i];
-    for (int i = 0; i < s->n; ++i)
         s->now.zu[i] += alpha_z*s->dzu[i];
+    }
 }
 
 static void exchange_points(solver *s)
@@ -154,19 +155,11 @@ static void exchange_points(solver *s)
 /* Keep the bound multipliers within reach of mu/(v - lo), WB (16). */
 void ip_keep_multipliers(solver *s)
 {
-    for (int i = s->n; i < s->nv; ++i) {
-        const double z = s->mu/s->now.v[i];
-        s->now.zl[i] = max(min(s->now.zl[i], KAPPA_SIGMA*z), z*(1/KAPPA_SIGMA));
-    }
-    for (int i = 0; i < s->n; ++i) {
-        if (s->lo[i] > -INFINITY) {
-            const double z = s->mu/(s->now.v[i] - s->lo[i]);
-            s->now.zl[i] = max(min(s->now.zl[i], KAPPA_SIGMA*z), z/KAPPA_SIGMA);
-        }
-        if (s->up[i] < INFINITY) {
-            const double z = s->mu/(s->up[i] - s->now.v[i]);
-            s->now.zu[i] = max(min(s->now.zu[i], KAPPA_SIGMA*z), z/KAPPA_SIGMA);
-        }
+    ip_invert_distances(s);
+    for (int i = 0; i < s->nv; ++i) {
+        const double zl = s->mu*s->below[i], zu = s->mu*s->above[i];
+        s->now.zl[i] = max(min(s->now.zl[i], KAPPA_SIGMA*zl), zl*(1/KAPPA_SIGMA));
+        s->now.zu[i] = max(min(s->now.zu[i], KAPPA_SIGMA*zu), zu*(1/KAPPA_SIGMA));
     }
 }
 

@@ -56,6 +56,8 @@ typedef struct {
     int elastic, nv;            /* restoration or not; length of v in use */
     double *memory;
     double *lo, *up;            /* [most] bounds of v; none where v is fixed */
+    double *open;               /* [most] 1 where it has a lower bound alone, -1 an upper one */
+    double *below, *above;      /* [most] inverse distances of the point now from its bounds */
     double *values, *slopes, *hess, *K;
     double *fs_rows;            /* [m] scaling of rows */
     double fs;                  /* scaling of the objective */
@@ -128,6 +130,7 @@ double ip_cost_size(const solver *s);
 int ip_converged(const solver *s);
 
 /* interior_system.c */
+void ip_invert_distances(solver *s);
 void ip_fill_K(solver *s, int with_hessian);
 double ip_solve_linear(solver *s);
 double ip_newton_step(solver *s, const double *residual, double *dv, double *dy);

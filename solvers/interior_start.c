@@ -80,6 +80,7 @@ void ip_start(solver *s, const double *x, const double *y, const double *z_lower
     for (int i = 0; i < s->most; ++i) {
         s->lo[i] = i >= n ? 0 : fixed(s, i) ? -INFINITY : s->program->lower[i];
         s->up[i] = i >= n || fixed(s, i) ? INFINITY : s->program->upper[i];
+        s->open[i] = (s->lo[i] > -INFINITY) - (s->up[i] < INFINITY);
         if (i < n)
             s->now.v[i] = fixed(s, i) ? s->program->lower[i]
                                       : inside(x[i], s->lo[i], s->up[i], s->size[i], share);

@@ -125,30 +125,25 @@ double ip_newton_step(solver *s, const double *residual, double *dv, double *dy)
     return ratio;
 }
 
+/* 1/(v - lo) and 1/(up - v) of the point now, 0 where there is no bound: loops over all of v need
+ * no branches, and one division for each. */
+void ip_invert_distances(solver *s)
+{
+    for (int i = 0; i < s->nv; ++i) {
+        s->below[i] = 1/(s->now.v[i] - s->lo[i]);
+        s->above[i] = 1/(s->up[i] - s->now.v[i]);
+    }
+}
+
 /* Curvature z/(v - lo) + z/(up - v) of the barrier (WB (11), (13)) and its slope
  * -mu/(v - lo) + mu/(up - v) with the damping of WB 3.7. */
 static void bend_barrier(solver *s)
 {
-    const double damping = KAPPA_D*s->mu;
-    for (int i = 0; i < s->n; ++i) {
-        const int below = s->lo[i] > -INFINITY, above = s->up[i] < INFINITY;
-        double sigma = 0, pull = 0;
-        if (below) {
-            const double distance = s->now.v[i] - s->lo[i];
-            sigma += s->now.zl[i]/distance;
-            pull -= s->mu/distance;
-        }
-        if (above) {
-            const double distance = s->up[i] - s->now.v[i];
-            sigma += s->now.zu[i]/distance;
-            pull += s->mu/distance;
-        }
-        s->sigma[i] = sigma;
-        s->pull[i] = pull + (below - above)*damping;
-    }
-    for (int i = s->n; i < s->nv; ++i) { /* slacks and elastic variables are positive */
-        s->sigma[i] = s->now.zl[i]/s->now.v[i];
-        s->pull[i] = damping - s->mu/s->now.v[i];
+    const double damping = KAPPA_D*s->mu, mu = s->mu;
+    ip_invert_distances(s);
+    for (int i = 0; i < s->nv; ++i) {
+        s->sigma[i] = s->now.zl[i]*s->below[i] + s->now.zu[i]*s->above[i];
+        s->pull[i] = mu*(s->above[i] - s->below[i]) + s->open[i]*damping;
     }
 }
 
@@ -185,14 +180,9 @@ int ip_direction(solver *s)
     }
     if (s->delta_w > 0)
         s->last_delta_w = s->delta_w;
-    for (int i = s->n; i < s->nv; ++i)
-        s->dzl[i] = (s->mu - s->now.zl[i]*s->dv[i])/s->now.v[i] - s->now.zl[i];
-    for (int i = 0; i < s->n; ++i) {
-        s->dzl[i] = s->dzu[i] = 0;
-        if (s->lo[i] > -INFINITY)
-            s->dzl[i] = (s->mu - s->now.zl[i]*s->dv[i])/(s->now.v[i] - s->lo[i]) - s->now.zl[i];
-        if (s->up[i] < INFINITY)
-            s->dzu[i] = (s->mu + s->now.zu[i]*s->dv[i])/(s->up[i] - s->now.v[i]) - s->now.zu[i];
+    for (int i = 0; i < s->nv; ++i) {
+        s->dzl[i] = (s->mu - s->now.zl[i]*s->dv[i])*s->below[i] - s->now.zl[i];
+        s->dzu[i] = (s->mu + s->now.zu[i]*s->dv[i])*s->above[i] - s->now.zu[i];
     }
     return 1;
 }
