@@ -24,6 +24,8 @@ from dmoc.symbolic.system import MechanicalSystem
 
 # Kernels of steps, which take hidden unknowns behind the inputs.
 OF_STEPS = ("step", "impact", "path", "path_node", "path_ends", "path_point")
+# Differences of what is zero everywhere leave less.
+NOTHING = 1e-30
 POINTS = 20  # random points that are tried until all functions are real there
 
 
@@ -128,4 +130,4 @@ def _error(values: Array, wanted: Sequence[Any]) -> float:
         return 0.0
     size = max(max(abs(w) for w in wanted), max(abs(mp.mpf(float(g))) for g in values))
     worst = max(abs(mp.mpf(float(g)) - w) for g, w in zip(values, wanted, strict=True))
-    return float(worst / size) if size else 0.0
+    return float(worst / size) if size > NOTHING else 0.0

@@ -35,6 +35,7 @@ MARKED = (
     "Names of the sections above, with the same index, are their values there: of L, p, f and of "
     "definitions."
 )
+ROWS = ("r_minus", "r_plus", "r_i", "e_plus", "e_minus", "C_d")
 LARGE = 300  # operations of the second derivatives of a Lagrangian that is not written out
 
 
@@ -261,12 +262,8 @@ def pattern_sections(system: MechanicalSystem, order: int, e: StepElement) -> It
     kernels = {k.name: k for k in model_spec(system, order).kernels}
     columns = f"Columns x_k = ({', '.join(map(str, e.x_k))})"
     shown = _columns(kernels["step"].inputs[:-1], len(e.u_k))
-    first = [
-        line
-        for kernel in ("step_jac", "impact_jac")
-        for output in kernels[kernel].outputs
-        for line in _rows(output, shown)
-    ]
+    outputs = {o.name: o for k in ("step_jac", "impact_jac") for o in kernels[k].outputs}
+    first = [line for name in ROWS for line in _rows(outputs[f"{name}_D"], shown)]
     text = "x marks what is not identically zero. The entries are written out on demand."
     yield Section("First derivatives", f"{columns}; {text}", (), tuple(first))
     for title, kernel in (("step", "step_hess"), ("energy", "impact_hess")):
@@ -290,6 +287,6 @@ def _rows(output: Output, columns: Sequence[int], square: bool = False) -> Itera
     entries = set(output.entries)
     for i in columns if square else range(output.shape[0]):
         name = output.name.removesuffix("_D")
-        label = name if output.shape[0] == 1 else f"{name}_{i}"
+        label = f"{name}_{i}" if name.startswith("r_") else name
         marks = " ".join("x" if (i, j) in entries else "." for j in columns)
         yield f"  {marks}" if square else f"  {label:>10}  {marks}"

@@ -125,6 +125,29 @@ def test_a_chain_of_twelve_is_shown_in_pages_not_books(order: int) -> None:
     assert derivation.sections[-3].pattern and not derivation.sections[-3].equations
 
 
+def test_patterns_are_those_of_what_is_written_out() -> None:
+    system = double_pendulum(True, cost=0, path_constraints={})
+    structure, written = (dmoc.derive(system, expanded=e).sections for e in (False, True))
+    assert structure[-3].pattern == written[-3].pattern
+    assert structure[-2].pattern == written[-2].pattern
+
+
+def test_names_of_the_derivation_may_be_those_of_definitions() -> None:
+    a, u, *names = dynamicsymbols("a u L z_1 f_a M_a_a h E t_k L_m a_m R_a x_k")
+    definitions, last = {}, sp.sin(a)
+    for name in names:
+        definitions[name] = last = last * sp.cos(a) + a
+    system = dmoc.MechanicalSystem(
+        "odd", [a], sum(n.diff() ** 2 for n in names), inputs=[u], forces={a: u},
+        dissipation=names[3].diff() ** 2, cost=names[0] ** 2, surfaces={"L": names[2] <= 1},
+        definitions=definitions,
+    )  # fmt: skip
+    derivation = dmoc.derive(system)
+    stated = [e.name for section in derivation.sections for e in section.equations]
+    assert len(set(stated)) == len(stated)
+    assert "L~, " in derivation.sections[0].text and "z_1~" in derivation.sections[0].text
+
+
 def test_every_name_of_the_structure_is_stated_before_it_is_used() -> None:
     system = double_pendulum(True, relative=True)
     stated = {str(q.func) for q in (*system.coordinates, *system.inputs)}

@@ -68,6 +68,14 @@ def test_kernels_with_definitions_are_those_of_their_numbers() -> None:
     assert len(errors) > 40 and max(c.error for c in errors) < 1e-12
 
 
+def test_a_gap_whose_time_cancels_through_a_definition_does_not_move() -> None:
+    system = dmoc.MechanicalSystem(
+        "still", [a, b], a.diff() ** 2 + b.diff() ** 2, cost=1,
+        definitions={x: sp.sin(T) + sp.cos(a) * sp.sin(b)}, surfaces={"wall": x <= sp.sin(T)},
+    )  # fmt: skip
+    assert max(c.error for c in checked(system, dmoc.build(system, backend="numpy"))) < 1e-12
+
+
 def test_velocities_may_be_defined() -> None:
     """A double pendulum by the velocities in the frames of its links."""
     along, across = dynamicsymbols("along across")
