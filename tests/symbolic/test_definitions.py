@@ -20,7 +20,7 @@ from dmoc.symbolic.families import model_key, model_spec
 
 T = dynamicsymbols._t
 a, b, u = dynamicsymbols("a b u")
-x, y, w = dynamicsymbols("x y w")
+x, y, z, w = dynamicsymbols("x y z w")
 m, l, g, d = sp.symbols("m l g d")
 
 
@@ -74,6 +74,29 @@ def test_a_gap_whose_time_cancels_through_a_definition_does_not_move() -> None:
         definitions={x: sp.sin(T) + sp.cos(a) * sp.sin(b)}, surfaces={"wall": x <= sp.sin(T)},
     )  # fmt: skip
     assert max(c.error for c in checked(system, dmoc.build(system, backend="numpy"))) < 1e-12
+
+
+def test_places_that_move_with_the_time_have_its_rate() -> None:
+    """A pendulum below a support that is shaken."""
+    support = sp.sin(3 * T) / 5
+    named, plain = (
+        dmoc.MechanicalSystem(
+            "shaken", [a], m * sum(e.diff(T) ** 2 for e in (X, Y)) / 2 - m * g * Y,
+            {m: 0.5, l: 0.4, g: 9.81}, definitions=definitions, cost=1,
+        )
+        for X, Y, definitions in (
+            (y, z, {x: support, y: x + l * sp.sin(a), z: -l * sp.cos(a)}),
+            (support + l * sp.sin(a), -l * sp.cos(a), {}),
+        )
+    )  # fmt: skip
+    rng = np.random.default_rng(0)
+    states = [*rng.normal(size=(2, 4, 1)), np.zeros((4, 0)), rng.uniform(size=(4, 1))]
+    par = np.array([[0.5, 0.4, 9.81]])
+    ours, expected = (
+        dmoc.build(s, backend="numpy").call("dynamics", *states, par) for s in (named, plain)
+    )
+    for one, other in zip(ours, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-14)
 
 
 def test_velocities_may_be_defined() -> None:
@@ -168,8 +191,8 @@ MISTAKES = [
     ({x: a + u}, r"definition x contains u\(t\), one of the inputs: expected coordinates, vel"),
     ({x: a * sp.Symbol("k")}, "definition x contains the symbol k, which is unknown"),
     (
-        {x: a + dynamicsymbols("z")},
-        r"contains z\(t\), which is no coordinate, no input and no definition",
+        {x: a + dynamicsymbols("other")},
+        r"contains other\(t\), which is no coordinate, no input and no definition",
     ),
     ({a: 2 * b}, "the name 'a' is used twice, as coordinate and as definition: rename one"),
     ({u: 2 * b}, "the name 'u' is used twice, as input and as definition"),
@@ -200,6 +223,7 @@ def test_a_wrong_definition_is_one_sentence(definitions: Any, message: str) -> N
         ({"surfaces": {"s": x.diff() <= 1}}, r"one of the velocities of definitions: expected"),
         ({"surfaces": {"s": w <= 1}}, r"w\(t\), one of the definitions of vel.*limit of a vel"),
         ({"drawing": [dmoc.Point((w, 0))]}, r"w\(t\), one of the definitions of velocities"),
+        ({"surfaces": {"s": z <= 1}}, r"z\(t\), one of the definitions of velocities"),
         ({"cost": w.diff() ** 2}, r"Derivative\(w\(t\), t\), an acceleration"),
         ({"friction": {"floor": x}, "tangents": {"floor": a}, "surfaces": {"floor": a <= 1}},
          r"contains x\(t\), one of the definitions of places: expected parameters alone"),
@@ -216,5 +240,5 @@ def test_definitions_belong_where_their_coordinates_do(fields: Any, message: str
     with pytest.raises(ModelError, match=message):
         dmoc.MechanicalSystem(
             "wrong", [a, b], parameters=used, inputs=[u], forces={a: u},
-            definitions={x: sp.sin(a), y: 1 + T, w: x.diff() * y}, **stated,
+            definitions={x: sp.sin(a), y: 1 + T, w: x.diff() * y, z: 2 * w}, **stated,
         )  # fmt: skip
