@@ -23,18 +23,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import sympy as sp
-from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
 from dmoc.symbolic.expressions import expression_in
 from dmoc.symbolic.linkage import Linkage, coordinates, unit_vector, vector
+from dmoc.symbolic.spatial_joint import Joint, Vector, added, cross, dot, times
 from dmoc.symbolic.system import MechanicalSystem
-
-Vector: TypeAlias = tuple[Any, Any, Any]
 
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 ORIGIN: Vector = (sp.S.Zero,) * 3
@@ -65,23 +63,25 @@ class Body:
     """
 
     def __init__(
-        self, linkage: Linkage, gravity: Any, name: str, before: _Before | None, tip: Vector
-    ) -> None:
+        self, linkage: Linkage, gravity: Any, name: str, tip: Vector, joint: Joint,
+        before: Body | None = None,
+    ) -> None:  # fmt: skip
         self.name = name
-        self._linkage, self._gravity, self._before, self._end = linkage, gravity, before, tip
+        self._linkage, self._gravity = linkage, gravity
+        self._before, self._joint, self._end = before, joint, tip
         self._rows: dict[int, Vector] = {}
         self._points: dict[tuple[Vector, int], Any] = {}
         self._velocity = self.spin = ORIGIN
-        if before is not None:
-            body, rate = before.body, before.rate
-            moved = _sum(body._velocity, _cross(body.spin, before.at))
-            turned = before.turned(body.spin)
-            if before.slides:
-                moved = _sum(moved, _times(rate, before.axis))
-            else:
-                turned = _sum(turned, _times(rate, before.axis))
-            self.spin = self._named("w", turned)
-            self._velocity = self._named("v", before.turned(moved))
+        if before is None:
+            return
+        moved = added(before._velocity, cross(before.spin, joint.at))
+        turned = joint.turned(before.spin)
+        along = times(joint.rate, joint.axis)
+        moved, turned = (
+            (added(moved, along), turned) if joint.slides else (moved, added(turned, along))
+        )
+        self.spin = self._named("w", turned)
+        self._velocity = self._named("v", joint.turned(moved))
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name}>"
@@ -168,7 +168,7 @@ class Body:
         name = self._linkage.name_for(angle, name)
         torque = expression_in(torque, f"the torque on body {name}")
         turn = angle + expression_in(zero, f"the zero of body {name}")
-        joint = self._joint(name, at, axis, angle, turn)
+        joint = self._read_joint(name, at, axis, angle, turn)
         load = _read_load(name, tip, mass, centre, inertia)
         self._linkage.move(angle, "rad")
         self._linkage.push(angle, torque)
@@ -211,24 +211,24 @@ class Body:
         """
         name = self._linkage.name_for(distance, name)
         force = expression_in(force, f"the force on body {name}")
-        joint = self._joint(name, at, axis, distance, None)
+        joint = self._read_joint(name, at, axis, distance, None)
         load = _read_load(name, tip, mass, centre, inertia)
         self._linkage.move(distance, "m")
         self._linkage.push(distance, force)
         return self._joined(name, joint, load)
 
-    def _joint(self, name: str, at: Any, axis: Any, coordinate: Any, turn: Any) -> _Before:
+    def _read_joint(self, name: str, at: Any, axis: Any, coordinate: Any, turn: Any) -> Joint:
         known = isinstance(axis, str) and axis in AXES
         direction = unit_vector(AXES[axis] if known else axis, 3, f"the axis of body {name}")
         start = self._end if at is None else vector(at, 3, f"at of body {name}")
-        return _Before(self, start, direction, coordinate, turn)
+        return Joint(start, direction, coordinate, turn)
 
-    def _joined(self, name: str, joint: _Before, load: _Load) -> Body:
+    def _joined(self, name: str, joint: Joint, load: _Load) -> Body:
         """A body behind a joint, with its energies."""
-        body = Body(self._linkage, self._gravity, name, joint, load.tip)
-        velocity = _sum(body._velocity, _cross(body.spin, load.centre))
-        turning = _dot(body.spin, tuple(load.inertia * sp.Matrix(body.spin)))
-        energy = load.mass * _dot(velocity, velocity) / 2 + turning / 2
+        body = Body(self._linkage, self._gravity, name, load.tip, joint, self)
+        velocity = added(body._velocity, cross(body.spin, load.centre))
+        turning = dot(body.spin, tuple(load.inertia * sp.Matrix(body.spin)))
+        energy = load.mass * dot(velocity, velocity) / 2 + turning / 2
         weight = load.mass * self._gravity
         if weight != 0:
             energy -= weight * body._coordinate(load.centre, 2, "_c")
@@ -240,7 +240,7 @@ class Body:
         if self._before is None:
             return tuple(sp.Integer(i == k) for i in range(3))
         if k not in self._rows:
-            turned = self._before.turned(self._before.body._row(k))
+            turned = self._joint.turned(self._before._row(k))
             self._rows[k] = self._named(f"r{'xyz'[k]}", turned)
         return self._rows[k]
 
@@ -249,8 +249,8 @@ class Body:
         if self._before is None:
             return local[k]
         if (local, k) not in self._points:
-            origin = self._before.body._coordinate(self._before.at, k, "_p")
-            place = origin + _dot(self._row(k), local)
+            origin = self._before._coordinate(self._joint.at, k, "_p")
+            place = origin + dot(self._row(k), local)
             ending = "" if local == self._end else ending
             name = f"{'xyz'[k]}_{self.name}{ending}"
             self._points[local, k] = self._linkage.define(name, place)
@@ -300,7 +300,8 @@ class World(Body):
 
     def __init__(self, gravity: Any = 0) -> None:
         acceleration = expression_in(gravity, "the gravity of the world")
-        super().__init__(Linkage(), acceleration, "world", None, ORIGIN)
+        fixed = Joint(ORIGIN, ORIGIN, sp.S.Zero, None)
+        super().__init__(Linkage(), acceleration, "world", ORIGIN, fixed)
 
     def free(self, place: Any, angles: Any, *, name: str | None = None, **body: Any) -> Body:
         """Add a body that nothing holds.
@@ -356,57 +357,6 @@ class World(Body):
 
 
 @dataclass(frozen=True)
-class _Before:
-    """The joint of a body and the body before it; one that slides does not turn."""
-
-    body: Body
-    start: Vector
-    axis: Vector
-    coordinate: Any
-    turn: Any
-
-    @property
-    def slides(self) -> bool:
-        return self.turn is None
-
-    @property
-    def rate(self) -> Any:
-        return self.coordinate.diff(dynamicsymbols._t)
-
-    @property
-    def at(self) -> Vector:
-        """The joint in the frame of the body before it."""
-        moved = _times(self.coordinate, self.axis)
-        return _sum(self.start, moved) if self.slides else self.start
-
-    def turned(self, v: Vector) -> Vector:
-        """A vector of the frame before the joint in that behind it."""
-        if self.slides:
-            return v
-        along = _times(_dot(self.axis, v), self.axis)
-        across = _sum(v, _times(-1, along))
-        turned = _times(-sp.sin(self.turn), _cross(self.axis, v))
-        return _sum(along, _times(sp.cos(self.turn), across), turned)
-
-
-def _sum(*vectors: Vector) -> Vector:
-    x, y, z = (sum(entries) for entries in zip(*vectors, strict=True))
-    return x, y, z
-
-
-def _times(factor: Any, v: Vector) -> Vector:
-    return factor * v[0], factor * v[1], factor * v[2]
-
-
-def _dot(a: Vector, b: Vector) -> Any:
-    return sum(x * y for x, y in zip(a, b, strict=True))
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@dataclass(frozen=True)
 class _Load:
     """What a body consists of, in its frame."""
 
@@ -421,7 +371,7 @@ def _read_load(name: str, tip: Any, mass: Any, centre: Any, inertia: Any) -> _Lo
     end = vector(tip, 3, f"the tip {what}")
     mass = expression_in(mass, f"the mass {what}")
     middle = tuple(e / 2 for e in end) if centre is None else centre
-    rod = mass * (_dot(end, end) * sp.eye(3) - sp.Matrix(end) * sp.Matrix(end).T) / 12
+    rod = mass * (dot(end, end) * sp.eye(3) - sp.Matrix(end) * sp.Matrix(end).T) / 12
     moments = rod if inertia is None else _matrix(inertia, f"the inertia {what}")
     return _Load(end, mass, vector(middle, 3, f"the centre {what}"), moments)
 
