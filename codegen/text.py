@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Sequence
+from functools import cache
 from importlib import resources
 from itertools import groupby
 from typing import Any
@@ -90,6 +91,11 @@ def manifest(model: ModelSpec) -> dict[str, Any]:
 
 
 def _render(name: str, values: dict[str, Any]) -> str:
+    return _template(name).render(values)
+
+
+@cache
+def _template(name: str) -> jinja2.Template:
     environment = jinja2.Environment(
         trim_blocks=True,
         lstrip_blocks=True,
@@ -97,12 +103,8 @@ def _render(name: str, values: dict[str, Any]) -> str:
         undefined=jinja2.StrictUndefined,
         autoescape=False,
     )
-    source = (
-        resources.files(__package__)
-        .joinpath("templates", f"{name}.jinja")
-        .read_text(encoding="utf-8")
-    )
-    return environment.from_string(source).render(values)
+    place = resources.files(__package__).joinpath("templates", f"{name}.jinja")
+    return environment.from_string(place.read_text(encoding="utf-8"))
 
 
 def _c_kernel(spec: KernelSpec, functions: Sequence[FunctionSpec]) -> dict[str, Any]:
