@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from statistics import median
@@ -37,6 +40,7 @@ from dmoc.symbolic.families import model_spec
 
 # Some problems are those of the tests, a folder of scripts.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+COLUMNS = 100  # of a line of a page
 ITERATIONS = 1000  # of a solve, at most
 SAME_COST = 1e-6  # relative difference of two costs that are of one minimum
 
@@ -58,14 +62,56 @@ class Section:
         self.rows.append(cells)
 
     def markdown(self) -> str:
-        lines = [f"## {self.title}", "", self.text, "", table(self.header, self.rows)]
-        return "\n".join(lines + (["", self.after] if self.after else [])) + "\n"
+        lines = [f"## {self.title}", "", filled(self.text), "", table(self.header, self.rows)]
+        return "\n".join(lines + (["", filled(self.after)] if self.after else [])) + "\n"
+
+
+def filled(text: str) -> str:
+    """Paragraphs and lists in lines that an editor shows whole."""
+    fill = partial(textwrap.fill, width=COLUMNS, break_long_words=False, break_on_hyphens=False)
+    items = re.split(r"\n+(?=- )|\n\n", text)
+    ends = re.findall(r"\n+(?=- )|\n\n", text)
+    lines = (fill(i, subsequent_indent="  " if i.startswith("- ") else "") for i in items)
+    return "".join(part + end for part, end in zip(lines, [*ends, ""], strict=True))
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """A table in Markdown."""
-    lines = ["| " + " | ".join(map(str, row)) + " |" for row in (header, *rows)]
-    return "\n".join([lines[0], "|" + "---|" * len(header), *lines[1:]])
+    """A table in Markdown, or several below each other where it is too wide: each begins with the
+    columns that tell its rows apart."""
+    keys = next(k for k in range(1, len(header) + 1) if _apart(rows, k) or k == len(header))
+    tables = [[*range(keys)]]
+    for group in _groups(header, keys):
+        wider = [*tables[-1], *group]
+        if len(tables[-1]) > keys and _width(header, rows, wider) > COLUMNS:
+            wider = [*range(keys), *group]
+            tables.append(wider)
+        tables[-1] = wider
+    return "\n\n".join(_table(header, rows, columns) for columns in tables)
+
+
+def _apart(rows: Sequence[Sequence[Any]], columns: int) -> bool:
+    return len({tuple(map(str, row[:columns])) for row in rows}) == len(rows)
+
+
+def _groups(header: Sequence[str], keys: int) -> list[list[int]]:
+    """Columns that stay together: those after one whose title says with a colon whose they are,
+    or each alone."""
+    named, groups = any(": " in title for title in header), list[list[int]]()
+    for column in range(keys, len(header)):
+        if groups and named and ": " not in header[column]:
+            groups[-1].append(column)
+        else:
+            groups.append([column])
+    return groups
+
+
+def _width(header: Sequence[str], rows: Sequence[Sequence[Any]], columns: list[int]) -> int:
+    return max(map(len, _table(header, rows, columns).splitlines()))
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], columns: list[int]) -> str:
+    lines = ["| " + " | ".join(str(row[c]) for c in columns) + " |" for row in (header, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(columns), *lines[1:]])
 
 
 def ms(seconds: float) -> str:

@@ -19,7 +19,7 @@ from typing import Any
 
 import ladder_casadi
 import numpy as np
-from common import DEFAULT, Section, clocked, ms, table
+from common import DEFAULT, Section, clocked, filled, ms, table
 from ladder_problems import BETTER, RUNGS, SOLVED, Rung
 
 import dmoc
@@ -36,8 +36,8 @@ ABOUT_PEER = (
     "known cost does not count, and its time is that of the solve alone, without building."
 )
 HEADER = (
-    "problem", "order", "N", "method", "result", "cost", "against the known one", "explore, ms",
-    "guess, ms", "solve, ms", "check, ms", "total, ms",
+    "problem", "order", "N", "method", "result", "cost", "against known", "explore", "guess",
+    "solve", "check", "total",
 )  # fmt: skip
 
 
@@ -177,9 +177,13 @@ def _failures(found: Sequence[Try], methods: Sequence[str]) -> str:
 def _every(found: Sequence[Try]) -> str:
     text = (
         "## Every solve\n\nA result in bold is a failure: *dearer* than the known cost by more "
-        "than the tolerance, *below* it without a check, or the status.\n\n"
+        "than the tolerance, *below* it without a check, or the status; times are in ms."
     )
-    return text + table(HEADER, [t.row for t in found]) + "\n"
+    sections = []
+    for rung in dict.fromkeys(t.rung for t in found):
+        rows = [t.row[1:] for t in found if t.rung is rung]
+        sections.append(f"### {rung.name}\n\n{table(HEADER[1:], rows)}\n")
+    return filled(text) + "\n\n" + "\n".join(sections)
 
 
 def main() -> None:

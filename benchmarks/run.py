@@ -26,7 +26,7 @@ import planted
 import robustness
 import searching
 import speed
-from common import Section, clocked, machine
+from common import Section, clocked, filled, machine
 
 HEAD = """# Benchmarks
 
@@ -92,6 +92,7 @@ def main() -> None:
         sys.stdout.write("\n".join(texts))
         return
     head = HEAD.format(machine=machine(), quick=" with `--quick`" if given.quick else "")
+    head = filled(head.strip()) + "\n"
     path = given.out / "README.md"
     path.write_text("\n".join([head, *texts]), encoding="utf-8")
     sys.stdout.write(f"written: {path}\n")

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from common import filled, table
 from pages import DOCS, ROOT, TROUBLESHOOTING
 
 COLUMNS = 100
@@ -34,6 +35,28 @@ def name(page: Path) -> str:
 def test_lines_of_a_page_have_100_columns(page: Path) -> None:
     long = [line for line in _breakable(page.read_text()) if len(line) > COLUMNS]
     assert not long, long
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "benchmarks" / "results").glob("*.md")), ids=name)
+def test_reports_of_the_benchmarks_have_100_columns(page: Path) -> None:
+    """Their tables too: one that is wider is written as several."""
+    assert not [line for line in page.read_text().splitlines() if len(line) > COLUMNS]
+
+
+def test_a_wide_table_becomes_several_that_begin_alike() -> None:
+    rows = [["a", 1, *"x" * 3, *"y" * 3], ["a", 2, *"x" * 3, *"y" * 3]]
+    header = ["name", "N", f"ours: {'w' * 30}", "ms", "it", f"theirs: {'v' * 40}", "ms", "it"]
+    first, second = (part.splitlines() for part in table(header, rows).split("\n\n"))
+    assert (
+        first[0] == f"| name | N | {header[2]} | ms | it |" and first[3] == "| a | 2 | x | x | x |"
+    )
+    assert second[0] == f"| name | N | {header[5]} | ms | it |" and len(first) == len(second) == 4
+    assert table(header[:5], [r[:5] for r in rows]).splitlines() == first
+
+
+def test_texts_of_reports_are_filled() -> None:
+    text = f"{'a ' * 60}\n\nList:\n\n- {'b ' * 60}\n- c"
+    assert [len(line) for line in filled(text).splitlines()] == [99, 19, 0, 5, 0, 99, 23, 3]
 
 
 def _breakable(text: str) -> Iterator[str]:
