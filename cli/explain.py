@@ -10,8 +10,8 @@ import typer
 from dmoc.cli.console import out
 
 PAGE = "troubleshooting.md"
-# Rows of the table: what an entry is found by, and its title.
-ROW = re.compile(r"^\| (.+) \| \[([^]]+)\]\(#[^)]+\) \|$", re.MULTILINE)
+# Items of the list: the title of an entry, and what it is found by.
+ITEM = re.compile(r"^- \[([^]]+)\]\(#[^)]+\): (.+(?:\n  .+)*)$", re.MULTILINE)
 WORDS = re.compile(r"`([^`]+)`")
 # What only the manual has: roles, and links to other pages.
 ROLE, LINK = re.compile(r"\{\w+\}(?=`)"), re.compile(r"\[([^]]+)\]\([^)]+\)")
@@ -52,7 +52,8 @@ def _page() -> str:
 def _entries(text: str, asked: str) -> list[str]:
     """The entries with a title, or found by words, that are asked for or part of it."""
     by_title = {e.partition("\n")[0]: f"## {e}" for e in text.split("\n## ")[1:]}
-    named = {title: {title, *WORDS.findall(words)} for words, title in ROW.findall(text)}
+    items = ((title, re.sub(r"\s+", " ", words)) for title, words in ITEM.findall(text))
+    named = {title: {title, *WORDS.findall(words)} for title, words in items}
     wanted = asked.lower()
     exact = [t for t, names in named.items() if wanted in {n.lower() for n in names}]
     titles = exact or [t for t, names in named.items() if any(_is_in(n, wanted) for n in names)]
