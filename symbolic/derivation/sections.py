@@ -62,7 +62,7 @@ def derive(system: MechanicalSystem, order: int = 2, expanded: bool = False) -> 
         sections = [
             *structure_sections(structure),
             *with_names(in_names),
-            *pattern_sections(system, order, element),
+            *pattern_sections(structure, order, element),
         ]
     if names.marked:
         note = (

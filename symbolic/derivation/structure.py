@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import sympy as sp
@@ -24,10 +25,8 @@ from dmoc.symbolic.derivation.document import (
 )
 from dmoc.symbolic.derivation.named_nodes import NamedNodes
 from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
-from dmoc.symbolic.discrete import StepElement
-from dmoc.symbolic.families import model_spec
+from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.graph import Graph, Node, reverse
-from dmoc.symbolic.spec import Input, Output
 from dmoc.symbolic.system import MechanicalSystem
 from dmoc.symbolic.traversal import operations
 
@@ -35,7 +34,6 @@ MARKED = (
     "Names of the sections above, with the same index, are their values there: of L, p, f and of "
     "definitions."
 )
-ROWS = ("r_minus", "r_plus", "r_i", "e_plus", "e_minus", "C_d")
 LARGE = 300  # operations of the second derivatives of a Lagrangian that is not written out
 
 
@@ -257,36 +255,33 @@ def _surface_section(s: Structure) -> Iterator[Section]:
     )
 
 
-def pattern_sections(system: MechanicalSystem, order: int, e: StepElement) -> Iterator[Section]:
-    """Where the derivatives that kernels compute are not identically zero."""
-    kernels = {k.name: k for k in model_spec(system, order).kernels}
-    columns = f"Columns x_k = ({', '.join(map(str, e.x_k))})"
-    shown = _columns(kernels["step"].inputs[:-1], len(e.u_k))
-    outputs = {o.name: o for k in ("step_jac", "impact_jac") for o in kernels[k].outputs}
-    first = [line for name in ROWS for line in _rows(outputs[f"{name}_D"], shown)]
-    text = "x marks what is not identically zero. The entries are written out on demand."
-    yield Section("First derivatives", f"{columns}; {text}", (), tuple(first))
-    for title, kernel in (("step", "step_hess"), ("energy", "impact_hess")):
-        (output,) = kernels[kernel].outputs
-        lines = tuple(_rows(output, shown, square=True))
+def pattern_sections(s: Structure, order: int, shown: StepElement) -> Iterator[Section]:
+    """Where the derivatives of a step are not identically zero."""
+    g = s.nodes.L.graph
+    e = step_element(s.nodes, order, g.symbol, float)
+    step = {"r_minus": e.r_minus, "r_plus": e.r_plus, "r_i": e.r_i}
+    energies, cost = {"e_plus": [e.e_plus], "e_minus": [e.e_minus]}, {"C_d": [e.C_d]}
+    lines = []
+    for name, rows in (step | energies | cost).items():
+        for i, row in enumerate(rows):
+            label = f"{name}_{i}" if name in step else name
+            lines.append(f"  {label:>10}  {_marks(e, row)}")
+    columns = f"Columns x_k = ({', '.join(map(str, shown.x_k))})"
+    text = (
+        f"{columns}; x marks what is not identically zero. The entries are written out on demand."
+    )
+    yield Section("First derivatives", text, (), tuple(lines))
+    for title, results in (("step", step | cost), ("energy", energies)):
+        entries = [r for rows in results.values() for r in rows]
+        weighted = g.sum((g.symbol(f"w_{i}") * r, 1.0) for i, r in enumerate(entries))
+        slopes = e.chain(partial(reverse, weighted))
         text = f"Upper triangle for the weighted sum of all rows of `{title}`."
-        yield Section(f"Second derivatives ({title})", text, (), lines)
+        marks = tuple(f"  {_marks(e, slope, first=i)}" for i, slope in enumerate(slopes))
+        yield Section(f"Second derivatives ({title})", text, (), marks)
 
 
-def _columns(inputs: Sequence[Input], inputs_shown: int) -> list[int]:
-    """The columns of kernels without those of hidden unknowns, which are behind the inputs."""
-    first, shown = 0, list[int]()
-    for part in inputs:
-        own = inputs_shown if part.name.startswith("u_") else part.size
-        shown += range(first, first + own)
-        first += part.size
-    return shown
-
-
-def _rows(output: Output, columns: Sequence[int], square: bool = False) -> Iterator[str]:
-    entries = set(output.entries)
-    for i in columns if square else range(output.shape[0]):
-        name = output.name.removesuffix("_D")
-        label = f"{name}_{i}" if name.startswith("r_") else name
-        marks = " ".join("x" if (i, j) in entries else "." for j in columns)
-        yield f"  {marks}" if square else f"  {label:>10}  {marks}"
+def _marks(e: StepElement, expression: Node, first: int = 0) -> str:
+    """An x for each component of x_k that an expression depends on, from the first one."""
+    zero = expression.graph.zero
+    by = e.chain(lambda symbols: [s if s.symbols & expression.symbols else zero for s in symbols])
+    return " ".join("." if d is zero or i < first else "x" for i, d in enumerate(by))
