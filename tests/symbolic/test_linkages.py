@@ -15,8 +15,11 @@ from sympy.physics.mechanics import KanesMethod, LagrangesMethod, Lagrangian, dy
 import dmoc
 from dmoc.base.errors import ModelError
 from dmoc.codegen.kernels import Kernels
+from dmoc.codegen.text import c_files
+from dmoc.inspection.kernel_check import checked
 from dmoc.models.registry import find
 from dmoc.symbolic.continuous import mass_matrix, readable
+from dmoc.symbolic.families import model_spec
 from dmoc.symbolic.graph import Graph
 from dmoc.symbolic.traversal import evaluated
 
@@ -276,3 +279,17 @@ def test_velocities_of_points_in_space_are_those_of_their_frames() -> None:
         dmoc.build(s, backend="numpy").call("running_cost", *state)[0] for s in (by_speed, by_hand)
     ]
     np.testing.assert_allclose(*costs, rtol=1e-13)
+
+
+@pytest.mark.slow
+def test_compiled_kernels_of_an_arm_in_space_agree_with_90_digits() -> None:
+    errors = checked(arm(), dmoc.build(arm()))
+    assert len(errors) > 10 and max(c.error for c in errors) < 1e-11
+
+
+@pytest.mark.slow
+def test_a_quadruped_is_generated_in_code_that_a_compiler_takes() -> None:
+    model = model_spec(quadruped())
+    text = c_files(model)["kernels.c"]
+    assert 5e5 < len(text) < 3e6
+    assert len(model.facts["coordinates"]) == 18 and len(model.facts["surfaces"]) == 4
