@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
+from heapq import heapify, heappop, heappush
 
 from dmoc.symbolic.graph import PRODUCT, SUM, Node
 from dmoc.symbolic.pairs import Part, with_shared_sums
@@ -68,31 +69,30 @@ def _opened(node: Node, uses: Counter[Node]) -> tuple[list[Part], float]:
 def _factored(terms: Sequence[Part]) -> list[Part]:
     """Terms of a sum, in which the factor that most of them share stands before a sum, and so
     on."""
-    products, taken = [_plain(term) for term in terms], list[Part]()
-    while True:
-        count: Counter[tuple[Node, bool]] = Counter()
-        for node, _ in products:
-            if node.kind == PRODUCT:
-                count.update((n, e > 0) for n, e in node.parts if e == int(e))
-        (factor, above), most = max(
-            count.items(), key=lambda c: (c[1], c[0][0].number, c[0][1]), default=((None, True), 0)
-        )
-        if factor is None or most < 2:
-            return [*taken, *products]
-        g, sign = factor.graph, 1 if above else -1
-        inside = [
-            (g.product([(n, 1), (factor, -sign)]), c)
-            for n, c in products
-            if _has_factor(n, factor, sign)
-        ]
-        taken.append((g.product([(factor, sign), (g.sum(_factored(inside)), 1)]), 1.0))
-        products = [p for p in products if not _has_factor(p[0], factor, sign)]
-
-
-def _has_factor(node: Node, factor: Node, sign: int) -> bool:
-    return node.kind == PRODUCT and any(
-        n is factor and e * sign > 0 and e == int(e) for n, e in node.parts
-    )
+    products, taken = dict(enumerate(map(_plain, terms))), list[Part]()
+    owners: defaultdict[tuple[Node, int], list[int]] = defaultdict(list)
+    for i, (node, _) in products.items():
+        if node.kind == PRODUCT:
+            for n, e in node.parts:
+                if e == int(e):
+                    owners[n, 1 if e > 0 else -1].append(i)
+    shared = {(-n.number, -sign): (n, sign) for (n, sign), own in owners.items() if len(own) > 1}
+    heap = [(-len(owners[factor]), *key) for key, factor in shared.items()]
+    heapify(heap)
+    while heap:
+        most, *key = heappop(heap)
+        factor, sign = shared[key[0], key[1]]
+        own = [i for i in owners[factor, sign] if i in products]
+        if len(own) < -most:  # others have taken some of them
+            if len(own) > 1:
+                heappush(heap, (-len(own), key[0], key[1]))
+            continue
+        g, divided = factor.graph, []
+        for i in own:
+            n, c = products.pop(i)
+            divided.append((g.product([(n, 1), (factor, -sign)]), c))
+        taken.append((g.product([(factor, sign), (g.sum(_factored(divided)), 1)]), 1.0))
+    return [*taken, *products.values()]
 
 
 def _plain(term: Part) -> Part:
