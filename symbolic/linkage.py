@@ -3,8 +3,9 @@ shapes that are collected body by body, and the system that they make."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import sympy as sp
@@ -68,34 +69,61 @@ class Linkage:
         self.coordinates.append(coordinate)
         self.units[coordinate] = unit
 
+
+class Ground:
+    """What a linkage stands on, which makes its system."""
+
+    _linkage: Linkage
+
     def system(
-        self, name: str, parameters: Mapping[Any, float | None] | None, stated: Mapping[str, Any]
+        self, name: str, parameters: Mapping[Any, float | None] | None = None, **fields: Any
     ) -> MechanicalSystem:
-        """The system of this linkage with what else is stated."""
-        allowed = {f.name for f in fields(MechanicalSystem)} - {"name", "parameters"}
-        for key in stated:
+        """Return the system of all bodies.
+
+        Parameters
+        ----------
+        name : str
+        parameters : mapping of Symbol to float or None, optional
+        **fields
+            Those of :class:`dmoc.MechanicalSystem`: inputs, surfaces, cost, ...  A ``lagrangian``
+            (minus the energy of springs) and ``forces`` are added to those of the bodies;
+            ``coordinates``, ``definitions``, ``units`` and ``drawing`` follow theirs.
+
+        Returns
+        -------
+        MechanicalSystem
+
+        Raises
+        ------
+        ModelError
+            For any of the reasons of MechanicalSystem.
+        """
+        bodies = self._linkage
+        allowed = {f.name for f in dataclasses.fields(MechanicalSystem)} - {"name", "parameters"}
+        for key in fields:
             if key not in allowed:
                 raise ModelError(
                     f"{key!r} is no field of a system: expected fields such as inputs, forces, "
                     "surfaces, cost."
                 )
-        own = {key: stated[key] for key in stated if key not in JOINED}
+        own = {key: fields[key] for key in fields if key not in JOINED}
         for key in JOINED:
-            more = listed(stated.get(key, ()), key, "entries", ModelError)
-            own[key] = [*getattr(self, key), *more]
-        own["lagrangian"] = self.lagrangian + expression_in(
-            stated.get("lagrangian", 0), "the Lagrangian"
+            more = listed(fields.get(key, ()), key, "entries", ModelError)
+            own[key] = [*getattr(bodies, key), *more]
+        own["lagrangian"] = bodies.lagrangian + expression_in(
+            fields.get("lagrangian", 0), "the Lagrangian"
         )
-        forces = mapping(stated.get("forces", {}), "forces", MAPPINGS["forces"])
-        own["forces"] = added_forces(own["coordinates"], self.forces, forces)
+        forces = mapping(fields.get("forces", {}), "forces", MAPPINGS["forces"])
+        own["forces"] = added_forces(own["coordinates"], bodies.forces, forces)
         for key in ("definitions", "units"):
-            own[key] = getattr(self, key) | mapping(stated.get(key, {}), key, MAPPINGS[key])
-        for symbol in stated.get("definitions", {}):
-            if symbol in self.definitions:
+            own[key] = getattr(bodies, key) | mapping(fields.get(key, {}), key, MAPPINGS[key])
+        for symbol in fields.get("definitions", {}):
+            if symbol in bodies.definitions:
                 raise ModelError(
                     f"definition {name_of(symbol)} is a name of the linkage: choose another one."
                 )
-        return MechanicalSystem(name, parameters=parameters or {}, **own)
+        values = {} if parameters is None else parameters
+        return MechanicalSystem(name, parameters=values, **own)
 
 
 def coordinates(values: Any, size: int, what: str) -> list[Any]:

@@ -19,7 +19,6 @@ A double pendulum of slender rods:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,8 +29,7 @@ from dmoc.base.arguments import flag
 from dmoc.base.errors import ModelError
 from dmoc.symbolic.drawing import Box, Link, Place, Point
 from dmoc.symbolic.expressions import expression_in
-from dmoc.symbolic.linkage import Linkage, coordinates, unit_vector, vector
-from dmoc.symbolic.system import MechanicalSystem
+from dmoc.symbolic.linkage import Ground, Linkage, coordinates, unit_vector, vector
 
 
 class Body:
@@ -269,7 +267,7 @@ def _read_load(name: str, length: Any, mass: Any, centre: Any, inertia: Any, box
     )
 
 
-class World(Body):
+class World(Body, Ground):
     """The world that linkages in the plane hang in, with gravity downwards.
 
     Parameters
@@ -332,28 +330,3 @@ class World(Body):
         """
         x, y = coordinates(place, 2, "place of a free body")
         return self.slide(x).slide(y, direction=(0, 1)).hinge(angle, name=name, **body)
-
-    def system(
-        self, name: str, parameters: Mapping[Any, float | None] | None = None, **fields: Any
-    ) -> MechanicalSystem:
-        """Return the system of all bodies.
-
-        Parameters
-        ----------
-        name : str
-        parameters : mapping of Symbol to float or None, optional
-        **fields
-            Those of :class:`dmoc.MechanicalSystem`: inputs, surfaces, cost, ...  A ``lagrangian``
-            (minus the energy of springs) and ``forces`` are added to those of the bodies;
-            ``coordinates``, ``definitions``, ``units`` and ``drawing`` follow theirs.
-
-        Returns
-        -------
-        MechanicalSystem
-
-        Raises
-        ------
-        ModelError
-            For any of the reasons of MechanicalSystem.
-        """
-        return self._linkage.system(name, parameters, fields)

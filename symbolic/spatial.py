@@ -21,7 +21,7 @@ A column that turns, with an arm that lifts:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,9 +30,8 @@ import sympy as sp
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
 from dmoc.symbolic.expressions import expression_in
-from dmoc.symbolic.linkage import Linkage, coordinates, unit_vector, vector
+from dmoc.symbolic.linkage import Ground, Linkage, coordinates, unit_vector, vector
 from dmoc.symbolic.spatial_joint import Joint, Vector, added, cross, dot, times
-from dmoc.symbolic.system import MechanicalSystem
 
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 ORIGIN: Vector = (sp.S.Zero,) * 3
@@ -268,7 +267,7 @@ class Body:
         return x, y, z
 
 
-class World(Body):
+class World(Body, Ground):
     """The world that linkages in space stand in, with gravity along -z.
 
     Parameters
@@ -331,29 +330,6 @@ class World(Body):
         yaw, pitch, roll = coordinates(angles, 3, "angles of a free body")
         carrier = self.slide(x, "x").slide(y, "y").slide(z, "z")
         return carrier.hinge(yaw, "z").hinge(pitch, "y").hinge(roll, "x", name=name, **body)
-
-    def system(
-        self, name: str, parameters: Mapping[Any, float | None] | None = None, **fields: Any
-    ) -> MechanicalSystem:
-        """Return the system of all bodies.
-
-        Parameters
-        ----------
-        name : str
-        parameters : mapping of Symbol to float or None, optional
-        **fields
-            Those of :class:`dmoc.MechanicalSystem`, as of :meth:`dmoc.planar.World.system`.
-
-        Returns
-        -------
-        MechanicalSystem
-
-        Raises
-        ------
-        ModelError
-            For any of the reasons of MechanicalSystem.
-        """
-        return self._linkage.system(name, parameters, fields)
 
 
 @dataclass(frozen=True)
