@@ -32,39 +32,29 @@ MARK, PUCK = 0.5, 0.05
 # %%
 # The model
 # ---------
-# Two links with torques, a puck with friction. A path constraint keeps the fingertip in its lane.
+# Two links with torques, one built after the other, and a puck with friction. A path constraint
+# keeps the fingertip in its lane.
 
 
 def system() -> dmoc.MechanicalSystem:
     a, b, s, u, w = dynamicsymbols("a b s u w")
     m, l, puck, mu, g = sp.symbols("m l puck mu g")
-    t = dynamicsymbols._t
-
-    def link(angle):
-        return sp.Matrix([sp.cos(angle), sp.sin(angle)])
-
-    elbow, tip = l * link(a), l * (link(a) + link(b))
-    lagrangian = puck * s.diff(t) ** 2 / 2
-    for place, angle in ((elbow / 2, a), ((elbow + tip) / 2, b)):
-        speed = place.diff(t)
-        lagrangian += m * speed.dot(speed) / 2 + m * l**2 / 12 * angle.diff(t) ** 2 / 2
-    return dmoc.MechanicalSystem(
+    world = dmoc.planar.World()
+    finger = world.hinge(a, length=l, mass=m, torque=u)
+    tip = finger.hinge(b, length=l, mass=m, torque=w, absolute=True).tip
+    world.slide(s, at=(0.02, 0.1), mass=puck, box=(0.04, 0.04))
+    return world.system(
         "finger_puck",
-        coordinates=[a, b, s],
         inputs=[u, w],
-        lagrangian=lagrangian,
-        forces={a: u - w, b: w},
         surfaces={"tip": s - tip[0] >= 0},
         path_constraints={"lane": (tip[1] - 0.1) ** 2 <= 0.02**2},
         tangents={"table": s},
         friction={"table": mu * puck * g},
         parameters={m: 0.1, l: 0.15, puck: PUCK, mu: 0.2, g: 9.81},
         cost=u**2 + w**2,
-        units={a: "rad", b: "rad", s: "m", u: "N m", w: "N m"},
+        units={u: "N m", w: "N m"},
         drawing=[
-            dmoc.Box((s + 0.02, 0.1), 0.04, 0.04),
-            dmoc.Link((0, 0), elbow, tip),
-            dmoc.Point(elbow),
+            dmoc.Point(finger.tip),
             dmoc.Contact("tip", (s, tip[1]), normal=(1, 0)),
             dmoc.Contact("table", (s + 0.02, 0.1)),
         ],
