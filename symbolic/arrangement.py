@@ -12,12 +12,13 @@ from dmoc.symbolic.traversal import operations, reached
 
 
 def cheapest(ways: Iterable[list[list[Node]]]) -> list[list[Node]]:
-    """Of the ways to write some rows, as they are or with sums that share what they have in common,
-    the one that takes fewest operations."""
-    return min((form for rows in ways for form in (_shared(rows), rows)), key=_cost)
+    """Of the ways to write some rows the one that takes fewest operations."""
+    first, *others = ways
+    return min((first, *others), key=_cost) if others else first
 
 
-def _shared(rows: list[list[Node]]) -> list[list[Node]]:
+def shared(rows: list[list[Node]]) -> list[list[Node]]:
+    """The same rows with sums that share what they have in common."""
     entries = iter(with_shared_sums([e for row in rows for e in row]))
     return [[next(entries) for _ in row] for row in rows]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from dmoc.symbolic.arrangement import cheapest
+from dmoc.symbolic.arrangement import cheapest, shared
 from dmoc.symbolic.continuous import Continuous, dot
 from dmoc.symbolic.graph import RESULT, Node, reverse
 from dmoc.symbolic.spec import Input, KernelSpec, Output
@@ -53,7 +53,8 @@ def family(
     arguments, listed = (*inputs, par), ", ".join(i.name for i in inputs)
     values = tuple(Output.vector(a, v) for a, v in outputs.items())
     results = [e for v in outputs.values() for e in v]
-    rows = iter(cheapest([[spread(_forward(e)) for e in results]]))
+    first = [spread(_forward(e)) for e in results]
+    rows = iter(cheapest([shared(first), first] if spread is chain else [shared(first)]))
     slopes = tuple(
         Output.matrix(f"{a}_D", [next(rows) for _ in v], size) for a, v in outputs.items()
     )
@@ -89,7 +90,9 @@ def _second(total: Node, chain: Chain, spread: Chain) -> list[list[Node]]:
     other = _forward if whole is total else _backward
     ways = dict.fromkeys([(spread, _backward), (chain, other)])
     squares = ([way(_forward(e)) for e in way(first(whole))] for way, first in ways)
-    return cheapest([[*[zero] * i, *row[i:]] for i, row in enumerate(rows)] for rows in squares)
+    return cheapest(
+        shared([[*[zero] * i, *row[i:]] for i, row in enumerate(rows)]) for rows in squares
+    )
 
 
 def contracted(total: Node) -> Node:
