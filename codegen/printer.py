@@ -5,24 +5,28 @@ Numbers are printed with 17 significant digits.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 from dmoc.base.errors import GenerationError
-from dmoc.codegen.schedule import Schedule, is_unit, schedule
+from dmoc.codegen.schedule import MANY, Schedule, is_unit, schedule
 from dmoc.symbolic import graph
 from dmoc.symbolic.graph import Node
 from dmoc.symbolic.spec import FunctionSpec, Input, KernelSpec, Output
 
 _SUM, _PRODUCT, _ATOM = 1, 2, 3  # how tightly a text binds
+LONG = 8  # letters of a number from which on it has a name, where it stands several times
 
 
 @dataclass(frozen=True)
 class Listing:
-    """A kernel as straight-line code: values with their names, and other statements, which have
-    none; then the places of results with their values; the inputs that are read."""
+    """A kernel as straight-line code: constants with their names; values with theirs, and other
+    statements, which have none; the places of results with their values; the inputs that are
+    read."""
 
+    constants: tuple[tuple[str, str], ...]
     statements: tuple[tuple[str, str], ...]
     results: tuple[tuple[tuple[str, ...], str], ...]
     read: frozenset[str]
@@ -44,6 +48,7 @@ class Printer:
         self._calls: dict[tuple[FunctionSpec, tuple[Node, ...]], str] = {}
         self._terms: dict[Node, list[tuple[bool, str]]] = {}  # of sums without a name
         self._values = 0
+        self.constants = _long_numbers(plan)
         for node in plan.order:
             if node not in self._texts:
                 self._texts[node] = self._kept(node)
@@ -70,7 +75,8 @@ class Printer:
 
     def _print(self, node: Node) -> tuple[str, int]:
         if node.kind == graph.NUMBER:
-            return _number(node.value), _ATOM if node.value >= 0 else _SUM
+            sign = "" if node.value >= 0 else "-"
+            return sign + self._number(abs(node.value)), _SUM if sign else _ATOM
         if node.kind == graph.SYMBOL:
             if node not in self.plan.definitions:
                 raise GenerationError(f"the symbol {node.value} is no input of the kernel.")
@@ -95,13 +101,16 @@ class Printer:
             )
         return otherwise, _ATOM
 
+    def _number(self, magnitude: float) -> str:
+        return self.constants.get(magnitude) or _number(magnitude)
+
     def _sum(self, node: Node) -> tuple[str, int]:
         terms: list[tuple[bool, str]] = []  # whether negative, magnitude
         if node.value:
-            terms.append((node.value < 0, _number(abs(node.value))))
+            terms.append((node.value < 0, self._number(abs(node.value))))
         for part, c in node.parts:
             if abs(c) != 1:
-                terms.append((c < 0, f"{_number(abs(c))}*{self._wrap(part, _ATOM)}"))
+                terms.append((c < 0, f"{self._number(abs(c))}*{self._wrap(part, _ATOM)}"))
             elif part in self._terms:
                 terms += [((c < 0) != negative, text) for negative, text in self._terms[part]]
             else:
@@ -206,14 +215,32 @@ def listing(
         for i, s in enumerate(argument.symbols)
     }
     code = printer(plan, names)
-    places: dict[Node, list[str]] = {}
-    stored = (printer.name_of(o, i) for o in spec.outputs for i in range(o.size))
-    for node, place in zip(plan.results, stored, strict=True):
-        places.setdefault(node, []).append(place)
-    results = tuple((tuple(own), code.text(node)) for node, own in places.items())
+    stored = [printer.name_of(o, i) for o in spec.outputs for i in range(o.size)]
+    values = map(code.text, plan.results)
+    results: list[tuple[tuple[str, ...], str]] = [
+        ((place,), value) for place, value in zip(stored, values, strict=True)
+    ]
+    if len(stored) <= MANY:
+        places: dict[str, tuple[str, ...]] = {}
+        for place, value in results:
+            places[value] = (*places.get(value, ()), *place)
+        results = [(own, value) for value, own in places.items()]
     read = frozenset(a.name for a in spec.inputs if any(s in plan.uses for s in a.symbols))
     read |= {f.constants.name for f, _ in plan.functions.values()}
-    return Listing(tuple(code.statements), results, read)
+    constants = tuple((name, _number(value)) for value, name in code.constants.items())
+    return Listing(constants, tuple(code.statements), tuple(results), read)
+
+
+def _long_numbers(plan: Schedule) -> dict[float, str]:
+    """Names of long numbers that stand at several places."""
+    count: Counter[float] = Counter()
+    for node in plan.order:
+        if node.kind == graph.NUMBER:
+            count[abs(node.value)] += plan.uses[node]
+        elif node.kind == graph.SUM:
+            count.update(abs(c) for c in (node.value, *(c for _, c in node.parts)))
+    several = (value for value, times in count.items() if times > 1)
+    return {v: f"k{i}" for i, v in enumerate(v for v in several if len(_number(v)) >= LONG)}
 
 
 def _number(value: float) -> str:

@@ -16,6 +16,9 @@ from dmoc.symbolic.pairs import Part, share_pairs
 from dmoc.symbolic.spec import FunctionSpec, KernelSpec
 from dmoc.symbolic.traversal import in_order, reached
 
+# Results that are stored in order, so that memory is written in a row.
+MANY = 500
+
 
 @dataclass(frozen=True)
 class Schedule:
@@ -39,8 +42,9 @@ class Schedule:
 
     @cached_property
     def uses(self) -> Counter[Node]:
-        """How often a node is read; one that is several results is stored at once."""
-        uses = Counter(dict.fromkeys(self.results, 1))
+        """How often a node is read; one that is several results is stored at once, where they are
+        few."""
+        uses = Counter(self.results if len(self.results) > MANY else dict.fromkeys(self.results, 1))
         for node in self.order:
             uses.update(self.operands(node))
         return uses

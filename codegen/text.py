@@ -134,7 +134,8 @@ def _c_function(function: FunctionSpec) -> dict[str, Any]:
 
 def _declarations(code: Listing) -> Iterator[str]:
     """The values of a listing, as many in one declaration as there are without a call between."""
-    for named, group in groupby(code.statements, lambda statement: bool(statement[0])):
+    statements = (*code.constants, *code.statements)
+    for named, group in groupby(statements, lambda statement: bool(statement[0])):
         lines = [f"{name} = {text}" if named else text for name, text in group]
         if not named:
             yield from lines
@@ -176,6 +177,7 @@ def _numpy_kernel(
         "names": [*(a.name for a in spec.inputs), *(o.name for o in spec.outputs)],
         "sizes": [o.size for o in spec.outputs],
         "lines": [
+            *(f"{name} = {text}" for name, text in code.constants),
             *(f"{name} = {text}" if name else text for name, text in code.statements),
             *_assignments(code),
         ],

@@ -160,6 +160,7 @@ class Scalar:
     symbols: tuple[Node, ...]
     body: Node
     constants: tuple[Node, ...] = ()
+    _weighted: dict[tuple[int, ...], Scalar] = field(default_factory=dict, compare=False)
 
     def __call__(self, arguments: Sequence[Node]) -> Node:
         return self.body.graph.result(self, (), tuple(arguments))
@@ -168,13 +169,16 @@ class Scalar:
     def slopes(self) -> list[Node]:
         return reverse(self.body, self.symbols)
 
-    @cached_property
-    def weighted(self) -> Scalar:
-        """The sum of its value and its slopes, each times a weight, which are more arguments."""
-        g = self.body.graph
-        weights = [g.symbol(f"{self.name}_w{i}") for i in range(len(self.symbols) + 1)]
-        body = g.sum((w * e, 1.0) for w, e in zip(weights, [self.body, *self.slopes], strict=True))
-        return Scalar(f"{self.name}_w", (*self.symbols, *weights), body, self.constants)
+    def weighted(self, places: tuple[int, ...]) -> Scalar:
+        """The sum of some of its value (0) and its slopes (1, ...), each times a weight, which are
+        more arguments."""
+        if places not in self._weighted:
+            g, values = self.body.graph, [self.body, *self.slopes]
+            weights = [g.symbol(f"{self.name}_w{i}") for i in places]
+            body = g.sum((w * values[i], 1.0) for w, i in zip(weights, places, strict=True))
+            name = f"{self.name}_w{len(self._weighted) or ''}"
+            self._weighted[places] = Scalar(name, (*self.symbols, *weights), body, self.constants)
+        return self._weighted[places]
 
     def derivative(self, path: tuple[int, ...]) -> Node:
         """Its derivative by the symbols of these numbers."""

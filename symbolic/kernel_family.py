@@ -9,7 +9,11 @@ from dmoc.symbolic.arrangement import cheapest, shared
 from dmoc.symbolic.continuous import Continuous, dot
 from dmoc.symbolic.graph import RESULT, Node, reverse
 from dmoc.symbolic.spec import Input, KernelSpec, Output
-from dmoc.symbolic.traversal import reached
+from dmoc.symbolic.traversal import operations, reached
+
+# Operations of a function below which weighted sums of only some of its slopes are functions too:
+# the compiler takes too long for those of a larger one.
+FEW = 180
 
 # The derivatives of an expression by all components, from its partial derivatives: a function that
 # takes those by the symbols that it is given.
@@ -87,8 +91,7 @@ def _backward(expression: Node) -> Callable[[Sequence[Node]], list[Node]]:
 def _second(total: Node, chain: Chain, spread: Chain) -> list[list[Node]]:
     """Upper triangle of the second derivatives."""
     whole, zero = contracted(total), total.graph.zero
-    other = _forward if whole is total else _backward
-    ways = dict.fromkeys([(spread, _backward), (chain, other)])
+    ways = [(spread, _backward), (chain, _forward)] if whole is total else [(spread, _backward)]
     squares = ([way(_forward(e)) for e in way(first(whole))] for way, first in ways)
     return cheapest(
         shared([[*[zero] * i, *row[i:]] for i, row in enumerate(rows)]) for rows in squares
@@ -107,5 +110,7 @@ def contracted(total: Node) -> Node:
     for function, arguments in dict.fromkeys((n.value[0], n.parts) for n in results):
         paths = [(), *((i,) for i in range(len(function.symbols)))]
         own = [weights.get(g.result(function, path, arguments), g.zero) for path in paths]
-        terms.append((function.weighted((*arguments, *own)), 1.0))
+        few = operations([function.body]) < FEW
+        used = tuple(i for i, weight in enumerate(own) if not (i and few and weight is g.zero))
+        terms.append((function.weighted(used)((*arguments, *(own[i] for i in used))), 1.0))
     return g.sum(terms)

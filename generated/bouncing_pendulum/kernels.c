@@ -315,15 +315,17 @@ KERNEL(min_time_jac, ROW(0), ROW(1), ROW(2), ROW(4), ROW(5), INTO(0, 4))
 static inline void drawing(IN q, IN par, OUT shapes)
 {
     const double
+    k0 = 0.69999999999999996,
+    k1 = 1.1499999999999999,
     w0 = par[1]*sin(par[3]),
     w1 = par[1]*cos(par[3]),
     w2 = sin(q[0]),
     w3 = cos(q[0]),
     w4 = 1.0/sqrt(w3*w3 + w2*w2);
-    shapes[0] = 0.69999999999999996*w0;
-    shapes[1] = -0.69999999999999996*w1;
-    shapes[2] = 1.1499999999999999*w0;
-    shapes[3] = -1.1499999999999999*w1;
+    shapes[0] = k0*w0;
+    shapes[1] = -k0*w1;
+    shapes[2] = k1*w0;
+    shapes[3] = -k1*w1;
     shapes[4] = shapes[5] = 0.0;
     shapes[6] = shapes[8] = shapes[10] = par[1]*w2;
     shapes[7] = shapes[9] = shapes[11] = -par[1]*w3;
@@ -380,4 +382,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 14}),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "e463e3717bc2dfd5f2b994844e7ceaeaff8430a58b5d8ca354357a649538cfc3", 34, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "ec4663fe65427afcd5271c6c9aba17db0578b7b443304d9726d16a136bb3f350", 34, entries};

@@ -57,8 +57,8 @@ static inline void step_jac(IN q_k, IN q_kp1, IN u_k, IN u_kp1, IN h, IN par, OU
     w12 = v_0*w2,
     w13 = w0*w9,
     w14 = 0.5*w12 - w13,
-    w15 = (2.0*w6 - w7)*w2,
-    w16 = (v_1*w8 - v_0*par[2])*w4,
+    w15 = (v_1*w8 - v_0*par[2])*w4,
+    w16 = (2.0*w6 - w7)*w2,
     w17 = par[0] + par[1],
     w18 = w17*w0,
     w19 = 0.5*w12 + w13,
@@ -67,7 +67,7 @@ static inline void step_jac(IN q_k, IN q_kp1, IN u_k, IN u_kp1, IN h, IN par, OU
     r_minus_D[1] = r_minus_D[5] = w14;
     r_minus_D[2] = r_plus_D[0] = 0.25*w10 - w5;
     r_minus_D[3] = r_plus_D[5] = -w14;
-    r_minus_D[4] = 0.5*w15 - w16;
+    r_minus_D[4] = 0.5*w16 - w15;
     r_minus_D[6] = r_plus_D[8] = w18;
     r_minus_D[7] = r_plus_D[1] = w19;
     r_minus_D[8] = r_plus_D[6] = -w18;
@@ -75,7 +75,7 @@ static inline void step_jac(IN q_k, IN q_kp1, IN u_k, IN u_kp1, IN h, IN par, OU
     r_minus_D[10] = 0.5*u_k[0] - w20;
     r_plus_D[2] = 0.25*w11 - w3;
     r_plus_D[3] = r_plus_D[7] = -w19;
-    r_plus_D[4] = 0.5*w15 + w16;
+    r_plus_D[4] = w15 + 0.5*w16;
     r_plus_D[10] = 0.5*u_kp1[0] + w20;
     C_d_D[0] = 0.5*(u_k[0]*h[0]);
     C_d_D[1] = 0.5*(u_kp1[0]*h[0]);
@@ -106,13 +106,13 @@ static inline void step_hess(IN q_k, IN q_kp1, IN u_k, IN u_kp1, IN h, IN par, I
     w12 = v_1*w6,
     w13 = w3*w0,
     w14 = (w4*w12 + 2.0*(w7*w13))*w10,
-    w15 = w10*w5,
+    w15 = w5*w10,
     w16 = w0*w15,
     w17 = v_0*w6,
     w18 = (w4*w17 + 2.0*(w8*w13))*w10,
     w19 = 0.5*w16 + 0.25*w18,
     w20 = w0*(v_1*w5 - 2.0*(w0*(w6*w7 - par[2]*w8)))*w10,
-    w21 = (2.0*(w9*w13) + w6*(2.0*w1 - w2)*w4)*w10,
+    w21 = (2.0*(w9*w13) + w6*w4*(2.0*w1 - w2))*w10,
     w22 = 0.5*w16 - 0.25*w18,
     w23 = par[0] + par[1],
     w24 = w0*(0.5*(v_0*w15) - w0*(w6*w8*w10 - w23*w7)),
@@ -159,31 +159,31 @@ KERNEL(impact, ROW(0), ROW(1), ROW(2), ROW(3), ROW(4), ROW(7), INTO(0, 1), INTO(
 static inline void impact_jac(IN q_k, IN q_kp1, IN u_k, IN u_kp1, IN h, IN par, OUT e_plus_D, OUT e_minus_D)
 {
     const double
-    w0 = par[0]*par[2],
-    w1 = 1.0/h[0],
-    v_1 = -w1*(q_k[1] - q_kp1[1]),
+    w0 = 1.0/h[0],
+    v_1 = -w0*(q_k[1] - q_kp1[1]),
     q_0 = 0.5*(q_k[0] + q_kp1[0]),
-    w2 = sin(q_0),
-    v_0 = -w1*(q_k[0] - q_kp1[0]),
-    w3 = v_0*par[2],
-    w4 = v_1*w2 - w3,
-    w5 = w1*w4,
-    w6 = w0*w5,
-    w7 = cos(q_0),
-    w8 = par[0]*w3,
-    w9 = v_1*w7*w8,
-    w10 = w9 - 0.5*(w9 + par[3]*w7*w0),
-    w11 = v_1*par[1] + par[0]*(v_1 - w2*w3),
-    w12 = w1*w11,
+    w1 = cos(q_0),
+    v_0 = -w0*(q_k[0] - q_kp1[0]),
+    w2 = v_0*par[2],
+    w3 = par[0]*w2,
+    w4 = v_1*w1*w3,
+    w5 = par[0]*par[2],
+    w6 = w4 - 0.5*(w4 + par[3]*w1*w5),
+    w7 = sin(q_0),
+    w8 = v_1*w7 - w2,
+    w9 = w0*w8,
+    w10 = w5*w9,
+    w11 = v_1*par[1] + par[0]*(v_1 - w7*w2),
+    w12 = w0*w11,
     w13 = 0.5*u_kp1[0] + w12,
     w14 = v_1*h[0],
     w15 = 0.5*u_k[0] - w12;
-    e_plus_D[0] = e_minus_D[0] = w10 - w6;
+    e_plus_D[0] = e_minus_D[0] = w6 - w10;
     e_plus_D[1] = w13;
     e_plus_D[2] = e_minus_D[2] = w6 + w10;
     e_plus_D[3] = -w13;
     e_plus_D[4] = -0.5*w14;
-    e_plus_D[5] = e_minus_D[5] = w1*(w4*w8 + v_1*(2.0*w11 + w2*w8 - v_1*(par[0] + par[1]))) - 2.0*(w8*w5);
+    e_plus_D[5] = e_minus_D[5] = w0*(w8*w3 + v_1*(2.0*w11 + w7*w3 - v_1*(par[0] + par[1]))) - 2.0*(w3*w9);
     e_minus_D[1] = -w15;
     e_minus_D[3] = w15;
     e_minus_D[4] = 0.5*w14;
@@ -522,6 +522,7 @@ KERNEL(min_time_jac, ROW(0), ROW(1), ROW(2), ROW(4), ROW(5), INTO(0, 8))
 static inline void drawing(IN q, IN par, OUT shapes)
 {
     const double
+    k0 = 1.1000000000000001,
     w0 = par[2]*cos(par[4]),
     w1 = par[2]*sin(par[4]),
     w2 = par[2]*cos(par[5]),
@@ -533,10 +534,10 @@ static inline void drawing(IN q, IN par, OUT shapes)
     w8 = w4*w6;
     shapes[0] = q[1] + 0.75*w0;
     shapes[1] = 0.75*w1;
-    shapes[2] = q[1] + 1.1000000000000001*w0;
-    shapes[3] = 1.1000000000000001*w1;
-    shapes[4] = q[1] + 1.1000000000000001*w2;
-    shapes[5] = 1.1000000000000001*w3;
+    shapes[2] = q[1] + k0*w0;
+    shapes[3] = k0*w1;
+    shapes[4] = q[1] + k0*w2;
+    shapes[5] = k0*w3;
     shapes[6] = q[1] + 0.75*w2;
     shapes[7] = 0.75*w3;
     shapes[8] = shapes[13] = q[1];
@@ -600,4 +601,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 27}),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "7ff9903dc492af84735e54ff56cba8bdd05851e0650fa69bf58eb3f0a62e8676", 34, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "7a797efdc4f4ad5cbd5c7fdbaf588435b2c8e9d34551650aa96e373cd1bb475a", 34, entries};

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -19,7 +20,7 @@ import dmoc
 from dmoc.base.errors import GenerationError
 from dmoc.codegen.build import numpy_kernels
 from dmoc.codegen.operation_counts import count_of
-from dmoc.codegen.schedule import schedule
+from dmoc.codegen.schedule import functions_of, schedule
 from dmoc.codegen.text import c_files, manifest, numpy_text
 from dmoc.inspection.kernel_check import checked
 from dmoc.symbolic import families
@@ -132,11 +133,27 @@ def test_a_function_and_its_weighted_slopes_have_the_derivatives_of_their_body()
             point = {s: 0.3, t: 0.8}
             a, b = evaluated([flat, inside.diff(p).diff(q)], point, math)
             assert a == pytest.approx(b, rel=1e-13)
-    (*weights,) = f.weighted.symbols[2:]
-    wanted = weights[0] * body + weights[1] * body.diff(x) + weights[2] * body.diff(y)
-    point = {x: 0.4, y: 1.1, **{w: 0.3 * i - 0.5 for i, w in enumerate(weights)}}
-    a, b = evaluated([f.weighted.body, wanted], point, math)
-    assert a == pytest.approx(b, rel=1e-13)
+    for places in ((0, 1, 2), (0, 2)):
+        function = f.weighted(places)
+        assert f.weighted(places) is function
+        weights = dict(zip(places, function.symbols[2:], strict=True))
+        values = (body, body.diff(x), body.diff(y))
+        wanted = g.sum((w * values[i], 1.0) for i, w in weights.items())
+        point = {x: 0.4, y: 1.1, **{w: 0.3 * i - 0.5 for i, w in weights.items()}}
+        a, b = evaluated([function.body, wanted], point, math)
+        assert a == pytest.approx(b, rel=1e-13)
+
+
+def test_momenta_and_energies_do_without_the_slopes_by_coordinates() -> None:
+    """Their second derivatives call a function of the Lagrangian and of its slopes by velocities
+    alone, of which the slopes by two velocities are none of third order."""
+    kernels = {k.name: k for k in families.model_spec(chain_system(6)).kernels}
+    functions = {}
+    for name in ("step_hess", "impact_hess", "momentum_hess"):
+        (function,) = functions_of([kernels[name]])
+        functions[name] = count_of(function.kernel).operations
+    assert functions["impact_hess"] < 0.6 * functions["step_hess"]
+    assert functions["momentum_hess"] < 0.6 * functions["step_hess"]
 
 
 @pytest.mark.parametrize("order", [2, 4])
@@ -149,8 +166,9 @@ def test_a_lagrangian_as_a_function_gives_the_same_kernels(
         for limit in ("LARGE_STEP", "LARGE"):
             monkeypatch.setattr(families, limit, large)
         model = families.model_spec(system, order)
-        calls = c_files(model)["kernels.c"].count("    lagrangian_w_2(")
-        assert calls == (4 * (large == 0) if order == 2 else 6 * (large == 0))
+        calls = re.findall(r"    lagrangian_w1?_2\(", c_files(model)["kernels.c"])
+        # The second derivatives of steps and events at all points, of momenta and the residual.
+        assert len(calls) == (order + 2) * (large == 0)
         kernels.append(numpy_kernels(manifest(model), numpy_text(model)))
     as_function, inline = kernels
     for name, facts in inline.manifest["kernels"].items():
