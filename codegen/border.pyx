@@ -43,6 +43,12 @@ cdef class Library:
         self.code = self.kernels.code.decode()
         self.table = PyCapsule_New(<void *>self.kernels, DMOC_TABLE, NULL)
 
+    def __eq__(self, other):
+        return isinstance(other, Library) and self.kernels == (<Library>other).kernels
+
+    def __hash__(self):
+        return <Py_hash_t>self.kernels
+
     def functions(self):
         """Return the kernels by name, each a :class:`Function`."""
         cdef Function function

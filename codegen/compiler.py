@@ -75,7 +75,7 @@ def compile_library(folder: Path, command: list[str], target: str) -> None:
     words = [*command, *FLAGS, *(LARGE_FLAGS if large else ()), "-I", str(HEADERS)]
     words += [SOURCE, "-lm", "-o", target]
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
+    if done.returncode != 0 or not (folder / target).exists():
         raise BuildError(
             f"the compiler failed.\n  command: {shlex.join(words)}\n  output: {done.stderr.strip()}"
         )

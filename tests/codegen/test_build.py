@@ -45,6 +45,7 @@ def test_a_second_build_finds_the_first(own_cache: Path) -> None:
     second = dmoc.build(block_system("cached"))
     assert first.seconds > 0 and second.seconds == 0
     assert works(first) and works(second)
+    assert first.module == second.module and dmoc.load("puck_table") == dmoc.load("puck_table")
 
 
 @pytest.mark.parametrize("damage", ["truncate", "remove", "text"])
@@ -122,10 +123,12 @@ def test_a_build_takes_a_compiler_and_nothing_of_python(
     assert works(kernels) and sysconfig.get_path("include") not in call
 
 
+@pytest.mark.parametrize("command", ["false", "true"])
 def test_a_failing_compiler_shows_its_output(
-    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
-    monkeypatch.setenv("CC", "false")
+    """One that makes nothing fails too."""
+    monkeypatch.setenv("CC", command)
     with pytest.raises(BuildError, match="the compiler failed"):
         dmoc.build(block_system("cached"))
     assert not [p for p in own_cache.iterdir() if p.is_dir()]
