@@ -36,8 +36,6 @@ KERNEL = "codegen/dmoc_kernel.h"
 PARTS = [f"simulation/{name}.pxi" for name in ("rows", "conditions", "dynamics", "dop853")]
 LEGS = [f"simulation/{name}.pxi" for name in ("leg", "leg_surfaces")]
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off"]
-# A derivative without entries leaves its function unused, of which clang warns.
-GENERATED_FLAGS = [*FLAGS, "-Wno-unused-function"]
 SOLVER_FLAGS = [
     "-std=c11",
     "-O3",
@@ -56,7 +54,7 @@ extensions = [
         depends=[f"generated/{model}/kernels.h", KERNEL],
         include_dirs=["codegen"],
         libraries=["m"],
-        extra_compile_args=GENERATED_FLAGS,
+        extra_compile_args=FLAGS,
     )
     for model in models
 ]
