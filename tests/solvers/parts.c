@@ -24,14 +24,14 @@ static void filter_entries(void)
 /* The longest steps of one unknown, whose distance from each bound is 1, and of a slack of 1. */
 static void longest_steps(double tau, double dx, double ds)
 {
-    double lo[] = {-1, 0}, up[] = {1, INFINITY}, v[] = {0, 1}, one[] = {1, 1};
-    double stretch[] = {INFINITY}, step[] = {dx, ds}, still[] = {0, 0};
+    double lo[] = {-1, 0}, up[] = {1, INFINITY}, v[] = {0, 1}, zl[] = {1, 1}, zu[] = {1, 0};
+    double stretch[] = {INFINITY}, step[] = {dx, ds}, upper[] = {dx, 0}, still[] = {0, 0};
     solver s = {.n = 1, .nv = 2, .tau = tau, .lo = lo, .up = up, .stretch = stretch};
-    s.now.v = v, s.now.zl = s.now.zu = one;
+    s.now.v = v, s.now.zl = zl, s.now.zu = zu;
     printf("%.17g\n", longest_primal(&s, step));
     s.dzl = step, s.dzu = still;
     printf("%.17g\n", longest_dual(&s));
-    s.dzl = still, s.dzu = step;
+    s.dzl = still, s.dzu = upper;
     printf("%.17g\n", longest_dual(&s));
 }
 
