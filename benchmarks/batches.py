@@ -3,6 +3,7 @@ processes as there are processors."""
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -128,7 +129,8 @@ def _solve(name: str, instance: Instance) -> bool:
 
 def by_peer(name: str, every: Sequence[Instance], cores: int) -> tuple[float, int]:
     """Seconds of all solves, without building the programs, and how many succeeded."""
-    with ProcessPoolExecutor(cores, initializer=_prepare, initargs=(name,)) as pool:
+    fresh = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(cores, fresh, _prepare, (name,)) as pool:
         list(pool.map(partial(_solve, name), every[:cores] * 4))  # builds the programs
         seconds, good = clocked(lambda: list(pool.map(partial(_solve, name), every, chunksize=8)))
     return seconds, sum(good)
