@@ -64,6 +64,11 @@ class Relation:
     def fixed(self) -> bool:
         return self.low == self.high
 
+    @property
+    def kind(self) -> tuple[str, str, bool, bool, bool]:
+        """What it is without its numbers: its states, and which bounds there are."""
+        return self.end, self.start, self.fixed, self.low > -np.inf, self.high < np.inf
+
 
 def relations_of(problem: Problem) -> tuple[Relation, ...]:
     """What ``periodic`` says of the end and the start."""

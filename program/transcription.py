@@ -84,7 +84,8 @@ class Transcription(Evaluator):
         shared = None
         if not goals and self.layout.size <= MOST_SHARED:
             shared = rows_follow_from(problem, self.layout, touches, self.limits)
-        self.laws = LAWS.of(shared, lambda: laws.numbered(problem, self.limits))
+        shared_laws = LAWS.of(shared, lambda: laws.numbered(problem, self.limits))
+        self.laws = shared_laws.stating(problem)
         self.n = self.layout.size
         self.n_eq, self.n_in = self.laws.n_eq, self.laws.n_in
         self.unit = self.layout.units(self.scale)
@@ -101,11 +102,12 @@ class Transcription(Evaluator):
         """What it has in common with the programs of all problems of its form."""
         if self.n > MOST_SHARED:
             return structure_of(self._form())
-        kept = self.laws.structure() if self.laws.structure else None
+        remembered = self.laws.remembered
+        kept = remembered.structure() if remembered.structure else None
         if kept is None:
             blocks = self.layout.unknowns, self.laws.equalities, self.laws.inequalities
             kept = STRUCTURES.of(self._form(), chain.from_iterable(blocks))
-            self.laws.structure = weakref.ref(kept)
+            remembered.structure = weakref.ref(kept)
         return kept
 
     def assemble(self) -> Assembled:

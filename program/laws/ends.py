@@ -67,6 +67,11 @@ class EndsLaw(Law):
     goal_range: Block = field(init=False)
     periodic_range: Block = field(init=False)
 
+    def says_the_same(self, problem: Problem) -> bool:
+        """Whether another problem has the same numbers for both ends."""
+        mine = self.problem.final_time_bounds, self.problem.relations
+        return mine == (problem.final_time_bounds, problem.relations)
+
     @property
     def fixed_goals(self) -> list[Goal]:
         """Goals of ``goal``."""

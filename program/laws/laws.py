@@ -7,9 +7,9 @@ contacts.
 from __future__ import annotations
 
 import weakref
-from collections.abc import Hashable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -30,10 +30,15 @@ from dmoc.program.layout import SHARED, Layout
 from dmoc.program.presolve import Settled
 
 
+class Remembered:
+    """The structure that follows from some laws, as long as somebody keeps it."""
+
+    structure: weakref.ref[Structure] | None = None
+
+
 @dataclass(eq=False)
 class Laws:
-    """All laws of a program, in the order of their rows, and the blocks of all rows; the structure
-    that follows from them, as long as somebody keeps it."""
+    """All laws of a program, in the order of their rows, and the blocks of all rows."""
 
     step: StepLaw
     path: PathLaw
@@ -45,19 +50,33 @@ class Laws:
     joint: JointLaw
     equalities: tuple[Block, ...] = ()
     inequalities: tuple[Block, ...] = ()
-    structure: weakref.ref[Structure] | None = None
+    remembered: Remembered = field(default_factory=Remembered)
 
-    @property
+    @cached_property
     def n_eq(self) -> int:
         return sum(b.count for b in self.equalities)
 
-    @property
+    @cached_property
     def n_in(self) -> int:
         return sum(b.count for b in self.inequalities)
 
     def __iter__(self) -> Iterator[Law]:
         before = self.step, self.path, self.impact, self.ends
         return iter((*before, self.contact, self.friction, self.hit, self.joint))
+
+    def stating(self, problem: Problem) -> Laws:
+        """The same rows with what another problem says of both ends: the numbers in their names
+        and constants."""
+        before = self.ends
+        if before.says_the_same(problem):
+            return self
+        ends = replace(before, problem=problem)
+        return replace(
+            self,
+            ends=ends,
+            equalities=_again(self.equalities, before.start_velocity, ends.equations, 0),
+            inequalities=_again(self.inequalities, before.earliest, ends.inequalities, self.n_eq),
+        )
 
     def numbered(self, problem: Problem, limits: tuple[Array, Array]) -> Laws:
         """Number the rows of a problem whose unknowns have some lower and upper limits."""
@@ -93,6 +112,16 @@ def laws_of(
     )  # fmt: skip
 
 
+def _again(
+    blocks: tuple[Block, ...], first: Block, number: Callable[[Numbering], None], before: int
+) -> tuple[Block, ...]:
+    """Blocks with those of a law made again, from its first one on; so many rows come before."""
+    i = blocks.index(first)
+    made = Numbering(before + sum(b.count for b in blocks[:i]))
+    number(made)
+    return (*blocks[:i], *made.made, *blocks[i + len(made.made) :])
+
+
 def rows_follow_from(
     problem: Problem, lay: Layout, touching: Index, limits: tuple[Array, Array]
 ) -> Hashable | None:
@@ -103,7 +132,9 @@ def rows_follow_from(
     if not _is_untouched(lay) or problem.kernels.joints:
         return None
     model = manifest["fingerprint"], manifest.get("code"), problem.kernels.backend
-    said = problem.final_time_bounds, problem.relations, tuple(problem.ignored), problem.by_rates
+    low, high = problem.final_time_bounds
+    ends = low == high, 0 < low < high, low < high < np.inf, *(r.kind for r in problem.relations)
+    said = ends, tuple(problem.ignored), problem.by_rates
     fixed = limits[0] == limits[1]
     return (
         lay, model, said, problem.restitution_values.tobytes(), touching.tobytes(),

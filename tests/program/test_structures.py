@@ -149,9 +149,10 @@ def test_other_numbers_share_a_structure_and_other_forms_do_not(family: Family) 
 
 
 def test_names_are_those_of_the_problem_not_of_the_one_that_was_first(small: dmoc.Problem) -> None:
-    for latest in (1.0, 2.0):
-        nlp = Transcription(small.but(final_time=(None, latest)))
-        assert nlp.laws.ends.latest.name_of(0) == f"final time <= {latest:g} s"
+    programs = [Transcription(small.but(final_time=(None, latest))) for latest in (1.0, 2.0)]
+    labels = [nlp.laws.ends.latest.name_of(0) for nlp in programs]
+    assert labels == ["final time <= 1 s", "final time <= 2 s"]
+    assert programs[0].laws.step is programs[1].laws.step
 
 
 def test_threads_may_share(small: dmoc.Problem) -> None:
