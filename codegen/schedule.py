@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from dmoc.symbolic.arrangement import with_common_factors
-from dmoc.symbolic.graph import PRODUCT, RESULT, Node, Scalar
+from dmoc.symbolic.graph import PRODUCT, RESULT, Node
 from dmoc.symbolic.pairs import Part, share_pairs
+from dmoc.symbolic.scalar import Scalar
 from dmoc.symbolic.spec import FunctionSpec, KernelSpec
 from dmoc.symbolic.traversal import in_order, reached
 

@@ -29,10 +29,11 @@ from dmoc.symbolic.continuous import (
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
 from dmoc.symbolic.expressions import atoms_of
-from dmoc.symbolic.graph import Graph, Node, Scalar, gradient, reverse
+from dmoc.symbolic.graph import Graph, Node, gradient, reverse
 from dmoc.symbolic.kernel_family import contracted, family, state_inputs
 from dmoc.symbolic.kinks import split
 from dmoc.symbolic.path_constraints import path_kernels, path_limits, path_rows, terms_of
+from dmoc.symbolic.scalar import Scalar
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 from dmoc.symbolic.traversal import operations

@@ -14,11 +14,13 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dmoc.base.errors import GenerationError
 from dmoc.symbolic.slopes import SLOPES
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.scalar import Scalar
 
 Operand: TypeAlias = "Node | float"
 
@@ -149,45 +151,6 @@ class Node:
                 picked = [part if j % 2 else g.zero for j, part in enumerate(self.parts)]
                 picked[i] = g.one
                 yield self.parts[i], g.choice(picked)
-
-
-@dataclass(frozen=True)
-class Scalar:
-    """A function of its own: a scalar expression in symbols; code calls it for its value and its
-    derivatives by the symbols.  What it contains beside them are ``constants`` for it."""
-
-    name: str
-    symbols: tuple[Node, ...]
-    body: Node
-    constants: tuple[Node, ...] = ()
-    _weighted: dict[tuple[int, ...], Scalar] = field(default_factory=dict, compare=False)
-
-    def __call__(self, arguments: Sequence[Node]) -> Node:
-        return self.body.graph.result(self, (), tuple(arguments))
-
-    @cached_property
-    def slopes(self) -> list[Node]:
-        return reverse(self.body, self.symbols)
-
-    def weighted(self, places: tuple[int, ...]) -> Scalar:
-        """The sum of some of its value (0) and its slopes (1, ...), each times a weight, which are
-        more arguments."""
-        if places not in self._weighted:
-            g, values = self.body.graph, [self.body, *self.slopes]
-            weights = [g.symbol(f"{self.name}_w{i}") for i in places]
-            body = g.sum((w * values[i], 1.0) for w, i in zip(weights, places, strict=True))
-            name = f"{self.name}_w{len(self._weighted) or ''}"
-            self._weighted[places] = Scalar(name, (*self.symbols, *weights), body, self.constants)
-        return self._weighted[places]
-
-    def derivative(self, path: tuple[int, ...]) -> Node:
-        """Its derivative by the symbols of these numbers."""
-        if not path:
-            return self.body
-        node = self.slopes[path[0]]
-        for i in path[1:]:
-            node = node.diff(self.symbols[i])
-        return node
 
 
 @dataclass

@@ -1,10 +1,10 @@
-"""What builders of linkages have in common: names for places and velocities, energies, forces and
-shapes that are collected body by body, and the system that they make."""
+"""What linkages in the plane and in space have in common: joints, names for places and velocities,
+energies, forces and shapes that are collected body by body, and the system that they make."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,8 +19,10 @@ from dmoc.symbolic.drawing import Part
 from dmoc.symbolic.expressions import expression_in
 from dmoc.symbolic.system import MechanicalSystem
 from dmoc.symbolic.system_fields import MAPPINGS, added_forces, mapping
+from dmoc.symbolic.vectors import Vector, vector
 
 JOINED = ("coordinates", "drawing")  # fields to which a user's are appended
+EFFORTS = {"rad": "torque", "m": "force"}  # by the unit of a joint
 
 
 @dataclass
@@ -33,6 +35,7 @@ class Linkage:
     forces: dict[Any, Any] = field(default_factory=dict)
     units: dict[Any, str] = field(default_factory=dict)
     drawing: list[Part] = field(default_factory=list)
+    sizes: list[tuple[Any, str]] = field(default_factory=list)
 
     def define(self, name: str, value: Any) -> Any:
         """A name for an expression; what has one, or is fixed, stays as it is."""
@@ -46,28 +49,59 @@ class Linkage:
         self.definitions[symbol] = value
         return symbol
 
-    def push(self, coordinate: Any, force: Any) -> None:
-        if force != 0:
-            self.forces[coordinate] = self.forces.get(coordinate, sp.S.Zero) + force
+    def join(self, name: str, joint: tuple[Any, str], effort: Any, measure: Any) -> None:
+        """Add a coordinate with its unit, and a force or torque along a measure, whose work counts
+        for every coordinate that changes the measure."""
+        coordinate, unit = joint
+        effort = expression_in(effort, f"the {EFFORTS[unit]} on body {name}")
+        self.coordinates.append(coordinate)
+        self.units[coordinate] = unit
+        while names := measure.atoms(AppliedUndef) & set(self.definitions):
+            measure = measure.xreplace({n: self.definitions[n] for n in names})
+        for q in self.coordinates:
+            force = effort * measure.diff(q)
+            if force != 0:
+                self.forces[q] = self.forces.get(q, sp.S.Zero) + force
 
-    def name_for(self, coordinate: Any, name: Any) -> str:
-        """The name of a body behind a new joint, that of its coordinate if it has no other."""
+    def size(self, value: Any, what: str) -> Any:
+        """A length, a mass or a moment of inertia."""
+        size = expression_in(value, what)
+        check_size(size, what)
+        self.sizes.append((size, what))
+        return size
+
+
+def check_size(value: Any, what: str) -> None:
+    if value.is_negative:
+        remedy = "; sp.pi more in `zero` turns a link round" if "length" in what else ""
+        raise ModelError(f"{what} = {shown(value)}: expected 0 or more{remedy}.")
+
+
+class Member:
+    """What bodies in the plane and in space have in common."""
+
+    name: str
+    _linkage: Linkage
+    _end: Vector
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}>"
+
+    def _read_joint(self, coordinate: Any, name: Any, at: Any) -> tuple[str, Vector]:
+        """The name of a body behind a new joint, that of its coordinate if it has no other, and
+        the place of the joint in the frame of this body."""
         if not isinstance(coordinate, AppliedUndef):
             raise ModelError(
                 f"coordinate {shown(coordinate)} of a joint is not a function of time: make it "
                 "with sympy.physics.mechanics.dynamicsymbols."
             )
-        if coordinate in self.coordinates:
+        if coordinate in self._linkage.coordinates:
             raise ModelError(
                 f"coordinate {name_of(coordinate)} belongs to a joint already: give each joint "
                 "one of its own."
             )
-        return check_name(name_of(coordinate) if name is None else name, "body")
-
-    def move(self, coordinate: Any, unit: str) -> None:
-        """Add a coordinate."""
-        self.coordinates.append(coordinate)
-        self.units[coordinate] = unit
+        name = check_name(name_of(coordinate) if name is None else name, "body")
+        return name, self._end if at is None else vector(at, len(self._end), f"at of body {name}")
 
 
 class Ground:
@@ -122,36 +156,16 @@ class Ground:
                 raise ModelError(
                     f"definition {name_of(symbol)} is a name of the linkage: choose another one."
                 )
-        values = {} if parameters is None else parameters
-        return MechanicalSystem(name, parameters=values, **own)
+        system = MechanicalSystem(name, parameters={} if parameters is None else parameters, **own)
+        values = {p: value for p, value in system.parameters.items() if value is not None}
+        for size, what in bodies.sizes:
+            check_size(size.subs(values), what)
+        return system
 
 
 def coordinates(values: Any, size: int, what: str) -> list[Any]:
-    """Several coordinates, which :meth:`Linkage.move` looks at one by one."""
+    """Several coordinates, which joints look at one by one."""
     entries = list(values) if isinstance(values, (tuple, list)) else []
     if len(entries) != size:
         raise ModelError(f"{what} = {shown(values)}: expected {size} dynamicsymbols.")
     return entries
-
-
-def vector(value: Any, size: int, what: str) -> tuple[Any, ...]:
-    """Expressions of a place or a direction in the frame of a body."""
-    example = "(" + ", ".join("ab0"[:size]) + ")"
-    try:
-        entries: Sequence[Any] = listed(
-            list(value) if isinstance(value, sp.MatrixBase) else value, what, "", ModelError
-        )
-    except ModelError:
-        entries = ()
-    if len(entries) != size:
-        raise ModelError(f"{what} = {shown(value)}: expected {size} expressions, as in {example}.")
-    return tuple(expression_in(e, what) for e in entries)
-
-
-def unit_vector(value: Any, size: int, what: str) -> tuple[Any, ...]:
-    """A direction of length 1."""
-    entries = vector(value, size, what)
-    length = sp.sqrt(sum(e**2 for e in entries))
-    if length == 0 or not length.is_number:
-        raise ModelError(f"{what} = {shown(value)}: expected numbers, not all 0.")
-    return tuple(e / length for e in entries)

@@ -29,10 +29,11 @@ from dmoc.base.arguments import flag
 from dmoc.base.errors import ModelError
 from dmoc.symbolic.drawing import Box, Link, Place, Point
 from dmoc.symbolic.expressions import expression_in
-from dmoc.symbolic.linkage import Ground, Linkage, coordinates, unit_vector, vector
+from dmoc.symbolic.linkage import Ground, Linkage, Member, coordinates
+from dmoc.symbolic.vectors import Vector, added, dot, times, unit_vector, vector
 
 
-class Body:
+class Body(Member):
     """A body of a linkage; made by :meth:`hinge`, :meth:`slide` and :meth:`World.free`.
 
     Its kinetic energy is m (x'^2 + y'^2)/2 + I angle'^2/2 with the centre of mass (x, y), its
@@ -62,16 +63,13 @@ class Body:
         self, linkage: Linkage, gravity: Any, name: str, angle: Any, origin: Place, length: Any
     ) -> None:
         self.name, self.angle, self.origin = name, angle, origin
-        self._linkage, self._gravity, self._length = linkage, gravity, length
+        self._linkage, self._gravity, self._end = linkage, gravity, (length, sp.S.Zero)
         self._axis = tuple(
             linkage.define(f"{letter}_{name}", function(angle))
             for letter, function in (("c", sp.cos), ("s", sp.sin))
         )
         self._points: dict[Place, Place] = {(sp.S.Zero, sp.S.Zero): origin}
-        self.tip = self._place((length, sp.S.Zero), "")
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.name}>"
+        self.tip = self._place(self._end, "")
 
     def point(self, along: Any, across: Any = 0) -> Place:
         """A point of the body: its place (x, y) in the world.
@@ -125,7 +123,8 @@ class Body:
             Moment of inertia about the centre of mass; that of a slender rod, m l^2/12, by
             default.  A point mass at the tip is ``centre=l, inertia=0``.
         at : pair of Expr, optional
-            The hinge in the frame of this body; its tip by default.
+            The hinge in the frame of this body; its tip by default.  It moves over this body where
+            it depends on coordinates: a wheel that rolls has ``at=(-r * angle, r)``.
         absolute : bool
             The coordinate is the angle from the world's first axis instead.
         zero : Expr
@@ -147,20 +146,13 @@ class Body:
             If the coordinate is no function of time or belongs to a joint already, or something
             is no expression.
         """
-        linkage = self._linkage
-        name = linkage.name_for(angle, name)
-        load = _read_load(name, length, mass, centre, inertia, box)
-        start = (self._length, sp.S.Zero) if at is None else vector(at, 2, f"at of body {name}")
+        name, start = self._read_joint(angle, name, at)
+        load = self._read_load(name, length, mass, centre, inertia, box)
         turned = angle + expression_in(zero, f"the zero of body {name}")
-        torque = expression_in(torque, f"the torque on body {name}")
         if not flag(absolute, "absolute", ModelError):
             turned = self.angle + turned
-        linkage.move(angle, "rad")
-        for q in linkage.coordinates:
-            linkage.push(q, torque * sp.diff(turned - self.angle, q))
-        body = Body(linkage, self._gravity, name, turned, self._place(start, "_p"), load.length)
-        body._carry(load)
-        return body
+        self._linkage.join(name, (angle, "rad"), torque, turned - self.angle)
+        return self._joined(name, turned, self._place(start, "_p"), load)
 
     def slide(
         self,
@@ -193,25 +185,14 @@ class Body:
         Returns
         -------
         Body
-
-        Raises
-        ------
-        ModelError
-            For the reasons of :meth:`hinge`.
         """
-        linkage = self._linkage
-        name = linkage.name_for(distance, name)
-        load = _read_load(name, length, mass, centre, inertia, box)
-        start = (self._length, sp.S.Zero) if at is None else vector(at, 2, f"at of body {name}")
+        name, start = self._read_joint(distance, name, at)
+        load = self._read_load(name, length, mass, centre, inertia, box)
         along = unit_vector(direction, 2, f"the direction of body {name}")
-        force = expression_in(force, f"the force on body {name}")
-        linkage.move(distance, "m")
-        linkage.push(distance, force)
-        local = (start[0] + distance * along[0], start[1] + distance * along[1])
+        self._linkage.join(name, (distance, "m"), force, distance + dot(start, along))
+        local = added(start, times(distance, along))
         origin = self._place(local, "_o" if load.length != 0 else "", name)
-        body = Body(linkage, self._gravity, name, self.angle, origin, load.length)
-        body._carry(load)
-        return body
+        return self._joined(name, self.angle, origin, load)
 
     def _place(self, local: Place, ending: str, name: str = "") -> Place:
         """A point of the frame in the world, with names of its own if it has none."""
@@ -225,19 +206,37 @@ class Body:
             self._points[local] = (x, y)
         return self._points[local]
 
-    def _carry(self, load: _Load) -> None:
-        """Add the energies and the picture of what the body consists of."""
+    def _read_load(
+        self, name: str, length: Any, mass: Any, centre: Any, inertia: Any, box: Any
+    ) -> _Load:
+        what, size = f"of body {name}", self._linkage.size
+        length, mass = size(length, f"the length {what}"), size(mass, f"the mass {what}")
+        middle = length / 2 if centre is None else centre
+        pair = middle if isinstance(middle, (tuple, list, sp.MatrixBase)) else (middle, 0)
+        rod = mass * length**2 / 12 if inertia is None else inertia
+        return _Load(
+            length,
+            mass,
+            vector(pair, 2, f"the centre {what}"),
+            size(rod, f"the inertia {what}"),
+            None if box is None else vector(box, 2, f"the box {what}"),
+        )
+
+    def _joined(self, name: str, angle: Any, origin: Place, load: _Load) -> Body:
+        """A body behind a joint, with the energies and the picture of what it consists of."""
         linkage, t = self._linkage, dynamicsymbols._t
-        x, y = self._place(load.centre, "_c") if load.mass != 0 else self.origin
-        speed, rate = x.diff(t) ** 2 + y.diff(t) ** 2, self.angle.diff(t)
+        body = Body(linkage, self._gravity, name, angle, origin, load.length)
+        x, y = body._place(load.centre, "_c") if load.mass != 0 else origin
+        speed, rate = x.diff(t) ** 2 + y.diff(t) ** 2, angle.diff(t)
         linkage.lagrangian += load.mass * speed / 2 + load.inertia * rate**2 / 2
         linkage.lagrangian -= load.mass * self._gravity * y
         if load.box:
-            linkage.drawing.append(Box((x, y), *load.box, self.angle))
+            linkage.drawing.append(Box((x, y), *load.box, angle))
         elif load.length != 0:
-            linkage.drawing.append(Link(self.origin, self.tip))
+            linkage.drawing.append(Link(origin, body.tip))
         if not load.box and load.mass != 0 and load.inertia == 0:
             linkage.drawing.append(Point((x, y)))
+        return body
 
 
 @dataclass(frozen=True)
@@ -246,25 +245,9 @@ class _Load:
 
     length: Any
     mass: Any
-    centre: Place
+    centre: Vector
     inertia: Any
     box: Place | None
-
-
-def _read_load(name: str, length: Any, mass: Any, centre: Any, inertia: Any, box: Any) -> _Load:
-    what = f"of body {name}"
-    length = expression_in(length, f"the length {what}")
-    mass = expression_in(mass, f"the mass {what}")
-    middle = length / 2 if centre is None else centre
-    pair = middle if isinstance(middle, (tuple, list, sp.MatrixBase)) else (middle, 0)
-    rod = mass * length**2 / 12 if inertia is None else inertia
-    return _Load(
-        length,
-        mass,
-        vector(pair, 2, f"the centre {what}"),
-        expression_in(rod, f"the inertia {what}"),
-        None if box is None else vector(box, 2, f"the box {what}"),
-    )
 
 
 class World(Body, Ground):
@@ -322,11 +305,6 @@ class World(Body, Ground):
         Returns
         -------
         Body
-
-        Raises
-        ------
-        ModelError
-            For the reasons of :meth:`Body.hinge`.
         """
         x, y = coordinates(place, 2, "place of a free body")
         return self.slide(x).slide(y, direction=(0, 1)).hinge(angle, name=name, **body)

@@ -21,23 +21,42 @@ A column that turns, with an arm that lifts:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
 from dmoc.symbolic.expressions import expression_in
-from dmoc.symbolic.linkage import Ground, Linkage, coordinates, unit_vector, vector
-from dmoc.symbolic.spatial_joint import Joint, Vector, added, cross, dot, times
+from dmoc.symbolic.linkage import Ground, Linkage, Member, coordinates
+from dmoc.symbolic.vectors import Vector, added, cross, dot, rate, times, unit_vector, vector
 
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 ORIGIN: Vector = (sp.S.Zero,) * 3
 
 
-class Body:
+@dataclass(frozen=True)
+class _Joint:
+    """Where a body begins in the frame of the one before it, and by what it is turned about an
+    axis."""
+
+    at: Vector
+    axis: Vector = ORIGIN
+    turn: Any = sp.S.Zero
+
+    def turned(self, v: Vector) -> Vector:
+        """A vector of the frame before the joint in that behind it."""
+        if self.turn == 0:
+            return v
+        along = times(dot(self.axis, v), self.axis)
+        across = added(v, times(-1, along))
+        turned = times(-sp.sin(self.turn), cross(self.axis, v))
+        return added(along, times(sp.cos(self.turn), across), turned)
+
+
+class Body(Member):
     """A body of a linkage; made by :meth:`hinge`, :meth:`slide` and :meth:`World.free`.
 
     Its kinetic energy is m v.v/2 + w.I w/2 with the velocity v of its centre of mass and its
@@ -62,7 +81,7 @@ class Body:
     """
 
     def __init__(
-        self, linkage: Linkage, gravity: Any, name: str, tip: Vector, joint: Joint,
+        self, linkage: Linkage, gravity: Any, name: str, tip: Vector, joint: _Joint,
         before: Body | None = None,
     ) -> None:  # fmt: skip
         self.name = name
@@ -73,17 +92,10 @@ class Body:
         self._velocity = self.spin = ORIGIN
         if before is None:
             return
-        moved = added(before._velocity, cross(before.spin, joint.at))
-        turned = joint.turned(before.spin)
-        along = times(joint.rate, joint.axis)
-        moved, turned = (
-            (added(moved, along), turned) if joint.slides else (moved, added(turned, along))
-        )
-        self.spin = self._named("w", turned)
+        moved = added(before._velocity, cross(before.spin, joint.at), rate(joint.at))
+        spinning = times(joint.turn.diff(dynamicsymbols._t), joint.axis)
+        self.spin = self._named("w", added(joint.turned(before.spin), spinning))
         self._velocity = self._named("v", joint.turned(moved))
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.name}>"
 
     @property
     def origin(self) -> Vector:
@@ -164,13 +176,11 @@ class Body:
             If the coordinate is no function of time or belongs to a joint already, or something
             is no expression of its size.
         """
-        name = self._linkage.name_for(angle, name)
-        torque = expression_in(torque, f"the torque on body {name}")
+        name, start = self._read_joint(angle, name, at)
         turn = angle + expression_in(zero, f"the zero of body {name}")
-        joint = self._read_joint(name, at, axis, angle, turn)
-        load = _read_load(name, tip, mass, centre, inertia)
-        self._linkage.move(angle, "rad")
-        self._linkage.push(angle, torque)
+        joint = _Joint(start, _read_axis(axis, name), turn)
+        load = self._read_load(name, tip, mass, centre, inertia)
+        self._linkage.join(name, (angle, "rad"), torque, turn)
         return self._joined(name, joint, load)
 
     def slide(
@@ -202,30 +212,28 @@ class Body:
         Returns
         -------
         Body
-
-        Raises
-        ------
-        ModelError
-            For the reasons of :meth:`hinge`.
         """
-        name = self._linkage.name_for(distance, name)
-        force = expression_in(force, f"the force on body {name}")
-        joint = self._read_joint(name, at, axis, distance, None)
-        load = _read_load(name, tip, mass, centre, inertia)
-        self._linkage.move(distance, "m")
-        self._linkage.push(distance, force)
-        return self._joined(name, joint, load)
+        name, start = self._read_joint(distance, name, at)
+        along = _read_axis(axis, name)
+        load = self._read_load(name, tip, mass, centre, inertia)
+        self._linkage.join(name, (distance, "m"), force, distance + dot(start, along))
+        return self._joined(name, _Joint(added(start, times(distance, along))), load)
 
-    def _read_joint(self, name: str, at: Any, axis: Any, coordinate: Any, turn: Any) -> Joint:
-        known = isinstance(axis, str) and axis in AXES
-        direction = unit_vector(AXES[axis] if known else axis, 3, f"the axis of body {name}")
-        start = self._end if at is None else vector(at, 3, f"at of body {name}")
-        return Joint(start, direction, coordinate, turn)
+    def _read_load(self, name: str, tip: Any, mass: Any, centre: Any, inertia: Any) -> _Load:
+        what, size = f"of body {name}", self._linkage.size
+        end = vector(tip, 3, f"the tip {what}")
+        mass = size(mass, f"the mass {what}")
+        middle = tuple(e / 2 for e in end) if centre is None else centre
+        rod = mass * (dot(end, end) * sp.eye(3) - sp.Matrix(end) * sp.Matrix(end).T) / 12
+        moments = rod if inertia is None else _matrix(inertia, f"the inertia {what}")
+        for k, axis in enumerate(AXES):
+            size(moments[k, k], f"the inertia {what} about {axis}")
+        return _Load(end, mass, vector(middle, 3, f"the centre {what}"), moments)
 
-    def _joined(self, name: str, joint: Joint, load: _Load) -> Body:
+    def _joined(self, name: str, joint: _Joint, load: _Load) -> Body:
         """A body behind a joint, with its energies."""
         body = Body(self._linkage, self._gravity, name, load.tip, joint, self)
-        velocity = added(body._velocity, cross(body.spin, load.centre))
+        velocity = added(body._velocity, cross(body.spin, load.centre), rate(load.centre))
         turning = dot(body.spin, tuple(load.inertia * sp.Matrix(body.spin)))
         energy = load.mass * dot(velocity, velocity) / 2 + turning / 2
         weight = load.mass * self._gravity
@@ -256,15 +264,13 @@ class Body:
         return self._points[local, k]
 
     def _place(self, local: Vector, ending: str) -> Vector:
-        x, y, z = (self._coordinate(local, k, ending) for k in range(3))
-        return x, y, z
+        return tuple(self._coordinate(local, k, ending) for k in range(3))
 
-    def _named(self, letter: str, values: Sequence[Any]) -> Vector:
-        x, y, z = (
+    def _named(self, letter: str, values: Vector) -> Vector:
+        return tuple(
             self._linkage.define(f"{letter}{i}_{self.name}", sp.sympify(e))
             for i, e in enumerate(values, 1)
         )
-        return x, y, z
 
 
 class World(Body, Ground):
@@ -299,7 +305,7 @@ class World(Body, Ground):
 
     def __init__(self, gravity: Any = 0) -> None:
         acceleration = expression_in(gravity, "the gravity of the world")
-        fixed = Joint(ORIGIN, ORIGIN, sp.S.Zero, None)
+        fixed = _Joint(ORIGIN)
         super().__init__(Linkage(), acceleration, "world", ORIGIN, fixed)
 
     def free(self, place: Any, angles: Any, *, name: str | None = None, **body: Any) -> Body:
@@ -320,11 +326,6 @@ class World(Body, Ground):
         Returns
         -------
         Body
-
-        Raises
-        ------
-        ModelError
-            For the reasons of :meth:`Body.hinge`.
         """
         x, y, z = coordinates(place, 3, "place of a free body")
         yaw, pitch, roll = coordinates(angles, 3, "angles of a free body")
@@ -342,14 +343,9 @@ class _Load:
     inertia: sp.Matrix
 
 
-def _read_load(name: str, tip: Any, mass: Any, centre: Any, inertia: Any) -> _Load:
-    what = f"of body {name}"
-    end = vector(tip, 3, f"the tip {what}")
-    mass = expression_in(mass, f"the mass {what}")
-    middle = tuple(e / 2 for e in end) if centre is None else centre
-    rod = mass * (dot(end, end) * sp.eye(3) - sp.Matrix(end) * sp.Matrix(end).T) / 12
-    moments = rod if inertia is None else _matrix(inertia, f"the inertia {what}")
-    return _Load(end, mass, vector(middle, 3, f"the centre {what}"), moments)
+def _read_axis(axis: Any, name: str) -> Vector:
+    named = isinstance(axis, str) and axis in AXES
+    return unit_vector(AXES[axis] if named else axis, 3, f"the axis of body {name}")
 
 
 def _matrix(inertia: Any, what: str) -> sp.Matrix:

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from dmoc.symbolic.graph import Graph, Node, Scalar
+from dmoc.symbolic.graph import Graph, Node
 from dmoc.symbolic.pairs import with_shared_sums
+from dmoc.symbolic.scalar import Scalar
 
 
 @dataclass(frozen=True)

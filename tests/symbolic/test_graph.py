@@ -25,8 +25,9 @@ from dmoc.codegen.text import c_files, manifest, numpy_text
 from dmoc.inspection.kernel_check import checked
 from dmoc.symbolic import families
 from dmoc.symbolic.conversion import to_nodes
-from dmoc.symbolic.graph import RESULT, SUM, Graph, Node, Scalar, reverse
+from dmoc.symbolic.graph import RESULT, SUM, Graph, Node, reverse
 from dmoc.symbolic.pairs import with_shared_sums
+from dmoc.symbolic.scalar import Scalar
 from dmoc.symbolic.slopes import SLOPES
 from dmoc.symbolic.traversal import evaluated, operations, reached
 

@@ -201,6 +201,11 @@ def spatial(**arguments: Any) -> Any:
     [
         (planar, {"angle": sp.Symbol("a")}, "coordinate a of a joint is not a function of time"),
         (planar, {"angle": "a"}, "coordinate 'a' of a joint is not a function of time"),
+        (planar, {"length": -1}, "the length of body a = -1: expected 0 or more; sp.pi more in"),
+        (planar, {"mass": -0.5}, r"the mass of body a = -0.5\d*: expected 0 or more\."),
+        (planar, {"inertia": -sp.Symbol("J", positive=True)}, "the inertia of body a = -J: exp"),
+        (spatial, {"mass": -2}, "the mass of body a = -2: expected 0 or more"),
+        (spatial, {"inertia": (1, -1, 1)}, "the inertia of body a about y = -1: expected 0 or"),
         (planar, {"length": "l"}, "the length of body a is not a scalar SymPy expression"),
         (planar, {"centre": (1, 2, 3)}, r"the centre of body a = .*expected 2 .* as in \(a, b\)"),
         (planar, {"at": 1}, "at of body a = 1: expected 2 expressions"),
@@ -227,6 +232,80 @@ def test_a_wrong_joint_is_one_sentence_and_leaves_no_trace(
     with pytest.raises(ModelError):
         world.hinge(a, mass="heavy")
     assert world.hinge(a, mass=1, length=1).name == "a"
+
+
+def test_a_size_that_its_parameter_makes_negative_is_refused() -> None:
+    world = dmoc.planar.World()
+    world.hinge(a, length=l, mass=m)
+    with pytest.raises(ModelError, match=r"the length of body a = -0.4\d*: expected 0 or more"):
+        world.system("turned", {l: -0.4, m: 1.0}, cost=1)
+
+
+def rolling(module: Any) -> Any:
+    """A wheel of radius l on a shelf that is lifted by b."""
+    world = module.World(gravity=g)
+    if module is dmoc.planar:
+        shelf = world.slide(b, direction=(0, 1))
+        return shelf.hinge(a, at=(-l * a, l), mass=m, centre=0, inertia=m * l**2 / 2, torque=u)
+    shelf = world.slide(b, "z")
+    return shelf.hinge(a, "y", at=(l * a, 0, l), mass=m, inertia=(0, m * l**2 / 2, 0), torque=u)
+
+
+def geared(module: Any) -> Any:
+    """A rotor turned three times as far as the shaft that carries it."""
+    axis = () if module is dmoc.planar else ("z",)
+    shaft = module.World(gravity=g).hinge(b, *axis, mass=0)
+    own = l if module is dmoc.planar else (0, 0, l)
+    return shaft.hinge(a, *axis, zero=2 * b, mass=m, inertia=own, torque=u)
+
+
+def carried(module: Any) -> Any:
+    """A slider whose rail is moved along itself by a screw, the coordinate b."""
+    axis = () if module is dmoc.planar else ("x",)
+    at = (l * b, 0, 0)[: 2 + len(axis)]
+    nut = module.World().slide(b, *axis, mass=m)
+    return nut.slide(a, *axis, at=at, mass=m, force=u)
+
+
+def shifted(module: Any) -> Any:
+    """A body whose centre of mass is moved along it by a screw of mass m, the coordinate b."""
+    centre, axis = ((b, 0), ()) if module is dmoc.planar else ((b, 0, 0), ("z",))
+    own = 0 if module is dmoc.planar else (0, 0, 0)
+    world = module.World()
+    world.slide(b, *axis, mass=m)
+    return world.hinge(a, *axis, mass=m, centre=centre, inertia=own, torque=u)
+
+
+@pytest.mark.parametrize("module", [dmoc.planar, dmoc.spatial])
+@pytest.mark.parametrize(
+    ("make", "kinetic", "potential", "forces"),
+    [
+        (
+            rolling,
+            m * b.diff() ** 2 / 2 + 3 * m * l**2 * a.diff() ** 2 / 4,
+            m * g * (b + l),
+            {a: u},
+        ),
+        (geared, l * (a.diff() + 3 * b.diff()) ** 2 / 2, 0, {a: u, b: 2 * u}),
+        (
+            carried,
+            m * b.diff() ** 2 / 2 + m * (a.diff() + (1 + l) * b.diff()) ** 2 / 2,
+            0,
+            {a: u, b: l * u},
+        ),
+        (shifted, m * b.diff() ** 2 + m * (b * a.diff()) ** 2 / 2, 0, {a: u}),
+    ],
+)
+def test_a_joint_may_be_moved_by_coordinates(
+    module: Any, make: Any, kinetic: Any, potential: Any, forces: dict[Any, Any]
+) -> None:
+    """Energies in closed form, and forces by their virtual work."""
+    linkage = make(module)._linkage
+    energy = linkage.lagrangian
+    for name, value in reversed(linkage.definitions.items()):
+        energy = energy.subs(name, value)
+    assert sp.simplify(energy.doit() - kinetic + potential) == 0
+    assert linkage.forces == forces
 
 
 @pytest.mark.parametrize("module", [dmoc.planar, dmoc.spatial])
