@@ -22,6 +22,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
     "mathml",
+    "diagrams",
     "runs",
 ]
 exclude_patterns = ["_build", "_ext", "examples/*.py", "examples/*.ipynb"]

@@ -9,12 +9,14 @@ import sympy as sp
 from answers import answer_of
 from numpy.polynomial.legendre import leggauss
 from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
 from sympy import symbols
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.discretisation import DISCRETISATIONS, FORMS, ORDERS
 from dmoc.codegen.kernels import Kernels
+from dmoc.models.registry import find
 from dmoc.symbolic.discrete import lobatto_nodes, quadrature
 
 G = 9.81
@@ -74,6 +76,63 @@ def test_optima_of_every_order_agree(swinging: Kernels) -> None:
     assert solution.cost == pytest.approx(9.8639525, rel={2: 5e-3, 4: 5e-6, 6: 5e-7}[order])
     again = answer_of(problem.but(controls="constant"), "ipm")
     assert again.cost == pytest.approx(9.8639525, rel=5e-3)
+
+
+def gauss(state: np.ndarray, h: float, order: int) -> np.ndarray:
+    """A step of the Gauss-Runge-Kutta method for Hamilton's equations of the cart-pendulum, y = (q,
+    p), from its tableau."""
+    places = DISCRETISATIONS[order].places
+    powers = np.arange(1, len(places) + 1)
+    moments = np.vander(places, increasing=True).T  # exact for polynomials
+    A = np.linalg.solve(moments, (places[:, None] ** powers / powers).T).T
+    b = np.linalg.solve(moments, 1 / powers)
+
+    def slope(y: np.ndarray) -> np.ndarray:
+        a = y[0]
+        M = np.array([[0.25, -0.5 * np.sin(a)], [-0.5 * np.sin(a), 2.0]])
+        v = np.linalg.solve(M, y[2:])
+        return np.array([*v, -0.5 * np.cos(a) * v[0] * v[1] - 5 * np.cos(a), 0.0])
+
+    def stages(k: np.ndarray) -> np.ndarray:
+        k = k.reshape(-1, 4)
+        return np.asarray(k - [slope(state + h * row @ k) for row in A]).ravel()
+
+    first = np.tile(slope(state), len(places))
+    k = fsolve(stages, first, xtol=1e-12).reshape(-1, 4)
+    return np.asarray(state + h * b @ k)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_steps_are_those_of_the_gauss_methods(order: int) -> None:
+    kernels, h = find("cart_pendulum").kernels(order), 0.05
+    run = dmoc.simulate(kernels, [1.2, 0.1], [0.7, -0.4], step_size=h, steps=3)
+    state = np.concatenate([run.q[0], run.p[0]])
+    for k in range(3):
+        state = gauss(state, h, order)
+        np.testing.assert_allclose(np.concatenate([run.q[k + 1], run.p[k + 1]]), state, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_optimal_states_have_the_order_of_linear_inputs(swinging: Kernels) -> None:
+    """Order 4 at most, for the cost and for the states at the nodes: {order} of the theory."""
+    order = swinging.manifest["order"]
+    problem = dmoc.Problem(
+        swinging, start={"a": 0.3, "a_dot": 1.0}, goal={"a": -0.5, "a_dot": 0.0}, steps=8,
+        final_time=2.0,
+    )  # fmt: skip
+    fine, *coarse = (
+        dmoc.solve(problem.but(steps=n), "ipm", starts=1, verify=False) for n in (256, 16, 32)
+    )
+
+    def states(solution: dmoc.Solution) -> np.ndarray:
+        (phase,) = solution.phases
+        at = slice(None, None, (len(phase.q) - 1) // 8)
+        return np.concatenate([phase.q[at], phase.p[at]], axis=1)
+
+    costs = [abs(s.cost / fine.cost - 1) for s in coarse]
+    errors = [float(np.abs(states(s) - states(fine)).max()) for s in coarse]
+    for values in (costs, errors):
+        assert np.log2(values[0] / values[1]) == pytest.approx(min(order, 4), abs=0.2)
 
 
 @pytest.mark.parametrize("order", ORDERS)

@@ -88,5 +88,17 @@ def test_equations_that_docstrings_cite_are_on_the_theory_page() -> None:
     assert cited and cited <= labels, cited - labels
 
 
+def test_every_diagram_of_the_manual_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(DOCS / "_ext"))
+    import drawings
+
+    from dmoc.report.style import DARK, LIGHT
+
+    named = re.findall(r"^```\{diagram\} (\w+)$", (DOCS / "theory.md").read_text(), re.MULTILINE)
+    assert len(named) == 8 and set(named) == set(drawings.DRAWINGS)
+    for draw, style in zip(drawings.DRAWINGS.values(), 4 * (LIGHT, DARK), strict=True):
+        assert all(axes.has_data() or axes.texts for axes in draw(style).axes)
+
+
 def _headings(page: Path) -> set[str]:
     return set(re.findall(r"^#+ (.+)$", page.read_text(), re.MULTILINE))
