@@ -20,6 +20,7 @@ cdef double ROUNDED = 1e-6, FALLING = 0.5
 cdef class Method(Dynamics):
     """Integrates rows of states over steps whose inputs are linear."""
     cdef ptrdiff_t parts
+    cdef bint coarse
     cdef object check_time
     cdef public double[::1] sizes
     cdef readonly double worst  # error of the last rows
@@ -148,6 +149,36 @@ cdef class Method(Dynamics):
                 self.check_time()
         return 0
 
+    cdef int classical(self, ptrdiff_t n, ptrdiff_t width) except -1 nogil:
+        """Integrate n rows from ``start`` in one part to ``y`` by the classical method of order 4,
+        without an estimate of the error."""
+        cdef ptrdiff_t i, c, s, total = n * width
+        cdef double share
+        cdef double *slope
+        for c in range(total):
+            self.y[c] = self.stage[c] = self.start[c]
+        for s in range(4):
+            share = 0.0 if s == 0 else 0.5 if s < 3 else 1.0
+            self.moment(n, share)
+            if s:
+                slope = &self.slopes[(s - 1) * total]
+                for i in range(n):
+                    for c in range(i * width, (i + 1) * width):
+                        self.stage[c] = self.start[c] + share * self.span[i] * slope[c]
+            slope = &self.slopes[s * total]
+            self.slope(n, width, &self.stage[0], slope)
+            for i in range(n):
+                for c in range(i * width, (i + 1) * width):
+                    self.y[c] += self.span[i] / (3.0 if 0 < s < 3 else 6.0) * slope[c]
+        if self.m:
+            self.settle_rows(n, width, &self.y[0], 3)
+        self.parts += n
+        if self.parts >= ATTENTION:
+            self.parts = 0
+            with gil:
+                self.check_time()
+        return 0
+
     cdef void put(
         self, ptrdiff_t i, ptrdiff_t row, ptrdiff_t width, const double *y, const double *t,
         const double *h, const double *u0, const double *u1
@@ -171,6 +202,13 @@ cdef class Method(Dynamics):
         for i in range(n):
             self.put(i, i, width, y, t, h, u0, u1)
             self.before[i] = INFINITY
+        if self.coarse and n:
+            self.classical(n, width)
+            for i in range(n):
+                row = y + self.which[i] * width
+                for c in range(width):
+                    row[c] = self.y[i * width + c]
+            return 0
         while left:
             self.integrate(left, width, count, ends)
             again, worst = 0, 0.0
@@ -196,7 +234,7 @@ cdef class Method(Dynamics):
     def advance(
         self, double[:, ::1] y, const ptrdiff_t[::1] first, const ptrdiff_t[::1] last,
         const double[::1] t, const double[::1] h, const double[:, ::1] u0,
-        const double[:, ::1] u1, mode=None, held=None
+        const double[:, ::1] u1, mode=None, held=None, bint coarse=False
     ):
         """Integrate rows in place, each over the steps first to last - 1 of a list; in a step
         inputs are linear from u0 to u1.
@@ -213,6 +251,9 @@ cdef class Method(Dynamics):
             Rows begin where its conditions hold.
         held : array of shape (n, nt), optional
             Places that what sticks keeps.
+        coarse : bool
+            By the classical method of order 4 instead, one part a step, which tells no
+            accelerations.
 
         Returns
         -------
@@ -238,21 +279,24 @@ cdef class Method(Dynamics):
                 raise ValueError(f"steps {first[i]} to {last[i]}: expected 0 to {N}")
         accelerations = np.empty((n, 2, nq))
         cdef double[:, :, ::1] ends = accelerations
-        self.worst = 0.0
-        with nogil:
-            while begin < n:
-                j, m = 0, 1
-                while m:
-                    m = 0
-                    for i in range(begin, min(begin + self.capacity, n)):
-                        if first[i] + j < last[i]:
-                            self.which[m], self.step[m] = i, first[i] + j
-                            m += 1
-                    self.advance_rows(
-                        m, width, &y[0, 0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], &ends[0, 0, 0]
-                    )
-                    j += 1
-                begin += self.capacity
+        self.worst, self.coarse = 0.0, coarse
+        try:
+            with nogil:
+                while begin < n:
+                    j, m = 0, 1
+                    while m:
+                        m = 0
+                        for i in range(begin, min(begin + self.capacity, n)):
+                            if first[i] + j < last[i]:
+                                self.which[m], self.step[m] = i, first[i] + j
+                                m += 1
+                        self.advance_rows(
+                            m, width, &y[0, 0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], &ends[0, 0, 0]
+                        )
+                        j += 1
+                    begin += self.capacity
+        finally:
+            self.coarse = False
         return accelerations
 
 

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from joint_problems import bob
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system
 
 import dmoc
 from dmoc.base.deadline import ENDLESS
+from dmoc.check import segments as segments_module
 from dmoc.check.amplification import carried
 from dmoc.check.checked_motion import Motion
 from dmoc.check.segments import segments
@@ -54,3 +56,26 @@ def test_the_amplification_of_a_free_mass_is_known() -> None:
     ratio = motion.sizes.v[0] / motion.sizes.q[0]
     known = np.linalg.norm(np.array([[1, ratio], [0, 1]]), 2)
     assert solution.verify().amplification == pytest.approx(known, rel=1e-9)
+
+
+@pytest.mark.parametrize("steps", [5, 40])
+def test_a_coarse_integration_of_neighbours_serves_where_it_gets_to_the_same_ends(
+    steps: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neighbours in a mode are followed by the classical method, unless its steps are too long."""
+    problem = dmoc.Problem(
+        dmoc.build(bob()), start={"x": 0, "y": -1}, goal={"x": 0.6, "y": -0.8}, steps=steps,
+        final_time=2.0,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    motion = Motion.of(solution.trajectory, problem.kernels, ENDLESS)
+
+    def slopes(limit: float) -> np.ndarray:
+        monkeypatch.setattr(segments_module, "COARSE", limit)
+        return np.array([part.slope for part in segments(motion)])
+
+    usual = segments_module.COARSE
+    fine, coarse, chosen = slopes(-1.0), slopes(np.inf), slopes(usual)
+    off = np.abs(coarse - fine).max() / np.abs(fine).max()
+    assert (off > 1e-2) == (steps == 5)
+    np.testing.assert_array_equal(chosen, fine if steps == 5 else coarse)

@@ -62,6 +62,20 @@ def test_the_coefficients_are_those_of_the_method() -> None:
         assert np.array_equal(factors, row)
 
 
+def test_the_coarse_method_is_of_order_four(driven: Kernels) -> None:
+    def ends(parts: int, coarse: bool) -> np.ndarray:
+        y = np.array([[0.3, -0.2, 0.5, 0.1, 0.0]])
+        nodes = np.linspace(0.0, 1.0, parts + 1)
+        u = np.stack([np.sin(nodes)] * len(driven.inputs), axis=1)
+        steps = nodes[:-1].copy(), np.diff(nodes), u[:-1].copy(), u[1:].copy()
+        first, last = np.array([0]), np.array([parts])
+        integrator(driven).advance(y, first, last, *steps, coarse=coarse)
+        return y[0]
+
+    errors = [np.abs(ends(n, True) - ends(n, False)).max() for n in (8, 16, 32)]
+    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(4.0, abs=0.3)
+
+
 @pytest.mark.slow
 def test_states_and_work_are_those_of_another_integrator(driven: Kernels) -> None:
     """More rows than fit side by side, each with parts of its own."""
