@@ -96,6 +96,16 @@ class Touch:
         return np.asarray(self.rubs_in_impact & (self.signs[:-1] * self.signs[1:] < 0))
 
     @cached_property
+    def stops(self) -> Bools:
+        """Tangents that slide in a phase, and not any more in this direction after its event,
+        which is no impact, shape (phases, nt)."""
+        stops = np.zeros_like(self.rubs)
+        slid, goes_on = self.signs[:-1] != 0, self.rubs[1:]
+        turned = self.signs[1:] != self.signs[:-1]
+        stops[:-1] = slid & goes_on & turned & ~self.impacts[:, None]
+        return stops
+
+    @cached_property
     def passes(self) -> Bools:
         """Tangents that rub in an impact with a course, shape (events, nt)."""
         passes = np.zeros((len(self.events), len(self.contacts.tangents)), dtype=bool)

@@ -217,24 +217,34 @@ def _check_rate(name: str, what: str, rate: float, slope: Array, v: Array) -> No
 
 
 def _check_independent(problem: Problem, phase: int, mode: Mode) -> None:
-    """Refuse contacts and constraints whose directions depend on each other wherever the motion
-    may be."""
-    model, q = problem.model, problem.start_position
-    rng = np.random.default_rng(0)
-    sticking = [f"{problem.kernels.tangents[k]}:stick" for k in mode.sticking]
-    names = [*model.contacts.named(mode.closed), *sticking, *problem.kernels.joints]
-    most = 0
-    for share in (0.0, 0.3, 1.0):
-        at = q + share * problem.reach * rng.standard_normal(problem.nq)
-        normal = model.gap_slopes(at)[list(mode.closed)]
-        along = model.tangent_slopes(at)[list(mode.sticking)]
-        slopes = np.vstack([normal, along, model.joint_slopes(at)])[:, :-1] * problem.reach
-        if slopes.size and np.isfinite(slopes).all():
-            most = max(most, int(np.linalg.matrix_rank(slopes)))
-    if most < len(names):
+    """Refuse constraints that follow from each other wherever the motion may be, contacts that
+    contradict each other, and forces of contacts that a motion depends on without determining
+    them."""
+    model, follows = problem.model, problem.redundant[phase]
+    names = [*model.contacts.named(mode.closed), *problem.kernels.joints]
+    if follows.joints:
+        more = [problem.kernels.joints[j] for j in follows.joints]
         raise ProblemError(
-            f"{_what(problem, mode)} {', '.join(names)} of phase {phase} are redundant: together "
-            f"they hold "
-            f"{most} of {problem.nq} coordinates, {len(names)} conditions are too many; leave one "
-            "out."
+            f"{_what(problem, mode)} {', '.join(names)} of phase {phase} are redundant: "
+            f"{' and '.join(more)} follow{'s' * (len(more) == 1)} from the others; leave one out."
+        )
+    if follows.contradictory:
+        raise ProblemError(
+            f"the contacts {', '.join(names)} of phase {phase} contradict each other: "
+            f"{' and '.join(follows.contradictory)} cannot hold together with the others; leave "
+            "one out, or say how it slides."
+        )
+    if follows.loose:
+        raise ProblemError(
+            f"the contacts {', '.join(names)} of phase {phase} press against each other with a "
+            f"force that the motion does not determine, and the friction of "
+            f"{' and '.join(follows.loose)} depends on it: let one of them leave, or stick."
+        )
+    landed = problem.touch.events[phase - 1].lands[:1] if phase else ()
+    if landed and landed[0] in follows.closed:
+        (name,), before = model.contacts.named(landed), problem.touch.modes[phase - 1].closed
+        raise ProblemError(
+            f"event {phase} ({problem.sequence[phase - 1]}): {name} touches wherever "
+            f"{' and '.join(model.contacts.named(before))} do, so that it has nothing to land "
+            "from: land them together, or leave it out."
         )

@@ -18,10 +18,12 @@ from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.mechanics.contact_mode import FREE
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row, restitution_row
 from dmoc.mechanics.modes import along, mode_of, words_along
 from dmoc.mechanics.possible_words import open_hits
+from dmoc.mechanics.redundancy import Redundancy, redundancy
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.end_states import check_admissible, check_contacts, check_kinks, check_mass_matrix
 from dmoc.problem.ranges import (
@@ -276,6 +278,15 @@ class Problem(Shown):
         plastic = names.named(np.flatnonzero(self.restitution_values == 0))
         contacts = replace(names, plastic=plastic, rough=names.named(self.model.rough))
         return along(mode_of(self.contacts, contacts), self.sequence, contacts)
+
+    @cached_property
+    def redundant(self) -> tuple[Redundancy, ...]:
+        """What follows of the conditions of each phase."""
+        modes = self.touch.modes
+        return tuple(
+            redundancy(self.model, mode, self.start_position, self.reach, before.closed)
+            for before, mode in zip((FREE, *modes), modes, strict=False)
+        )
 
     @cached_property
     def open_hits(self) -> dict[int, list[str]]:

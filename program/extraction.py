@@ -10,7 +10,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
-from dmoc.mechanics.contact_mode import names_of
+from dmoc.mechanics.contact_mode import Mode, names_of, without_rails
 from dmoc.mechanics.touch import changes
 from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
@@ -18,8 +18,12 @@ from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block
 from dmoc.program.layout import Layout
 from dmoc.program.reactions import node_shares
+from dmoc.program.sharing import Forces, shared
 from dmoc.program.transcription import Transcription
 
+# The kinds of forces, and impulses of an event by their kind and name.
+KINDS = ("normal", "tangential", "reaction")
+Impulses = dict[str, dict[str, float]]
 # A collision that changes no momentum by more than this share of its size has no effect.
 NO_EFFECT = 1e-3
 # Nodes of a phase whose forces are continued to its ends, at least one more.
@@ -46,6 +50,8 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         mode, weight = lay.touch.modes[i], h[i] * node_shares(steps)[:, None]
         forces = {r.kind: _forces(r.impulses(x) / weight) for r in lay.reactions(i)}
         v = problem.model.velocity(at, p, t)
+        if problem.redundant[i]:
+            forces = _shared(problem, mode, (at, t), forces)
         phases.append(
             Phase(
                 t,
@@ -64,14 +70,16 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         begin = float(t[-1])
     for i, (before, after) in enumerate(pairwise(phases)):
         arriving, leaving = before.p[-1], after.p[0]
-        event, t, impulses = lay.touch.events[i], float(after.t[0]), _impulses(lay, x, i)
+        event, t, at = lay.touch.events[i], float(after.t[0]), before.q[-1]
+        impulses = _shared_in_impact(nlp, i, (at, t), _impulses(lay, x, i))
         effect = event.hit == NOWHERE or not _without_effect(arriving, leaving, largest)
+        surface = contacts.surfaces[event.surface] if event.impact else ""
         collisions.append(
             Collision(
-                contacts.surfaces[event.surface] if event.impact else "",
+                surface,
                 t,
-                before.q[-1].copy(),
-                float(x[lay.impact.lam[i]]),
+                at.copy(),
+                impulses["normal"].get(surface, 0.0),
                 arriving.copy(),
                 leaving.copy(),
                 *_rates(nlp, x, i, t),
@@ -152,9 +160,42 @@ def _as_held(nlp: Transcription, i: int, states: tuple[Array, Array, Array]) -> 
     return np.where(np.isfinite(moved), moved, p)
 
 
-def _impulses(lay: Layout, x: Array, i: int) -> dict[str, dict[str, float]]:
+def _shared(
+    problem: Problem, mode: Mode, at: tuple[Array, Array], forces: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Forces by their kind at the nodes of a phase, with what its motion does not determine."""
+    model, n = problem.model, len(at[1])
+    columns = list(mode.closed), list(mode.rubbing), list(range(model.nj))
+    every = Forces(*(np.zeros((n, size)) for size in (model.nc, model.nt, model.nj)))
+    for kind, rows, places in zip(KINDS, every, columns, strict=True):
+        rows[:, places] = forces.get(kind, 0.0)
+    same = shared(model, mode, at, every)
+    return {kind: rows[:, at] for kind, rows, at in zip(KINDS, same, columns, strict=True)}
+
+
+def _shared_in_impact(
+    nlp: Transcription, i: int, at: tuple[Array, float], impulses: Impulses
+) -> Impulses:
+    """Impulses of event i, by their kinds and names, with what its motion does not determine."""
+    problem, lay = nlp.problem, nlp.layout
+    if not (problem.redundant[i + 1] and lay.touch.impacts[i]):
+        return impulses
+    kernels, mode = problem.kernels, without_rails(problem.model.supports, lay.touch.modes[i + 1])
+    names = kernels.surfaces, kernels.tangents, kernels.joints
+    every = [
+        np.array([[impulses[kind].get(name, 0.0) for name in of]])
+        for kind, of in zip(KINDS, names, strict=True)
+    ]
+    same = shared(problem.model, mode, (at[0][None], np.array(at[1:])), Forces(*every))
+    return {
+        kind: {n: x for n, x in zip(of, row[0].tolist(), strict=True) if n in impulses[kind]}
+        for kind, of, row in zip(KINDS, names, same, strict=True)
+    }
+
+
+def _impulses(lay: Layout, x: Array, i: int) -> Impulses:
     """Impulses of an event by their kind and name."""
-    kinds: dict[str, dict[str, float]] = {"normal": {}, "tangential": {}, "reaction": {}}
+    kinds: Impulses = {kind: {} for kind in KINDS}
     for impulses in lay.impulses(i):
         kinds[impulses.kind] |= impulses.values(x)
     return kinds

@@ -1,20 +1,22 @@
-"""What the fixed values of a problem settle of its contacts: rows that hold whatever the unknowns
-are, which would depend on others, are left out of the program.
+"""What the fixed values of a problem settle of its contacts, and what of them follows from others:
+rows that hold whatever the unknowns are, which would depend on others, are left out of the program.
 
 A row that its fixed values contradict is none of them: it stays, and no motion satisfies it.  Both
 follow from the residuals of a row with its fixed values and any others: at random positions,
-velocities and times.
+velocities and times, of what sticks also where the other conditions hold.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.redundancy import redundancy
+from dmoc.mechanics.touch import Touch
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Bools, Index
 from dmoc.program.layout import Layout
@@ -47,18 +49,26 @@ class Settled:
     rates, slides : arrays of bool, shapes (2, nc) and (2, nt)
         Rates of gaps and sliding velocities at the start and at the end of the motion, these
         within the directions in which they slide there.
+    closed, sticks : arrays of bool, shapes (phases, nc) and (phases, nt)
+        What is closed or sticks in a phase by its other conditions.
+    stops : array of bool, shape (phases, nt)
+        What stops sliding with a phase where others do.
     """
 
     places: Bools
     stuck: Bools
     rates: Bools
     slides: Bools
+    closed: Bools
+    sticks: Bools
+    stops: Bools
 
     @classmethod
     def nothing(cls, lay: Layout) -> Settled:
         names, phases = lay.touch.contacts, lay.phases
         nc, nt = len(names.surfaces), len(names.tangents)
-        shapes = ((phases + 1, nc), (phases, nt), (2, nc), (2, nt))
+        ends = (phases + 1, nc), (phases, nt), (2, nc), (2, nt)
+        shapes = *ends, (phases, nc), (phases, nt), (phases, nt)
         return cls(*(np.zeros(shape, dtype=bool) for shape in shapes))
 
 
@@ -85,7 +95,23 @@ def settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Settl
             _relate(rows, _alike(values(problem, back), values(problem, end)), last)
         same = _alike(_tangents(problem, back), _tangents(problem, end)).diagonal()
         stuck[-1] |= same & touch.sticks.all(axis=0)
-    return Settled(places, stuck, rates, slides)
+    return Settled(places, stuck, rates, slides, *_redundant(problem, touch))
+
+
+def _redundant(problem: Problem, touch: Touch) -> tuple[Bools, Bools, Bools]:
+    """What is closed and what sticks in each phase by its other conditions, and what stops at its
+    end with others."""
+    closed, sticks = np.zeros_like(touch.is_closed), np.zeros_like(touch.sticks)
+    for i, follows in enumerate(problem.redundant):
+        closed[i, list(follows.closed)] = sticks[i, list(follows.sticking)] = True
+    stops = np.zeros_like(sticks)
+    for i in np.flatnonzero(touch.stops.sum(axis=1) > 1).tolist():
+        stopped = np.flatnonzero(touch.stops[i]).tolist()
+        mode = touch.modes[i]
+        still = replace(mode, sticking=(*mode.sticking, *stopped))
+        follows = redundancy(problem.model, still, problem.start_position, problem.reach)
+        stops[i, list(follows.sticking)] = True
+    return closed, sticks, stops & touch.stops
 
 
 def joints_settled(

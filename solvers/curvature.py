@@ -173,6 +173,16 @@ class SecondOrder:
         return H, A
 
     @cached_property
+    def _kept(self) -> Array:
+        """Curvatures of unknowns of which others make the same motion: a direction that changes
+        them alone says nothing of it, and every other one has its like that leaves them."""
+        kept = np.zeros(self.nlp.n)
+        for law in self.nlp.laws:
+            for index, _ in law.loose():
+                kept[index] = -FALLS
+        return kept * self.weights
+
+    @cached_property
     def _unit(self) -> float:
         """The unit of curvatures."""
         at = self._layout.diagonal[: self.nlp.n][self.free]
@@ -191,7 +201,7 @@ class SecondOrder:
         unknowns, rows = np.split(held, [nlp.n])
         diagonal = np.concatenate(
             [
-                np.where(unknowns, HELD, shift * self.weights),
+                np.where(unknowns, HELD, shift * self.weights + self._unit * self._kept),
                 np.where(
                     rows, np.where(np.arange(len(rows)) < nlp.n_eq, -RELAXED, -HELD_ROW), -IDLE
                 ),

@@ -74,6 +74,9 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     for law in nlp.laws:
         for pivot in law.pivots(nlp.laws):
             pair(*pivot)
+    for law in nlp.laws:
+        for index, at in law.loose():
+            single(index[at != NOWHERE], at[at != NOWHERE])
     first, second, at = (np.concatenate(part) for part in zip(*members, strict=True))
     # An equation whose unknown is fixed keeps its place in the chain, where earlier pivots have
     # filled its diagonal; those of the last two nodes join the final group, because a coordinate

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 from dmoc.problem.problem import Problem
+from dmoc.program.sharing import in_words
 from dmoc.results.solution import Solution, broken_off, saying
 from dmoc.solvers.outcome import Status
 from dmoc.solving.checked_solution import checked
@@ -59,6 +60,8 @@ def _completed(
     if answer.minimum and problem.lasting and problem.phases > 1:
         sentence = undetermined(problem.meshed(answer.steps), answer)
         answer = replace(answer, message=telling(answer.message, sentence))
+    forces = in_words(problem) if answer.minimum else ""
+    answer = saying(answer, forces) if forces else answer
     if answer.starts:
         answer = saying(answer, _starts_in_words(answer))
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Numbering
+from dmoc.program.blocks import NOWHERE, Block, Index, Numbering
 from dmoc.program.interior import give_way
 from dmoc.program.laws.law import AT_REST, Edge, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases
@@ -84,29 +84,30 @@ class ContactLaw(Law):
     def equations(self, block: Numbering) -> None:
         lay, touch, along = self.lay, self.lay.touch, self.along
         names, landing = touch.contacts.surfaces, np.zeros_like(touch.beside)
+        closed, beside = touch.is_closed & ~self.settled.closed, ~self.settled.closed[1:]
         for i, event in enumerate(touch.events):
             landing[i, list(event.lands[1:])] = True
         self.closed = block(
             "closed",
-            along.places(touch.is_closed, self.settled.places),
+            along.places(closed, self.settled.places),
             lambda r, j: f"contact {names[j]} {place(lay.steps, r)}",
             lambda s: along.in_a_step(s.rate, s),
         )
         self.at_rest = block(
             "at rest",
-            ends_of_phases(touch.is_closed, self.settled.rates),
+            ends_of_phases(closed, self.settled.rates),
             lambda i, j: f"rate of contact {names[j]} {end_of_phase(i)}",
             lambda s: s.rate,
         )
         self.lands = block(
             "lands",
-            landing,
+            landing & beside,
             lambda i, j: f"landing of {names[j]} at event {i + 1}",
             lambda s: s.gap,
         )
         self.stays = block(
             "stays",
-            touch.beside,
+            touch.beside & beside,
             lambda i, j: f"rate of {names[j]} after event {i + 1}",
             lambda s: s.rate,
         )
@@ -145,3 +146,8 @@ class ContactLaw(Law):
             yield from self.along.pivots(unknowns.P, self.closed.index, self.at_rest.index)
             after = key(self.lay.collision_nodes, AT_REST)
             yield Pivot(unknowns.P_c, self.stays.index, after)
+
+    def loose(self) -> Iterator[tuple[Index, Index]]:
+        if not self.lay.touch.free:
+            unknowns = self.lay.contact
+            yield from self.along.loose(unknowns.P, unknowns.P_c, self.settled.closed)

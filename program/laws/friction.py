@@ -110,7 +110,7 @@ class FrictionLaw(Law):
         moves = np.vstack([np.ones_like(settled.stuck[:1]), settled.stuck])
         self.stuck = block(
             "stuck",
-            along.places(touch.sticks, moves),
+            along.places(touch.sticks & ~settled.sticks, moves),
             lambda r, j: f"sticking of {names[j]} {place(lay.steps, r)}",
             lambda s: along.in_a_step(s.slide, s),
         )
@@ -122,13 +122,15 @@ class FrictionLaw(Law):
         )
         self.stopped = block(
             "stopped",
-            ends_of_phases(touch.sticks, settled.slides, self._stops),
+            ends_of_phases(
+                touch.sticks & ~settled.sticks, settled.slides, touch.stops & ~settled.stops
+            ),
             lambda i, j: f"sliding velocity of {names[j]} {end_of_phase(i)}",
             lambda s: s.slide,
         )
         self.sticks = block(
             "sticks",
-            touch.rubs_in_impact & touch.sticks[1:],
+            touch.rubs_in_impact & (touch.sticks & ~settled.sticks)[1:],
             lambda i, j: f"sliding velocity of {names[j]} after event {i + 1}",
             lambda s: s.slide,
         )
@@ -193,17 +195,6 @@ class FrictionLaw(Law):
         """Tangents that stick with friction, shape (phases, nt): the cone of those without has no
         interior, and bounds say T = 0."""
         return np.asarray(self.touch.sticks & (self.mu > 0))
-
-    @property
-    def _stops(self) -> Bools:
-        """Tangents that slide in a phase, and not any more in this direction after its event,
-        which is no impact, shape (phases, nt)."""
-        touch = self.touch
-        stops = np.zeros_like(touch.rubs)
-        for i, impact in enumerate(touch.impacts):
-            slid, goes_on = touch.signs[i] != 0, touch.rubs[i + 1]
-            stops[i] = slid & goes_on & (touch.signs[i + 1] != touch.signs[i]) & (not impact)
-        return stops
 
     @property
     def _slides_freely(self) -> Bools:
@@ -341,6 +332,11 @@ class FrictionLaw(Law):
         events = self.lay.collision_nodes
         yield Pivot(unknowns.T_c, self.sticks.index, key(events, AT_REST))
         yield Pivot(unknowns.T_c, self.slides.index, key(events - 1, INPUT))
+
+    def loose(self) -> Iterator[tuple[Index, Index]]:
+        if not self.touch.free:
+            unknowns = self.lay.contact
+            yield from self.along.loose(unknowns.T, unknowns.T_c, self.settled.sticks)
 
 
 def _friction(

@@ -104,6 +104,11 @@ class Law:
         """What determines what, in the order of the chain where keys are the same."""
         yield from ()
 
+    def loose(self) -> Iterator[tuple[Index, Index]]:
+        """Unknowns that the motion does not determine, since others make the same one, with their
+        places in the chain, after what is determined there; NOWHERE for the final group."""
+        yield from ()
+
 
 def key(node: Index | int, rank: int) -> Index:
     """Place in the chain of what belongs to a node."""

@@ -106,6 +106,19 @@ class PhaseNodes:
         ends = rest[-self.lay.phases : -1]
         yield Pivot(impulse[last][:-1], ends, key(nodes[last][:-1] - 1, AT_REST))
 
+    def loose(
+        self, impulse: Index, in_impacts: Index, follows: Bools
+    ) -> Iterator[tuple[Index, Index]]:
+        """Impulses of conditions that follow from others in a phase: along the phases, and in
+        impacts."""
+        at = np.where(self.is_last, key(self.nodes - 1, AT_REST), key(self.nodes, CONTACT))
+        at[-1:] = NOWHERE
+        chosen = self.along(follows) & (impulse != NOWHERE)
+        yield impulse[chosen], np.broadcast_to(at[:, None], impulse.shape)[chosen]
+        chosen = follows[1:] & (in_impacts != NOWHERE)
+        at = np.broadcast_to(key(self.lay.collision_nodes, AT_REST)[:, None], chosen.shape)
+        yield in_impacts[chosen], at[chosen]
+
 
 def ends_of_phases(held: Bools, settled: Bools, more: Bools | None = None) -> Bools:
     """Where rates vanish: at the start and at the end of each phase, shape (phases + 1, size), of

@@ -241,16 +241,6 @@ def test_a_rail_may_be_called_like_its_coordinate() -> None:
     assert unit_mass("named", tangents={"x": X}, friction={"x": 1.0}).tangents == {"x": X}
 
 
-@pytest.mark.slow
-def test_redundant_contacts_are_refused_by_name() -> None:
-    twice = dmoc.MechanicalSystem(
-        "twice", [X, Y], (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2, {},
-        surfaces={"floor": Y >= 0, "ground": 2 * Y >= 0}, cost=1,
-    )  # fmt: skip
-    with pytest.raises(ProblemError, match="floor, ground of phase 0 are redundant"):
-        dmoc.Problem(twice, start={"x": 0, "y": 0}, contacts=["floor", "ground"], steps=5)
-
-
 @pytest.mark.parametrize(
     "change",
     [

@@ -1,0 +1,168 @@
+"""Conditions of a mode that follow from the others: more of them than the motion has freedoms.
+
+Both lower corners of a box that stands on a floor with friction keep four conditions of three
+coordinates.  One of them says nothing new, and its force is one of several with the same effect.
+Conditions are looked at in an order, where constraints of the model come first, then contacts, then
+what sticks, at positions at which the constraints hold and the contacts are closed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.base.tolerances import KEPT
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import Mode
+from dmoc.mechanics.contacts import RAIL
+from dmoc.mechanics.model import Model
+
+# Gauss-Newton steps onto the contacts of a mode, and the largest of a coordinate, in its reach.
+PROJECTIONS, LONGEST = 12, 0.5
+# How far from the start positions are drawn, as shares of the reach.
+SPREAD = (0.0, 0.3, 1.0)
+# What is left of a slope of length 1 besides the others that it follows from.
+NOTHING_NEW = 1e-8
+# What a force shares with forces without effect, of length 1, that is more than rounding errors.
+UNDETERMINED = 1e-6
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Redundancy:
+    """What follows of the conditions of a mode.
+
+    Attributes
+    ----------
+    closed, sticking : tuples of int
+        Surfaces and tangents whose conditions follow from those before them.
+    joints : tuple of int
+        Constraints that follow from other ones.
+    contradictory : tuple of str
+        Surfaces and tangents that do not fit what they would follow from.
+    loose : tuple of str
+        Sliding contacts whose friction depends on forces that the motion does not determine.
+    pressing, rubbing : tuples of str
+        Contacts and constraints whose forces it does not determine, and tangents whose friction.
+    """
+
+    closed: tuple[int, ...] = ()
+    sticking: tuple[int, ...] = ()
+    joints: tuple[int, ...] = ()
+    contradictory: tuple[str, ...] = ()
+    loose: tuple[str, ...] = ()
+    pressing: tuple[str, ...] = ()
+    rubbing: tuple[str, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.closed or self.sticking or self.joints)
+
+
+def redundancy(
+    model: Model, mode: Mode, start: Array, reach: Array, first: Sequence[int] = ()
+) -> Redundancy:
+    """What follows of the conditions of a mode, of whose closed surfaces some come ``first``."""
+    closed = sorted(mode.closed, key=lambda j: (j not in first, j))
+    stuck = sorted(mode.sticking, key=lambda k: (not model.friction[k] > 0, k))
+    if model.nj + len(closed) + len(stuck) < 2:
+        return Redundancy()
+    names = [*model.kernels.joints, *model.contacts.named(closed)]
+    names += [model.kernels.tangents[k] for k in stuck]
+    seen, fits = list[Bools](), list[Bools]()
+    others, slides = np.zeros(len(names), dtype=bool), False
+    rng = np.random.default_rng(0)
+    for share in SPREAD:
+        q, kept = _onto(model, closed, start + share * reach * rng.standard_normal(model.nq), reach)
+        slopes = [
+            model.joint_slopes(q),
+            model.gap_slopes(q)[closed],
+            model.tangent_slopes(q)[stuck],
+        ]
+        rows = np.vstack(slopes) * np.append(reach, 1.0)
+        if not np.isfinite(rows).all():
+            continue
+        new, fit = _new(rows)
+        seen.append(new)
+        fits.append(fit & np.append(kept, np.ones(len(stuck), dtype=bool)))
+        if not new.all():
+            pushes = _with_friction(model, mode, closed, q, rows[:, :-1], reach)
+            slides |= np.linalg.matrix_rank(pushes, NOTHING_NEW) > new.sum()
+            others |= _without_effect(pushes)
+    if not seen or np.any(seen, axis=0).all():
+        return Redundancy()
+    follows = ~np.any(seen, axis=0)
+    wrong = follows & ~np.any(fits, axis=0)
+    joints, on, held = np.split(follows, [model.nj, model.nj + len(closed)])
+    return Redundancy(
+        tuple(j for j, f in zip(closed, on, strict=True) if f),
+        tuple(k for k, f in zip(stuck, held, strict=True) if f),
+        tuple(map(int, np.flatnonzero(joints))),
+        tuple(name for name, w in zip(names, wrong, strict=True) if w),
+        tuple(model.kernels.tangents[k] for k, _ in mode.sliding) if slides else (),
+        *_named(names, others, len(names) - len(stuck)),
+    )
+
+
+def _onto(model: Model, closed: Sequence[int], q: Array, reach: Array) -> tuple[Array, Bools]:
+    """A position moved to where joints hold and surfaces are closed, and which of them are."""
+    for _ in range(PROJECTIONS):
+        miss = np.append(model.joints(q), model.gaps(q)[closed])
+        slopes = np.vstack([model.joint_slopes(q), model.gap_slopes(q)[closed]])[:, :-1] * reach
+        if not (np.isfinite(miss).all() and np.isfinite(slopes).all()):
+            break
+        step = np.linalg.pinv(slopes, rcond=NOTHING_NEW) @ -miss
+        size = float(np.abs(step).max(initial=0.0))
+        q = q + reach * step * min(1.0, LONGEST / max(size, LONGEST))
+    off = np.abs(np.append(model.joints(q), model.gaps(q)[closed]))
+    sizes = np.append(model.joint_sizes(q), model.gap_sizes(q)[closed])
+    return q, np.asarray(off <= KEPT * sizes)
+
+
+def _new(slopes: Array) -> tuple[Bools, Bools]:
+    """Which rows do not follow from those before them, and which of the others fit them in time,
+    the last column."""
+    basis = list[Array]()
+    new, fits = np.ones(len(slopes), dtype=bool), np.ones(len(slopes), dtype=bool)
+    for i, row in enumerate(slopes):
+        length = float(np.linalg.norm(row[:-1]))
+        rest = row.copy()
+        for _ in range(2):  # twice is enough
+            for b in basis:
+                rest -= (b[:-1] @ rest[:-1]) * b
+        left = float(np.linalg.norm(rest[:-1]))
+        new[i] = left > NOTHING_NEW * length
+        if new[i]:
+            basis.append(rest / left)
+        else:
+            fits[i] = abs(rest[-1]) <= NOTHING_NEW * max(length, float(np.linalg.norm(row)))
+    return new, fits
+
+
+def _with_friction(
+    model: Model, mode: Mode, closed: Sequence[int], q: Array, slopes: Array, reach: Array
+) -> Array:
+    """Directions in which units of the forces push, with the friction of what slides, each of the
+    length 1."""
+    pushes, along = slopes.copy(), model.tangent_slopes(q)[:, :-1] * reach
+    for k, s in mode.sliding:
+        if model.supports[k] != RAIL:
+            row = model.nj + list(closed).index(model.supports[k])
+            pushes[row] += s * model.friction[k] * along[k]
+    length = np.linalg.norm(pushes, axis=1, keepdims=True)
+    return np.asarray(pushes / np.where(length > 0, length, 1.0))
+
+
+def _named(names: list[str], chosen: Bools, first: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The chosen ones of the first names and of the others."""
+    picked = [name if other else "" for name, other in zip(names, chosen, strict=True)]
+    return tuple(filter(None, picked[:first])), tuple(filter(None, picked[first:]))
+
+
+def _without_effect(pushes: Array) -> Bools:
+    """Forces of which others have the same effect."""
+    both = np.linalg.pinv(pushes.T, rcond=NOTHING_NEW) @ pushes.T
+    return np.asarray(1 - np.diagonal(both) > UNDETERMINED)

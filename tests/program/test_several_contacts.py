@@ -1,0 +1,183 @@
+"""Several contacts at once: landings, redundant ones and their forces, what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from answers import answer_of
+from several_contacts import (
+    FALL,
+    GRAVITY,
+    HALF_HEIGHT,
+    HALF_WIDTH,
+    HOUSNER,
+    LET_GO,
+    MASS,
+    MU,
+    PUSHED,
+    STANDING,
+    T,
+    X,
+    Y,
+    box,
+    falling_flat,
+    pushed,
+    rocking,
+    time_of_slender,
+    time_to_land,
+)
+
+import dmoc
+from dmoc.base.errors import ProblemError
+
+BOTH_METHODS = pytest.mark.parametrize("method", ["ipm", "slsqp"])
+
+
+@BOTH_METHODS
+def test_a_rough_box_that_falls_flat_is_at_rest(method: str) -> None:
+    solution = answer_of(falling_flat(0.6, "+left +right"), method, starts=1)
+    landing, after = solution.collisions[0], solution.phases[1]
+    assert landing.time == pytest.approx(FALL, rel=1e-6)
+    assert sum(landing.impulses.values()) == pytest.approx(MASS * GRAVITY * FALL, rel=1e-6)
+    assert sum(landing.tractions.values()) == pytest.approx(-MASS * 0.5, rel=1e-6)
+    np.testing.assert_allclose(after.v, 0, atol=1e-6)
+    np.testing.assert_allclose(after.normal.sum(axis=1), MASS * GRAVITY, rtol=1e-6)
+    # Of the friction only the sum has an effect; least squares share it equally.
+    left, right = landing.tractions.values()
+    assert left == pytest.approx(right, rel=1e-6)
+    assert "friction of left and right in phase 1: shared by least squares" in solution.message
+
+
+def test_a_smooth_box_that_falls_flat_slides_on() -> None:
+    solution = answer_of(falling_flat(0.0, "+left:slip+ +right:slip+"), starts=1)
+    landing, after = solution.collisions[0], solution.phases[1]
+    # The impulses of the corners are equal, because nothing turns the box.
+    for impulse in landing.impulses.values():
+        assert impulse == pytest.approx(MASS * GRAVITY * FALL / 2, rel=1e-6)
+    np.testing.assert_allclose(after.v, np.tile([0.5, 0, 0], (len(after.t), 1)), atol=1e-6)
+    assert "least squares" not in solution.message
+
+
+def test_a_box_that_falls_flat_and_fast_slides_on_more_slowly() -> None:
+    problem = falling_flat(0.1, "+left:slip+ +right:slip+")
+    solution = answer_of(problem, starts=1)
+    landing, after = solution.collisions[0], solution.phases[1]
+    lost = 0.1 * GRAVITY * FALL
+    assert after.v[0, 0] == pytest.approx(0.5 - lost, rel=1e-6)
+    assert sum(landing.tractions.values()) == pytest.approx(-MASS * lost, rel=1e-6)
+
+
+def test_shared_friction_stays_within_the_cones_of_both_corners() -> None:
+    """The friction that is needed turns the box about its front corner: the rear one bears less
+    than half of it."""
+    problem = falling_flat(0.4, "+left +right").but(
+        start={"x": 0, "y": 1.0, "a": 0, "x_dot": 1.1}, final_time=0.5
+    )
+    landing = answer_of(problem, starts=1).collisions[0]
+    (left, right), rubbed = landing.impulses.values(), landing.tractions
+    assert rubbed["left"] == pytest.approx(-0.4 * landing.impulses["left"], rel=1e-4)
+    assert sum(rubbed.values()) == pytest.approx(-MASS * 1.1, rel=1e-6)
+    assert abs(rubbed["right"]) < 0.4 * landing.impulses["right"]
+    assert left + right == pytest.approx(MASS * GRAVITY * FALL, rel=1e-6)
+
+
+@BOTH_METHODS
+def test_a_rocking_box_loses_what_housner_says(method: str) -> None:
+    solution = answer_of(rocking(0.1), method, starts=1)
+    before, after = solution.phases[0].v[-1, 2], solution.phases[1].v[0, 2]
+    assert after / before == pytest.approx(HOUSNER, rel=1e-6)
+    assert solution.collisions[0].time == pytest.approx(time_to_land(0.1), rel=3e-4)
+
+
+def test_the_time_to_land_is_that_of_slender_boxes_for_small_tilts() -> None:
+    assert time_to_land(0.01) == pytest.approx(time_of_slender(0.01), rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_box_that_is_pushed_stands_slides_and_stands() -> None:
+    errors = [answer_of(pushed(steps), starts=4).cost / PUSHED - 1 for steps in (10, 20)]
+    assert errors[0] == pytest.approx(4 * errors[1], rel=0.05)  # order 2
+    assert abs(errors[1]) < 2e-3
+
+
+def test_a_third_corner_between_two_carries_a_share() -> None:
+    """Forces a, a at the corners and c in the middle, 2 a + c = m g, are shortest in the measure of
+    the masses where c / a = (1/m + b^2/I) / (1/m)."""
+    problem = dmoc.Problem(
+        box("three_corners", corners=3), start=STANDING, goal={"x": 0}, bounds=LET_GO,
+        contacts=["left", "right", "middle"], steps=6, final_time=1,
+    )  # fmt: skip
+    solution = answer_of(problem, starts=1)
+    ratio = 1 + 3 * HALF_WIDTH**2 / (HALF_WIDTH**2 + HALF_HEIGHT**2)
+    shares = np.array([1, 1, ratio]) / (2 + ratio) * MASS * GRAVITY
+    np.testing.assert_allclose(solution.phases[0].normal, np.tile(shares, (7, 1)), rtol=1e-6)
+    assert "forces of left and right and middle in phase 0" in solution.message
+    assert problem.redundant[0].closed == (2,)
+    assert problem.redundant[0].sticking == (1, 2)
+
+
+def test_gaps_of_other_sizes_share_by_their_effect() -> None:
+    """Two gaps of one floor, the second one twice the first: N1 + 2 N2 = m g, and the shares by
+    effect are equal."""
+    twice = dmoc.MechanicalSystem(
+        "twice", [X, Y], (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - 9.81 * Y, {},
+        surfaces={"floor": Y >= 0, "ground": 2 * Y >= 0}, cost=1,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        twice, start={"x": 0, "y": 0, "x_dot": 1}, contacts=["floor", "ground"], steps=5,
+        final_time=1,
+    )  # fmt: skip
+    normal = answer_of(problem, starts=1).phases[0].normal
+    np.testing.assert_allclose(normal, np.tile([9.81 / 2, 9.81 / 4], (6, 1)), rtol=1e-6)
+
+
+# What is refused ----------------------------------------------------------------------------------
+
+
+def squeezed(**more: object) -> dmoc.MechanicalSystem:
+    """A disc between two walls."""
+    return dmoc.MechanicalSystem(
+        "squeezed", [X, Y], (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - 9.81 * Y, {MU: 0.5},
+        surfaces={"left": X >= 0, "right": X <= 0}, tangents={"left": Y, "right": Y},
+        friction={"left": MU, "right": MU}, cost=1, **more,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def test_friction_by_a_squeeze_that_nothing_determines_is_refused() -> None:
+    with pytest.raises(ProblemError, match="the friction of left and right depends on it"):
+        dmoc.Problem(
+            squeezed(), start={"x": 0, "y": 0}, contacts=["left:slip-", "right:slip-"], steps=5,
+            final_time=1,
+        )  # fmt: skip
+
+
+def test_contacts_that_cannot_be_closed_together_are_refused() -> None:
+    gap = dmoc.MechanicalSystem(
+        "no_gap", [X, Y], (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2, {},
+        surfaces={"floor": Y >= 0, "ceiling": Y <= 1}, cost=1,
+    )  # fmt: skip
+    with pytest.raises(ProblemError, match="ceiling cannot hold together"):
+        dmoc.Problem(
+            gap, start={"x": 0, "y": None}, contacts=["floor", "ceiling"], steps=5, final_time=1
+        )
+
+
+def test_belts_of_different_speeds_cannot_hold_one_body() -> None:
+    belts = dmoc.MechanicalSystem(
+        "belts", [X, Y], (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - 9.81 * Y, {MU: 0.5},
+        surfaces={"slow": Y >= 0, "fast": 2 * Y >= 0}, tangents={"slow": X, "fast": X - T},
+        friction={"slow": MU, "fast": MU}, cost=1,
+    )  # fmt: skip
+    with pytest.raises(ProblemError, match="contradict each other: fast"):
+        dmoc.Problem(
+            belts, start={"x": 0, "y": 0, "x_dot": None}, contacts=["slow", "fast"], steps=5,
+            final_time=1,
+        )  # fmt: skip
+
+
+def test_what_touches_by_other_contacts_has_nothing_to_land_from() -> None:
+    with pytest.raises(ProblemError, match="middle touches wherever left and right do"):
+        dmoc.Problem(
+            box("three_corners", corners=3), start=STANDING, contacts=["left", "right"],
+            sequence=["+middle"], steps=5, final_time=1,
+        )  # fmt: skip
