@@ -104,7 +104,8 @@ class Problem(Shown):
         "left"}); with a difference, ``{"x": ("x", 0.5)}``, the end is that much further, a number,
         a range or None for any.
     minimal_times : bool, optional
-        Bound each phase before a collision from below by the estimated shortest time at full input.
+        Guide ``slsqp`` by the estimated shortest times at full input, equation :eq:`minimal-time`
+        of the theory: bounds of the phases before collisions, which may hold no answer.
     contacts : sequence of str, optional
         Surfaces that are closed at the start, with their friction ("foot", "foot:slip+"), and rails
         that slide then; what rubs and is not said to slide sticks.
@@ -153,7 +154,7 @@ class Problem(Shown):
     controls: str | None = None
     restitution: float | Mapping[str, float] = 1.0
     periodic: Sequence[str] | Mapping[Any, Any] = ()
-    minimal_times: bool = True
+    minimal_times: bool = False
     contacts: Sequence[str] = ()
     via: Sequence[Mapping[Any, Any] | None] | None = None
     ignored: Sequence[str] = ()

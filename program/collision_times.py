@@ -3,7 +3,8 @@
 The equations of motion at averaged coefficients, half-way between the phase's start and its
 collision, with the inputs at the bounds that drive towards the surface, give constant accelerations
 a; with them the gap is a quadratic in time, and its first root is T_min (Kern & Gross 2018,
-"implementation issue #3").  It is an estimate: it guides the solver and is never the last word.
+"implementation issue #3"; equation :eq:`minimal-time` of the theory).  It is an estimate and no
+lower bound: a motion may be sooner, at constant full input already.
 """
 
 from __future__ import annotations

@@ -42,8 +42,8 @@ def _minimal_time(problem: Problem, lay: Layout, y: Array, i: int) -> tuple[floa
 
 
 class WithMinimalTimes(Transcription):
-    """Further inequalities T_i - T_min >= 0 of the phases before a collision, where every input is
-    bounded.
+    """Further inequalities T_i - T_min >= 0 of the phases before a collision, where the problem
+    asks for them and every input is bounded.
 
     They come after all others.  Their second derivatives are differences: small rows, and rarely
     active.

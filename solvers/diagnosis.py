@@ -199,7 +199,7 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
         if np.isfinite(shortest) and shortest > (1 + CLEARLY) * allowed:
             name = problem.kernels.surfaces[event.hit]
             sentences.append(
-                f"phase {i} -> {name!r}: the shortest time at full input is about "
+                f"phase {i} -> {name!r}: the shortest time at full input is estimated at "
                 f"{shortest:.3g} s, the bounds allow {allowed:.3g} s"
             )
     return tuple(sentences)

@@ -117,6 +117,7 @@ def minimal_time_section(
         "Minimal collision time",
         "First root of g + g' t + g'' t^2/2. The accelerations (_ddot_bar) are constant: M q'' = "
         "F at averaged coefficients, half-way (_bar) between the phase's start and its collision, "
-        "with the inputs at the bounds that drive towards the surface.",
+        "with the inputs at the bounds that drive towards the surface. It is an estimate and no "
+        "lower bound.",
         tuple(equations),
     )

@@ -343,7 +343,7 @@ def test_what_does_not_fit_is_refused_in_one_sentence_that_names_it(
         ({"durations": (d for d in [1])}, {"durations": [(1.0, 1.0)]}),
         ({"final_time": (None, 2)}, {"final_time": (0.0, 2.0)}),
         ({"restitution": Fraction(1, 2)}, {"restitution": {"wall": 0.5}}),
-        ({"minimal_times": np.True_}, {}),
+        ({"minimal_times": np.False_}, {}),
         ({"parameters": {sp.Symbol("m"): 2}}, {"parameters": {"m": 2.0}}),
     ],
 )

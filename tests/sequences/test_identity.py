@@ -20,7 +20,7 @@ SETTINGS = Settings(
 OTHER_FIELDS: dict[str, Any] = {
     "start": {"x": 0.1}, "goal": {"x": 0.2}, "steps": 21, "final_time": (None, 2.0),
     "bounds": {"F": (-26, 26)}, "parameters": {"m_c": 1.1}, "controls": "linear",
-    "restitution": 0.5, "periodic": ("p_x",), "minimal_times": False, "contacts": ("left",),
+    "restitution": 0.5, "periodic": ("p_x",), "minimal_times": True, "contacts": ("left",),
     "via": (), "ignored": ("left",),
 }  # fmt: skip
 OTHER_SETTINGS: dict[str, Any] = {

@@ -165,7 +165,10 @@ def test_unreachable_prunes_and_says_why(weak: dmoc.Problem) -> None:
     evidence = " | ".join(pruned.evidence)
     # Sqrt(2) to the wall, and the shortest phase after it.
     assert "final time <= 1 s is violated by 0.424 s" in evidence
-    assert "the shortest time at full input is about 1.41 s, the bounds allow 0.99 s" in evidence
+    assert (
+        "the shortest time at full input is estimated at 1.41 s, the bounds allow 0.99 s"
+        in evidence
+    )
 
 
 def test_infeasible_is_not_unreachable(block: Kernels) -> None:

@@ -37,8 +37,8 @@ def test_a_phase_shorter_than_the_shortest_time_is_named(seed: dmoc.Problem) -> 
     text = " | ".join(solution.conflicts)
     assert "collision 1 misses 'left' by 0.0144 rad" in text
     assert (
-        "phase 0 -> 'left': the shortest time at full input is about 0.0549 s, the bounds allow "
-        "0.05 s" in text
+        "phase 0 -> 'left': the shortest time at full input is estimated at 0.0549 s, the bounds "
+        "allow 0.05 s" in text
     )
     assert "duration of phase 0 <= 0.05 s" in text
 
@@ -52,7 +52,7 @@ def test_the_miss_of_a_block_has_the_amount_of_the_closed_form(block: Kernels) -
     solution = dmoc.solve(problem, method="ipm", starts=1)
     assert solution.status == "infeasible"
     assert solution.conflicts[0] == "collision 1 misses 'wall' by 0.5"
-    assert "about 1.41 s, the bounds allow 1 s" in solution.conflicts[1]
+    assert "estimated at 1.41 s, the bounds allow 1 s" in solution.conflicts[1]
 
 
 @pytest.mark.parametrize("goal", [0.7, (0.7, 0.8), (0.7, None)])
