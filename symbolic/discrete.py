@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import sympy as sp
@@ -163,17 +163,18 @@ class StepElement:
         inside = i - self.at_h - 2
         return (2 + inside // n, inside % n) if inside >= 0 else (None, 0)
 
-    def gradient(self, expression: Any) -> list[Any]:
-        return [self.D(expression, i) for i in range(len(self.x_k))]
+    def gradient(self, expression: Any, begin: int = 0) -> list[Any]:
+        """Total derivatives with respect to x_k from a place on; nodes share partial ones."""
+        by = cache(expression.diff)
+        return [self._total(by, i) for i in range(begin, len(self.x_k))]
 
     def jacobian(self, expressions: Sequence[Any]) -> list[list[Any]]:
         return [self.gradient(e) for e in expressions]
 
     def hessian(self, expression: Any) -> list[list[Any]]:
         """Upper triangle of the second total derivative; the strict lower triangle is zero."""
-        size = len(self.x_k)
         first = self.gradient(expression)
-        return [[self.D(first[i], j) if j >= i else 0 for j in range(size)] for i in range(size)]
+        return [[0] * i + self.gradient(slope, i) for i, slope in enumerate(first)]
 
     def _sum(self, value: Callable[[QuadraturePoint], Any]) -> Any:
         """h sum_i b_i value_i."""

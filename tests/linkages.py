@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -98,13 +99,15 @@ for side, (ahead, left) in SIDES.items():
     ]  # fmt: skip
 
 
-def quadruped() -> dmoc.MechanicalSystem:
-    """A trunk that floats and four legs of three joints: 18 degrees of freedom, 12 torques, a
-    floor below each foot."""
+def legged(legs: Sequence[str] = tuple(SIDES)) -> dmoc.MechanicalSystem:
+    """A trunk that floats and legs of three joints with a torque each, and a floor below each foot:
+    a quadruped of 18 degrees of freedom."""
     world = dmoc.spatial.World(gravity=GRAVITY)
     bodies: list[dmoc.spatial.Body] = []
     torques, feet = [], {}
     for joint in JOINTS:
+        if "_" in joint.name and joint.name[:2] not in legs:
+            continue
         before = bodies[joint.before] if joint.before >= 0 else world
         q = dynamicsymbols(joint.name)
         facts: dict[str, Any] = {
@@ -119,7 +122,7 @@ def quadruped() -> dmoc.MechanicalSystem:
         if joint.name.endswith("knee"):
             feet[joint.name[:2]] = bodies[-1].point(0, 0, -0.2)
     return world.system(
-        "quadruped", inputs=torques, cost=sum(u**2 for u in torques),
+        "legged", inputs=torques, cost=sum(u**2 for u in torques),
         surfaces={name: foot[2] >= 0 for name, foot in feet.items()},
     )  # fmt: skip
 

@@ -3,6 +3,7 @@ same as those written out."""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,10 @@ from systems import chain_system, double_pendulum, rod_system
 
 import dmoc
 from dmoc.base.errors import ModelError
-from dmoc.symbolic.derivation.document import Section
+from dmoc.symbolic.derivation.document import Derivation, Section
 
 H = 0.1
+m, l, g = sp.symbols("m l g")
 Values = dict[str, float]
 
 
@@ -61,7 +63,7 @@ def smooth_pendulum(named: bool) -> dmoc.MechanicalSystem:
     ("system", "plain"),
     [
         (smooth_pendulum(True), smooth_pendulum(False)),
-        pytest.param(chain_system(4, True), chain_system(4, True), marks=pytest.mark.slow),
+        pytest.param(chain_system(3, True), chain_system(3, True), marks=pytest.mark.slow),
     ],
 )
 def test_the_structure_has_the_values_of_what_is_written_out(
@@ -95,10 +97,17 @@ def test_the_structure_has_the_values_of_what_is_written_out(
     assert values["C_d"] == pytest.approx(cost[0, 0], rel=1e-12)
 
 
+@cache
+def derived(named: bool, order: int = 2, expanded: bool = True) -> Derivation:
+    """A double pendulum; of order 4 one that nothing damps, whose formulas are shorter."""
+    fields = {} if order == 2 else {"dissipation": 0, "parameters": {m: 0.5, l: 0.4, g: 9.81}}
+    system = double_pendulum(named, cost=0, path_constraints={}, **fields)
+    return dmoc.derive(system, order, expanded=expanded)
+
+
 @pytest.mark.parametrize("order", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_what_is_written_out_on_demand_is_what_was_stated_without_names(order: int) -> None:
-    named, plain = (double_pendulum(n, cost=0, path_constraints={}) for n in (True, False))
-    ours, expected = (dmoc.derive(s, order, expanded=True) for s in (named, plain))
+    ours, expected = derived(True, order), derived(False, order)
     assert [s.title for s in ours.sections] == [s.title for s in expected.sections]
     assert [s.pattern for s in ours.sections] == [s.pattern for s in expected.sections]
     for a, b in zip(ours.sections[:-3], expected.sections[:-3], strict=True):
@@ -116,18 +125,17 @@ def test_small_systems_are_written_out() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("order", [2, 4, 6])
-def test_a_chain_of_twelve_is_shown_in_pages_not_books(order: int) -> None:
-    derivation = dmoc.derive(chain_system(12), order)
+@pytest.mark.parametrize(("links", "order"), [(12, 2), (6, 4), (6, 6)])
+def test_a_long_chain_is_shown_in_pages_not_books(links: int, order: int) -> None:
+    derivation = dmoc.derive(chain_system(links), order)
     text, latex = str(derivation), derivation.latex()
-    assert len(text) < 2e5 and len(latex) < 4e5
+    assert len(text) < 1e5 and len(latex) < 1e5
     assert "Named" not in text + latex and "Derivative" not in text + latex
     assert derivation.sections[-3].pattern and not derivation.sections[-3].equations
 
 
 def test_patterns_are_those_of_what_is_written_out() -> None:
-    system = double_pendulum(True, cost=0, path_constraints={})
-    structure, written = (dmoc.derive(system, expanded=e).sections for e in (False, True))
+    structure, written = (derived(True, expanded=e).sections for e in (False, True))
     assert structure[-3].pattern == written[-3].pattern
     assert structure[-2].pattern == written[-2].pattern
 
