@@ -75,7 +75,7 @@ def test_every_error_and_every_status_has_an_entry() -> None:
     assert kinds <= entries, kinds - entries
     verdicts = DOCS / "verdicts.md"
     assert {str(s) for s in Status} <= _headings(verdicts)
-    assert all(f"| `{v.value}` |" in verdicts.read_text() for v in Verdict)
+    assert all(f"- `{v.value}`: " in verdicts.read_text() for v in Verdict)
     links = TROUBLESHOOTING.read_text()
     assert all(f"(verdicts.md#{s})" in links for s in Status)
 
