@@ -32,6 +32,15 @@ class Piece:
     u: Array
     forces: Mapping[str, Array] = field(default_factory=dict)
 
+    def followed_by(self, other: Piece) -> Piece:
+        """Two pieces between which nothing happens as one, without forces."""
+        t, q, v = (
+            np.concatenate([mine, theirs[1:]])
+            for mine, theirs in ((self.t, other.t), (self.q, other.q), (self.v, other.v))
+        )
+        t_u, u = np.concatenate([self.t_u, other.t_u]), np.concatenate([self.u, other.u])
+        return Piece(t, q, v, t_u, u)
+
     def positions(self, t: Array) -> Array:
         """The cubics through the nodes, with their velocities, at times of shape (n,)."""
         k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)

@@ -17,12 +17,25 @@ Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
+class Open:
+    """What no word says: surfaces that may be closed and tangents that may rub at any time, and
+    surfaces that are closed at the start.  The hits of events are left open too: they may be
+    none."""
+
+    surfaces: tuple[int, ...] = ()
+    tangents: tuple[int, ...] = ()
+    closed: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
 class Touch:
-    """The modes of the phases of a motion, and the events between them."""
+    """The modes of the phases of a motion, and the events between them; what is left open in all of
+    them, of a relaxed program."""
 
     contacts: Contacts
     modes: tuple[Mode, ...]
     events: tuple[Event, ...]
+    open: Open | None = None
 
     @cached_property
     def free(self) -> bool:
@@ -88,15 +101,6 @@ class Touch:
         last, shape (events, nt)."""
         at_surfaces = np.array(self.contacts.supports, dtype=np.intp) != RAIL
         return np.asarray(self.rubs[1:] & at_surfaces & self.impacts[:, None] & ~self.passes)
-
-    @cached_property
-    def grips(self) -> Bools:
-        """Tangents with friction of closed surfaces that stick through an impact, shape (events,
-        nt)."""
-        rough = np.array(
-            [name in self.contacts.rough for name in self.contacts.tangents], dtype=bool
-        )
-        return np.asarray(self.rubs_in_impact & self.sticks[1:] & rough)
 
     @cached_property
     def turns(self) -> Bools:

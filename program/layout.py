@@ -10,8 +10,8 @@ s: hidden unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), in the
 Laws that push have tables of their own: :class:`~dmoc.program.impacts.ImpactUnknowns` (lam, v_a,
 v_c, in these places because files keep multipliers in this order),
 :class:`~dmoc.program.contact_table.ContactUnknowns`,
-:class:`~dmoc.program.hit_stages.HitUnknowns`, :class:`~dmoc.program.hit_stages.HeldUnknowns`,
-:class:`~dmoc.program.joints.JointUnknowns`.
+:class:`~dmoc.program.hit_stages.HitUnknowns`, :class:`~dmoc.program.joints.JointUnknowns`,
+:class:`~dmoc.program.relaxed_contacts.RelaxedUnknowns`.
 """
 
 from __future__ import annotations
@@ -31,10 +31,11 @@ from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Counted, Index, Numbering
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.contact_table import ContactUnknowns
-from dmoc.program.hit_stages import HeldUnknowns, HitUnknowns
+from dmoc.program.hit_stages import HitUnknowns
 from dmoc.program.impacts import ImpactUnknowns, impulses, names_of_events, velocities
 from dmoc.program.joints import JointUnknowns
 from dmoc.program.reactions import EventImpulses, PhaseReaction
+from dmoc.program.relaxed_contacts import RelaxedUnknowns
 from dmoc.program.scale import Scale
 
 # Layouts that are remembered, and the steps of one that is not.
@@ -47,8 +48,8 @@ class Layout:
 
     ``index_a`` is an integer array of the shape of ``a`` that holds the positions of its entries in
     x, so that ``x[index_a]`` is a; ``unknowns`` is the table with names and sizes.  ``touch`` says
-    what is in contact; ``impact``, ``contact``, ``hit``, ``held`` and ``joint`` are the unknowns of
-    laws that push.
+    what is in contact; ``impact``, ``contact``, ``hit``, ``joint`` and ``relaxed`` are the
+    unknowns of laws that push.
     """
 
     nq: int
@@ -72,8 +73,8 @@ class Layout:
     impact: ImpactUnknowns
     contact: ContactUnknowns
     hit: HitUnknowns
-    held: HeldUnknowns
     joint: JointUnknowns
+    relaxed: RelaxedUnknowns
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
@@ -85,6 +86,8 @@ class Layout:
         free = [mode.free and not joined for mode in problem.touch.modes]
         at_start = turns or not (free[0] or problem.start_bounds.is_state)
         at_goal = turns or not free[-1] or bool(kernels.manifest["terminal_velocity"])
+        if problem.touch.open and problem.touch.open.surfaces:
+            at_start, at_goal = at_start or not problem.start_bounds.is_state, True
         for row in kernels.manifest["path_rows"]:
             if row["velocities"] and (FORMS[problem.control_form].shared or not row["inputs"]):
                 at_start |= row["inputs"] or not problem.start_bounds.is_state
@@ -351,10 +354,10 @@ def _laid_out(kind: Kind) -> Layout:
     contact = ContactUnknowns.of(block, steps, touch)
     hit = HitUnknowns.of(block, touch, v)
     joint = JointUnknowns.of(block, steps, kind.joints, touch.impacts)
-    held = HeldUnknowns.of(block, touch, hit.moments, kind.joints)
+    relaxed = RelaxedUnknowns.of(block, total, touch)
     return Layout(
         nq, len(u), steps, form, scheme, kind.timed, touch, tuple(block.made),
-        **indices, impact=impact, contact=contact, hit=hit, held=held, joint=joint,
+        **indices, impact=impact, contact=contact, hit=hit, joint=joint, relaxed=relaxed,
     )  # fmt: skip
 
 

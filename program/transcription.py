@@ -79,7 +79,7 @@ class Transcription(Evaluator):
         self.layout = Layout.of(problem)
         touches = np.asarray(touching, dtype=np.intp)
         goals = goal_rows(problem, self.layout) if goal_as_rows else []
-        laws = laws_of(problem, self.layout, touches, goals, pulling)
+        laws = laws_of(problem, self.layout, self.scale, touches, goals, pulling)
         self.limits = limits(problem, self.layout, laws, self.scale, goals)
         shared = None
         if not goals and self.layout.size <= MOST_SHARED:

@@ -13,7 +13,9 @@ from dmoc.base.options import elsewhere, option
 from dmoc.solving.keywords import METHOD_OF_MANY, MOST_COUNT, MOST_WORKERS, SEED, WORKERS
 from dmoc.solving.methods import METHODS
 
-STRATEGIES = ("exhaustive", "best-first", "beam")
+STRATEGIES = ("exhaustive", "best-first", "beam", "propose", "both")
+# Those that begin with the sequences of relaxed motions.
+PROPOSING = ("propose", "both")
 STARTS = 4  # random ones of a node at most, on a coarse mesh
 DEEPEST = 12  # the tree grows with the power of the depth
 TIME = "expected a positive time, or None"
@@ -39,7 +41,8 @@ class SearchKeywords:
     strategy: str = elsewhere(
         "exhaustive",
         "choice",
-        "All sequences, the most promising first, or the best of each depth.",
+        "All sequences, the most promising first, the best of each depth, those that relaxed "
+        "motions propose, or these first and then all.",
         choices=STRATEGIES,
     )
     beam: int = elsewhere(

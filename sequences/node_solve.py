@@ -13,17 +13,14 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from dmoc.base.deadline import Deadline
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.contacts import in_contact
-from dmoc.guess.tracking import reflected
+from dmoc.guess.extension import impulse_between, with_event
 from dmoc.guess.transfer import equally_long, pieces_of, unknowns_along
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import MOST_STEPS
-from dmoc.problem.surfaces import onto_surface
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Solution
@@ -52,8 +49,8 @@ FALLING = 0.7
 @dataclass(frozen=True)
 class Task:
     """One sequence to be solved: the problem, the parent's motion, further starts, method, limit
-    in seconds, a motion that proposes it; or a node that is doubtful, to be looked at on meshes so
-    many times finer."""
+    in seconds, a motion that proposes it, unknowns of the coarse mesh to start from; or a node that
+    is doubtful, to be looked at on meshes so many times finer."""
 
     problem: Problem
     parent: Solution | None
@@ -63,6 +60,7 @@ class Task:
     seconds: float | None
     attempts: int = 1
     proposer: Solution | None = None
+    start: Array | None = None
     doubtful: Node | None = None
     finer: tuple[int, ...] = ()
 
@@ -121,13 +119,16 @@ def _explored(task: Task) -> Node:
     deadline = Deadline.after(task.seconds)
     half = deadline.share(0.5)
     coarse = coarse_of(task.problem)
-    points = {} if task.parent is None else {"parent": extended(task.parent, coarse)}
+    points = {} if task.start is None else {"relaxed": task.start}
+    if task.parent is not None:
+        points["parent"] = extended(task.parent, coarse)
     if task.proposer is not None:
         points["proposal"] = restated(coarse, task.proposer)
+    more = task.starts if task.start is None else 0
     effort = Effort(
         0,
-        task.starts,
-        task.starts,
+        more,
+        more,
         agreeing=0.0,
         leading=0.0,
         refined=1,
@@ -135,11 +136,14 @@ def _explored(task: Task) -> Node:
         settles=False,
         widens=False,
         iterations=ITERATIONS,
-        guesses=GUESSES,
+        guesses=GUESSES if task.start is None else 0,
         seed=task.seed,
     )
     exploration = explored(task.problem, effort, Options(deadline=deadline), points)
     starts, solutions = exploration.starts, list(exploration.solutions)
+    if not solutions and task.start is not None:
+        evidence = (f"the motion that proposes it leads to none ({_ends_of(starts)})",)
+        return Node(task.sequence, Verdict.FAILED, evidence=evidence, starts=tuple(starts))
     if not solutions:
         # The starts have half of the time.
         if half.passed:
@@ -259,30 +263,11 @@ def extended(parent: Solution, problem: Problem) -> Array:
     """Unknowns of a motion with one more event: the parent's last phase, bent to touch the surface
     that is met where it comes closest to it, or cut in its middle where none is, and all phases
     equally long, because where it is cut tells little about when the event shall be."""
-    event = problem.touch.events[-1]
-    *earlier, last = pieces_of(parent.trajectory)
-    steps = len(last.t) - 1
-    k, q, rates = steps // 2, last.q, [last.v[: steps // 2 + 1], last.v[steps // 2 :]]
-    if event.impact:
-        gaps = problem.model.gaps(last.q, last.t)[:, event.surface]
-        inner = slice(max(1, steps // 10), steps - max(1, steps // 10) + 1)
-        k = int(np.argmax(gaps[inner])) + inner.start
-        met = onto_surface(problem, last.q[k], event.surface, float(last.t[k]))
-        bend = np.zeros(problem.nq) if met is None else met - last.q[k]
-        share = np.concatenate([np.linspace(0, 1, k + 1), np.linspace(1, 0, steps - k + 1)[1:]])
-        q = last.q + share[:, None] * bend
-        rates = [
-            last.v[part] + sign * bend / np.ptp(last.t[part])
-            for part, sign in ((slice(k + 1), 1), (slice(k, None), -1))
-        ]
-    before = replace(last, t=last.t[: k + 1], q=q[: k + 1], v=rates[0], forces={})
-    after = replace(last, t=last.t[k:], q=q[k:], v=rates[1], forces={})
-    pieces = [*earlier, before, after]
+    surface, pieces = problem.touch.events[-1].surface, pieces_of(parent.trajectory)
+    pieces = with_event(problem, pieces, len(pieces) - 1, surface)
     if not problem.explicit_time:  # else the surface, too, is where it is at its time
         pieces = equally_long(pieces)
-    impulse, at = 0.0, float(pieces[-1].t[0])
-    if event.impact:
-        _, impulse = reflected(problem, q[k], pieces[-2].v[-1], event.surface, at)
+    impulse = impulse_between(problem, pieces[-2], pieces[-1], surface)
     x = unknowns_along(problem, pieces, [*(c.impulse for c in parent.collisions), impulse])
     return in_contact(problem, x)
 

@@ -7,9 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from dmoc.motion.trajectory import noun_of
+from dmoc.sequences.candidates import DEARER, Candidates
 from dmoc.sequences.comparison import CONFIRMED
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.tree import Tree
+
+# Proposals that a note names.
+MOST_NAMED = 5
 
 
 def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -> tuple[str, ...]:
@@ -66,6 +70,34 @@ def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str)
             f"{tree.settings.shortest_phase:g} s: {their} {noun}s would rather merge"
         )
     return tuple(notes)
+
+
+def notes_of_proposals(candidates: Candidates) -> list[str]:
+    """What relaxed motions have proposed, and what of it was not solved."""
+    proposals, best = candidates.proposals, candidates.best()
+    every = proposals.ranked()
+    some = "; ".join(map(str, every[:MOST_NAMED]))
+    more = f"; {len(every) - MOST_NAMED} more" if len(every) > MOST_NAMED else ""
+    notes = [
+        f"{proposals.led} of {_counted(proposals.starts, 'relaxed start')} led to "
+        f"{_counted(len(every), 'sequence')}" + (f": {some}{more}" if some else "")
+    ]
+    if candidates.left:
+        names = "; ".join(", ".join(s) or "no event" for s in candidates.left[:MOST_NAMED])
+        notes.append(
+            f"{_counted(len(candidates.left), 'proposal')} {_were(len(candidates.left))} not "
+            f"solved, whose relaxed motions cost over {DEARER:.0%} more than the best: {names}"
+        )
+    if proposals.problem.contacts != proposals.relaxation.problem.contacts:
+        notes.append(
+            f"the motion begins with contacts={list(proposals.problem.contacts)}, as the cheapest "
+            "relaxed one does"
+        )
+    if best is not None and not best.sequence:
+        notes.append("nothing needs to touch: no proposal with an event costs less")
+    if not every:
+        notes.append("no relaxed motion says a sequence: strategy 'exhaustive' tries all")
+    return notes
 
 
 def _counted(count: int, noun: str) -> str:

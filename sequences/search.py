@@ -19,17 +19,19 @@ from dmoc.base.progress import Listener, listener
 from dmoc.base.table import Shown, Table
 from dmoc.motion.trajectory import noun_of
 from dmoc.problem.problem import Problem
+from dmoc.sequences.candidates import Candidates
 from dmoc.sequences.comparison import CONFIRMED, with_optimum
 from dmoc.sequences.final_solve import state_best
 from dmoc.sequences.identity import identity
 from dmoc.sequences.journal import Journal
-from dmoc.sequences.keywords import STARTS
+from dmoc.sequences.keywords import PROPOSING, STARTS
 from dmoc.sequences.nodes import Node, Verdict
-from dmoc.sequences.notes import notes_of
+from dmoc.sequences.notes import notes_of, notes_of_proposals
 from dmoc.sequences.pool import workers_of
+from dmoc.sequences.proposals import Proposed, proposals_of
 from dmoc.sequences.search_table import best_in_words, table_of_search
 from dmoc.sequences.settings import Settings, settings_of
-from dmoc.sequences.traversal import Progress, walked
+from dmoc.sequences.traversal import INTERRUPTED, Progress, walked
 from dmoc.sequences.tree import Tree
 from dmoc.solving.keywords import MOST_COUNT
 from dmoc.solving.methods import SEARCHING, usual
@@ -61,6 +63,9 @@ class SearchResult(Shown):
     broken : str
         What broke the search off, other than its caller and its budgets: a journal that could not
         be written, an executor that took no more work; empty where nothing did.
+    proposals : tuple of Proposed
+        Sequences that relaxed motions have, with how many starts led to each, the cheapest first;
+        none of strategies that try all.
     """
 
     nodes: tuple[Node, ...]
@@ -70,6 +75,7 @@ class SearchResult(Shown):
     seconds: float
     problem: Problem
     broken: str = ""
+    proposals: tuple[Proposed, ...] = ()
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items())
@@ -108,6 +114,7 @@ class SearchResult(Shown):
             "complete": self.complete,
             "counts": self.counts,
             "notes": list(self.notes),
+            "proposals": [p.to_dict() for p in self.proposals],
             "nodes": [n.to_dict() for n in self.nodes],
             "seconds": self.seconds,
         }
@@ -182,13 +189,14 @@ def search(
 ) -> SearchResult:
     """Search for the best sequence of collisions.
 
-    The nodes of a tree are the sequences of surfaces up to a depth, from the empty one on, repeated
-    hits included.  Each is solved from its parent's motion, from an automatic guess and from random
-    starts on a coarse mesh, and gets a verdict with its evidence; the children of one whose last
-    collision cannot be made are not looked at.  The law of impact is stated in the rates of the
-    gaps, gamma+ = -e gamma-.  Sequences that would be the best, and that the simulation contradicts
-    on their mesh, are solved on finer ones.  The best one is solved once more as
-    :func:`dmoc.solve` does, from its motion: its cost is that of the solve, if that is confirmed.
+    By default the nodes of a tree are the sequences of surfaces up to a depth, from the empty one
+    on, repeated hits included.  Each is solved from its parent's motion, from an automatic guess
+    and from random starts on a coarse mesh, and gets a verdict with its evidence; the children of
+    one whose last collision cannot be made are not looked at.  The law of impact is stated in the
+    rates of the gaps, gamma+ = -e gamma-.  Sequences that would be the best, and that the
+    simulation contradicts on their mesh, are solved on finer ones.  The best one is solved once
+    more as :func:`dmoc.solve` does, from its motion: its cost is that of the solve, if that is
+    confirmed.
 
     Parameters
     ----------
@@ -204,9 +212,13 @@ def search(
         Words that may happen, as those of a problem's ``sequence``.  By default all that the
         contacts of a prefix leave possible: landings, contacts that leave and changes of friction
         too, where the problem starts in contact or the model has friction; else hits.
-    strategy : {"exhaustive", "best-first", "beam"}
+    strategy : {"exhaustive", "best-first", "beam", "propose", "both"}
         All nodes; those first whose parents cost least; the children of the ``beam`` best nodes of
-        each depth.
+        each depth.  "propose" names no sequences: it solves a relaxed program from random starts,
+        in which whatever may touch is left open, and then the sequences that its motions have, the
+        cheapest first, and those of motions beside the best.  Where the problem does not say what
+        is closed at the start, or slides there, the cheapest of these motions does, and the
+        ``problem`` of the result has it in its ``contacts``.  "both" goes on with all nodes.
     beam : int
     starts : int
         Random starts of each node at most, beside the parent's motion and the automatic guess.
@@ -275,7 +287,13 @@ def search(
 
 def _searched(stated: Problem, problem: Problem, settings: Settings) -> SearchResult:
     begin, deadline = time.perf_counter(), Deadline.after(settings.seconds)
-    tree, notes = Tree(problem, settings), list[str]()
+    notes = list[str]()
+    try:
+        first, stopped = _first_tree(problem, settings, deadline), ""
+    except KeyboardInterrupt:
+        first, stopped = Tree(problem, settings), INTERRUPTED
+    tree, broken, problem = first, "", first.problem
+    stated = stated.but(contacts=problem.contacts)
     with ExitStack() as stack:
         if settings.journal is not None:
             tree.keep(
@@ -284,13 +302,28 @@ def _searched(stated: Problem, problem: Problem, settings: Settings) -> SearchRe
                 )
             )
         workers = stack.enter_context(workers_of(settings.workers, settings.executor))
-        stopped, broken = walked(tree, workers, deadline, begin)
+        if not stopped:
+            stopped, broken = walked(tree, workers, deadline, begin)
+        if isinstance(first, Candidates):
+            notes = notes_of_proposals(first)
+            if settings.strategy == "both" and not stopped:
+                tree = first.surrounded()
+                stopped, broken = walked(tree, workers, deadline, begin)
+                tree.nodes = first.nodes | tree.nodes
     try:
-        notes = state_best(tree, stated, deadline)
+        notes += state_best(tree, stated, deadline)
     except KeyboardInterrupt:
-        stopped = stopped or "the search was interrupted"
+        stopped = stopped or INTERRUPTED
     result = _result(tree, stopped, time.perf_counter() - begin)
-    return replace(result, broken=broken, notes=(*result.notes, *notes))
+    proposals = first.proposals.ranked() if isinstance(first, Candidates) else ()
+    return replace(result, broken=broken, notes=(*result.notes, *notes), proposals=proposals)
+
+
+def _first_tree(problem: Problem, settings: Settings, deadline: Deadline) -> Tree:
+    """The sequences that relaxed motions propose, or all."""
+    if settings.strategy not in PROPOSING:
+        return Tree(problem, settings)
+    return Candidates(proposals_of(problem, settings, deadline), deadline)
 
 
 def _result(tree: Tree, stopped: str, seconds: float) -> SearchResult:

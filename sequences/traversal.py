@@ -17,6 +17,7 @@ from dmoc.solving.workforce import NoMoreWork
 # Shares of a search's time: after the first one doubtful nodes are looked at on finer meshes, after
 # the second one the best is stated once more.
 WALKED, REFINED = 0.75, 0.95
+INTERRUPTED = "the search was interrupted"
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def walked(tree: Tree, workers: Workers, deadline: Deadline, begin: float) -> tu
             if not stopped:
                 break
     except KeyboardInterrupt:
-        return "the search was interrupted", ""
+        return INTERRUPTED, ""
     except NoMoreWork as error:
         return str(error), str(error)
     except sqlite3.Error as error:

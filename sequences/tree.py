@@ -60,6 +60,11 @@ class Tree:
     def best(self) -> Node | None:
         return best_of(self.nodes.values())
 
+    def least(self) -> float:
+        """The cost of the best, infinite where there is none."""
+        best = self.best()
+        return np.inf if best is None or best.cost is None else best.cost
+
     def rounds(self) -> Iterator[list[tuple[str, ...]]]:
         """Sequences to look at next, in an order that does not depend on who solves them."""
         strategy, beam = self.settings.strategy, self.settings.beam
@@ -143,8 +148,7 @@ class Tree:
     def doubtful(self) -> list[Node]:
         """Nodes that the simulation contradicts on their mesh and that would be the best, the
         cheapest first."""
-        best = self.best()
-        least = np.inf if best is None or best.cost is None else best.cost
+        least = self.least()
         nodes = [
             n
             for n in self.nodes.values()

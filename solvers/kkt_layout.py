@@ -58,10 +58,14 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     def single(index: Index, at: Index) -> None:
         members.append((index, np.full(len(index), -1), at))
 
-    def pair(unknown: Index, row: Index, at: Index | int) -> None:
-        both = (unknown != NOWHERE) & (row != NOWHERE)
-        keys = np.reshape(at, (-1, *[1] * (unknown.ndim - 1)))
-        members.append((unknown[both], n + row[both], np.broadcast_to(keys, unknown.shape)[both]))
+    def pair(unknown: Index, row: Index | None, at: Index | int) -> None:
+        both = unknown != NOWHERE
+        keys = np.broadcast_to(np.reshape(at, (-1, *[1] * (unknown.ndim - 1))), unknown.shape)
+        if row is None:
+            single(unknown[both], keys[both])
+            return
+        both &= row != NOWHERE
+        members.append((unknown[both], n + row[both], keys[both]))
 
     # An inequality at a node comes before the node, which is eliminated with the momentum equation
     # of the node before it.

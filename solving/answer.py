@@ -26,6 +26,10 @@ FROM_COARSE = 300
 # A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier
 # may be driven further down.
 BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
+NO_EVENT = (
+    "the sequence is empty: dmoc.search(problem, strategy='propose') looks for events with which "
+    "there is a motion"
+)
 
 
 def answer_of(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
@@ -69,7 +73,15 @@ def _completed(
         return best_on_mesh(problem, None, replace(request.compiled(), starts=FEW))
 
     answer = naming_turns(problem, answer, few, request.options.deadline)
+    if answer.status is Status.INFEASIBLE and _may_touch(problem):
+        answer = saying(answer, NO_EVENT)
     return answer if answer.proposal is None else saying(answer, str(answer.proposal))
+
+
+def _may_touch(problem: Problem) -> bool:
+    """Whether something may touch of which a problem without a sequence says nothing."""
+    open_ones = {*problem.kernels.surfaces} - {*problem.ignored}
+    return not problem.sequence and bool(open_ones or (problem.model.friction > 0).any())
 
 
 def _refined(problem: Problem, guess: InitialGuess, request: Request, first: Solution) -> Solution:

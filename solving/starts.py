@@ -132,7 +132,7 @@ def restated(problem: Problem, solution: Solution) -> Array:
         inside = [int(k) for k in np.flatnonzero(events[1:-1]) + 1]
         parts = [_part(piece, a, b) for a, b in pairwise([0, *inside, len(piece.t) - 1])]
         if pieces and not events[0]:
-            parts[0] = _joined(pieces.pop(), parts[0])
+            parts[0] = pieces.pop().followed_by(parts[0])
         elif pieces:
             impulses.append(impulse)
         pieces += parts
@@ -151,14 +151,3 @@ def _part(piece: Piece, a: int, b: int) -> Piece:
         piece, t=piece.t[nodes], q=piece.q[nodes], v=piece.v[nodes],
         forces={kind: forces[nodes] for kind, forces in piece.forces.items()},
     )  # fmt: skip
-
-
-def _joined(before: Piece, after: Piece) -> Piece:
-    """Two pieces between which nothing happens, as one."""
-
-    def both(a: Array, b: Array) -> Array:
-        return np.concatenate([a, b[1:]])
-
-    q, v = both(before.q, after.q), both(before.v, after.v)
-    t_u, u = np.concatenate([before.t_u, after.t_u]), np.concatenate([before.u, after.u])
-    return Piece(both(before.t, after.t), q, v, t_u, u)

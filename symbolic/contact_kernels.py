@@ -47,6 +47,13 @@ def surface_kernels(f: Continuous) -> list[KernelSpec]:
             {"W_gamma": [rate]},
             par,
         ),
+        *family(
+            "gap_work",
+            "Normal impulses times gaps of the surfaces, lam_j g_j.",
+            (q, lam, t),
+            {"W_g": [a * b for a, b in zip(lam.symbols, f.g, strict=True)]},
+            par,
+        ),
     ]
 
 
@@ -59,11 +66,22 @@ def tangent_kernels(f: Continuous) -> list[KernelSpec]:
     T = Input.vector(f.L.graph, "T", len(f.tau))
     along = gradient(dot(T.symbols, f.tau), f.q)
     slides = rates(f, f.tau)
+    ends = _ends_of_step(f)
+    before, after = ([_at(f, tau, end) for tau in f.tau] for end in ends)
+    slipped = zip(T.symbols, before, after, strict=True)
     return [
         *family("tangent", "Tangential positions tau.", (q, t), {"tau": f.tau}, par),
         *family("slide_rate", "Sliding velocities sigma.", (q, v, t), {"sigma": slides}, par),
         *family(
             "traction", "Tangential impulse s = sum_j T_j grad tau_j.", (q, T, t), {"s": along}, par
+        ),
+        *family(
+            "slip_work",
+            "Tangential impulses times how far their tangents slide in a step, "
+            "T_j (tau_j(q_kp1) - tau_j(q_k)).",
+            (ends[0][0], ends[1][0], T, ends[0][1], ends[1][1]),
+            {"W_tau": [a * (late - early) for a, early, late in slipped]},
+            par,
         ),
         KernelSpec(
             "friction",
@@ -80,8 +98,7 @@ def joint_kernels(f: Continuous) -> list[KernelSpec]:
         return []
     q, v, _, t, par = state_inputs(f)
     R = Input.vector(f.L.graph, "R", len(f.phi))
-    q_k, q_kp1 = (Input.vector(f.L.graph, name, len(f.q)) for name in ("q_k", "q_kp1"))
-    t_k, t_kp1 = (Input.vector(f.L.graph, name, 1) for name in ("t_k", "t_kp1"))
+    (q_k, t_k), (q_kp1, t_kp1) = _ends_of_step(f)
     along = gradient(dot(R.symbols, f.phi), f.q)
     return [
         *family("joint", "Constraints phi = 0.", (q, t), {"phi": f.phi}, par),
@@ -97,16 +114,25 @@ def joint_kernels(f: Continuous) -> list[KernelSpec]:
     ]
 
 
+def _ends_of_step(f: Continuous) -> list[tuple[Input, Input]]:
+    """Positions and times at the start and at the end of a step."""
+    graph, nq = f.L.graph, len(f.q)
+    return [
+        (Input.vector(graph, f"q_{k}", nq), Input.vector(graph, f"t_{k}", 1)) for k in ("k", "kp1")
+    ]
+
+
+def _at(f: Continuous, expression: Any, place: tuple[Input, Input]) -> Any:
+    """An expression at a position and a time."""
+    q, t = place
+    return expression.subs(dict(zip((*f.q, f.t), (*q.symbols, *t.symbols), strict=True)))
+
+
 def _turns(f: Continuous, start: tuple[Input, Input], end: tuple[Input, Input]) -> list[Any]:
     """Of each constraint, sum_i d_i phi(start) d_i phi(end) / M_ii(start)."""
-
-    def at(expression: Any, place: tuple[Input, Input]) -> Any:
-        q, t = place
-        return expression.subs(dict(zip((*f.q, f.t), (*q.symbols, *t.symbols), strict=True)))
-
-    masses = [at(row[i], start) for i, row in enumerate(mass_matrix(f))]
+    masses = [_at(f, row[i], start) for i, row in enumerate(mass_matrix(f))]
     slopes = [gradient(phi, f.q) for phi in f.phi]
     return [
-        total(at(s, start) * at(s, end) / m for s, m in zip(row, masses, strict=True))
+        total(_at(f, s, start) * _at(f, s, end) / m for s, m in zip(row, masses, strict=True))
         for row in slopes
     ]

@@ -277,6 +277,30 @@ static inline void rate_work_hess(IN w_W_gamma, OUT hess)
 }
 KERNEL(rate_work_hess, ROW(5), INTO(0, 1))
 
+/* Normal impulses times gaps of the surfaces, lam_j g_j. */
+static inline void gap_work(IN q, IN lam, IN par, OUT W_g)
+{
+    W_g[0] = -(q[0] - par[3])*lam[0];
+}
+KERNEL(gap_work, ROW(0), ROW(1), ROW(3), INTO(0, 1))
+
+/* First derivatives of `gap_work` with respect to (q, lam, t).
+ *   W_g_D [1, 3] at 0: 0-1 */
+static inline void gap_work_jac(IN q, IN lam, IN par, OUT W_g_D)
+{
+    W_g_D[0] = -lam[0];
+    W_g_D[1] = par[3] - q[0];
+}
+KERNEL(gap_work_jac, ROW(0), ROW(1), ROW(3), INTO(0, 2))
+
+/* Second derivatives of the weighted sum of all results of `gap_work`.
+ *   hess [3, 3] at 0: 1 */
+static inline void gap_work_hess(IN w_W_g, OUT hess)
+{
+    hess[0] = -w_W_g[0];
+}
+KERNEL(gap_work_hess, ROW(4), INTO(0, 1))
+
 /* Shortest time to each surface at averaged full acceleration. */
 static inline void min_time(IN q_k, IN q_kp1, IN h, IN a, IN par, OUT T_min)
 {
@@ -377,9 +401,12 @@ static const dmoc_entry entries[] = {
     ENTRY(rate_work, 5, 1, RATE_WORK_INPUTS, {"W_gamma", 1}),
     ENTRY(rate_work_jac, 5, 1, RATE_WORK_INPUTS, {"W_gamma_D", 2}),
     ENTRY(rate_work_hess, 6, 1, RATE_WORK_INPUTS, {"w_W_gamma", 1}, {"hess", 1}),
+    ENTRY(gap_work, 4, 1, NORMAL_INPUTS, {"W_g", 1}),
+    ENTRY(gap_work_jac, 4, 1, NORMAL_INPUTS, {"W_g_D", 2}),
+    ENTRY(gap_work_hess, 5, 1, NORMAL_INPUTS, {"w_W_g", 1}, {"hess", 1}),
     ENTRY(min_time, 6, 1, MIN_TIME_INPUTS, {"T_min", 1}),
     ENTRY(min_time_jac, 6, 1, MIN_TIME_INPUTS, {"T_min_D", 4}),
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 14}),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "ec4663fe65427afcd5271c6c9aba17db0578b7b443304d9726d16a136bb3f350", 34, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "ed80a3935662d1b5c98e8312c327a16ef255e6d817f44ab13f7efd377d063678", 37, entries};

@@ -465,6 +465,34 @@ static inline void rate_work_hess(IN w_W_gamma, OUT hess)
 }
 KERNEL(rate_work_hess, ROW(5), INTO(0, 2))
 
+/* Normal impulses times gaps of the surfaces, lam_j g_j. */
+static inline void gap_work(IN q, IN lam, IN par, OUT W_g)
+{
+    W_g[0] = -(q[0] - par[4])*lam[0];
+    W_g[1] = (q[0] - par[5])*lam[1];
+}
+KERNEL(gap_work, ROW(0), ROW(1), ROW(3), INTO(0, 2))
+
+/* First derivatives of `gap_work` with respect to (q, lam, t).
+ *   W_g_D [2, 5] at 0: 0 2; 1: 0 3 */
+static inline void gap_work_jac(IN q, IN lam, IN par, OUT W_g_D)
+{
+    W_g_D[0] = -lam[0];
+    W_g_D[1] = par[4] - q[0];
+    W_g_D[2] = lam[1];
+    W_g_D[3] = q[0] - par[5];
+}
+KERNEL(gap_work_jac, ROW(0), ROW(1), ROW(3), INTO(0, 4))
+
+/* Second derivatives of the weighted sum of all results of `gap_work`.
+ *   hess [5, 5] at 0: 2-3 */
+static inline void gap_work_hess(IN w_W_g, OUT hess)
+{
+    hess[0] = -w_W_g[0];
+    hess[1] = w_W_g[1];
+}
+KERNEL(gap_work_hess, ROW(4), INTO(0, 2))
+
 /* Shortest time to each surface at averaged full acceleration. */
 static inline void min_time(IN q_k, IN q_kp1, IN h, IN a, IN par, OUT T_min)
 {
@@ -596,9 +624,12 @@ static const dmoc_entry entries[] = {
     ENTRY(rate_work, 5, 1, RATE_WORK_INPUTS, {"W_gamma", 1}),
     ENTRY(rate_work_jac, 5, 1, RATE_WORK_INPUTS, {"W_gamma_D", 3}),
     ENTRY(rate_work_hess, 6, 1, RATE_WORK_INPUTS, {"w_W_gamma", 1}, {"hess", 2}),
+    ENTRY(gap_work, 4, 1, NORMAL_INPUTS, {"W_g", 2}),
+    ENTRY(gap_work_jac, 4, 1, NORMAL_INPUTS, {"W_g_D", 4}),
+    ENTRY(gap_work_hess, 5, 1, NORMAL_INPUTS, {"w_W_g", 2}, {"hess", 2}),
     ENTRY(min_time, 6, 1, MIN_TIME_INPUTS, {"T_min", 2}),
     ENTRY(min_time_jac, 6, 1, MIN_TIME_INPUTS, {"T_min_D", 8}),
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 27}),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "7a797efdc4f4ad5cbd5c7fdbaf588435b2c8e9d34551650aa96e373cd1bb475a", 34, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "27ffd7805c24b1127f395a8f73dcadbad26c709ae1805b84d2ce95493c263a15", 37, entries};

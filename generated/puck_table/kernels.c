@@ -342,6 +342,42 @@ static inline void rate_work_hess(IN w_W_gamma, OUT hess)
 }
 KERNEL(rate_work_hess, ROW(5), INTO(0, 4))
 
+/* Normal impulses times gaps of the surfaces, lam_j g_j. */
+static inline void gap_work(IN q, IN lam, IN par, OUT W_g)
+{
+    W_g[0] = -q[0]*lam[0];
+    W_g[1] = (q[0] - par[1])*lam[1];
+    W_g[2] = -q[1]*lam[2];
+    W_g[3] = (q[1] - par[2])*lam[3];
+}
+KERNEL(gap_work, ROW(0), ROW(1), ROW(3), INTO(0, 4))
+
+/* First derivatives of `gap_work` with respect to (q, lam, t).
+ *   W_g_D [4, 7] at 0: 0 2; 1: 0 3; 2: 1 4; 3: 1 5 */
+static inline void gap_work_jac(IN q, IN lam, IN par, OUT W_g_D)
+{
+    W_g_D[0] = -lam[0];
+    W_g_D[1] = -q[0];
+    W_g_D[2] = lam[1];
+    W_g_D[3] = q[0] - par[1];
+    W_g_D[4] = -lam[2];
+    W_g_D[5] = -q[1];
+    W_g_D[6] = lam[3];
+    W_g_D[7] = q[1] - par[2];
+}
+KERNEL(gap_work_jac, ROW(0), ROW(1), ROW(3), INTO(0, 8))
+
+/* Second derivatives of the weighted sum of all results of `gap_work`.
+ *   hess [7, 7] at 0: 2-3; 1: 4-5 */
+static inline void gap_work_hess(IN w_W_g, OUT hess)
+{
+    hess[0] = -w_W_g[0];
+    hess[1] = w_W_g[1];
+    hess[2] = -w_W_g[2];
+    hess[3] = w_W_g[3];
+}
+KERNEL(gap_work_hess, ROW(4), INTO(0, 4))
+
 /* Shortest time to each surface at averaged full acceleration. */
 static inline void min_time(IN q_k, IN q_kp1, IN h, IN a, IN par, OUT T_min)
 {
@@ -485,9 +521,12 @@ static const dmoc_entry entries[] = {
     ENTRY(rate_work, 5, 1, RATE_WORK_INPUTS, {"W_gamma", 1}),
     ENTRY(rate_work_jac, 5, 1, RATE_WORK_INPUTS, {"W_gamma_D", 6}),
     ENTRY(rate_work_hess, 6, 1, RATE_WORK_INPUTS, {"w_W_gamma", 1}, {"hess", 4}),
+    ENTRY(gap_work, 4, 1, NORMAL_INPUTS, {"W_g", 4}),
+    ENTRY(gap_work_jac, 4, 1, NORMAL_INPUTS, {"W_g_D", 8}),
+    ENTRY(gap_work_hess, 5, 1, NORMAL_INPUTS, {"w_W_g", 4}, {"hess", 4}),
     ENTRY(min_time, 6, 1, MIN_TIME_INPUTS, {"T_min", 4}),
     ENTRY(min_time_jac, 6, 1, MIN_TIME_INPUTS, {"T_min_D", 16}),
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 34}),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "4289ac1adbdd07b8c52a69fe34976771f21d21e776d4ff5db644f21d31685456", 34, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "a3ae2caaa950b3a936e401cc0de3df0e4bde1094921028490bcdfcee82016919", 37, entries};

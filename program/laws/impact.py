@@ -110,6 +110,11 @@ class ImpactLaw(Law):
         return self.lay.touch.impacts
 
     @property
+    def sure(self) -> Bools:
+        """Events at which something is hit or lands for certain."""
+        return self.impact & (self.lay.touch.open is None)
+
+    @property
     def plain(self) -> Bools:
         """Collisions whose law says what gamma is after them: plastic ones, touches, landings, and
         all where it is stated in the rates."""
@@ -151,7 +156,7 @@ class ImpactLaw(Law):
         )
         self.energy = block(
             "energy",
-            self.impact,
+            self.sure,
             lambda k: f"energy at {at[k]}",
             lambda s: np.where(plain, sizes_of(s.rate, hit), s.energy),
             missed=Missed(
@@ -162,7 +167,7 @@ class ImpactLaw(Law):
         )
         self.contact = block(
             "contact",
-            self.impact,
+            self.sure,
             lambda k: f"contact at {at[k]}",
             lambda s: sizes_of(s.gap, hit),
             missed=Missed(
@@ -182,14 +187,14 @@ class ImpactLaw(Law):
         at, hit, nodes = self.lay.impact.names, self.surfaces, self.lay.collision_nodes
         self.approach = block(
             "approach",
-            self.impact & ~self.touching,
+            self.sure & ~self.touching,
             lambda k: f"approach of {at[k]}",
             lambda s: sizes_of(s.rate, hit),
             nodes,
         )
         self.separation = block(
             "separation",
-            self.impact & ~self.plain,
+            self.sure & ~self.plain,
             lambda k: f"separation after {at[k]}",
             lambda s: sizes_of(s.rate, hit),
             nodes,

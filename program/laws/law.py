@@ -29,10 +29,11 @@ RANKS = 7
 
 class Pivot(NamedTuple):
     """Unknowns and the rows that determine them, in one shape, and where in the chain both can be
-    eliminated, one key for each place of the first axis or one for all; NOWHERE for none."""
+    eliminated, one key for each place of the first axis or one for all; NOWHERE for none.  Unknowns
+    without rows are eliminated alone."""
 
     unknowns: Index
-    rows: Index
+    rows: Index | None
     key: Index | int
 
 

@@ -17,10 +17,10 @@ from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Block, Index, Numbering
 from dmoc.program.elements import Structure
+from dmoc.program.laws.complementarity import ComplementarityLaw
 from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.ends import EndsLaw, Goal
 from dmoc.program.laws.friction import FrictionLaw
-from dmoc.program.laws.held import HeldLaw
 from dmoc.program.laws.hit import HitLaw
 from dmoc.program.laws.impact import ImpactLaw
 from dmoc.program.laws.joint import JointLaw
@@ -29,6 +29,7 @@ from dmoc.program.laws.path import PathLaw
 from dmoc.program.laws.step import StepLaw
 from dmoc.program.layout import SHARED, Layout
 from dmoc.program.presolve import Settled
+from dmoc.program.scale import Scale
 
 
 class Remembered:
@@ -48,8 +49,8 @@ class Laws:
     contact: ContactLaw
     friction: FrictionLaw
     hit: HitLaw
-    held: HeldLaw
     joint: JointLaw
+    complementarity: ComplementarityLaw
     equalities: tuple[Block, ...] = ()
     inequalities: tuple[Block, ...] = ()
     remembered: Remembered = field(default_factory=Remembered)
@@ -64,11 +65,8 @@ class Laws:
 
     def __iter__(self) -> Iterator[Law]:
         before = self.step, self.path, self.impact, self.ends
-        return iter((*before, *self.of_contacts, self.joint))
-
-    @property
-    def of_contacts(self) -> tuple[Law, ...]:
-        return self.contact, self.friction, self.hit, self.held
+        pushing = self.contact, self.friction, self.hit, self.joint, self.complementarity
+        return iter((*before, *pushing))
 
     def stating(self, problem: Problem) -> Laws:
         """The same rows with what another problem says of both ends: the numbers in their names
@@ -86,7 +84,7 @@ class Laws:
 
     def numbered(self, problem: Problem, limits: tuple[Array, Array]) -> Laws:
         """Number the rows of a problem whose unknowns have some lower and upper limits."""
-        shared = self.of_contacts if _is_untouched(self.contact.lay) else ()
+        shared = (self.contact, self.friction, self.hit) if _is_untouched(self.contact.lay) else ()
         laws = [law for law in self if law not in shared]
         block = Numbering()
         for law in laws:
@@ -100,22 +98,29 @@ class Laws:
 
 
 def laws_of(
-    problem: Problem, lay: Layout, touching: Index, goals: Sequence[Goal], pulling: bool = False
+    problem: Problem,
+    lay: Layout,
+    scale: Scale,
+    touching: Index,
+    goals: Sequence[Goal],
+    pulling: bool = False,
 ) -> Laws:
     """The laws of a problem, without the numbers of their rows; ``goals`` are those that are
     constraints instead of bounds, the other arguments are those of the program."""
     impact = ImpactLaw.of(problem, lay, touching)
     if _is_untouched(lay):
-        contact, friction, hit, held = _untouched(lay)
+        contact, friction, hit = _untouched(lay)
     else:
         contact = ContactLaw(lay, pulling)
         friction = FrictionLaw(contact, problem.model.friction)
         hit = HitLaw.of(problem, lay, impact)
-        held = HeldLaw(contact, problem.model.friction, impact.touching)
     return Laws(
         StepLaw(problem, lay), PathLaw.of(problem, lay), impact,
-        EndsLaw(problem, lay, tuple(goals)), contact, friction, hit, held,
+        EndsLaw(problem, lay, tuple(goals)), contact, friction, hit,
         JointLaw(lay, tuple(problem.kernels.manifest["bent_joints"])),
+        ComplementarityLaw(
+            lay, problem.model.friction, problem.restitution_values, problem.relaxation, scale
+        ),
     )  # fmt: skip
 
 
@@ -136,7 +141,7 @@ def rows_follow_from(
     numbers share them.  None where they follow from more, as where fixed values settle rows of
     contacts and constraints."""
     manifest = problem.kernels.manifest
-    if not _is_untouched(lay) or problem.kernels.joints:
+    if not _is_untouched(lay) or lay.touch.open or problem.kernels.joints:
         return None
     model = manifest["fingerprint"], manifest.get("code"), problem.kernels.backend
     low, high = problem.final_time_bounds
@@ -155,16 +160,14 @@ def _is_untouched(lay: Layout) -> bool:
 
 
 @lru_cache(maxsize=SHARED)
-def _untouched(lay: Layout) -> tuple[ContactLaw, FrictionLaw, HitLaw, HeldLaw]:
+def _untouched(lay: Layout) -> tuple[ContactLaw, FrictionLaw, HitLaw]:
     """Laws of contacts where there are none: their blocks have no members, so that all programs of
     a layout share them."""
     mu, events = np.zeros(len(lay.touch.contacts.tangents)), len(lay.touch.surfaces)
     contact = ContactLaw(lay, False)
     contact.settled, friction = Settled.nothing(lay), FrictionLaw(contact, mu)
-    touching = np.zeros(events, dtype=bool)
-    hit, held = HitLaw(lay, (), mu, np.zeros(events), touching), HeldLaw(contact, mu, touching)
-    laws: tuple[Law, ...] = (contact, friction, hit, held)
-    for law in laws:
+    hit = HitLaw(lay, (), mu, np.zeros(events), np.zeros(events, bool))
+    for law in (contact, friction, hit):
         law.equations(Numbering())
         law.inequalities(Numbering())
-    return contact, friction, hit, held
+    return contact, friction, hit

@@ -126,7 +126,7 @@ class StepLaw(Law):
         problem, lay = self.problem, self.lay
         model, free = problem.model, self.free_ends
         keep = np.ones((lay.total + 1, model.nc), dtype=bool)
-        hits = lay.touch.surfaces != NOWHERE
+        hits = (lay.touch.surfaces != NOWHERE) & (lay.touch.open is None)
         keep[lay.collision_nodes[hits], lay.touch.surfaces[hits]] = False
         keep[:, [model.surface_numbers[name] for name in problem.ignored]] = False
         for i, mode in enumerate(lay.touch.modes):

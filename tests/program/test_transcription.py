@@ -14,6 +14,7 @@ from systems import driven_system, landing_system, rod_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.mechanics.touch import Open
 from dmoc.program.blocks import GOAL, LAW
 from dmoc.program.extraction import trajectory
 from dmoc.program.layout import Layout
@@ -95,16 +96,15 @@ def joint_problem(periodic: bool) -> dmoc.Problem:
     return dmoc.Problem(
         dmoc.build(replace(rod, name="guided_rod", constraints=guides)),
         start={"x": 0.0, "y": None, "a": None, "s": None, "x_dot": None} if periodic else start,
-        contacts=["rail:slip+"],
-        sequence=["+right:slip-", "wall", "-right rail:stick", "left:slip+:stick"],
-        goal={} if periodic else {"x": 0.2, "s_dot": 0.0}, steps=[3, 2, 3, 2, 2],
+        contacts=["rail:slip+"], sequence=["+right:slip-", "wall", "-right rail:stick"],
+        goal={} if periodic else {"x": 0.2, "s_dot": 0.0}, steps=[3, 2, 3, 2],
         periodic=["y", "y_dot"] if periodic else (), final_time=(0.5, 2.0), restitution=0.5,
     )  # fmt: skip
 
 
 def hit_problem(order: int) -> dmoc.Problem:
-    """Hits with friction in all ways, and landings that turn and stop, of a rod with a rail, also
-    while its other end holds; of a puck without anything that lasts."""
+    """Hits with friction in all ways, and landings that turn and stop, of a rod with a rail; of a
+    puck without anything that lasts."""
     if order != 2:
         return dmoc.Problem(
             dmoc.build(landing_system(), order=order), start={"x": 0.0, "y": 1.0, "x_dot": None},
@@ -116,8 +116,7 @@ def hit_problem(order: int) -> dmoc.Problem:
         start={"x": 0.0, "y": 1.0, "a": (0.1, 1.0), "s": 0.0, "x_dot": None},
         sequence=[
             "left:slip+:stick rail:slip+", "right:slip-:slip+:late", "left:slip-",
-            "+right:slip-:slip+", "-right", "+left:slip+:stick", "right:slip+:stick",
-            "right:slip-:slip+:late",
+            "+right:slip-:slip+", "-right", "+left:slip+:stick",
         ],
         steps=2, final_time=(0.5, 2.0), restitution={"left": 0.5, "right": 0.2},
     )  # fmt: skip
@@ -129,6 +128,7 @@ def hit_problem(order: int) -> dmoc.Problem:
         "driven, linear",
         *("pendulum, order 4", "contacts", "contacts, periodic"),
         *("hits with friction", "hits with friction, order 4", "joints", "joints, periodic"),
+        *("relaxed", "relaxed, periodic", "relaxed, moving"),
     ]
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
@@ -136,6 +136,12 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
         controls = "linear" if "linear" in request.param else None
         problem = driven_problem(4 if "4" in request.param else 2, controls)
         return Transcription(problem.in_rates() if "rates" in request.param else problem)
+    if request.param == "relaxed, moving":
+        relaxed = driven_problem(2).relaxed(Open((0, 1)), ["side"], 3, 0.5)
+        return Transcription(relaxed)
+    if request.param.startswith("relaxed"):
+        rod = rod_problem("periodic" in request.param)
+        return Transcription(rod.relaxed(Open((0, 1), (0, 1, 2), (1,)), ["wall"], 3, 0.5))
     if request.param.startswith("contacts"):
         return Transcription(rod_problem("periodic" in request.param))
     if request.param.startswith("joints"):
@@ -203,10 +209,10 @@ def test_every_unknown_has_one_place(nlp: Transcription) -> None:
 def test_unknowns_have_the_order_of_files_and_those_of_laws_tables(nlp: Transcription) -> None:
     """Files keep the multipliers of bounds in this order."""
     lay, order = nlp.layout, "h q u lam p_B p_E v_B v_E v_a v_c t q_i s".split()
-    of_laws = ["P", "T", "P_c", "T_c", "v_h", "P_h", "T_h", "R", "R_c", "P_b", "T_b", "R_b"]
+    of_laws = ["P", "T", "P_c", "T_c", "v_h", "P_h", "T_h", "R", "R_c", "P_r", "T_r"]
     assert [b.name for b in lay.unknowns] == order + of_laws
-    parts = lay, lay.impact, lay.contact, lay.hit, lay.joint, lay.held
-    tables = {name: table for part in parts for name, table in vars(part).items()}
+    laws = lay.impact, lay.contact, lay.hit, lay.joint, lay.relaxed
+    tables = {name: value for table in (lay, *laws) for name, value in vars(table).items()}
     for block in lay.unknowns:
         held = [name for name in (block.name, f"index_{block.name}") if name in tables]
         assert [np.array_equal(tables[name], block.index) for name in held] == [True]

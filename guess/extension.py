@@ -1,0 +1,44 @@
+"""A motion with one more event: one of its phases, bent to a surface and cut there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dmoc.guess.tracking import reflected
+from dmoc.guess.transfer import Piece
+from dmoc.mechanics.contacts import NOWHERE
+from dmoc.problem.problem import Problem
+from dmoc.problem.surfaces import onto_surface
+
+
+def with_event(problem: Problem, pieces: Sequence[Piece], i: int, surface: int) -> list[Piece]:
+    """Pieces of which the one of phase i is bent to touch a surface where it comes closest to it,
+    or cut in its middle where there is none."""
+    piece = pieces[i]
+    steps = len(piece.t) - 1
+    k, q, rates = steps // 2, piece.q, [piece.v[: steps // 2 + 1], piece.v[steps // 2 :]]
+    if surface != NOWHERE:
+        gaps = problem.model.gaps(piece.q, piece.t)[:, surface]
+        inner = slice(max(1, steps // 10), steps - max(1, steps // 10) + 1)
+        k = int(np.argmax(gaps[inner])) + inner.start
+        met = onto_surface(problem, piece.q[k], surface, float(piece.t[k]))
+        bend = np.zeros(problem.nq) if met is None else met - piece.q[k]
+        share = np.concatenate([np.linspace(0, 1, k + 1), np.linspace(1, 0, steps - k + 1)[1:]])
+        q = piece.q + share[:, None] * bend
+        rates = [
+            piece.v[part] + sign * bend / np.ptp(piece.t[part])
+            for part, sign in ((slice(k + 1), 1), (slice(k, None), -1))
+        ]
+    before = replace(piece, t=piece.t[: k + 1], q=q[: k + 1], v=rates[0], forces={})
+    after = replace(piece, t=piece.t[k:], q=q[k:], v=rates[1], forces={})
+    return [*pieces[:i], before, after, *pieces[i + 1 :]]
+
+
+def impulse_between(problem: Problem, before: Piece, after: Piece, surface: int) -> float:
+    """The impulse of a surface that is hit between two pieces, by the rate before; 0 for none."""
+    if surface == NOWHERE:
+        return 0.0
+    return reflected(problem, after.q[0], before.v[-1], surface, float(after.t[0]))[1]

@@ -1,0 +1,272 @@
+"""Contacts that no word says: complementarity, relaxed by eps.
+
+At every node stand impulses P >= 0 of the surfaces that may be closed, and friction T of what may
+rub; the hits of the sequence may be none::
+
+    momentum     ... - sum P_k grad g(q_k) + sum T_k grad tau(q_k) = 0      of every node
+    pressing     eps + P_k g(q_kp1) >= 0                        nothing pushes from afar
+    cone         mu P_k -+ T_k >= 0
+    dissipation  eps - d_k (T_k +- mu P_k) >= 0                 d_k = tau(q_kp1) - tau(q_k)
+    resting      eps -+ P gamma(q, v) >= 0                      at both ends of the motion
+    closed       eps + g(q_0) >= 0                              of what is closed at the start
+    hit          eps + lam g(q_c) >= 0
+    rebound      eps -+ lam (gamma(q_c, v_c) + e gamma(q_c, v_a)) >= 0
+
+Dissipation says that friction opposes sliding.  A rail has h F in the place of mu P.  eps is a
+share of the sizes of both factors; for eps to zero the motions are those of all sequences, and each
+says its own (:mod:`dmoc.sequences.proposals`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contacts import RAIL
+from dmoc.mechanics.touch import Open
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import (
+    NOWHERE,
+    Block,
+    Bools,
+    Entries,
+    Index,
+    Label,
+    Numbering,
+    in_columns,
+    sizes_of,
+)
+from dmoc.program.laws.law import INPUT, Law, Pivot, key
+from dmoc.program.layout import Layout
+from dmoc.program.scale import Scale
+from dmoc.program.terms import Places, Term
+
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
+
+
+@dataclass(eq=False)
+class ComplementarityLaw(Law):
+    """The contacts that are left open; where nothing is, the law has no rows.
+
+    Attributes
+    ----------
+    lay : Layout
+    mu : array, shape (nt,)
+        Coefficients of friction of surfaces, largest forces of rails.
+    e : array, shape (nc,)
+        Coefficients of restitution.
+    eps : float
+    scale : Scale
+    """
+
+    lay: Layout
+    mu: Array
+    e: Array
+    eps: float
+    scale: Scale
+    settled: Bools = field(init=False)
+    closed: Block = field(init=False)
+    resting: Block = field(init=False)
+    pressing: Block = field(init=False)
+    cone: Block = field(init=False)
+    dissipation: Block = field(init=False)
+    hit: Block = field(init=False)
+    rebound: Block = field(init=False)
+
+    @property
+    def _used(self) -> bool:
+        return self.lay.touch.open is not None
+
+    @property
+    def _open(self) -> Open:
+        return self.lay.touch.open or Open()
+
+    @cached_property
+    def _next(self) -> Index:
+        """The node after each, and the last one after itself."""
+        return np.minimum(np.arange(1, self.lay.total + 2), self.lay.total)
+
+    def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
+        box[self.lay.relaxed.P_r[self.lay.relaxed.P_r != NOWHERE], 0] = 0.0
+
+    def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
+        fixed = (limits[0] == limits[1])[self.lay.index_q[0]]
+        on = problem.model.surface_coordinates
+        self.settled = np.array([bool(fixed[list(q)].all()) for q in on], dtype=bool)
+
+    def inequalities(self, block: Numbering) -> None:
+        if not self._used:
+            return
+        lay, names, hit = self.lay, self.lay.touch.contacts, self.lay.touch.surfaces
+        nodes, at = np.arange(lay.total + 1), lay.collision_nodes
+        presses, rubs = lay.relaxed.P_r != NOWHERE, _twice(lay.relaxed.T_r != NOWHERE)
+        every = np.ones(len(hit), dtype=bool)
+
+        def of(names: tuple[str, ...], what: str) -> Label:
+            return lambda k, j, *_: f"{what} of {names[j]} at node {k}"
+
+        def at_hit(what: str) -> Label:
+            return lambda i, *_: f"{what} of {lay.impact.names[i]}"
+
+        ends = np.array([len(lay.index_v_B) > 0, len(lay.index_v_E) > 0])
+        self.resting = block(
+            "resting",
+            _twice(presses[[0, -1]] & ends[:, None]),
+            lambda e, j, _: f"rate of {names.surfaces[j]} at the {('start', 'end')[e]}",
+            lambda s: (s.rate * s.lam / lay.total)[:, None],
+            nodes[[1, -1]],
+        )
+        held = np.isin(np.arange(len(names.surfaces)), self._open.closed) & ~self.settled
+        self.closed = block(
+            "closed at the start",
+            held[None],
+            of(names.surfaces, "contact"),
+            lambda s: s.gap,
+            nodes[:1] + 1,
+        )
+        self.pressing = block(
+            "pressing",
+            presses,
+            of(names.surfaces, "complementarity"),
+            lambda s: s.gap * s.lam / lay.total,
+            self._next,
+        )
+        self.cone = block(
+            "relaxed cone",
+            rubs,
+            of(names.tangents, "friction cone"),
+            lambda s: s.friction[:, None] / lay.total,
+            nodes,
+        )
+        self.dissipation = block(
+            "dissipation",
+            rubs,
+            of(names.tangents, "dissipation"),
+            lambda s: (s.slide * s.time * s.friction)[:, None] / lay.total**2,
+            self._next,
+        )
+        self.hit = block(
+            "hit", every, at_hit("complementarity"), lambda s: sizes_of(s.gap * s.lam, hit), at
+        )
+        self.rebound = block(
+            "rebound",
+            np.repeat(every[:, None], 2, axis=1),
+            at_hit("restitution"),
+            lambda s: sizes_of(s.rate * s.lam, hit)[:, None],
+            at,
+        )
+
+    def constants(self) -> Iterator[tuple[int, float]]:
+        if not self._used:
+            return
+        for block in (
+            self.resting, self.closed, self.pressing, self.dissipation, self.hit, self.rebound,
+        ):  # fmt: skip
+            sizes = self.eps * block.sizes(self.scale)
+            yield from zip(block.numbers.tolist(), sizes.tolist(), strict=True)
+
+    # Terms ----------------------------------------------------------------------------------------
+
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
+        if not self._used:
+            return []
+        lay, momentum, late = self.lay, laws.step.momentum.index, self._next
+        P, T = places.known(lay.relaxed.P_r), places.known(lay.relaxed.T_r)
+        t, t_late = places.times(np.arange(lay.total + 1)), places.times(late)
+        return [
+            Term("normal", (lay.index_q, P, t), (momentum,), -1.0),
+            Term("traction", (lay.index_q, T, t), (momentum,)),
+            Term("surface", (lay.index_q[:1], t[:1]), (self.closed.index,)),
+            Term("gap_work", (lay.index_q[late], P, t_late), (self.pressing.index,)),
+            *self._slides(places, T),
+            *self._rests(places, P),
+            *self._hits(places),
+        ]
+
+    def _rests(self, places: Places, P: Index) -> Iterator[Term]:
+        """Rates at both ends, times the impulses there."""
+        lay, surfaces = self.lay, self._open.surfaces
+        for e, v in ((0, lay.index_v_B), (-1, lay.index_v_E)):
+            for j in surfaces if len(v) else ():
+                alone = np.full((1, places.nc), places.zero)
+                alone[0, j] = P[e, j]
+                at = lay.ends[[e]]
+                state = lay.index_q[at], v[None], alone, places.times(at)
+                for side, sign in enumerate((1.0, -1.0)):
+                    rows = self.resting.index[e, j, side].reshape(1, 1)
+                    yield Term("rate_work", state, (rows,), sign)
+
+    def _hits(self, places: Places) -> Iterator[Term]:
+        lay, nodes, hit = self.lay, self.lay.collision_nodes, self.lay.touch.surfaces
+        if not len(nodes):
+            return
+        q, t = lay.index_q[nodes], places.times(nodes)
+        lam = in_columns(lay.impact.lam, hit, places.nc, places.zero)
+        yield Term("gap_work", (q, lam, t), (in_columns(self.hit.index, hit, places.nc),))
+        for v, factor in ((lay.impact.v_c, 1.0), (lay.impact.v_a, self.e[hit][:, None])):
+            for side, sign in enumerate((1.0, -1.0)):
+                rows = self.rebound.index[:, [side]]
+                yield Term("rate_work", (q, v, lam, t), (rows,), sign * factor)
+
+    def _slides(self, places: Places, T: Index) -> Iterator[Term]:
+        """Friction times how far its tangent slides in the step after the node; after the last one,
+        in the step before it."""
+        lay, late, rows = self.lay, self._next, self.dissipation.index
+        ends = lay.index_q[late - 1], lay.index_q[late]
+        when = places.times(late - 1), places.times(late)
+        for side, sign in enumerate((1.0, -1.0)):
+            yield Term("slip_work", (*ends, T, *when), (rows[:, :, side],), -1.0)
+            for t in self._open.tangents:
+                for limit, factor in self._bearing(t):
+                    alone = np.full(T.shape, places.zero)
+                    alone[:, t] = places.known(limit)
+                    own = np.full(T.shape, NOWHERE)
+                    own[:, t] = rows[:, t, side]
+                    yield Term("slip_work", (*ends, alone, *when), (own,), -sign * factor[:, None])
+
+    def _bearing(self, t: int) -> Iterator[tuple[Index, Array]]:
+        """What friction can hold at the nodes: unknowns and their factors."""
+        lay, surface, mu = self.lay, self.lay.touch.contacts.supports[t], float(self.mu[t])
+        if surface != RAIL:
+            yield lay.relaxed.P_r[:, surface], np.full(lay.total + 1, mu)
+            return
+        h, none = lay.index_h[lay.phase_of_step], np.full(1, NOWHERE)
+        before, after = np.concatenate([none, h]), np.concatenate([h, none])
+        same = before == after  # one unknown, which a row has once
+        yield np.where(same, NOWHERE, before), np.full(lay.total + 1, mu / 2)
+        yield after, np.where(same, mu, mu / 2)
+
+    # Linear rows and pivots -----------------------------------------------------------------------
+
+    def entries(self, laws: Laws) -> list[Entries]:
+        """Entries of the cones."""
+        entries: list[Entries] = []
+        for t in self._open.tangents:
+            for side, sign in enumerate((1.0, -1.0)):
+                rows = self.cone.index[:, t, side]
+                own = self.lay.relaxed.T_r[:, t], np.full(len(rows), sign)
+                parts = [own, *self._bearing(t)]
+                for unknowns, factor in parts:
+                    at = (rows != NOWHERE) & (unknowns != NOWHERE)
+                    entries.append((rows[at], unknowns[at], factor[at]))
+        return entries
+
+    def pivots(self, laws: Laws) -> Iterator[Pivot]:
+        """Impulses belong to their nodes, as inputs do."""
+        if not self._used:
+            return
+        lay = self.lay
+        at = key(np.minimum(np.arange(lay.total + 1), lay.total - 1), INPUT)
+        yield Pivot(lay.relaxed.P_r, None, at)
+        yield Pivot(lay.relaxed.T_r, None, at)
+        yield Pivot(lay.impact.lam, None, key(lay.collision_nodes, INPUT))
+
+
+def _twice(mask: Bools) -> Bools:
+    return np.repeat(mask[:, :, None], 2, axis=2)

@@ -1,0 +1,118 @@
+"""The sequences that relaxed motions propose, solved exactly: the cheapest first, and the
+neighbours of the best."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from dmoc.base.deadline import Deadline
+from dmoc.codegen.kernels import Array
+from dmoc.guess.contacts import in_contact
+from dmoc.guess.folded import Folded
+from dmoc.guess.transfer import pieces_of
+from dmoc.problem.problem import Problem
+from dmoc.sequences.node_solve import Task
+from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.proposals import Proposals, Words
+from dmoc.sequences.settings import proposed
+from dmoc.sequences.tree import TOGETHER, Tree
+from dmoc.solving.multistart.exploration import coarse_of
+
+# A proposal that costs so much more than the best, relative to it, is not solved: on their mesh
+# relaxed motions of the known answers cost between three quarters and one and a tenth of what their
+# sequences cost.
+DEARER = 0.35
+
+
+class Candidates(Tree):
+    """Sequences that were proposed, and what comes of them."""
+
+    def __init__(self, proposals: Proposals, deadline: Deadline) -> None:
+        super().__init__(proposals.problem, proposals.settings)
+        self.proposals, self.deadline = proposals, deadline
+        self.refused = dict(proposals.refused)
+        self.frontier = [p.sequence for p in proposals.ranked()]
+        self.left: list[Words] = []  # too dear to be solved
+        self.alone = False  # no relaxed motion helps
+
+    def surrounded(self) -> Tree:
+        """The tree of all sequences, which has what is known of these."""
+        tree = Tree(self.problem, self.settings)
+        tree.journal = self.journal
+        tree.known = {**self.known, **self.nodes}
+        return tree
+
+    def rounds(self) -> Iterator[list[Words]]:
+        """The cheapest first, then the neighbours of the best, until it stays the best."""
+        while self.frontier or self._neighbours() or self._once_more():
+            self.frontier.sort(key=self._rank)
+            least = self.least()
+            least = self._cheapest(self.frontier[0]) if least == np.inf else least
+            most = least + DEARER * abs(least)
+            near = [s for s in self.frontier if self._cheapest(s) <= most]
+            if near:
+                yield near[:TOGETHER]
+            else:
+                self.left, self.frontier = [*self.left, *self.frontier], []
+
+    def _add(self, node: Node) -> Node:
+        """What the best proposes, where contacts stay at the edges of their modes, joins too."""
+        self.nodes[node.sequence] = node
+        self.frontier.remove(node.sequence)
+        best = self.best()
+        if best is not None and best.sequence == node.sequence:
+            words = proposed(self.problem, node.solution, self.settings)
+            if words and words not in self.nodes and words not in self.frontier:
+                self.proposed[words] = node.solution
+                self._join(words)
+        return node
+
+    def _neighbours(self) -> bool:
+        """Put what the motion of the best proposes into the frontier; whether there is anything."""
+        best = self.best()
+        if best is None or best.sequence in self.proposals.around or best.solution is None:
+            return False
+        motion = best.solution.trajectory
+        hits = ["" if c.surface in c.lands else c.surface for c in motion.collisions]
+        impulses = [c.impulse for c in motion.collisions]
+        way = Folded(tuple(hits), tuple(pieces_of(motion)), tuple(impulses))
+        new = self.proposals.look_around(best.sequence, way, self.deadline)
+        self.frontier += [s for s in new if s not in self.nodes]
+        return bool(self.frontier)
+
+    def _once_more(self) -> bool:
+        """Where none is confirmed, put those that have failed into the frontier, to be solved from
+        starts of their own."""
+        failed = [s for s, n in self.nodes.items() if n.verdict is Verdict.FAILED]
+        if self.best() is not None or self.alone or not failed:
+            return False
+        self.alone = True
+        self.frontier = sorted(failed, key=self._rank)[:TOGETHER]
+        for s in self.frontier:
+            del self.nodes[s]
+        return True
+
+    def _cheapest(self, sequence: Words) -> float:
+        proposed = self.proposals.proposed.get(sequence)
+        return -np.inf if proposed is None else proposed.cost
+
+    def _rank(self, sequence: Words) -> tuple[Any, ...]:
+        return self._cheapest(sequence), *self.place(sequence)
+
+    def _task(self, sequence: Words) -> Task:
+        s, problem = self.settings, self.problem_of(sequence)
+        return Task(
+            problem, None, s.method, s.starts, s.seed, s.node_seconds,
+            proposer=self.proposed.get(sequence), start=self._start(problem, sequence),
+        )  # fmt: skip
+
+    def _start(self, problem: Problem, sequence: Words) -> Array | None:
+        """The relaxed motion on the coarse mesh of the sequence."""
+        if sequence not in self.proposals.motions or self.alone:
+            return None
+        coarse = coarse_of(problem)
+        with np.errstate(all="ignore"):
+            return in_contact(coarse, self.proposals.motions[sequence].unknowns(coarse))

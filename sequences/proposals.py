@@ -1,0 +1,205 @@
+"""Sequences that nobody has named: those that motions of the relaxed program have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from dmoc.base.deadline import Deadline
+from dmoc.base.errors import ProblemError, SearchError
+from dmoc.guess.folded import Folded
+from dmoc.mechanics.contact_mode import STICK, Mode, mode_in_words
+from dmoc.mechanics.contacts import RAIL
+from dmoc.mechanics.modes import word_between
+from dmoc.problem.problem import Problem
+from dmoc.sequences.reading import Reading, Relaxed
+from dmoc.sequences.relaxation import Relaxation
+from dmoc.sequences.settings import BEYOND, Settings, refusal
+
+# So many starts that have led to the cheapest sequence are enough.
+OFTEN = 3
+Words = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Proposed:
+    """A sequence that motions of the relaxed program have.
+
+    Attributes
+    ----------
+    sequence : tuple of str
+    cost : float
+        Of the cheapest of them, on their mesh.
+    starts : int
+        How many starts have led to it.
+    """
+
+    sequence: Words
+    cost: float
+    starts: int = 1
+
+    def to_dict(self) -> dict[str, Any]:
+        """What the command line prints as JSON."""
+        return {"sequence": list(self.sequence), "cost": self.cost, "starts": self.starts}
+
+    def __str__(self) -> str:
+        name = ", ".join(self.sequence) or "no event"
+        return f"{name} ({self.starts} start{'s' * (self.starts != 1)}, about {self.cost:.4g})"
+
+
+@dataclass
+class Proposals:
+    """What relaxed motions propose.
+
+    Attributes
+    ----------
+    problem : Problem
+        With the friction at its start that the cheapest of them begins with, where it says none.
+    starts : int
+        How many there were.
+    proposed : dict
+        By sequence.
+    motions : dict
+        The cheapest motion of each.
+    around : set
+        Those from whose motions others were looked for.
+    refused : dict
+        Sequences that no problem can have, and why.
+    """
+
+    problem: Problem
+    relaxation: Relaxation
+    settings: Settings
+    starts: int = 0
+    proposed: dict[Words, Proposed] = field(default_factory=dict)
+    motions: dict[Words, Folded] = field(default_factory=dict)
+    around: set[Words] = field(default_factory=set)
+    refused: dict[Words, str] = field(default_factory=dict)
+
+    @property
+    def led(self) -> int:
+        """Starts that led to a motion."""
+        return sum(p.starts for p in self.proposed.values())
+
+    def ranked(self) -> tuple[Proposed, ...]:
+        """The cheapest first."""
+        return tuple(sorted(self.proposed.values(), key=lambda p: (p.cost, p.sequence)))
+
+    def take(self, motions: Iterable[Relaxed | None]) -> list[Words]:
+        """Add what some motions propose; return the sequences that are new."""
+        new, closed = list[Words](), set(self.problem.touch.modes[0].closed)
+        for motion in motions:
+            self.starts += 1
+            if motion is None or not closed <= set(motion.reading.start.closed):
+                continue  # none, or one that does not begin as the problem does
+            words, way = self._in_the_problem(motion.reading)
+            if not self._fits(words):
+                continue
+            before = self.proposed.get(words)
+            if before is None:
+                new.append(words)
+            if before is None or motion.cost < before.cost:
+                self.motions[words] = way
+                before = Proposed(words, motion.cost, before.starts if before else 0)
+            self.proposed[words] = replace(before, starts=before.starts + 1)
+        return new
+
+    def look_around(self, words: Words, motion: Folded, deadline: Deadline) -> list[Words]:
+        """Add what motions from that of a sequence propose; return the sequences that are new."""
+        self.around.add(words)
+        most = self.settings.max_collisions
+        return self.take(self.relaxation.beside(motion, most, deadline))
+
+    def _in_the_problem(self, reading: Reading) -> tuple[Words, Folded]:
+        """Words and motion of a reading, from the contacts with which the problem begins: where
+        these are others, they change after the first step."""
+        contacts, begins, way = (
+            self.problem.touch.contacts,
+            self.problem.touch.modes[0],
+            reading.motion,
+        )
+        word = word_between(contacts, begins, reading.start)
+        if not word:
+            return reading.words, way
+        first, *rest = way.pieces
+        split = [
+            replace(first, t=first.t[part], q=first.q[part], v=first.v[part])
+            for part in (slice(2), slice(1, None))
+        ]
+        motion = Folded(("", *way.hits), (*split, *rest), (0.0, *way.impulses))
+        return (word, *reading.words), motion
+
+    def _fits(self, words: Words) -> bool:
+        """Whether a search may try them: its words, not many more than it is deep, and some that a
+        problem can have."""
+        s = self.settings
+        if len(words) > s.max_collisions + BEYOND or words in self.refused:
+            return False
+        if s.events is not None and not set(words) <= set(s.events):
+            return False
+        if words not in self.proposed and (reason := refusal(self.problem, words)):
+            self.refused[words] = reason
+            return False
+        return True
+
+
+def proposals_of(problem: Problem, settings: Settings, deadline: Deadline) -> Proposals:
+    """What relaxed motions propose: from random starts, and from the cheapest of them, until it
+    stays the cheapest; they have half of the time."""
+    deadline = deadline.share(0.5)
+    if not problem.kernels.compiled:
+        raise SearchError(
+            f"strategy {settings.strategy!r} needs compiled kernels: install a C compiler and "
+            "build the model again, or take another strategy."
+        )
+    relaxation = Relaxation.of(problem, settings)
+    if relaxation.nothing_touches:
+        raise SearchError(
+            f"nothing can touch in this problem of {problem.kernels.name!r}: its surfaces are "
+            "ignored, and nothing rubs; solve it with dmoc.solve."
+        )
+    motions = list[Relaxed | None]()
+    for some in relaxation.motions(settings.max_collisions, settings.seed, deadline):
+        motions += some
+        if _met_often(motions):
+            break
+    proposals = Proposals(_begun_as(problem, motions), relaxation, settings)
+    proposals.take(motions)
+    while (best := next(iter(proposals.ranked()), None)) and best.sequence not in proposals.around:
+        proposals.look_around(best.sequence, proposals.motions[best.sequence], deadline)
+    return proposals
+
+
+def _cheapest(motions: Iterable[Relaxed | None]) -> Relaxed | None:
+    return min((m for m in motions if m is not None), key=lambda m: m.cost, default=None)
+
+
+def _met_often(motions: Sequence[Relaxed | None]) -> bool:
+    """Whether enough starts have led to the sequence of the cheapest motion."""
+    best = _cheapest(motions)
+    if best is None:
+        return False
+    same = [m for m in motions if m is not None and m.reading.same(best.reading)]
+    return len(same) >= OFTEN
+
+
+def _begun_as(problem: Problem, motions: Sequence[Relaxed | None]) -> Problem:
+    """The problem with the contacts at its start that the cheapest motion has, where the problem
+    itself names none."""
+    cheapest = _cheapest(motions)
+    if problem.contacts or cheapest is None:
+        return problem
+    try:
+        return problem.but(contacts=_named(problem, cheapest.reading.start))
+    except ProblemError:  # the start is not where they are closed
+        return problem
+
+
+def _named(problem: Problem, mode: Mode) -> list[str]:
+    """A mode as the contacts of a problem name it."""
+    contacts, rubbing = problem.touch.contacts, mode.rubbing
+    slides = {j: k for k, j in enumerate(contacts.supports) if rubbing.get(k, STICK) != STICK}
+    words = {k: mode_in_words(contacts, Mode(sliding=((k, rubbing[k]),))) for k in slides.values()}
+    closed = [words.get(slides.get(j, -1), contacts.surfaces[j]) for j in mode.closed]
+    return [*closed, *(w for k, w in words.items() if contacts.supports[k] == RAIL)]

@@ -1,0 +1,162 @@
+"""The sequence of a relaxed motion: what is closed, slides and is hit, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.guess.folded import Folded
+from dmoc.guess.transfer import Piece, times_of_inputs
+from dmoc.mechanics.contact_mode import STICK, Event, Mode
+from dmoc.mechanics.contacts import NOWHERE, RAIL
+from dmoc.mechanics.modes import word_between
+from dmoc.program.transcription import Transcription
+
+# A hit that is none: its impulse, and its gap, as shares of their sizes.
+NO_HIT, AWAY = 1e-3, 1e-2
+# Steps of a mode at least: what lasts shorter trembles.
+FEWEST = 2
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a relaxed motion says.
+
+    Attributes
+    ----------
+    start : Mode
+        What touches at the start, and how it rubs.
+    words : tuple of str
+        The events after it.
+    motion : Folded
+        The motion with these events.
+    """
+
+    start: Mode
+    words: tuple[str, ...]
+    motion: Folded
+
+    def same(self, other: Reading) -> bool:
+        """Whether the sequence and the contacts at the start are the same."""
+        return (self.start, self.words) == (other.start, other.words)
+
+
+@dataclass(frozen=True)
+class Relaxed:
+    """A motion of a relaxed program, in units of the problem, and its cost."""
+
+    nlp: Transcription
+    x: Array
+    cost: float
+
+    @cached_property
+    def reading(self) -> Reading:
+        """What it says."""
+        return read(self)
+
+
+def read(relaxed: Relaxed) -> Reading:
+    """The sequence that a motion has, without what trembles."""
+    lay, hits = relaxed.nlp.layout, _hits(relaxed)
+    nodes = [int(lay.collision_nodes[i]) for i in hits]
+    modes = cleaned(_modes(relaxed))
+    contacts, words, names = lay.touch.contacts, list[str](), list[str]()
+    cuts, impulses = list[int](), list[float]()
+    struck = dict(zip(nodes, hits, strict=True))
+    for k in range(1, lay.total):
+        before, after, event = modes[k - 1], modes[k], Event()
+        if k in struck:
+            surface = lay.touch.events[struck[k]].hit
+            lands = surface in after.closed and surface not in before.closed
+            event = event if lands else Event(hit=surface)
+        word = word_between(contacts, before, after, event)
+        if word:
+            words.append(word)
+            cuts.append(k)
+            impulses.append(float(relaxed.x[lay.impact.lam[struck[k]]]) if k in struck else 0.0)
+            names.append("" if event.hit == NOWHERE else contacts.surfaces[event.hit])
+    motion = Folded(tuple(names), _pieces(relaxed, cuts), tuple(impulses))
+    return Reading(modes[0], tuple(words), motion)
+
+
+def _hits(relaxed: Relaxed) -> list[int]:
+    """Events of the program at which something is hit."""
+    nlp, lay, x = relaxed.nlp, relaxed.nlp.layout, relaxed.x
+    surfaces, t = lay.touch.surfaces, lay.times(x)
+    gaps = nlp.problem.model.gaps(x[lay.index_q], t)
+    return [
+        i
+        for i, (node, j) in enumerate(zip(lay.collision_nodes, surfaces, strict=True))
+        if x[lay.impact.lam[i]] > NO_HIT * nlp.scale.lam[j]
+        and gaps[node, j] > -AWAY * nlp.scale.gap[j]
+    ]
+
+
+def _modes(relaxed: Relaxed) -> list[Mode]:
+    """The mode of each step.  Of two factors whose product vanishes the one counts that is the
+    larger, in its size: a contact is closed where it presses, and slides where its friction leaves
+    the cone no room."""
+    nlp, lay, x = relaxed.nlp, relaxed.nlp.layout, relaxed.x
+    model, s, steps, left_open = nlp.problem.model, nlp.scale, lay.total, lay.touch.open
+    q, t = x[lay.index_q], lay.times(x)
+    P = np.where(lay.relaxed.P_r == NOWHERE, 0.0, x[lay.relaxed.P_r])[:-1] * steps
+    T = np.where(lay.relaxed.T_r == NOWHERE, 0.0, x[lay.relaxed.T_r])[:-1] * steps
+    away = -model.gaps(q, t)[1:] * steps
+    closed = P / s.lam > away / s.gap
+    slid = np.diff(model.tangents(q, t), axis=0) * steps / (s.slide * s.time)
+    bears = np.zeros_like(T)
+    h = x[lay.index_h][lay.phase_of_step] * steps
+    for k, j in enumerate(lay.touch.contacts.supports):
+        bears[:, k] = model.friction[k] * (h if j == RAIL else P[:, j])
+    room = (bears - np.abs(T)) / s.friction
+    signs = np.where(np.abs(slid) > room, np.sign(slid), STICK).astype(int)
+    modes = []
+    for k in range(steps):
+        on = [j for j in left_open.surfaces if closed[k, j]] if left_open else []
+        rubs = {
+            i: int(signs[k, i])
+            for i, j in enumerate(lay.touch.contacts.supports)
+            if (j == RAIL or j in on) and i in (left_open.tangents if left_open else ())
+        }
+        modes.append(Mode.of(on, rubs))
+    return modes
+
+
+def cleaned(modes: Sequence[Mode]) -> list[Mode]:
+    """Modes of steps in which none trembles: one that lasts for a step becomes that of the longer
+    of its neighbours."""
+    modes = list(modes)
+    while True:
+        runs = _runs(modes)
+        short = [r for r in runs if r[1] - r[0] < FEWEST]
+        if not short or len(runs) == 1:
+            return modes
+        a, b = min(short, key=lambda r: r[1] - r[0])
+        beside = [r for r in runs if r[1] == a or r[0] == b]
+        longest = max(beside, key=lambda r: r[1] - r[0])
+        modes[a:b] = [modes[longest[0]]] * (b - a)
+    return modes
+
+
+def _runs(modes: Sequence[Mode]) -> list[tuple[int, int]]:
+    """First and one after the last of equal ones."""
+    at = [0, *(k for k in range(1, len(modes)) if modes[k] != modes[k - 1]), len(modes)]
+    return list(pairwise(at))
+
+
+def _pieces(relaxed: Relaxed, cuts: Sequence[int]) -> tuple[Piece, ...]:
+    """The motion between some nodes."""
+    lay, x = relaxed.nlp.layout, relaxed.x
+    t, q, u = lay.times(x), x[lay.index_q], x[lay.index_u]
+    ends, pieces = [0, *cuts, lay.total], []
+    for a, b in pairwise(ends):
+        at, nodes = t[a : b + 1], np.ascontiguousarray(q[a : b + 1])
+        rows = slice(lay.row_u_k[a], lay.row_u_kp1[b - 1] + 1)
+        v = np.gradient(nodes, at, axis=0)
+        pieces.append(Piece(at, nodes, v, times_of_inputs(lay.form.name, at), u[rows]))
+    return tuple(pieces)

@@ -1,0 +1,206 @@
+"""Motions of relaxed programs: from random starts that are folded at the surfaces, with what may
+touch left open, for eps that falls.
+
+The hits of a start may be none in the end, and contacts may close and rub at any node
+(:mod:`dmoc.program.laws.complementarity`).  A start takes some milliseconds, a hundredth of what
+its sequence costs in a node.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from itertools import islice, product, zip_longest
+
+import numpy as np
+
+from dmoc.base.deadline import Deadline
+from dmoc.codegen.kernels import Array
+from dmoc.guess.automatic import natural_time
+from dmoc.guess.folded import Folded, folded_motions
+from dmoc.mechanics.algebra import columns
+from dmoc.mechanics.contacts import RAIL
+from dmoc.mechanics.touch import Open
+from dmoc.problem.problem import Problem
+from dmoc.program.scale import Scale
+from dmoc.program.scaling import scale_of
+from dmoc.program.transcription import Transcription
+from dmoc.sequences.reading import Relaxed
+from dmoc.sequences.settings import Settings
+from dmoc.solvers.ipm import solve_ipm
+from dmoc.solvers.judge import judged
+from dmoc.solvers.outcome import Options, Status
+from dmoc.solving.multistart.parallel import free_threads
+
+# What complementarity is relaxed by, one after the other: hits are few and begin where they are,
+# contacts that close at any node begin far from it.
+OF_HITS, OF_CONTACTS = (1e-1, 1e-2, 1e-3), (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
+# Steps of a relaxed motion, and of a phase between its hits at least.
+STEPS, FEWEST = 40, 10
+# Random motions that are solved together, and at most, and those of which they are chosen: folded
+# ones may stay beyond a surface, or have too many hits.
+MOTIONS, MOST_MOTIONS, DRAWN = 8, 24, 128
+ITERATIONS = 400
+# Of the starts' costs, the share below that which measures the cost: some begin with no inputs.
+TYPICAL = 0.7
+
+
+@dataclass
+class Relaxation:
+    """The relaxed programs of a problem.
+
+    ``left_open`` is what may touch for some time, ``mirrors`` are the surfaces that may be hit.
+    """
+
+    problem: Problem
+    left_open: Open
+    mirrors: tuple[int, ...]
+    cost: float = 0.0  # a size of it, that of the starts
+    _problems: dict[tuple[tuple[str, ...], float], Problem] = field(default_factory=dict)
+    _made: dict[tuple[int, tuple[str, ...]], list[Transcription]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, problem: Problem, settings: Settings) -> Relaxation:
+        """What no sequence says: surfaces with restitution are hit, others close; where the model
+        has tangents, or something is closed at the start, all surfaces may close.  Beside what is
+        closed at the start surfaces with friction are feet, which land."""
+        contacts, mode, mu = problem.touch.contacts, problem.touch.modes[0], problem.model.friction
+        lasts, e = bool(contacts.tangents) or not mode.free, problem.restitution_values
+        can = [contacts.surface_numbers[s] for s in settings.surfaces if s not in problem.ignored]
+        closing = tuple(j for j in can if lasts or e[j] == 0)
+        on = (RAIL, *closing)
+        rubbing = tuple(k for k, j in enumerate(contacts.supports) if j in on and mu[k] > 0)
+        feet = (*mode.closed, *problem.model.rough) if mode.closed else ()
+        mirrors = tuple(j for j in can if e[j] > 0 and j not in feet)
+        return cls(problem, Open(closing, rubbing, mode.closed), mirrors)
+
+    @property
+    def nothing_touches(self) -> bool:
+        return not (self.left_open.surfaces or self.left_open.tangents or self.mirrors)
+
+    def motions(self, most: int, seed: int, deadline: Deadline) -> Iterator[list[Relaxed | None]]:
+        """Motions from random starts, which have ``most`` hits each at most, some together and in
+        their order; None for a start that leads to none."""
+        starts = self._starts(most, seed)
+        for _ in range(0, MOST_MOTIONS, MOTIONS):
+            some = list(islice(starts, MOTIONS))
+            if not some or deadline.passed:
+                return
+            if not self.cost:
+                costs = [scale_of(p, x).cost for p, x in map(self._begun, some)]
+                self.cost = sorted(costs)[int(TYPICAL * len(costs))]
+            yield self._solved(some, deadline)
+
+    def _begun(self, start: Folded) -> tuple[Problem, Array]:
+        """The program of a start for the first eps, and its unknowns."""
+        problem = self._relaxed(start.hits, 1.0)
+        return problem, start.unknowns(problem)
+
+    def beside(self, motion: Folded, most: int, deadline: Deadline) -> list[Relaxed | None]:
+        """Motions from one that is bent to one hit more, of each surface in each of its phases, and
+        where contacts close from the motion itself; whatever they keep of its hits."""
+        motion = motion.between_hits()
+        more = self.mirrors if len(motion.hits) < most else ()
+        places = product(range(len(motion.pieces)), more)
+        bent = [motion.hitting(self.problem, i, j) for i, j in places]
+        return self._solved([*([motion] if self._closes else []), *bent], deadline)
+
+    @property
+    def _closes(self) -> bool:
+        """Whether anything may touch for some time."""
+        return bool(self.left_open.surfaces or self.left_open.tangents)
+
+    def _starts(self, most: int, seed: int) -> Iterator[Folded]:
+        """Every other one without hits where contacts close as well, else the first alone."""
+        plain = self._relaxed((), 1.0)
+        for k in range(0, DRAWN, 2 * MOTIONS):
+            numbers = range(k, k + 2 * MOTIONS)
+            folded = folded_motions(plain, self.mirrors, numbers, seed)
+            least = int(not self._closes)
+            touching = [m for m in folded if least <= len(m.hits) <= most]
+            if not self.mirrors or not (self._closes or k == 0):
+                yield from touching
+                continue
+            others = range(DRAWN + k, DRAWN + k + 2 * MOTIONS) if self._closes else range(1)
+            smooth = folded_motions(plain, (), others, seed)
+            pairs = zip_longest(smooth, touching)
+            yield from (m for pair in pairs for m in pair if m is not None)
+
+    def _relaxed(self, hits: tuple[str, ...], eps: float) -> Problem:
+        if (hits, eps) not in self._problems:
+            steps = max(FEWEST, -(-STEPS // (len(hits) + 1)))
+            made = self.problem.relaxed(self.left_open, hits, steps, eps)
+            self._problems[hits, eps] = made
+        return self._problems[hits, eps]
+
+    def _solved(self, starts: Sequence[Folded], deadline: Deadline) -> list[Relaxed | None]:
+        """Solve from some starts, in threads."""
+        points = [(s.hits, self._begun(s)[1]) for s in starts]
+        stopped, count = threading.Event(), max(1, min(free_threads(), len(points)))
+        ends: list[Relaxed | None] = [None] * len(points)
+
+        def every(k: int) -> None:
+            for i in range(k, len(points), count):
+                if deadline.passed or stopped.is_set():
+                    return
+                with np.errstate(all="ignore"):
+                    ends[i] = self._followed(k, *points[i], deadline)
+
+        if count == 1:
+            every(0)
+            return ends
+        with ThreadPoolExecutor(count) as pool:
+            try:
+                list(pool.map(every, range(count)))
+            finally:
+                stopped.set()
+        return ends
+
+    def _followed(
+        self, thread: int, hits: tuple[str, ...], x: Array, deadline: Deadline
+    ) -> Relaxed | None:
+        """Follow one start as eps falls; each motion begins with the one before."""
+        programs = self._programs(thread, hits, x)
+        z, duals = programs[0].scaled(x), None
+        options = Options(iterations=ITERATIONS, deadline=deadline)
+        for nlp in programs:
+            outcome = judged(nlp, solve_ipm(nlp, z, options, duals), options)
+            if outcome.status is Status.INTERRUPTED:
+                raise KeyboardInterrupt
+            if outcome.status is not Status.SOLVED:
+                return None
+            z, duals = outcome.x, outcome.duals
+        return Relaxed(nlp, nlp.physical(z), nlp.cost(z) * nlp.scale.cost)
+
+    def _programs(self, thread: int, hits: tuple[str, ...], x: Array) -> list[Transcription]:
+        """Those of some hits, for eps that falls; a thread has its own."""
+        if (thread, hits) not in self._made:
+            scale = self._scale(self._relaxed(hits, 1.0), x)
+            every = OF_CONTACTS if self._closes else OF_HITS
+            self._made[thread, hits] = [
+                Transcription(self._relaxed(hits, eps), scale) for eps in every
+            ]
+        return self._made[thread, hits]
+
+    def _scale(self, relaxed: Problem, x: Array) -> Scale:
+        """Sizes of a start, but those by which complementarity is measured: they are of the
+        problem, that a random motion may exceed by far."""
+        problem, model, reach = self.problem, self.problem.model, self.problem.reach
+        latest, q = problem.final_time_bounds[1], problem.start_position
+        time = latest if np.isfinite(latest) else natural_time(problem)
+        mass = model.mass(q)
+
+        def sizes(slopes: Array) -> tuple[Array, Array, Array]:
+            place = np.abs(slopes) @ reach
+            square = np.einsum("ji,ij->j", slopes, columns(mass, slopes))
+            place = np.where(place > 0, place, 1.0)
+            return place, place / time, place / time / np.where(square > 0, square, 1.0)
+
+        gap, rate, lam = sizes(model.gap_slopes(q)[:, :-1])
+        _, slide, friction = sizes(model.tangent_slopes(q)[:, :-1])
+        return replace(
+            scale_of(relaxed, x), time=time, cost=self.cost, gap=gap, rate=rate, lam=lam,
+            slide=slide, friction=friction,
+        )  # fmt: skip

@@ -1,0 +1,204 @@
+"""Sequences that nobody names: proposed by relaxed motions, solved exactly, against known
+answers."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from pathlib import Path
+
+import pytest
+import sympy as sp
+from contact_problems import pushed
+from sympy.physics.mechanics import dynamicsymbols
+from systems import unit_mass
+
+import dmoc
+from dmoc.base.errors import SearchError
+from dmoc.mechanics.contact_mode import FREE, Mode
+from dmoc.models.registry import find
+from dmoc.sequences import relaxation
+from dmoc.sequences.reading import cleaned
+from dmoc.sequences.search import Progress, SearchResult
+
+T = dynamicsymbols._t
+
+
+def shipped(name: str, **changes: object) -> dmoc.Problem:
+    reference = find(name)
+    return dmoc.Problem(
+        reference.kernels(), **{**reference.defaults, "sequence": (), **changes}
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def swung() -> SearchResult:
+    return dmoc.search(shipped("cart_pendulum"), strategy="propose")
+
+
+# Known answers ------------------------------------------------------------------------------------
+
+
+def test_the_seed_hits_the_left_limiter_twice(swung: SearchResult) -> None:
+    """66.1598 is the cost of this sequence at the default steps where a solve is told it."""
+    assert swung.best is not None and swung.best.sequence == ("left", "left")
+    told = dmoc.solve(shipped("cart_pendulum", sequence=["left", "left"]), "ipm")
+    assert swung.best.cost == pytest.approx(told.cost, rel=1e-6) == pytest.approx(66.1598, rel=1e-6)
+    first = swung.proposals[0]
+    assert first.sequence == ("left", "left") and first.starts >= 2
+    assert first.cost == pytest.approx(66.16, rel=0.05)
+
+
+def test_proposals_are_told_with_their_starts_and_what_became_of_them(swung: SearchResult) -> None:
+    (found,) = [note for note in swung.notes if "relaxed starts led to" in note]
+    assert f"left, left ({swung.proposals[0].starts} starts, about 67.12)" in found
+    solved = {n.sequence for n in swung.nodes}
+    dear = [p for p in swung.proposals if p.sequence not in solved]
+    assert all(p.cost > 1.35 * 66.16 for p in dear)
+    assert not dear or any("were not solved" in n or "was not solved" in n for n in swung.notes)
+    assert swung.to_dict()["proposals"][0]["sequence"] == ["left", "left"]
+    costs = [p.cost for p in swung.proposals]
+    assert costs == sorted(costs)
+
+
+def test_the_puck_is_sent_by_way_of_three_walls() -> None:
+    """0.415: the free motion to the goal's mirror image, in closed form."""
+    result = dmoc.search(shipped("puck_table"), strategy="propose")
+    assert result.best is not None and result.best.sequence == ("east", "north", "west")
+    assert result.best.cost == pytest.approx(0.415, rel=1e-3)
+    assert len(result.nodes) < 20  # of 85
+
+
+def test_a_block_waits_or_rests_beside_its_slide() -> None:
+    """It is pushed by 1 m in 4 s against dry friction: (2/3) sqrt(6 d f^3) = 1.63299316."""
+    result = dmoc.search(pushed(40).but(sequence=()), strategy="propose")
+    assert result.best is not None and "rail:stick" in result.best.sequence
+    assert result.best.cost == pytest.approx(2 / 3 * sqrt(6), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_cart_pole_swings_up_against_the_friction_of_its_rail() -> None:
+    """1 kg, 0.1 kg at 1 m, 2 N, 3 s, int u^2: slip+, slip-, slip+ costs 88.09 on 40 steps a phase;
+    CONTACT of a published tool, nosnoc, ends at 100.3 and 121.1."""
+    x, a, u = dynamicsymbols("x a u")
+    f = sp.Symbol("f")
+    tip = sp.Matrix([x + sp.sin(a), -sp.cos(a)]).diff(T)
+    system = dmoc.MechanicalSystem(
+        "railed_pole", [x, a], x.diff(T) ** 2 / 2 + tip.dot(tip) / 20 + 0.981 * sp.cos(a),
+        {f: 2.0}, inputs=[u], forces={x: u}, cost=u**2, tangents={"rail": x}, friction={"rail": f},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        system, start={x: 0, a: 0}, goal={x: 0, a: pi, "x_dot": 0, "a_dot": 0}, steps=40,
+        final_time=3, bounds={u: (-30, 30)},
+    )  # fmt: skip
+    result = dmoc.search(problem, strategy="propose")
+    assert result.best is not None and result.best.cost is not None
+    assert result.best.cost < 88.2
+    assert "contacts=['rail:slip+']" in " ".join(result.notes)
+    again = dmoc.solve(result.problem.but(sequence=result.best.sequence), "ipm")
+    assert again.cost == pytest.approx(result.best.cost, rel=1e-3)
+
+
+def test_where_nothing_needs_to_touch_it_is_said() -> None:
+    """From rest to rest over 0.3 in 1 s, beside a wall at 1: 6 d^2 without any hit."""
+    x, u = dynamicsymbols("x u")
+    problem = dmoc.Problem(
+        unit_mass("beside_a_wall", cost=u**2 / 2, surfaces={"wall": x <= 1}), start={"x": 0},
+        goal={"x": 0.3, "x_dot": 0}, steps=30, final_time=1, bounds={"u": (-50, 50)},
+    )  # fmt: skip
+    result = dmoc.search(problem, strategy="propose")
+    assert result.best is not None and result.best.sequence == ()
+    assert result.best.cost == pytest.approx(6 * 0.3**2, rel=2e-3)
+    assert any(note.startswith("nothing needs to touch") for note in result.notes)
+
+
+def test_a_solve_without_a_motion_names_the_search() -> None:
+    """A rail sticks unless something is said: nothing moves the block by 1 m.  Where nothing can
+    touch there is nothing to search."""
+    problem = pushed(10).but(sequence=())
+    stuck = dmoc.solve(problem, "ipm")
+    assert stuck.status == "infeasible"
+    assert "dmoc.search(problem, strategy='propose')" in stuck.message
+    weak = dmoc.Problem(
+        unit_mass("too_weak"), start={"x": 0}, goal={"x": 1}, steps=10, final_time=1,
+        bounds={"u": (-1, 1)},
+    )  # fmt: skip
+    alone = dmoc.solve(weak, "ipm")
+    assert alone.status == "infeasible" and "dmoc.search" not in alone.message
+
+
+# With the tree ------------------------------------------------------------------------------------
+
+
+def test_both_goes_on_with_the_tree_around_the_proposals() -> None:
+    problem = shipped("puck_table", steps=16)
+    both = dmoc.search(problem, 1, strategy="both")
+    tree = dmoc.search(problem, 1)
+    assert {n.sequence for n in tree.nodes} <= {n.sequence for n in both.nodes}
+    assert both.best is not None and tree.best is not None
+    assert both.best.cost == pytest.approx(tree.best.cost, rel=1e-3)
+    assert both.proposals and not tree.proposals
+
+
+def test_two_workers_find_what_one_finds(swung: SearchResult) -> None:
+    two = dmoc.search(shipped("cart_pendulum"), strategy="propose", workers=2)
+    assert two.proposals == swung.proposals
+    assert [(n.sequence, n.cost) for n in two.nodes] == [(n.sequence, n.cost) for n in swung.nodes]
+
+
+def test_a_journal_keeps_what_was_proposed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, journal = shipped("cart_pendulum", steps=20), tmp_path / "journal.sqlite"
+    first = dmoc.search(problem, strategy="propose", journal=journal)
+    monkeypatch.setattr("dmoc.sequences.pool.solve_node", lambda task: pytest.fail("solved again"))
+    again = dmoc.search(problem, strategy="propose", journal=journal, resume=True)
+    assert [n.sequence for n in again.nodes] == [n.sequence for n in first.nodes]
+    assert again.best is not None and first.best is not None
+    assert again.best.sequence == first.best.sequence
+
+
+def test_budgets_and_interruptions_end_it_with_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = shipped("puck_table", steps=16)
+
+    def interrupt(_: Progress) -> None:
+        raise KeyboardInterrupt
+
+    result = dmoc.search(problem, strategy="propose", progress=interrupt)
+    assert len(result.nodes) == 1 and "interrupted" in result.notes[0]
+    few = dmoc.search(problem, strategy="propose", max_nodes=1)
+    assert len(few.nodes) == 1 and "limit of 1 nodes" in few.notes[0]
+
+    def early(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(relaxation.Relaxation, "_followed", early)
+    none = dmoc.search(problem, strategy="propose")
+    assert not none.nodes and none.best is None and "interrupted" in none.notes[0]
+
+
+def test_words_that_may_not_happen_are_not_proposed() -> None:
+    result = dmoc.search(shipped("cart_pendulum"), strategy="propose", surfaces=["right"])
+    assert {word for n in result.nodes for word in n.sequence} <= {"right"}
+    assert {word for p in result.proposals for word in p.sequence} <= {"right"}
+
+
+# Bad input ----------------------------------------------------------------------------------------
+
+
+def test_where_nothing_can_touch_it_is_refused() -> None:
+    with pytest.raises(SearchError, match="nothing can touch in this problem of 'cart_pendulum'"):
+        dmoc.search(shipped("cart_pendulum", ignored=["left", "right"]), strategy="propose")
+    smooth = pushed(20).but(sequence=(), parameters={"f": 0.0})
+    with pytest.raises(SearchError, match="nothing can touch"):
+        dmoc.search(smooth, strategy="propose")
+
+
+# Reading ------------------------------------------------------------------------------------------
+
+
+def test_what_lasts_for_a_step_trembles() -> None:
+    """A foot that opens for a step within its stance stays closed; a stance of three steps is
+    one."""
+    foot = Mode.of([0], {})
+    trembles = [FREE] * 4 + [foot] * 3 + [FREE] + [foot] * 2
+    assert cleaned(trembles) == [FREE] * 4 + [foot] * 6
+    assert cleaned([FREE, *[foot] * 3, FREE]) == [foot] * 5
+    assert cleaned([FREE] * 3 + [foot] * 3) == [FREE] * 3 + [foot] * 3
