@@ -22,7 +22,7 @@ from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import Attempt
 from dmoc.solving.multistart.minima import Basin, cost_of, gathered
 from dmoc.solving.multistart.parallel import attempts_from, free_threads
-from dmoc.solving.multistart.ranking import Ranked, merged, ranked
+from dmoc.solving.multistart.ranking import Ranked, Refinements, ranked
 from dmoc.solving.programs import Programs
 
 # Steps of a phase on the coarse mesh.  With 12, motions with many collisions mislead, and their
@@ -119,8 +119,9 @@ def explored(
     options = replace(options, progress=None)
     half = replace(options, deadline=options.deadline.share(0.5))
     with np.errstate(all="ignore"):
-        minima, starts = _minima(problem, effort, half, points or {})
-        refined, coarse = ranked(problem, minima, effort, options, half.deadline)
+        refinements = Refinements(problem)
+        minima, starts = _minima(refinements, effort, half, points or {})
+        refined, coarse = ranked(refinements, minima, effort, options, half.deadline)
     return Exploration(tuple(refined), tuple(coarse), tuple(starts))
 
 
@@ -133,9 +134,10 @@ def coarse_of(problem: Problem) -> Problem:
 
 
 def _minima(
-    problem: Problem, effort: Effort, options: Options, points: Mapping[str, Array]
+    refinements: Refinements, effort: Effort, options: Options, points: Mapping[str, Array]
 ) -> tuple[list[Basin], list[Start]]:
     """Distinct minima on the coarse mesh, the cheapest first, and the starts."""
+    problem = refinements.problem
     coarse = coarse_of(problem)
     # On a coarse mesh the energies of a long and of a short step tell little of the rates: minima
     # would live on what they miss, and be far from those of a finer mesh.
@@ -162,7 +164,7 @@ def _minima(
         minima = gathered(minima, attempts)
         agreed = effort.agree(minima, len(starts))
         if not agreed and 0 < end == effort.first and 1 < len(minima) <= FEW:
-            agreed = effort.agree(merged(problem, minima, few), len(starts))
+            agreed = effort.agree(refinements.merged(minima, few), len(starts))
         met = _met_best(minima) >= effort.often
         enough = (met and end >= effort.most) or (agreed and end >= effort.first)
         if enough or len(attempts) < len(named):

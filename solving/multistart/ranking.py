@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,8 +50,34 @@ class Ranked:
         return np.isinf(self.cost), grazes, self.cost, self.solution.cost
 
 
+@dataclass(frozen=True)
+class Refinements:
+    """Minima of a coarse mesh on the ranking mesh of a problem, each solved once."""
+
+    problem: Problem
+    solved: dict[int, tuple[Attempt, Attempt]] = field(default_factory=dict)  # by id of the first
+
+    def of(self, coarse: Basin, options: Options) -> Attempt:
+        pair = self.solved.get(id(coarse.attempt))
+        if pair is not None:
+            return pair[1]
+        attempt = _refined(_mesh(self.problem, coarse), coarse.attempt, options)
+        if attempt.status is Status.SOLVED:
+            self.solved[id(coarse.attempt)] = coarse.attempt, attempt
+        return attempt
+
+    def merged(self, minima: Sequence[Basin], options: Options) -> list[Basin]:
+        """The distinct ones, the cheapest first: several may become one."""
+        distinct = list[Basin]()
+        for coarse in minima:
+            attempt = self.of(coarse, options)
+            if attempt.status is Status.SOLVED:
+                distinct = joined(distinct, replace(Basin.of(attempt), starts=coarse.starts))
+        return distinct
+
+
 def ranked(
-    problem: Problem,
+    refinements: Refinements,
     minima: Sequence[Basin],
     effort: Effort,
     options: Options,
@@ -70,7 +96,7 @@ def ranked(
         if passed or full or late:
             left += minima[k:]
             break
-        attempt = _refined(_mesh(problem, coarse), coarse.attempt, options)
+        attempt = refinements.of(coarse, options)
         if attempt.status is not Status.SOLVED:
             left.append(coarse)
             continue
@@ -88,16 +114,6 @@ def ranked(
         best = min(good, key=Ranked.rank)
         refined = [_settled(r, best, options) for r in refined]
     return sorted(refined, key=Ranked.rank), left
-
-
-def merged(problem: Problem, minima: Sequence[Basin], options: Options) -> list[Basin]:
-    """Minima of a coarse mesh on the ranking mesh, the cheapest first: several may become one."""
-    distinct = list[Basin]()
-    for coarse in minima:
-        attempt = _refined(_mesh(problem, coarse), coarse.attempt, options)
-        if attempt.status is Status.SOLVED:
-            distinct = joined(distinct, replace(Basin.of(attempt), starts=coarse.starts))
-    return distinct
 
 
 def _mesh(problem: Problem, coarse: Basin) -> Problem:
