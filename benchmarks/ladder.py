@@ -196,7 +196,7 @@ def main() -> None:
     parser.add_argument("--order", nargs="+", type=int, choices=ORDERS, default=ORDERS)
     given = parser.parse_args()
     rungs = [rung for rung in RUNGS if given.rung in rung.name]
-    sys.stdout.write(table(HEADER, []) + "\n")
+    sys.stdout.write("| " + " | ".join(HEADER) + " |\n" + len(HEADER) * "|---" + "|\n")
     for one in tries(rungs, given.method, given.order, given.steps):
         sys.stdout.write("| " + " | ".join(map(str, one.row)) + " |\n")
         sys.stdout.flush()

@@ -58,7 +58,7 @@ class Effort:
     most_refined: int = 16
     settles: bool = True  # minima that are not confirmed are looked at on a finer mesh
     widens: bool = True  # limits of inputs, to tighten them, where no start leads to a motion
-    iterations: int = 100  # of a start: one that takes more ends in a minimum less often
+    iterations: int = 60  # of a start: one that takes more never led to the best minimum
     guesses: int | None = None  # automatic ones that are tried at most
     total: int | None = None  # all starts, where their number is given
     seed: int = 0

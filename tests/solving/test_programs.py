@@ -15,7 +15,7 @@ from dmoc.solving.programs import Programs
 
 
 def test_programs_are_kept() -> None:
-    problem = block_and_wall.problem(0.8, 10)
+    problem = block_and_wall.problem(0.8, 10).but(minimal_times=True)
     programs = Programs(problem, scale_of(problem, initial_guesses(problem)[0].x))
     guided, free = programs.program(guided=True), programs.program()
     assert guided is programs.program(guided=True) and free is programs.free(guided) is not guided
