@@ -83,6 +83,11 @@ def _contradictions(p: EventPassage, sizes: Sizes) -> Iterator[str]:
     slack = _slack(p, sizes)
     yield from _unbearable(p, sizes, slack)
     yield from _otherwise(p, slack)
+    if p.law.unheld:
+        yield (
+            f"{' and '.join(p.law.unheld)} cannot hold in the hit of {p.c.surface} at "
+            f"{p.c.time:.4g} s"
+        )
     yield from _turned(p, slack)
     yield from _approached(p, sizes)
 

@@ -19,18 +19,20 @@ from dmoc.simulation.contact_modes import (
     conditions,
     spread,
 )
-from dmoc.simulation.poisson import impulses
+from dmoc.simulation.single_hit import single_hit
 
 
 @dataclass(frozen=True)
 class ImpactResult:
     """Rows of velocities (n, nq) after an event, and the impulses of all surfaces (n, nc) and
-    tangents (n, nt); the course of friction in the first row, where it is that of Poisson's law."""
+    tangents (n, nt); of the first row, where it is that of Poisson's law, the course of friction
+    and contacts that should hold and do not."""
 
     velocity: Array
     normal: Array
     tangential: Array
     course: str = ""
+    unheld: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +46,8 @@ class EventPassage:
     after: Phase
     mode: Mode = FREE  # surfaces that take impulses, and the friction of their tangents
     hit: int | None = None  # the one of them that is released, by its coefficient of restitution
-    # Its tangent where it has friction: then it is hit alone, after Poisson; or that of a landing
-    # during which sliding stops.
+    # Its tangent where it has friction: then it is hit after Poisson while the others hold; or that
+    # of a landing during which sliding stops.
     rubs: int | None = None
     lands: bool = False  # the surface that is hit stays closed
     wrong: str = ""  # what of the plan does not fit together
@@ -109,18 +111,25 @@ class EventPassage:
         self, contact: tuple[int, int], q: Array, v: Array, t: Array
     ) -> ImpactResult:
         """One hit with friction, after Poisson: surface and tangent ``contact``."""
-        model, (j, k) = self.model, contact
-        e, mu = 0.0 if self.lands else float(self.restitution[j]), float(model.friction[k])
-        directions = conditions(model, Mode((j,), (k,)), q, t).B[:, :2]
-        pushed = model.responses(q, directions, t)
-        rates = model.gap_rates(q, v, t)[:, j], model.slide_rates(q, v, t)[:, k]
-        rows = zip(np.stack([-rates[0], rates[1]], axis=1), directions @ pushed, strict=True)
-        courses = [impulses(row, response, mu, e) for row, response in rows]
-        lam = np.array([[each.normal, each.tangential] for each in courses])
-        normal, tangential = np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt))
-        normal[:, j], tangential[:, k] = lam.T
-        after = v + (pushed @ lam[..., None])[..., 0]
-        return ImpactResult(after, normal, tangential, courses[0].course)
+        e = 0.0 if self.lands else float(self.restitution[contact[0]])
+        hits = [
+            single_hit(self.model, contact, self.holding, (*state, float(time)), e)
+            for *state, time in zip(q, v, t, strict=True)
+        ]
+        return ImpactResult(
+            np.array([h.velocity for h in hits]),
+            np.array([h.normal for h in hits]),
+            np.array([h.tangential for h in hits]),
+            hits[0].way.course,
+            hits[0].unheld,
+        )
+
+    @property
+    def holding(self) -> Mode:
+        """What holds during a hit with friction: all that is closed beside it."""
+        k, mode = self.rubs, self.mode
+        sticking = tuple(i for i in mode.sticking if i != k and self.model.friction[i] > 0)
+        return Mode(tuple(j for j in mode.closed if j != self.hit), sticking)
 
 
 def passage_of(
@@ -146,15 +155,16 @@ def passage_of(
         tuple((k, s) for k, s in own.sliding if at[k] in on),
     )
     if c.surface in c.lands:
-        if c.course and len(on) == 1:
-            return EventPassage(*parts, Mode((on[0],)), on[0], at.index(on[0]), lands=True)
+        if c.course:
+            j = model.surface_numbers[c.surface]
+            return EventPassage(*parts, without_rails(at, ours), j, at.index(j), lands=True)
         return EventPassage(*parts, without_rails(at, ours))
     j = model.surface_numbers[c.surface]
-    rubs = model.rough.get(j)
+    rubs, slides = model.rough.get(j), [k for k, _ in ours.sliding if model.friction[k] > 0]
     wrong = (
-        f"the hit of {c.surface!r} {when} has friction, and other contacts are closed: its law is "
-        "known for one contact alone"
-        if rubs is not None and on
+        f"{model.kernels.tangents[slides[0]]!r} slides {when}, where {c.surface!r} is hit with "
+        "friction: that is known only where the other contacts hold"
+        if rubs is not None and slides
         else ""
     )
     with_hit = Mode((j, *ours.closed), ours.sticking, ours.sliding)

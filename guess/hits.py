@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.held import held_responses
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.hit_stages import END, STOP, Passage
@@ -60,7 +60,7 @@ def response(problem: Problem, p: Passage, q: Array, t: float) -> Array:
     """The matrix A = D M^-1 D^T of the directions of an impact: what impulses along them change
     the rates of separation and of sliding by, shape (2, 2)."""
     D = _directions(problem, p, q, t)
-    return np.asarray(D @ solved(problem.model.mass(q, t), D.T))
+    return np.asarray(D @ held_responses(problem.model, p.holding, q, D, t)[0])
 
 
 def rates_and_response(
@@ -84,7 +84,8 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     """Put the impulses of one impact, the velocities within it and the one after it into x."""
     model, i = problem.model, p.event
     q, v = x[lay.index_q[lay.collision_nodes[i]]], x[lay.impact.v_a[i]]
-    pushed = solved(model.mass(q, t), _directions(problem, p, q, t).T)
+    D = _directions(problem, p, q, t)
+    pushed, held = held_responses(model, p.holding, q, D, t)
     rates, A = rates_and_response(problem, p, (q, v, t))
     e, mu = float(problem.restitution_values[p.surface]), float(model.friction[p.tangent])
     lam = _impulses(p, rates, A, (e, mu))
@@ -93,6 +94,11 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     moments = list(p.moments)
     x[lay.hit.P_h[i, moments]], x[lay.hit.T_h[i, moments]] = lam[:-1].T
     x[lay.hit.v_h[i, moments]] = v + lam[:-1] @ pushed.T
+    closed, sticking = list(p.holding.closed), list(p.holding.sticking)
+    at = [(lay.held.P_b[i, m], lay.held.T_b[i, m]) for m in moments]
+    at.append((lay.contact.P_c[i], lay.contact.T_c[i]))
+    for (P, T), beside in zip(at, lam @ held.T, strict=True):
+        x[P[closed]], x[T[sticking]] = np.split(beside, [len(closed)])
     x[lay.impact.lam[i]], x[lay.contact.T_c[i, p.tangent]] = lam[-1]
     x[lay.impact.v_c[i]] = v + pushed @ lam[-1]
 

@@ -181,22 +181,28 @@ def along(start: Mode, words: Iterable[str], contacts: Contacts) -> Touch:
         for name in contacts.named(j for j in before.closed if j in (event.hit, *event.lands)):
             raise ProblemError(f"{at}: {name} is closed already: let it leave before ('-{name}').")
         closed = {*before.closed, *event.lands} - {*event.leaves}
-        others = closed - {event.surface}
-        if others and (event.course is not None or is_open(event, contacts)):
-            raise ProblemError(_several(at, event, others, contacts))
         left = {k for k, j in enumerate(contacts.supports) if j in event.leaves}
         friction = {k: s for k, s in before.rubbing.items() if k not in left}
+        after = _mode(closed, friction | dict(event.friction), contacts)
+        if event.course is not None or is_open(event, contacts):
+            _check_holding(at, event, (before, after), contacts)
         events.append(event)
-        modes.append(_mode(closed, friction | dict(event.friction), contacts))
+        modes.append(after)
     return Touch(contacts, tuple(modes), tuple(events))
 
 
-def _several(at: str, event: Event, others: Collection[int], contacts: Contacts) -> str:
-    (name,) = contacts.named([event.surface])
-    return (
-        f"{at}: {' and '.join(contacts.named(sorted(others)))} is closed while {name} is hit with "
-        "friction, whose law is known for one contact alone: let the others leave before."
-    )
+def _check_holding(at: str, event: Event, modes: tuple[Mode, Mode], contacts: Contacts) -> None:
+    """Refuse contacts with friction that slide where another one is hit with friction."""
+    for mode in modes:
+        for k, _ in mode.sliding:
+            j = contacts.supports[k]
+            if j in (RAIL, event.surface) or contacts.surfaces[j] not in contacts.rough:
+                continue
+            name, (hit,) = contacts.surfaces[j], contacts.named([event.surface])
+            raise ProblemError(
+                f"{at}: {name} slides while {hit} is hit with friction, whose law is known only "
+                f"where the other contacts hold: let {name} stick before and after it, or leave."
+            )
 
 
 def is_open(event: Event, contacts: Contacts) -> bool:

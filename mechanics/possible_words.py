@@ -52,8 +52,8 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
 
 
 def _hits(name: str, mode: Mode, contacts: Contacts) -> list[str]:
-    """Words for a hit of an open surface; one with friction has a law only where nothing else is
-    closed."""
+    """Words for a hit of an open surface.  One with friction while something is closed, where that
+    holds or not, is tried where a user's words name it."""
     if name not in contacts.rough:
         return [name]
     return [] if mode.closed else courses_of(name, contacts)
@@ -69,7 +69,7 @@ def possible_after(mode: Mode, words: Sequence[str], contacts: Contacts) -> Iter
             continue
         (event,), (_, after) = touch.events, touch.modes
         if is_open(event, contacts):
-            yield from [] if mode.closed else _with_courses(word, event, contacts)
+            yield from _with_courses(word, event, contacts)
         elif event.impact or after != mode:
             yield word
 

@@ -103,6 +103,15 @@ class Touch:
         return np.asarray(self.rubs[1:] & at_surfaces & self.impacts[:, None] & ~self.passes)
 
     @cached_property
+    def grips(self) -> Bools:
+        """Tangents with friction of closed surfaces that stick through an impact, shape (events,
+        nt)."""
+        rough = np.array(
+            [name in self.contacts.rough for name in self.contacts.tangents], dtype=bool
+        )
+        return np.asarray(self.rubs_in_impact & self.sticks[1:] & rough)
+
+    @cached_property
     def turns(self) -> Bools:
         """Tangents of closed surfaces that slide in the other direction after an impact, shape
         (events, nt)."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dmoc.mechanics.contact_mode import STICK, Course
+from dmoc.mechanics.contact_mode import FREE, STICK, Course, Mode
 from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Bools, Index, Numbering
 
@@ -36,6 +36,8 @@ class Passage:
         In their order.
     friction : tuple of int
         Of each stage: a direction of sliding, or 0; one more than moments.
+    holding : Mode
+        What is closed, and what sticks, during the impact.
     """
 
     event: int
@@ -44,6 +46,7 @@ class Passage:
     lands: bool
     moments: tuple[int, ...]
     friction: tuple[int, ...]
+    holding: Mode = FREE
 
     @property
     def late(self) -> bool:
@@ -129,6 +132,44 @@ class HitUnknowns:
         return cls(passages, hit, rubbed, moments, *(b.index for b in blocks))
 
 
+@dataclass(frozen=True, eq=False)
+class HeldUnknowns:
+    """Impulses of what holds until the moments within impacts with friction: of closed contacts
+    P_b, of what sticks T_b and of constraints R_b, shapes (events, moments, ...)."""
+
+    P_b: Index
+    T_b: Index
+    R_b: Index
+
+    @classmethod
+    def of(
+        cls, block: Numbering, touch: Touch, moments: Bools, joints: Sequence[str]
+    ) -> HeldUnknowns:
+        names, within = touch.contacts, moments[:, :, None]
+        beside = touch.beside & within.any(axis=1)
+        blocks = (
+            block(
+                "P_b",
+                within & beside[:, None],
+                lambda i, m, j: f"impulse of {names.surfaces[j]} {moment(i, m)}",
+                lambda s: s.lam,
+            ),
+            block(
+                "T_b",
+                within & touch.grips[:, None],
+                lambda i, m, k: f"friction impulse of {names.tangents[k]} {moment(i, m)}",
+                lambda s: s.friction,
+            ),
+            block(
+                "R_b",
+                np.repeat(within, len(joints), axis=2),
+                lambda i, m, j: f"impulse of constraint {joints[j]} {moment(i, m)}",
+                lambda s: s.reaction,
+            ),
+        )
+        return cls(*(b.index for b in blocks))
+
+
 def passages_of(touch: Touch) -> tuple[Passage, ...]:
     """The ways through the impacts with friction of a motion that have a course: hits, and
     landings during which sliding stops."""
@@ -136,11 +177,17 @@ def passages_of(touch: Touch) -> tuple[Passage, ...]:
     return tuple(
         Passage(
             i, event.surface, tangents(event.surface), bool(event.lands),
-            *_stages(event.course, bool(event.lands)),
+            *_stages(event.course, bool(event.lands)), _holding(touch, i),
         )
         for i, event in enumerate(touch.events)
         if event.course is not None
     )  # fmt: skip
+
+
+def _holding(touch: Touch, event: int) -> Mode:
+    """What is closed, and what sticks, during an impact."""
+    closed, sticking = np.flatnonzero(touch.beside[event]), np.flatnonzero(touch.grips[event])
+    return Mode(tuple(closed.tolist()), tuple(sticking.tolist()))
 
 
 def _stages(course: Course, lands: bool) -> tuple[tuple[int, ...], tuple[int, ...]]:

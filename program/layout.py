@@ -10,7 +10,8 @@ s: hidden unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), in the
 Laws that push have tables of their own: :class:`~dmoc.program.impacts.ImpactUnknowns` (lam, v_a,
 v_c, in these places because files keep multipliers in this order),
 :class:`~dmoc.program.contact_table.ContactUnknowns`,
-:class:`~dmoc.program.hit_stages.HitUnknowns`, :class:`~dmoc.program.joints.JointUnknowns`,
+:class:`~dmoc.program.hit_stages.HitUnknowns`, :class:`~dmoc.program.hit_stages.HeldUnknowns`,
+:class:`~dmoc.program.joints.JointUnknowns`,
 :class:`~dmoc.program.relaxed_contacts.RelaxedUnknowns`.
 """
 
@@ -31,7 +32,7 @@ from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Counted, Index, Numbering
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.contact_table import ContactUnknowns
-from dmoc.program.hit_stages import HitUnknowns
+from dmoc.program.hit_stages import HeldUnknowns, HitUnknowns
 from dmoc.program.impacts import ImpactUnknowns, impulses, names_of_events, velocities
 from dmoc.program.joints import JointUnknowns
 from dmoc.program.reactions import EventImpulses, PhaseReaction
@@ -48,8 +49,8 @@ class Layout:
 
     ``index_a`` is an integer array of the shape of ``a`` that holds the positions of its entries in
     x, so that ``x[index_a]`` is a; ``unknowns`` is the table with names and sizes.  ``touch`` says
-    what is in contact; ``impact``, ``contact``, ``hit``, ``joint`` and ``relaxed`` are the
-    unknowns of laws that push.
+    what is in contact; ``impact``, ``contact``, ``hit``, ``held``, ``joint`` and ``relaxed`` are
+    the unknowns of laws that push.
     """
 
     nq: int
@@ -73,6 +74,7 @@ class Layout:
     impact: ImpactUnknowns
     contact: ContactUnknowns
     hit: HitUnknowns
+    held: HeldUnknowns
     joint: JointUnknowns
     relaxed: RelaxedUnknowns
 
@@ -354,10 +356,12 @@ def _laid_out(kind: Kind) -> Layout:
     contact = ContactUnknowns.of(block, steps, touch)
     hit = HitUnknowns.of(block, touch, v)
     joint = JointUnknowns.of(block, steps, kind.joints, touch.impacts)
+    held = HeldUnknowns.of(block, touch, hit.moments, kind.joints)
     relaxed = RelaxedUnknowns.of(block, total, touch)
     return Layout(
         nq, len(u), steps, form, scheme, kind.timed, touch, tuple(block.made),
-        **indices, impact=impact, contact=contact, hit=hit, joint=joint, relaxed=relaxed,
+        **indices, impact=impact, contact=contact, hit=hit, held=held, joint=joint,
+        relaxed=relaxed,
     )  # fmt: skip
 
 

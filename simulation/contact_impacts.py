@@ -4,21 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from dmoc.base.errors import SimulationError
 from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import Mode
+from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import Reaction, conditions
 from dmoc.simulation.mode_choice import Blow, Place, plastic_blow
-from dmoc.simulation.poisson import impulses
 from dmoc.simulation.simultaneous_impacts import NOISE, simultaneous
+from dmoc.simulation.single_hit import SingleHit, single_hit
 
 # A rebound whose flight, with all that follow it, takes less than this share of a step is none.
 SETTLED = 1e-4
+# Contacts beside a hit that are tried in all combinations.
+MOST_HOLDING = 8
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
     Raises
     ------
     SimulationError
-        If several contacts with friction take part and one of them is not plastic, or if the law
+        If contacts with friction take part whose impact is not plastic and not known, or if the law
         of impact has no outcome.
     """
     nq, surfaces = model.nq, model.kernels.surfaces
@@ -54,9 +57,13 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
     if len(hit) == 1 and _uncoupled(model, at, hit[0], on):
         return _alone(model, at, hit[0], model.rough.get(hit[0]), float(e[hit[0]]))
     if any(e[j] > 0 for j in hit if j in model.rough):
+        alone = _held(model, at, hit[0], on, float(e[hit[0]])) if len(hit) == 1 else None
+        if alone is not None:
+            return alone
+        why = "are hit at once" if len(hit) > 1 else "take part in a hit where not all others hold"
         raise SimulationError(
-            f"the contacts {names} with friction are hit at once at t = {at.t:.6g} s: such an "
-            "impact is known for a restitution of 0 only, give them that."
+            f"the contacts {names} with friction {why} at t = {at.t:.6g} s: the outcome of such an "
+            "impact is unique for a restitution of 0 only, give them that."
         )
     blow = plastic_blow(model, at, on, e)
     if blow is not None and not _gains(model, at, blow):
@@ -67,6 +74,11 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
         f"the impact on {names} at t = {at.t:.6g} s has no outcome that obeys the laws of impact "
         "and friction: give them a restitution of 0, or lower the friction."
     )
+
+
+def _struck_by(model: Model, hit: SingleHit, on: list[int]) -> Struck:
+    blow = Blow(hit.velocity, hit.normal, hit.tangential)
+    return Struck(blow.velocity, tuple(_felt(blow, on, model.rough)))
 
 
 def _felt(blow: Blow, on: list[int], tangent: dict[int, int]) -> Iterator[tuple[int, float, float]]:
@@ -126,18 +138,34 @@ def _one_by_one(model: Model, at: Place, e: Array) -> Struck:
 def _alone(model: Model, at: Place, j: int, tangent: int | None, e: float) -> Struck:
     """An impact on one surface, after Poisson where it has friction."""
     nq = model.nq
-    q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
-    contact = Mode((j,), () if tangent is None else (tangent,))
-    D = conditions(model, contact, q, t).B[0, : 1 if tangent is None else 2]
-    pushed = model.responses(q[0], D, at.t)
-    approach = -float(model.gap_rates(q, v, t)[0, j])
-    if tangent is None:
-        impulse = -(1 + e) * approach / float(D[0] @ pushed[:, 0])
-        return Struck(v[0] + impulse * pushed[:, 0], ((j, impulse, 0.0),))
-    slide = float(model.slide_rates(q, v, t)[0, tangent])
-    impact = impulses(np.array([approach, slide]), D @ pushed, float(model.friction[tangent]), e)
-    lam = np.array([impact.normal, impact.tangential])
-    return Struck(v[0] + pushed @ lam, ((j, impact.normal, impact.tangential),))
+    q, v = at.y[:nq], at.y[nq : 2 * nq]
+    if tangent is not None:
+        return _struck_by(model, single_hit(model, (j, tangent), FREE, (q, v, at.t), e), [j])
+    normal = -model.gap_slopes(q, at.t)[j, :-1]
+    pushed = model.responses(q, normal, at.t)
+    impulse = (1 + e) * float(model.gap_rates(q, v, at.t)[j]) / float(normal @ pushed)
+    return Struck(v + impulse * pushed, ((j, impulse, 0.0),))
+
+
+def _held(model: Model, at: Place, j: int, on: list[int], e: float) -> Struck | None:
+    """A hit with friction while as many of the other touched contacts as can do hold, and those
+    that do not open; None where there are none, or where one of them slides with friction."""
+    q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
+    others, sigma = [k for k in on if k != j], model.slide_rates(q, v, at.t)
+    tangents = {k: model.rough[k] for k in others if k in model.rough}
+    slides = any(abs(sigma[k]) > at.small.slide[k] for k in tangents.values())
+    if slides or len(others) > MOST_HOLDING:
+        return None
+    contact = j, model.rough[j]
+    for count in range(len(others), -1, -1):
+        for closed in combinations(others, count):
+            sticking = tuple(sorted(tangents[k] for k in closed if k in tangents))
+            hit = single_hit(model, contact, Mode(closed, sticking), (q, v, at.t), e)
+            rates = model.gap_rates(q, hit.velocity, at.t)
+            opened = [k for k in others if k not in closed]
+            if not hit.unheld and (rates[opened] <= at.small.rate[opened]).all():
+                return _struck_by(model, hit, [j, *closed])
+    return None
 
 
 def _gains(model: Model, at: Place, blow: Blow) -> bool:

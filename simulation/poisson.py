@@ -49,6 +49,12 @@ class Impulses:
         late = len(said) > 1 and len(set(self.compression)) == 1
         return ":".join([*said, "late"] if late else said)
 
+    def slopes(self, response: Array, mu: float) -> tuple[float, ...]:
+        """dS/dP in each of its regimes."""
+        sticks = float(np.clip(-response[0, 1] / response[1, 1], -mu, mu))
+        of = {"slides forward": -mu, "slides backward": mu, "sticks": sticks}
+        return tuple(of[regime] for regime in dict.fromkeys(self.compression + self.restitution))
+
 
 def impulses(rates: Array, response: Array, mu: float, e: float) -> Impulses:
     """The impulses of an impact from the rates before it, of separation, negative where the bodies

@@ -21,6 +21,7 @@ from dmoc.program.laws.complementarity import ComplementarityLaw
 from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.ends import EndsLaw, Goal
 from dmoc.program.laws.friction import FrictionLaw
+from dmoc.program.laws.held import HeldLaw
 from dmoc.program.laws.hit import HitLaw
 from dmoc.program.laws.impact import ImpactLaw
 from dmoc.program.laws.joint import JointLaw
@@ -49,6 +50,7 @@ class Laws:
     contact: ContactLaw
     friction: FrictionLaw
     hit: HitLaw
+    held: HeldLaw
     joint: JointLaw
     complementarity: ComplementarityLaw
     equalities: tuple[Block, ...] = ()
@@ -65,8 +67,12 @@ class Laws:
 
     def __iter__(self) -> Iterator[Law]:
         before = self.step, self.path, self.impact, self.ends
-        pushing = self.contact, self.friction, self.hit, self.joint, self.complementarity
-        return iter((*before, *pushing))
+        last = self.joint, self.complementarity
+        return iter((*before, *self.of_contacts, *last))
+
+    @property
+    def of_contacts(self) -> tuple[Law, ...]:
+        return self.contact, self.friction, self.hit, self.held
 
     def stating(self, problem: Problem) -> Laws:
         """The same rows with what another problem says of both ends: the numbers in their names
@@ -84,7 +90,7 @@ class Laws:
 
     def numbered(self, problem: Problem, limits: tuple[Array, Array]) -> Laws:
         """Number the rows of a problem whose unknowns have some lower and upper limits."""
-        shared = (self.contact, self.friction, self.hit) if _is_untouched(self.contact.lay) else ()
+        shared = self.of_contacts if _is_untouched(self.contact.lay) else ()
         laws = [law for law in self if law not in shared]
         block = Numbering()
         for law in laws:
@@ -109,14 +115,15 @@ def laws_of(
     constraints instead of bounds, the other arguments are those of the program."""
     impact = ImpactLaw.of(problem, lay, touching)
     if _is_untouched(lay):
-        contact, friction, hit = _untouched(lay)
+        contact, friction, hit, held = _untouched(lay)
     else:
         contact = ContactLaw(lay, pulling)
         friction = FrictionLaw(contact, problem.model.friction)
         hit = HitLaw.of(problem, lay, impact)
+        held = HeldLaw(contact, problem.model.friction, impact.touching)
     return Laws(
         StepLaw(problem, lay), PathLaw.of(problem, lay), impact,
-        EndsLaw(problem, lay, tuple(goals)), contact, friction, hit,
+        EndsLaw(problem, lay, tuple(goals)), contact, friction, hit, held,
         JointLaw(lay, tuple(problem.kernels.manifest["bent_joints"])),
         ComplementarityLaw(
             lay, problem.model.friction, problem.restitution_values, problem.relaxation, scale
@@ -160,14 +167,16 @@ def _is_untouched(lay: Layout) -> bool:
 
 
 @lru_cache(maxsize=SHARED)
-def _untouched(lay: Layout) -> tuple[ContactLaw, FrictionLaw, HitLaw]:
+def _untouched(lay: Layout) -> tuple[ContactLaw, FrictionLaw, HitLaw, HeldLaw]:
     """Laws of contacts where there are none: their blocks have no members, so that all programs of
     a layout share them."""
     mu, events = np.zeros(len(lay.touch.contacts.tangents)), len(lay.touch.surfaces)
     contact = ContactLaw(lay, False)
     contact.settled, friction = Settled.nothing(lay), FrictionLaw(contact, mu)
-    hit = HitLaw(lay, (), mu, np.zeros(events), np.zeros(events, bool))
-    for law in (contact, friction, hit):
+    touching = np.zeros(events, dtype=bool)
+    hit, held = HitLaw(lay, (), mu, np.zeros(events), touching), HeldLaw(contact, mu, touching)
+    laws: tuple[Law, ...] = (contact, friction, hit, held)
+    for law in laws:
         law.equations(Numbering())
         law.inequalities(Numbering())
-    return contact, friction, hit
+    return contact, friction, hit, held

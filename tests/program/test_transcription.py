@@ -96,15 +96,16 @@ def joint_problem(periodic: bool) -> dmoc.Problem:
     return dmoc.Problem(
         dmoc.build(replace(rod, name="guided_rod", constraints=guides)),
         start={"x": 0.0, "y": None, "a": None, "s": None, "x_dot": None} if periodic else start,
-        contacts=["rail:slip+"], sequence=["+right:slip-", "wall", "-right rail:stick"],
-        goal={} if periodic else {"x": 0.2, "s_dot": 0.0}, steps=[3, 2, 3, 2],
+        contacts=["rail:slip+"],
+        sequence=["+right:slip-", "wall", "-right rail:stick", "left:slip+:stick"],
+        goal={} if periodic else {"x": 0.2, "s_dot": 0.0}, steps=[3, 2, 3, 2, 2],
         periodic=["y", "y_dot"] if periodic else (), final_time=(0.5, 2.0), restitution=0.5,
     )  # fmt: skip
 
 
 def hit_problem(order: int) -> dmoc.Problem:
-    """Hits with friction in all ways, and landings that turn and stop, of a rod with a rail; of a
-    puck without anything that lasts."""
+    """Hits with friction in all ways, and landings that turn and stop, of a rod with a rail, also
+    while its other end holds; of a puck without anything that lasts."""
     if order != 2:
         return dmoc.Problem(
             dmoc.build(landing_system(), order=order), start={"x": 0.0, "y": 1.0, "x_dot": None},
@@ -116,7 +117,8 @@ def hit_problem(order: int) -> dmoc.Problem:
         start={"x": 0.0, "y": 1.0, "a": (0.1, 1.0), "s": 0.0, "x_dot": None},
         sequence=[
             "left:slip+:stick rail:slip+", "right:slip-:slip+:late", "left:slip-",
-            "+right:slip-:slip+", "-right", "+left:slip+:stick",
+            "+right:slip-:slip+", "-right", "+left:slip+:stick", "right:slip+:stick",
+            "right:slip-:slip+:late",
         ],
         steps=2, final_time=(0.5, 2.0), restitution={"left": 0.5, "right": 0.2},
     )  # fmt: skip
@@ -209,10 +211,10 @@ def test_every_unknown_has_one_place(nlp: Transcription) -> None:
 def test_unknowns_have_the_order_of_files_and_those_of_laws_tables(nlp: Transcription) -> None:
     """Files keep the multipliers of bounds in this order."""
     lay, order = nlp.layout, "h q u lam p_B p_E v_B v_E v_a v_c t q_i s".split()
-    of_laws = ["P", "T", "P_c", "T_c", "v_h", "P_h", "T_h", "R", "R_c", "P_r", "T_r"]
-    assert [b.name for b in lay.unknowns] == order + of_laws
-    laws = lay.impact, lay.contact, lay.hit, lay.joint, lay.relaxed
-    tables = {name: value for table in (lay, *laws) for name, value in vars(table).items()}
+    of_laws = ["P", "T", "P_c", "T_c", "v_h", "P_h", "T_h", "R", "R_c", "P_b", "T_b", "R_b"]
+    assert [b.name for b in lay.unknowns] == [*order, *of_laws, "P_r", "T_r"]
+    parts = lay, lay.impact, lay.contact, lay.hit, lay.joint, lay.held, lay.relaxed
+    tables = {name: table for part in parts for name, table in vars(part).items()}
     for block in lay.unknowns:
         held = [name for name in (block.name, f"index_{block.name}") if name in tables]
         assert [np.array_equal(tables[name], block.index) for name in held] == [True]

@@ -1,0 +1,124 @@
+"""Hits with friction while other contacts are closed and constraints hold: closed forms, what the
+check and the simulation make of them, what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import radians, sin
+
+import numpy as np
+import pytest
+import sympy as sp
+from answers import answer_of
+from hit_problems import MU, RODS, A, T, X, Y, thrown
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.base.errors import ProblemError, SimulationError
+
+Z, C, D = dynamicsymbols("z c d")
+BALL, CART, G, UNDER = sp.symbols("m_b m_c g mu_u")
+
+
+def cart() -> dmoc.Kernels:
+    """A ball flies towards the rough side of a cart that stands on a floor."""
+    speeds = BALL * (X.diff(T) ** 2 + Y.diff(T) ** 2) + CART * (C.diff(T) ** 2 + D.diff(T) ** 2)
+    return dmoc.build(
+        dmoc.MechanicalSystem(
+            "hit_cart", [X, Y, C, D], speeds / 2 - G * (BALL * Y + CART * D),
+            {BALL: 1.0, CART: 3.0, MU: 1.2, UNDER: 1.1, G: 9.81},
+            surfaces={"side": C + 1 - X >= 0, "floor": D >= 0},
+            tangents={"side": Y - D, "floor": C}, friction={"side": MU, "floor": UNDER}, cost=1,
+        )
+    )  # fmt: skip
+
+
+REST = {"x": 0.0, "y": 0.0, "c": 0.0, "d": 0.0}
+
+
+def problem(sinking: float, under: float, word: str = "side:slip-") -> dmoc.Problem:
+    """The ball meets the side after half a second, with 2 m/s, and sinks then."""
+    rates = {"x_dot": 2, "y_dot": -sinking + 9.81 * 0.5, "c_dot": 0, "d_dot": 0}
+    return dmoc.Problem(
+        cart(), start=REST | rates, contacts=["floor" if under else "floor:slip+"],
+        sequence=[word], restitution=0.5, parameters={"mu_u": under}, steps=6, final_time=0.8,
+        durations=[(None, None), (0.1, None)],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["ipm", "slsqp"])
+def test_a_cart_that_friction_holds_takes_a_hit_like_a_wall(method: str) -> None:
+    """The ball rubs the cart down, which presses it on the floor by what it takes to hold it."""
+    solution = answer_of(problem(8.905, 1.1), method, starts=1)
+    hit = solution.collisions[0]
+    assert hit.impulses["side"] == pytest.approx((1 + 0.5) * 2)
+    assert hit.tractions["side"] == pytest.approx(1.2 * 3)
+    assert hit.impulses["floor"] == pytest.approx(1.2 * 3)
+    assert hit.tractions["floor"] == pytest.approx(-3)
+    np.testing.assert_allclose(solution.phases[1].v[0], [-1, -8.905 + 3.6, 0, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["ipm", "slsqp"])
+def test_a_smooth_floor_holds_the_cart_up_while_the_ball_stops_sinking(method: str) -> None:
+    solution = answer_of(problem(1.0, 0.0, "side:slip-:stick"), method, starts=1)
+    hit = solution.collisions[0]
+    assert hit.impulses["side"] == pytest.approx((1 + 0.5) * 2 / (1 + 1 / 3))
+    assert hit.impulses["floor"] == pytest.approx(1.0) == hit.tractions["side"]
+    np.testing.assert_allclose(solution.phases[1].v[0], [-0.25, 0, 0.75, 0], atol=1e-8)
+
+
+def test_the_way_through_it_is_found() -> None:
+    solution = answer_of(problem(1.0, 0.0, "side"))
+    assert solution.collisions[0].course == "slip-:stick"
+
+
+@pytest.mark.parametrize(("sinking", "under"), [(8.905, 1.1), (1.0, 0.0)])
+def test_the_simulation_takes_the_same_hit(sinking: float, under: float) -> None:
+    way = "side:slip-" if under else "side:slip-:stick"
+    after = answer_of(problem(sinking, under, way), starts=1).phases[-1]
+    run = dmoc.simulate(
+        cart(), REST, {"x_dot": 2, "y_dot": -sinking + 9.81 * 0.5}, step_size=0.01, steps=80,
+        restitution=0.5, parameters={"mu_u": under},
+    )  # fmt: skip
+    np.testing.assert_allclose(run.v[-1], after.v[-1], atol=1e-8)
+    np.testing.assert_allclose(run.q[-1], after.q[-1], atol=1e-8)
+
+
+def test_a_cart_that_the_floor_cannot_hold_is_told_everywhere() -> None:
+    assert dmoc.solve(problem(8.905, 0.7), starts=1).status == "infeasible"
+    with pytest.raises(SimulationError, match="a hit where not all others hold"):
+        dmoc.simulate(
+            cart(), REST, {"x_dot": 2, "y_dot": -4}, step_size=0.01, steps=80, restitution=0.5,
+            parameters={"mu_u": 0.7},
+        )  # fmt: skip
+    held = answer_of(problem(8.905, 1.1), starts=1).trajectory
+    weak = replace(held, parameters={**held.parameters, "mu_u": 0.6})
+    assert "floor cannot hold in the hit of side" in dmoc.verify(weak, cart()).message
+
+
+def test_contacts_that_slide_beside_a_hit_are_refused() -> None:
+    with pytest.raises(ProblemError, match="floor slides while side is hit with friction"):
+        problem(8.905, 1.1).but(contacts=["floor:slip+"], start=REST | {"x_dot": 2, "c_dot": 0.1})
+
+
+@pytest.mark.parametrize(("angle", "v", "mu", "after", "normal", "tangential", "course"), RODS)
+def test_constraints_hold_during_a_hit(
+    angle: float, v: tuple[float, ...], mu: float, after: tuple[float, ...], normal: float,
+    tangential: float, course: str,
+) -> None:  # fmt: skip
+    """The rod that hits the floor, its height written twice."""
+    height, a = Y.diff(T) ** 2 / 2 + Z.diff(T) ** 2 / 2, radians(angle)
+    rod = dmoc.MechanicalSystem(
+        "joined_rod", [X, Y, A, Z], (X.diff(T) ** 2 + height + A.diff(T) ** 2 / 12) / 2, {MU: 0.2},
+        surfaces={"floor": Y - sp.sin(A) / 2 >= 0}, tangents={"floor": X - sp.cos(A) / 2},
+        friction={"floor": MU}, constraints={"one": Z - Y}, cost=1,
+    )  # fmt: skip
+    place = {"x": 0.0, "y": sin(a) / 2, "a": a, "z": sin(a) / 2}
+    fallen = dmoc.Problem(
+        rod, sequence=[f"floor:{course}"], restitution=0.5, parameters={"mu": mu},
+        **thrown((*v, v[1]), place),  # type: ignore[arg-type]
+    )  # fmt: skip
+    solution = answer_of(fallen, starts=1)
+    np.testing.assert_allclose(solution.phases[1].v[0], (*after, after[1]), atol=1e-8)
+    assert solution.collisions[0].impulses["floor"] == pytest.approx(normal, abs=1e-8)
+    assert solution.collisions[0].tractions["floor"] == pytest.approx(tangential, abs=1e-8)
