@@ -13,6 +13,7 @@ import pytest
 from systems import block_system, landing_system, puck_system
 
 import dmoc
+from dmoc.codegen import compiler
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
 
@@ -33,6 +34,17 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DMOC_CACHE", str(folder))
         yield folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def flags() -> Iterator[tuple[str, ...]]:
+    """Compile kernels without optimisation, which gives the same numbers in a third of the time;
+    the flags of users are handed on."""
+    users = compiler.FLAGS
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiler, "FLAGS", (*users, "-O0"))
+        patch.setattr(compiler, "LARGE_FLAGS", ())
+        yield users
 
 
 @pytest.fixture

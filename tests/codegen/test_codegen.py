@@ -4,6 +4,7 @@ sanitizers."""
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import mpmath
@@ -132,8 +133,16 @@ def test_text_does_not_depend_on_the_hash_seed() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [block_system, puck_system, driven_system])
-def test_backends_agree_on_every_kernel(make: object) -> None:
-    system = make()  # type: ignore[operator]
+def test_backends_agree_on_every_kernel(
+    make: Callable[[], dmoc.MechanicalSystem],
+    flags: tuple[str, ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Compiled as users do it."""
+    system = make()
+    monkeypatch.setattr("dmoc.codegen.compiler.FLAGS", flags)
+    monkeypatch.setenv("DMOC_CACHE", str(tmp_path))
     for order in (2, 4):
         _compare(dmoc.build(system, order=order), dmoc.build(system, order=order, backend="numpy"))
 
