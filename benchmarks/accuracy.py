@@ -85,13 +85,13 @@ CASES = (
         "cart-pendulum, left",
         seed.problem,
         seed.LIMIT,
-        "both discretisations, N = 1600 and 320",
+        "dmoc's own, both discretisations, N = 1600 and 320",
     ),
     Case(
         "cart-pole, Kelly's motion",
         cart_pole.problem,
         cart_pole.LIMIT,
-        "both discretisations; Dymos' test: 58.88",
+        "dmoc's own, both discretisations; Dymos' test: 58.88",
         start=cart_pole.straight,
     ),
 )

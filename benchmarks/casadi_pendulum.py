@@ -59,6 +59,7 @@ class Program:
     bounds: dict[str, np.ndarray]
     case: Case
     seconds: float
+    sizes: Sizes | None = None
 
     def start(
         self, durations: np.ndarray, q: np.ndarray, u: np.ndarray, impulses: np.ndarray
@@ -67,28 +68,47 @@ class Program:
 
     def solve(self, x0: np.ndarray) -> tuple[float, float, int, str, float, np.ndarray]:
         """Return seconds, cost, iterations, status, violation and unknowns."""
-        seconds, found = clocked(lambda: self.solver(x0=x0, **self.bounds))
+        s = self.sizes or Sizes(np.ones(len(x0)), np.ones(len(self.bounds["lbg"])), 1.0)
+        seconds, found = clocked(lambda: self.solver(x0=x0 / s.x, **self.bounds))
         stats = self.solver.stats()
-        g, x = np.array(found["g"]).ravel(), np.array(found["x"]).ravel()
-        b = self.bounds
+        g, x = np.array(found["g"]).ravel() * s.g, np.array(found["x"]).ravel() * s.x
+        b = {k: v * (s.x if k in ("lbx", "ubx") else s.g) for k, v in self.bounds.items()}
         excess = [b["lbg"] - g, g - b["ubg"], b["lbx"] - x, x - b["ubx"]]
         return (
-            seconds, float(found["f"]), int(stats["iter_count"]), str(stats["return_status"]),
+            seconds, float(found["f"]) * s.f, int(stats["iter_count"]), str(stats["return_status"]),
             float(np.max(np.concatenate(excess))), x,
         )  # fmt: skip
 
 
-def program(case: Case, compiled: bool = False, unrolled: bool = True, **ipopt: Any) -> Program:
+@dataclass(frozen=True)
+class Sizes:
+    """What unknowns, rows and the cost are divided by."""
+
+    x: np.ndarray
+    g: np.ndarray
+    f: float
+
+    def bounds(self, plain: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return {k: v / (self.x if k in ("lbx", "ubx") else self.g) for k, v in plain.items()}
+
+
+def program(
+    case: Case,
+    compiled: bool = False,
+    unrolled: bool = True,
+    sizes: Sizes | None = None,
+    **ipopt: Any,
+) -> Program:
     """Build the program; unrolled into scalar operations (fastest to evaluate), or with a map
     over the steps (fastest to build)."""
-    seconds, (solver, bounds) = clocked(lambda: built(case, compiled, unrolled, **ipopt))
-    return Program(solver, bounds, case, seconds)
+    seconds, (solver, bounds) = clocked(lambda: built(case, compiled, unrolled, sizes, **ipopt))
+    return Program(solver, bounds, case, seconds, sizes)
 
 
 def built(
-    case: Case, compiled: bool, unrolled: bool, **ipopt: Any
+    case: Case, compiled: bool, unrolled: bool, sizes: Sizes | None, **ipopt: Any
 ) -> tuple[Any, dict[str, np.ndarray]]:
-    """CasADi's solver and the bounds."""
+    """CasADi's solver and the bounds, of the program in units of its sizes."""
     n, phases = case.steps, len(case.sequence) + 1
     total = n * phases
     step = step_function(case)
@@ -146,7 +166,10 @@ def built(
     }
     if compiled:
         options |= {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O2"]}}
-    solver = ca.nlpsol(
-        "solver", "ipopt", {"x": x, "f": ca.sum2(cost), "g": ca.vertcat(*g)}, options
-    )
-    return solver, bounds
+    nlp = {"x": x, "f": ca.sum2(cost), "g": ca.vertcat(*g)}
+    if sizes is not None:
+        whole = ca.Function("nlp", [x], [nlp["f"] / sizes.f, nlp["g"] / sizes.g])
+        scaled = kind.sym("x", x.numel())
+        nlp = dict(zip("xfg", (scaled, *whole(scaled * sizes.x)), strict=True))
+        bounds = sizes.bounds(bounds)
+    return ca.nlpsol("solver", "ipopt", nlp, options), bounds

@@ -268,6 +268,17 @@ def casadi_start(nlp: Transcription, x: np.ndarray) -> tuple[np.ndarray, ...]:
     return x[lay.index_h] * np.array(lay.steps), x[lay.index_q], x[lay.index_u], x[lay.impact.lam]
 
 
+def casadi_sizes(nlp: Transcription) -> tuple[np.ndarray, np.ndarray, float]:
+    """What dmoc divides these unknowns by, the rows of their program (momenta at the start,
+    energies and momenta between, momenta at the end, final time) and the cost."""
+    lay, scale = nlp.layout, nlp.scale
+    parts = casadi_start(nlp, nlp.unit)
+    x = np.concatenate([part.ravel() for part in parts])
+    hits = len(lay.collision_nodes)
+    g = [scale.p, np.full(hits, scale.energy), np.tile(scale.p, lay.total - 1), scale.p]
+    return x, np.concatenate([*g, [scale.time]]), scale.cost
+
+
 def from_casadi(nlp: Transcription, x: np.ndarray, found: np.ndarray) -> np.ndarray:
     """Unknowns with what CasADi found, the others as in x."""
     lay, y = nlp.layout, x.copy()

@@ -26,14 +26,18 @@ import dmoc
 
 METHODS = ("ipm", "slsqp", "ipopt", "uno")
 PEER = "CasADi + IPOPT"
+EXPLORED = f"{PEER}, explored"  # from the motion that dmoc has found on a coarse mesh
+PEERS = (PEER, EXPLORED)
+COARSE = 24  # steps a phase of that mesh, which is the one of dmoc's own exploration
 STEPS = (50, 100, 200)
 ORDERS = (2, 4)
 SECONDS = 60.0  # limit of one solve with its guess and check
 NOT_RUN = "not run"
 ABOUT_PEER = (
     f" {PEER} transcribes the same equations directly (midpoint rule; Hermite and Simpson's) and "
-    "starts from a straight line without inputs. Its answers are not checked: one far below the "
-    "known cost does not count, and its time is that of the solve alone, without building."
+    "starts from a straight line without inputs; explored: from the minimum that dmoc finds with "
+    f"N = {COARSE}. Its answers are not checked: one far below the known cost does not count, and "
+    "its time is that of the solve, without building, and with dmoc's on the coarse mesh."
 )
 HEADER = (
     "problem", "order", "N", "method", "result", "cost", "against known", "explore", "guess",
@@ -90,13 +94,18 @@ def own(rung: Rung, order: int, steps: int, method: str) -> Try:
     )  # fmt: skip
 
 
-def peer(rung: Rung, order: int, steps: int) -> Try:
+def peer(rung: Rung, order: int, steps: int, method: str) -> Try:
     """Solve by CasADi and IPOPT; nothing is checked, and the seconds of building are left out."""
-    found = ladder_casadi.solve(rung.state(), rung.make(steps, order), SECONDS)
+    start, explore = None, 0.0
+    if method == EXPLORED:
+        coarse = rung.make(COARSE, order)
+        explore, found = clocked(lambda: dmoc.solve(coarse, "ipm", seconds=SECONDS))
+        start = ladder_casadi.Motion(found)
+    answer = ladder_casadi.solve(rung.state(), rung.make(steps, order), SECONDS, start)
     return Try(
-        rung, order, steps, PEER,
-        rung.compared(found.cost, False) if found.succeeded else found.status, found.cost,
-        solve=found.solve, total=found.solve,
+        rung, order, steps, method,
+        rung.compared(answer.cost, False) if answer.succeeded else answer.status, answer.cost,
+        explore=explore or np.nan, solve=answer.solve, total=explore + answer.solve,
     )  # fmt: skip
 
 
@@ -115,13 +124,14 @@ def tries(
                     if late:
                         yield Try(rung, order, n, method, NOT_RUN)
                         continue
-                    one = peer(rung, order, n) if method == PEER else own(rung, order, n, method)
+                    solve = peer if method in PEERS else own
+                    one = solve(rung, order, n, method)
                     late = one.total >= SECONDS
                     yield one
 
 
 def ladder(quick: bool, folder: Path) -> Section:
-    methods = tuple(dict.fromkeys(("ipm", DEFAULT))) if quick else (*METHODS, PEER)
+    methods = tuple(dict.fromkeys(("ipm", DEFAULT))) if quick else (*METHODS, *PEERS)
     steps = STEPS[:1] if quick else STEPS
     found = list(tries(RUNGS, methods, steps=steps))
     section = Section(
@@ -191,7 +201,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--rung", default="", help="part of the name of a problem")
-    parser.add_argument("--method", nargs="+", choices=(*METHODS, PEER), default=(*METHODS, PEER))
+    parser.add_argument(
+        "--method", nargs="+", choices=(*METHODS, *PEERS), default=(*METHODS, *PEERS)
+    )
     parser.add_argument("--steps", nargs="+", type=int, default=STEPS)
     parser.add_argument("--order", nargs="+", type=int, choices=ORDERS, default=ORDERS)
     given = parser.parse_args()

@@ -1,5 +1,5 @@
 """The peer of the ladder: direct transcription with CasADi and IPOPT, as one writes it by hand,
-from a straight line.
+from a straight line, or from a motion that dmoc has found.
 
 The equations are those of a dmoc system, read with SymPy and differentiated by CasADi. States are
 positions and velocities at the nodes; order 2 is the implicit midpoint rule with constant inputs in
@@ -10,7 +10,7 @@ steps.  A collision is a jump of the velocities between two phases, whose durati
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -139,13 +139,26 @@ class Solver:
         return str(self.function.stats()["return_status"]), found
 
 
+class Start(Protocol):
+    """Where a program begins: durations of the phases, the state and the inputs at a share of a
+    phase, the velocity after a collision and its impulse."""
+
+    def durations(self, phases: int) -> np.ndarray: ...
+    def state(self, phase: int, share: float) -> tuple[np.ndarray, np.ndarray]: ...
+    def inputs(self, phase: int, share: float) -> np.ndarray: ...
+    def after(self, hit: int) -> tuple[np.ndarray, float]: ...
+
+
 @dataclass(frozen=True)
 class Line:
-    """The straight line: positions from the start to the goal, the velocity on it, the time."""
+    """The straight line: positions from the start to the goal, the velocity on it, the time, and
+    the nodes at the ends of the phases."""
 
     begin: np.ndarray
     end: np.ndarray
     time: float
+    ends: np.ndarray
+    nu: int
 
     @classmethod
     def of(cls, problem: dmoc.Problem) -> Line:
@@ -155,14 +168,48 @@ class Line:
         else:
             time = float(np.sqrt(low * high)) if low > 0 else high
         begin = _middle(problem.start_bounds.position, 0.0)
-        return cls(begin, _middle(problem.goal_bounds.position, begin), time)
+        ends = np.concatenate([[0], np.cumsum(problem.phase_steps)])
+        return cls(begin, _middle(problem.goal_bounds.position, begin), time, ends, problem.nu)
 
-    def at(self, share: float) -> np.ndarray:
-        return self.begin + share * (self.end - self.begin)
+    def durations(self, phases: int) -> np.ndarray:
+        return np.full(phases, self.time / phases)
 
-    @property
-    def velocity(self) -> np.ndarray:
-        return (self.end - self.begin) / self.time
+    def state(self, phase: int, share: float) -> tuple[np.ndarray, np.ndarray]:
+        node = (1 - share) * self.ends[phase] + share * self.ends[phase + 1]
+        way = self.end - self.begin
+        return self.begin + node / self.ends[-1] * way, way / self.time
+
+    def inputs(self, phase: int, share: float) -> np.ndarray:
+        return np.zeros(self.nu)
+
+    def after(self, hit: int) -> tuple[np.ndarray, float]:
+        return np.zeros(len(self.begin)), 0.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion that dmoc has found."""
+
+    solution: dmoc.Solution
+
+    def durations(self, phases: int) -> np.ndarray:
+        return np.array([phase.t[-1] - phase.t[0] for phase in self.solution.phases])
+
+    def state(self, phase: int, share: float) -> tuple[np.ndarray, np.ndarray]:
+        one = self.solution.phases[phase]
+        return _along(one.q, share), _along(one.v, share)
+
+    def inputs(self, phase: int, share: float) -> np.ndarray:
+        return _along(self.solution.phases[phase].u, share)
+
+    def after(self, hit: int) -> tuple[np.ndarray, float]:
+        return self.solution.phases[hit + 1].v[0], self.solution.collisions[hit].impulse
+
+
+def _along(rows: np.ndarray, share: float) -> np.ndarray:
+    """Values at a share of rows that are spread evenly."""
+    at = np.linspace(0.0, 1.0, len(rows))
+    return np.array([np.interp(share, at, column) for column in rows.T])
 
 
 def _middle(bounds: np.ndarray, otherwise: Any) -> np.ndarray:
@@ -171,9 +218,11 @@ def _middle(bounds: np.ndarray, otherwise: Any) -> np.ndarray:
     return np.where(known, np.where(known[:, None], bounds, 0.0).mean(axis=1), otherwise)
 
 
-def solve(statement: Statement, problem: dmoc.Problem, seconds: float) -> Answer:
+def solve(
+    statement: Statement, problem: dmoc.Problem, seconds: float, start: Start | None = None
+) -> Answer:
     """Transcribe a problem, which must not be periodic, with its steps and order, and solve it."""
-    build, solver = clocked(lambda: transcribed(statement, problem, seconds))
+    build, solver = clocked(lambda: transcribed(statement, problem, seconds, start))
     spent, (status, found) = clocked(solver.solve)
     return Answer(status, float(found["f"]), build, spent)
 
@@ -184,26 +233,30 @@ State = tuple[ca.SX, ca.SX]  # positions and velocities of a node
 class Transcription(Program):
     """The program of a problem, which begins at a line."""
 
-    def __init__(self, model: Model, problem: dmoc.Problem, line: Line) -> None:
+    def __init__(self, model: Model, problem: dmoc.Problem, start: Start) -> None:
         super().__init__()
-        self.model, self.problem, self.line = model, problem, line
+        self.model, self.problem, self.start = model, problem, start
+        self.longest = Line.of(problem).time
+        self.phase, self.share = 0, 0.0  # where the step is that is stated
 
     def durations(self) -> ca.SX:
         problem, phases = self.problem, self.problem.phases
         longest = problem.final_time_bounds[1]
-        shortest = SHORTEST * (longest if np.isfinite(longest) else self.line.time)
+        shortest = SHORTEST * (longest if np.isfinite(longest) else self.longest)
         durations = problem.duration_bounds.copy()
         durations[:, 0] = np.maximum(durations[:, 0], shortest)
-        T = self.unknown("T", np.full(phases, self.line.time / phases), durations)
+        T = self.unknown("T", self.start.durations(phases), durations)
         self.demand(ca.sum1(T), problem.final_time_bounds)
         return T
 
-    def node(self, share: float) -> State:
-        q = self.unknown("q", self.line.at(share), self.problem.coordinate_bounds)
-        return q, self.unknown("v", self.line.velocity, (-np.inf, np.inf))
+    def node(self, phase: int, share: float) -> State:
+        place, velocity = self.start.state(phase, share)
+        q = self.unknown("q", place, self.problem.coordinate_bounds)
+        return q, self.unknown("v", velocity, (-np.inf, np.inf))
 
     def inputs(self) -> ca.SX:
-        return self.unknown("u", np.zeros(self.model.nu), self.problem.input_bounds)
+        begin = self.start.inputs(self.phase, self.share)
+        return self.unknown("u", begin, self.problem.input_bounds)
 
     def boundary(self, at: Any, state: State, t: ca.SX) -> None:
         """The state at one end is as it is bounded."""
@@ -218,8 +271,9 @@ class Transcription(Program):
         """The state after a collision: an impulse along the normal, and Newton's law of impact."""
         (q, v), model, problem = before, self.model, self.problem
         surface = list(problem.kernels.surfaces).index(problem.sequence[hit])
-        after = self.unknown("v_after", np.zeros(model.nq), (-np.inf, np.inf))
-        impulse = self.unknown("impulse", 0.0, (0.0, np.inf))
+        begin, push = self.start.after(hit)
+        after = self.unknown("v_after", begin, (-np.inf, np.inf))
+        impulse = self.unknown("impulse", push, (0.0, np.inf))
         normal = model.normals(q, v, 0, t)[surface, :].T
         jump = model.momentum(q, after, 0, t) - model.momentum(q, v, 0, t)
         e = float(problem.restitution_values.ravel()[surface])
@@ -259,21 +313,28 @@ class Transcription(Program):
 
 
 def transcribed(
-    statement: Statement, problem: dmoc.Problem, seconds: float, **ipopt: Any
+    statement: Statement,
+    problem: dmoc.Problem,
+    seconds: float,
+    start: Start | None = None,
+    kind: type[Transcription] = Transcription,
+    rule: str = "",
+    **ipopt: Any,
 ) -> Solver:
-    """The program of a problem, whose goal is in its last rows."""
+    """The program of a problem, whose goal is in its last rows; ``rule`` names the step, if it is
+    not that of the order."""
     model = Model(statement.system, problem)
-    program = Transcription(model, problem, Line.of(problem))
-    step = program.midpoint if problem.order == 2 else program.simpson
-    T, nodes = program.durations(), sum(problem.phase_steps)
-    cost, t, k = ca.SX(0), ca.SX(0), 0
-    state = program.node(0.0)
+    program = kind(model, problem, start or Line.of(problem))
+    step = getattr(program, rule or ("midpoint" if problem.order == 2 else "simpson"))
+    T = program.durations()
+    cost, t = ca.SX(0), ca.SX(0)
+    state = program.node(0, 0.0)
     program.boundary(problem.start_bounds, state, t)
     for phase, steps in enumerate(problem.phase_steps):
         h, u = T[phase] / steps, None
-        for _ in range(steps):
-            k += 1
-            after = program.node(k / nodes)
+        for k in range(steps):
+            program.phase, program.share = phase, k / steps
+            after = program.node(phase, (k + 1) / steps)
             more, u = step(state, after, u, t, h)
             cost, t, state = cost + more, t + h, after
             program.demand(model.gaps(*state, 0, t), (-np.inf, 0.0))

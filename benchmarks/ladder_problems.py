@@ -145,18 +145,18 @@ def hanging() -> Statement:
     return Statement(reference.system(), reference.defaults)
 
 
-# Known values without a source beside them are limits of both discretisations as the steps get
+# Known values whose source is dmoc are limits of both discretisations as the steps get
 # smaller, of motions that the simulation confirms.
 RUNGS = (
     Rung(
         "pendulum with little torque, least time", little_torque, 5.7007, 1.5e-2,
-        "both orders, N = 400",
+        "dmoc, N = 400",
     ),
     Rung("two-link arm, least time", two_links, 2.98228, 1e-3, "PSOPT `twolinkarm`: 2.988662"),
     Rung("robot arm, least time", robot_arm, 9.14092, 1e-3, "COPS 3: 9.14138 at N = 200"),
     Rung(
         "robot arm with its Lagrangian", partial(robot_arm, lagrangian=True), 7.84472, 1e-3,
-        "both orders, N = 400",
+        "dmoc, N = 400",
     ),
     Rung("brachistochrone", brachistochrone, 1.8016031, 1e-3, "closed form"),
     Rung("furthest from rest to rest", furthest, -0.25, 1e-3, "closed form"),
@@ -164,22 +164,22 @@ RUNGS = (
     Rung("container crane", container_crane, 0.0051504, 5e-3, "PSOPT `crane`: 0.0051513"),
     Rung("crane with a hanging load", hanging_load, 5.79184, 3e-3, "opty: 5.894, of order 1"),
     Rung("planar quadrotor, least time", quadrotor, 1.49235, 1e-3, "CTDirect: 1.492"),
-    Rung("around a disc", around_disc, 65.28, 2e-3, "both orders, N = 200"),
-    Rung("pendulum and wall, goal -pi", against_wall, 31.22854, 2e-3, "both orders, N = 200"),
+    Rung("around a disc", around_disc, 65.28, 2e-3, "dmoc, N = 200"),
+    Rung("pendulum and wall, goal -pi", against_wall, 31.22854, 2e-3, "dmoc, N = 200"),
     Rung(
         "pendulum and wall, goal -3", partial(against_wall, goal=-3.0), 29.38332, 2e-3,
-        "both orders, N = 200",
+        "dmoc, N = 200",
     ),
     Rung(
         "pendulum and wall, goal -2", partial(against_wall, goal=-2.0), 18.11182, 1e-2,
-        "both orders, N = 200",
+        "dmoc, N = 200",
     ),
     Rung(
         "pendulum and nearer wall, goal -2.6", partial(against_wall, wall=0.4, goal=-2.6), 26.73732,
-        1e-2, "both orders, N = 200",
+        1e-2, "dmoc, N = 200",
     ),
-    Rung("hammer and nail", hammer_and_nail, 62.49558, 1e-2, "both orders, N = 200"),
+    Rung("hammer and nail", hammer_and_nail, 62.49558, 1e-2, "dmoc, N = 200"),
     Rung("two carts, e = 0.5", two_carts, two_carts_cost(), 1e-3, "closed form"),
-    Rung("acrobot and wall", acrobot, 46.694, 5e-3, "both orders, N = 200"),
-    Rung("cart-pendulum from hanging", hanging, 37.38486, 5e-3, "both orders, N = 200"),
+    Rung("acrobot and wall", acrobot, 46.694, 5e-3, "dmoc, N = 200"),
+    Rung("cart-pendulum from hanging", hanging, 37.38486, 5e-3, "dmoc, N = 200"),
 )  # fmt: skip

@@ -17,6 +17,7 @@ from common import (
     Options,
     Section,
     Status,
+    casadi_sizes,
     casadi_start,
     from_casadi,
     guess,
@@ -45,6 +46,7 @@ METHODS = {
     "ipm": INSTANCES,
     "ipopt": INSTANCES,
     "CasADi + IPOPT": INSTANCES,
+    "CasADi + IPOPT, scaled as dmoc": INSTANCES,
     "slsqp": INSTANCES,
     "uno": 40,
 }  # uno takes seconds an instance
@@ -86,8 +88,8 @@ def run(task: tuple[int, str]) -> Trial:
     p = problem(instance)
     with threadpool_limits(1):
         x = guess(p)
-        if method == "CasADi + IPOPT":
-            return _peer(instance, p, x)
+        if method.startswith("CasADi"):
+            return _peer(instance, method, p, x)
         nlp = program(p, x, method)
         seconds, outcome = solve(
             nlp, x, method, Options(iterations=ITERATIONS, deadline=Deadline.after(SECONDS))
@@ -124,18 +126,19 @@ def confirmed(p: dmoc.Problem, x: np.ndarray) -> bool:
     return False
 
 
-def _peer(instance: int, p: dmoc.Problem, x: np.ndarray) -> Trial:
+def _peer(instance: int, method: str, p: dmoc.Problem, x: np.ndarray) -> Trial:
     d = draw(instance)
     case = casadi_pendulum.Case(
         d["m_p"], d["m_c"], d["l"], alpha=d["alpha"], force=d["F"], final_time=d["T"]
     )
     nlp = program(p, x)
-    peer = casadi_pendulum.program(case, max_cpu_time=SECONDS)
+    sizes = casadi_pendulum.Sizes(*casadi_sizes(nlp)) if "scaled" in method else None
+    peer = casadi_pendulum.program(case, sizes=sizes, max_cpu_time=SECONDS)
     seconds, cost, iterations, status, _, found = peer.solve(peer.start(*casadi_start(nlp, x)))
     solved = status == "Solve_Succeeded"
     passed = solved and confirmed(p, from_casadi(nlp, x, found))
     return Trial(
-        instance, "CasADi + IPOPT", "solved" if solved else status.lower(), passed, iterations,
+        instance, method, "solved" if solved else status.lower(), passed, iterations,
         seconds, cost,
     )  # fmt: skip
 

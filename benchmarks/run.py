@@ -15,6 +15,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import ablation
 import batches
 import building
 import campaign
@@ -23,9 +24,13 @@ import invariance
 import ladder
 import links
 import planted
+import pruning
 import robustness
+import schemes
 import searching
+import seeds
 import speed
+import walking_casadi
 from common import Section, clocked, filled, machine
 
 HEAD = """# Benchmarks
@@ -57,10 +62,16 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "contacts": partial(campaign.campaign, campaign.HELD),
         "invariance": invariance.invariance,
         "planted": planted.compare,
+        "schemes": schemes.compare,
+        "long": schemes.long_runs,
+        "seeds": seeds.compare,
+        "pruning": pruning.compare,
+        "ablation": ablation.compare,
         "warm": speed.warm,
         "batches": batches.compare,
         "search": searching.compare,
         "puck": searching.puck,
+        "walker": walking_casadi.compare,
     }
 
 
