@@ -35,7 +35,8 @@ from common import Section, clocked, filled, machine
 
 HEAD = """# Benchmarks
 
-Written by `make bench`{quick}. Times drift between machines and runs; ratios come from one run. A
+Written by `make bench`{quick}. Times drift between machines and runs; ratios come from one run,
+and so does a section, but not all sections are from the same run. A
 solve that failed has no time: how many succeeded stands beside it. Two checkouts are compared by
 `benchmarks/compare.py`; errors against known answers are in `docs/known_answers.md`, published
 problems from the automatic start in `benchmarks/results/ladder.md`.

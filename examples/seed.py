@@ -13,8 +13,9 @@ With the angle :math:`\alpha` to the horizontal the Lagrangian is
        + l^2 \dot \alpha^2 \right) - m_p g l \sin \alpha, \qquad \alpha \ge \alpha_{min} .
 
 It is the problem of D. Kern and M. Groß, *A Variational Approach to Optimal Control of
-Underactuated Mechanical Systems with Collisions* (2018). The reference value is that of an
-independent transcription of the same discrete problem.
+Underactuated Mechanical Systems with Collisions* (2018), but for the second: their slides leave the
+final time open, and the cost falls as the time grows. The reference value is that of an independent
+transcription of the same discrete problem.
 
 Run:  ``python examples/seed.py [FOLDER]``
 """

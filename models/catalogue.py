@@ -30,7 +30,7 @@ ENTRIES = {
             "goal": {"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0},
             "sequence": ("left",),
             "steps": 100,
-            "final_time": (None, 1.0),
+            "final_time": (None, 1.0),  # not of the source: without it the cost falls for ever
             "bounds": {"F": (-200.0, 200.0), "x": (-10.0, 10.0)},
         },
     ),
