@@ -88,11 +88,14 @@ class Transcription(Evaluator):
         self.laws = shared_laws.stating(problem)
         self.n = self.layout.size
         self.n_eq, self.n_in = self.laws.n_eq, self.laws.n_in
-        self.unit = self.layout.units(self.scale)
+        self.scaled_by_sizes = scale is not None
+        self.unit = self.layout.units(self.scale) if self.scaled_by_sizes else np.ones(self.n)
         self.lower, self.upper = (limit / self.unit for limit in self.limits)
 
     @cached_property
     def row_unit(self) -> Array:
+        if not self.scaled_by_sizes:
+            return np.ones(self.n_eq + self.n_in)
         return np.concatenate(
             [b.sizes(self.scale) for b in (*self.equalities, *self.inequalities) if b.count]
         )

@@ -84,6 +84,18 @@ def test_the_simulation_takes_the_same_hit(sinking: float, under: float) -> None
     np.testing.assert_allclose(run.q[-1], after.q[-1], atol=1e-8)
 
 
+def test_what_holds_has_to_hold_after_the_stop_too() -> None:
+    """In all the floor would bear the push, but not where nothing presses the cart down any
+    more."""
+    stops = problem(2.9, 1.1, "side:slip-:stick:late")
+    assert dmoc.solve(stops, starts=1).status == "infeasible"
+    with pytest.raises(SimulationError, match="a hit where not all others hold"):
+        dmoc.simulate(
+            cart(), REST, {"x_dot": 2, "y_dot": -2.9 + 9.81 * 0.5}, step_size=0.01, steps=80,
+            restitution=0.5, parameters={"mu_u": 1.1},
+        )  # fmt: skip
+
+
 def test_a_cart_that_the_floor_cannot_hold_is_told_everywhere() -> None:
     assert dmoc.solve(problem(8.905, 0.7), starts=1).status == "infeasible"
     with pytest.raises(SimulationError, match="a hit where not all others hold"):

@@ -7,6 +7,8 @@ from typing import Any
 import block_and_wall
 import pytest
 from answers import answer_of
+from contact_problems import floor
+from several_contacts import PUSHED, pushed
 from systems import driven_system
 
 import dmoc
@@ -133,6 +135,24 @@ def test_a_mesh_that_the_solve_has_chosen_or_refined_is_taken(steps: int | None)
     assert solution.steps != problem.phase_steps
     found = dmoc.sensitivities(problem, solution)
     assert found["parameters"]["wall"] == pytest.approx(2 * solution.cost, rel=1e-6)
+
+
+def test_friction_of_a_contact_that_lasts() -> None:
+    """J = 6 m^2 d^2/T^3 + f^2 T/2 with f = mu m g, so that dJ/dmu = f m g T = 40, whatever the
+    steps."""
+    for steps in (10, 40):
+        problem = dmoc.Problem(
+            floor(), start={"x": 0, "y": 0}, goal={"x": 1, "x_dot": 0}, contacts=["floor:slip+"],
+            steps=steps, final_time=4,
+        )  # fmt: skip
+        change = dmoc.sensitivities(problem, answer_of(problem, starts=1))
+        assert change["parameters"]["mu"] == pytest.approx(40, rel=1e-6)
+
+
+def test_friction_that_several_contacts_share() -> None:
+    """The cost of the pushed box is as mu^1.5, apart from the error of the steps."""
+    change = dmoc.sensitivities(pushed(), answer_of(pushed(), starts=4))
+    assert change["parameters"]["mu"] == pytest.approx(1.5 * PUSHED / 0.2, rel=2e-3)
 
 
 def test_a_solution_of_another_problem_is_refused() -> None:
