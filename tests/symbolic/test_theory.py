@@ -161,6 +161,18 @@ def test_rates_change_linearly_with_the_impulses_of_a_hit() -> None:
     assert zero(tangent.dot(dv).subs(dT, -A[0, 1] / A[1, 1] * dP))
 
 
+def test_what_holds_in_a_hit_takes_its_share() -> None:
+    """{held}: an impulse along a direction, and that along what holds, which keeps its rate."""
+    held, tangent = (sp.Matrix(sp.symbols(f"{n}_1:3")).T for n in ("c", "tau"))
+    push, P_b = tangent.T, sp.Symbol("P_b")
+    inverse = M.inv()
+    dv = inverse * (push + held.T * P_b)
+    (impulse,) = sp.solve((held * dv)[0], P_b)
+    share = (held * inverse * held.T)[0]
+    reduced = inverse - inverse * held.T * held * inverse / share
+    assert all(zero(a) for a in dv.subs(P_b, impulse) - reduced * push)
+
+
 def test_friction_that_obeys_coulombs_law_takes_energy() -> None:
     """{friction-work}: T sigma <= 0 in what slides, and the work of an impulse over a stage is the
     impulse times the mean rate."""
