@@ -4,6 +4,7 @@ must not be."""
 from __future__ import annotations
 
 import pickle
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,11 @@ def values_of(kernels: Kernels, name: str, inputs: list[Any]) -> list[Any]:
     return full
 
 
+@cache
+def pendulum_kernels(named: bool, relative: bool, order: int = 2) -> Kernels:
+    return dmoc.build(double_pendulum(named, relative), order=order, backend="numpy")
+
+
 @pytest.mark.parametrize(
     ("relative", "order"),
     [(False, 2), pytest.param(True, 2, marks=pytest.mark.slow),
@@ -46,10 +52,7 @@ def values_of(kernels: Kernels, name: str, inputs: list[Any]) -> list[Any]:
 @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # no time to a surface
 def test_kernels_with_definitions_are_those_without(relative: bool, order: int) -> None:
     rng = np.random.default_rng(0)
-    with_names, without = (
-        dmoc.build(double_pendulum(named, relative), order=order, backend="numpy")
-        for named in (True, False)
-    )
+    with_names, without = (pendulum_kernels(named, relative, order) for named in (True, False))
     assert set(with_names.manifest["kernels"]) == set(without.manifest["kernels"])
     for name, facts in without.manifest["kernels"].items():
         if name == "path_terms":  # as they were stated
@@ -63,8 +66,7 @@ def test_kernels_with_definitions_are_those_without(relative: bool, order: int) 
 @pytest.mark.slow
 def test_kernels_with_definitions_are_those_of_their_numbers() -> None:
     """Rates of definitions are differences in 90 digits there."""
-    system = double_pendulum(True, relative=True)
-    errors = checked(system, dmoc.build(system, backend="numpy"))
+    errors = checked(double_pendulum(True, relative=True), pendulum_kernels(True, True))
     assert len(errors) > 40 and max(c.error for c in errors) < 1e-12
 
 
