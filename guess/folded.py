@@ -12,7 +12,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import natural_time
 from dmoc.guess.extension import impulse_between, with_event
 from dmoc.guess.random_motions import random_motions
-from dmoc.guess.transfer import Piece, times_of_inputs, unknowns_along
+from dmoc.guess.transfer import Piece, equally_long, times_of_inputs, unknowns_along
 from dmoc.mechanics.algebra import solved
 from dmoc.problem.problem import Problem
 from dmoc.program.layout import Layout
@@ -49,8 +49,11 @@ class Folded:
         return Folded(tuple(n for n, _ in kept), tuple(pieces), tuple(p for _, p in kept))
 
     def hitting(self, problem: Problem, i: int, surface: int) -> Folded:
-        """The same, bent to one hit more in its phase i."""
+        """The same, bent to one hit more in its phase i, in phases that take equally long, because
+        where it is cut tells little about when the hit shall be."""
         bent = with_event(problem, self.pieces, i, surface)
+        if not problem.explicit_time:  # else the surface, too, is where it is at its time
+            bent = equally_long(bent)
         impulse = impulse_between(problem, bent[i], bent[i + 1], surface)
         hits, impulses = list(self.hits), list(self.impulses)
         hits.insert(i, problem.kernels.surfaces[surface])

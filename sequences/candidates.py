@@ -36,6 +36,7 @@ class Candidates(Tree):
         self.refused = dict(proposals.refused)
         self.frontier = [p.sequence for p in proposals.ranked()]
         self.left: list[Words] = []  # too dear to be solved
+        self.around: set[Words] = set()  # those whose motions others were looked for from
         self.alone = False  # no relaxed motion helps
 
     def surrounded(self) -> Tree:
@@ -73,13 +74,14 @@ class Candidates(Tree):
     def _neighbours(self) -> bool:
         """Put what the motion of the best proposes into the frontier; whether there is anything."""
         best = self.best()
-        if best is None or best.sequence in self.proposals.around or best.solution is None:
+        if best is None or best.sequence in self.around or best.solution is None:
             return False
+        self.around.add(best.sequence)
         motion = best.solution.trajectory
         hits = ["" if c.surface in c.lands else c.surface for c in motion.collisions]
         impulses = [c.impulse for c in motion.collisions]
         way = Folded(tuple(hits), tuple(pieces_of(motion)), tuple(impulses))
-        new = self.proposals.look_around(best.sequence, way, self.deadline)
+        new = self.proposals.look_around(way, self.deadline)
         self.frontier += [s for s in new if s not in self.nodes]
         return bool(self.frontier)
 

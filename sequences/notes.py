@@ -49,9 +49,11 @@ def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str)
         and len(best.sequence) == depth > 0
         and by_depth[depth] < min(by_depth[:-1])
     ):
+        least = min(by_depth[:-1])
+        fewer = f"with fewer {least:.6g}" if np.isfinite(least) else "none with fewer is confirmed"
         notes.append(
-            f"the best sequence has all {depth} {noun}s (cost {by_depth[depth]:.6g}, with fewer "
-            f"{min(by_depth[:-1]):.6g}): more may cost less"
+            f"the best sequence has all {depth} {noun}s (cost {by_depth[depth]:.6g}, {fewer}): "
+            "more may cost less"
         )
     for verdict, meaning in (
         (Verdict.FAILED, "came to no answer"),
@@ -94,7 +96,8 @@ def notes_of_proposals(candidates: Candidates) -> list[str]:
             "relaxed one does"
         )
     if best is not None and not best.sequence:
-        notes.append("nothing needs to touch: no proposal with an event costs less")
+        touches = "touch" if candidates.problem.touch.modes[0].free else "change its contacts"
+        notes.append(f"nothing needs to {touches}: no proposal with an event costs less")
     if not every:
         notes.append("no relaxed motion says a sequence: strategy 'exhaustive' tries all")
     return notes

@@ -9,9 +9,10 @@ from typing import Any
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ProblemError, SearchError
 from dmoc.guess.folded import Folded
-from dmoc.mechanics.contact_mode import STICK, Mode, mode_in_words
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.modes import word_between
+from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.sequences.reading import Reading, Relaxed
 from dmoc.sequences.relaxation import Relaxation
@@ -62,8 +63,6 @@ class Proposals:
         By sequence.
     motions : dict
         The cheapest motion of each.
-    around : set
-        Those from whose motions others were looked for.
     refused : dict
         Sequences that no problem can have, and why.
     """
@@ -74,7 +73,6 @@ class Proposals:
     starts: int = 0
     proposed: dict[Words, Proposed] = field(default_factory=dict)
     motions: dict[Words, Folded] = field(default_factory=dict)
-    around: set[Words] = field(default_factory=set)
     refused: dict[Words, str] = field(default_factory=dict)
 
     @property
@@ -105,9 +103,8 @@ class Proposals:
             self.proposed[words] = replace(before, starts=before.starts + 1)
         return new
 
-    def look_around(self, words: Words, motion: Folded, deadline: Deadline) -> list[Words]:
-        """Add what motions from that of a sequence propose; return the sequences that are new."""
-        self.around.add(words)
+    def look_around(self, motion: Folded, deadline: Deadline) -> list[Words]:
+        """Add what motions from another one propose; return the sequences that are new."""
         most = self.settings.max_collisions
         return self.take(self.relaxation.beside(motion, most, deadline))
 
@@ -157,49 +154,62 @@ def proposals_of(problem: Problem, settings: Settings, deadline: Deadline) -> Pr
     if relaxation.nothing_touches:
         raise SearchError(
             f"nothing can touch in this problem of {problem.kernels.name!r}: its surfaces are "
-            "ignored, and nothing rubs; solve it with dmoc.solve."
+            "ignored, and nothing rubs; solve it with dmoc.solve, or take strategy 'exhaustive', "
+            "which lands on ignored surfaces too."
         )
     motions = list[Relaxed | None]()
     for some in relaxation.motions(settings.max_collisions, settings.seed, deadline):
         motions += some
-        if _met_often(motions):
+        if _met_often(problem, motions):
             break
     proposals = Proposals(_begun_as(problem, motions), relaxation, settings)
     proposals.take(motions)
-    while (best := next(iter(proposals.ranked()), None)) and best.sequence not in proposals.around:
-        proposals.look_around(best.sequence, proposals.motions[best.sequence], deadline)
+    best: Words | None = None
+    while proposals.proposed and best != (cheapest := proposals.ranked()[0].sequence):
+        best = cheapest
+        proposals.look_around(proposals.motions[best], deadline)
     return proposals
 
 
-def _cheapest(motions: Iterable[Relaxed | None]) -> Relaxed | None:
-    return min((m for m in motions if m is not None), key=lambda m: m.cost, default=None)
+def _cheapest(problem: Problem, motions: Iterable[Relaxed | None]) -> Reading | None:
+    """What the cheapest motion says of those that begin with what is closed in the problem."""
+    closed = set(problem.touch.modes[0].closed)
+    good = [m for m in motions if m is not None and closed <= set(m.reading.start.closed)]
+    return min(good, key=lambda m: m.cost).reading if good else None
 
 
-def _met_often(motions: Sequence[Relaxed | None]) -> bool:
+def _met_often(problem: Problem, motions: Sequence[Relaxed | None]) -> bool:
     """Whether enough starts have led to the sequence of the cheapest motion."""
-    best = _cheapest(motions)
+    best = _cheapest(problem, motions)
     if best is None:
         return False
-    same = [m for m in motions if m is not None and m.reading.same(best.reading)]
+    same = [m for m in motions if m is not None and m.reading.same(best)]
     return len(same) >= OFTEN
 
 
 def _begun_as(problem: Problem, motions: Sequence[Relaxed | None]) -> Problem:
-    """The problem with the contacts at its start that the cheapest motion has, where the problem
-    itself names none."""
-    cheapest = _cheapest(motions)
-    if problem.contacts or cheapest is None:
+    """The problem with the contacts at its start that the cheapest motion has, in as far as the
+    problem itself says nothing of them."""
+    cheapest = _cheapest(problem, motions)
+    if cheapest is None:
         return problem
+    closed = problem.touch.modes[0].closed if problem.contacts else cheapest.start.closed
+    said = {part.split(":")[0]: part for part in problem.contacts if ":" in part}
+    named = _named(problem, Mode.of(closed, cheapest.start.rubbing))
     try:
-        return problem.but(contacts=_named(problem, cheapest.reading.start))
+        return problem.but(contacts=[said.get(part.split(":")[0], part) for part in named])
     except ProblemError:  # the start is not where they are closed
         return problem
 
 
 def _named(problem: Problem, mode: Mode) -> list[str]:
-    """A mode as the contacts of a problem name it."""
+    """A mode as the contacts of a problem name it: closed surfaces, and what slides."""
     contacts, rubbing = problem.touch.contacts, mode.rubbing
-    slides = {j: k for k, j in enumerate(contacts.supports) if rubbing.get(k, STICK) != STICK}
-    words = {k: mode_in_words(contacts, Mode(sliding=((k, rubbing[k]),))) for k in slides.values()}
-    closed = [words.get(slides.get(j, -1), contacts.surfaces[j]) for j in mode.closed]
-    return [*closed, *(w for k, w in words.items() if contacts.supports[k] == RAIL)]
+    words = [
+        f"{name}:{FRICTION_WORDS[rubbing[k]]}" if rubbing.get(k) else name
+        for k, (name, j) in enumerate(zip(contacts.tangents, contacts.supports, strict=True))
+        if (j in mode.closed or j == RAIL)
+    ]
+    rails = [word for word in words if ":" in word or word not in contacts.rails]
+    smooth = [s for s in contacts.named(mode.closed) if s not in contacts.tangents]
+    return [*smooth, *rails]

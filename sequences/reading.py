@@ -154,9 +154,12 @@ def _pieces(relaxed: Relaxed, cuts: Sequence[int]) -> tuple[Piece, ...]:
     lay, x = relaxed.nlp.layout, relaxed.x
     t, q, u = lay.times(x), x[lay.index_q], x[lay.index_u]
     ends, pieces = [0, *cuts, lay.total], []
+    events = lay.collision_nodes.tolist()
+    before, after = (dict(zip(events, x[v], strict=True)) for v in (lay.impact.v_a, lay.impact.v_c))
     for a, b in pairwise(ends):
         at, nodes = t[a : b + 1], np.ascontiguousarray(q[a : b + 1])
         rows = slice(lay.row_u_k[a], lay.row_u_kp1[b - 1] + 1)
         v = np.gradient(nodes, at, axis=0)
+        v[0], v[-1] = after.get(a, v[0]), before.get(b, v[-1])
         pieces.append(Piece(at, nodes, v, times_of_inputs(lay.form.name, at), u[rows]))
     return tuple(pieces)

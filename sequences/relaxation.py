@@ -36,7 +36,7 @@ from dmoc.solving.multistart.parallel import free_threads
 
 # What complementarity is relaxed by, one after the other: hits are few and begin where they are,
 # contacts that close at any node begin far from it.
-OF_HITS, OF_CONTACTS = (1e-1, 1e-2, 1e-3), (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
+OF_HITS, OF_CONTACTS = (1e-2, 1e-3, 1e-4), (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
 # Steps of a relaxed motion, and of a phase between its hits at least.
 STEPS, FEWEST = 40, 10
 # Random motions that are solved together, and at most, and those of which they are chosen: folded
