@@ -43,7 +43,7 @@ class Candidates(Tree):
         """The tree of all sequences, which has what is known of these."""
         tree = Tree(self.problem, self.settings)
         tree.journal = self.journal
-        tree.known = {**self.known, **self.nodes}
+        tree.before, tree.known = self.nodes, {**self.known, **self.nodes}
         return tree
 
     def rounds(self) -> Iterator[list[Words]]:

@@ -64,7 +64,7 @@ def read(relaxed: Relaxed) -> Reading:
     """The sequence that a motion has, without what trembles."""
     lay, hits = relaxed.nlp.layout, _hits(relaxed)
     nodes = [int(lay.collision_nodes[i]) for i in hits]
-    modes = cleaned(_modes(relaxed))
+    modes = at_hits(cleaned(_modes(relaxed)), nodes)
     contacts, words, names = lay.touch.contacts, list[str](), list[str]()
     cuts, impulses = list[int](), list[float]()
     struck = dict(zip(nodes, hits, strict=True))
@@ -140,6 +140,17 @@ def cleaned(modes: Sequence[Mode]) -> list[Mode]:
         beside = [r for r in runs if r[1] == a or r[0] == b]
         longest = max(beside, key=lambda r: r[1] - r[0])
         modes[a:b] = [modes[longest[0]]] * (b - a)
+    return modes
+
+
+def at_hits(modes: Sequence[Mode], nodes: Sequence[int]) -> list[Mode]:
+    """Modes of steps in which those that change a step before or after a hit change with it."""
+    modes = list(modes)
+    for k in nodes:
+        if k >= 2 and modes[k - 2] != modes[k - 1] == modes[k]:
+            modes[k - 1] = modes[k - 2]
+        if k + 1 < len(modes) and modes[k - 1] == modes[k] != modes[k + 1]:
+            modes[k] = modes[k + 1]
     return modes
 
 

@@ -24,6 +24,7 @@ from dmoc.mechanics.algebra import columns
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.touch import Open
 from dmoc.problem.problem import Problem
+from dmoc.program.laws.complementarity import OF_HITS
 from dmoc.program.scale import Scale
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
@@ -34,9 +35,9 @@ from dmoc.solvers.judge import judged
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.multistart.parallel import free_threads
 
-# What complementarity is relaxed by, one after the other: hits are few and begin where they are,
-# contacts that close at any node begin far from it.
-OF_HITS, OF_CONTACTS = (1e-2, 1e-3, 1e-4), (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
+# What complementarity is relaxed by, one after the other: where contacts may close at any node from
+# far, else from where hits are.
+EVERY = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
 # Steps of a relaxed motion, and of a phase between its hits at least.
 STEPS, FEWEST = 40, 10
 # Random motions that are solved together, and at most, and those of which they are chosen: folded
@@ -178,7 +179,7 @@ class Relaxation:
         """Those of some hits, for eps that falls; a thread has its own."""
         if (thread, hits) not in self._made:
             scale = self._scale(self._relaxed(hits, 1.0), x)
-            every = OF_CONTACTS if self._closes else OF_HITS
+            every = EVERY if self._closes else [eps for eps in EVERY if eps <= OF_HITS]
             self._made[thread, hits] = [
                 Transcription(self._relaxed(hits, eps), scale) for eps in every
             ]

@@ -76,6 +76,6 @@ def _looked_at(
                 break
         if until.passed and tree.waiting:
             return f"the time of {seconds:g} s was used up"
-        if most is not None and len(tree.nodes) >= most and tree.waiting:
+        if most is not None and tree.count >= most and tree.waiting:
             return f"the limit of {most} nodes was reached"
     return ""

@@ -36,6 +36,9 @@ class Tree:
         self.problem, self.settings = problem, settings
         self.nodes: dict[tuple[str, ...], Node] = {}
         self.known: dict[tuple[str, ...], Node] = {}
+        self.before: dict[
+            tuple[str, ...], Node
+        ] = {}  # those of a search that this one goes on with
         self.journal: Journal | None = None
         self.frontier: list[tuple[str, ...]] = [()]
         self.passed_over = 0
@@ -53,6 +56,11 @@ class Tree:
     @property
     def waiting(self) -> int:
         return len(self.frontier)
+
+    @property
+    def count(self) -> int:
+        """Nodes that were looked at."""
+        return len(self.nodes | self.before)
 
     def counts(self) -> dict[str, int]:
         return dict(Counter(n.verdict.value for n in self.nodes.values()))
@@ -85,7 +93,7 @@ class Tree:
     ) -> Iterator[Node]:
         """Solve sequences; each finished node is recorded and its children join the frontier."""
         most = self.settings.max_nodes
-        room = len(sequences) if most is None else max(most - len(self.nodes), 0)
+        room = len(sequences) if most is None else max(most - self.count, 0)
         sequences = sequences[:room]
         for s in sequences:
             if s in self.known:

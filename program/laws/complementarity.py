@@ -50,6 +50,10 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
+# eps of hits at most: they begin where the start has them, and would fade away from far.
+OF_HITS = 1e-2
+
+
 @dataclass(eq=False)
 class ComplementarityLaw(Law):
     """The contacts that are left open; where nothing is, the law has no rows.
@@ -165,11 +169,12 @@ class ComplementarityLaw(Law):
     def constants(self) -> Iterator[tuple[int, float]]:
         if not self._used:
             return
-        for block in (
-            self.resting, self.closed, self.pressing, self.dissipation, self.hit, self.rebound,
-        ):  # fmt: skip
-            sizes = self.eps * block.sizes(self.scale)
-            yield from zip(block.numbers.tolist(), sizes.tolist(), strict=True)
+        at_nodes = self.resting, self.closed, self.pressing, self.dissipation
+        of_hits = self.hit, self.rebound
+        for eps, blocks in ((self.eps, at_nodes), (min(self.eps, OF_HITS), of_hits)):
+            for block in blocks:
+                sizes = eps * block.sizes(self.scale)
+                yield from zip(block.numbers.tolist(), sizes.tolist(), strict=True)
 
     # Terms ----------------------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from contact_problems import against_wall, floor, pushed
 
 import dmoc
 from dmoc.mechanics.touch import Open
-from dmoc.program.laws.complementarity import ComplementarityLaw
+from dmoc.program.laws.complementarity import OF_HITS, ComplementarityLaw
 from dmoc.program.scale import Scale
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.ipm import solve_ipm
@@ -56,16 +56,17 @@ def test_rows_are_the_products_of_the_theory(block: Transcription) -> None:
 
 def test_a_hit_may_be_none_and_rebounds_by_its_coefficient() -> None:
     problem = against_wall(3, 0.5).but(sequence=(), contacts=())
-    nlp = Transcription(problem.relaxed(Open((), (0,)), ["wall"], 3, EPS))
+    eps = OF_HITS / 4
+    nlp = Transcription(problem.relaxed(Open((), (0,)), ["wall"], 3, eps))
     rng, lay = np.random.default_rng(4), nlp.layout
     x = rng.uniform(0.1, 1.0, nlp.n)
     law, d = values(nlp, x)
     x = nlp.physical(x)
     (lam,), (before,), (after,) = x[lay.impact.lam], x[lay.impact.v_a[0]], x[lay.impact.v_c[0]]
     place = x[lay.index_q[3, 0]]  # the wall is at 1
-    assert d[law.hit.index] == pytest.approx([EPS + lam * (place - 1)])
+    assert d[law.hit.index] == pytest.approx([eps + lam * (place - 1)])
     miss = lam * (after + 0.5 * before)
-    assert d[law.rebound.index[0]] == pytest.approx([EPS + miss, EPS - miss])
+    assert d[law.rebound.index[0]] == pytest.approx([eps + miss, eps - miss])
     # A rail bears its force for the time that a node stands for: half a step at both ends.
     h, T = np.repeat(x[lay.index_h], 3), x[lay.relaxed.T_r][:, 0]
     bears = (np.append(h, 0) + np.append(0, h)) / 2

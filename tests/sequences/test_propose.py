@@ -17,7 +17,7 @@ from dmoc.base.errors import SearchError
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.models.registry import find
 from dmoc.sequences import relaxation
-from dmoc.sequences.reading import cleaned
+from dmoc.sequences.reading import at_hits, cleaned
 from dmoc.sequences.search import Progress, SearchResult
 
 T = dynamicsymbols._t
@@ -50,7 +50,7 @@ def test_the_seed_hits_the_left_limiter_twice(swung: SearchResult) -> None:
 
 def test_proposals_are_told_with_their_starts_and_what_became_of_them(swung: SearchResult) -> None:
     (found,) = [note for note in swung.notes if "relaxed starts led to" in note]
-    assert f"left, left ({swung.proposals[0].starts} starts, about 67.12)" in found
+    assert f"left, left ({swung.proposals[0].starts} starts, about 67." in found
     solved = {n.sequence for n in swung.nodes}
     dear = [p for p in swung.proposals if p.sequence not in solved]
     assert all(p.cost > 1.35 * 66.16 for p in dear)
@@ -163,8 +163,8 @@ def test_budgets_and_interruptions_end_it_with_an_answer(monkeypatch: pytest.Mon
 
     result = dmoc.search(problem, strategy="propose", progress=interrupt)
     assert len(result.nodes) == 1 and "interrupted" in result.notes[0]
-    few = dmoc.search(problem, strategy="propose", max_nodes=1)
-    assert len(few.nodes) == 1 and "limit of 1 nodes" in few.notes[0]
+    few = dmoc.search(problem, 1, strategy="both", max_nodes=2)
+    assert len(few.nodes) == 2 and any("limit of 2 nodes" in note for note in few.notes)
 
     def early(*_: object) -> None:
         raise KeyboardInterrupt
@@ -202,3 +202,10 @@ def test_what_lasts_for_a_step_trembles() -> None:
     assert cleaned(trembles) == [FREE] * 4 + [foot] * 6
     assert cleaned([FREE, *[foot] * 3, FREE]) == [foot] * 5
     assert cleaned([FREE] * 3 + [foot] * 3) == [FREE] * 3 + [foot] * 3
+
+
+def test_what_changes_beside_a_hit_changes_with_it() -> None:
+    foot = Mode.of([0], {})
+    early, late = [FREE] * 2 + [foot] * 4, [FREE] * 4 + [foot] * 2
+    assert at_hits(early, [3]) == at_hits(late, [3]) == [FREE] * 3 + [foot] * 3
+    assert at_hits(early, [5]) == early
