@@ -23,6 +23,7 @@ import evaluating
 import invariance
 import ladder
 import links
+import long_runs
 import planted
 import pruning
 import robustness
@@ -64,7 +65,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "invariance": invariance.invariance,
         "planted": planted.compare,
         "schemes": schemes.compare,
-        "long": schemes.long_runs,
+        "long": long_runs.compare,
         "seeds": seeds.compare,
         "pruning": pruning.compare,
         "ablation": ablation.compare,

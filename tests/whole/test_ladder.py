@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ablation import PATCHES
 from answers import answer_of
 from ladder_problems import RUNGS, Rung, two_carts_cost
+from long_runs import LOBATTO, RADAU, collocation
 from nosnoc_puck import missed
+from pages import ROOT
 
 import dmoc
 
@@ -76,3 +79,21 @@ def test_sequential_programming_ends_on_a_flat_minimum() -> None:
     solution = dmoc.solve(rung.make(120, 4), "slsqp")
     assert (solution.status, solution.method) == ("solved", "slsqp")
     assert solution.cost == pytest.approx(7.84477, rel=1e-5)
+
+
+def test_collocations_have_the_published_tableaus() -> None:
+    """Simpson's rule with Hermite's polynomial; Radau IIA with two stages (Hairer and Wanner)."""
+    A, b = collocation(LOBATTO)
+    np.testing.assert_allclose(b, [1 / 6, 2 / 3, 1 / 6])
+    np.testing.assert_allclose(A[1], [5 / 24, 1 / 3, -1 / 24], atol=1e-15)
+    A, b = collocation(RADAU[2])
+    np.testing.assert_allclose(A, [[5 / 12, -1 / 12], [3 / 4, 1 / 4]])
+    np.testing.assert_allclose(b, [3 / 4, 1 / 4])
+    moments = [collocation(RADAU[3])[1] @ RADAU[3] ** k for k in range(5)]
+    np.testing.assert_allclose(moments, 1 / np.arange(1, 6))
+
+
+@pytest.mark.parametrize("part", PATCHES)
+def test_a_part_of_ipm_that_is_left_out_stands_once_in_its_source(part: str) -> None:
+    file, old, new = PATCHES[part]
+    assert (ROOT / "solvers" / file).read_text().count(old) == 1 and old != new
