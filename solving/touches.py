@@ -63,7 +63,8 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
     units of the program: one, or those of the two ends of what sliding that stops may be.
 
     A collision with the rate of approach s has gamma+ = -e s and lam = (1 + e) s / (n . M^-1 n), so
-    that dJ/ds = e y + (1 + e) dL/dlam / (n . M^-1 n) with the multiplier y of gamma = 0.  In a hit
+    that dJ/ds = e y + (1 + e) z / (n . M^-1 n) with the multipliers y of gamma = 0 and z of lam =
+    0, the slope of the Lagrangian without bounds (equation :eq:`touch` of the theory). In a hit
     with friction that equation is one of the end of compression and stays true, and its impulse is
     that of Poisson's law; where sliding stops at an impulse P_h, it may do so anywhere from the
     begin to the end of its part of the impact.
