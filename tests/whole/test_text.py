@@ -76,6 +76,13 @@ def test_lines_that_cannot_be_broken_are_told_from_others() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
+def test_no_line_of_an_item_begins_another_list(page: Path) -> None:
+    """As `- 1` or `2) x` do where a line is broken before them."""
+    text = re.sub("^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    assert not re.findall(r"^ {1,3}(?:[-+*]|\d+[.)]) .*", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
 def test_links_of_a_page_lead_to_files(page: Path) -> None:
     targets = [next(filter(None, match)) for match in LINK.findall(page.read_text())]
     here = {t.partition("#")[0] for t in targets if not re.match(r"\w+:|#", t)}
