@@ -122,6 +122,15 @@ class Discretisation:
         return np.asarray(np.linalg.inv(np.vander(self.nodes, increasing=True)).T.copy())
 
     @cached_property
+    def weights(self) -> Array:
+        """Weights of the nodes in the order of time, for integrals over [0, 1] (Lobatto
+        quadrature), shape (degree + 1,)."""
+        import numpy as np
+
+        weights = self.shapes @ (1 / np.arange(1.0, self.degree + 2))
+        return np.asarray(weights[np.argsort(self.nodes)])
+
+    @cached_property
     def course(self) -> Array:
         """Polynomials on [0, 1] of which the first ones are one at one node of a step and zero at
         the others, without slopes at its ends, and the last two zero at all nodes with the slope

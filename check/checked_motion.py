@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
 from itertools import groupby, pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,20 @@ class ModeSpan:
         """Positions, velocities, momenta and times of some nodes of each phase."""
         parts = ([getattr(phase, name)[which] for phase in self.phases] for name in "qvpt")
         return tuple(np.concatenate(part) for part in parts)
+
+
+class Places(NamedTuple):
+    """The nodes of a phase, and behind them those inside its steps: positions, velocities, times,
+    the inputs before and after each, and the planned forces of closed contacts, of what rubs and of
+    joints."""
+
+    q: Array
+    v: Array
+    t: Array
+    inputs: tuple[Array, Array]
+    normal: Array
+    tangential: Array
+    reaction: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +120,37 @@ class Motion:
     def nodes_inside(self) -> Array:
         """Places in a step of the nodes inside it."""
         return DISCRETISATIONS[self.trajectory.order].nodes[2:]
+
+    @cached_property
+    def places(self) -> tuple[Places, ...]:
+        """The nodes of each phase, and those inside its steps."""
+        return tuple(map(self._places, range(len(self.modes))))
+
+    def _places(self, i: int) -> Places:
+        phase, steps, nq = self.trajectory.phases[i], self.steps[i], self.model.nq
+        q = phase.q_inside.reshape(-1, nq)
+        shares = self.nodes_inside if len(q) else self.nodes_inside[:0]
+        t = (steps.t[:, None] + shares * steps.h[:, None]).ravel()
+        inputs = np.zeros((len(steps.t), len(shares), self.model.nu))
+        for a, share in enumerate(shares):
+            inputs[:, a] = steps.inputs(share)
+        u = inputs.reshape(len(t), self.model.nu)
+        v = self.model.velocity(q, phase.p_inside.reshape(-1, nq), t) if len(q) else q
+
+        def forces(kind: str, names: Sized) -> Array:
+            if not names:
+                return np.zeros((len(phase.t) + len(t), 0))
+            return np.vstack([getattr(phase, kind), phase.inside(kind).reshape(-1, len(names))])
+
+        return Places(
+            np.vstack([phase.q, q]),
+            np.vstack([phase.v, v]),
+            np.concatenate([phase.t, t]),
+            (np.vstack([steps.u0[:1], steps.u1, u]), np.vstack([steps.u0, steps.u1[-1:], u])),
+            forces("normal", phase.closed),
+            forces("tangential", phase.rubbing),
+            forces("reaction", phase.joints),
+        )
 
     @cached_property
     def watched(self) -> NDArray[np.bool_]:
@@ -183,12 +229,14 @@ def _mode_of(phase: Phase, model: Model) -> Mode:
     ):
         for name in names:
             check_known(name, numbers, what, error=SimulationError)
-        forces, shape = getattr(phase, kind), (len(phase.t), len(names))
-        if names and forces.shape != shape:
-            raise SimulationError(
-                f"{kind} forces of the phase from {phase.t[0]:.4g} s on have the shape "
-                f"{forces.shape}: expected {shape}, a column for each of {', '.join(names)}."
-            )
+        rows, inside = len(phase.t), len(phase.q_inside)
+        for forces, count in ((getattr(phase, kind), rows), (phase.inside(kind), inside)):
+            shape = (count, len(names))
+            if names and count and forces.shape != shape:
+                raise SimulationError(
+                    f"{kind} forces of the phase from {phase.t[0]:.4g} s on have the shape "
+                    f"{forces.shape}: expected {shape}, a column for each of {', '.join(names)}."
+                )
     return mode_by_names(model.contacts, phase.closed, phase.rubbing)
 
 

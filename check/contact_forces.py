@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from dmoc.check.checked_motion import Motion
+from dmoc.check.checked_motion import Motion, Places
 from dmoc.check.findings import Findings, largest
 from dmoc.check.plan import DRIFT, OFF
 from dmoc.check.segments import put
@@ -32,24 +32,22 @@ FORCE = "error of a contact force"
 
 
 def forces(motion: Motion, i: int) -> Reaction:
-    """The forces (2, N + 1, ...) that hold a phase at its nodes, with the inputs before each and
-    after it: where others have the same effect, those next to the planned ones."""
-    phase, mode, steps = motion.trajectory.phases[i], motion.modes[i], motion.steps[i]
-    y, _ = put(motion, mode, np.hstack([phase.q, phase.v]), phase.t)
+    """The forces (2, n, ...) that hold a phase at its places, with the inputs before each and after
+    it: where others have the same effect, those next to the planned ones."""
+    at, mode = motion.places[i], motion.modes[i]
+    y, _ = put(motion, mode, np.hstack([at.q, at.v]), at.t)
     q = np.ascontiguousarray(y[:, : motion.model.nq])
-    inputs = (np.vstack([steps.u0[:1], steps.u1]), np.vstack([steps.u0, steps.u1[-1:]]))
-    joints = phase.reaction.reshape(phase.steps + 1, len(phase.joints))
-    planned = np.hstack([_closed(motion, i), _sticking(motion, i), joints])
+    planned = np.hstack([at.normal, _sticking(motion, i, at), at.reaction])
     reactions = [
         nearest(
             motion.model,
             mode,
-            motion.flow.integrator.reaction(mode, y, u, phase.t),
+            motion.flow.integrator.reaction(mode, y, u, at.t),
             q,
-            phase.t,
+            at.t,
             planned,
         )
-        for u in inputs
+        for u in at.inputs
     ]
     kinds = (field.name for field in fields(Reaction))
     return Reaction(
@@ -57,18 +55,10 @@ def forces(motion: Motion, i: int) -> Reaction:
     )
 
 
-def _closed(motion: Motion, i: int) -> Array:
-    """The planned forces of what is closed in a phase."""
-    phase = motion.trajectory.phases[i]
-    return phase.normal.reshape(phase.steps + 1, len(phase.closed))
-
-
-def _sticking(motion: Motion, i: int) -> Array:
+def _sticking(motion: Motion, i: int, at: Places) -> Array:
     """The planned friction of what sticks in a phase, in the order of its mode."""
-    phase, tangents = motion.trajectory.phases[i], motion.model.kernels.tangents
-    names = list(phase.rubbing)
-    columns = [names.index(tangents[k]) for k in motion.modes[i].sticking]
-    return phase.tangential.reshape(phase.steps + 1, len(names))[:, columns]
+    names, tangents = list(motion.trajectory.phases[i].rubbing), motion.model.kernels.tangents
+    return at.tangential[:, [names.index(tangents[k]) for k in motion.modes[i].sticking]]
 
 
 def force_errors(motion: Motion) -> tuple[Findings, tuple[Array, Array, Array]]:
@@ -173,12 +163,12 @@ def _sizes(motion: Motion, flows: list[Reaction]) -> tuple[Array, Array, Array]:
 def _difference(motion: Motion, i: int, flow: Reaction, sizes: tuple[Array, ...]) -> float:
     """Largest error of the planned forces of a phase, relative to the sizes; between two steps
     whose inputs differ every force between theirs is right."""
-    phase, kernels = motion.trajectory.phases[i], motion.model.kernels
+    phase, kernels, at = motion.trajectory.phases[i], motion.model.kernels, motion.places[i]
     worst = 0.0
     for planned, names, numbers, by_law, size in (
-        (phase.normal, phase.closed, kernels.surfaces, flow.normal, sizes[0]),
-        (phase.tangential, tuple(phase.rubbing), kernels.tangents, flow.tangential, sizes[1]),
-        (phase.reaction, phase.joints, kernels.joints, flow.joint, sizes[2]),
+        (at.normal, phase.closed, kernels.surfaces, flow.normal, sizes[0]),
+        (at.tangential, tuple(phase.rubbing), kernels.tangents, flow.tangential, sizes[1]),
+        (at.reaction, phase.joints, kernels.joints, flow.joint, sizes[2]),
     ):
         for column, name in enumerate(names):
             j = numbers.index(name)
@@ -190,21 +180,16 @@ def _difference(motion: Motion, i: int, flow: Reaction, sizes: tuple[Array, ...]
 
 def _off(motion: Motion, i: int) -> Iterator[str]:
     """Closed contacts off their surfaces and what sticks off its place, and their rates."""
-    phase, model, sizes, mode = (
-        motion.trajectory.phases[i],
-        motion.model,
-        motion.sizes,
-        motion.modes[i],
-    )
-    slid = model.tangents(phase.q, phase.t)
+    at, model, sizes, mode = motion.places[i], motion.model, motion.sizes, motion.modes[i]
+    slid = model.tangents(at.q, at.t)
     for names, places, off, rates, size, rate in (
         (
-            model.kernels.surfaces, mode.closed, model.gaps(phase.q, phase.t),
-            model.gap_rates(phase.q, phase.v, phase.t), sizes.gap, sizes.rate,
+            model.kernels.surfaces, mode.closed, model.gaps(at.q, at.t),
+            model.gap_rates(at.q, at.v, at.t), sizes.gap, sizes.rate,
         ),
         (
             model.kernels.tangents, mode.sticking, slid - slid[0],
-            model.slide_rates(phase.q, phase.v, phase.t),
+            model.slide_rates(at.q, at.v, at.t),
             sizes.place, sizes.slide,
         ),
     ):  # fmt: skip
@@ -212,11 +197,11 @@ def _off(motion: Motion, i: int) -> Iterator[str]:
             k = int(np.argmax(np.abs(off[:, j])))
             if not abs(off[k, j]) <= OFF * size[j]:
                 what = "is off its surface" if places is mode.closed else "has slipped"
-                yield f"{names[j]!r} {what} by {off[k, j]:.3g} at {phase.t[k]:.4g} s"
+                yield f"{names[j]!r} {what} by {off[k, j]:.3g} at {at.t[k]:.4g} s"
             k = int(np.argmax(np.abs(rates[:, j])))
             if not abs(rates[k, j]) <= DRIFT * rate[j]:
                 yield (
-                    f"{names[j]!r} moves with {rates[k, j]:.3g} at {phase.t[k]:.4g} s, where it is "
+                    f"{names[j]!r} moves with {rates[k, j]:.3g} at {at.t[k]:.4g} s, where it is "
                     "held"
                 )
 
@@ -240,17 +225,17 @@ def _paradoxes(motion: Motion, i: int) -> Iterator[str]:
 
 def _pulling(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[str]:
     """Contacts that would have to pull."""
-    phase, surfaces = motion.trajectory.phases[i], motion.model.kernels.surfaces
+    at, surfaces = motion.places[i], motion.model.kernels.surfaces
     for column, j in enumerate(motion.modes[i].closed):
-        least = np.minimum(flow.normal[..., j].min(axis=0), phase.normal[:, column])
+        least = np.minimum(flow.normal[..., j].min(axis=0), at.normal[:, column])
         k = int(np.argmin(least))
         if not least[k] >= -BEARABLE * size[j]:
-            yield f"{surfaces[j]} would have to pull with {-least[k]:.4g} N at {phase.t[k]:.4g} s"
+            yield f"{surfaces[j]} would have to pull with {-least[k]:.4g} N at {at.t[k]:.4g} s"
 
 
 def _slipping(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[str]:
     """Friction beyond what its contact or rail holds."""
-    phase, model = motion.trajectory.phases[i], motion.model
+    at, model = motion.places[i], motion.model
     for j in motion.modes[i].sticking:
         bears = model.bearing(flow.normal)[..., j]
         needs = np.abs(flow.tangential[..., j])
@@ -260,7 +245,7 @@ def _slipping(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[s
             side = int(np.argmax((needs - bears)[:, k]))
             yield (
                 f"{model.kernels.tangents[j]} would have to stick with {needs[side, k]:.4g} N at "
-                f"{phase.t[k]:.4g} s, where it holds {max(bears[side, k], 0.0):.4g} N"
+                f"{at.t[k]:.4g} s, where it holds {max(bears[side, k], 0.0):.4g} N"
             )
 
 

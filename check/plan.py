@@ -79,17 +79,16 @@ def _disjoint(motion: Motion) -> Iterator[str]:
     model, names = motion.model, motion.model.kernels.joints
     if not names:
         return
-    for phase in motion.trajectory.phases:
-        place, rate = motion.sizes.along(model.joint_slopes(phase.q, phase.t))
-        off, rates = model.joints(phase.q, phase.t), model.joint_rates(phase.q, phase.v, phase.t)
+    for i in range(len(motion.modes)):
+        at = motion.places[i]
+        place, rate = motion.sizes.along(model.joint_slopes(at.q, at.t))
+        off, rates = model.joints(at.q, at.t), model.joint_rates(at.q, at.v, at.t)
         k, j = _worst(off / place, OFF)
         if j >= 0:
-            yield f"the joint {names[j]!r} is off by {off[k, j]:.3g} at {phase.t[k]:.4g} s"
+            yield f"the joint {names[j]!r} is off by {off[k, j]:.3g} at {at.t[k]:.4g} s"
         k, j = _worst(rates / rate, DRIFT)
         if j >= 0:
-            yield (
-                f"the joint {names[j]!r} comes apart with {rates[k, j]:.3g} at {phase.t[k]:.4g} s"
-            )
+            yield (f"the joint {names[j]!r} comes apart with {rates[k, j]:.3g} at {at.t[k]:.4g} s")
 
 
 def _balances(motion: Motion) -> Iterator[str]:

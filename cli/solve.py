@@ -50,7 +50,7 @@ def solve(
     """Solve an optimal control problem and check the solution by simulation."""
     from dmoc.models import registry
     from dmoc.problem.problem import Problem
-    from dmoc.problem.reading import AUTOMATIC_ORDER, says_lasting
+    from dmoc.problem.reading import AUTOMATIC_ORDER
     from dmoc.solving.sensitivity import sensitivities as differentiated
     from dmoc.solving.solve import solve as solved
 
@@ -58,11 +58,9 @@ def solve(
     reference = registry.find(model)
     fields = problem_fields(reference.defaults, course, stated)
     prepare(target, json_)
-    words = fields.get("sequence", ())
-    held = reference.held or says_lasting(fields.get("contacts", ()), words)
     order = stated.order
     if order is None and "steps" not in fields and fields.get("controls") != "linear":
-        order = None if held else AUTOMATIC_ORDER
+        order = AUTOMATIC_ORDER
     problem = Problem(reference.kernels(order, progress=True), **fields)
     quiet = json_ == "-"
     solution = solved(problem, guess=first_motion, progress=True, **passed_on(keywords))

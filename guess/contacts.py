@@ -11,6 +11,7 @@ from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import midpoints
+from dmoc.program.blocks import NOWHERE
 from dmoc.program.layout import Layout
 
 # Gauss-Newton steps onto the contacts of a mode, and the largest of a coordinate, in its reach.
@@ -34,8 +35,10 @@ def standing(problem: Problem, natural: float) -> Array:
     x[lay.index_u] = midpoints(problem.input_bounds, np.zeros(problem.nu))
     v = np.tile((goal - start) / durations.sum(), (lay.phases - 1, 1))
     x[lay.impact.v_a] = x[lay.impact.v_c] = v
-    if lay.timed:
-        x[lay.index_t] = lay.times(x)
+    x[lay.index_q_i] = lay.scheme.within(x[lay.index_q[:-1]], x[lay.index_q[1:]]).reshape(
+        lay.total, -1
+    )
+    lay.put_times(x)
     for boundary, q, index_p, index_v in (
         (problem.start_bounds, start, lay.index_p_B, lay.index_v_B),
         (problem.goal_bounds, goal, lay.index_p_E, lay.index_v_E),
@@ -56,7 +59,9 @@ def in_contact(problem: Problem, x: Array) -> Array:
     if not any(map(lay.reactions, range(lay.phases))):
         return x
     x = x.copy()
+    lay.put_times(x)
     _put_onto(problem, lay, x)
+    _pass_nodes(lay, x)
     _balance(problem, lay, x)
     return x
 
@@ -64,20 +69,27 @@ def in_contact(problem: Problem, x: Array) -> Array:
 def _put_onto(problem: Problem, lay: Layout, x: Array) -> None:
     """Move the positions of each phase to where it is held, what sticks to where it is at the
     phase's first node."""
-    t = lay.times(x)
+    t = lay.place_times(x)
     fixed = [
         np.asarray(b.position[:, 0] == b.position[:, 1])
         for b in (problem.start_bounds, problem.goal_bounds)
     ]
     for i in range(lay.phases):
-        nodes = np.arange(lay.ends[i], lay.ends[i + 1] + 1)
-        q = x[lay.index_q[nodes]]
-        held = np.ones((len(nodes), lay.nq))
+        places = lay.places_of_phase(i)
+        at = lay.index_places[places]
+        held = np.ones(at.shape)
         if i == 0:
             held[0] = ~fixed[0]
         if i == lay.phases - 1:
             held[-1] = ~fixed[1]
-        x[lay.index_q[nodes]] = _onto(problem, lay, i, q, t[nodes], held)
+        x[at] = _onto(problem, lay, i, x[at], t[places], held)
+
+
+def _pass_nodes(lay: Layout, x: Array) -> None:
+    """Put velocities at nodes inside phases into x, those between their neighbours."""
+    (k,) = np.nonzero(lay.index_w[:, 0] != NOWHERE)
+    h = x[lay.index_h][lay.phase_of_step[k - 1]][:, None]
+    x[lay.index_w[k]] = (x[lay.index_q[k + 1]] - x[lay.index_q[k - 1]]) / (2 * h)
 
 
 def _onto(problem: Problem, lay: Layout, i: int, q: Array, t: Array, free: Array) -> Array:
@@ -100,27 +112,39 @@ def _onto(problem: Problem, lay: Layout, i: int, q: Array, t: Array, free: Array
 
 
 def _balance(problem: Problem, lay: Layout, x: Array) -> None:
-    """Impulses at the nodes of phases that leave the least imbalance of the momenta."""
-    model, t = problem.model, lay.times(x)
-    starts, ends = model.step_momenta(lay.step_inputs(x))
-    q = x[lay.index_q]
-    for i, steps in enumerate(lay.steps):
+    """Impulses along phases that leave the least imbalance of the momenta, and of the equations
+    inside steps."""
+    model, t, at = problem.model, lay.place_times(x), lay.stations
+    starts, ends, inside = model.step_balance(lay.step_inputs(x))
+    left = np.full((len(lay.index_places), lay.nq), np.nan)
+    left[:: lay.scheme.degree][1:-1] = ends[:-1] - starts[1:]
+    left[:-1].reshape(lay.total, -1, lay.nq)[:, 1:] = inside
+    for i in range(lay.phases):
         reactions = lay.reactions(i)
         if not reactions:
             continue
-        nodes = int(lay.ends[i]) + np.arange(1, steps)
-        missing = ends[nodes - 1] - starts[nodes]
-        at, mass = np.ascontiguousarray(q[nodes]), model.mass(q[nodes], t[nodes])
-        G = np.concatenate([-r.sign * r.slopes(model, at, t[nodes]) for r in reactions], axis=1)
+        places = np.arange(len(t))[lay.places_of_phase(i)][1:-1]
+        missing, now = left[places], t[places]
+        q = np.ascontiguousarray(x[lay.index_places[places]])
+        mass = model.mass(q, now)
+        G = np.concatenate([-r.sign * r.slopes(model, q, now) for r in reactions], axis=1)
         response = [solved(mass, np.ascontiguousarray(G[:, m])) for m in range(G.shape[1])]
         A = G @ np.stack(response, axis=2)
         b = (G @ solved(mass, missing)[..., None])[..., 0]
         good = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
-        impulses = np.zeros((steps - 1, G.shape[1]))
+        impulses = np.zeros((len(places), G.shape[1]))
         impulses[good] = (np.linalg.pinv(A[good], rcond=1e-8) @ b[good][..., None])[..., 0]
+        if not len(impulses):
+            continue
+        # Those of a place by the share of each row; at the ends of the phase by those beside.
+        rows = at.rows(i)
+        whole, share = np.bincount(at.place[rows], at.share[rows]), at.share[rows]
+        row = at.place[rows] - places[0]
+        beside = np.clip(row, at.scheme.degree - 1, len(places) - at.scheme.degree)
+        beside = np.where((row < 0) | (row == len(places)), beside, row)
         first = 0
         for r in reactions:
-            pushed = impulses[:, first : first + len(r.columns)]
+            pushed = impulses[beside, first : first + len(r.columns)]
+            pushed = pushed * (share / whole[places[beside]])[:, None]
             first += len(r.columns)
-            x[r.unknowns[1:-1]] = pushed if r.pulls else np.maximum(pushed, 0.0)
-            x[r.unknowns[0]], x[r.unknowns[-1]] = x[r.unknowns[1]] / 2, x[r.unknowns[-2]] / 2
+            x[r.unknowns] = pushed if r.pulls else np.maximum(pushed, 0.0)

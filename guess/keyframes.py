@@ -199,7 +199,7 @@ def _completed(problem: Problem, lay: Layout, x: Array) -> Array:
     correct the positions and take impulses."""
     q, t = x[lay.index_q], lay.times(x)
     rates = np.diff(q, axis=0) / np.diff(t)[:, None]
-    x[lay.index_t] = t[: len(lay.index_t)]
+    lay.put_times(x)
     x[lay.index_q_i] = lay.scheme.within(q[:-1], q[1:]).reshape(lay.total, -1)
     for i, (node, event) in enumerate(zip(lay.collision_nodes, problem.touch.events, strict=True)):
         v, after, impulse = rates[node - 1], rates[node], 0.0

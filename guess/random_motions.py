@@ -83,8 +83,7 @@ def _shaken(problem: Problem, guess: Array, rng: np.random.Generator) -> Array:
     total = float(durations.sum())
     durations *= min(max(total, low), high) / total
     x[lay.index_h] = np.clip(durations, *problem.duration_bounds.T) / lay.steps
-    if lay.timed:
-        x[lay.index_t] = lay.times(x)
+    lay.put_times(x)
     x[lay.index_u] *= rng.uniform(-1, 1)
     return x
 

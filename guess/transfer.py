@@ -12,8 +12,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import through_hits, with_hidden
 from dmoc.motion.trajectory import Trajectory
 from dmoc.problem.problem import Problem
+from dmoc.program.blocks import NOWHERE
 from dmoc.program.layout import Layout
-from dmoc.program.reactions import node_shares
 
 # How far inside of its step an input at a node counts where inputs may jump there, as a share of
 # the step.
@@ -23,14 +23,14 @@ INSIDE = 1e-6
 @dataclass(frozen=True)
 class Piece:
     """A phase to follow: times t of positions q and velocities v, times t_u of inputs u, and the
-    forces of its reactions by their kind."""
+    forces of its reactions by their kind, with their times."""
 
     t: Array
     q: Array
     v: Array
     t_u: Array
     u: Array
-    forces: Mapping[str, Array] = field(default_factory=dict)
+    forces: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
 
     def followed_by(self, other: Piece) -> Piece:
         """Two pieces between which nothing happens as one, without forces."""
@@ -65,8 +65,10 @@ def equally_long(pieces: Sequence[Piece]) -> list[Piece]:
     stretched = []
     for i, piece in enumerate(pieces):
         pace = np.ptp(piece.t) / length
-        t, t_u = (begin + i * length + (at - piece.t[0]) / pace for at in (piece.t, piece.t_u))
-        stretched.append(replace(piece, t=t, v=pace * piece.v, t_u=t_u))
+        shift = begin + i * length - piece.t[0] / pace
+        t, t_u = (shift + at / pace for at in (piece.t, piece.t_u))
+        forces = {kind: (shift + at / pace, rows) for kind, (at, rows) in piece.forces.items()}
+        stretched.append(replace(piece, t=t, v=pace * piece.v, t_u=t_u, forces=forces))
     return stretched
 
 
@@ -75,13 +77,13 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
     by linear interpolation."""
     lay = Layout.of(problem)
     x = np.zeros(lay.size)
-    nodes, inside, inputs, times = [], [], [], []
+    nodes, inside, inputs, rates = [], [], [], []
     for piece, steps in zip(pieces, lay.steps, strict=True):
         t = np.linspace(piece.t[0], piece.t[-1], steps + 1)
         nodes.append(piece.positions(t))
         within = lay.scheme.within(t[:-1], t[1:])
         inside.append(piece.positions(within.ravel()).reshape(steps, -1))
-        times.append(t)
+        rates.append(np.stack([np.interp(t, piece.t, v) for v in piece.v.T], axis=1))
         at = times_of_inputs(lay.form.name, t)
         columns = [np.interp(at, piece.t_u, u) for u in piece.u.T]
         inputs.append(np.stack(columns, axis=1) if columns else np.zeros((len(at), 0)))
@@ -91,9 +93,11 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
     x[lay.impact.lam] = impulses
     x[lay.impact.v_a] = np.array([p.v[-1] for p in pieces[:-1]]).reshape(-1, lay.nq)
     x[lay.impact.v_c] = np.array([p.v[0] for p in pieces[1:]]).reshape(-1, lay.nq)
-    if lay.timed:
-        x[lay.index_t] = np.concatenate([*(part[:-1] for part in times), times[-1][-1:]])
     x[lay.index_q_i] = np.vstack(inside)
+    passed = lay.index_w[:, 0] != NOWHERE
+    w = np.vstack([*(part[:-1] for part in rates), rates[-1][-1:]])
+    x[lay.index_w[passed]] = w[passed]
+    lay.put_times(x)
     _push(lay, pieces, x)
     ends = (
         (pieces[0], 0, lay.index_p_B, lay.index_v_B),
@@ -109,15 +113,28 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
 def _push(lay: Layout, pieces: Sequence[Piece], x: Array) -> None:
     """Impulses of reactions from the forces of the pieces; where a piece has none of the phase's
     they stay zero."""
-    for i, (piece, n) in enumerate(zip(pieces, lay.steps, strict=True)):
-        weight, share = x[lay.index_h[i]] * node_shares(n), np.linspace(0, 1, n + 1)
+    for i, piece in enumerate(pieces):
+        weight = x[lay.index_h[i]] * lay.stations.share[lay.stations.rows(i)]
+        share = station_shares(lay, i)
         for reaction in lay.reactions(i):
-            forces = piece.forces.get(reaction.kind)
-            if forces is None or forces.shape[1:] != (len(reaction.columns),):
+            t, forces = piece.forces.get(reaction.kind, (piece.t, np.zeros((0, 0))))
+            if forces.shape[1:] != (len(reaction.columns),):
                 continue
-            at = np.linspace(0, 1, len(forces))
+            at = (t - piece.t[0]) / np.ptp(piece.t)
             for unknowns, force in zip(reaction.unknowns.T, forces.T, strict=True):
                 x[unknowns] = weight * np.interp(share, at, force)
+
+
+def station_shares(lay: Layout, i: int) -> Array:
+    """Shares of phase i at which its stations are, those at nodes that two steps have a little
+    inside of their steps."""
+    at, n = lay.stations, lay.steps[i]
+    rows = at.rows(i)
+    numbers = np.sort(lay.scheme.nodes)[at.place[rows] % lay.scheme.degree]
+    share = (at.place[rows] // lay.scheme.degree - lay.ends[i] + numbers) / n
+    if at.own:
+        share += INSIDE / n * (1.0 * at.begins[rows] - at.ends[rows])
+    return np.asarray(share)
 
 
 def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
@@ -138,10 +155,12 @@ def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
     return unknowns_along(problem, pieces, list(x[lay.impact.lam]))
 
 
-def _forces(lay: Layout, x: Array, i: int) -> dict[str, Array]:
-    """Forces of the reactions of phase i, by their kind."""
-    weight = x[lay.index_h[i]] * node_shares(lay.steps[i])[:, None]
-    return {r.kind: r.impulses(x) / weight for r in lay.reactions(i)}
+def _forces(lay: Layout, x: Array, i: int) -> dict[str, tuple[Array, Array]]:
+    """Forces of the reactions of phase i, by their kind, and their times."""
+    h = x[lay.index_h[i]]
+    weight = h * lay.stations.share[lay.stations.rows(i)][:, None]
+    t = lay.times(x)[lay.ends[i]] + h * lay.steps[i] * station_shares(lay, i)
+    return {r.kind: (t, r.impulses(x) / weight) for r in lay.reactions(i)}
 
 
 def times_of_inputs(controls: str, t: Array) -> Array:

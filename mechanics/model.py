@@ -269,8 +269,13 @@ class Model(BoundKernels):
 
     def step_momenta(self, step: Sequence[Array]) -> tuple[Array, Array]:
         """Momenta at the start and at the end of steps, shape (n, nq) each."""
-        r_minus, r_plus, _, _ = self.kernels.call("step", *step, self.par)
-        return -r_minus, r_plus
+        return self.step_balance(step)[:2]
+
+    def step_balance(self, step: Sequence[Array]) -> tuple[Array, Array, Array]:
+        """The same, and what the equations of the nodes inside steps leave, shape (n, inside,
+        nq)."""
+        r_minus, r_plus, _, r_i = self.kernels.call("step", *step, self.par)
+        return -r_minus, r_plus, r_i.reshape(len(r_i), -1, self.nq)
 
     def step_costs(self, step: Sequence[Array]) -> Array:
         """Costs of steps, shape (n,)."""

@@ -25,7 +25,6 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.system_kernels import build as build
 from dmoc.models import catalogue
 from dmoc.problem.problem import Problem
-from dmoc.problem.reading import says_held
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -34,14 +33,12 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Reference:
     """A model named by the user, with the fields of the problem it comes with; ``made`` makes
-    its kernels of an order.  ``held`` tells of a system that constraints or rails hold in every
-    phase, which no shipped one has."""
+    its kernels of an order."""
 
     name: str
     defaults: Mapping[str, Any]
     system: Callable[[], MechanicalSystem] = field(repr=False)
     made: Callable[[int | None, Listener[str]], Kernels] = field(repr=False)
-    held: bool = False
 
     def kernels(self, order: int | None = None, progress: Listener[str] = None) -> Kernels:
         """The kernels, which know how their model was named; None stands for the order that
@@ -97,7 +94,6 @@ def find(reference: str) -> Reference:
         lambda order, progress: build(
             system, order=2 if order is None else order, progress=progress
         ),
-        says_held(system, (), ()),
     )
 
 

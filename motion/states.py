@@ -7,12 +7,12 @@ cubic Hermite polynomial, at order 4 of degree 4, at order 6 of degree 5.  The s
 of degree d, q_d, leaves an error of h^(d+1) between nodes that are right to h^(2d), and its slopes
 jump at the nodes; the two velocities add the term that vanishes at all nodes.  Velocities are its
 slopes.  Momenta are the polynomial through those at the nodes of the step, forces of contacts
-are linear between nodes.
+are linear between nodes, those inside steps among them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -195,7 +195,7 @@ def _in_phase(motion: Trajectory, phase: Phase, t: Array, side: str) -> tuple[Ar
     q, v = _positions(phase, k, share, h)
     first, last = motion.input_ends(phase)
     u = first[k] + share[:, None] * (last[k] - first[k])
-    forces = [_interpolated(phase.t, t, rows) for rows in phase_forces(motion, phase)]
+    forces = [_interpolated(times, t, rows) for times, rows in _all_forces(motion, phase)]
     return q, v, _momenta(phase, k, share), u, *forces
 
 
@@ -235,21 +235,25 @@ def _interpolated(nodes: Array, t: Array, rows: Array) -> Array:
     return np.array(columns).reshape(rows.shape[1], len(t)).T
 
 
-def phase_forces(motion: Trajectory, phase: Phase) -> tuple[Array, Array, Array]:
+def phase_forces(motion: Trajectory, phase: Phase) -> tuple[Array, ...]:
     """Contact forces (N + 1, nc) of all surfaces, friction (N + 1, nt) of all tangents and forces
     of joints (N + 1, nj) at the nodes of a phase, zero where one is open."""
+    return tuple(rows[:: (len(rows) - 1) // phase.steps] for _, rows in _all_forces(motion, phase))
 
-    def of_all(names: Iterable[str], forces: Array, everyone: Iterable[str]) -> Array:
-        columns = dict(zip(names, forces.T, strict=True)) if forces.size else {}
-        nothing = np.zeros(len(phase.t))
-        rows = [columns.get(name, nothing) for name in everyone]
-        return np.array(rows).reshape(len(rows), len(nothing)).T
 
-    return (
-        of_all(phase.closed, phase.normal, motion.restitution),
-        of_all(phase.rubbing, phase.tangential, motion.friction),
-        of_all(phase.joints, phase.reaction, phase.joints),
-    )
+def _all_forces(motion: Trajectory, phase: Phase) -> Iterator[tuple[Array, Array]]:
+    """The same at the nodes inside steps too, with the times of their rows."""
+    forces = phase.forces
+    for kind, names, everyone in (
+        ("normal", phase.closed, motion.restitution),
+        ("tangential", phase.rubbing, motion.friction),
+        ("reaction", phase.joints, phase.joints),
+    ):
+        times, rows = forces.get(kind, (phase.t, np.zeros((len(phase.t), 0))))
+        columns = dict(zip(names, rows.T, strict=False))
+        nothing = np.zeros(len(times))
+        of_all = np.array([columns.get(name, nothing) for name in everyone])
+        yield times, of_all.reshape(len(everyone), len(times)).T
 
 
 def _plain(value: Array) -> Array | float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.base.discretisation import FORMS, InputForm
+from dmoc.base.discretisation import DISCRETISATIONS, FORMS, InputForm
 from dmoc.base.tolerances import SAME
 from dmoc.motion.scene import Scene
 
@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 # A contact that changes no momentum by more than this share of its size grazes: the motion touches
 # a surface without colliding.
 GRAZING = 0.01
+FORCES = ("normal", "tangential", "reaction")  # kinds of forces along phases
 # What the states of friction are called: it sticks, or slides with that sign of tau'.
 FRICTION_WORDS = {0: "stick", 1: "slip+", -1: "slip-"}
 # How friction may act in the course of an impact: "" for nothing to tell, sliding all along,
@@ -60,6 +61,9 @@ class Phase:
     q_inside, p_inside : arrays of shape ((d - 1) N, nq)
         Coordinates and momenta at the nodes inside the steps, one step after the other, of
         polynomials of degree d; none at order 2.
+    normal_inside, tangential_inside, reaction_inside : arrays of shape ((d - 1) N, ...)
+        Forces N, T and R there.  Where inputs jump at a node, those at the node are the mean of
+        both sides.
     """
 
     t: Array
@@ -75,6 +79,9 @@ class Phase:
     p_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
     joints: tuple[str, ...] = ()
     reaction: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    normal_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    tangential_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    reaction_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def steps(self) -> int:
@@ -86,10 +93,30 @@ class Phase:
         return not (self.closed or self.rubbing)
 
     @property
-    def forces(self) -> dict[str, Array]:
-        """Forces at the nodes by their kind, those that there are."""
-        kinds = {"normal": self.normal, "tangential": self.tangential, "reaction": self.reaction}
-        return {kind: forces for kind, forces in kinds.items() if forces.shape[1]}
+    def forces(self) -> dict[str, tuple[Array, Array]]:
+        """Forces at the nodes, and those inside steps where there are, by their kind: their times,
+        and the forces, a row each."""
+        return {
+            kind: (self._along(self.t[:, None], len(inside))[:, 0], self._along(nodes, inside))
+            for kind in FORCES
+            if (nodes := getattr(self, kind)).shape[1]
+            for inside in [self.inside(kind)]
+        }
+
+    def inside(self, kind: str) -> Array:
+        """Rows inside steps of what has rows at the nodes: "q", "p", or a kind of forces."""
+        return np.asarray(getattr(self, f"{kind}_inside"))
+
+    def _along(self, nodes: Array, inside: Array | int) -> Array:
+        """Rows of the nodes and of those inside steps in the order of time; of the times, where
+        the number of those inside stands for them."""
+        count = (inside if isinstance(inside, int) else len(inside)) // self.steps
+        if not count:
+            return nodes
+        scheme = DISCRETISATIONS[2 * (count + 1)]
+        within = scheme.within(nodes[:-1], nodes[1:]) if isinstance(inside, int) else inside
+        rows = np.concatenate([nodes[:-1, None], within.reshape(self.steps, count, -1)], axis=1)
+        return np.vstack([rows.reshape(-1, nodes.shape[1]), nodes[-1:]])
 
     @property
     def mode(self) -> str:

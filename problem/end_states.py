@@ -113,8 +113,8 @@ def _fixed_velocity(boundary: Boundary, problem: Problem, q: Array) -> Array | N
 
 
 def check_contacts(problem: Problem) -> None:
-    """Refuse what contacts that last cannot be: of another order, redundant, with a negative
-    friction, or closed at a start that is off them."""
+    """Refuse what contacts that last cannot be: redundant, with a negative friction, or closed at a
+    start that is off them."""
     model, kernels = problem.model, problem.kernels
     for name, value in zip(kernels.tangents, model.friction, strict=True):
         if not value >= 0:
@@ -124,12 +124,6 @@ def check_contacts(problem: Problem) -> None:
             )
     if not problem.held:
         return
-    if problem.order != 2:
-        what = "contacts that last are" if problem.lasting else "constraints are"
-        raise ProblemError(
-            f"the kernels are of order {problem.order}: {what} solved with order 2; build the "
-            "model with order=2."
-        )
     _check_joined(problem, "start", problem.start_bounds)
     if not problem.explicit_time:
         _check_joined(problem, "goal", problem.goal_bounds)

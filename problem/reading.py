@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from dmoc.base.arguments import check_known, flag, listed, names, shown
@@ -54,23 +53,9 @@ def read(problem: Problem) -> None:
 
 def _order(problem: Problem) -> int:
     """The order of the kernels of a system: the lower one where the inputs have one of its forms
-    alone, and for contacts that last and constraints, which no other is known for."""
+    alone."""
     order = AUTOMATIC_ORDER if problem.steps is None else DEFAULT_ORDER
     other_form = isinstance(problem.controls, str) and (
         problem.controls not in DISCRETISATIONS[order].controls
     )
-    held = says_held(problem.kernels, problem.contacts, problem.sequence)
-    return DEFAULT_ORDER if other_form or held else order
-
-
-def says_held(model: Any, contacts: Sequence[str], sequence: Sequence[str]) -> bool:
-    """Whether contacts last or constraints hold, where no kernels are known yet that could tell:
-    words say so, or a system has constraints, or rails, which rub in every phase."""
-    tangents = getattr(model, "tangents", None)
-    rails = isinstance(tangents, dict) and bool(set(tangents) - set(getattr(model, "surfaces", ())))
-    return rails or says_lasting(contacts, sequence) or bool(getattr(model, "constraints", ()))
-
-
-def says_lasting(contacts: Sequence[str], sequence: Sequence[str]) -> bool:
-    """Whether words say that contacts last."""
-    return bool(contacts) or any(part.startswith("+") for word in sequence for part in word.split())
+    return DEFAULT_ORDER if other_form else order

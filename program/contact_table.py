@@ -16,9 +16,8 @@ from dmoc.program.reactions import (
     EventImpulses,
     PhaseReaction,
     event_impulses,
-    place,
-    rows_of_phase,
 )
+from dmoc.program.stations import Stations
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,15 +26,14 @@ class ContactUnknowns:
 
     Attributes
     ----------
-    P, T : arrays of int, shapes (phase nodes, nc) and (phase nodes, nt)
-        Normal and tangential impulses in the rows of :func:`~dmoc.program.reactions.phase_nodes`;
-        of a touch where no contact lasts without rows.
+    P, T : arrays of int, shapes (stations, nc) and (stations, nt)
+        Normal and tangential impulses; of a touch where no contact lasts without rows.
     P_c, T_c : arrays of int, shapes (events, nc) and (events, nt)
         Those that closed contacts take in an impact beside lam, T_c also that of a hit with
         friction.
     """
 
-    steps: tuple[int, ...]
+    stations: Stations
     touch: Touch
     P: Index
     T: Index
@@ -43,21 +41,21 @@ class ContactUnknowns:
     T_c: Index
 
     @classmethod
-    def of(cls, block: Numbering, steps: tuple[int, ...], touch: Touch) -> ContactUnknowns:
-        nodes = [0] * len(steps) if touch.free else [n + 1 for n in steps]
-        count, names = sum(steps), touch.contacts
+    def of(cls, block: Numbering, stations: Stations, touch: Touch) -> ContactUnknowns:
+        phase = stations.phase[: 0 if touch.free else None]
+        count, names = sum(stations.steps), touch.contacts
         blocks = (
             block(
                 "P",
-                np.repeat(touch.is_closed, nodes, axis=0),
-                lambda r, j: f"contact impulse of {names.surfaces[j]} {place(steps, r)}",
-                lambda s: s.lam / count,
+                touch.is_closed[phase],
+                lambda r, j: f"contact impulse of {names.surfaces[j]} {stations.label(r)}",
+                lambda s: s.lam / count * stations.size[: len(phase)],
             ),
             block(
                 "T",
-                np.repeat(touch.rubs, nodes, axis=0),
-                lambda r, j: f"friction impulse of {names.tangents[j]} {place(steps, r)}",
-                lambda s: s.friction / count,
+                touch.rubs[phase],
+                lambda r, j: f"friction impulse of {names.tangents[j]} {stations.label(r)}",
+                lambda s: s.friction / count * stations.size[: len(phase)],
             ),
             block(
                 "P_c",
@@ -72,11 +70,11 @@ class ContactUnknowns:
                 lambda s: s.friction,
             ),
         )
-        return cls(steps, touch, *(b.index for b in blocks))
+        return cls(stations, touch, *(b.index for b in blocks))
 
     def reactions(self, i: int) -> Iterator[PhaseReaction]:
         """Those of a phase: of its closed contacts, and of what rubs."""
-        mode, rows = self.touch.modes[i], rows_of_phase(self.steps, i)
+        mode, rows = self.touch.modes[i], self.stations.rows(i)
         closed, rubbing = names_of(self.touch.contacts, mode)
         if closed:
             index, holds = self.P[rows][:, list(mode.closed)], np.ones(len(closed), dtype=bool)

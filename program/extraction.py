@@ -13,16 +13,14 @@ from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.contact_mode import Mode, names_of, without_rails
 from dmoc.mechanics.touch import changes
 from dmoc.mechanics.trajectories import motion_along
-from dmoc.motion.trajectory import Collision, Phase, Trajectory
+from dmoc.motion.trajectory import FORCES, Collision, Phase, Trajectory
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block
 from dmoc.program.layout import Layout
-from dmoc.program.reactions import node_shares
 from dmoc.program.sharing import Forces, shared
 from dmoc.program.transcription import Transcription
 
-# The kinds of forces, and impulses of an event by their kind and name.
-KINDS = ("normal", "tangential", "reaction")
+# Impulses of an event by their kind and name.
 Impulses = dict[str, dict[str, float]]
 # A collision that changes no momentum by more than this share of its size has no effect.
 NO_EFFECT = 1e-3
@@ -34,6 +32,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
     """Return the motion of the scaled unknowns x: times, coordinates, momenta, velocities,
     inputs, collisions."""
     lay, problem, contacts = nlp.layout, nlp.problem, nlp.layout.touch.contacts
+    scheme = lay.scheme
     p_start, p_end = nlp.momenta(x)
     x = nlp.physical(x)
     h, q, u = x[lay.index_h], x[lay.index_q], x[lay.index_u]
@@ -47,11 +46,14 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         p = np.vstack([p_start[first : first + 1], p_end[first:last]])
         p = _as_held(nlp, i, (at, p + _pushed(nlp, x, i, at, t), t))
         inputs = u[lay.row_u_k[first] : lay.row_u_kp1[last - 1] + 1]
-        mode, weight = lay.touch.modes[i], h[i] * node_shares(steps)[:, None]
-        forces = {r.kind: _forces(r.impulses(x) / weight) for r in lay.reactions(i)}
-        v = problem.model.velocity(at, p, t)
+        mode, v = lay.touch.modes[i], problem.model.velocity(at, p, t)
+        inside = _inside(nlp, t, at, v, q_i[first:last])
+        of_nodes, of_inside = _forces(lay, x, i)
         if problem.redundant[i]:
-            forces = _shared(problem, mode, (at, t), forces)
+            within = scheme.within(t[:-1], t[1:]).ravel()
+            of_nodes = _shared(problem, mode, (at, t), of_nodes)
+            if len(within):
+                of_inside = _shared(problem, mode, (inside[0], within), of_inside)
         phases.append(
             Phase(
                 t,
@@ -60,11 +62,12 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 v,
                 np.ascontiguousarray(inputs),
                 *names_of(contacts, mode),
-                forces.get("normal", np.zeros((steps + 1, 0))),
-                forces.get("tangential", np.zeros((steps + 1, 0))),
-                *_inside(nlp, t, at, v, q_i[first:last]),
+                of_nodes["normal"],
+                of_nodes["tangential"],
+                *inside,
                 lay.joint.names,
-                forces.get("reaction", np.zeros((steps + 1, 0))),
+                of_nodes["reaction"],
+                *of_inside.values(),
             )
         )
         begin = float(t[-1])
@@ -122,10 +125,22 @@ def _inside(nlp: Transcription, t: Array, q: Array, v: Array, q_i: Array) -> tup
     return flat, nlp.problem.model.momentum(flat, rows, times)
 
 
-def _forces(of_nodes: Array) -> Array:
-    """Forces at the nodes of a phase from impulses by the time that they stand for; at its ends,
-    where that is half a step and leaves an error of first order, those of the nodes beside
-    continued."""
+def _forces(lay: Layout, x: Array, i: int) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Forces of all kinds at the nodes of phase i, and inside its steps, from impulses by the time
+    that they stand for."""
+    at, steps = lay.stations, lay.steps[i]
+    of_nodes = {kind: np.zeros((steps + 1, 0)) for kind in FORCES}
+    of_inside = {kind: np.zeros((steps * lay.inside, 0)) for kind in FORCES}
+    weight = x[lay.index_h[i]] * at.share[at.rows(i)][:, None]
+    for r in lay.reactions(i):
+        rows = r.impulses(x) / weight
+        of_nodes[r.kind], of_inside[r.kind] = at.at_nodes(rows if at.own else _continued(rows))
+    return of_nodes, of_inside
+
+
+def _continued(of_nodes: Array) -> Array:
+    """Forces at the nodes of a phase; at its ends, where impulses stand for half a step and leave
+    an error of first order, those of the nodes beside continued."""
     if len(of_nodes) > FEWEST:
         of_nodes[0] = 2 * of_nodes[1] - of_nodes[2]
         of_nodes[-1] = 2 * of_nodes[-2] - of_nodes[-3]
@@ -134,13 +149,15 @@ def _forces(of_nodes: Array) -> Array:
 
 def _pushed(nlp: Transcription, x: Array, i: int, q: Array, t: Array) -> Array:
     """What impulses add to the momenta of phase i at its nodes: at the first one back to where the
-    phase begins, at the others to the middle of the impulse, at the last one all of it."""
-    change = np.zeros_like(q)
+    phase begins, at the others to the middle of the impulse, or all of that of the step before, at
+    the last one all of it."""
+    at, change = nlp.layout.stations, np.zeros_like(q)
+    rows = slice(None) if not at.own else np.append(0, np.flatnonzero(at.ends[at.rows(i)]))
     for r in nlp.layout.reactions(i):
         slopes = r.slopes(nlp.problem.model, q, t)
-        change += r.sign * np.einsum("kj,kji->ki", r.impulses(x), slopes)
+        change += r.sign * np.einsum("kj,kji->ki", r.impulses(x)[rows], slopes)
     change[0] *= -1
-    change[1:-1] /= 2
+    change[1:-1] /= 1 if at.own else 2
     return change
 
 
@@ -167,10 +184,10 @@ def _shared(
     model, n = problem.model, len(at[1])
     columns = list(mode.closed), list(mode.rubbing), list(range(model.nj))
     every = Forces(*(np.zeros((n, size)) for size in (model.nc, model.nt, model.nj)))
-    for kind, rows, places in zip(KINDS, every, columns, strict=True):
-        rows[:, places] = forces.get(kind, 0.0)
+    for kind, rows, places in zip(FORCES, every, columns, strict=True):
+        rows[:, places] = forces[kind] if forces[kind].shape[1] else 0.0
     same = shared(model, mode, at, every)
-    return {kind: rows[:, at] for kind, rows, at in zip(KINDS, same, columns, strict=True)}
+    return {kind: rows[:, at] for kind, rows, at in zip(FORCES, same, columns, strict=True)}
 
 
 def _shared_in_impact(
@@ -184,18 +201,18 @@ def _shared_in_impact(
     names = kernels.surfaces, kernels.tangents, kernels.joints
     every = [
         np.array([[impulses[kind].get(name, 0.0) for name in of]])
-        for kind, of in zip(KINDS, names, strict=True)
+        for kind, of in zip(FORCES, names, strict=True)
     ]
     same = shared(problem.model, mode, (at[0][None], np.array(at[1:])), Forces(*every))
     return {
         kind: {n: x for n, x in zip(of, row[0].tolist(), strict=True) if n in impulses[kind]}
-        for kind, of, row in zip(KINDS, names, same, strict=True)
+        for kind, of, row in zip(FORCES, names, same, strict=True)
     }
 
 
 def _impulses(lay: Layout, x: Array, i: int) -> Impulses:
     """Impulses of an event by their kind and name."""
-    kinds: Impulses = {kind: {} for kind in KINDS}
+    kinds: Impulses = {kind: {} for kind in FORCES}
     for impulses in lay.impulses(i):
         kinds[impulses.kind] |= impulses.values(x)
     return kinds

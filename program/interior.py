@@ -17,17 +17,15 @@ from dmoc.program.scale import Scale
 GIVES_WAY = 1e-3
 
 
-def give_way(
-    problem: Problem, lay: Layout, box: Array, scale: Scale, held: Iterable[tuple[Index, int]]
-) -> None:
-    """Move bounds of a coordinate that a surface holds where they are; ``held`` are nodes and
-    their surfaces."""
-    for nodes, surface in held:
+def give_way(problem: Problem, box: Array, scale: Scale, held: Iterable[tuple[Index, int]]) -> None:
+    """Move bounds of a coordinate that a surface holds where they are; ``held`` are coordinates of
+    places, shape (n, nq), and their surfaces."""
+    for coordinates, surface in held:
         involved = problem.model.surface_coordinates[surface]
         if len(involved) > 1 or surface in problem.model.moving:
             continue
         j = int(involved[0])
-        unknowns = lay.index_q[nodes, j]
+        unknowns = coordinates[:, j]
         unknowns = unknowns[box[unknowns, 0] < box[unknowns, 1]]
         for side, sign in enumerate((-1.0, 1.0)):
             for limit in sorted(set(box[unknowns, side].tolist())):
@@ -45,12 +43,12 @@ def bound_once(problem: Problem, lay: Layout, box: Array) -> None:
         return
     on = problem.model.tangent_coordinates
     for i, mode in enumerate(lay.touch.modes):
-        nodes = np.arange(lay.ends[i], lay.ends[i + 1] + 1)
+        places = lay.index_places[lay.places_of_phase(i)]
         for tangent in mode.sticking:
             if len(on[tangent]) > 1:
                 continue
             j = int(on[tangent][0])
-            unknowns = lay.index_q[nodes, j]
+            unknowns = places[:, j]
             fixed = box[unknowns, 0] == box[unknowns, 1]
             usual = (box[unknowns] == problem.coordinate_bounds[j]).all(axis=1) & ~fixed
             usual[0] &= fixed.any()

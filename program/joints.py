@@ -14,33 +14,31 @@ from dmoc.program.reactions import (
     Functions,
     PhaseReaction,
     event_impulses,
-    place,
-    rows_of_phase,
 )
+from dmoc.program.stations import Stations
 
 JOINTS = Functions(Model.joints, Model.joint_slopes, Model.joint_rates)
 
 
 @dataclass(frozen=True, eq=False)
 class JointUnknowns:
-    """Impulses R, shape (phase nodes, nj), in the rows of
-    :func:`~dmoc.program.reactions.phase_nodes`, and those of impacts R_c, shape (events, nj)."""
+    """Impulses R, shape (stations, nj), and those of impacts R_c, shape (events, nj)."""
 
-    steps: tuple[int, ...]
+    stations: Stations
     names: tuple[str, ...]
     R: Index
     R_c: Index
 
     @classmethod
     def of(
-        cls, block: Numbering, steps: tuple[int, ...], names: tuple[str, ...], impacts: Bools
+        cls, block: Numbering, stations: Stations, names: tuple[str, ...], impacts: Bools
     ) -> JointUnknowns:
-        rows = sum(n + 1 for n in steps) if names else 0
+        rows, count = len(stations.phase) if names else 0, sum(stations.steps)
         impulses = block(
             "R",
             (rows, len(names)),
-            lambda r, j: f"impulse of constraint {names[j]} {place(steps, r)}",
-            lambda s: s.reaction / sum(steps),
+            lambda r, j: f"impulse of constraint {names[j]} {stations.label(r)}",
+            lambda s: s.reaction / count * stations.size,
         )
         of_impacts = block(
             "R_c",
@@ -48,7 +46,7 @@ class JointUnknowns:
             lambda i, j: f"impulse of constraint {names[j]} at event {i + 1}",
             lambda s: s.reaction,
         )
-        return cls(steps, names, impulses.index, of_impacts.index)
+        return cls(stations, names, impulses.index, of_impacts.index)
 
     def impulses(self, i: int) -> Iterator[EventImpulses]:
         """Those of event i."""
@@ -58,5 +56,5 @@ class JointUnknowns:
         """Those of phase i: of all constraints."""
         if self.names:
             every, holds = tuple(range(len(self.names))), np.ones(len(self.names), dtype=bool)
-            rows = self.R[rows_of_phase(self.steps, i)]
+            rows = self.R[self.stations.rows(i)]
             yield PhaseReaction("reaction", self.names, JOINTS, every, rows, 1.0, holds, True, True)

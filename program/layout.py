@@ -7,6 +7,8 @@ u: inputs, in the rows of their form (:class:`~dmoc.base.discretisation.InputFor
 momenta at both ends; v_B, v_E: velocities at both ends, only where the problem needs them; t: times
 of the nodes, only where the model depends on them; q_i: coordinates of the nodes inside the steps;
 s: hidden unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), in the rows of the inputs.
+Behind those of laws are w, velocities at the nodes inside phases, and t_i, times of the nodes
+inside steps, both only where something pushes along steps with nodes inside.
 Laws that push have tables of their own: :class:`~dmoc.program.impacts.ImpactUnknowns` (lam, v_a,
 v_c, in these places because files keep multipliers in this order),
 :class:`~dmoc.program.contact_table.ContactUnknowns`,
@@ -29,7 +31,7 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Counted, Index, Numbering
+from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Index, Numbering
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.contact_table import ContactUnknowns
 from dmoc.program.hit_stages import HeldUnknowns, HitUnknowns
@@ -38,6 +40,7 @@ from dmoc.program.joints import JointUnknowns
 from dmoc.program.reactions import EventImpulses, PhaseReaction
 from dmoc.program.relaxed_contacts import RelaxedUnknowns
 from dmoc.program.scale import Scale
+from dmoc.program.stations import Stations
 
 # Layouts that are remembered, and the steps of one that is not.
 SHARED, MOST_SHARED = 32, 5_000
@@ -71,6 +74,8 @@ class Layout:
     index_t: Index
     index_q_i: Index
     index_s: Index
+    index_w: Index
+    index_t_i: Index
     impact: ImpactUnknowns
     contact: ContactUnknowns
     hit: HitUnknowns
@@ -157,6 +162,57 @@ class Layout:
     def ends(self) -> Index:
         """First node of each phase, and the last node of all."""
         return np.concatenate([[0], np.cumsum(self.steps)])
+
+    @property
+    def stations(self) -> Stations:
+        """Where impulses act."""
+        return self.joint.stations
+
+    @cached_property
+    def index_places(self) -> Index:
+        """Coordinates of all places, nodes and those inside the steps, in the order of time, shape
+        (degree * total + 1, nq)."""
+        within = self.index_q_i.reshape(self.total, -1, self.nq)
+        steps = np.concatenate([self.index_q[:-1, None], within], axis=1)
+        return np.vstack([steps.reshape(-1, self.nq), self.index_q[-1:]])
+
+    @cached_property
+    def time_places(self) -> Index:
+        """Unknown t of each place, shape (degree * total + 1, 1); nowhere where there is none."""
+        within = np.full((self.total, self.inside), NOWHERE)
+        within[:, :] = self.index_t_i if self.index_t_i.size else NOWHERE
+        steps = np.hstack([self.time_columns[:-1], within])
+        return np.append(steps, self.time_columns[-1])[:, None]
+
+    def places_of_phase(self, i: int) -> slice:
+        """The places of phase i, those of its ends among them."""
+        d = self.scheme.degree
+        return slice(d * self.ends[i], d * self.ends[i + 1] + 1)
+
+    @cached_property
+    def velocities(self) -> Index:
+        """Unknown velocities at the nodes, at events those before them, shape (total + 1, nq);
+        nowhere where they are no unknowns."""
+        velocities = self.index_w.copy()
+        velocities[self.collision_nodes] = self.impact.v_a
+        for node, index in ((0, self.index_v_B), (-1, self.index_v_E)):
+            if len(index):
+                velocities[node] = index
+        return velocities
+
+    def put_times(self, x: Array) -> None:
+        """Put the times that follow from the step sizes into the unknowns x."""
+        t = self.place_times(x)
+        if self.timed:
+            x[self.index_t] = t[:: self.scheme.degree]
+        if self.index_t_i.size:
+            x[self.index_t_i] = t[:-1].reshape(self.total, -1)[:, 1:]
+
+    def place_times(self, x: Array) -> Array:
+        """Times of the places, shape (degree * total + 1,)."""
+        h, number = x[self.index_h][self.phase_of_step], np.sort(self.scheme.nodes)[:-1]
+        t = self.times(x)
+        return np.append(t[:-1, None] + h[:, None] * number, t[-1])
 
     def reactions(self, i: int) -> tuple[PhaseReaction, ...]:
         """What pushes along phase i, of all laws."""
@@ -353,16 +409,41 @@ def _laid_out(kind: Kind) -> Layout:
     )
     indices = {f"index_{b.name}": b.index for b in (*of_steps, *of_ends, *inner)}
     impact = ImpactUnknowns(touch, at, lam.index, v_a.index, v_c.index)
-    contact = ContactUnknowns.of(block, steps, touch)
+    stations = Stations(steps, scheme)
+    contact = ContactUnknowns.of(block, stations, touch)
     hit = HitUnknowns.of(block, touch, v)
-    joint = JointUnknowns.of(block, steps, kind.joints, touch.impacts)
+    joint = JointUnknowns.of(block, stations, kind.joints, touch.impacts)
     held = HeldUnknowns.of(block, touch, hit.moments, kind.joints)
     relaxed = RelaxedUnknowns.of(block, total, touch)
+    passed = _passed(kind, scheme)
+    index_w = block(
+        "w",
+        np.repeat(passed[:, None], nq, axis=1),
+        lambda k, i: f"{v[i]} at node {k}",
+        lambda s: s.v,
+    ).index
+    index_t_i = block(
+        "t_i",
+        (total, scheme.inside * (kind.timed and (not touch.free or bool(kind.joints)))),
+        lambda k, i: f"time {place_inside(i)} step {k}",
+        lambda s: s.time,
+    ).index
     return Layout(
         nq, len(u), steps, form, scheme, kind.timed, touch, tuple(block.made),
-        **indices, impact=impact, contact=contact, hit=hit, held=held, joint=joint,
-        relaxed=relaxed,
+        **indices, index_w=index_w, index_t_i=index_t_i, impact=impact, contact=contact, hit=hit,
+        held=held, joint=joint, relaxed=relaxed,
     )  # fmt: skip
+
+
+def _passed(kind: Kind, scheme: Discretisation) -> Bools:
+    """Nodes inside phases at which steps have impulses of their own; shape (nodes,).  Rates that
+    vanish there tell those of the step before from those of the step after."""
+    passed, first = np.zeros(sum(kind.steps) + 1, dtype=bool), 0
+    for n, mode in zip(kind.steps, kind.touch.modes, strict=True):
+        pushes = bool(kind.joints) or not mode.free
+        passed[first + 1 : first + n] = pushes and scheme.inside > 0
+        first += n
+    return passed
 
 
 _shared = lru_cache(maxsize=SHARED)(_laid_out)

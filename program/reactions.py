@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +31,7 @@ TANGENTS = Functions(Model.tangents, Model.tangent_slopes, Model.slide_rates)
 
 @dataclass(frozen=True, eq=False)
 class PhaseReaction:
-    """Impulses at the nodes of a phase that push along the slopes of functions.
+    """Impulses at the stations of a phase that push along the slopes of functions.
 
     Attributes
     ----------
@@ -41,14 +40,14 @@ class PhaseReaction:
     functions : Functions
     columns : tuple of int
         Those of the functions that push, m of them; ``names`` are theirs.
-    unknowns : array of int, shape (steps + 1, m)
-        Impulses at the nodes.
+    unknowns : array of int, shape (rows, m)
+        Impulses in the rows of :class:`~dmoc.program.stations.Stations`.
     sign : float
         They change the momentum by sign * impulse * slope.
     holds : array of bool, shape (m,)
         Functions whose rates vanish.
     in_place : bool
-        What holds is zero; otherwise it keeps its value of the first node.
+        What holds is zero; otherwise it keeps its value of the first row.
     pulls : bool
         Impulses of both signs.
     """
@@ -68,7 +67,7 @@ class PhaseReaction:
         return [c for c, holds in zip(self.columns, self.holds, strict=True) if holds]
 
     def impulses(self, x: Array) -> Array:
-        """Those of the unknowns x, shape (steps + 1, m)."""
+        """Those of the unknowns x, shape (rows, m)."""
         return np.asarray(x[self.unknowns])
 
     def slopes(self, model: Model, q: Array, t: Array) -> Array:
@@ -103,26 +102,3 @@ def event_impulses(kind: str, names: Sequence[str], row: Index, *, pulls: bool) 
     """The impulses that there are in a row with a column for each name."""
     there = np.flatnonzero(row != NOWHERE).tolist()
     return EventImpulses(kind, tuple(names[j] for j in there), row[there], pulls)
-
-
-def place(steps: tuple[int, ...], row: int) -> str:
-    """The node and the phase of a row of phase nodes."""
-    phase = int(np.searchsorted(np.cumsum([n + 1 for n in steps]), row, side="right"))
-    return f"at node {phase_nodes(steps)[row]} in phase {phase}"
-
-
-def phase_nodes(steps: tuple[int, ...]) -> Index:
-    """The node of each node of each phase; those that two phases share come twice."""
-    ends = np.concatenate([[0], np.cumsum(steps)])
-    return np.concatenate([np.arange(a, b + 1) for a, b in pairwise(ends)])
-
-
-def rows_of_phase(steps: tuple[int, ...], i: int) -> slice:
-    """Rows of phase nodes that belong to phase i."""
-    first = sum(steps[:i]) + i
-    return slice(first, first + steps[i] + 1)
-
-
-def node_shares(steps: int) -> Array:
-    """What each node of a phase stands for, in steps."""
-    return np.concatenate([[0.5], np.ones(steps - 1), [0.5]])

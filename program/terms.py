@@ -65,6 +65,10 @@ class Places:
         """Times of nodes; one zero in a model without explicit time."""
         return self.lay.time_columns[nodes] if self.lay.timed else np.full((1, 1), self.zero)
 
+    def times_of(self, places: Index) -> Index:
+        """The same of places (:class:`~dmoc.program.stations.Stations`)."""
+        return self.lay.time_places[places] if self.lay.timed else np.full((1, 1), self.zero)
+
     def known(self, index: Index) -> Index:
         """Unknowns where there are some, zeros elsewhere."""
         return np.where(index == NOWHERE, self.zero, index)

@@ -13,7 +13,7 @@ from dmoc.base.discretisation import DISCRETISATIONS, FORMS, ORDERS
 from dmoc.base.tolerances import SAME
 from dmoc.check.verdict import Verification
 from dmoc.motion.scene import COLUMNS, Scene, Shape, wrong_scene
-from dmoc.motion.trajectory import COURSES, Collision, Phase, Trajectory
+from dmoc.motion.trajectory import COURSES, FORCES, Collision, Phase, Trajectory
 from dmoc.program.active_constraints import ActiveBound
 from dmoc.results.proposal import CONTACT_STATES, Proposal, Stay
 from dmoc.results.result_file import REMEDY, ResultFile
@@ -38,13 +38,14 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import Status
 
-FORMAT, OLDEST = 11, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 12, 6  # the format that is written, and the oldest that is read
+INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 # What files of older formats lack, with the values there: of a solution, of its motion, of phases
 # and collisions.
 LACKING_BESIDE: Mapping[str, Any] = {"proposal": None}
 LACKING: Mapping[str, Any] = {"units": {}, "scene": None}
 LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
-    "phases": {"q_inside": [0, 0], "p_inside": [0, 0]},
+    "phases": {f"{name}_inside": [0, 0] for name in INSIDE},
     "collisions": {"course": ""},
 }
 
@@ -141,12 +142,13 @@ SIGN = Choice((-1, 0, 1))  # of friction
 
 def _wrong_contacts(phase: Phase) -> str | None:
     """What of the contacts of a phase does not fit together."""
-    for names, forces in (
-        (phase.closed, phase.normal), (phase.rubbing, phase.tangential),
-        (phase.joints, phase.reaction),
-    ):  # fmt: skip
-        if forces.shape not in {(len(phase.t), len(names))} | ({(0, 0)} if not names else set()):
-            return f"a phase has forces of shape {forces.shape} for {len(names)} contacts"
+    for kind, names in zip(FORCES, (phase.closed, phase.rubbing, phase.joints), strict=True):
+        for rows, places in (
+            (getattr(phase, kind), len(phase.t)), (phase.inside(kind), len(phase.q_inside)),
+        ):  # fmt: skip
+            none = {(0, 0)} if not (names and places) else set()
+            if rows.shape not in {(places, len(names))} | none:
+                return f"a phase has forces of shape {rows.shape} for {len(names)} contacts"
     return None
 
 
@@ -163,10 +165,9 @@ PHASE = Record(
         "rubbing": Mapped(SIGN, names=Name()),
         "normal": Stored(None, None),
         "tangential": Stored(None, None),
-        "q_inside": Stored(None, None),
-        "p_inside": Stored(None, None),
         "joints": Listed(Name()),
         "reaction": Stored(None, None),
+        **{f"{name}_inside": Stored(None, None) for name in INSIDE},
     },
     _wrong_contacts,
 )

@@ -2,13 +2,13 @@
 of motion.
 
 The chain of steps is cut into segments.  Within a segment the momentum equation of node k
-determines q_{k+1}, and the equations of step k the node inside it and the time of its end, where
-there are such unknowns.  The eliminated unknowns X follow from the remaining ones Y by a Newton
-iteration on a banded matrix, and derivatives with respect to Y come from adjoint solves with the
-same factors.  What stays as an unknown is Y = (h, u, lam, boundary values, and the two nodes that
-start each segment); what stays as a constraint is everything that the elimination did not use.  One
-segment a phase is single shooting; more make the program less nonlinear, so that the driver needs
-fewer iterations, each of which costs more.
+determines q_{k+1}, and the equations of step k the node inside it, the times inside it and at its
+end, and the velocity there, where there are such unknowns.  The eliminated unknowns X follow from
+the remaining ones Y by a Newton iteration on a banded matrix, and derivatives with respect to Y
+come from adjoint solves with the same factors.  What stays as an unknown is Y = (h, u, lam,
+boundary values, and the two nodes that start each segment); what stays as a constraint is
+everything that the elimination did not use.  One segment a phase is single shooting; more make the
+program less nonlinear, so that the driver needs fewer iterations, each of which costs more.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from dmoc.codegen.kernels import Array
-from dmoc.program.blocks import Index
+from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.evaluator import Matrix
 from dmoc.program.transcription import Transcription
 
@@ -52,16 +52,18 @@ def partition(nlp: Transcription, segments: int) -> Partition:
         for a, b in pairwise(cuts):
             start = a if a == 0 else a + 1  # the first node's momentum equation starts the chain
             nodes, rows = np.arange(start + 1, b), np.arange(start, b - 1)
-            # Step by step, so that the matrix is banded: the node inside step k, node k + 1 and its
-            # time.
+            # Step by step, so that the matrix is banded: the node inside step k, node k + 1, its
+            # time and its velocity.
             timed = [layout.index_t[nodes][:, None]] if layout.timed else []
             clocks = [step.time.index[rows][:, None]] if layout.timed else []
-            gone_parts.append(
-                np.hstack([layout.index_q_i[rows], layout.index_q[nodes], *timed]).ravel()
-            )
-            used_parts.append(
-                np.hstack([step.inside.index[rows], step.momentum.index[rows], *clocks]).ravel()
-            )
+            for parts, columns in (
+                (gone_parts, (layout.index_t_i[rows], layout.index_q_i[rows],
+                              layout.index_q[nodes], *timed, layout.index_w[nodes])),
+                (used_parts, (step.time_inside.index[rows], step.inside.index[rows],
+                              step.momentum.index[rows], *clocks, step.passing.index[nodes])),
+            ):  # fmt: skip
+                part = np.hstack(columns).ravel()
+                parts.append(part[part != NOWHERE])
         if i < layout.phases - 1:  # the velocities beside the collision
             gone_parts += [layout.impact.v_a[i], layout.impact.v_c[i]]
             used_parts += [impact.arrival.index[i], impact.departure.index[i]]

@@ -23,7 +23,7 @@ import numpy as np
 
 from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
-from dmoc.program.blocks import Bools
+from dmoc.program.blocks import Bools, Index
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.compiled import Factorisation
 from dmoc.solvers.kkt import cost_size, violation
@@ -41,6 +41,7 @@ RELAXED, HELD_ROW, IDLE, HELD = 1e-11, 1e-8, 1e14, 1e12
 # A multiplier or a distance, relative to the cost and to the sizes, that is so many times the other
 # one, and above this, tells whether a bound holds x.
 CLEARLY, NOISE = 10.0, 1e-6
+CURVED = 1e-10  # of all unknowns, relative to the cost, where the curvature of some is wanted
 # Curvatures that are added until K has the signs: from the least one, by a factor, so many; and
 # bisections between the last two.
 RAISED, MOST_RAISES, BISECTIONS = 100.0, 12, 4
@@ -97,6 +98,22 @@ class SecondOrder:
         kept = self._least(self.held | self.perhaps)
         sided = kept.shape is not Landscape.SADDLE and self._inwards(without.direction)
         return without if sided else kept
+
+    def of_unknowns(self, at: Index) -> Array:
+        """Second derivatives of the least cost with respect to some unknowns, each alone, while all
+        others follow: 1/(K^-1)_ii with the K of a Newton step, in which bounds and inequalities
+        count that hold x; infinite for unknowns that are fixed or held."""
+        nlp, x, size = self.nlp, self.x, cost_size(self.nlp, self.x)
+        distance = np.concatenate([np.minimum(x - nlp.lower, nlp.upper - x), nlp.inequality(x)])
+        held = np.concatenate([np.abs(self.duals.z), self.duals.w]) / size > distance
+        held = np.insert(held, nlp.n, np.ones(nlp.n_eq, dtype=bool))
+        self._signs(CURVED * size, held)
+        second = np.full(len(at), np.inf)
+        for k in np.flatnonzero(self.free[at] & ~held[at]):
+            right = np.zeros(len(held))
+            right[at[k]] = 1.0
+            second[k] = 1 / self._solved(right)[at[k]]
+        return second
 
     def cheaper(self, along: Curvature) -> list[Array]:
         """Motions on both sides of a saddle that keep the constraints and cost less, none where

@@ -21,7 +21,6 @@ from dmoc.program.active_constraints import active_bounds
 from dmoc.program.blocks import Block, Index
 from dmoc.program.layout import Layout
 from dmoc.program.minimal_times import phase_minimal_time
-from dmoc.program.reactions import node_shares
 from dmoc.program.scale import Scale
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.ipm import least_violation, solve_ipm
@@ -123,14 +122,16 @@ def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[
 
 def _pulls_of(name: str, lay: Layout, y: Array) -> Iterator[str]:
     """How strongly one contact pulls where it pulls most in a phase, and at events."""
-    t, forces = lay.times(y), []
-    for i, steps in enumerate(lay.steps):
+    at, forces = lay.stations, []
+    t = lay.place_times(y)[at.place]
+    for i in range(lay.phases):
+        rows = at.rows(i)
         for r in lay.reactions(i):
             if not r.pulls and name in r.names:
                 impulse = r.impulses(y)[:, r.names.index(name)]
-                force = impulse / (y[lay.index_h[i]] * node_shares(steps))
+                force = impulse / (y[lay.index_h[i]] * at.share[rows])
                 k = int(np.argmin(force))
-                forces.append((float(force[k]), float(t[lay.ends[i] + k])))
+                forces.append((float(force[k]), float(t[rows][k])))
     force, when = min(forces, default=(0.0, 0.0))
     if force < 0:
         yield f"{name} would have to pull with {-force:.3g} N at {when:.3g} s"

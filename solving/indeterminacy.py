@@ -9,11 +9,10 @@ import numpy as np
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import Index
 from dmoc.program.transcription import Transcription
 from dmoc.results.solution import Solution
+from dmoc.solvers.curvature import SecondOrder
 from dmoc.solvers.kkt import cost_size
-from dmoc.solvers.outcome import Duals
 from dmoc.solving.programs import at_solution
 
 # What is not determined: changed by a tenth of the final time, or of the range of a coordinate, it
@@ -25,9 +24,6 @@ MOVES = 0.5
 # Where no more moves than an unknown by so many times 1/N, or the inputs of so many nodes, it
 # vanishes with the size of the steps: the discretisation's own error, which a problem cannot help.
 RESOLVED = 5.0
-# Diagonal of the linear system: a curvature of all unknowns, relative to the cost, and what keeps
-# equations harmless that follow from others.
-CURVED, RELAXED = 1e-10, 1e-11
 
 
 def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = None) -> str:
@@ -46,7 +42,8 @@ def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = Non
         if width > SAME * units[places[node]]:
             names.append(f"{fine.trajectory.coordinates[j]} on the way")
             at, reach = np.append(at, places[node]), np.append(reach, width)
-    curvature = curvatures(nlp, x, duals, at) * (reach / units[at]) ** 2 / cost_size(nlp, x)
+    second = SecondOrder(nlp, x, duals).of_unknowns(at)
+    curvature = second * (reach / units[at]) ** 2 / cost_size(nlp, x)
     left_open = [name for name, c in zip(names, curvature, strict=True) if 0 <= c < FLAT]
     if not left_open:
         return ""
@@ -84,32 +81,6 @@ def telling(message: str, sentence: str) -> str:
     if not re.fullmatch(_sentence([".*"]), sentence):
         return message
     return message[: had.start()] + sentence + message[had.end() :]
-
-
-def curvatures(nlp: Transcription, x: Array, duals: Duals, at: Index) -> Array:
-    """Second derivatives of the least cost with respect to some of the scaled unknowns, each alone,
-    while all others follow: 1/(K^-1)_ii with the matrix K of a Newton step at the minimum, in which
-    bounds and inequalities count that hold it; infinite for unknowns that are fixed or held."""
-    import scipy.sparse as sparse  # here, because the compiled method does without SciPy
-    from scipy.sparse.linalg import splu
-
-    size = cost_size(nlp, x)
-    distance = np.minimum(x - nlp.lower, nlp.upper - x)
-    free = (nlp.lower < nlp.upper) & ~(np.abs(duals.z) / size > distance)
-    held = duals.w / size > nlp.inequality(x)
-    upper = nlp.lagrangian_hessian(x, duals.y, duals.w)
-    H = (upper + sparse.triu(upper, 1).T)[free][:, free]
-    A = sparse.vstack([nlp.equality_jacobian(x), nlp.inequality_jacobian(x)[held]])[:, free]
-    curved = CURVED * size * sparse.identity(H.shape[0])
-    K = sparse.bmat([[H + curved, A.T], [A, -RELAXED * sparse.identity(A.shape[0])]]).tocsc()
-    factors, place = splu(K), np.cumsum(free) - 1
-    second = np.full(len(at), np.inf)
-    for k, i in enumerate(at):
-        if free[i]:
-            right = np.zeros(K.shape[0])
-            right[place[i]] = 1.0
-            second[k] = 1 / factors.solve(right)[place[i]]
-    return second
 
 
 def _most_changed(coarse: Solution, fine: Solution) -> tuple[int, int]:

@@ -114,7 +114,7 @@ class _Edges:
         last = i == self.nlp.layout.phases - 1
         for edge in chain.from_iterable(law.edges(i) for law in self.nlp.laws):
             saved = self._saved(edge)
-            free_end = last and edge.gives[-1] != NOWHERE
+            free_end = last and edge.gives[-1, -1] != NOWHERE
             for steps in _runs(self._held(edge)):
                 part = saved[steps.start : steps.stop]
                 if edge.friction is None:
@@ -132,16 +132,18 @@ class _Edges:
             held = np.asarray(z > np.maximum(x, NO_FORCE))
         else:
             held = self._active(edge.active)
+        if held.size == edge.gives.size:
+            return np.asarray(held.reshape(edge.gives.shape).all(axis=1))
         return held if len(held) == len(edge.gives) else held[:-1] & held[1:]
 
     def _saved(self, edge: Edge) -> Array:
-        """What the other mode saves at the node after each step, in units of the cost: by all of
-        the friction that could turn, else at the typical rate."""
+        """What the other mode saves in each step, to the node after it, in units of the cost: by
+        all of the friction that could turn, else at the typical rate."""
         saved = edge.sign * self.outcome.duals.y[edge.gives]
         if edge.turning is not None:
             unit = self.nlp.unit[edge.turning] / self.nlp.row_unit[edge.gives]
             saved = saved * 2 * np.abs(self.outcome.x[edge.turning]) * unit
-        return np.where(edge.gives == NOWHERE, 0.0, saved)
+        return np.asarray(np.where(edge.gives == NOWHERE, 0.0, saved).sum(axis=1))
 
     @cached_property
     def _distances(self) -> Array:

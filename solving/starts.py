@@ -144,10 +144,6 @@ def restated(problem: Problem, solution: Solution) -> Array:
 
 
 def _part(piece: Piece, a: int, b: int) -> Piece:
-    """A piece from its node a to its node b; it keeps the inputs of all."""
+    """A piece from its node a to its node b; it keeps the inputs and the forces of all."""
     nodes = slice(a, b + 1)
-
-    return replace(
-        piece, t=piece.t[nodes], q=piece.q[nodes], v=piece.v[nodes],
-        forces={kind: forces[nodes] for kind, forces in piece.forces.items()},
-    )  # fmt: skip
+    return replace(piece, t=piece.t[nodes], q=piece.q[nodes], v=piece.v[nodes])

@@ -10,8 +10,10 @@ theory); what rubs at them is the law of friction (:mod:`dmoc.program.laws.frict
     lands      g(q_c) = 0                         of what lands beside the first one
     stays      gamma(q_c, v+) = 0                 after an impact, with impulses P_c
 
-This is the scheme RATTLE with the momenta of the step element.  Places are measured by how far the
-contact could move in one step.
+This is the scheme RATTLE with the momenta of the step element.  Steps with nodes inside have an
+impulse of their own at each of their nodes, keep the places of all of them, and the rates at their
+ends, gamma(q_k, w_k) = 0 (:eq:`held-step`, :mod:`dmoc.program.stations`).  Places are measured by
+how far the contact could move in one step.
 """
 
 from __future__ import annotations
@@ -31,7 +33,6 @@ from dmoc.program.laws.law import AT_REST, Edge, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import Settled, settled
-from dmoc.program.reactions import place, rows_of_phase
 from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
 
@@ -62,17 +63,17 @@ class ContactLaw(Law):
 
     @cached_property
     def along(self) -> PhaseNodes:
-        """The nodes of all phases, if something touches in one of them."""
+        """The stations of all phases, if something touches in one of them."""
         return PhaseNodes(self.lay, not self.lay.touch.free)
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         lay, unknowns = self.lay, self.lay.contact
         held = [
-            (np.arange(lay.ends[i], lay.ends[i + 1] + 1), surface)
+            (lay.index_places[lay.places_of_phase(i)], surface)
             for i, mode in enumerate(lay.touch.modes)
             for surface in mode.closed
         ]
-        give_way(problem, lay, box, scale, held)
+        give_way(problem, box, scale, held)
         if not self.pulling:
             for index in (unknowns.P, unknowns.P_c):
                 box[index[index != NOWHERE], 0] = 0.0
@@ -90,13 +91,13 @@ class ContactLaw(Law):
         self.closed = block(
             "closed",
             along.places(closed, self.settled.places),
-            lambda r, j: f"contact {names[j]} {place(lay.steps, r)}",
+            lambda r, j: f"contact {names[j]} {along.at.label(r)}",
             lambda s: along.in_a_step(s.rate, s),
         )
         self.at_rest = block(
             "at rest",
-            ends_of_phases(closed, self.settled.rates),
-            lambda i, j: f"rate of contact {names[j]} {end_of_phase(i)}",
+            along.rates(closed, ends_of_phases(closed, self.settled.rates)),
+            lambda k, j: f"rate of contact {names[j]} {end_of_phase(lay, k)}",
             lambda s: s.rate,
         )
         self.lands = block(
@@ -116,11 +117,10 @@ class ContactLaw(Law):
         lay, along, nodes = self.lay, self.along, self.lay.collision_nodes
         if lay.touch.free:
             return []
-        q, t = lay.index_q[along.nodes], places.times(along.nodes)
         terms = [
             *along.pushes("normal", lay.contact.P, -1.0, places, laws),
             *along.rests("gap_rate", self.at_rest.index, places),
-            Term("surface", (q, t), (self.closed.index,)),
+            Term("surface", along.state(places), (self.closed.index,)),
         ]
         if len(nodes):
             q, t, P_c = lay.index_q[nodes], places.times(nodes), places.known(lay.contact.P_c)
@@ -133,9 +133,9 @@ class ContactLaw(Law):
 
     def edges(self, i: int) -> Iterator[Edge]:
         """Where a contact does not press it may leave."""
-        lay, rows = self.lay, rows_of_phase(self.lay.steps, i)
+        lay, rows = self.lay, self.lay.stations.rows(i)
         for j in lay.touch.modes[i].closed:
-            gives = self.closed.index[rows, j][1:]
+            gives = lay.stations.by_step(self.closed.index[rows, j])
             name = lay.touch.contacts.surfaces[j]
             yield Edge(name, j, None, lay.contact.P[rows, j], gives, -1.0)
 

@@ -11,8 +11,8 @@ its contact (:mod:`dmoc.program.laws.contact`)::
     sticks     sigma(q_c, v+) = 0                 after an impact, with impulses T_c
     slides     T_c + s mu P_c = 0                 in an impact
     cone       mu P_k - |T_k| >= 0, mu P_c - |T_c| >= 0    where it sticks
-    direction  s (tau(q_kp1) - tau(q_k)) >= 0, s sigma >= 0 on both sides of an impact
-               and at the ends of the motion
+    direction  s (tau(q_kp1) - tau(q_k)) >= 0, s sigma >= 0 on both sides of an impact,
+               at the ends of the motion, and at nodes whose velocities are unknowns
 
 A contact that slides the other way after an impact than before has s of either phase on either
 side.  Where the impact presses it, P_c > 0, its friction turns at a moment within, which these rows
@@ -44,7 +44,6 @@ from dmoc.program.laws.law import AT_REST, INPUT, Edge, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import Settled
-from dmoc.program.reactions import place, rows_of_phase
 from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
 
@@ -74,6 +73,7 @@ class FrictionLaw(Law):
     cone: Block = field(init=False)
     cone_of_impact: Block = field(init=False)
     direction: Block = field(init=False)
+    direction_at_nodes: Block = field(init=False)
     direction_at_ends: Block = field(init=False)
     direction_of_impact: Block = field(init=False)
 
@@ -108,29 +108,28 @@ class FrictionLaw(Law):
         lay, touch, names = self.lay, self.touch, self.touch.contacts.tangents
         along, settled = self.along, self.settled
         moves = np.vstack([np.ones_like(settled.stuck[:1]), settled.stuck])
+        sticks, stops = touch.sticks & ~settled.sticks, touch.stops & ~settled.stops
         self.stuck = block(
             "stuck",
-            along.places(touch.sticks & ~settled.sticks, moves),
-            lambda r, j: f"sticking of {names[j]} {place(lay.steps, r)}",
+            along.places(sticks, moves),
+            lambda r, j: f"sticking of {names[j]} {along.at.label(r)}",
             lambda s: along.in_a_step(s.slide, s),
         )
         self.sliding = block(
             "sliding",
             along.along(touch.rubs & ~touch.sticks),
-            lambda r, j: f"sliding friction of {names[j]} {place(lay.steps, r)}",
-            lambda s: s.friction / lay.total,
+            lambda r, j: f"sliding friction of {names[j]} {along.at.label(r)}",
+            lambda s: s.friction / lay.total * along.at.size,
         )
         self.stopped = block(
             "stopped",
-            ends_of_phases(
-                touch.sticks & ~settled.sticks, settled.slides, touch.stops & ~settled.stops
-            ),
-            lambda i, j: f"sliding velocity of {names[j]} {end_of_phase(i)}",
+            along.rates(sticks, ends_of_phases(sticks, settled.slides, stops)),
+            lambda k, j: f"sliding velocity of {names[j]} {end_of_phase(lay, k)}",
             lambda s: s.slide,
         )
         self.sticks = block(
             "sticks",
-            touch.rubs_in_impact & (touch.sticks & ~settled.sticks)[1:],
+            touch.rubs_in_impact & sticks[1:],
             lambda i, j: f"sliding velocity of {names[j]} after event {i + 1}",
             lambda s: s.slide,
         )
@@ -144,7 +143,7 @@ class FrictionLaw(Law):
     def inequalities(self, block: Numbering) -> None:
         """The last axis of cones and of directions of impacts are the two sides."""
         lay, touch = self.lay, self.touch
-        names, nodes = touch.contacts.tangents, self.along.nodes
+        names, at = touch.contacts.tangents, self.along.at
         slides = touch.signs[lay.phase_of_step] != 0
         slides = slides if not touch.free else slides[:0]
         steps = np.arange(len(slides))
@@ -155,10 +154,10 @@ class FrictionLaw(Law):
         self.cone = block(
             "cone",
             _twice(self.along.along(self._grips)),
-            lambda r, j, _: f"friction cone of {names[j]} {place(lay.steps, r)}",
-            lambda s: s.friction[:, None] / lay.total,
-            nodes,
-            counted=Counted(BoundKind.CONE, names, nodes),
+            lambda r, j, _: f"friction cone of {names[j]} {at.label(r)}",
+            lambda s: s.friction[:, None] / lay.total * at.size[:, :, None],
+            at.step if at.own else at.place,
+            counted=Counted(BoundKind.CONE, names, at.place),
         )
         self.cone_of_impact = block(
             "cone of an impact",
@@ -173,6 +172,16 @@ class FrictionLaw(Law):
             lambda s: s.slide * s.h[lay.phase_of_step][: len(slides), None],
             steps,
             counted=Counted(BoundKind.DIRECTION, names, steps),
+        )
+        passing = np.vstack([slides, slides[-1:]]) & (lay.index_w[: len(slides) + 1, :1] != NOWHERE)
+        passed = np.arange(len(passing))
+        self.direction_at_nodes = block(
+            "direction at nodes",
+            passing,
+            lambda k, j: f"{word(int(lay.phase_of_step[k]), j)} of {names[j]} at node {k}",
+            lambda s: s.slide,
+            passed,
+            counted=Counted(BoundKind.DIRECTION, names, passed),
         )
         self.direction_at_ends = block(
             "direction at the ends",
@@ -208,10 +217,10 @@ class FrictionLaw(Law):
     # Terms ----------------------------------------------------------------------------------------
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:
-        lay, along, unknowns = self.lay, self.along, self.lay.contact
+        along, unknowns = self.along, self.lay.contact
         if self.touch.free:
             return []
-        q, t = lay.index_q[along.nodes], places.times(along.nodes)
+        q, t = along.state(places)
         stuck = self.stuck.index
         before = np.full_like(stuck, NOWHERE)
         before[:-1] = stuck[1:]
@@ -222,6 +231,7 @@ class FrictionLaw(Law):
             Term("tangent", (q, t), (before,), -1.0),
             *self._at_events(places, laws.step.momentum.index),
             *self._at_ends(places),
+            *self._at_nodes(places),
             *self._directions(places),
         ]
 
@@ -251,6 +261,17 @@ class FrictionLaw(Law):
                 state = (lay.index_q[at], v[None], places.times(at))
                 yield Term("slide_rate", state, (rows[None],), sign)
 
+    def _at_nodes(self, places: Places) -> Iterator[Term]:
+        """Sliding velocities at the nodes inside phases."""
+        lay, rows = self.lay, self.direction_at_nodes.index
+        signs = self.touch.signs[np.append(lay.phase_of_step, lay.phases - 1)]
+        for sign in (1.0, -1.0):
+            at = np.where(signs == sign, rows, NOWHERE)
+            (k,) = np.nonzero((at != NOWHERE).any(axis=1))
+            if len(k):
+                state = lay.index_q[k], lay.index_w[k], places.times(k)
+                yield Term("slide_rate", state, (at[k],), sign)
+
     def _directions(self, places: Places) -> list[Term]:
         lay, rows = self.lay, self.direction.index
         signs = self.touch.signs[lay.phase_of_step]
@@ -270,13 +291,13 @@ class FrictionLaw(Law):
         if touch.free:
             return []
         entries: list[Entries] = []
-        phase, sides = self.along.phase, np.array([1.0, -1.0])
-        weight = np.where(self.along.is_first | self.along.is_last, 0.5, 1.0)
+        phase, sides = self.along.at.phase, np.array([1.0, -1.0])
+        share = self.along.at.share
         events = touch.rubs_in_impact
         for t, surface in enumerate(touch.contacts.supports):
             along = np.flatnonzero(touch.rubs[phase, t])
             if surface == RAIL:
-                limit, factor = lay.index_h[phase[along]], self.mu[t] * weight[along]
+                limit, factor = lay.index_h[phase[along]], self.mu[t] * share[along]
             else:
                 limit = lay.contact.P[along, surface]
                 factor = np.full(len(along), self.mu[t])
@@ -308,17 +329,17 @@ class FrictionLaw(Law):
 
     def edges(self, i: int) -> Iterator[Edge]:
         """What slides may come to rest, what sticks slide at the limit of its friction."""
-        lay, rows = self.lay, rows_of_phase(self.lay.steps, i)
+        lay, rows, by_step = self.lay, self.lay.stations.rows(i), self.lay.stations.by_step
         steps = slice(lay.ends[i], lay.ends[i + 1])
         for k, s in self.touch.modes[i].rubbing.items():
             name = self.touch.contacts.tangents[k]
             if s == STICK:
-                gives = self.stuck.index[rows, k][1:]
+                gives = by_step(self.stuck.index[rows, k])
                 for side, way in enumerate((-1, 1)):
                     cone = self.cone.index[rows, k, side]
                     yield Edge(name, k, (s, way), cone, gives, way)
             else:
-                gives, T = self.sliding.index[rows, k][1:], lay.contact.T[rows, k][1:]
+                gives, T = (by_step(a[rows, k]) for a in (self.sliding.index, lay.contact.T))
                 yield Edge(name, k, (s, STICK), self.direction.index[steps, k], gives, s, T)
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
@@ -326,8 +347,9 @@ class FrictionLaw(Law):
         touch, along, unknowns = self.touch, self.along, self.lay.contact
         if touch.free:
             return
-        yield Pivot(unknowns.T, self.sliding.index, key(along.nodes - along.is_last, INPUT))
-        stopped = np.where(touch.sticks, self.stopped.index[1:], NOWHERE)
+        yield Pivot(unknowns.T, self.sliding.index, key(along.at.step, INPUT))
+        stopped, ends = self.stopped.index.copy(), self.lay.ends[1:]
+        stopped[ends] = np.where(touch.sticks, stopped[ends], NOWHERE)
         yield from along.pivots(unknowns.T, self.stuck.index, stopped)
         events = self.lay.collision_nodes
         yield Pivot(unknowns.T_c, self.sticks.index, key(events, AT_REST))

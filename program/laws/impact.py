@@ -129,8 +129,8 @@ class ImpactLaw(Law):
         lay = self.lay
         box[lay.impact.lam] = np.stack([np.zeros(len(lay.impact.lam)), self.most_impulse], axis=1)
         hits = np.flatnonzero(self.impact)
-        places = zip(lay.collision_nodes[hits, None], self.surfaces[hits].tolist(), strict=True)
-        give_way(problem, lay, box, scale, places)
+        at = lay.index_q[lay.collision_nodes[hits], None]
+        give_way(problem, box, scale, zip(at, self.surfaces[hits].tolist(), strict=True))
 
     def equations(self, block: Numbering) -> None:
         at, hit, n = self.lay.impact.names, self.surfaces, len(self.surfaces)

@@ -9,9 +9,10 @@ Each has an impulse R_k at every node of a phase, the ends among them, and R_c i
     turn       sum_i d_i phi(q_k) d_i phi(q_kp1) / M_ii >= 0      in every step
     stays      phi_dot(q_c, v+) = 0                   after an impact, with the impulse R_c
 
-with the rate phi_dot.  This is the law of a closed contact that may pull
-(:mod:`dmoc.program.laws.contact`), but for the turn: where the equations of a step have two
-solutions, as a circle and a line, the one of them lies beyond the body.
+with the rate phi_dot.  This is the law of a closed contact that may pull, in steps with nodes
+inside too (:mod:`dmoc.program.laws.contact`), but for the turn from one place to the next: where
+the equations of a step have two solutions, as a circle and a line, the one of them lies beyond the
+body.
 """
 
 from __future__ import annotations
@@ -30,7 +31,6 @@ from dmoc.program.laws.law import AT_REST, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import joints_settled
-from dmoc.program.reactions import place
 from dmoc.program.terms import Places, Term
 
 if TYPE_CHECKING:
@@ -82,13 +82,13 @@ class JointLaw(Law):
         self.place = block(
             "place",
             along.places(every, places),
-            lambda r, j: f"constraint {names[j]} {place(lay.steps, r)}",
+            lambda r, j: f"constraint {names[j]} {along.at.label(r)}",
             lambda s: along.in_a_step(s.joint_rate, s),
         )
         self.at_rest = block(
             "constraint at rest",
-            rests,
-            lambda i, j: f"rate of constraint {names[j]} {end_of_phase(i)}",
+            along.rates(every, rests),
+            lambda k, j: f"rate of constraint {names[j]} {end_of_phase(lay, k)}",
             lambda s: s.joint_rate,
         )
         self.stays = block(
@@ -103,12 +103,13 @@ class JointLaw(Law):
         if not self.names:
             return
         names, bent = self.names, [name in self.bent for name in self.names]
+        d, total = self.lay.scheme.degree, self.lay.total
         self.turn = block(
             "turn",
-            np.tile(np.array(bent, dtype=bool), (self.lay.total, 1)),
-            lambda k, j: f"direction of constraint {names[j]} in step {k}",
+            np.tile(np.array(bent, dtype=bool), (d * total, 1)),
+            lambda k, j: f"direction of constraint {names[j]} in step {k // d}",
             lambda s: s.joint_rate / s.reaction,
-            np.arange(self.lay.total),
+            np.repeat(np.arange(total), d),
         )
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:
@@ -124,12 +125,11 @@ class JointLaw(Law):
                 Term("reaction", (q, R_c, t), (laws.step.momentum.index[nodes],)),
                 Term("joint_rate", (q, v, t), (self.stays.index,)),
             ]
-        steps = np.arange(lay.total)
-        ends = lay.index_q[:-1], lay.index_q[1:], places.times(steps), places.times(steps + 1)
+        q, at = lay.index_places, np.arange(len(lay.index_places) - 1)
+        ends = q[:-1], q[1:], places.times_of(at), places.times_of(at + 1)
         terms.append(Term("joint_turn", ends, (self.turn.index,)))
-        at = lay.index_q[along.nodes], places.times(along.nodes)
         rests = along.rests("joint_rate", self.at_rest.index, places)
-        return [*terms, Term("joint", at, (self.place.index,)), *rests]
+        return [*terms, Term("joint", along.state(places), (self.place.index,)), *rests]
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
         """Places and rates determine the impulses."""

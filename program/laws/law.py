@@ -50,13 +50,14 @@ class Edge(NamedTuple):
         That of the tangent, and beyond the edge; None for a contact that leaves.
     active : array of int
         Numbers of the inequalities that are active at the edge, one for each step of the phase or
-        for each of its nodes; of the impulses that are at their bounds, of a contact that leaves.
-    gives : array of int, shape (steps,)
-        Numbers of the equations of the nodes after each step that give way.
+        for each of its stations; of the impulses that are at their bounds, of a contact that
+        leaves.
+    gives : array of int, shape (steps, n)
+        Numbers of the equations of the stations in or after each step that give way.
     sign : float
         The direction in which they do.
     turning : array of int, optional
-        Impulses that could turn, shape (steps,); otherwise they give way by their sizes.
+        Impulses that could turn, shape (steps, n); otherwise they give way by their sizes.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What laws that push along phases have in common: the nodes of the phases, and the terms and
+"""What laws that push along phases have in common: the stations of the impulses, and the terms and
 pivots of what is held there."""
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import NOWHERE, Bools, Index
 from dmoc.program.laws.law import AT_REST, CONTACT, Pivot, key
 from dmoc.program.layout import Layout
-from dmoc.program.reactions import phase_nodes
 from dmoc.program.scale import Scale
+from dmoc.program.stations import Stations
 from dmoc.program.terms import Places, Term
 
 if TYPE_CHECKING:
@@ -24,58 +24,55 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PhaseNodes:
-    """The nodes of each phase; those that two phases share come twice.  Where nothing pushes,
-    ``used`` is False and there are none."""
+    """The stations of a motion.  Where nothing pushes, ``used`` is False and there are none."""
 
     lay: Layout
     used: bool
 
     @cached_property
-    def nodes(self) -> Index:
-        return phase_nodes(self.lay.steps)[: None if self.used else 0]
-
-    @cached_property
-    def phase(self) -> Index:
-        """The phase of each."""
-        counts = [n + 1 for n in self.lay.steps] if self.used else [0] * self.lay.phases
-        return np.repeat(np.arange(self.lay.phases), counts)
-
-    @cached_property
-    def is_first(self) -> Bools:
-        return np.diff(self.phase, prepend=-1) > 0
-
-    @cached_property
-    def is_last(self) -> Bools:
-        return np.diff(self.phase, append=self.lay.phases) > 0
+    def at(self) -> Stations:
+        return self.lay.stations if self.used else Stations((), self.lay.scheme)
 
     def along(self, of_phase: Bools) -> Bools:
-        """What holds of a phase at each of its nodes."""
-        return np.asarray(of_phase[self.phase])
+        """What holds of a phase at each of its stations."""
+        return np.asarray(of_phase[self.at.phase])
+
+    def state(self, places: Places) -> tuple[Index, Index]:
+        """Coordinates and times of the stations."""
+        return self.lay.index_places[self.at.place], places.times_of(self.at.place)
 
     def places(self, of_phase: Bools, settled: Bools) -> Bools:
-        """Nodes at which places are held: those after the first of a phase, and the first of all,
-        but for what is ``settled`` at the start and at the end of each phase."""
-        held = self.along(of_phase) & ~self.is_first[:, None]
+        """Stations at which places are held: but for those where something has ended before, and
+        for what is ``settled`` at the start and at the end of each phase."""
+        held = self.along(of_phase) & ~self.at.begins[:, None]
         if len(held):
             held[0] = of_phase[0] & ~settled[0]
-            held[self.is_last] &= ~settled[1:]
+            held[self.at.is_last] &= ~settled[1:]
+        return held
+
+    def rates(self, of_phase: Bools, at_ends: Bools) -> Bools:
+        """Nodes at which rates vanish, shape (total + 1, size): the start and the end of each phase
+        where ``at_ends`` says so, and those that phases pass in which they are held."""
+        lay = self.lay
+        held = np.zeros((lay.total + 1, of_phase.shape[1]), dtype=bool)
+        held[:-1] = of_phase[lay.phase_of_step] & (lay.index_w[:-1, :1] != NOWHERE)
+        held[lay.ends] = at_ends
         return held
 
     def in_a_step(self, rate: Array, s: Scale) -> Array:
         """How far a place could move in one step: an error of a place is one of the velocity times
         the step, which in a phase that shrinks is far below the sizes of the motion."""
-        return np.asarray(rate * s.h[self.phase][:, None])
+        return np.asarray(rate * s.h[self.at.phase][:, None])
 
     def pushes(
         self, kernel: str, impulses: Index, sign: float, places: Places, laws: Laws
     ) -> Iterator[Term]:
-        """Impulses in the momenta of their nodes, and in those beside events."""
-        lay, momentum = self.lay, laws.step.momentum.index
-        q, t, impulse = lay.index_q[self.nodes], places.times(self.nodes), places.known(impulses)
-        first, last = self.is_first.copy(), self.is_last.copy()
+        """Impulses in the equations of their places, and in those beside events."""
+        lay, (q, t), impulse = self.lay, self.state(places), places.known(impulses)
+        first, last = self.at.is_first.copy(), self.at.is_last.copy()
         first[0] = last[-1] = False  # the ends of the motion have momenta of their own
         for at, rows in (
-            (np.ones(len(self.nodes), dtype=bool), momentum[self.nodes]),
+            (np.ones(len(q), dtype=bool), self._equations(laws)),
             (last, laws.impact.arrival.index),
             (first, laws.impact.departure.index),
         ):
@@ -83,35 +80,44 @@ class PhaseNodes:
             rows = rows if len(rows) == at.sum() else rows[at]
             yield Term(kernel, (q[at], impulse[at], when), (rows,), sign)
 
+    def _equations(self, laws: Laws) -> Index:
+        """Rows of the momenta at the stations, or of the equations of motion inside steps."""
+        lay, step = self.lay, laws.step
+        inside = step.inside.index.reshape(lay.total, lay.inside, lay.nq)
+        starts = np.concatenate([step.momentum.index[:-1, None], inside], axis=1)
+        by_place = np.vstack([starts.reshape(-1, lay.nq), step.momentum.index[-1:]])
+        ends = step.reached[self.at.place[self.at.ends] // lay.scheme.degree]
+        rows = by_place[self.at.place]
+        rows[self.at.ends] = ends
+        return rows
+
     def rests(self, kernel: str, rows: Index, places: Places) -> Iterator[Term]:
-        """Rates at the start and at the end of each phase, rows of shape (phases + 1, size)."""
-        lay, ends = self.lay, self.lay.ends
-        for at, v, r in (
-            (ends[:1], lay.index_v_B[None], rows[:1]),
-            (ends[1:-1], lay.impact.v_a, rows[1:-1]),
-            (ends[-1:], lay.index_v_E[None], rows[-1:]),
-        ):
-            if len(at) and v.size:
-                yield Term(kernel, (lay.index_q[at], v, places.times(at)), (r,))
+        """Rates at nodes, in rows of shape (total + 1, size)."""
+        v = self.lay.velocities
+        (at,) = np.nonzero((rows != NOWHERE).any(axis=1) & (v[:, 0] != NOWHERE))
+        if len(at):
+            yield Term(kernel, (self.lay.index_q[at], v[at], places.times(at)), (rows[at],))
 
     def pivots(self, impulse: Index, held: Index, rest: Index) -> Iterator[Pivot]:
-        """The place of a node determines the impulse of the node before it, the rate at the end of
-        a phase that of its last node.  Those of the last node of all are determined through the
-        final state, which belongs to the final group, and so do they."""
-        nodes, last = self.nodes, self.is_last
+        """Places determine the impulses of the stations before them, rates those at the ends of
+        phases and of steps.  Those of the last node of all are determined through the final state,
+        which belongs to the final group, and so do they."""
+        at, d = self.at, self.lay.scheme.degree
         following = np.full_like(held, NOWHERE)
         following[:-1] = held[1:]
-        following[last] = NOWHERE
-        yield Pivot(impulse, following, key(nodes, CONTACT))
-        ends = rest[-self.lay.phases : -1]
-        yield Pivot(impulse[last][:-1], ends, key(nodes[last][:-1] - 1, AT_REST))
+        following[at.ends] = NOWHERE
+        yield Pivot(impulse, following, key(at.place // d, CONTACT))
+        (ends,) = np.nonzero(at.ends[:-1])
+        nodes = at.place[ends] // d
+        yield Pivot(impulse[ends], rest[nodes], key(nodes - 1, AT_REST))
 
     def loose(
         self, impulse: Index, in_impacts: Index, follows: Bools
     ) -> Iterator[tuple[Index, Index]]:
         """Impulses of conditions that follow from others in a phase: along the phases, and in
         impacts."""
-        at = np.where(self.is_last, key(self.nodes - 1, AT_REST), key(self.nodes, CONTACT))
+        node = self.at.place // self.lay.scheme.degree
+        at = np.where(self.at.ends, key(node - 1, AT_REST), key(node, CONTACT))
         at[-1:] = NOWHERE
         chosen = self.along(follows) & (impulse != NOWHERE)
         yield impulse[chosen], np.broadcast_to(at[:, None], impulse.shape)[chosen]
@@ -129,6 +135,9 @@ def ends_of_phases(held: Bools, settled: Bools, more: Bools | None = None) -> Bo
     return ends
 
 
-def end_of_phase(i: int) -> str:
-    """The start of a motion, or the end of a phase before it."""
-    return f"at the end of phase {i - 1}" if i else "at the start"
+def end_of_phase(lay: Layout, node: int) -> str:
+    """A node in words: the start of a motion, the end of a phase before it, or one inside."""
+    if node not in lay.ends:
+        return f"at node {node}"
+    phase = int(np.searchsorted(lay.ends, node)) - 1
+    return f"at the end of phase {phase}" if node else "at the start"

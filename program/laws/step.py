@@ -4,7 +4,11 @@
 
     momentum  r_plus(k-1) + r_minus(k) - lam grad g(q_c) = 0; + p_B at the start, - p_E at the end
     inside    r_i(k) = 0                in each step with nodes inside
-    time      t_kp1 - t_k - h = 0       in each step, where the model depends on the time
+    passing   r_plus(k-1) - dL/dv(q_k, w_k) = 0    at nodes where both steps have impulses of
+                                                   their own; there the momentum is that of the
+                                                   step that begins, dL/dv(q_k, w_k) + r_minus(k)
+    time      t_kp1 - t_k - h = 0       in each step, where the model depends on the time, and
+                                        t_i - t_k - c h = 0 where times inside are unknowns
     gap       -g(q_k) >= 0              at every node, and inside the steps
 """
 
@@ -16,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dmoc.base.names import momentum_name, unit_of
+from dmoc.base.names import momentum_name, unit_of, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import (
@@ -26,12 +30,13 @@ from dmoc.program.blocks import (
     Bools,
     Counted,
     Entries,
+    Index,
     Missed,
     Numbering,
     seconds,
 )
 from dmoc.program.bound_kinds import BoundKind
-from dmoc.program.laws.law import INSIDE, STATE, Law, Pivot, key
+from dmoc.program.laws.law import COLLISION, INSIDE, STATE, Law, Pivot, key
 from dmoc.program.layout import Layout
 from dmoc.program.terms import COST, Places, Term
 
@@ -49,7 +54,9 @@ class StepLaw(Law):
     free_ends: tuple[Bools, Bools] = field(init=False)
     momentum: Block = field(init=False)
     inside: Block = field(init=False)
+    passing: Block = field(init=False)
     time: Block = field(init=False)
+    time_inside: Block = field(init=False)
     gap: Block = field(init=False)
     gap_inside: Block = field(init=False)
 
@@ -83,6 +90,13 @@ class StepLaw(Law):
                 apart=1,
             ),
         )
+        self.passing = block(
+            "passing",
+            lay.index_w != NOWHERE,
+            lambda k, i: f"{velocity_name(names[i])} at node {k}",
+            lambda s: s.p,
+            missed=Missed(LAW, lambda *_: "the velocity at a node does not fit its momentum"),
+        )
         self.time = block(
             "time",
             (lay.total * lay.timed,),
@@ -90,6 +104,19 @@ class StepLaw(Law):
             lambda s: s.time,
             missed=Missed(LAW, lambda _: "the time jumps", seconds),
         )
+        self.time_inside = block(
+            "time inside",
+            lay.index_t_i.shape,
+            lambda k, _: f"time inside step {k}",
+            lambda s: s.time,
+            missed=Missed(LAW, lambda *_: "the time jumps", seconds),
+        )
+
+    @property
+    def reached(self) -> Index:
+        """Rows of the momentum that each node is reached with, shape (total + 1, nq)."""
+        passing = self.passing.index
+        return np.where(passing == NOWHERE, self.momentum.index, passing)
 
     def inequalities(self, block: Numbering) -> None:
         """Gaps have the shapes (nodes, nc) and (nodes inside steps, nc)."""
@@ -110,7 +137,7 @@ class StepLaw(Law):
         )
         self.gap_inside = block(
             "gap inside",
-            np.tile(~moving, (total * inside, 1)),
+            self._gaps_inside(~moving | (self.lay.index_t_i.size > 0)),
             lambda k, j: f"gap to {surfaces[j]} inside step {k // inside}",
             lambda s: s.gap,
             steps,
@@ -138,12 +165,22 @@ class StepLaw(Law):
             keep[-1, j] &= j in model.moving or bool(free[1][on].any())
         return keep
 
+    def _gaps_inside(self, timed: Bools) -> Bools:
+        """The same inside steps, of the surfaces whose times are known there."""
+        lay, problem = self.lay, self.problem
+        keep = np.repeat(~lay.touch.is_closed[lay.phase_of_step] & timed, lay.inside, axis=0)
+        keep[:, [problem.model.surface_numbers[name] for name in problem.ignored]] = False
+        return keep
+
     def terms(self, places: Places, laws: Laws) -> list[Term]:
         lay, momentum = self.lay, self.momentum.index
         cost, none = np.full((lay.total, 1), COST), np.full((1, 1), places.zero)
-        rows = (momentum[:-1], momentum[1:], cost, self.inside.index)
+        rows = (momentum[:-1], self.reached[1:], cost, self.inside.index)
         at = lay.index_q, places.times(np.arange(lay.total + 1))
-        within = lay.index_q_i.reshape(-1, lay.nq), none
+        clocks = lay.index_t_i.reshape(-1, 1) if lay.index_t_i.size else none
+        within = lay.index_q_i.reshape(-1, lay.nq), clocks
+        (passed,) = np.nonzero(lay.index_w[:, 0] != NOWHERE)
+        velocity = lay.index_q[passed], lay.index_w[passed], places.times(passed)
         v_E = lay.index_v_E if len(lay.index_v_E) else np.full(lay.nq, NOWHERE)
         end = (lay.index_q[-1:], places.known(v_E[None]), places.known(lay.time_columns[-1:]))
         return [
@@ -151,26 +188,39 @@ class StepLaw(Law):
             Term("surface", at, (self.gap.index,), -1.0),
             Term("surface", within, (self.gap_inside.index,), -1.0),
             Term("terminal_cost", end, (cost[:1],)),
+            Term("momentum", velocity, (self.passing.index[passed],), -1.0),
+            Term("momentum", velocity, (momentum[passed],)),
         ]
 
     def entries(self, laws: Laws) -> list[Entries]:
         """Boundary momenta, and the clock."""
         lay, t, momentum = self.lay, self.time.numbers, self.momentum.index
+        within, number = self.time_inside.index, np.sort(lay.scheme.nodes)[1:-1]
+        h = lay.index_h[lay.phase_of_step]
         parts = (
             (momentum[0], lay.index_p_B, 1.0),
             (momentum[-1], lay.index_p_E, -1.0),
             (t, lay.index_t[1:], 1.0),
             (t, lay.index_t[:-1], -1.0),
-            (t, lay.index_h[lay.phase_of_step[: len(t)]], -1.0),
-        )
+            (t, h[: len(t)], -1.0),
+            *(
+                (within[:, a], unknown, factor)
+                for a in range(within.shape[1])
+                for unknown, factor in (
+                    (lay.index_t_i[:, a], 1.0), (lay.index_t[:-1], -1.0), (h, -number[a])
+                )
+            ),
+        )  # fmt: skip
         return [(row, unknown, np.full(len(row), factor)) for row, unknown, factor in parts]
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
         """The momentum equation of a node determines the next node, those of nodes inside a step
-        come before it."""
+        come before it; the momentum that the next node is reached with determines its velocity."""
         lay, steps, momentum = self.lay, np.arange(self.lay.total), self.momentum.index
         inside = lay.index_q_i.reshape(self.inside.index.shape)
         yield Pivot(inside, self.inside.index, key(steps, INSIDE))
+        yield Pivot(lay.index_t_i, self.time_inside.index, key(steps, INSIDE))
         yield Pivot(lay.index_q[1:], momentum[:-1], key(steps, STATE))
+        yield Pivot(lay.index_w[1:], self.passing.index[1:], key(steps, COLLISION))
         yield Pivot(lay.index_t[1:], self.time.numbers, key(steps[: self.time.count], STATE))
         yield Pivot(lay.index_p_E, momentum[-1], key(lay.total, STATE))

@@ -28,6 +28,8 @@ from dmoc.solving.programs import Programs
 # Steps of a phase on the coarse mesh.  With 12, motions with many collisions mislead, and their
 # refinement takes longer than is saved.
 COARSE = 24
+# Of steps that are held, with nodes inside, which have about three times the unknowns of others.
+COARSE_HELD = 12
 # So many minima of a coarse mesh at most are refined to see whether they are the same one, before
 # more starts are tried.
 FEW = 3
@@ -127,7 +129,8 @@ def explored(
 
 def coarse_of(problem: Problem) -> Problem:
     """The problem on the mesh of the exploration."""
-    return problem.meshed([min(n, COARSE) for n in problem.phase_steps])
+    most = COARSE_HELD if problem.held and problem.scheme.inside else COARSE
+    return problem.meshed([min(n, most) for n in problem.phase_steps])
 
 
 # On the coarse mesh -------------------------------------------------------------------------------

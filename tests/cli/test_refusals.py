@@ -58,7 +58,6 @@ solve contacts.py:landing --start x=0,y=0 --goal x=1,x_dot=0 --final-time 4 --st
     --ignored top | unknown surface 'top' in ignored
     --periodic x=z | unknown state 'z' in periodic
     --via x=1 | via has 1 entries: expected one for each of the 0 events
-    --contacts floor --order 4 | contacts that last are solved with order 2
 sweep cart_pendulum --steps 12 --set
     l=0.5 | no value is a range: give one as FROM:TO:COUNT
     l=0.4:0.6:x | COUNT of --set l = 'x': expected a whole number

@@ -17,7 +17,6 @@ from contact_problems import (
     G,
     M,
     T,
-    U,
     X,
     Y,
     against_wall,
@@ -26,7 +25,6 @@ from contact_problems import (
     pushed,
     pushed_together,
     pushers,
-    rail,
     rimless,
     rimless_rate,
     there_and_back,
@@ -37,8 +35,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import unit_mass
 
 import dmoc
-from dmoc.base.errors import ProblemError
-from dmoc.program.extraction import _forces
+from dmoc.program.extraction import _continued
 
 
 @pytest.mark.slow
@@ -224,19 +221,6 @@ def test_sensitivities_equal_differences_of_solved_problems() -> None:
     )
 
 
-@pytest.mark.slow
-def test_contacts_that_last_are_refused_with_kernels_of_another_order() -> None:
-    with pytest.raises(ProblemError, match="build the model with order=2"):
-        dmoc.Problem(
-            dmoc.build(floor(), order=4), start={"x": 0, "y": 0}, contacts=["floor"], steps=5
-        )
-
-
-def test_a_rail_alone_takes_kernels_of_order_two() -> None:
-    problem = dmoc.Problem(rail(U**2 / 2), start={"x": 0}, final_time=1)
-    assert problem.order == 2 and problem.lasting
-
-
 def test_a_rail_may_be_called_like_its_coordinate() -> None:
     assert unit_mass("named", tangents={"x": X}, friction={"x": 1.0}).tangents == {"x": X}
 
@@ -333,7 +317,7 @@ def test_forces_at_the_ends_of_a_phase_are_those_beside_them_continued(
 ) -> None:
     forces = np.arange(1.0, nodes + 1)[:, None]
     forces[[0, -1]] = 9.0  # impulses by half the time
-    assert tuple(_forces(forces)[[0, -1], 0]) == ends
+    assert tuple(_continued(forces)[[0, -1], 0]) == ends
 
 
 @pytest.mark.slow

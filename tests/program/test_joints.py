@@ -189,11 +189,6 @@ def test_constraints_that_say_the_same_twice_are_named() -> None:
         dmoc.Problem(system, start={"x": 1.0, "y": 0.0}, final_time=1.0)
 
 
-def test_kernels_of_another_order_are_refused() -> None:
-    with pytest.raises(DmocError, match="of order 4: constraints are solved with order 2"):
-        dmoc.Problem(dmoc.build(bob(), order=4), start={"x": 0.0, "y": -1.0}, final_time=1.0)
-
-
 def test_a_constraint_is_shown() -> None:
     system = bob()
     assert "rod" in dmoc.build(system).summary().rows[5][1]

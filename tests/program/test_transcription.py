@@ -62,7 +62,7 @@ def driven_problem(order: int, controls: str | None = None) -> dmoc.Problem:
     )  # fmt: skip
 
 
-def rod_problem(periodic: bool) -> dmoc.Problem:
+def rod_problem(periodic: bool, order: int = 2) -> dmoc.Problem:
     """Contacts that land, stay, leave, stick, slide and turn, a hit beside them, several at once; a
     start that is known and one that is not."""
     sequence = [
@@ -76,7 +76,7 @@ def rod_problem(periodic: bool) -> dmoc.Problem:
         sequence = ["right:stick rail:slip+", "-right", "+right +left:slip-"]
         start = {"s": 0.1, "x": 0.0, "a": None}
     return dmoc.Problem(
-        dmoc.build(rod_system()), start=start,
+        dmoc.build(rod_system(), order=order), start=start,
         contacts=["right:slip+"] if periodic else ["left", "rail:slip+"], sequence=sequence,
         goal={} if periodic else {"x": 0.2, "s_dot": 0.0},
         via=None if periodic else [{"y": (0.0, 2.0)}, None, {"x": 0.1}, None],
@@ -86,7 +86,7 @@ def rod_problem(periodic: bool) -> dmoc.Problem:
     )  # fmt: skip
 
 
-def joint_problem(periodic: bool) -> dmoc.Problem:
+def joint_problem(periodic: bool, order: int = 2) -> dmoc.Problem:
     """A moving guide and a rod beside hits, landings and what sticks; a start that is known and one
     that is not."""
     rod = rod_system()
@@ -94,7 +94,7 @@ def joint_problem(periodic: bool) -> dmoc.Problem:
     guides = {"guide": x - s - sp.sin(2 * dynamicsymbols._t) / 3, "bend": y - 2 + x**2 + a / 2}
     start = {"x": 0.0, "y": 2.0, "a": 0.0, "s": 0.0, "x_dot": 2 / 3}
     return dmoc.Problem(
-        dmoc.build(replace(rod, name="guided_rod", constraints=guides)),
+        dmoc.build(replace(rod, name="guided_rod", constraints=guides), order=order),
         start={"x": 0.0, "y": None, "a": None, "s": None, "x_dot": None} if periodic else start,
         contacts=["rail:slip+"],
         sequence=["+right:slip-", "wall", "-right rail:stick", "left:slip+:stick"],
@@ -131,6 +131,8 @@ def hit_problem(order: int) -> dmoc.Problem:
         *("pendulum, order 4", "contacts", "contacts, periodic"),
         *("hits with friction", "hits with friction, order 4", "joints", "joints, periodic"),
         *("relaxed", "relaxed, periodic", "relaxed, moving"),
+        *("contacts, order 4", "contacts, periodic, order 6"),
+        *("joints, order 6", "joints, periodic, order 4"),
     ]
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
@@ -144,10 +146,11 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
     if request.param.startswith("relaxed"):
         rod = rod_problem("periodic" in request.param)
         return Transcription(rod.relaxed(Open((0, 1), (0, 1, 2), (1,)), ["wall"], 3, 0.5))
+    order = int(request.param[-1]) if "order" in request.param else 2
     if request.param.startswith("contacts"):
-        return Transcription(rod_problem("periodic" in request.param))
+        return Transcription(rod_problem("periodic" in request.param, order))
     if request.param.startswith("joints"):
-        return Transcription(joint_problem("periodic" in request.param))
+        return Transcription(joint_problem("periodic" in request.param, order))
     if request.param.startswith("hits"):
         return Transcription(hit_problem(4 if "4" in request.param else 2))
     if "4" in request.param:
@@ -212,7 +215,7 @@ def test_unknowns_have_the_order_of_files_and_those_of_laws_tables(nlp: Transcri
     """Files keep the multipliers of bounds in this order."""
     lay, order = nlp.layout, "h q u lam p_B p_E v_B v_E v_a v_c t q_i s".split()
     of_laws = ["P", "T", "P_c", "T_c", "v_h", "P_h", "T_h", "R", "R_c", "P_b", "T_b", "R_b"]
-    assert [b.name for b in lay.unknowns] == [*order, *of_laws, "P_r", "T_r"]
+    assert [b.name for b in lay.unknowns] == [*order, *of_laws, "P_r", "T_r", "w", "t_i"]
     parts = lay, lay.impact, lay.contact, lay.hit, lay.joint, lay.held, lay.relaxed
     tables = {name: table for part in parts for name, table in vars(part).items()}
     for block in lay.unknowns:
@@ -238,9 +241,10 @@ def test_unknowns_and_rows_are_found_under_their_names(nlp: Transcription) -> No
             assert names[lay.impact.v_a[i, j]] == f"{q}_dot before {at}"
             assert names[lay.impact.v_c[i, j]] == f"{q}_dot after {at}"
             assert names[lay.impact.lam[i]] == f"impulse of {at}"
+    where = "inside" if lay.inside == 1 else "at inner node 0 of"
     for step, inner in enumerate(lay.index_q_i[:, : lay.nq]):
         assert [names[i] for i in inner] == [
-            f"{q} inside step {step}" for q in coordinates[: len(inner)]
+            f"{q} {where} step {step}" for q in coordinates[: len(inner)]
         ]
     blocks = [*nlp.equalities, *nlp.inequalities]
     rows = [b.name_of(i) for b in blocks for i in range(b.count)]
@@ -271,7 +275,8 @@ def test_rows_say_what_it_costs_to_miss_them_and_in_what_words(nlp: Transcriptio
     prices = {b.name: b.missed.price for b in blocks}
     laws = {name for name, price in prices.items() if price == LAW}
     assert laws == {
-        "momentum", "inside", "time", "arrival", "departure", "energy", "start velocity",
+        "momentum", "inside", "time", "passing", "time inside", "arrival", "departure", "energy",
+        "start velocity",
         "goal velocity", "within", "restitution", "slips",
     } & set(prices)  # fmt: skip
     assert {name for name, price in prices.items() if price == GOAL} == {"goal", "periodic"}

@@ -18,9 +18,9 @@ import dmoc
 from dmoc.base.deadline import ENDLESS
 from dmoc.program.extraction import given_multipliers
 from dmoc.program.transcription import Transcription
+from dmoc.solvers.curvature import SecondOrder
 from dmoc.solvers.outcome import Duals, Status
 from dmoc.solving.checked_solution import checked
-from dmoc.solving.indeterminacy import curvatures
 from dmoc.solving.mesh.refinement import Solve, refined
 
 pytestmark = pytest.mark.slow
@@ -199,5 +199,6 @@ def test_the_curvature_of_a_duration_is_that_of_the_closed_form() -> None:
     s = dmoc.solve(problem, "ipm", starts=1)
     nlp = Transcription(problem)
     duals = Duals(*given_multipliers(nlp, s.multipliers))
-    (curvature,) = curvatures(nlp, nlp.scaled(s.unknowns), duals, nlp.layout.index_h)
+    x = nlp.scaled(s.unknowns)
+    (curvature,) = SecondOrder(nlp, x, duals).of_unknowns(nlp.layout.index_h)
     assert curvature * (s.final_time / 40) ** 2 / s.cost == pytest.approx(3, rel=1e-2)
