@@ -36,6 +36,39 @@ def box(name: str = "several_box", corners: int = 2) -> dmoc.MechanicalSystem:
     )  # fmt: skip
 
 
+def gripper() -> dmoc.MechanicalSystem:
+    """A disc between two fingers that open and rise together."""
+    w, z, s, f = dynamicsymbols("w z s f")
+    r = sp.Symbol("r")
+    disc = M * (X.diff(T) ** 2 + Y.diff(T) ** 2) + M * r**2 / 2 * A.diff(T) ** 2
+    return dmoc.MechanicalSystem(
+        "gripper", [X, Y, A, w, z],
+        (disc + w.diff(T) ** 2 + z.diff(T) ** 2) / 2 - M * G * Y - G * z,
+        {M: 0.5, G: GRAVITY, r: 0.05, MU: 0.5}, inputs=[s, f], forces={w: -s, z: f},
+        cost=(s**2 + f**2) / 2, surfaces={"one": X - r + w >= 0, "two": w - X - r >= 0},
+        tangents={"one": Y - z - r * A, "two": Y - z + r * A}, friction={"one": MU, "two": MU},
+    )  # fmt: skip
+
+
+def flat_foot() -> dmoc.MechanicalSystem:
+    """A body on a leg with an ankle and a foot that has a heel and a toe."""
+    leg, lean, thrust, turn = dynamicsymbols("l th thrust turn")
+    ends = {
+        name: (X + s * sp.cos(A) / 10, Y + s * sp.sin(A) / 10)
+        for name, s in (("heel", -1), ("toe", 1))
+    }
+    body = X + leg * sp.sin(lean), Y + leg * sp.cos(lean)
+    foot = M * (X.diff(T) ** 2 + Y.diff(T) ** 2) + M / 150 * A.diff(T) ** 2
+    return dmoc.MechanicalSystem(
+        "flat_foot", [X, Y, A, leg, lean],
+        (foot + 2 * (body[0].diff(T) ** 2 + body[1].diff(T) ** 2)) / 2 - G * (M * Y + 2 * body[1]),
+        {M: 0.3, G: GRAVITY, MU: 0.8}, inputs=[thrust, turn],
+        forces={leg: thrust, lean: turn, A: -turn}, cost=(thrust**2 + 20 * turn**2) / 2,
+        surfaces={name: end[1] >= 0 for name, end in ends.items()},
+        tangents={name: end[0] for name, end in ends.items()}, friction=dict.fromkeys(ends, MU),
+    )  # fmt: skip
+
+
 STANDING = {"x": 0, "y": HALF_HEIGHT, "a": 0}
 LET_GO = {"u": (0, 0), "w": (0, 0)}
 

@@ -108,6 +108,44 @@ def test_a_cart_that_the_floor_cannot_hold_is_told_everywhere() -> None:
     assert "floor cannot hold in the hit of side" in dmoc.verify(weak, cart()).message
 
 
+def test_a_box_that_stands_on_both_corners_holds_a_hit() -> None:
+    """A ball rubs its side down at a fifth of a metre: P = 3, T = 3.6, and the moments about the
+    left corner give the impulses below; of the friction the sum is -P, shared equally."""
+    b, h = 0.2, 0.5
+    middle, across = X + 0 * A, (Z - X) * sp.cos(A) + (Y - C) * sp.sin(A)
+    up = -(Z - X) * sp.sin(A) + (Y - C) * sp.cos(A)
+    corners = {
+        name: (middle + s * b * sp.cos(A) + h * sp.sin(A), C + s * b * sp.sin(A) - h * sp.cos(A))
+        for name, s in (("left", -1), ("right", 1))
+    }
+    speeds = 3 * (X.diff(T) ** 2 + C.diff(T) ** 2) + A.diff(T) ** 2 * (b**2 + h**2)
+    speeds += Z.diff(T) ** 2 + Y.diff(T) ** 2
+    system = dmoc.MechanicalSystem(
+        "hit_box", [Z, Y, X, C, A], speeds / 2 - G * (Y + 3 * C),
+        {MU: 1.2, UNDER: 1.1, G: 9.81}, cost=1,
+        surfaces={n: at[1] >= 0 for n, at in corners.items()} | {"side": across >= b},
+        tangents={n: at[0] for n, at in corners.items()} | {"side": up},
+        friction=dict.fromkeys(corners, UNDER) | {"side": MU},
+    )  # fmt: skip
+    # After half a second the ball is at 0.2 m and sinks with 8.905 m/s.
+    start = {"z": b + 1, "y": 0.2 + 4 * 0.5 + 9.81 / 8, "x": 0, "c": h, "a": 0}
+    rates = {"z_dot": -2, "y_dot": -4, "x_dot": 0, "c_dot": 0, "a_dot": 0}
+    standing = dmoc.Problem(
+        system, start=start | rates, contacts=["left", "right"], sequence=["side:slip-"],
+        restitution={"side": 0.5}, steps=6, final_time=0.8, durations=[(None, None), (0.1, None)],
+    )  # fmt: skip
+    hit = answer_of(standing, starts=1).collisions[0]
+    right = 3.6 - 3 * 0.2 / (2 * b)
+    expected = {"side": 3, "right": right, "left": 3.6 - right}
+    assert hit.impulses == pytest.approx(expected, rel=1e-6)
+    assert hit.tractions == pytest.approx({"side": 3.6, "left": 1.5, "right": 1.5}, rel=1e-6)
+    run = dmoc.simulate(
+        system, start, {k.removesuffix("_dot"): v for k, v in rates.items()}, step_size=0.01,
+        steps=80, restitution={"side": 0.5},
+    )  # fmt: skip
+    np.testing.assert_allclose(run.v[-1, :2], [1, -8.905 + 3.6 - 9.81 * 0.3], atol=1e-8)
+
+
 def test_contacts_that_slide_beside_a_hit_are_refused() -> None:
     with pytest.raises(ProblemError, match="floor slides while side is hit with friction"):
         problem(8.905, 1.1).but(contacts=["floor:slip+"], start=REST | {"x_dot": 2, "c_dot": 0.1})

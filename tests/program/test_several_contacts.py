@@ -21,6 +21,8 @@ from several_contacts import (
     Y,
     box,
     falling_flat,
+    flat_foot,
+    gripper,
     pushed,
     rocking,
     time_of_slender,
@@ -129,6 +131,80 @@ def test_gaps_of_other_sizes_share_by_their_effect() -> None:
     )  # fmt: skip
     normal = answer_of(problem, starts=1).phases[0].normal
     np.testing.assert_allclose(normal, np.tile([9.81 / 2, 9.81 / 4], (6, 1)), rtol=1e-6)
+
+
+def test_a_box_lands_on_one_corner_while_the_other_one_slips() -> None:
+    """The impulses N of both corners stop their approach, with friction -mu N, by the response of a
+    rigid box to forces at its corners."""
+    b, h, mu, tilt = 0.5, 0.2, 0.1, 0.2
+    start = {"x": 0, "y": h * np.cos(tilt) + b * np.sin(tilt), "a": tilt, "x_dot": 1.0}
+    problem = dmoc.Problem(
+        box(), start=start | {"y_dot": 0, "a_dot": 0}, contacts=["left:slip+"],
+        sequence=["+right:slip+"], parameters={"b": b, "h": h, "mu": mu}, bounds=LET_GO, steps=20,
+        final_time=(0.05, 1), durations=[(None, None), (0.05, 0.05)],
+    )  # fmt: skip
+    solution = answer_of(problem, starts=2)
+    landing, before = solution.collisions[0], solution.phases[0].v[-1]
+    mass = MASS * np.array([1, 1, (b**2 + h**2) / 3])
+    normals = np.array([[0, 1, -b], [0, 1, b]])
+    pushes = normals - mu * np.array([1, 0, h])
+    impulses = np.linalg.solve(normals / mass @ pushes.T, -normals @ before)
+    assert [*landing.impulses.values()] == pytest.approx(impulses.tolist(), rel=1e-4)
+    assert [*landing.tractions.values()] == pytest.approx((-mu * impulses).tolist(), rel=1e-4)
+    run = dmoc.simulate(
+        box(), [0, start["y"], tilt], [1.0, 0, 0], step_size=0.002, steps=150, restitution=0,
+        parameters={"b": b, "h": h, "mu": mu},
+    )  # fmt: skip
+    struck = [(c.surface, c.impulse) for c in run.collisions]
+    assert [name for name, _ in struck] == ["left", "right"]
+    assert [p for _, p in struck] == pytest.approx(impulses.tolist(), rel=1e-3)
+
+
+@BOTH_METHODS
+def test_two_fingers_catch_a_disc(method: str) -> None:
+    """They close on it at once; each bears half of its weight at the edge of its friction."""
+    start = dict.fromkeys(("x", "a", "z", "x_dot", "y_dot", "a_dot", "w_dot", "z_dot"), 0)
+    problem = dmoc.Problem(
+        gripper(), start={**start, "y": 0.3, "w": 0.1}, sequence=["+one +two"],
+        goal={"y": 0.3, "y_dot": 0, "z_dot": 0}, steps=15, final_time=(0.3, 1.5),
+    )  # fmt: skip
+    solution = answer_of(problem, method, starts=6)
+    caught, held = solution.collisions[0], solution.phases[1]
+    assert caught.impulses["one"] == pytest.approx(caught.impulses["two"], rel=1e-5)
+    lifted = held.p[1:-1, 1] - held.p[:-2, 1]
+    np.testing.assert_allclose(lifted.mean() / np.diff(held.t).mean() + 0.5 * GRAVITY,
+                               held.tangential.sum(axis=1).mean(), rtol=0.02)  # fmt: skip
+    np.testing.assert_allclose(held.tangential, 0.5 * held.normal, rtol=1e-4)
+
+
+@pytest.mark.slow
+@BOTH_METHODS
+def test_a_flat_foot_lands_with_one_force_and_one_moment(method: str) -> None:
+    start = dict.fromkeys(("x", "a", "th", "y_dot", "a_dot", "l_dot", "th_dot"), 0)
+    problem = dmoc.Problem(
+        flat_foot(), start={**start, "y": 0.3, "l": 0.4, "x_dot": 0.3}, sequence=["+heel +toe"],
+        goal={"l": 0.4, "l_dot": 0, "th": 0, "th_dot": 0}, bounds={"l": (0.2, 0.7)}, steps=20,
+        final_time=(0.5, 1.5),
+    )  # fmt: skip
+    solution = answer_of(problem, method, starts=6)
+    landing = solution.collisions[0]
+    jump = landing.momentum_after - landing.momentum_before
+    assert sum(landing.impulses.values()) == pytest.approx(jump[1], rel=1e-6)
+    assert sum(landing.tractions.values()) == pytest.approx(jump[0], rel=1e-6)
+    heel, toe = landing.tractions.values()
+    assert heel == pytest.approx(toe, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_flat_foot_hops() -> None:
+    rest = dict.fromkeys(("x", "y", "a", "th", "x_dot", "y_dot", "a_dot", "l_dot", "th_dot"), 0)
+    problem = dmoc.Problem(
+        flat_foot(), start={**rest, "l": 0.4}, contacts=["heel", "toe"],
+        sequence=["-heel -toe", "+heel +toe"], via=[None, {"th": 0, "l": 0.4}],
+        goal={"l": 0.4, "l_dot": 0, "th": 0, "th_dot": 0}, bounds={"l": (0.2, 0.7)}, steps=15,
+        final_time=(0.3, 2), durations=[(0.1, None), (0.2, None), (0.1, None)],
+    )  # fmt: skip
+    answer_of(problem, starts=8)
 
 
 # What is refused ----------------------------------------------------------------------------------
