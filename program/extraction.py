@@ -168,9 +168,13 @@ def _as_held(nlp: Transcription, i: int, states: tuple[Array, Array, Array]) -> 
     holding = [r for r in nlp.layout.reactions(i) if r.held]
     if not holding:
         return p
-    v, mass = model.velocity(q, p, t), model.mass(q, t)
-    C = np.concatenate([r.slopes(model, q, t)[:, r.holds] for r in holding], axis=1)
-    rates = np.hstack([r.rates(model, q, v, t) for r in holding])
+    v, mass, follows = model.velocity(q, p, t), model.mass(q, t), nlp.problem.redundant[i]
+    others = {"normal": follows.closed, "tangential": follows.sticking}
+    new = np.concatenate(
+        [~np.isin(np.array(r.columns)[r.holds], others.get(r.kind, ())) for r in holding]
+    )
+    C = np.concatenate([r.slopes(model, q, t)[:, r.holds] for r in holding], axis=1)[:, new]
+    rates = np.hstack([r.rates(model, q, v, t) for r in holding])[:, new]
     response = [solved(mass, np.ascontiguousarray(C[:, m])) for m in range(C.shape[1])]
     impulses = solved(C @ np.stack(response, axis=2), rates)
     moved = p - np.einsum("kmi,km->ki", C, impulses)

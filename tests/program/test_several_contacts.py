@@ -201,10 +201,13 @@ def test_a_flat_foot_hops() -> None:
     problem = dmoc.Problem(
         flat_foot(), start={**rest, "l": 0.4}, contacts=["heel", "toe"],
         sequence=["-heel -toe", "+heel +toe"], via=[None, {"th": 0, "l": 0.4}],
-        goal={"l": 0.4, "l_dot": 0, "th": 0, "th_dot": 0}, bounds={"l": (0.2, 0.7)}, steps=15,
-        final_time=(0.3, 2), durations=[(0.1, None), (0.2, None), (0.1, None)],
+        goal={"l": 0.4, "l_dot": 0, "th": 0, "th_dot": 0}, steps=15,
+        bounds={"l": (0.2, 0.7), "th": (-1, 1)}, final_time=(0.3, 2),
+        durations=[(0.1, None), (0.2, None), (0.1, None)],
     )  # fmt: skip
-    answer_of(problem, starts=8)
+    solution = answer_of(problem, starts=16)
+    for phase in solution.phases[::2]:
+        np.testing.assert_allclose(phase.v[:, :3], 0, atol=1e-9)
 
 
 # What is refused ----------------------------------------------------------------------------------
