@@ -1,5 +1,5 @@
-"""The seed's problem as a user of CasADi would write it: midpoint variational integrator, elastic
-collisions, IPOPT.
+"""The reference problem as a user of CasADi would write it: midpoint variational integrator,
+elastic collisions, IPOPT.
 
 Written from the equations of Kern & Gross (2018), independently of dmoc's own derivation.
 Durations T_i are unknowns, the limiters are bounds of the angle.

@@ -1,4 +1,4 @@
-"""Random instances of the seed's problem: how often, how soon and how cheaply each driver ends,
+"""Random instances of the reference problem: how often, how soon and how cheaply each driver ends,
 from the same guess."""
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ STAGES = (15, 20, 30)  # of nosnoc
 def compare(quick: bool) -> Section:
     section = Section(
         "Search over sequences",
-        "The seed's problem, both limiters, N = 100 in each phase, method `ipm`: every sequence "
+        "The reference problem, both limiters, N = 100 in each phase, method `ipm`: every sequence "
         "up to a depth, on a coarse mesh from its parent's motion, an automatic guess and random "
         "motions, the best one refined and confirmed by simulation. Failed: sequences without a "
         "verdict, their solves having met a limit or an "

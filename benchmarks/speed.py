@@ -1,4 +1,4 @@
-"""Time to solve the seed's problem from the same guess; where it goes; growth with N; warm
+"""Time to solve the reference problem from the same guess; where it goes; growth with N; warm
 starts."""
 
 from __future__ import annotations
@@ -131,9 +131,9 @@ def answer(quick: bool) -> Section:
     """Time from a problem in memory to an answer that the simulation confirms."""
     section = Section(
         "Time to a checked answer",
-        f"The seed's problem with N steps in each phase, from the statement to an answer that the "
-        f"simulation has checked: medians of `dmoc.solve`, kernels being built. {PEER} gets the "
-        "first automatic guess, and its answer is checked by the same simulation; its solve is "
+        "The reference problem with N steps in each phase, from the statement to an answer that "
+        f"the simulation has checked: medians of `dmoc.solve`, kernels being built. {PEER} gets "
+        "the first automatic guess, and its answer is checked by the same simulation; its solve is "
         "without building the graph.",
         [
             "N", "method", "solved", "guess, ms", "solve, ms", "check, ms", "total, ms",

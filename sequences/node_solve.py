@@ -36,8 +36,8 @@ from dmoc.solving.request import Request
 from dmoc.solving.starts import InitialGuess, restated
 
 # Automatic guesses beside the parent's motion, and minima that are refined at most.  Random starts
-# are tried where none of these has led to a minimum: on the seed's 127 sequences of at most 6
-# collisions four of them, or a second guess, led to none that is better.
+# are tried where none of these has led to a minimum: on the 127 sequences of the cart-pendulum with
+# at most 6 collisions four of them, or a second guess, led to none that is better.
 GUESSES, MOST_REFINED = 1, 3
 # Iterations of a start.
 ITERATIONS = 300

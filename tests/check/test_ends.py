@@ -40,7 +40,7 @@ def test_an_end_is_weighed_with_the_errors_on_the_way(
 @pytest.mark.slow
 def test_the_prediction_is_near_the_end_and_misses_no_collision(seed: dmoc.Problem) -> None:
     """With fine steps the linearised flow tells the error at the end within a factor, which falls
-    as h^2 with it; a run that meets no contact is not excused by it, though the seed amplifies
+    as h^2 with it; a run that meets no contact is not excused by it, though the pendulum amplifies
     957 times."""
     for steps in (200, 400):
         solution = dmoc.solve(seed.but(steps=steps), "ipm", verify=False)

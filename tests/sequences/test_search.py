@@ -278,7 +278,7 @@ def test_solutions_can_be_checked_again(found: SearchResult) -> None:
 def test_random_starts_find_what_the_others_miss_and_belong_to_a_seed(
     table: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The first starts of a node lead nowhere, as at some deep ones of the seed."""
+    """The first starts of a node lead nowhere, as at some deep ones of the pendulum."""
 
     def astray(*given: Any) -> list[Attempt]:
         rounds.append(1)

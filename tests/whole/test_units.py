@@ -80,7 +80,7 @@ def test_a_block_and_its_wall(
 
 
 def cart_problem(order: int, told: Told) -> dmoc.Problem:
-    """The seed with fewer steps: an angle, which has no unit, beside a length."""
+    """The reference problem with fewer steps: an angle, which has no unit, beside a length."""
     fields = KINDS["seed"].problem(told)
     fields["bounds"]["x"] = (-told.length(10), told.length(10))
     fields["steps"] = 30 if order == 2 else 16
