@@ -21,6 +21,9 @@ from dmoc.solving.programs import Programs
 from dmoc.solving.request import Request
 from dmoc.solving.starts import InitialGuess, starts_of
 
+# Starts that were not tried may lead to a motion.
+OUT_OF_STARTS = "the time limit was reached before a start led to a motion: raise it"
+
 
 def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     """Solve on one mesh, from the best of many starts or from a guess alone."""
@@ -34,6 +37,9 @@ def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Sol
     answer, i = _best_of(problem, exploration.solutions, request)
     if answer is None:
         answer = _without_start(problem, guess, request)
+        if exploration.late and answer.status is Status.INFEASIBLE:
+            message = f"{OUT_OF_STARTS}; until then {answer.message}"
+            answer = replace(answer, status=Status.TIME_LIMIT, message=message)
     confirmed = [s.cost for s in exploration.solutions if s.minimum]
     if answer.status is Status.NOT_VERIFIED and confirmed:
         answer = saying(answer, f"the best minimum that is confirmed costs {min(confirmed):.6g}")

@@ -94,6 +94,7 @@ class Exploration:
     ranked: tuple[Ranked, ...]  # on the ranking mesh, the best first: confirmed ones before others
     coarse: tuple[Basin, ...]  # that were not refined, or could not be
     starts: tuple[Start, ...]
+    late: bool = False  # the time was used up before any start led to a motion
 
     @property
     def solutions(self) -> tuple[Solution, ...]:
@@ -123,8 +124,9 @@ def explored(
     with np.errstate(all="ignore"):
         refinements = Refinements(problem)
         minima, starts = _minima(refinements, effort, half, points or {})
+        late = not minima and half.deadline.passed
         refined, coarse = ranked(refinements, minima, effort, options, half.deadline)
-    return Exploration(tuple(refined), tuple(coarse), tuple(starts))
+    return Exploration(tuple(refined), tuple(coarse), tuple(starts), late)
 
 
 def coarse_of(problem: Problem) -> Problem:

@@ -15,12 +15,15 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import double_integrator, unit_mass
 
 import dmoc
+from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
-from dmoc.solvers.outcome import Status
+from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import Attempt
-from dmoc.solving.multistart import ranking
+from dmoc.solving.mesh import one_mesh
+from dmoc.solving.multistart import exploration, ranking
+from dmoc.solving.multistart.exploration import Effort
 
 
 @pytest.fixture(scope="module")
@@ -216,3 +219,20 @@ def test_a_motion_at_rest_is_no_measure_of_what_its_next_start_is(
     )  # fmt: skip
     solution = answer_of(problem, method, starts=4)
     assert solution.cost == pytest.approx(0.8 * 9.81**2, rel=1e-9)
+
+
+def test_what_there_was_no_time_for_is_not_called_infeasible(
+    block: Kernels, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With 1 N a block of 1 kg gets no further than 0.25 m in one second."""
+    problem = dmoc.Problem(
+        block, start={"x": 0}, goal={"x": 0.5, "x_dot": 0}, bounds={"u": (-1, 1)}, steps=10,
+        final_time=1.0,
+    )  # fmt: skip
+    ended = exploration.explored(problem, Effort(), Options(deadline=Deadline.after(1e-9)))
+    assert ended.late and not ended.solutions
+    assert not exploration.explored(problem, Effort(total=3, widens=False), Options()).late
+    assert dmoc.solve(problem, "ipm").status == "infeasible"
+    monkeypatch.setattr(one_mesh, "explored", lambda *_: ended)
+    late = dmoc.solve(problem, "ipm")
+    assert late.status == "time_limit" and "raise it; until then no feasible" in late.message
