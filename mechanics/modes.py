@@ -70,13 +70,14 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
         check_known(word, contacts.surfaces, "surface", IN_SEQUENCE)
     if len(hits) > 1 or (hits and lands):
         raise ProblemError(
-            f"{word!r} in the sequence hits {' and '.join([*hits, *lands])} at once: expected one "
-            "surface that is hit, or contacts that land together."
+            f"{word!r} in the sequence hits {' and '.join([*hits, *lands])} at once, whose outcome "
+            "is not known to be unique: expected one surface that is hit, or contacts that land "
+            "together."
         )
     if courses and len(lands) > 1:
         raise ProblemError(
-            f"{word!r} in the sequence: sliding that stops during an impact is known for one "
-            f"contact alone, and {' and '.join(lands)} land at once; say where they slide or stick "
+            f"{word!r} in the sequence: when sliding stops depends on the order in which the "
+            f"impulses grow, and {' and '.join(lands)} land at once; say where they slide or stick "
             "in the end alone."
         )
     return Event(

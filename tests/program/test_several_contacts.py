@@ -102,6 +102,18 @@ def test_a_box_that_is_pushed_stands_slides_and_stands() -> None:
     assert abs(errors[1]) < 2e-3
 
 
+@pytest.mark.slow
+def test_order_four_shares_too() -> None:
+    """The push is a polynomial in time that it contains; the time to land is that of quadrature."""
+    kernels = dmoc.build(box(), order=4)
+    solution = answer_of(pushed(10).but(kernels=kernels), starts=2)
+    assert solution.cost == pytest.approx(PUSHED, rel=1e-8)
+    left, right = solution.phases[1].tangential.T
+    np.testing.assert_allclose(left + right, -0.2 * MASS * GRAVITY, rtol=1e-6)
+    landing = answer_of(rocking(0.1, 20).but(kernels=kernels), starts=1).collisions[0]
+    assert landing.time == pytest.approx(time_to_land(0.1), rel=1e-6)
+
+
 def test_a_third_corner_between_two_carries_a_share() -> None:
     """Forces a, a at the corners and c in the middle, 2 a + c = m g, are shortest in the measure of
     the masses where c / a = (1/m + b^2/I) / (1/m)."""
