@@ -188,16 +188,13 @@ def _met_often(problem: Problem, motions: Sequence[Relaxed | None]) -> bool:
 
 
 def _begun_as(problem: Problem, motions: Sequence[Relaxed | None]) -> Problem:
-    """The problem with the contacts at its start that the cheapest motion has, in as far as the
-    problem itself says nothing of them."""
+    """The problem with the contacts at its start that the cheapest motion has, where the problem
+    itself says nothing of them."""
     cheapest = _cheapest(problem, motions)
-    if cheapest is None:
+    if problem.contacts or cheapest is None:
         return problem
-    closed = problem.touch.modes[0].closed if problem.contacts else cheapest.start.closed
-    said = {part.split(":")[0]: part for part in problem.contacts if ":" in part}
-    named = _named(problem, Mode.of(closed, cheapest.start.rubbing))
     try:
-        return problem.but(contacts=[said.get(part.split(":")[0], part) for part in named])
+        return problem.but(contacts=_named(problem, cheapest.start))
     except ProblemError:  # the start is not where they are closed
         return problem
 

@@ -134,7 +134,7 @@ def test_a_budget_that_is_used_up_by_the_last_node_has_stopped_nothing(
 ) -> None:
     settings = SimpleNamespace(seconds=seconds, max_nodes=most)
     tree: Any = SimpleNamespace(
-        settings=settings, nodes={1: 0, 2: 0}, waiting=waiting, rounds=lambda: [[]],
+        settings=settings, count=2, waiting=waiting, rounds=lambda: [[]],
         solve=lambda *_: [],
     )  # fmt: skip
     until = Deadline(0.0) if seconds else ENDLESS  # in the past
