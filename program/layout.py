@@ -93,8 +93,6 @@ class Layout:
         free = [mode.free and not joined for mode in problem.touch.modes]
         at_start = turns or not (free[0] or problem.start_bounds.is_state)
         at_goal = turns or not free[-1] or bool(kernels.manifest["terminal_velocity"])
-        if problem.touch.open and problem.touch.open.surfaces:
-            at_start, at_goal = at_start or not problem.start_bounds.is_state, True
         for row in kernels.manifest["path_rows"]:
             if row["velocities"] and (FORMS[problem.control_form].shared or not row["inputs"]):
                 at_start |= row["inputs"] or not problem.start_bounds.is_state

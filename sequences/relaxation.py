@@ -37,13 +37,15 @@ from dmoc.solving.multistart.parallel import free_threads
 
 # What complementarity is relaxed by, one after the other: where contacts may close at any node from
 # far, else from where hits are.
-EVERY = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
+EVERY = (1.0, 1e-1, 3e-2, 1e-2, 1e-3, 1e-4)
 # Steps of a relaxed motion, and of a phase between its hits at least.
 STEPS, FEWEST = 40, 10
 # Random motions that are solved together, and at most, and those of which they are chosen: folded
 # ones may stay beyond a surface, or have too many hits.
 MOTIONS, MOST_MOTIONS, DRAWN = 8, 24, 128
-ITERATIONS = 400
+# Iterations of a start for the first eps, and for each of the others: what has begun well is worth
+# more.
+ITERATIONS, FURTHER = 400, 800
 # Of the starts' costs, the share below that which measures the cost: some begin with no inputs.
 TYPICAL = 0.7
 
@@ -165,8 +167,9 @@ class Relaxation:
         """Follow one start as eps falls; each motion begins with the one before."""
         programs = self._programs(thread, hits, x)
         z, duals = programs[0].scaled(x), None
-        options = Options(iterations=ITERATIONS, deadline=deadline)
         for nlp in programs:
+            most = ITERATIONS if nlp is programs[0] else FURTHER
+            options = Options(iterations=most, deadline=deadline)
             outcome = judged(nlp, solve_ipm(nlp, z, options, duals), options)
             if outcome.status is Status.INTERRUPTED:
                 raise KeyboardInterrupt

@@ -7,14 +7,15 @@ rub; the hits of the sequence may be none::
     pressing     eps + P_k g(q_kp1) >= 0                        nothing pushes from afar
     cone         mu P_k -+ T_k >= 0
     dissipation  eps - d_k (T_k +- mu P_k) >= 0                 d_k = tau(q_kp1) - tau(q_k)
-    resting      eps -+ P gamma(q, v) >= 0                      at both ends of the motion
+    ends         eps + P_1 - P_0 >= 0, eps + P_km1 - P_k >= 0    k the last node
     closed       eps + g(q_0) >= 0                              of what is closed at the start
     hit          eps + lam g(q_c) >= 0
     rebound      eps -+ lam (gamma(q_c, v_c) + e gamma(q_c, v_a)) >= 0
 
-Dissipation says that friction opposes sliding.  A rail has h F in the place of mu P.  eps is a
-share of the sizes of both factors; for eps to zero the motions are those of all sequences, and each
-says its own (:mod:`dmoc.sequences.proposals`).
+No contact is hit at the ends of the motion, where there is no rate on one side: what presses there
+does not press more than beside.  Dissipation says that friction opposes sliding.  A rail has h F in
+the place of mu P.  eps is a share of the sizes of both factors; for eps to zero the motions are
+those of all sequences, and each says its own (:mod:`dmoc.sequences.proposals`).
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ class ComplementarityLaw(Law):
     scale: Scale
     settled: Bools = field(init=False)
     closed: Block = field(init=False)
-    resting: Block = field(init=False)
+    ends: Block = field(init=False)
     pressing: Block = field(init=False)
     cone: Block = field(init=False)
     dissipation: Block = field(init=False)
@@ -118,12 +119,11 @@ class ComplementarityLaw(Law):
         def at_hit(what: str) -> Label:
             return lambda i, *_: f"{what} of {lay.impact.names[i]}"
 
-        ends = np.array([len(lay.index_v_B) > 0, len(lay.index_v_E) > 0])
-        self.resting = block(
-            "resting",
-            _twice(presses[[0, -1]] & ends[:, None]),
-            lambda e, j, _: f"rate of {names.surfaces[j]} at the {('start', 'end')[e]}",
-            lambda s: (s.rate * s.lam / lay.total)[:, None],
+        self.ends = block(
+            "ends",
+            presses[[0, -1]],
+            lambda e, j: f"impulse of {names.surfaces[j]} at the {('start', 'end')[e]}",
+            lambda s: s.lam / lay.total,
             nodes[[1, -1]],
         )
         held = np.isin(np.arange(len(names.surfaces)), self._open.closed) & ~self.settled
@@ -169,7 +169,7 @@ class ComplementarityLaw(Law):
     def constants(self) -> Iterator[tuple[int, float]]:
         if not self._used:
             return
-        at_nodes = self.resting, self.closed, self.pressing, self.dissipation
+        at_nodes = self.ends, self.closed, self.pressing, self.dissipation
         of_hits = self.hit, self.rebound
         for eps, blocks in ((self.eps, at_nodes), (min(self.eps, OF_HITS), of_hits)):
             for block in blocks:
@@ -190,22 +190,8 @@ class ComplementarityLaw(Law):
             Term("surface", (lay.index_q[:1], t[:1]), (self.closed.index,)),
             Term("gap_work", (lay.index_q[late], P, t_late), (self.pressing.index,)),
             *self._slides(places, T),
-            *self._rests(places, P),
             *self._hits(places),
         ]
-
-    def _rests(self, places: Places, P: Index) -> Iterator[Term]:
-        """Rates at both ends, times the impulses there."""
-        lay, surfaces = self.lay, self._open.surfaces
-        for e, v in ((0, lay.index_v_B), (-1, lay.index_v_E)):
-            for j in surfaces if len(v) else ():
-                alone = np.full((1, places.nc), places.zero)
-                alone[0, j] = P[e, j]
-                at = lay.ends[[e]]
-                state = lay.index_q[at], v[None], alone, places.times(at)
-                for side, sign in enumerate((1.0, -1.0)):
-                    rows = self.resting.index[e, j, side].reshape(1, 1)
-                    yield Term("rate_work", state, (rows,), sign)
 
     def _hits(self, places: Places) -> Iterator[Term]:
         lay, nodes, hit = self.lay, self.lay.collision_nodes, self.lay.touch.surfaces
@@ -250,8 +236,13 @@ class ComplementarityLaw(Law):
     # Linear rows and pivots -----------------------------------------------------------------------
 
     def entries(self, laws: Laws) -> list[Entries]:
-        """Entries of the cones."""
-        entries: list[Entries] = []
+        """Entries of the cones, and of the ends: there is no impact."""
+        P, entries = self.lay.relaxed.P_r, list[Entries]()
+        for e, beside in ((0, 1), (-1, -2)) if self._used else ():
+            rows = self.ends.index[e]
+            at = rows != NOWHERE
+            for unknowns, sign in ((P[e], -1.0), (P[beside], 1.0)):
+                entries.append((rows[at], unknowns[at], np.full(at.sum(), sign)))
         for t in self._open.tangents:
             for side, sign in enumerate((1.0, -1.0)):
                 rows = self.cone.index[:, t, side]
