@@ -62,6 +62,7 @@ class Relaxation:
     mirrors: tuple[int, ...]
     cost: float = 0.0  # a size of it, that of the starts
     _problems: dict[tuple[tuple[str, ...], float], Problem] = field(default_factory=dict)
+    _scales: dict[tuple[str, ...], Scale] = field(default_factory=dict)
     _made: dict[tuple[int, tuple[str, ...]], list[Transcription]] = field(default_factory=dict)
 
     @classmethod
@@ -141,6 +142,9 @@ class Relaxation:
     def _solved(self, starts: Sequence[Folded], deadline: Deadline) -> list[Relaxed | None]:
         """Solve from some starts, in threads."""
         points = [(s.hits, self._begun(s)[1]) for s in starts]
+        for hits, x in points:  # the same sizes in all threads, those of the first start
+            if hits not in self._scales:
+                self._scales[hits] = self._scale(self._relaxed(hits, 1.0), x)
         stopped, count = threading.Event(), max(1, min(free_threads(), len(points)))
         ends: list[Relaxed | None] = [None] * len(points)
 
@@ -165,7 +169,7 @@ class Relaxation:
         self, thread: int, hits: tuple[str, ...], x: Array, deadline: Deadline
     ) -> Relaxed | None:
         """Follow one start as eps falls; each motion begins with the one before."""
-        programs = self._programs(thread, hits, x)
+        programs = self._programs(thread, hits)
         z, duals = programs[0].scaled(x), None
         for nlp in programs:
             most = ITERATIONS if nlp is programs[0] else FURTHER
@@ -178,10 +182,10 @@ class Relaxation:
             z, duals = outcome.x, outcome.duals
         return Relaxed(nlp, nlp.physical(z), nlp.cost(z) * nlp.scale.cost)
 
-    def _programs(self, thread: int, hits: tuple[str, ...], x: Array) -> list[Transcription]:
+    def _programs(self, thread: int, hits: tuple[str, ...]) -> list[Transcription]:
         """Those of some hits, for eps that falls; a thread has its own."""
         if (thread, hits) not in self._made:
-            scale = self._scale(self._relaxed(hits, 1.0), x)
+            scale = self._scales[hits]
             every = EVERY if self._closes else [eps for eps in EVERY if eps <= OF_HITS]
             self._made[thread, hits] = [
                 Transcription(self._relaxed(hits, eps), scale) for eps in every
