@@ -22,6 +22,8 @@ from dmoc.mechanics.model import Model
 
 # Gauss-Newton steps onto the contacts of a mode, and the largest of a coordinate, in its reach.
 PROJECTIONS, LONGEST = 12, 0.5
+# A step that is as short is the last one: the next one would be of the size of its square.
+ARRIVED = 1e-9
 # How far from the start positions are drawn, as shares of the reach.
 SPREAD = (0.0, 0.3, 1.0)
 # What is left of a slope of length 1 besides the others that it follows from.
@@ -86,12 +88,13 @@ def redundancy(
         if not np.isfinite(rows).all():
             continue
         new, fit = _new(rows)
+        if new.all():
+            return Redundancy()
         seen.append(new)
         fits.append(fit & np.append(kept, np.ones(len(stuck), dtype=bool)))
-        if not new.all():
-            pushes = _with_friction(model, mode, closed, q, rows[:, :-1], reach)
-            slides |= np.linalg.matrix_rank(pushes, NOTHING_NEW) > new.sum()
-            others |= _without_effect(pushes)
+        pushes = _with_friction(model, mode, closed, q, rows[:, :-1], reach)
+        slides |= np.linalg.matrix_rank(pushes, NOTHING_NEW) > new.sum()
+        others |= _without_effect(pushes)
     if not seen or np.any(seen, axis=0).all():
         return Redundancy()
     follows = ~np.any(seen, axis=0)
@@ -117,6 +120,8 @@ def _onto(model: Model, closed: Sequence[int], q: Array, reach: Array) -> tuple[
         step = np.linalg.pinv(slopes, rcond=NOTHING_NEW) @ -miss
         size = float(np.abs(step).max(initial=0.0))
         q = q + reach * step * min(1.0, LONGEST / max(size, LONGEST))
+        if size <= ARRIVED:
+            break
     off = np.abs(np.append(model.joints(q), model.gaps(q)[closed]))
     sizes = np.append(model.joint_sizes(q), model.gap_sizes(q)[closed])
     return q, np.asarray(off <= KEPT * sizes)

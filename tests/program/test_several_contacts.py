@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from answers import answer_of
@@ -15,6 +17,7 @@ from several_contacts import (
     MASS,
     MU,
     PUSHED,
+    SLENDER,
     STANDING,
     T,
     X,
@@ -48,6 +51,25 @@ def test_a_rough_box_that_falls_flat_is_at_rest(method: str) -> None:
     left, right = landing.tractions.values()
     assert left == pytest.approx(right, rel=1e-6)
     assert "friction of left and right in phase 1: shared by least squares" in solution.message
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [{"events": ["+left +right", "+left"]}, {"strategy": "propose"}])
+def test_a_search_lands_on_both_corners(how: dict[str, Any]) -> None:
+    problem = falling_flat(0.6, "+left +right").but(sequence=[])
+    best = dmoc.search(problem, max_collisions=1, workers=1, **how).best
+    assert best is not None and best.sequence == ("+left +right",)
+
+
+@pytest.mark.slow
+def test_a_box_is_tipped_until_it_balances_on_a_corner() -> None:
+    problem = dmoc.Problem(
+        dmoc.build(box(), order=4), start=STANDING | dict.fromkeys(("x_dot", "y_dot", "a_dot"), 0),
+        contacts=["left", "right"], sequence=["-left"], goal={"a": -SLENDER, "a_dot": 0},
+        bounds={"w": (0, 0)}, steps=25, final_time=1.5,
+    )  # fmt: skip
+    tipped = answer_of(problem, starts=4).phases[-1]
+    np.testing.assert_allclose(tipped.q[-1, 1], np.hypot(HALF_WIDTH, HALF_HEIGHT), rtol=1e-9)
 
 
 def test_a_smooth_box_that_falls_flat_slides_on() -> None:
@@ -89,6 +111,22 @@ def test_a_rocking_box_loses_what_housner_says(method: str) -> None:
     before, after = solution.phases[0].v[-1, 2], solution.phases[1].v[0, 2]
     assert after / before == pytest.approx(HOUSNER, rel=1e-6)
     assert solution.collisions[0].time == pytest.approx(time_to_land(0.1), rel=3e-4)
+
+
+def test_the_simulation_rocks_and_lands_flat_by_itself() -> None:
+    system, place = box(), rocking(0.1).start
+    run = dmoc.simulate(
+        system, [place["x"], place["y"], 0.1], [0, 0, 0], step_size=0.001, steps=400, restitution=0
+    )
+    landing = run.collisions[0]
+    assert landing.time == pytest.approx(time_to_land(0.1), rel=1e-9)
+    assert landing.momentum_after[2] / landing.momentum_before[2] == pytest.approx(HOUSNER)
+    run = dmoc.simulate(system, [0, 1, 0], [0.5, 0, 0], step_size=0.01, steps=50, restitution=0)
+    assert sum(c.impulse for c in run.collisions) == pytest.approx(MASS * GRAVITY * FALL)
+    tractions = [c.tractions[c.surface] for c in run.collisions]
+    assert tractions == pytest.approx([-MASS * 0.25] * 2)
+    np.testing.assert_allclose(run.v[-1], 0, atol=1e-9)
+    assert "not unique" in run.notes[0]
 
 
 def test_the_time_to_land_is_that_of_slender_boxes_for_small_tilts() -> None:
