@@ -34,7 +34,7 @@ class Candidates(Tree):
         super().__init__(proposals.problem, proposals.settings)
         self.proposals, self.deadline = proposals, deadline
         self.refused = dict(proposals.refused)
-        self.frontier = [p.sequence for p in proposals.ranked()]
+        self.frontier = [p.sequence for p in proposals.ranked()] or [()]
         self.left: list[Words] = []  # too dear to be solved
         self.around: set[Words] = set()  # those whose motions others were looked for from
         self.alone = False  # no relaxed motion helps
@@ -52,7 +52,7 @@ class Candidates(Tree):
             self.frontier.sort(key=self._rank)
             least = self.least()
             least = self._cheapest(self.frontier[0]) if least == np.inf else least
-            most = least + DEARER * abs(least)
+            most = least + DEARER * abs(least) if np.isfinite(least) else np.inf
             near = [s for s in self.frontier if self._cheapest(s) <= most]
             if near:
                 yield near[:TOGETHER]

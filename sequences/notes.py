@@ -95,11 +95,14 @@ def notes_of_proposals(candidates: Candidates) -> list[str]:
             f"the motion begins with contacts={list(proposals.problem.contacts)}, as the cheapest "
             "relaxed one does"
         )
-    if best is not None and not best.sequence:
+    if every and best is not None and not best.sequence:
         touches = "touch" if candidates.problem.touch.modes[0].free else "change its contacts"
         notes.append(f"nothing needs to {touches}: no proposal with an event costs less")
     if not every:
-        notes.append("no relaxed motion says a sequence: strategy 'exhaustive' tries all")
+        notes.append(
+            "no relaxed motion says a sequence, and none was tried but the empty one: strategy "
+            "'exhaustive' tries all"
+        )
     return notes
 
 

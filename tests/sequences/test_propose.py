@@ -126,6 +126,17 @@ def test_a_solve_without_a_motion_names_the_search() -> None:
     assert alone.status == "infeasible" and "dmoc.search" not in alone.message
 
 
+def test_where_no_start_leads_to_a_motion_the_empty_sequence_is_tried() -> None:
+    """Too weak for any sequence, or without the time for one start."""
+    weak = dmoc.search(
+        shipped("cart_pendulum", bounds={"F": (-1, 1)}, steps=20), strategy="propose"
+    )
+    assert [n.sequence for n in weak.nodes] == [()] and weak.best is None
+    assert any("none was tried but the empty one" in note for note in weak.notes)
+    late = dmoc.search(shipped("cart_pendulum"), strategy="propose", seconds=1e-3)
+    assert not late.complete and "was used up" in late.notes[0]
+
+
 # With the tree ------------------------------------------------------------------------------------
 
 
