@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
 from answers import answer_of
+from scipy.optimize import linprog
 from several_contacts import (
     FALL,
     GRAVITY,
@@ -19,7 +21,9 @@ from several_contacts import (
     PUSHED,
     SLENDER,
     STANDING,
+    A,
     T,
+    U,
     X,
     Y,
     box,
@@ -258,6 +262,48 @@ def test_a_flat_foot_hops() -> None:
     solution = answer_of(problem, starts=16)
     for phase in solution.phases[::2]:
         np.testing.assert_allclose(phase.v[:, :3], 0, atol=1e-9)
+
+
+@BOTH_METHODS
+def test_a_ladder_is_pushed_by_what_the_best_shared_forces_leave(method: str) -> None:
+    """Floor and wall hold it with four forces of three conditions.  The least push at its middle
+    is that of a linear program over all forces within the cones."""
+    length, tilt, mu = 2.0, 1.1, 0.1
+    ends = {s: (X + s * length / 2 * sp.cos(A), Y + s * length / 2 * sp.sin(A)) for s in (-1, 1)}
+    inertia = length**2 / 12 * A.diff(T) ** 2
+    ladder = dmoc.MechanicalSystem(
+        "pushed_ladder", [X, Y, A],
+        (X.diff(T) ** 2 + Y.diff(T) ** 2 + inertia) / 2 - GRAVITY * Y, {MU: mu},
+        inputs=[U], forces={X: U}, cost=U**2 / 2,
+        surfaces={"floor": ends[-1][1] >= 0, "wall": ends[1][0] <= 1},
+        tangents={"floor": ends[-1][0], "wall": ends[1][1]},
+        friction={"floor": MU, "wall": MU},
+    )  # fmt: skip
+    place = {"x": 1 - np.cos(tilt), "y": np.sin(tilt), "a": tilt}
+    problem = dmoc.Problem(
+        ladder, start=place | dict.fromkeys(("x_dot", "y_dot", "a_dot"), 0),
+        contacts=["floor", "wall"], steps=8, final_time=1,
+    )  # fmt: skip
+    # Forces N, T of the floor, N, T of the wall, and the push: balances of x, y, moments at the
+    # middle; the four edges of the cones.
+    c, s = np.cos(tilt), np.sin(tilt)
+    balance = [[0, 1, -1, 0, 1], [1, 0, 0, 1, 0], [-c, s, s, c, 0]]
+    cones = [[-mu, 1, 0, 0, 0], [-mu, -1, 0, 0, 0], [0, 0, -mu, 1, 0], [0, 0, -mu, -1, 0]]
+    bounds = [(0, None), (None, None), (0, None), (None, None), (0, None)]
+    least = linprog([0, 0, 0, 0, 1], cones, np.zeros(4), balance, [0, GRAVITY, 0], bounds).fun
+    assert least > 0
+    solution = answer_of(problem, method, starts=2)
+    assert solution.cost == pytest.approx(least**2 / 2, rel=1e-6)
+
+
+def test_a_body_that_sticks_between_two_walls_is_held_by_the_least_that_bears_it() -> None:
+    problem = dmoc.Problem(
+        squeezed(), start=dict.fromkeys(("x", "y", "x_dot", "y_dot"), 0),
+        contacts=["left", "right"], steps=5, final_time=1,
+    )  # fmt: skip
+    held = answer_of(problem, starts=1).phases[0]
+    np.testing.assert_allclose(held.tangential, GRAVITY / 2, rtol=1e-6)
+    np.testing.assert_allclose(held.normal, GRAVITY / 2 / 0.5, rtol=1e-6)
 
 
 # What is refused ----------------------------------------------------------------------------------
