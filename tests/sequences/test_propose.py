@@ -68,6 +68,21 @@ def test_the_puck_is_sent_by_way_of_three_walls() -> None:
     assert len(result.nodes) < 20  # of 85
 
 
+def test_least_time_to_come_back_is_by_way_of_the_wall() -> None:
+    """From rest at 0 to the speed -1 at 0, with a force of at most 1 and a wall at 1: in the mirror
+    from rest to the speed 1 at 2, sqrt(10) - 1; without a hit it is 1 + sqrt(2)."""
+    x = dynamicsymbols("x")
+    problem = dmoc.Problem(
+        unit_mass("back_in_time", cost=sp.Integer(1), surfaces={"wall": x <= 1}), start={"x": 0},
+        goal={"x": 0, "x_dot": -1}, steps=40, final_time=(0.1, 10), bounds={"u": (-1, 1)},
+    )  # fmt: skip
+    result = dmoc.search(problem, strategy="propose")
+    costs = {n.sequence: n.cost for n in result.nodes}
+    assert result.best is not None and result.best.sequence == ("wall",)
+    assert costs["wall",] == pytest.approx(sqrt(10) - 1, rel=1e-3)
+    assert costs[()] == pytest.approx(1 + sqrt(2), rel=1e-3)
+
+
 def test_a_block_waits_or_rests_beside_its_slide() -> None:
     """It is pushed by 1 m in 4 s against dry friction: (2/3) sqrt(6 d f^3) = 1.63299316."""
     result = dmoc.search(pushed(40).but(sequence=()), strategy="propose")
