@@ -153,7 +153,7 @@ class Relaxation:
                 if deadline.passed or stopped.is_set():
                     return
                 with np.errstate(all="ignore"):
-                    ends[i] = self._followed(k, *points[i], deadline)
+                    ends[i] = self._followed(k, *points[i], deadline, stopped)
 
         if count == 1:
             every(0)
@@ -166,9 +166,15 @@ class Relaxation:
         return ends
 
     def _followed(
-        self, thread: int, hits: tuple[str, ...], x: Array, deadline: Deadline
+        self,
+        thread: int,
+        hits: tuple[str, ...],
+        x: Array,
+        deadline: Deadline,
+        stopped: threading.Event,
     ) -> Relaxed | None:
-        """Follow one start as eps falls; each motion begins with the one before."""
+        """Follow one start as eps falls, until it is stopped; each motion begins with the one
+        before."""
         programs = self._programs(thread, hits)
         z, duals = programs[0].scaled(x), None
         for nlp in programs:
@@ -177,7 +183,7 @@ class Relaxation:
             outcome = judged(nlp, solve_ipm(nlp, z, options, duals), options)
             if outcome.status is Status.INTERRUPTED:
                 raise KeyboardInterrupt
-            if outcome.status is not Status.SOLVED:
+            if outcome.status is not Status.SOLVED or stopped.is_set():
                 return None
             z, duals = outcome.x, outcome.duals
         return Relaxed(nlp, nlp.physical(z), nlp.cost(z) * nlp.scale.cost)
