@@ -330,6 +330,34 @@ def test_laws_hold_inside_steps_and_on_both_sides_of_nodes() -> None:
     assert open_roof.gap_inside.count == 8 and open_roof.gap.places[:, 1].tolist() == [1] * 8
 
 
+@pytest.mark.parametrize("order", ORDERS)
+def test_forces_that_are_not_determined_are_shared_inside_steps_too(order: int) -> None:
+    """A box lands flat on two rough corners: each bears half of the weight, without friction."""
+    x, y, a = dynamicsymbols("x y a")
+    mu = sp.Symbol("mu")
+    corners = {
+        name: (x + s * sp.cos(a) / 2 + 0.3 * sp.sin(a), y + s * sp.sin(a) / 2 - 0.3 * sp.cos(a))
+        for name, s in (("left", -1), ("right", 1))
+    }
+    system = dmoc.MechanicalSystem(
+        "landing_box", [x, y, a],
+        (x.diff(T) ** 2 + y.diff(T) ** 2 + a.diff(T) ** 2 / 10) / 2 - G * y, {mu: 0.5}, [U], {x: U},
+        cost=U**2, surfaces={name: place[1] >= 0 for name, place in corners.items()},
+        tangents={name: place[0] for name, place in corners.items()},
+        friction={"left": mu, "right": mu},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=order), start={"x": 0, "y": 1.3, "a": 0, "y_dot": -1},
+        sequence=["+left +right"], steps=5, final_time=2,
+    )  # fmt: skip
+    phase = answer_of(problem, "ipm", starts=2).phases[1]
+    for normal, friction in (
+        (phase.normal, phase.tangential), (phase.normal_inside, phase.tangential_inside),
+    ):  # fmt: skip
+        np.testing.assert_allclose(normal, G / 2, rtol=1e-6)
+        np.testing.assert_allclose(friction, 0.0, atol=1e-6)
+
+
 @pytest.mark.parametrize("order", [2, *ORDERS])
 def test_guesses_have_places_on_contacts_and_times(order: int) -> None:
     x, y = dynamicsymbols("x y")
