@@ -81,18 +81,18 @@ def folded_motions(
 
 
 def _folded(
-    problem: Problem, motion: Piece, surfaces: Sequence[int], mirrors: Sequence[int]
+    problem: Problem, motion: Piece, walls: Sequence[int], mirrors: Sequence[int]
 ) -> Folded | None:
     q, t, events = motion.q.copy(), motion.t, list[tuple[float, int]]()
     for _ in range(FOLDS):
-        gaps = problem.model.gaps(q, t)[:, surfaces]
+        gaps = problem.model.gaps(q, t)[:, walls]
         gaps[[0, -1]] = np.minimum(gaps[[0, -1]], 0.0)
         if not np.isfinite(gaps).all():
             return None
         if (gaps <= 0).all():
             break
-        j = surfaces[int(np.argmax(gaps.max(axis=0)))]
-        gap = gaps[:, surfaces.index(j)]
+        column = int(np.argmax(gaps.max(axis=0)))
+        j, gap = walls[column], gaps[:, column]
         beyond = gap > 0
         if j in mirrors:
             k = np.flatnonzero(np.diff(beyond))

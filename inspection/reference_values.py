@@ -91,6 +91,16 @@ class ReferenceValues:
 
             return sums
 
+        def gap_work(x: Vector) -> dict[str, Vector]:  # (q, lam, t)
+            gaps = self.g(place([*x[:n], x[-1]]))
+            return {"W_g": [a * b for a, b in zip(x[n:-1], gaps, strict=True)]}
+
+        def slip_work(x: Vector) -> dict[str, Vector]:  # (q_k, q_kp1, T, t_k, t_kp1)
+            early = self.tau(place([*x[:n], x[-2]]))
+            late = self.tau(place([*x[n : 2 * n], x[-1]]))
+            forces = x[2 * n : -2]
+            return {"W_tau": [T * (b - a) for T, a, b in zip(forces, early, late, strict=True)]}
+
         return {
             "step": self._step,
             "impact": self._energies,
@@ -118,9 +128,11 @@ class ReferenceValues:
             "rate_work": lambda x: {"W_gamma": [self._work(x)]},
             "surface": lambda x: {"g": self.g(place(x))},
             "gap_rate": lambda x: {"gamma": self._rates(self.g, state(x))},
+            "gap_work": gap_work,
             "normal": lambda x: {"n": pushed(self.g, self.nc)(x)},
             "tangent": lambda x: {"tau": self.tau(place(x))},
             "slide_rate": lambda x: {"sigma": self._rates(self.tau, state(x))},
+            "slip_work": slip_work,
             "traction": lambda x: {"s": pushed(self.tau, self.nt)(x)},
             "friction": lambda _: {"mu": self.mu([mp.mpf(0)] * (2 * n + m + 1))},
             "terminal_cost": lambda x: {"Phi": self.Phi(state(x))},

@@ -18,13 +18,13 @@ from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.mechanics.contact_mode import FREE, Event
+from dmoc.mechanics.contact_mode import FREE
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row, restitution_row
 from dmoc.mechanics.modes import along, mode_of, words_along
 from dmoc.mechanics.possible_words import open_hits
 from dmoc.mechanics.redundancy import Redundancy, redundancy
-from dmoc.mechanics.touch import Open, Touch
+from dmoc.mechanics.touch import Touch
 from dmoc.problem.end_states import check_admissible, check_contacts, check_kinks, check_mass_matrix
 from dmoc.problem.ranges import (
     Boundary,
@@ -159,7 +159,7 @@ class Problem(Shown):
     via: Sequence[Mapping[Any, Any] | None] | None = None
     ignored: Sequence[str] = ()
     by_rates: ClassVar[bool] = False  # see in_rates
-    relaxation: ClassVar[float] = 0.0  # see relaxed
+    relaxation: ClassVar[float] = 0.0  # see dmoc.problem.relaxed
 
     if TYPE_CHECKING:
         # The fields again, for what may be given in place of kernels.
@@ -231,22 +231,6 @@ class Problem(Shown):
         other.__dict__.update(self.__dict__, steps=steps)
         object.__setattr__(other, "steps", steps_of(other))
         check_size(other)
-        return other
-
-    def relaxed(self, left_open: Open, hits: Sequence[str], steps: int, eps: float) -> Problem:
-        """Return the same problem without a sequence: what may touch is left open, in phases of so
-        many steps between hits of some surfaces, which may be none, and complementarity is relaxed
-        by ``eps`` (:mod:`dmoc.program.laws.complementarity`)."""
-        contacts = self.touch.contacts
-        events = tuple(Event(contacts.surface_numbers[name]) for name in hits)
-        touch = Touch(contacts, (FREE,) * (len(hits) + 1), events, left_open)
-        other = object.__new__(Problem)
-        other.__dict__.update(
-            {f.name: getattr(self, f.name) for f in fields(self)},
-            sequence=tuple(hits), steps=steps, controls="constant", via=None, contacts=(),
-            durations=None, minimal_times=False, touch=touch, open_hits={}, by_rates=True,
-            relaxation=eps, model=self.model,
-        )  # fmt: skip
         return other
 
     # Sizes ----------------------------------------------------------------------------------------

@@ -24,6 +24,7 @@ from dmoc.mechanics.algebra import columns
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.touch import Open
 from dmoc.problem.problem import Problem
+from dmoc.problem.relaxed import relaxed
 from dmoc.program.laws.complementarity import OF_HITS
 from dmoc.program.scale import Scale
 from dmoc.program.scaling import scale_of
@@ -135,7 +136,7 @@ class Relaxation:
     def _relaxed(self, hits: tuple[str, ...], eps: float) -> Problem:
         if (hits, eps) not in self._problems:
             steps = max(FEWEST, -(-STEPS // (len(hits) + 1)))
-            made = self.problem.relaxed(self.left_open, hits, steps, eps)
+            made = relaxed(self.problem, self.left_open, hits, steps, eps)
             self._problems[hits, eps] = made
         return self._problems[hits, eps]
 

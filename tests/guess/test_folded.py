@@ -9,13 +9,14 @@ import dmoc
 from dmoc.guess.folded import folded_motions
 from dmoc.mechanics.touch import Open
 from dmoc.models.registry import find
+from dmoc.problem.relaxed import relaxed
 
 
 @pytest.fixture(scope="module")
 def plain() -> dmoc.Problem:
     reference = find("puck_table")
     problem = dmoc.Problem(reference.kernels(), **reference.defaults)
-    return problem.relaxed(Open(), (), 40, 1.0)
+    return relaxed(problem, Open(), (), 40, 1.0)
 
 
 def test_folded_motions_stay_on_the_table_and_hit_where_they_were_folded(

@@ -8,6 +8,7 @@ from contact_problems import against_wall, floor, pushed
 
 import dmoc
 from dmoc.mechanics.touch import Open
+from dmoc.problem.relaxed import relaxed
 from dmoc.program.laws.complementarity import OF_HITS, ComplementarityLaw
 from dmoc.program.scale import Scale
 from dmoc.program.transcription import Transcription
@@ -28,7 +29,7 @@ def on_floor() -> dmoc.Problem:
 
 @pytest.fixture
 def block() -> Transcription:
-    return Transcription(on_floor().relaxed(Open((0,), (0,), (0,)), (), STEPS, EPS))
+    return Transcription(relaxed(on_floor(), Open((0,), (0,), (0,)), (), STEPS, EPS))
 
 
 def values(nlp: Transcription, x: np.ndarray) -> tuple[ComplementarityLaw, np.ndarray]:
@@ -59,7 +60,7 @@ def test_rows_are_the_products_of_the_theory(block: Transcription) -> None:
 def test_a_hit_may_be_none_and_rebounds_by_its_coefficient() -> None:
     problem = against_wall(3, 0.5).but(sequence=(), contacts=())
     eps = OF_HITS / 4
-    nlp = Transcription(problem.relaxed(Open((), (0,)), ["wall"], 3, eps))
+    nlp = Transcription(relaxed(problem, Open((), (0,)), ["wall"], 3, eps))
     rng, lay = np.random.default_rng(4), nlp.layout
     x = rng.uniform(0.1, 1.0, nlp.n)
     law, d = values(nlp, x)
@@ -83,7 +84,7 @@ def laws_rows(nlp: Transcription, name: str) -> int:
 def test_programs_of_another_eps_share_their_structure() -> None:
     problem, scale = pushed(4).but(sequence=()), Scale.none(pushed(4).but(sequence=()))
     coarse, fine = (
-        Transcription(problem.relaxed(Open((), (0,)), (), 8, eps), scale) for eps in (1.0, 1e-3)
+        Transcription(relaxed(problem, Open((), (0,)), (), 8, eps), scale) for eps in (1.0, 1e-3)
     )
     assert coarse.structure is fine.structure
     law, x = fine.laws.complementarity, np.zeros(fine.n)
@@ -98,7 +99,7 @@ def test_a_block_that_is_dropped_comes_to_rest_on_the_floor() -> None:
     steps, scale = 40, Scale.none(problem)
     x, duals = np.zeros(0), None
     for eps in (1.0, 1e-2, 1e-4, 1e-6):
-        nlp = Transcription(problem.relaxed(Open((0,), (0,)), (), steps, eps), scale)
+        nlp = Transcription(relaxed(problem, Open((0,), (0,)), (), steps, eps), scale)
         lay = nlp.layout
         if not len(x):
             x = np.zeros(nlp.n)

@@ -15,6 +15,7 @@ from systems import driven_system, landing_system, rod_system
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.touch import Open
+from dmoc.problem.relaxed import relaxed
 from dmoc.program.blocks import GOAL, LAW
 from dmoc.program.extraction import trajectory
 from dmoc.program.layout import Layout
@@ -141,11 +142,10 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
         problem = driven_problem(4 if "4" in request.param else 2, controls)
         return Transcription(problem.in_rates() if "rates" in request.param else problem)
     if request.param == "relaxed, moving":
-        relaxed = driven_problem(2).relaxed(Open((0, 1)), ["side"], 3, 0.5)
-        return Transcription(relaxed)
+        return Transcription(relaxed(driven_problem(2), Open((0, 1)), ["side"], 3, 0.5))
     if request.param.startswith("relaxed"):
         rod = rod_problem("periodic" in request.param)
-        return Transcription(rod.relaxed(Open((0, 1), (0, 1, 2), (1,)), ["wall"], 3, 0.5))
+        return Transcription(relaxed(rod, Open((0, 1), (0, 1, 2), (1,)), ["wall"], 3, 0.5))
     order = int(request.param[-1]) if "order" in request.param else 2
     if request.param.startswith("contacts"):
         return Transcription(rod_problem("periodic" in request.param, order))

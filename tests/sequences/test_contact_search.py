@@ -97,14 +97,14 @@ def test_a_shorter_sequence_of_the_same_cost_does_as_well(more: float, collapses
 
 @pytest.mark.slow
 def test_contacts_that_cannot_be_closed_together_are_left_out_and_told() -> None:
-    """A ball in a corner of two rough walls has three coordinates, and both contacts that stick
-    hold four."""
+    """A ball in a corner cannot stick both to a wall and to a belt that moves."""
     x, y, a = dynamicsymbols("x y a")
     mu = sp.Symbol("mu")
     ball = dmoc.MechanicalSystem(
         "ball_in_a_corner", [x, y, a], (x.diff() ** 2 + y.diff() ** 2 + 0.4 * a.diff() ** 2) / 2,
         {mu: 0.5}, surfaces={"floor": y >= 1, "wall": x <= 3},
-        tangents={"floor": x + a, "wall": y - a}, friction={"floor": mu, "wall": mu}, cost=1,
+        tangents={"floor": x + a - dynamicsymbols._t, "wall": y - a},
+        friction={"floor": mu, "wall": mu}, cost=1,
     )  # fmt: skip
     start = {"x": 0, "y": 2, "a": 0, "x_dot": 1, "y_dot": -1}
     problem = dmoc.Problem(ball, start=start, goal={"x": 2}, steps=4, final_time=(0.1, 4))

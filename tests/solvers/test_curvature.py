@@ -47,6 +47,7 @@ class Quadratic:
         slope = self.A.T @ self.y - self.G.T @ self.w - self.z
         self.g = -self.Q @ self.x - slope
         self.program, self.layout = self, SimpleNamespace(unknowns=(), total=0)
+        self.laws = ()
         self.analyses = {"ipm": self._whole()}
 
     def _whole(self) -> KKTLayout:
