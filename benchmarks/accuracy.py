@@ -245,8 +245,9 @@ def main() -> None:
         "# Known answers",
         "",
         "Relative errors of the quantity (the cost, if nothing else is named) against the number "
-        "of steps of each phase, by method `ipm`, from the first automatic guess, without any "
-        "other start (but for the cart-pole). `python benchmarks/accuracy.py` writes this file.",
+        "of steps of each phase. They are by method `ipm`, from the first automatic guess, without "
+        "any other start (but for the cart-pole). `python benchmarks/accuracy.py` writes this "
+        "file.",
         "",
         *(
             line

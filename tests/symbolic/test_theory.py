@@ -255,13 +255,14 @@ def test_the_estimate_of_the_error_from_two_meshes() -> None:
 
 
 def test_a_hit_carries_errors_by_its_saltation_matrix() -> None:
-    """{saltation}: a ball under gravity on a floor that rises with the rate w, whose flow and hit
+    """{saltation}: a ball under gravity on a floor that rises faster and faster, whose flow and hit
     have closed forms."""
-    v, q_0, v_0, t, G, w, e = sp.symbols("v q_0 v_0 t G w e")
-    # The gap is w t - q, and R(q, v) = (q, w - e (v - w)).
+    v, q_0, v_0, t, G, w_0, b, e = sp.symbols("v q_0 v_0 t G w_0 b e")
+    w = w_0 + b * t
+    # The gap is w_0 t + b t^2/2 - q, and R(q, v, t) = (q, w - e (v - w)).
     start = sp.Matrix([q_0, v_0])
     before = sp.Matrix([q_0 + v_0 * t - G * t**2 / 2, v_0 - G * t])
-    gap = w * t - before[0]
+    gap = w_0 * t + b * t**2 / 2 - before[0]
     hit = sp.Function("hit")(q_0, v_0)
     after_hit = sp.Matrix([before[0], w - e * (before[1] - w)]).subs(t, hit)
     s = t - hit
@@ -272,7 +273,8 @@ def test_a_hit_carries_errors_by_its_saltation_matrix() -> None:
     rates = sp.Matrix([v, -G]), sp.Matrix([w - e * (v - w), -G])
     gamma = w - v
     later = -sp.Matrix([[-1, 0]]) / gamma
-    saltation = R - (rates[1] - R * rates[0]) * later
+    R_t = sp.Matrix([0, (1 + e) * b])
+    saltation = R - (rates[1] - R * rates[0] - R_t) * later
     carried = saltation * before.jacobian(start)
     carried = carried.subs(v, before[1]).subs(t, hit)
     assert all(zero(a - b) for a, b in zip(exact, carried, strict=True))

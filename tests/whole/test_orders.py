@@ -60,7 +60,7 @@ def test_the_integrator_has_its_order_through_a_collision(swinging: Kernels) -> 
         run = dmoc.simulate(swinging, [0.3], [5.0], step_size=1 / steps, steps=steps)
         assert [c.surface for c in run.collisions] == ["wall"]
         errors.append(float(np.abs([run.q[-1, 0], run.p[-1, 0]] - wanted).max()))
-    assert np.log2(errors[0] / errors[2]) / 2 > order - 0.5
+    assert np.log2(errors[0] / errors[2]) / 2 > order - 0.2
     assert errors[2] < {2: 5e-3, 4: 5e-6, 6: 5e-9}[order]
 
 
