@@ -217,6 +217,19 @@ def test_sensitivities_need_the_bounds_in_the_lagrangian() -> None:
     assert not zero(least.diff(theta) - without)
 
 
+def test_a_newton_step_is_the_same_without_its_slack() -> None:
+    """{newton-step}: the primal-dual step of J with d - eta = 0 and w eta = zeta, and the step that
+    is left of it without eta, with y = -w and c_zeta = d - zeta / w."""
+    x, eta, w, zeta = sp.symbols("x eta w zeta", positive=True)
+    J, d = sp.Function("J")(x), sp.Function("d")(x)
+    unknowns, rows = (x, eta, w), sp.Matrix([(J - w * d).diff(x), d - eta, w * eta - zeta])
+    whole = rows.jacobian(unknowns).solve(-rows)
+    H, G = (J - w * d).diff(x, 2), d.diff(x)
+    matrix = sp.Matrix([[H, G], [G, -eta / w]])
+    step = matrix.solve(-sp.Matrix([(J - w * d).diff(x), d - zeta / w]))
+    assert zero(whole[0] - step[0]) and zero(whole[2] + step[1])
+
+
 @pytest.mark.parametrize("moved", [False, True])
 def test_a_touch_that_becomes_a_collision_changes_the_cost(moved: bool) -> None:
     """{touch}: a cost J_1 of the velocity before, J_2 of that after; the touch has gamma+ = 0 with
