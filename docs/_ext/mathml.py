@@ -35,7 +35,11 @@ LETTERS = [
 
 def mathml(latex: str, display: str) -> str:
     """MathML of a formula; the converter knows ``align*`` inside of formulas, not ``aligned``."""
-    return str(convert(re.sub(r"\{aligned\}", "{align*}", latex), display=display))
+    text = str(convert(re.sub(r"\{aligned\}", "{align*}", latex), display=display))
+    left = re.findall(r">(\\[a-zA-Z]+)<", text)
+    if left:
+        raise ValueError(f"the formula {latex!r} has {left[0]}, which the converter does not know")
+    return text
 
 
 def inline(self: Any, node: nodes.math) -> None:
