@@ -264,7 +264,7 @@ def main() -> None:
         "With inputs that are linear in a step, cost and states of an optimum have the order 4 at "
         "most; the motion for given inputs has the order of the discretisation. Where inputs jump "
         "or limits become active between nodes (Bryson-Denham), errors are irregular from mesh to "
-        "mesh, at worst of order 2, and the order between the last two meshes says little.",
+        "mesh, and the order between the last two meshes says little.",
         "",
         "## Time for an error",
         "",
