@@ -96,6 +96,6 @@ def event_slope(motion: Motion, i: int, unit: Array) -> Array:
         sides = (p.before, -1, motion.steps[i].u1[-1]), (p.after, 0, motion.steps[i + 1].u0[0])
         a = np.array([model.acceleration(x.q[k], x.v[k], u, p.c.time) for x, k, u in sides])
     q, v = q + late * v, v + late * a[0]
-    v = p.after_law(q, v).velocity
+    v = p.after_law(q, v, late[:, 0]).velocity
     ends = np.hstack([q - late * v, v - late * a[1]])
     return np.asarray((ends[: 2 * nq] - ends[2 * nq :]).T / (2 * PERTURBED * unit[:, None]))

@@ -94,9 +94,9 @@ class EventPassage:
         jump = self.after.p[0] - self.before.p[-1] - change
         return model.with_joints(model.mass(q, t), jump, q, t)
 
-    def after_law(self, q: Array, v: Array) -> ImpactResult:
-        """What the law makes of rows of states before the event."""
-        model, mode, t = self.model, self.mode, np.full(len(q), self.c.time)
+    def after_law(self, q: Array, v: Array, late: Array | float = 0.0) -> ImpactResult:
+        """What the law makes of rows of states before the event, at times so much later."""
+        model, mode, t = self.model, self.mode, np.full(len(q), self.c.time) + late
         if not mode.closed:
             return ImpactResult(v, np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt)))
         if self.rubs is not None and self.hit is not None:

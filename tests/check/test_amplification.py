@@ -14,7 +14,7 @@ from systems import block_system
 import dmoc
 from dmoc.base.deadline import ENDLESS
 from dmoc.check import segments as segments_module
-from dmoc.check.amplification import carried
+from dmoc.check.amplification import carried, event_slope
 from dmoc.check.checked_motion import Motion
 from dmoc.check.segments import segments
 
@@ -79,3 +79,22 @@ def test_a_coarse_integration_of_neighbours_serves_where_it_gets_to_the_same_end
     off = np.abs(coarse - fine).max() / np.abs(fine).max()
     assert (off > 1e-2) == (steps == 5)
     np.testing.assert_array_equal(chosen, fine if steps == 5 else coarse)
+
+
+def test_a_hit_of_a_wall_that_speeds_up_has_its_saltation_matrix() -> None:
+    """A ball on a floor at f(t): v+ = -e v- + (1 + e) f', met later by dq / (f' - v-)."""
+    q, t, e, g = dynamicsymbols("q"), dynamicsymbols._t, 0.8, 9.81
+    ball = dmoc.MechanicalSystem(
+        "ball_on_a_lift", [q], q.diff() ** 2 / 2 - g * q, cost=1,
+        surfaces={"floor": q >= t / 2 + 3 * t**2},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(ball), start={"q": 1, "q_dot": 0}, sequence=["floor"], restitution=e, steps=20,
+        final_time=0.6,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    motion = Motion.of(solution.trajectory, problem.kernels, ENDLESS)
+    (hit,), v = solution.collisions, solution.phases[0].v[-1, 0]
+    rate = 0.5 + 6 * hit.time - v
+    expected = np.array([[-e, 0], [((1 + e) * (6 + g)) / rate, -e]])
+    np.testing.assert_allclose(event_slope(motion, 0, np.ones(2)), expected, rtol=1e-5, atol=1e-7)
