@@ -122,16 +122,18 @@ class Program:
             "lbg": g_bounds[:, 0], "ubg": g_bounds[:, 1],
         }  # fmt: skip
         function = ca.nlpsol("ladder", "ipopt", program, options)
-        return Solver(function, bounds, np.concatenate(self.x0))
+        names = [x.name() for x in ca.vertsplit(program["x"])]
+        return Solver(function, bounds, np.concatenate(self.x0), names)
 
 
 @dataclass(frozen=True)
 class Solver:
-    """A program of CasADi with its bounds and its start."""
+    """A program of CasADi with its bounds, its start and the names of its unknowns."""
 
     function: Any
     bounds: dict[str, np.ndarray]
     start: np.ndarray
+    names: list[str]
 
     def solve(self, **given: Any) -> tuple[str, dict[str, Any]]:
         """Its status and its results, with other bounds or another start where they are given."""

@@ -70,27 +70,28 @@ class Rules(Transcription):
 
 @dataclass(frozen=True)
 class Optimum:
-    """A problem with its known cost and time of the hit."""
+    """A problem with its known cost, time and impulse of the hit."""
 
     name: str
     problem: Callable[[int, int], dmoc.Problem]
     system: Callable[[], dmoc.MechanicalSystem]
     cost: float
     time: float
+    impulse: float
 
 
 def optima() -> tuple[Optimum, ...]:
-    cost, time, _ = block_and_wall.known(0.8)
+    cost, time, speed = block_and_wall.known(0.8)
     finest = dmoc.solve(reference_problem.problem(320, 6), "ipm", starts=1, verify=False)
     return (
         Optimum(
             "block and wall, e = 0.8", lambda n, o: block_and_wall.problem(0.8, n, o),
-            block_and_wall.system, cost, time,
+            block_and_wall.system, cost, time, 1.8 * speed,
         ),
         Optimum(
             "cart-pendulum, left", reference_problem.problem,
             find("cart_pendulum").system, finest.cost,
-            finest.collisions[0].time,
+            finest.collisions[0].time, finest.collisions[0].impulse,
         ),
     )  # fmt: skip
 
@@ -109,23 +110,21 @@ def compare(quick: bool) -> Section:
     steps = STEPS[:2] if quick else STEPS
     section = Section(
         "Schemes: optima",
-        "Relative errors of the cost and of the time of the hit, N steps in each of two phases. "
-        "Inputs are linear in a step with two values each, in all but the variational scheme of "
-        "order 2, where they are constant. The collocations are CasADi's programs with Newton's "
-        "law between the phases, solved by IPOPT from the variational motion of order 4. Order: "
-        "of the cost, from the last two meshes.",
+        "Relative errors of the cost, of the time of the hit, and of its impulse, which the rates "
+        "there make, N steps in each of two phases. Inputs are linear in a step with two values "
+        "each, in all but the variational scheme of order 2, where they are constant. The "
+        "collocations are CasADi's programs with Newton's law between the phases, solved by IPOPT "
+        "from the variational motion of order 4. Order: of the cost, from the last two meshes.",
         [
             "problem", "scheme", *(f"cost, N = {n}" for n in steps), "order",
-            *(f"hit, N = {n}" for n in steps),
+            *(f"hit, N = {n}" for n in steps), *(f"impulse, N = {n}" for n in steps),
         ],
     )  # fmt: skip
     for optimum in optima():
         for name, (order, rule) in SCHEMES.items():
-            costs, times = [], []
-            for n in steps:
-                cost, time = _solved(optimum, n, order, rule)
-                costs.append(abs(cost / optimum.cost - 1))
-                times.append(abs(time / optimum.time - 1))
+            known = optimum.cost, optimum.time, optimum.impulse
+            solved = np.array([_solved(optimum, n, order, rule) for n in steps])
+            costs, times, impulses = np.abs(solved / known - 1).T.tolist()
             exact = max(costs[-2:]) < 1e-9
             shown = "exact" if exact else f"{math.log2(costs[-2] / costs[-1]):.1f}"
             section.row(
@@ -133,22 +132,23 @@ def compare(quick: bool) -> Section:
                 name,
                 *(f"{e:.1e}" for e in costs),
                 shown,
-                *(f"{e:.1e}" for e in times),
+                *(f"{e:.1e}" for e in (*times, *impulses)),
             )
     return section
 
 
-def _solved(optimum: Optimum, steps: int, order: int, rule: str) -> tuple[float, float]:
-    """The cost and the time of the hit."""
+def _solved(optimum: Optimum, steps: int, order: int, rule: str) -> tuple[float, float, float]:
+    """The cost, the time and the impulse of the hit."""
     problem = optimum.problem(steps, order)
     solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
     if not rule:
-        return solution.cost, solution.collisions[0].time
+        return solution.cost, solution.collisions[0].time, solution.collisions[0].impulse
     statement = Statement(optimum.system(), {})
     program = transcribed(
         statement, problem, SECONDS, Motion(solution), Rules, rule, tol=1e-11, max_iter=500
     )
     status, answer = program.solve()
     if status != "Solve_Succeeded":
-        return np.nan, np.nan
-    return float(answer["f"]), float(np.array(answer["x"])[0, 0])
+        return np.nan, np.nan, np.nan
+    x = np.array(answer["x"]).ravel()
+    return float(answer["f"]), float(x[0]), float(x[program.names.index("impulse")])
