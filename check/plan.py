@@ -88,7 +88,7 @@ def _disjoint(motion: Motion) -> Iterator[str]:
             yield f"the joint {names[j]!r} is off by {off[k, j]:.3g} at {at.t[k]:.4g} s"
         k, j = _worst(rates / rate, DRIFT)
         if j >= 0:
-            yield (f"the joint {names[j]!r} comes apart with {rates[k, j]:.3g} at {at.t[k]:.4g} s")
+            yield f"the joint {names[j]!r} comes apart with {rates[k, j]:.3g} at {at.t[k]:.4g} s"
 
 
 def _balances(motion: Motion) -> Iterator[str]:

@@ -36,9 +36,8 @@ class Tree:
         self.problem, self.settings = problem, settings
         self.nodes: dict[tuple[str, ...], Node] = {}
         self.known: dict[tuple[str, ...], Node] = {}
-        self.before: dict[
-            tuple[str, ...], Node
-        ] = {}  # those of a search that this one goes on with
+        # Those of a search that this one goes on with.
+        self.before: dict[tuple[str, ...], Node] = {}
         self.journal: Journal | None = None
         self.frontier: list[tuple[str, ...]] = [()]
         self.passed_over = 0

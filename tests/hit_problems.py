@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import radians, sin, sqrt
+from typing import Any
 
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
@@ -54,7 +55,7 @@ def back(**changes: object) -> dmoc.Problem:
     return dmoc.Problem(ball(), **{**given, **changes})  # type: ignore[arg-type]
 
 
-def thrown(rates: tuple[float, ...], place: dict[str, float], **more: object) -> dict[str, object]:
+def thrown(rates: tuple[float, ...], place: dict[str, float], **more: Any) -> dict[str, Any]:
     """A start from which the velocities are those of a hit after a tenth of a second."""
     names = [*place]
     start = {n: place[n] - 0.1 * v for n, v in zip(names, rates, strict=True)}

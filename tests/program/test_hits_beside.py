@@ -166,7 +166,7 @@ def test_constraints_hold_during_a_hit(
     place = {"x": 0.0, "y": sin(a) / 2, "a": a, "z": sin(a) / 2}
     fallen = dmoc.Problem(
         rod, sequence=[f"floor:{course}"], restitution=0.5, parameters={"mu": mu},
-        **thrown((*v, v[1]), place),  # type: ignore[arg-type]
+        **thrown((*v, v[1]), place),
     )  # fmt: skip
     solution = answer_of(fallen, starts=1)
     np.testing.assert_allclose(solution.phases[1].v[0], (*after, after[1]), atol=1e-8)

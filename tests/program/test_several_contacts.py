@@ -309,12 +309,12 @@ def test_a_body_that_sticks_between_two_walls_is_held_by_the_least_that_bears_it
 # What is refused ----------------------------------------------------------------------------------
 
 
-def squeezed(**more: object) -> dmoc.MechanicalSystem:
+def squeezed(**more: Any) -> dmoc.MechanicalSystem:
     """A disc between two walls."""
     return dmoc.MechanicalSystem(
         "squeezed", [X, Y], (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - 9.81 * Y, {MU: 0.5},
         surfaces={"left": X >= 0, "right": X <= 0}, tangents={"left": Y, "right": Y},
-        friction={"left": MU, "right": MU}, cost=1, **more,  # type: ignore[arg-type]
+        friction={"left": MU, "right": MU}, cost=1, **more,
     )  # fmt: skip
 
 
