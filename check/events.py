@@ -85,8 +85,8 @@ def _contradictions(p: EventPassage, sizes: Sizes) -> Iterator[str]:
     yield from _otherwise(p, slack)
     if p.law.unheld:
         yield (
-            f"{' and '.join(p.law.unheld)} cannot hold in the hit of {p.c.surface} at "
-            f"{p.c.time:.4g} s"
+            f"{' and '.join(p.law.unheld)} would have to pull or to slip in the hit of "
+            f"{p.c.surface} at {p.c.time:.4g} s"
         )
     yield from _turned(p, slack)
     yield from _approached(p, sizes)

@@ -103,6 +103,11 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     x[lay.impact.v_c[i]] = v + pushed @ lam[-1]
 
 
+def _sticking(A: Array, mu: float) -> float:
+    """The tangential impulse beside a unit normal one where a contact sticks."""
+    return float(np.clip(-A[0, 1] / A[1, 1], -mu, mu)) if A[1, 1] > 0 else 0.0
+
+
 def _impulses(p: Passage, rates: Array, A: Array, law: tuple[float, float]) -> Array:
     """Impulses (P, T) until each moment and of the whole impact, shape (moments + 1, 2).
 
@@ -113,7 +118,7 @@ def _impulses(p: Passage, rates: Array, A: Array, law: tuple[float, float]) -> A
     hardest = max(-rates[0], 0.0) / A[0, 0]
     impulses, at, whole = [], np.zeros(2), np.inf
     for moment, s in zip((*p.moments, None), p.friction, strict=True):
-        slope = -s * mu if s else float(np.clip(-A[0, 1] / A[1, 1], -mu, mu))
+        slope = -s * mu if s else _sticking(A, mu)
         way = A @ np.array([1.0, slope])
         now = rates + A @ at
         if moment == STOP:

@@ -52,8 +52,8 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
 
 
 def _hits(name: str, mode: Mode, contacts: Contacts) -> list[str]:
-    """Words for a hit of an open surface.  One with friction while something is closed, where that
-    holds or not, is tried where a user's words name it."""
+    """Words for a hit of an open surface.  A hit with friction while something is closed is left to
+    the words of the user."""
     if name not in contacts.rough:
         return [name]
     return [] if mode.closed else courses_of(name, contacts)

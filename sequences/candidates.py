@@ -43,7 +43,8 @@ class Candidates(Tree):
         """The tree of all sequences, which has what is known of these."""
         tree = Tree(self.problem, self.settings)
         tree.journal = self.journal
-        tree.before, tree.known = self.nodes, {**self.known, **self.nodes}
+        known = {s: n for s, n in self.nodes.items() if n.verdict is not Verdict.FAILED}
+        tree.before, tree.known = known, {**self.known, **known}
         return tree
 
     def rounds(self) -> Iterator[list[Words]]:

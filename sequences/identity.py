@@ -11,6 +11,7 @@ from importlib import metadata
 from dmoc.base.options import options_of
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import Boundary
+from dmoc.sequences.keywords import PROPOSING
 from dmoc.sequences.settings import Settings
 
 # Fields of a problem that the search sets itself, node by node.
@@ -46,6 +47,7 @@ def facts(problem: Problem, settings: Settings) -> dict[str, object]:
     for name, option in options_of(Settings).items():
         if option.decides:
             values[f"settings.{name}"] = getattr(settings, name)
+    values["proposing"] = settings.strategy in PROPOSING  # their nodes have fewer starts
     return values
 
 

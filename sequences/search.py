@@ -221,7 +221,8 @@ def search(
         ``problem`` of the result has it in its ``contacts``.  "both" goes on with all nodes.
     beam : int
     starts : int
-        Random starts of each node at most, beside the parent's motion and the automatic guess.
+        Random starts of each node at most, beside the parent's motion and the automatic guess; a
+        sequence that relaxed motions propose begins with theirs alone.
     seed : int
     method : str, optional
         As in :func:`dmoc.solve`; by default "ipm", or "slsqp" if the kernels are not compiled.

@@ -51,9 +51,15 @@ class Impulses:
 
     def slopes(self, response: Array, mu: float) -> tuple[float, ...]:
         """dS/dP in each of its regimes."""
-        sticks = float(np.clip(-response[0, 1] / response[1, 1], -mu, mu))
+        sticks = sticking(response, mu)
         of = {"slides forward": -mu, "slides backward": mu, "sticks": sticks}
         return tuple(of[regime] for regime in dict.fromkeys(self.compression + self.restitution))
+
+
+def sticking(response: Array, mu: float) -> float:
+    """dS/dP of what sticks, or begins to slide; none where nothing can slide."""
+    own = float(response[1, 1])
+    return float(np.clip(-response[0, 1] / own, -mu, mu)) if own > 0 else 0.0
 
 
 def impulses(rates: Array, response: Array, mu: float, e: float) -> Impulses:
@@ -107,10 +113,9 @@ class _ImpactPath:
 
     def _slope(self, t: float) -> float:
         """dS/dP of what slides, or, at rest, of what sticks or begins to slide."""
-        coupled, own = float(self.response[0, 1]), float(self.response[1, 1])
         if abs(t) > self.small:
             return -float(np.sign(t)) * self.mu
-        return float(np.clip(-coupled / own, -self.mu, self.mu))
+        return sticking(self.response, self.mu)
 
     def _name(self, t: float, slope: float, t_slope: float) -> Regime:
         at_rest = abs(t) <= self.small

@@ -47,6 +47,9 @@ def single_hit(
     pushed, beside = _held(model, holding, rows, times, D)
     rates = np.array([-model.gap_rates(q, v, t)[j], model.slide_rates(q, v, t)[k]])
     response = D[0] @ pushed
+    free = D[0, 1] @ columns(model.mass(rows, times), D)[0][:, 1]
+    if response[1, 1] <= SAME * free:  # what holds leaves it nothing to slide along
+        response[1], response[:, 1] = 0.0, 0.0
     way = impulses(rates, response, mu, e)
     lam = np.array([way.normal, way.tangential])
     both = Reaction(v[None], *(lam[None] @ part for part in beside))
@@ -87,7 +90,7 @@ def _unheld(
     for slope in slopes if holding.closed else ():
         rates = [np.array([[1.0, slope]]) @ part for part in beside]
         grown = borne(model, holding, Reaction(np.zeros((1, model.nq)), *rates), *at)
-        least = SAME * float(np.abs(grown.normal).max(initial=0.0))
+        least = SAME * float(np.abs(grown.normal).max(initial=1.0))  # beside a unit of the hit
         held = model.bearing(grown.normal)[0] - np.abs(grown.tangential[0])
         names += [model.kernels.surfaces[j] for j in holding.closed if grown.normal[0, j] < -least]
         names += [model.kernels.tangents[k] for k in holding.sticking if held[k] < -least]

@@ -73,7 +73,9 @@ class Linkage:
 
 def check_size(value: Any, what: str) -> None:
     if value.is_negative:
-        remedy = "; sp.pi more in `zero` turns a link round" if "length" in what else ""
+        remedy = (
+            "; sp.pi more in `zero` turns a link round" if what.startswith("the length") else ""
+        )
         raise ModelError(f"{what} = {shown(value)}: expected 0 or more{remedy}.")
 
 

@@ -33,7 +33,7 @@ COARSE_HELD = 12
 # So many minima of a coarse mesh at most are refined to see whether they are the same one, before
 # more starts are tried.
 FEW = 3
-# Iterations of a start with contacts that last at least: gaits take long.
+# Iterations of a start at least, where contacts last or constraints hold: gaits take long.
 LASTING = 300
 # Limits of inputs are widened by the first factor and tightened by the others where nothing else
 # has helped, with so many starts, of which so many minima are followed.

@@ -105,7 +105,10 @@ def test_a_cart_that_the_floor_cannot_hold_is_told_everywhere() -> None:
         )  # fmt: skip
     held = answer_of(problem(8.905, 1.1), starts=1).trajectory
     weak = replace(held, parameters={**held.parameters, "mu_u": 0.6})
-    assert "floor cannot hold in the hit of side" in dmoc.verify(weak, cart()).message
+    assert (
+        "floor would have to pull or to slip in the hit of side"
+        in dmoc.verify(weak, cart()).message
+    )
 
 
 def test_a_box_that_stands_on_both_corners_holds_a_hit() -> None:
@@ -172,3 +175,19 @@ def test_constraints_hold_during_a_hit(
     np.testing.assert_allclose(solution.phases[1].v[0], (*after, after[1]), atol=1e-8)
     assert solution.collisions[0].impulses["floor"] == pytest.approx(normal, abs=1e-8)
     assert solution.collisions[0].tractions["floor"] == pytest.approx(tangential, abs=1e-8)
+
+
+def test_what_holds_may_leave_a_hit_nothing_to_slide_along() -> None:
+    """A mass on a smooth floor runs into a rough wall: it comes back with e times its speed."""
+    mass = dmoc.MechanicalSystem(
+        "mass_in_a_corner", [X, Y], (X.diff() ** 2 + Y.diff() ** 2) / 2 - 9.81 * Y,
+        surfaces={"floor": Y >= 0, "wall": X <= 1}, tangents={"wall": Y}, friction={"wall": 0.3},
+        cost=1,
+    )  # fmt: skip
+    motion = dmoc.simulate(
+        dmoc.build(mass), [0, 0], [1, 0], step_size=0.05, steps=40,
+        restitution={"floor": 0.0, "wall": 0.5},
+    )  # fmt: skip
+    (hit,) = motion.collisions
+    assert hit.time == pytest.approx(1.0) and hit.impulse == pytest.approx(1.5)
+    assert motion.q[-1] == pytest.approx([0.5, 0.0], abs=1e-6)

@@ -84,3 +84,12 @@ def test_the_same_problem_in_other_words_has_the_same_journal(problem: dmoc.Prob
         resume=True,
     )  # fmt: skip
     assert identity(same, budget) == identity(problem, SETTINGS)
+
+
+def test_nodes_of_proposed_sequences_are_not_those_of_a_tree(problem: dmoc.Problem) -> None:
+    """They begin with relaxed motions alone."""
+    tree, proposing, both = (
+        identity(problem, replace(SETTINGS, strategy=strategy))
+        for strategy in ("exhaustive", "propose", "both")
+    )
+    assert tree != proposing == both

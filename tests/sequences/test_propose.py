@@ -13,12 +13,18 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import unit_mass
 
 import dmoc
+from dmoc.base.deadline import ENDLESS
 from dmoc.base.errors import SearchError
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.models.registry import find
 from dmoc.sequences import relaxation
+from dmoc.sequences.candidates import Candidates
+from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.proposals import Proposals
 from dmoc.sequences.reading import at_hits, cleaned
+from dmoc.sequences.relaxation import Relaxation
 from dmoc.sequences.search import Progress, SearchResult
+from dmoc.sequences.settings import settings_of
 
 T = dynamicsymbols._t
 
@@ -163,6 +169,17 @@ def test_both_goes_on_with_the_tree_around_the_proposals() -> None:
     assert both.best is not None and tree.best is not None
     assert both.best.cost == pytest.approx(tree.best.cost, rel=1e-3)
     assert both.proposals and not tree.proposals
+
+
+def test_a_proposal_that_failed_is_solved_again_by_the_tree(swung: SearchResult) -> None:
+    """From starts of its own, which a proposal has none of."""
+    problem = shipped("cart_pendulum")
+    settings = settings_of(problem, {"strategy": "both", "method": "ipm"})
+    proposals = Proposals(problem, Relaxation.of(problem, settings), settings)
+    candidates, best = Candidates(proposals, ENDLESS), swung.best
+    assert best is not None
+    candidates.nodes = {("left",): Node(("left",), Verdict.FAILED), best.sequence: best}
+    assert list(candidates.surrounded().known) == [("left", "left")]
 
 
 def test_two_workers_find_what_one_finds(swung: SearchResult) -> None:
