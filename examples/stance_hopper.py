@@ -87,7 +87,7 @@ def problem(steps: int = 80) -> dmoc.Problem:
 
 
 def main() -> None:
-    solution = dmoc.solve(problem())
+    solution = dmoc.solve(problem(), starts=50)
     stance = solution.phases[0]
     weight = 3.3 * 9.81
     rows = [

@@ -26,6 +26,7 @@ LENGTH = 5.7  # inches of its axes from left to right, about
 PAD = 0.07  # inches around axes
 LONGEST = 20  # letters of a label that stands beside axes
 SMALL = 8  # points of small text
+DPI = 200  # of figures in files
 
 
 @contextmanager
@@ -65,7 +66,7 @@ def written(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     """The figure, which is written if a path is given; its ending decides the format."""
     if path is not None:
         content = io.BytesIO()
-        figure.savefig(content, dpi=200, format=_format_of(path_of(path)))
+        figure.savefig(content, dpi=DPI, format=_format_of(path_of(path)))
         write_whole(path, content.getvalue())
     return figure
 

@@ -17,6 +17,7 @@ import dmoc
 from dmoc.codegen import compiler
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
+from dmoc.report import canvas
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -53,6 +54,14 @@ def flags() -> Iterator[tuple[str, ...]]:
         patch.setattr(compiler, "FLAGS", (*users, "-O0"))
         patch.setattr(compiler, "LARGE_FLAGS", ())
         yield users
+
+
+@pytest.fixture(scope="session", autouse=True)
+def coarse_figures() -> Iterator[None]:
+    """Draw figures with few pixels, which takes a third of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(canvas, "DPI", 60)
+        yield
 
 
 @pytest.fixture

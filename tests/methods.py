@@ -13,3 +13,4 @@ INSTALLED = tuple(
     if method.package is None or find_spec(method.package) is not None
 )
 SPARSE = tuple(name for name in INSTALLED if name != "slsqp")
+OWN = tuple(name for name in INSTALLED if METHODS[name].package is None)

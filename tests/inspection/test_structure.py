@@ -59,11 +59,12 @@ def smooth_pendulum(named: bool) -> dmoc.MechanicalSystem:
     return double_pendulum(named, relative=True, cost=dynamicsymbols("u") ** 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "plain"),
     [
         (smooth_pendulum(True), smooth_pendulum(False)),
-        pytest.param(chain_system(3, True), chain_system(3, True), marks=pytest.mark.slow),
+        (chain_system(3, True), chain_system(3, True)),
     ],
 )
 def test_the_structure_has_the_values_of_what_is_written_out(
@@ -105,7 +106,8 @@ def derived(named: bool, order: int = 2, expanded: bool = True) -> Derivation:
     return dmoc.derive(system, order, expanded=expanded)
 
 
-@pytest.mark.parametrize("order", [2, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [2, 4])
 def test_what_is_written_out_on_demand_is_what_was_stated_without_names(order: int) -> None:
     ours, expected = derived(True, order), derived(False, order)
     assert [s.title for s in ours.sections] == [s.title for s in expected.sections]
@@ -134,6 +136,7 @@ def test_a_long_chain_is_shown_in_pages_not_books(links: int, order: int) -> Non
     assert derivation.sections[-3].pattern and not derivation.sections[-3].equations
 
 
+@pytest.mark.slow
 def test_patterns_are_those_of_what_is_written_out() -> None:
     structure, written = (derived(True, expanded=e).sections for e in (False, True))
     assert structure[-3].pattern == written[-3].pattern

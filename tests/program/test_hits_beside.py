@@ -67,6 +67,7 @@ def test_a_smooth_floor_holds_the_cart_up_while_the_ball_stops_sinking(method: s
     np.testing.assert_allclose(solution.phases[1].v[0], [-0.25, 0, 0.75, 0], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_the_way_through_it_is_found() -> None:
     solution = answer_of(problem(1.0, 0.0, "side"))
     assert solution.collisions[0].course == "slip-:stick"

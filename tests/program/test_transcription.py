@@ -126,6 +126,7 @@ def hit_problem(order: int) -> dmoc.Problem:
 
 
 @pytest.fixture(
+    scope="module",
     params=[
         *("constant", "linear", "puck", "driven", "driven, by rates", "driven, order 4"),
         "driven, linear",
@@ -134,7 +135,7 @@ def hit_problem(order: int) -> dmoc.Problem:
         *("relaxed", "relaxed, periodic", "relaxed, moving"),
         *("contacts, order 4", "contacts, periodic, order 6"),
         *("joints, order 6", "joints, periodic, order 4"),
-    ]
+    ],
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
     if request.param.startswith("driven"):

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from threadpoolctl import ThreadpoolController, threadpool_limits
@@ -71,7 +72,7 @@ def test_solves_that_overlap_in_threads_leave_the_thread_limit_as_it_was(
 def test_threads_that_enter_and_leave_at_random_leave_the_thread_limit_as_it_was() -> None:
     def enter_and_leave(seed: int) -> None:
         rng = random.Random(seed)
-        for _ in range(30):
+        for _ in range(10):
             with ONE_THREAD:
                 inside.append(max(limits().values()))
                 time.sleep(rng.random() * 2e-4)
@@ -79,7 +80,7 @@ def test_threads_that_enter_and_leave_at_random_leave_the_thread_limit_as_it_was
 
     before, inside = limits(), list[int]()
     together(enter_and_leave)
-    assert limits() == before and set(inside) == {1} and len(inside) == 8 * 30
+    assert limits() == before and set(inside) == {1} and len(inside) == 8 * 10
 
 
 def test_a_limit_that_each_thread_has_is_restored_in_each(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,9 +135,10 @@ def test_solves_in_eight_threads_leave_the_thread_limit_as_it_was(
     method: str, seed: dmoc.Problem
 ) -> None:
     problem, costs = seed.but(steps=12), list[float]()
-    alone = dmoc.solve(problem, method, verify=False)
+    options: dict[str, Any] = {"method": method, "starts": 1, "verify": False}
+    alone = dmoc.solve(problem, **options)
     before = limits()
-    together(lambda _: costs.append(dmoc.solve(problem, method, verify=False).cost))
+    together(lambda _: costs.append(dmoc.solve(problem, **options).cost))
     assert limits() == before and costs == [alone.cost] * 8
 
 

@@ -26,6 +26,8 @@ from dmoc.sequences.relaxation import Relaxation
 from dmoc.sequences.search import Progress, SearchResult
 from dmoc.sequences.settings import settings_of
 
+pytestmark = pytest.mark.slow
+
 T = dynamicsymbols._t
 
 
@@ -96,7 +98,6 @@ def test_a_block_waits_or_rests_beside_its_slide() -> None:
     assert result.best.cost == pytest.approx(2 / 3 * sqrt(6), rel=1e-3)
 
 
-@pytest.mark.slow
 def test_a_cart_pole_swings_up_against_the_friction_of_its_rail() -> None:
     """1 kg, 0.1 kg at 1 m, 2 N, 3 s, int u^2: slip+, slip-, slip+ costs 88.09 on 40 steps a phase;
     CONTACT of a published tool, nosnoc, ends at 100.3 and 121.1."""

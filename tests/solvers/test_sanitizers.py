@@ -162,7 +162,7 @@ def linked(gcc: str, objects: list[Path], tmp_path_factory: pytest.TempPathFacto
                 (folder / name).write_text(text)
             driver = str(Path(__file__).with_name("sanitized.c"))
             own = [f"-DTABLE={kernels.name}_kernels", driver, "kernels.c", *map(str, objects)]
-            command = [gcc, *FLAGS, *WARNINGS, *_include(), *own, "-lm", "-o", "run"]
+            command = [gcc, *FLAGS, "-O0", *WARNINGS, *_include(), *own, "-lm", "-o", "run"]
             done = _run(command, folder)
             assert done.returncode == 0, done.stderr
             made[code] = folder / "run"
@@ -204,7 +204,7 @@ def repeated(call: Call, kernels: Kernels, linked: Link, file: Path) -> None:
 def test_the_seed_problem(
     seed: dmoc.Problem, calls: list[Call], linked: Link, tmp_path: Path
 ) -> None:
-    answer_of(seed, "ipm", verify=False)
+    answer_of(seed.but(steps=30), "ipm", verify=False)
     for call in calls:
         repeated(call, seed.kernels, linked, tmp_path / "program")
 

@@ -44,11 +44,8 @@ def pendulum_kernels(named: bool, relative: bool, order: int = 2) -> Kernels:
     return dmoc.build(double_pendulum(named, relative), order=order, backend="numpy")
 
 
-@pytest.mark.parametrize(
-    ("relative", "order"),
-    [(False, 2), pytest.param(True, 2, marks=pytest.mark.slow),
-     pytest.param(True, 4, marks=pytest.mark.slow)],
-)  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize(("relative", "order"), [(False, 2), (True, 2), (True, 4)])
 @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # no time to a surface
 def test_kernels_with_definitions_are_those_without(relative: bool, order: int) -> None:
     rng = np.random.default_rng(0)
@@ -101,6 +98,7 @@ def test_places_that_move_with_the_time_have_its_rate() -> None:
         np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_velocities_may_be_defined() -> None:
     """A double pendulum by the velocities in the frames of its links."""
     along, across = dynamicsymbols("along across")
@@ -135,6 +133,7 @@ def test_properties_are_in_coordinates_where_they_say_so() -> None:
     assert system.shapes[1].normal == (0, 1)
 
 
+@pytest.mark.slow
 def test_the_order_of_normals_does_not_need_places_to_be_named() -> None:
     """A normal that turns is that of the places written out."""
     named, plain = (

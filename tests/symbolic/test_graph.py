@@ -152,6 +152,7 @@ def kernels_of_a_chain(links: int) -> dict[str, KernelSpec]:
     return {k.name: k for k in families.model_spec(chain_system(links)).kernels}
 
 
+@pytest.mark.slow
 def test_momenta_and_energies_do_without_the_slopes_by_coordinates() -> None:
     """Their second derivatives call a function of the Lagrangian and of its slopes by velocities
     alone, of which the slopes by two velocities are none of third order."""

@@ -137,6 +137,7 @@ def test_a_leg_that_slides_is_a_mass_in_polar_coordinates() -> None:
     assert system.units == {"x": "m", "y": "m", "a": "rad", "b": "rad", "r": "m"}
 
 
+@pytest.mark.slow
 def test_an_arm_in_space_is_that_of_kane() -> None:
     """Three hinges with axes z, y and (1, 0, 1), gravity, and torques."""
     ours = dynamics(arm())
@@ -171,6 +172,7 @@ def test_nested_frames_of_sympy_go_through_the_same_graph() -> None:
     assert_same(system, arm())
 
 
+@pytest.mark.slow
 def test_masses_of_a_quadruped_are_those_of_composite_bodies() -> None:
     nodes = readable(legged()).to_nodes(Graph())
     entries = [e for row in mass_matrix(nodes) for e in row]

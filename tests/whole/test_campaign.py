@@ -83,7 +83,7 @@ def test_a_rod_is_hit_by_poissons_law(
 
 def solved(instance: Instance, steps: int) -> Solved:
     kernels = dmoc.build(system_of(instance))
-    solution = answer_of(dmoc.Problem(kernels, steps=steps, **instance.problem), "ipm")
+    solution = answer_of(dmoc.Problem(kernels, steps=steps, **instance.problem), "ipm", starts=4)
     return instance, solution, ContactMechanism(instance.description)
 
 
