@@ -17,6 +17,7 @@ from sphinx.util.docutils import SphinxDirective
 from dmoc.report.style import STYLES
 
 FOLDER = "diagrams"  # beside the pages, made by the build
+CODE = "drawings.py", "strokes.py"
 
 
 class Diagram(SphinxDirective):
@@ -34,20 +35,21 @@ class Diagram(SphinxDirective):
         for style in STYLES:
             uri = f"/{FOLDER}/{name}-{style}.svg"
             figure += nodes.image(uri=uri, alt=text, classes=[f"only-{style}"])
-        caption, messages = self.parse_inline(" ".join(self.content), lineno=self.lineno)
+        caption, messages = self.parse_inline(text, lineno=self.lineno)
         figure += nodes.caption(text, "", *caption)
         return [figure, *messages]
 
 
 def draw(app: Sphinx) -> None:
     """Write the figures that are older than their code."""
-    folder, code = Path(app.srcdir) / FOLDER, Path(__file__).with_name("drawings.py")
+    folder = Path(app.srcdir) / FOLDER
+    code = max(Path(__file__).with_name(name).stat().st_mtime for name in CODE)
     folder.mkdir(exist_ok=True)
     fonts = {"mathtext.fontset": "stix", "svg.hashsalt": "dmoc", "font.size": 10}
     for name, drawing in DRAWINGS.items():
         for word, style in STYLES.items():
             path = folder / f"{name}-{word}.svg"
-            if path.exists() and path.stat().st_mtime > code.stat().st_mtime:
+            if path.exists() and path.stat().st_mtime > code:
                 continue
             with matplotlib.rc_context({**fonts, **style.settings}):
                 figure = drawing(style)

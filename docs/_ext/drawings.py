@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from strokes import WIDTH, arrow, empty_axes, frame, write
 
 import dmoc
 from dmoc.mechanics.model import Model
@@ -19,83 +19,53 @@ from dmoc.report.style import Style
 from dmoc.simulation.poisson import impulses
 from dmoc.solvers.kkt_layout import kkt_layout
 
-WIDTH = 7.4  # inches
 # A rod that hits a floor at this angle slides, stops and sticks (rates n and t, response A, mu, e).
 ROD = (np.array([-1.0, 0.2]), np.array([[1.75, 0.55], [0.55, 3.25]]), 0.35, 0.6)
 Draw = Callable[[Style], Figure]
 
 
-def _axes(style: Style, height: float, columns: int = 1) -> tuple[Figure, list[Axes]]:
-    """A figure with empty axes side by side."""
-    figure = Figure(figsize=(WIDTH, height), facecolor=style.paper, layout="constrained")
-    axes = list(np.atleast_1d(figure.subplots(1, columns)))
-    for a in axes:
-        a.set_facecolor(style.paper)
-        a.set_axis_off()
-    return figure, axes
-
-
-def _arrow(axes: Axes, start: Sequence[float], end: Sequence[float], colour: str) -> None:
-    look = {"arrowstyle": "-|>", "color": colour, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", xy=tuple(end), xytext=tuple(start), arrowprops=look)
-
-
-def _text(axes: Axes, x: float, y: float, text: str, colour: str, **more: Any) -> None:
-    axes.text(x, y, text, **{"color": colour, "fontsize": 10.5, "ha": "center", **more})
-
-
-def _frame(axes: Axes, style: Style, x: str, y: str) -> None:
-    """Axes that are seen, with labels."""
-    axes.set_axis_on()
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(style.muted)
-    axes.tick_params(colors=style.muted, labelsize=8)
-    axes.set_xlabel(x, color=style.ink, fontsize=10)
-    axes.set_ylabel(y, color=style.ink, fontsize=10)
-
-
 def gap(style: Style) -> Figure:
     """A curved wall, the gradient of its gap, and the velocities of a hit."""
-    figure, (axes,) = _axes(style, 3.0)
+    figure, (axes,) = empty_axes(style, 3.0)
     y = np.linspace(-1.35, 1.35, 80)
     wall = 0.16 * y**2
     axes.fill_betweenx(y, wall, 3.2, color=style.body)
     axes.plot(wall, y, color=style.edge, lw=2)
-    _text(axes, 1.9, 0.9, r"$g(q, t) > 0$", style.ink)
-    _text(axes, -2.9, 0.9, r"$g(q, t) < 0$: admissible", style.ink)
-    _text(axes, 0.45, 1.18, r"$g = 0$", style.ink)
+    write(axes, 1.9, 0.9, r"$g(q, t) > 0$", style.ink)
+    write(axes, -2.9, 0.9, r"$g(q, t) < 0$: admissible", style.ink)
+    write(axes, 0.45, 1.18, r"$g = 0$", style.ink)
     for start, end, label, at in (
         ((-1.9, -1.1), (-0.95, -0.55), r"$v^-$", (-1.62, -0.68)),
         ((-0.5, 0.38), (-1.45, 1.1), r"$v^+$", (-0.82, 0.86)),
     ):
-        _arrow(axes, start, end, style.colours[0])
-        _text(axes, *at, label, style.colours[0])
+        arrow(axes, start, end, style.colours[0])
+        write(axes, *at, label, style.colours[0])
     axes.plot([-1.9, 0, -1.45], [-1.1, 0, 1.1], color=style.colours[0], lw=1, ls=":")
-    _arrow(axes, (0, 0), (1.15, 0), style.colours[1])
-    _text(axes, 1.4, -0.03, r"$\nabla g$", style.colours[1], ha="left")
-    _arrow(axes, (0, 0), (-1.35, 0), style.hit)
-    _text(axes, -1.75, -0.03, r"$-\lambda\,\nabla g$", style.hit, ha="right")
+    arrow(axes, (0, 0), (1.15, 0), style.colours[1])
+    write(axes, 1.4, -0.03, r"$\nabla g$", style.colours[1], ha="left")
+    arrow(axes, (0, 0), (-1.35, 0), style.hit)
+    write(axes, -1.75, -0.03, r"$-\lambda\,\nabla g$", style.hit, ha="right")
     axes.plot(0, 0, "o", color=style.mass, ms=8)
-    _text(
+    write(
         axes,
         -2.9,
         -1.25,
         r"$\gamma^- = \nabla g \cdot v^- + \partial g/\partial t \geq 0$",
         style.ink,
     )
-    _text(axes, -2.9, 0.45, r"$\gamma^+ = -e\,\gamma^- \leq 0$", style.ink)
+    write(axes, -2.9, 0.45, r"$\gamma^+ = -e\,\gamma^- \leq 0$", style.ink)
     axes.set(xlim=(-4.6, 3.2), ylim=(-1.45, 1.4))
     return figure
 
 
 def variation(style: Style) -> Figure:
     """A path to a moving wall, and one that hits later."""
-    figure, (axes,) = _axes(style, 3.0)
+    figure, (axes,) = empty_axes(style, 3.0)
     t = np.linspace(0, 10, 100)
     wall = 0.55 + 0.05 * t
     axes.fill_between(t, wall, 1.6, color=style.body)
     axes.plot(t, wall, color=style.edge, lw=2)
-    _text(axes, 8.6, 1.25, r"$g(q, t) > 0$", style.ink)
+    write(axes, 8.6, 1.25, r"$g(q, t) > 0$", style.ink)
     for hit, line, colour in ((4.0, "-", style.colours[0]), (5.6, "--", style.colours[1])):
         place = 0.55 + 0.05 * hit
         before, after = np.linspace(0.4, hit, 40), np.linspace(hit, 9.6, 40)
@@ -106,11 +76,11 @@ def variation(style: Style) -> Figure:
         axes.plot(hit, place, "o", color=colour, ms=6)
     q, later = 0.55 + 0.05 * 4.0, 0.55 + 0.05 * 5.6
     axes.plot([4, 4, 5.6, 5.6], [q, -1.0, -1.0, later], color=style.muted, lw=0.8, ls=":")
-    _arrow(axes, (4, -0.95), (5.6, -0.95), style.muted)
-    _text(axes, 4.8, -0.88, r"$\delta t_c$", style.ink)
-    _arrow(axes, (5.75, q), (5.75, later + 0.003), style.hit)
+    arrow(axes, (4, -0.95), (5.6, -0.95), style.muted)
+    write(axes, 4.8, -0.88, r"$\delta t_c$", style.ink)
+    arrow(axes, (5.75, q), (5.75, later + 0.003), style.hit)
     axes.plot([4, 5.85], [q, q], color=style.muted, lw=0.8, ls=":")
-    _text(
+    write(
         axes,
         5.9,
         1.05,
@@ -119,16 +89,16 @@ def variation(style: Style) -> Figure:
         ha="left",
         va="center",
     )
-    _text(axes, 1.9, 0.33, r"$q(t)$", style.colours[0])
-    _text(axes, 3.3, -0.45, r"$q + \delta q$", style.colours[1])
-    _text(axes, 9.9, -1.13, r"$t$", style.ink)
+    write(axes, 1.9, 0.33, r"$q(t)$", style.colours[0])
+    write(axes, 3.3, -0.45, r"$q + \delta q$", style.colours[1])
+    write(axes, 9.9, -1.13, r"$t$", style.ink)
     axes.set(xlim=(0, 10.2), ylim=(-1.2, 1.6))
     return figure
 
 
 def poisson(style: Style) -> Figure:
     """The path of an impact that slides and then sticks, in the plane of its impulses."""
-    figure, (axes,) = _axes(style, 3.4)
+    figure, (axes,) = empty_axes(style, 3.4)
     (n, t), A, mu, e = ROD
     whole = impulses(ROD[0], A, mu, e)
     stop = t / -(A[0, 1] - mu * A[1, 1])
@@ -151,16 +121,16 @@ def poisson(style: Style) -> Figure:
     axes.plot(P[2:], tangential(P[2:]), color=style.colours[1], lw=2.6)
     axes.plot(P, tangential(P), "o", color=style.mass, ms=6)
     deep = float(tangential(top))
-    _text(axes, 0.35 * stop, deep * 0.62, "slides:\n$dT = -s\\mu\\,dP$", style.colours[0])
-    _text(axes, 0.75 * top, deep * 0.55, r"sticks: $\sigma = 0$", style.colours[2])
-    _text(axes, P_1 + 0.02, 0.5 * mu * P_1, r"$\gamma = 0$", style.colours[4], ha="left")
+    write(axes, 0.35 * stop, deep * 0.62, "slides:\n$dT = -s\\mu\\,dP$", style.colours[0])
+    write(axes, 0.75 * top, deep * 0.55, r"sticks: $\sigma = 0$", style.colours[2])
+    write(axes, P_1 + 0.02, 0.5 * mu * P_1, r"$\gamma = 0$", style.colours[4], ha="left")
     for place, label in zip(P[1:], ("stops", "$P_1$", "$(1 + e)\\,P_1$"), strict=True):
         axes.plot(
             [place, place], [float(tangential(place)), low], color=style.muted, lw=0.8, ls=":"
         )
-        _text(axes, place, 1.12 * low, label, style.ink)
-    _text(axes, 0.8 * top, 0.5 * mu * top, r"cone $|T| \leq \mu P$", style.muted)
-    _frame(axes, style, "normal impulse $P$", "tangential impulse $T$")
+        write(axes, place, 1.12 * low, label, style.ink)
+    write(axes, 0.8 * top, 0.5 * mu * top, r"cone $|T| \leq \mu P$", style.muted)
+    frame(axes, style, "normal impulse $P$", "tangential impulse $T$")
     axes.set(xlim=(0, top), ylim=(1.25 * low, 0.75 * mu * top), xticks=[], yticks=[])
     return figure
 
@@ -188,7 +158,7 @@ WORDS = (
 
 def modes(style: Style) -> Figure:
     """The automaton of one contact with friction."""
-    figure, (axes,) = _axes(style, 3.5)
+    figure, (axes,) = empty_axes(style, 3.5)
     box = {"boxstyle": "round,pad=0.45", "fc": style.body, "ec": style.edge, "lw": 1.4}
     for x, y, label in MODES.values():
         axes.text(x, y, label, color=style.ink, fontsize=9.5, ha="center", va="center", bbox=box)
@@ -245,7 +215,7 @@ def timeline(style: Style) -> Figure:
             "", xy=(t[1], 0.17), xytext=(t[0], 0.17),
             arrowprops={"arrowstyle": "<->", "color": colour, "shrinkA": 0, "shrinkB": 0},
         )  # fmt: skip
-        _text(
+        write(
             above,
             t[0] + width / 2 if number else t[1] + 0.012,
             0.02 if number else 0.13,
@@ -256,9 +226,9 @@ def timeline(style: Style) -> Figure:
     for axes in (above, below):
         axes.set_facecolor(style.paper)
         axes.axvline(hit, color=style.hit, lw=1.2, ls=":")
-    _frame(above, style, "", r"$\alpha$ [rad]")
-    _frame(below, style, "time [s]", "F [N]")
-    _text(
+    frame(above, style, "", r"$\alpha$ [rad]")
+    frame(below, style, "time [s]", "F [N]")
+    write(
         above,
         hit + 0.012,
         1.5,
@@ -268,8 +238,8 @@ def timeline(style: Style) -> Figure:
         va="top",
         fontsize=9,
     )
-    _text(above, 0.93, 0.75, "nodes of steps, and inside", style.muted, ha="right", fontsize=9)
-    _text(below, 0.93, -20, "two values a step", style.muted, ha="right", fontsize=9)
+    write(above, 0.93, 0.75, "nodes of steps, and inside", style.muted, ha="right", fontsize=9)
+    write(below, 0.93, -20, "two values a step", style.muted, ha="right", fontsize=9)
     above.set_ylim(-0.05, 1.75)
     return figure
 
@@ -292,7 +262,7 @@ def pattern(style: Style) -> Figure:
         *np.ravel(lay.impact.v_c),
     }
     of_hit = np.isin(of_place[place], [*special]).any(axis=1)
-    figure, axes = _axes(style, 3.7, 2)
+    figure, axes = empty_axes(style, 3.7, 2)
     for a, ij, title in (
         (axes[0], at, "unknowns, then equations"),
         (axes[1], place, "in the order of the time"),
@@ -300,7 +270,7 @@ def pattern(style: Style) -> Figure:
         a.plot(ij[~of_hit, 1], ij[~of_hit, 0], "s", color=style.colours[0], ms=1.9, mew=0)
         a.plot(ij[of_hit, 1], ij[of_hit, 0], "s", color=style.hit, ms=2.9, mew=0)
         a.set(xlim=(-1, K.size), ylim=(K.size, -1), aspect="equal")
-        _frame(a, style, title, "")
+        frame(a, style, title, "")
         a.spines[["top", "right"]].set_visible(True)
         a.spines[["top", "right"]].set_color(style.muted)
         a.set(xticks=[], yticks=[])
@@ -311,7 +281,7 @@ def tree(style: Style) -> Figure:
     """The tree of the reference problem up to two hits, as a search finds it."""
     problem = _reference(2, (100, 100)).but(steps=100)
     nodes = {n.sequence: n for n in dmoc.search(problem, max_collisions=2).nodes}
-    figure, (axes,) = _axes(style, 3.1)
+    figure, (axes,) = empty_axes(style, 3.1)
     spread = {0: 0.0, 1: 2.0, 2: 1.0}
 
     def place(sequence: tuple[str, ...]) -> tuple[float, float]:
@@ -322,7 +292,7 @@ def tree(style: Style) -> Figure:
         if sequence:
             (x, y), (x_0, y_0) = place(sequence), place(sequence[:-1])
             axes.plot([x_0, x], [y_0, y], color=style.muted, lw=1.2, zorder=1)
-            _text(
+            write(
                 axes,
                 (x_0 + x) / 2 + (0.2 if x > x_0 else -0.2),
                 (y_0 + y) / 2 + 0.12,
@@ -342,7 +312,7 @@ def tree(style: Style) -> Figure:
         axes.text(
             x, y, label, color=style.on_verdict, fontsize=9, ha="center", va="center", bbox=box
         )
-    _text(axes, 1.0, 0.0, "no collision", style.muted, fontsize=9, va="center", ha="left")
+    write(axes, 1.0, 0.0, "no collision", style.muted, fontsize=9, va="center", ha="left")
     axes.set(xlim=(-3.9, 3.9), ylim=(-2.65, 0.45))
     return figure
 
@@ -366,7 +336,7 @@ def check(style: Style) -> Figure:
     def velocity(phase: Any, k: int) -> np.ndarray:
         return np.asarray(model.velocity(phase.q[k], phase.p[k]))
 
-    figure, (axes,) = _axes(style, 3.4)
+    figure, (axes,) = empty_axes(style, 3.4)
     state = None
     for phase in solution.phases:
         axes.plot(phase.t, phase.q[:, 0], "o", color=style.colours[0], ms=5, zorder=3)
@@ -389,7 +359,7 @@ def check(style: Style) -> Figure:
         state = after
     hit = solution.collisions[0].time
     axes.axvline(hit, color=style.hit, lw=1, ls=":")
-    _text(
+    write(
         axes,
         hit + 0.01,
         0.08,
@@ -398,7 +368,7 @@ def check(style: Style) -> Figure:
         ha="left",
         fontsize=9,
     )
-    _text(
+    write(
         axes,
         0.99,
         0.98,
@@ -407,9 +377,9 @@ def check(style: Style) -> Figure:
         ha="right",
         fontsize=9,
     )
-    _text(axes, 0.99, 0.82, "open loop: the inputs alone", style.colours[1], ha="right", fontsize=9)
-    _text(axes, 0.99, 1.14, "planned nodes", style.colours[0], ha="right", fontsize=9)
-    _frame(axes, style, "time [s]", r"$\alpha$ [rad]")
+    write(axes, 0.99, 0.82, "open loop: the inputs alone", style.colours[1], ha="right", fontsize=9)
+    write(axes, 0.99, 1.14, "planned nodes", style.colours[0], ha="right", fontsize=9)
+    frame(axes, style, "time [s]", r"$\alpha$ [rad]")
     axes.set_ylim(bottom=0)
     return figure
 
