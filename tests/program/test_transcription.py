@@ -14,11 +14,13 @@ from systems import driven_system, landing_system, rod_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.guess.automatic import initial_guesses
 from dmoc.mechanics.touch import Open
 from dmoc.problem.relaxed import relaxed
 from dmoc.program.blocks import GOAL, LAW
 from dmoc.program.extraction import trajectory
 from dmoc.program.layout import Layout
+from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
 
 
@@ -129,7 +131,7 @@ def hit_problem(order: int) -> dmoc.Problem:
     scope="module",
     params=[
         *("constant", "linear", "puck", "driven", "driven, by rates", "driven, order 4"),
-        "driven, linear",
+        *("driven, linear", "driven, scaled"),
         *("pendulum, order 4", "contacts", "contacts, periodic"),
         *("hits with friction", "hits with friction, order 4", "joints", "joints, periodic"),
         *("relaxed", "relaxed, periodic", "relaxed, moving"),
@@ -141,6 +143,8 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
     if request.param.startswith("driven"):
         controls = "linear" if "linear" in request.param else None
         problem = driven_problem(4 if "4" in request.param else 2, controls)
+        if "scaled" in request.param:
+            return Transcription(problem, scale_of(problem, initial_guesses(problem)[0].x))
         return Transcription(problem.in_rates() if "rates" in request.param else problem)
     if request.param == "relaxed, moving":
         return Transcription(relaxed(driven_problem(2), Open((0, 1)), ["side"], 3, 0.5))
