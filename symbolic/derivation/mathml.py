@@ -22,10 +22,10 @@ GREEK = frozenset(
 LINE = 110
 
 
-def math(body: str, display: bool = True) -> str:
+def math(body: str) -> str:
     """A formula from its MathML."""
-    shown = ' display="block" style="width:fit-content;margin:0"' if display else ""
-    return f'<math xmlns="http://www.w3.org/1998/Math/MathML"{shown}>{body}</math>'
+    shown = 'display="block" style="width:fit-content;margin:0"'
+    return f'<math xmlns="http://www.w3.org/1998/Math/MathML" {shown}>{body}</math>'
 
 
 def symbol(name: str) -> str:
