@@ -83,7 +83,8 @@ def problem(steps: int = 80) -> dmoc.Problem:
 # %%
 # The answer
 # ----------
-# Contact forces in weights of the hopper, and the impulse of the landing.
+# Contact forces in weights of the hopper, and the impulse of the landing. Few starts lead to a
+# minimum here, and three hundred to none that costs less than that of fifty.
 
 
 def main() -> None:
