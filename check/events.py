@@ -85,8 +85,8 @@ def _contradictions(p: EventPassage, sizes: Sizes) -> Iterator[str]:
     yield from _otherwise(p, slack)
     if p.law.unheld:
         yield (
-            f"{' and '.join(p.law.unheld)} would have to pull or to slip in the hit of "
-            f"{p.c.surface} at {p.c.time:.4g} s"
+            f"{' and '.join(p.law.unheld)} would have to pull or to slip, or stop sliding, in the "
+            f"hit of {p.c.surface} at {p.c.time:.4g} s"
         )
     yield from _turned(p, slack)
     yield from _approached(p, sizes)
@@ -129,19 +129,18 @@ def _unbearable(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
 
 
 def _turned(p: EventPassage, slack: float) -> Iterator[str]:
-    """Contacts whose sliding turns in an impact that presses them: how much of their friction acts
-    in either direction, the law of impact does not say."""
-    model = p.model
-    for k, s in p.mode.sliding:
-        name, pressed = (
-            model.kernels.tangents[k],
-            float(p.law.normal[0, model.supports[k]]),
-        )
-        if p.before.rubbing.get(name) == -s and model.friction[k] * pressed > slack:
+    """Contacts whose sliding turns in an impact that presses them, or stops in one with a course or
+    a restitution: how much of their friction acts before and after, the law does not say."""
+    model, released = p.model, p.hit is not None and not p.lands and p.restitution[p.hit] > 0
+    for k, s in p.mode.rubbing.items():
+        name, pressed = model.kernels.tangents[k], float(p.law.normal[0, model.supports[k]])
+        was = p.before.rubbing.get(name, s)
+        turns, stops = s * was < 0, was != s == 0 and (released or p.rubs is not None)
+        if (turns or stops) and model.friction[k] * pressed > slack:
             yield (
-                f"{name} turns round in the impact at {p.c.time:.4g} s, which "
-                f"presses it with {pressed:.4g} N s: that is known only of contacts that the "
-                "impact does not press"
+                f"{name} {'turns round' if turns else 'stops sliding'} in the impact at "
+                f"{p.c.time:.4g} s, which presses it with {pressed:.4g} N s: that is known only of "
+                "contacts that the impact does not press"
             )
 
 

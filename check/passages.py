@@ -126,10 +126,13 @@ class EventPassage:
 
     @property
     def holding(self) -> Mode:
-        """What holds during a hit with friction: all that is closed beside it."""
+        """What is closed beside a hit with friction, and rubs there."""
         k, mode = self.rubs, self.mode
-        sticking = tuple(i for i in mode.sticking if i != k and self.model.friction[i] > 0)
-        return Mode(tuple(j for j in mode.closed if j != self.hit), sticking)
+        return Mode(
+            tuple(j for j in mode.closed if j != self.hit),
+            tuple(i for i in mode.sticking if i != k and self.model.friction[i] > 0),
+            tuple((i, s) for i, s in mode.sliding if i != k),
+        )
 
 
 def passage_of(
@@ -160,12 +163,5 @@ def passage_of(
             return EventPassage(*parts, without_rails(at, ours), j, at.index(j), lands=True)
         return EventPassage(*parts, without_rails(at, ours))
     j = model.surface_numbers[c.surface]
-    rubs, slides = model.rough.get(j), [k for k, _ in ours.sliding if model.friction[k] > 0]
-    wrong = (
-        f"{model.kernels.tangents[slides[0]]!r} slides {when}, where {c.surface!r} is hit with "
-        "friction: that is known only where the other contacts hold"
-        if rubs is not None and slides
-        else ""
-    )
     with_hit = Mode((j, *ours.closed), ours.sticking, ours.sliding)
-    return EventPassage(*parts, with_hit, j, rubs, wrong=wrong)
+    return EventPassage(*parts, with_hit, j, model.rough.get(j))

@@ -18,9 +18,9 @@ def course_of(rates: Array, A: Array, mu: float, e: float) -> Course:
     bodies approach, and of sliding (2,), and what impulses along normal and tangent change them by
     (2, 2)."""
     n, sigma = min(float(rates[0]), 0.0), float(rates[1])
-    holds = abs(A[0, 1]) <= mu * A[1, 1]
-    s = int(np.sign(sigma)) or (1 if holds or A[0, 1] > 0 else -1)
-    closing, turning = A[0, 0] - s * mu * A[0, 1], A[0, 1] - s * mu * A[1, 1]
+    holds = abs(A[1, 0]) <= mu * A[1, 1]
+    s = int(np.sign(sigma)) or (1 if holds or A[1, 0] > 0 else -1)
+    closing, turning = A[0, 0] - s * mu * A[0, 1], A[1, 0] - s * mu * A[1, 1]
     if sigma == 0 and not holds:
         return Course(s)
     stop = -sigma / turning if s * turning < 0 else np.inf

@@ -68,10 +68,12 @@ def rates_and_response(
 ) -> tuple[Array, Array]:
     """Rates of separation and of sliding at a state (q, v, t) before an impact, and the matrix of
     :func:`response`."""
-    q, v, t = state
-    gap_rates, slide_rates = problem.model.gap_rates(q, v, t), problem.model.slide_rates(q, v, t)
-    rates = np.array([-gap_rates[p.surface], slide_rates[p.tangent]])
-    return rates, response(problem, p, q, t)
+    return _rates(problem, p, state), response(problem, p, state[0], state[2])
+
+
+def _rates(problem: Problem, p: Passage, state: tuple[Array, Array, float]) -> Array:
+    gap_rates, slide_rates = problem.model.gap_rates(*state), problem.model.slide_rates(*state)
+    return np.array([-gap_rates[p.surface], slide_rates[p.tangent]])
 
 
 def _directions(problem: Problem, p: Passage, q: Array, t: float) -> Array:
@@ -85,8 +87,8 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     model, i = problem.model, p.event
     q, v = x[lay.index_q[lay.collision_nodes[i]]], x[lay.impact.v_a[i]]
     D = _directions(problem, p, q, t)
-    pushed, held = held_responses(model, p.holding, q, D, t)
-    rates, A = rates_and_response(problem, p, (q, v, t))
+    pushed, normal, tangential = held_responses(model, p.holding, q, D, t)
+    rates, A = _rates(problem, p, (q, v, t)), D @ pushed
     e, mu = float(problem.restitution_values[p.surface]), float(model.friction[p.tangent])
     lam = _impulses(p, rates, A, (e, mu))
     if not np.isfinite(lam).all() or not np.isfinite(pushed).all():
@@ -94,18 +96,18 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     moments = list(p.moments)
     x[lay.hit.P_h[i, moments]], x[lay.hit.T_h[i, moments]] = lam[:-1].T
     x[lay.hit.v_h[i, moments]] = v + lam[:-1] @ pushed.T
-    closed, sticking = list(p.holding.closed), list(p.holding.sticking)
+    closed, rubs = list(p.holding.closed), list(p.holding.rubbing)
     at = [(lay.held.P_b[i, m], lay.held.T_b[i, m]) for m in moments]
     at.append((lay.contact.P_c[i], lay.contact.T_c[i]))
-    for (P, T), beside in zip(at, lam @ held.T, strict=True):
-        x[P[closed]], x[T[sticking]] = np.split(beside, [len(closed)])
+    for (P, T), beside, friction in zip(at, lam @ normal, lam @ tangential, strict=True):
+        x[P[closed]], x[T[rubs]] = beside[closed], friction[rubs]
     x[lay.impact.lam[i]], x[lay.contact.T_c[i, p.tangent]] = lam[-1]
     x[lay.impact.v_c[i]] = v + pushed @ lam[-1]
 
 
 def _sticking(A: Array, mu: float) -> float:
     """The tangential impulse beside a unit normal one where a contact sticks."""
-    return float(np.clip(-A[0, 1] / A[1, 1], -mu, mu)) if A[1, 1] > 0 else 0.0
+    return float(np.clip(-A[1, 0] / A[1, 1], -mu, mu)) if A[1, 1] > 0 else 0.0
 
 
 def _impulses(p: Passage, rates: Array, A: Array, law: tuple[float, float]) -> Array:

@@ -1,4 +1,4 @@
-"""What impulses do to velocities where contacts of a mode hold."""
+"""What impulses do to velocities beside the closed contacts of a mode."""
 
 from __future__ import annotations
 
@@ -14,19 +14,29 @@ REDUNDANT = 1e-10
 
 def held_responses(
     model: Model, holding: Mode, q: Array, B: Array, t: float = 0.0
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array]:
     """Changes of the velocity (nq, m) by impulses B (m, nq) at a position, where what is closed and
-    what sticks hold, and the impulses of these (held, m)."""
-    pushed = model.responses(q, B, t)
-    closed = -model.gap_slopes(q, t)[list(holding.closed), :-1]
-    C = np.vstack([closed, model.tangent_slopes(q, t)[list(holding.sticking), :-1]])
-    if not len(C):
-        return pushed, np.zeros((0, len(B)))
-    response = model.responses(q, C, t)
+    what sticks hold, and the impulses beside them of surfaces (m, nc) and tangents (m, nt)."""
+    pushed, count = model.responses(q, B, t), len(holding.closed)
+    normal, tangential = np.zeros((len(B), model.nc)), np.zeros((len(B), model.nt))
+    if not count:
+        return pushed, normal, tangential
+    along = model.tangent_slopes(q, t)[:, :-1]
+    pushes = -model.gap_slopes(q, t)[:, :-1]
+    C = np.vstack([pushes[list(holding.closed)], along[list(holding.sticking)]])
+    for k, s in holding.sliding:
+        pushes[model.supports[k]] -= s * model.friction[k] * along[k]
+    D = np.vstack([pushes[list(holding.closed)], C[count:]])
+    response = model.responses(q, np.vstack([C, D]), t)
     A = C @ response
     if not (np.isfinite(A).all() and np.isfinite(pushed).all()):
-        return np.full_like(pushed, np.nan), np.full((len(C), len(B)), np.nan)
-    size = np.sqrt(np.maximum(np.diagonal(A), np.finfo(float).tiny))
+        return np.full_like(pushed, np.nan), normal + np.nan, tangential + np.nan
+    squares, A = np.split(A, 2, axis=1)
+    size = np.sqrt(np.maximum(np.diagonal(squares), np.finfo(float).tiny))
     inverse = np.linalg.pinv(A / size / size[:, None], rcond=REDUNDANT) / size / size[:, None]
     impulses = -inverse @ (C @ pushed)
-    return pushed + response @ impulses, impulses
+    normal[:, list(holding.closed)] = impulses[:count].T
+    tangential[:, list(holding.sticking)] = impulses[count:].T
+    for k, s in holding.sliding:
+        tangential[:, k] = -s * model.friction[k] * normal[:, model.supports[k]]
+    return pushed + response[:, len(C) :] @ impulses, normal, tangential

@@ -193,16 +193,19 @@ def along(start: Mode, words: Iterable[str], contacts: Contacts) -> Touch:
 
 
 def _check_holding(at: str, event: Event, modes: tuple[Mode, Mode], contacts: Contacts) -> None:
-    """Refuse contacts with friction that slide where another one is hit with friction."""
-    for mode in modes:
-        for k, _ in mode.sliding:
-            j = contacts.supports[k]
-            if j in (RAIL, event.surface) or contacts.surfaces[j] not in contacts.rough:
-                continue
-            name, (hit,) = contacts.surfaces[j], contacts.named([event.surface])
+    """Refuse contacts with friction that stop sliding, or turn, where another one has a course."""
+    before, after = (mode.rubbing for mode in modes)
+    for k, s in modes[0].sliding:
+        j = contacts.supports[k]
+        if j in (RAIL, event.surface) or k not in after or after[k] == before[k]:
+            continue
+        name, (hit,) = contacts.surfaces[j], contacts.named([event.surface])
+        if name in contacts.rough:
+            how = "turns" if after[k] == -s else "stops sliding"
             raise ProblemError(
-                f"{at}: {name} slides while {hit} is hit with friction, whose law is known only "
-                f"where the other contacts hold: let {name} stick before and after it, or leave."
+                f"{at}: {name} {how} while {hit} {'lands' if event.lands else 'is hit'} with "
+                f"friction in a course of its own, and which of the two changes first is not said: "
+                f"let {name} stick before, slide on as {FRICTION_WORDS[s]}, or leave."
             )
 
 

@@ -103,13 +103,17 @@ class Touch:
         return np.asarray(self.rubs[1:] & at_surfaces & self.impacts[:, None] & ~self.passes)
 
     @cached_property
-    def grips(self) -> Bools:
-        """Tangents with friction of closed surfaces that stick through an impact, shape (events,
-        nt)."""
+    def drags(self) -> Bools:
+        """Those of them that have friction, shape (events, nt)."""
         rough = np.array(
             [name in self.contacts.rough for name in self.contacts.tangents], dtype=bool
         )
-        return np.asarray(self.rubs_in_impact & self.sticks[1:] & rough)
+        return np.asarray(self.rubs_in_impact & rough)
+
+    @cached_property
+    def grips(self) -> Bools:
+        """Those with friction that stick after the impact, shape (events, nt)."""
+        return np.asarray(self.drags & self.sticks[1:])
 
     @cached_property
     def turns(self) -> Bools:

@@ -157,6 +157,11 @@ class Numbering:
         return self.made[-1]
 
 
+def two_sided(mask: Bools) -> Bools:
+    """A mask with a last axis for two sides."""
+    return np.repeat(mask[..., None], 2, axis=-1)
+
+
 def in_columns(values: Index, at: Index, count: int, otherwise: int = NOWHERE) -> Index:
     """Values of the events in the columns of their contacts, shape (events, ..., count); an event
     without a contact has no value."""

@@ -37,7 +37,7 @@ class Passage:
     friction : tuple of int
         Of each stage: a direction of sliding, or 0; one more than moments.
     holding : Mode
-        What is closed, and what sticks, during the impact.
+        What else is closed during the impact, and its friction.
     """
 
     event: int
@@ -135,7 +135,7 @@ class HitUnknowns:
 @dataclass(frozen=True, eq=False)
 class HeldUnknowns:
     """Impulses of what holds until the moments within impacts with friction: of closed contacts
-    P_b, of what sticks T_b and of constraints R_b, shapes (events, moments, ...)."""
+    P_b, of their friction T_b and of constraints R_b, shapes (events, moments, ...)."""
 
     P_b: Index
     T_b: Index
@@ -156,7 +156,7 @@ class HeldUnknowns:
             ),
             block(
                 "T_b",
-                within & touch.grips[:, None],
+                within & touch.drags[:, None],
                 lambda i, m, k: f"friction impulse of {names.tangents[k]} {moment(i, m)}",
                 lambda s: s.friction,
             ),
@@ -185,9 +185,11 @@ def passages_of(touch: Touch) -> tuple[Passage, ...]:
 
 
 def _holding(touch: Touch, event: int) -> Mode:
-    """What is closed, and what sticks, during an impact."""
-    closed, sticking = np.flatnonzero(touch.beside[event]), np.flatnonzero(touch.grips[event])
-    return Mode(tuple(closed.tolist()), tuple(sticking.tolist()))
+    """What is closed, and its friction, during an impact."""
+    signs, drags = touch.signs[event + 1], np.flatnonzero(touch.drags[event])
+    return Mode.of(
+        np.flatnonzero(touch.beside[event]).tolist(), {int(k): int(signs[k]) for k in drags}
+    )
 
 
 def _stages(course: Course, lands: bool) -> tuple[tuple[int, ...], tuple[int, ...]]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
 from dmoc.base.errors import SimulationError
 from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import FREE, Mode
+from dmoc.mechanics.contact_mode import FREE, STICK, Mode
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import Reaction, conditions
 from dmoc.simulation.mode_choice import Blow, Place, plastic_blow
@@ -21,7 +21,7 @@ from dmoc.simulation.single_hit import SingleHit, single_hit
 # A rebound whose flight, with all that follow it, takes less than this share of a step is none.
 SETTLED = 1e-4
 # Contacts beside a hit that are tried in all combinations.
-MOST_HOLDING = 8
+MOST_BESIDE = 8
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,15 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
         return _one_by_one(model, at, e)
     if len(hit) == 1 and _uncoupled(model, at, hit[0], on):
         return _alone(model, at, hit[0], model.rough.get(hit[0]), float(e[hit[0]]))
-    if any(e[j] > 0 for j in hit if j in model.rough):
-        alone = _held(model, at, hit[0], on, float(e[hit[0]])) if len(hit) == 1 else None
+    if len(hit) == 1 and hit[0] in model.rough:
+        alone = _beside(model, at, hit[0], on, float(e[hit[0]]))
         if alone is not None:
             return alone
-        why = "are hit at once" if len(hit) > 1 else "take part in a hit where not all others hold"
+    if any(e[j] > 0 for j in hit if j in model.rough):
         raise SimulationError(
-            f"the contacts {names} with friction {why} at t = {at.t:.6g} s: the outcome of such an "
-            "impact is unique for a restitution of 0 only, give them that."
+            f"the contacts {names} with friction {_why(hit)} at t = {at.t:.6g} s, with a "
+            "restitution above 0: the outcome of such an impact is not known to be unique; give "
+            "what is hit a restitution of 0, or have only one of them touch then."
         )
     blow = plastic_blow(model, at, on, e)
     if blow is not None and not _gains(model, at, blow):
@@ -74,6 +75,13 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
         f"the impact on {names} at t = {at.t:.6g} s has no outcome that obeys the laws of impact "
         "and friction: give them a restitution of 0, or lower the friction."
     )
+
+
+def _why(hit: list[int]) -> str:
+    """Why an impact with friction and restitution has no outcome."""
+    if len(hit) > 1:
+        return "are hit at once"
+    return "take part in a hit in which another one stops, turns, slips or opens midway"
 
 
 def _struck_by(model: Model, hit: SingleHit, on: list[int]) -> Struck:
@@ -147,25 +155,34 @@ def _alone(model: Model, at: Place, j: int, tangent: int | None, e: float) -> St
     return Struck(v + impulse * pushed, ((j, impulse, 0.0),))
 
 
-def _held(model: Model, at: Place, j: int, on: list[int], e: float) -> Struck | None:
-    """A hit with friction while as many of the other touched contacts as can do hold, and those
-    that do not open; None where there are none, or where one of them slides with friction."""
+def _beside(model: Model, at: Place, j: int, on: list[int], e: float) -> Struck | None:
+    """A hit with friction while as many of the other touched contacts as can do stay closed, each
+    with the same friction all along, and those that do not open; None where there are none."""
     q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
-    others, sigma = [k for k in on if k != j], model.slide_rates(q, v, at.t)
-    tangents = {k: model.rough[k] for k in others if k in model.rough}
-    slides = any(abs(sigma[k]) > at.small.slide[k] for k in tangents.values())
-    if slides or len(others) > MOST_HOLDING:
+    others = [k for k in on if k != j]
+    if len(others) > MOST_BESIDE:
         return None
     contact = j, model.rough[j]
     for count in range(len(others), -1, -1):
         for closed in combinations(others, count):
-            sticking = tuple(sorted(tangents[k] for k in closed if k in tangents))
-            hit = single_hit(model, contact, Mode(closed, sticking), (q, v, at.t), e)
-            rates = model.gap_rates(q, hit.velocity, at.t)
             opened = [k for k in others if k not in closed]
-            if not hit.unheld and (rates[opened] <= at.small.rate[opened]).all():
-                return _struck_by(model, hit, [j, *closed])
+            for holding in _modes(model, at, closed):
+                hit = single_hit(model, contact, holding, (q, v, at.t), e)
+                rates = model.gap_rates(q, hit.velocity, at.t)
+                if not hit.unheld and (rates[opened] <= at.small.rate[opened]).all():
+                    return _struck_by(model, hit, [k for k in on if k not in opened])
     return None
+
+
+def _modes(model: Model, at: Place, closed: tuple[int, ...]) -> Iterator[Mode]:
+    """The friction that closed contacts may have from the begin of an impact on: that of their
+    sliding; what is at rest sticks, or begins to slide."""
+    sigma = model.slide_rates(at.y[: model.nq], at.y[model.nq : 2 * model.nq], at.t)
+    tangents = [model.rough[k] for k in closed if k in model.rough]
+    slides = np.sign(sigma) * (np.abs(sigma) > at.small.slide)
+    ways = [(int(slides[k]),) if slides[k] else (STICK, 1, -1) for k in tangents]
+    for signs in product(*ways):
+        yield Mode.of(closed, dict(zip(tangents, signs, strict=True)))
 
 
 def _gains(model: Model, at: Place, blow: Blow) -> bool:

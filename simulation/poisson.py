@@ -12,7 +12,7 @@ s of t, and dS = -A_nt / A_tt dP while it sticks, where that is at most mu dP.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -40,6 +40,7 @@ class Impulses:
     tangential: float
     compression: tuple[Regime, ...]
     restitution: tuple[Regime, ...]
+    stops: tuple[tuple[float, float], ...] = ()  # both impulses until sliding stops
 
     @property
     def course(self) -> str:
@@ -59,13 +60,13 @@ class Impulses:
 def sticking(response: Array, mu: float) -> float:
     """dS/dP of what sticks, or begins to slide; none where nothing can slide."""
     own = float(response[1, 1])
-    return float(np.clip(-response[0, 1] / own, -mu, mu)) if own > 0 else 0.0
+    return float(np.clip(-response[1, 0] / own, -mu, mu)) if own > 0 else 0.0
 
 
 def impulses(rates: Array, response: Array, mu: float, e: float) -> Impulses:
     """The impulses of an impact from the rates before it, of separation, negative where the bodies
-    approach, and of sliding (2,), and the symmetric positive definite response A (2, 2); mu >= 0
-    and 0 <= e <= 1."""
+    approach, and of sliding (2,), and the response A (2, 2), symmetric and positive definite
+    where nothing else slides; mu >= 0 and 0 <= e <= 1."""
     n, t = float(rates[0]), float(rates[1])
     if n >= 0:
         return Impulses(0.0, 0.0, (), ())
@@ -73,7 +74,7 @@ def impulses(rates: Array, response: Array, mu: float, e: float) -> Impulses:
     way = _ImpactPath(response, mu, small)
     compressed, first = way.follow(_HitState(n, t, 0.0, 0.0), np.inf)
     end, second = way.follow(compressed, (1 + e) * compressed.P) if e > 0 else (compressed, ())
-    return Impulses(end.P, end.S, first, second)
+    return Impulses(end.P, end.S, first, second, tuple(way.stops))
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,7 @@ class _ImpactPath:
     response: Array
     mu: float
     small: float
+    stops: list[tuple[float, float]] = field(default_factory=list)
 
     def follow(self, at: _HitState, most: float) -> tuple[_HitState, tuple[Regime, ...]]:
         """Go on to the end of compression, n = 0, or, in restitution, to the normal impulse
@@ -110,6 +112,7 @@ class _ImpactPath:
             at = _HitState(at.n + n_slope * dP, t, at.P + dP, at.S + slope * dP)
             if not stop < left:  # what is not a number ends it too
                 return at, tuple(regimes)
+            self.stops.append((at.P, at.S))
 
     def _slope(self, t: float) -> float:
         """dS/dP of what slides, or, at rest, of what sticks or begins to slide."""

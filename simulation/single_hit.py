@@ -1,4 +1,5 @@
-"""One hit with friction where other contacts hold: Poisson's law with what they let move."""
+"""One hit with friction beside contacts whose friction does not change: Poisson's law with what
+they let move."""
 
 from __future__ import annotations
 
@@ -8,23 +9,18 @@ import numpy as np
 
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import columns
 from dmoc.mechanics.contact_mode import Mode
+from dmoc.mechanics.held import held_responses
 from dmoc.mechanics.model import Model
-from dmoc.simulation.contact_modes import (
-    Reaction,
-    answers,
-    borne,
-    conditions,
-    spread,
-)
+from dmoc.simulation.contact_modes import Reaction, borne
 from dmoc.simulation.poisson import Impulses, impulses
 
 
 @dataclass(frozen=True)
 class SingleHit:
     """Velocity after the hit (nq,), impulses of all surfaces (nc,) and tangents (nt,), the way
-    through it, and contacts that it does not hold: that would have to pull, or slip."""
+    through it, and contacts beside it that do not stay as they are asked to: that would have to
+    pull or to slip, or stop sliding."""
 
     velocity: Array
     normal: Array
@@ -43,55 +39,55 @@ def single_hit(
     """The hit of a surface and its tangent in a state (q, v, t)."""
     (j, k), (q, v, t) = contact, state
     rows, times, mu = q[None], np.array([t]), float(model.friction[k])
-    D = conditions(model, Mode((j,), (k,)), rows, times).B[:, :2]
-    pushed, beside = _held(model, holding, rows, times, D)
+    D = np.stack([-model.gap_slopes(q, t)[j, :-1], model.tangent_slopes(q, t)[k, :-1]])
+    pushed, normal, tangential = held_responses(model, holding, q, D, t)
+    beside = Reaction(pushed.T, normal, tangential, np.zeros((2, model.nj)))
     rates = np.array([-model.gap_rates(q, v, t)[j], model.slide_rates(q, v, t)[k]])
-    response = D[0] @ pushed
-    free = D[0, 1] @ columns(model.mass(rows, times), D)[0][:, 1]
+    response, free = D @ pushed, D[1] @ model.responses(q, D[1], t)
     if response[1, 1] <= SAME * free:  # what holds leaves it nothing to slide along
         response[1], response[:, 1] = 0.0, 0.0
     way = impulses(rates, response, mu, e)
     lam = np.array([way.normal, way.tangential])
-    both = Reaction(v[None], *(lam[None] @ part for part in beside))
-    both = borne(model, holding, both, rows, times)
+    both = borne(model, holding, _grown(beside, lam), rows, times)
     normal, tangential = both.normal[0], both.tangential[0]
     normal[j], tangential[k] = lam
+    passed = v + np.array([(0.0, 0.0), *way.stops, lam]) @ pushed.T
+    slides = model.slide_rates(np.repeat(rows, len(passed), 0), passed, np.full(len(passed), t))
     unheld = _unheld(model, holding, (rows, times), beside, way.slopes(response, mu))
-    return SingleHit(v + pushed @ lam, normal, tangential, way, unheld)
+    unheld += _stopped(model, holding, slides)
+    return SingleHit(passed[-1], normal, tangential, way, tuple(dict.fromkeys(unheld)))
 
 
-def _held(
-    model: Model, holding: Mode, q: Array, t: Array, D: Array
-) -> tuple[Array, tuple[Array, Array, Array]]:
-    """Changes of the velocity (nq, 2) by units of impulses along D, and the impulses of all
-    surfaces, tangents and joints beside them, two rows each."""
-    M = model.mass(q, t)
-    free = columns(M, D)[0].T
-    c = conditions(model, holding, q, t)
-    if not c.C.shape[1]:
-        nothing = np.zeros((2, model.nc)), np.zeros((2, model.nt)), np.zeros((2, model.nj))
-        return free.T, nothing
-    twice = [np.repeat(part, 2, axis=0) for part in (M, c.C, c.B)]
-    wanted = -np.einsum("nmi,ni->nm", twice[1], free)
-    change, lam = answers(twice[0], type(c)(*twice[1:]), wanted)
-    return (free + change).T, spread(model, holding, lam)
+def _grown(beside: Reaction, lam: Array) -> Reaction:
+    """What impulses along normal and tangent (2,) make of those beside units of them."""
+    parts = beside.acceleration, beside.normal, beside.tangential, beside.joint
+    return Reaction(*(lam[None] @ part for part in parts))
 
 
 def _unheld(
     model: Model,
     holding: Mode,
     at: tuple[Array, Array],
-    beside: tuple[Array, Array, Array],
+    beside: Reaction,
     slopes: tuple[float, ...],
-) -> tuple[str, ...]:
+) -> list[str]:
     """Contacts that pull or slip in one of the regimes, in which all impulses grow in one
     proportion."""
     names = list[str]()
     for slope in slopes if holding.closed else ():
-        rates = [np.array([[1.0, slope]]) @ part for part in beside]
-        grown = borne(model, holding, Reaction(np.zeros((1, model.nq)), *rates), *at)
+        grown = borne(model, holding, _grown(beside, np.array([1.0, slope])), *at)
         least = SAME * float(np.abs(grown.normal).max(initial=1.0))  # beside a unit of the hit
         held = model.bearing(grown.normal)[0] - np.abs(grown.tangential[0])
         names += [model.kernels.surfaces[j] for j in holding.closed if grown.normal[0, j] < -least]
         names += [model.kernels.tangents[k] for k in holding.sticking if held[k] < -least]
-    return tuple(dict.fromkeys(names))
+    return names
+
+
+def _stopped(model: Model, holding: Mode, slides: Array) -> list[str]:
+    """Contacts whose sliding velocities, rows before the hit, where its own sliding stops and after
+    it, do not keep their direction."""
+    return [
+        model.kernels.tangents[k]
+        for k, s in holding.sliding
+        if (s * slides[:, k]).min() < -SAME * float(np.abs(slides[:, k]).max())
+    ]

@@ -41,6 +41,7 @@ from dmoc.program.blocks import (
     Numbering,
     in_columns,
     sizes_of,
+    two_sided,
 )
 from dmoc.program.laws.law import INPUT, Law, Pivot, key
 from dmoc.program.layout import Layout
@@ -110,7 +111,7 @@ class ComplementarityLaw(Law):
             return
         lay, names, hit = self.lay, self.lay.touch.contacts, self.lay.touch.surfaces
         nodes, at = np.arange(lay.total + 1), lay.collision_nodes
-        presses, rubs = lay.relaxed.P_r != NOWHERE, _twice(lay.relaxed.T_r != NOWHERE)
+        presses, rubs = lay.relaxed.P_r != NOWHERE, two_sided(lay.relaxed.T_r != NOWHERE)
         every = np.ones(len(hit), dtype=bool)
 
         def of(names: tuple[str, ...], what: str) -> Label:
@@ -262,7 +263,3 @@ class ComplementarityLaw(Law):
         yield Pivot(lay.relaxed.P_r, None, at)
         yield Pivot(lay.relaxed.T_r, None, at)
         yield Pivot(lay.impact.lam, None, key(lay.collision_nodes, INPUT))
-
-
-def _twice(mask: Bools) -> Bools:
-    return np.repeat(mask[:, :, None], 2, axis=2)

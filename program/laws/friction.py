@@ -36,8 +36,18 @@ from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.touch import Touch
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Entries, Index, Numbering
+from dmoc.program.blocks import (
+    NOWHERE,
+    Block,
+    Bools,
+    Counted,
+    Entries,
+    Index,
+    Numbering,
+    two_sided,
+)
 from dmoc.program.bound_kinds import BoundKind
+from dmoc.program.hit_stages import STOP
 from dmoc.program.interior import bound_once
 from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.law import AT_REST, INPUT, Edge, Law, Pivot, key
@@ -146,6 +156,7 @@ class FrictionLaw(Law):
         names, at = touch.contacts.tangents, self.along.at
         slides = touch.signs[lay.phase_of_step] != 0
         slides = slides if not touch.free else slides[:0]
+        stops = lay.hit.moments[:, STOP, None]  # cones within the impact say more
         steps = np.arange(len(slides))
 
         def word(i: int, j: int) -> str:
@@ -153,7 +164,7 @@ class FrictionLaw(Law):
 
         self.cone = block(
             "cone",
-            _twice(self.along.along(self._grips)),
+            two_sided(self.along.along(self._grips)),
             lambda r, j, _: f"friction cone of {names[j]} {at.label(r)}",
             lambda s: s.friction[:, None] / lay.total * at.size[:, :, None],
             at.step if at.own else at.place,
@@ -161,7 +172,7 @@ class FrictionLaw(Law):
         )
         self.cone_of_impact = block(
             "cone of an impact",
-            _twice(touch.rubs_in_impact & self._grips[1:]),
+            two_sided(touch.rubs_in_impact & self._grips[1:] & ~stops),
             lambda i, j, _: f"friction cone of {names[j]} at event {i + 1}",
             lambda s: s.friction[:, None],
         )
@@ -191,7 +202,7 @@ class FrictionLaw(Law):
         )
         self.direction_of_impact = block(
             "direction of an impact",
-            _twice(touch.rubs_in_impact & ~touch.sticks[1:]),
+            two_sided(touch.rubs_in_impact & ~touch.sticks[1:]),
             lambda i, j, side: (
                 f"{word(i + (1 if side or not touch.turns[i, j] else 0), j)} of {names[j]} "
                 f"{'after' if side else 'before'} event {i + 1}"
@@ -379,7 +390,3 @@ def _friction(
             (cone[sticks, side], limit[sticks], factor[sticks]),
         ]
     return entries
-
-
-def _twice(mask: Bools) -> Bools:
-    return np.repeat(mask[:, :, None], 2, axis=2)

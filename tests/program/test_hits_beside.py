@@ -90,26 +90,80 @@ def test_what_holds_has_to_hold_after_the_stop_too() -> None:
     more."""
     stops = problem(2.9, 1.1, "side:slip-:stick:late")
     assert dmoc.solve(stops, starts=1).status == "infeasible"
-    with pytest.raises(SimulationError, match="a hit where not all others hold"):
+    with pytest.raises(SimulationError, match="another one stops, turns, slips or opens midway"):
         dmoc.simulate(
             cart(), REST, {"x_dot": 2, "y_dot": -2.9 + 9.81 * 0.5}, step_size=0.01, steps=80,
             restitution=0.5, parameters={"mu_u": 1.1},
         )  # fmt: skip
 
 
-def test_a_cart_that_the_floor_cannot_hold_is_told_everywhere() -> None:
+def test_a_cart_that_the_floor_cannot_hold_slips() -> None:
+    """The floor bears 0.7 of what presses the cart down, 1.2 P, and P pushes it."""
     assert dmoc.solve(problem(8.905, 0.7), starts=1).status == "infeasible"
-    with pytest.raises(SimulationError, match="a hit where not all others hold"):
-        dmoc.simulate(
-            cart(), REST, {"x_dot": 2, "y_dot": -4}, step_size=0.01, steps=80, restitution=0.5,
-            parameters={"mu_u": 0.7},
-        )  # fmt: skip
+    slips = problem(8.905, 0.7, "side:slip- floor:slip+")
+    slips = slips.but(final_time=0.515, durations=[(None, None), (0.01, None)])  # until it rests
+    push = (1 - 0.7 * 1.2) / 3
+    P = (1 + 0.5) * 2 / (1 + push)
+    hit = answer_of(slips, starts=1).collisions[0]
+    assert hit.impulses == pytest.approx({"side": P, "floor": 1.2 * P})
+    run = dmoc.simulate(
+        cart(), REST, {"x_dot": 2, "y_dot": -4}, step_size=0.005, steps=102, restitution=0.5,
+        parameters={"mu_u": 0.7},
+    )  # fmt: skip
+    assert run.v[-1, [0, 2]] == pytest.approx([2 - P, push * P - 0.7 * 9.81 * 0.01], abs=1e-8)
     held = answer_of(problem(8.905, 1.1), starts=1).trajectory
     weak = replace(held, parameters={**held.parameters, "mu_u": 0.6})
-    assert (
-        "floor would have to pull or to slip in the hit of side"
-        in dmoc.verify(weak, cart()).message
-    )
+    message = dmoc.verify(weak, cart()).message
+    assert "floor would have to pull or to slip, or stop sliding, in the hit of side" in message
+
+
+def along(sinking: float, ahead: float, under: float, word: str) -> dmoc.Problem:
+    """The ball meets the side of a cart that slides away from it."""
+    speed = ahead + under * 9.81 * 0.5  # it brakes until the hit
+    rates = {"x_dot": 2 + ahead, "y_dot": -sinking + 9.81 * 0.5, "c_dot": speed, "d_dot": 0}
+    way = speed * 0.5 - under * 9.81 / 8
+    return dmoc.Problem(
+        cart(), start={"x": way - (2 + ahead) / 2 + 1, "y": 0.0, "c": 0.0, "d": 0.0} | rates,
+        contacts=["floor:slip+"], sequence=[word], restitution=0.5, parameters={"mu_u": under},
+        steps=6, final_time=0.52, durations=[(None, None), (0.02, None)],
+    )  # fmt: skip
+
+
+SLIDES = (  # it sinks with, slides ahead with, mu of the floor, the way, T / P once it has stopped
+    (8.905, 1.0, 0.5, "side:slip-"),
+    (2.9, 1.0, 0.3, "side:slip-:stick:late"),
+    (1.0, 1.0, 0.3, "side:slip-:stick"),
+)
+
+
+@pytest.mark.parametrize("method", ["ipm", "slsqp"])
+@pytest.mark.parametrize(("sinking", "ahead", "under", "word"), SLIDES)
+def test_a_cart_that_slides_on_takes_a_hit(
+    sinking: float, ahead: float, under: float, word: str, method: str
+) -> None:
+    """The friction of the floor grows with that of the side, which presses the cart down: of the
+    impulses P and T the cart takes P - mu T ahead, and the ball stops sinking at T = its rate."""
+    problem = along(sinking, ahead, under, word)
+    solution = answer_of(problem, method, starts=1)
+    hit = solution.collisions[0]
+    stops = sinking / 1.2  # normal impulse until it does not sink any more
+    # closing rate 2 - P - (P - mu T) / 3, with T = 1.2 P until then, and T = sinking after it
+    compression = 2 / (4 / 3 - under * 1.2 / 3)
+    if compression > stops:
+        compression = (2 + under * sinking / 3) / (4 / 3)
+    P = 1.5 * compression
+    T = min(1.2 * P, sinking)
+    assert hit.impulses == pytest.approx({"side": P, "floor": T}, rel=1e-7)
+    assert hit.tractions == pytest.approx({"side": T, "floor": -under * T}, rel=1e-7)
+    after = [2 + ahead - P, T - sinking, ahead + (P - under * T) / 3, 0]
+    np.testing.assert_allclose(solution.phases[1].v[0], after, atol=1e-7)
+    start = {k: v for k, v in problem.start.items() if not k.endswith("_dot")}
+    rates = {k: v for k, v in problem.start.items() if k.endswith("_dot")}
+    run = dmoc.simulate(
+        cart(), start, rates, step_size=0.01, steps=52, restitution=0.5,
+        parameters={"mu_u": under},
+    )  # fmt: skip
+    np.testing.assert_allclose(run.v[-1], solution.phases[1].v[-1], atol=1e-6)
 
 
 def test_a_box_that_stands_on_both_corners_holds_a_hit() -> None:
@@ -150,9 +204,12 @@ def test_a_box_that_stands_on_both_corners_holds_a_hit() -> None:
     np.testing.assert_allclose(run.v[-1, :2], [1, -8.905 + 3.6 - 9.81 * 0.3], atol=1e-8)
 
 
-def test_contacts_that_slide_beside_a_hit_are_refused() -> None:
-    with pytest.raises(ProblemError, match="floor slides while side is hit with friction"):
-        problem(8.905, 1.1).but(contacts=["floor:slip+"], start=REST | {"x_dot": 2, "c_dot": 0.1})
+@pytest.mark.parametrize(
+    ("floor", "how"), [("floor:stick", "stops sliding"), ("floor:slip-", "turns")]
+)
+def test_contacts_that_stop_or_turn_beside_a_hit_are_refused(floor: str, how: str) -> None:
+    with pytest.raises(ProblemError, match=f"floor {how} while side is hit with friction"):
+        along(2.9, 1.0, 0.3, f"side:slip- {floor}")
 
 
 @pytest.mark.parametrize(("angle", "v", "mu", "after", "normal", "tangential", "course"), RODS)
