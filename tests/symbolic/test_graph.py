@@ -25,6 +25,7 @@ from dmoc.codegen.schedule import functions_of, schedule
 from dmoc.codegen.text import c_files, manifest, numpy_text
 from dmoc.inspection.kernel_check import checked
 from dmoc.symbolic import families
+from dmoc.symbolic.arrangement import with_common_factors
 from dmoc.symbolic.conversion import to_nodes
 from dmoc.symbolic.graph import RESULT, SUM, Graph, Node, reverse
 from dmoc.symbolic.pairs import with_shared_sums
@@ -94,6 +95,16 @@ def test_equal_expressions_are_one_node_and_what_cancels_is_gone() -> None:
     assert (x + y) - x is y and (x + y) - (y + x) is g.zero
     assert 2 * (x - y) is -((y - x) * 2)
     assert x * y / x is y and (x**2) ** 0.5 is not x
+
+
+def test_a_sum_that_takes_in_another_takes_its_constant_with_the_sign() -> None:
+    g = Graph()
+    x, y, z = map(g.symbol, "xyz")
+    inner = g.sum([(x * y, 1.0), (z, 1.0)], 4.0)
+    outer = g.sum([(x, 1.0), (inner, -1.0), (x * z, 1.0)], 0.5)
+    at = {x: 0.3, y: 0.7, z: 1.1}
+    (arranged,) = evaluated(with_common_factors([outer]), at, math)
+    assert arranged == pytest.approx(0.3 - (0.21 + 1.1 + 4) + 0.33 + 0.5)
 
 
 def test_sums_that_sympy_writes_flat_share_their_parts_again() -> None:
