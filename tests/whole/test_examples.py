@@ -12,11 +12,8 @@ import pytest
 pytestmark = pytest.mark.slow
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-NAMES = (
-    "seed", "block_and_wall", "two_bounces", "two_discs", "cart_pole", "hanging", "cart_links",
-    "hopper", "puck", "pushed_block", "compass_gait", "stance_hopper", "finger_puck", "walker",
-    "push_or_flick", "jumper",
-)  # fmt: skip
+BESIDE = {"showing", "search_dask"}  # what all share, and what needs a cluster
+NAMES = sorted({path.stem for path in EXAMPLES.glob("*.py")} - BESIDE)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -37,7 +34,7 @@ def test_example(
 
 def test_examples_are_short() -> None:
     lines = {path.stem: _lines_of_code(path.read_text()) for path in EXAMPLES.glob("*.py")}
-    assert set(NAMES) <= set(lines) and max(lines.values()) <= 90, lines
+    assert len(lines) > 16 and max(lines.values()) <= 90, lines
 
 
 def _lines_of_code(text: str) -> int:
