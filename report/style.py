@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 from dmoc.base.arguments import choice
 from dmoc.base.errors import OutputError
@@ -20,6 +20,19 @@ DASHES: tuple[Any, ...] = (
     (0, (6, 1.2, 1.2, 1.2, 1.2, 1.2)),
 )
 DOTS = (0, (1, 1.6))
+# Of the verdicts on nodes of a search: their colours, their signs, and what they mean.
+LOOKS = (
+    ("optimal", "#009E73", "\u2605", "optimal"),
+    ("feasible", "#56B4E9", "\u2713", "feasible"),
+    ("grazes", "#F0E442", "~", "grazes: a collision has no effect"),
+    ("collapses", "#B7A6FF", "\u2193", "collapses: a shorter sequence does as well"),
+    ("unverified", "#E69F00", "?", "not confirmed by simulation"),
+    ("infeasible", "#BBBBBB", "\u2717", "infeasible: the goal is not reached"),
+    ("unreachable", "#D55E00", "\u2298", "unreachable: its last collision cannot be made"),
+    ("failed", "#CC79A7", "!", "failed: no answer"),
+)
+VERDICTS = MappingProxyType({name: colour for name, colour, *_ in LOOKS})
+SIGNS = MappingProxyType({name: (sign, meaning) for name, _, sign, meaning in LOOKS})
 
 
 @dataclass(frozen=True)
@@ -38,8 +51,8 @@ class Style:
     tints: tuple[str, ...]  # of areas behind texts
     free: str  # where nothing touches
     alarm: str  # what was not solved
-    verdicts: Mapping[str, str]  # of the nodes of a search
     on_verdict: str = "#101010"
+    verdicts: ClassVar[Mapping[str, str]] = VERDICTS
 
     @property
     def normal(self) -> str:
@@ -77,31 +90,6 @@ class Style:
         return " ".join(f"--{name}: {colour};" for name, colour in colours.items())
 
 
-VERDICTS = MappingProxyType(
-    {
-        "optimal": "#009E73",
-        "feasible": "#56B4E9",
-        "grazes": "#F0E442",
-        "collapses": "#B7A6FF",
-        "unverified": "#E69F00",
-        "infeasible": "#BBBBBB",
-        "unreachable": "#D55E00",
-        "failed": "#CC79A7",
-    }
-)
-# Signs of verdicts, and what they mean.
-SIGNS = MappingProxyType(
-    {
-        "optimal": ("\u2605", "optimal"),
-        "feasible": ("\u2713", "feasible"),
-        "grazes": ("~", "grazes: a collision has no effect"),
-        "collapses": ("\u2193", "collapses: a shorter sequence does as well"),
-        "unverified": ("?", "not confirmed by simulation"),
-        "infeasible": ("\u2717", "infeasible: the goal is not reached"),
-        "unreachable": ("\u2298", "unreachable: its last collision cannot be made"),
-        "failed": ("!", "failed: no answer"),
-    }
-)
 # Some colours are darker here and lighter below than the original ones: they are of texts too.
 LIGHT = Style(
     paper="#ffffff",
@@ -116,7 +104,6 @@ LIGHT = Style(
     tints=("#cce3f0", "#f7dfcc", "#b3e2d5", "#f5e4ed", "#faeccc", "#a6d7f3"),
     free="#f4f4f4",
     alarm="#b00020",
-    verdicts=VERDICTS,
 )
 DARK = Style(
     paper="#14171a",
@@ -131,7 +118,6 @@ DARK = Style(
     tints=("#1d4460", "#5a2f14", "#145544", "#56384a", "#534b12", "#3b3566"),
     free="#22272b",
     alarm="#ff6b6b",
-    verdicts=VERDICTS,
 )
 STYLES = {"light": LIGHT, "dark": DARK}
 
