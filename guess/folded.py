@@ -1,18 +1,21 @@
 """Motions folded at the surfaces: random smooth ones, mirrored wherever they pass a surface, so
-that they touch where they do and say a sequence of hits by themselves."""
+that they touch where they do and say a sequence of hits by themselves.
+
+Their inputs are those that the folded motion needs: nearly all relaxed programs are solved from
+such starts, few from those without inputs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import natural_time
 from dmoc.guess.extension import impulse_between, with_event
-from dmoc.guess.random_motions import random_motions
-from dmoc.guess.transfer import Piece, equally_long, times_of_inputs, unknowns_along
+from dmoc.guess.random_motions import inputs_for, random_motions
+from dmoc.guess.transfer import Piece, equally_long, unknowns_along
 from dmoc.mechanics.algebra import solved
 from dmoc.problem.problem import Problem
 from dmoc.program.layout import Layout
@@ -71,19 +74,15 @@ def folded_motions(
     kept = [j for j, name in enumerate(names) if name not in problem.ignored]
     with np.errstate(all="ignore"):
         for x in random_motions(plain, [], natural_time(plain), numbers, seed):
-            t, q = lay.times(x), x[lay.index_q]
-            u = Piece(
-                t, q, np.gradient(q, t, axis=0), times_of_inputs("constant", t), x[lay.index_u]
-            )
-            folded = _folded(problem, u, kept, mirrors)
+            folded = _folded(problem, lay.times(x), x[lay.index_q], kept, mirrors)
             if folded is not None:
                 yield folded
 
 
 def _folded(
-    problem: Problem, motion: Piece, walls: Sequence[int], mirrors: Sequence[int]
+    problem: Problem, t: Array, q: Array, walls: Sequence[int], mirrors: Sequence[int]
 ) -> Folded | None:
-    q, t, events = motion.q.copy(), motion.t, list[tuple[float, int]]()
+    events = list[tuple[float, int]]()
     for _ in range(FOLDS):
         gaps = problem.model.gaps(q, t)[:, walls]
         gaps[[0, -1]] = np.minimum(gaps[[0, -1]], 0.0)
@@ -101,7 +100,7 @@ def _folded(
         q[beyond] += _mirrored(problem, q[beyond], t[beyond], j)
     else:
         return None
-    return _cut(problem, replace(motion, q=q), _apart(events, float(np.ptp(t))))
+    return _cut(problem, t, q, _apart(events, float(np.ptp(t))))
 
 
 def _mirrored(problem: Problem, q: Array, t: Array, j: int) -> Array:
@@ -122,30 +121,37 @@ def _apart(events: list[tuple[float, int]], length: float) -> list[tuple[float, 
     return kept
 
 
-def _cut(problem: Problem, motion: Piece, events: list[tuple[float, int]]) -> Folded:
-    """A motion cut at its events, which lie on their surfaces."""
-    times = [float(motion.t[0]), *(at for at, _ in events), float(motion.t[-1])]
-    ends = [motion.q[0], *(_onto(problem, motion, at, j) for at, j in events), motion.q[-1]]
+def _cut(problem: Problem, t: Array, q: Array, events: list[tuple[float, int]]) -> Folded:
+    """Positions cut at events, which lie on their surfaces."""
+    times = [float(t[0]), *(at for at, _ in events), float(t[-1])]
+    ends = [q[0], *(_onto(problem, t, q, at, j) for at, j in events), q[-1]]
     pieces = []
     for k in range(len(times) - 1):
-        inside = (motion.t > times[k]) & (motion.t < times[k + 1])
-        t = np.concatenate([[times[k]], motion.t[inside], [times[k + 1]]])
-        q = np.vstack([ends[k], motion.q[inside], ends[k + 1]])
-        near = np.concatenate([[True], np.diff(t) > 1e-9 * np.ptp(motion.t)])
+        inside = (t > times[k]) & (t < times[k + 1])
+        at = np.concatenate([[times[k]], t[inside], [times[k + 1]]])
+        nodes = np.vstack([ends[k], q[inside], ends[k + 1]])
+        near = np.concatenate([[True], np.diff(at) > 1e-9 * np.ptp(t)])
         near[-1], near[-2] = True, near[-2] and near[-1]
-        t, q = t[near], q[near]
-        pieces.append(replace(motion, t=t, q=q, v=np.gradient(q, t, axis=0)))
+        pieces.append(_driven(problem, at[near], nodes[near]))
     impulses = [_impulse(problem, pieces[k], pieces[k + 1], j) for k, (_, j) in enumerate(events)]
     names = problem.kernels.surfaces
     return Folded(tuple(names[j] for _, j in events), tuple(pieces), tuple(impulses))
 
 
-def _onto(problem: Problem, motion: Piece, t: float, j: int) -> Array:
-    """The position of a motion at a time, moved onto a surface."""
-    q = np.array([[np.interp(t, motion.t, c) for c in motion.q.T]])
+def _driven(problem: Problem, t: Array, q: Array) -> Piece:
+    """Positions with the rates and the inputs that they need."""
+    middle, rate = (t[:-1] + t[1:]) / 2, np.diff(q, axis=0) / np.diff(t)[:, None]
+    a = np.gradient(rate, middle, axis=0) if len(middle) > 1 else np.zeros_like(rate)
+    u = inputs_for(problem, (q[:-1] + q[1:]) / 2, rate, a, middle)
+    return Piece(t, q, np.gradient(q, t, axis=0), middle, np.clip(u, *problem.input_bounds.T))
+
+
+def _onto(problem: Problem, t: Array, q: Array, when: float, j: int) -> Array:
+    """The position at a time, moved onto a surface."""
+    at = np.array([[np.interp(when, t, c) for c in q.T]])
     for _ in range(3):
-        q = q + _mirrored(problem, q, np.array([t]), j) / 2
-    return np.asarray(q[0])
+        at = at + _mirrored(problem, at, np.array([when]), j) / 2
+    return np.asarray(at[0])
 
 
 def _impulse(problem: Problem, before: Piece, after: Piece, j: int) -> float:

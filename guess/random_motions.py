@@ -295,13 +295,21 @@ def _inputs(problem: Problem, lay: Layout, drawn: _Drawn, begin: Array) -> Array
         middle = (np.arange(n) + 0.5) / n
         q, v, a = (part.reshape(-1, lay.nq) for part in _along(drawn, i, middle))
         t = (begin[:, i, None] + drawn.durations[:, i, None] * middle).reshape(-1)
-        M, F = problem.model.equations(q, v, t=t)
-        B = problem.model.input_matrix(q, v, t=t) / np.sqrt(problem.inertia)[:, None]
-        missing = (np.einsum("kij,kj->ki", M, a) - F) / np.sqrt(problem.inertia)
-        good = np.isfinite(B).all(axis=(1, 2)) & np.isfinite(missing).all(axis=1)
-        u = np.zeros((len(q), nu))
-        u[good] = np.einsum("kij,kj->ki", np.linalg.pinv(B[good]), missing[good])
+        u = inputs_for(problem, q, v, a, t)
         inputs.append(u.reshape(count, n, nu))
     steps: Index = lay.step_of_input
     u = np.where(drawn.driven[:, None, None], np.concatenate(inputs, axis=1)[:, steps], 0.0)
     return np.clip(u, *problem.input_bounds.T)
+
+
+def inputs_for(problem: Problem, q: Array, v: Array, a: Array, t: Array) -> Array:
+    """Inputs that come closest to accelerations, shape (n, nu); 0 where nothing can be said."""
+    if not problem.nu:
+        return np.zeros((len(q), 0))
+    M, F = problem.model.equations(q, v, t=t)
+    B = problem.model.input_matrix(q, v, t=t) / np.sqrt(problem.inertia)[:, None]
+    missing = (np.einsum("kij,kj->ki", M, a) - F) / np.sqrt(problem.inertia)
+    good = np.isfinite(B).all(axis=(1, 2)) & np.isfinite(missing).all(axis=1)
+    u = np.zeros((len(q), problem.nu))
+    u[good] = np.einsum("kij,kj->ki", np.linalg.pinv(B[good]), missing[good])
+    return u

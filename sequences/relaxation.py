@@ -36,8 +36,8 @@ from dmoc.solvers.judge import judged
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.multistart.parallel import free_threads
 
-# What complementarity is relaxed by, one after the other: where contacts may close at any node from
-# far, else from where hits are.
+# What complementarity is relaxed by, one after the other: from far where contacts may close at any
+# node, from near of starts with hits, which a large one would turn into contacts that last.
 EVERY = (1.0, 1e-1, 3e-2, 1e-2, 1e-3, 1e-4)
 # Steps of a relaxed motion, and of a phase between its hits at least.
 STEPS, FEWEST = 40, 10
@@ -118,14 +118,14 @@ class Relaxation:
         return bool(self.left_open.surfaces or self.left_open.tangents)
 
     def _starts(self, most: int, seed: int) -> Iterator[Folded]:
-        """Every other one without hits where contacts close as well, else the first alone."""
+        """Those with hits; every other one has none where contacts close as well, else the first
+        alone."""
         plain = self._relaxed((), 1.0)
         for k in range(0, DRAWN, 2 * MOTIONS):
             numbers = range(k, k + 2 * MOTIONS)
             folded = folded_motions(plain, self.mirrors, numbers, seed)
-            least = int(not self._closes)
-            touching = [m for m in folded if least <= len(m.hits) <= most]
-            if not self.mirrors or not (self._closes or k == 0):
+            touching = [m for m in folded if 1 <= len(m.hits) <= most]
+            if not (self._closes or k == 0):
                 yield from touching
                 continue
             others = range(DRAWN + k, DRAWN + k + 2 * MOTIONS) if self._closes else range(1)
@@ -193,7 +193,8 @@ class Relaxation:
         """Those of some hits, for eps that falls; a thread has its own."""
         if (thread, hits) not in self._made:
             scale = self._scales[hits]
-            every = EVERY if self._closes else [eps for eps in EVERY if eps <= OF_HITS]
+            near = bool(hits) or not self._closes
+            every = [eps for eps in EVERY if eps <= OF_HITS] if near else EVERY
             self._made[thread, hits] = [
                 Transcription(self._relaxed(hits, eps), scale) for eps in every
             ]

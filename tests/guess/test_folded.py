@@ -48,3 +48,15 @@ def test_motions_follow_from_their_numbers(plain: dmoc.Problem) -> None:
     one, two = (list(folded_motions(plain, range(4), n, 5)) for n in (range(6), range(3, 6)))
     assert [m.hits for m in one[-len(two) :]] == [m.hits for m in two]
     assert one[-1].pieces[0].q == pytest.approx(two[-1].pieces[0].q)
+
+
+def test_inputs_are_those_that_the_folded_motion_needs(plain: dmoc.Problem) -> None:
+    """A free puck: the mass times the acceleration, in second differences, between hits."""
+    mass = plain.model.mass(plain.start_position)
+    pieces = [p for m in folded_motions(plain, range(4), range(16), 0) for p in m.pieces]
+    some = [p for p in pieces if len(p.t) > 6]
+    assert len(some) > 8
+    for p in some:
+        u = (p.q[2:] - 2 * p.q[1:-1] + p.q[:-2])[2:-2] / (p.t[3] - p.t[2]) ** 2 @ mass
+        mean = (p.u[1:] + p.u[:-1])[2:-2] / 2
+        assert mean == pytest.approx(u, rel=0.05, abs=0.05 * np.abs(u).max())

@@ -116,8 +116,33 @@ def test_a_cart_pole_swings_up_against_the_friction_of_its_rail() -> None:
     assert result.best is not None and result.best.cost is not None
     assert result.best.cost < 88.2
     assert "contacts=['rail:slip+']" in " ".join(result.notes)
+    led = sum(p.starts for p in result.proposals)
+    assert f"{led} of {led} relaxed starts" in " ".join(result.notes)  # each is solved
     again = dmoc.solve(result.problem.but(sequence=result.best.sequence), "ipm")
     assert again.cost == pytest.approx(result.best.cost, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_block_that_may_be_pushed_or_hit_is_hit_twice() -> None:
+    """A driven mass and a block on a rail with friction: one hit costs 3.454, two 3.342, which the
+    tree of words finds."""
+    x, s, u = dynamicsymbols("x s u")
+    f = sp.Symbol("f")
+    system = dmoc.MechanicalSystem(
+        "pushed_or_hit", [x, s], (x.diff(T) ** 2 + s.diff(T) ** 2) / 2, {f: 1.0}, inputs=[u],
+        forces={x: u}, surfaces={"pad": x <= s}, tangents={"rail": s}, friction={"rail": f},
+        cost=u**2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        system, start={x: -0.5, s: 0}, goal={s: 1, "s_dot": 0, "x_dot": 0}, steps=20,
+        restitution=0.8, final_time=(0.5, 2.5),
+    )  # fmt: skip
+    events = ["pad rail:slip+", "+pad rail:slip+", "-pad", "rail:stick", "+pad", "pad"]
+    tree = dmoc.search(problem, 2, events=events)
+    proposed = dmoc.search(problem, 2, strategy="propose")
+    for result in (tree, proposed):
+        assert result.best is not None and result.best.sequence == ("pad rail:slip+", "pad")
+        assert result.best.cost == pytest.approx(3.342, abs=1e-3)
 
 
 def test_where_nothing_needs_to_touch_it_is_said() -> None:
