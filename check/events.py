@@ -88,7 +88,7 @@ def _contradictions(p: EventPassage, sizes: Sizes) -> Iterator[str]:
             f"{' and '.join(p.law.unheld)} would have to pull or to slip, or stop sliding, in the "
             f"hit of {p.c.surface} at {p.c.time:.4g} s"
         )
-    yield from _turned(p, slack)
+    yield from _turned(p, sizes, slack)
     yield from _approached(p, sizes)
 
 
@@ -128,13 +128,17 @@ def _unbearable(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
             yield f"{tangents[k]} does not slide with the sign {s:+d} after {time:.4g} s"
 
 
-def _turned(p: EventPassage, slack: float) -> Iterator[str]:
+def _turned(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
     """Contacts whose sliding turns in an impact that presses them, or stops in one with a course or
     a restitution: how much of their friction acts before and after, the law does not say."""
     model, released = p.model, p.hit is not None and not p.lands and p.restitution[p.hit] > 0
+    sigma = model.slide_rates(p.before.q[-1], p.before.v[-1], p.c.time)
+    slid = np.sign(sigma) * (np.abs(sigma) > TURNED * sizes.slide)  # of what lands
     for k, s in p.mode.rubbing.items():
+        if k == p.rubs:
+            continue
         name, pressed = model.kernels.tangents[k], float(p.law.normal[0, model.supports[k]])
-        was = p.before.rubbing.get(name, s)
+        was = p.before.rubbing.get(name, int(slid[k]))
         turns, stops = s * was < 0, was != s == 0 and (released or p.rubs is not None)
         if (turns or stops) and model.friction[k] * pressed > slack:
             yield (

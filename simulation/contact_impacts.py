@@ -68,6 +68,7 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
         )
     blow = plastic_blow(model, at, on, e)
     if blow is not None and not _gains(model, at, blow):
+        _check_course(model, at, blow, bool((e[hit] > 0).any()))
         return Struck(blow.velocity, tuple(_felt(blow, on, model.rough)))
     if not rough:
         return _one_by_one(model, at, e)
@@ -183,6 +184,25 @@ def _modes(model: Model, at: Place, closed: tuple[int, ...]) -> Iterator[Mode]:
     ways = [(int(slides[k]),) if slides[k] else (STICK, 1, -1) for k in tangents]
     for signs in product(*ways):
         yield Mode.of(closed, dict(zip(tangents, signs, strict=True)))
+
+
+def _check_course(model: Model, at: Place, blow: Blow, released: bool) -> None:
+    """Refuse an impact that presses a contact whose sliding turns in it, or stops in it where
+    something is released: how much of its friction acts before and after, the end does not say."""
+    q, v, t = at.y[: model.nq], at.y[model.nq : 2 * model.nq], at.t
+    before, after = (model.slide_rates(q, w, t) for w in (v, blow.velocity))
+    slides, slack = np.abs(before) > at.small.slide, at.small.slide
+    turns = slides & (before * after < 0) & (np.abs(after) > slack)
+    stops = slides & (np.abs(after) <= slack) & released
+    pressed = {model.rough.get(j) for j, *_ in _felt(blow, [*range(model.nc)], model.rough)}
+    for k in np.flatnonzero(turns | stops).tolist():
+        if k in pressed:
+            raise SimulationError(
+                f"{model.kernels.tangents[k]!r} {'turns' if turns[k] else 'stops'} in an impact of "
+                f"several contacts with friction at t = {t:.6g} s: its friction depends on the "
+                "order in which their impulses grow, which no law says; lower the friction, or "
+                "have them touch one after the other."
+            )
 
 
 def _gains(model: Model, at: Place, blow: Blow) -> bool:
