@@ -13,7 +13,7 @@ from dmoc.base.options import elsewhere, option
 from dmoc.solving.keywords import METHOD_OF_MANY, MOST_COUNT, MOST_WORKERS, SEED, WORKERS
 from dmoc.solving.methods import METHODS
 
-STRATEGIES = ("exhaustive", "best-first", "beam", "propose", "both")
+STRATEGIES = ("tree", "best-first", "beam", "propose", "both")
 # Those that begin with the sequences of relaxed motions.
 PROPOSING = ("propose", "both")
 STARTS = 4  # random ones of a node at most, on a coarse mesh
@@ -39,7 +39,7 @@ class SearchKeywords:
         of="words of a sequence",
     )
     strategy: str = elsewhere(
-        "exhaustive",
+        "tree",
         "choice",
         "All sequences, the most promising first, the best of each depth, those that relaxed "
         "motions propose, or these first and then all.",

@@ -101,7 +101,7 @@ def notes_of_proposals(candidates: Candidates) -> list[str]:
     if not every:
         notes.append(
             "no relaxed motion says a sequence, and none was tried but the empty one: strategy "
-            "'exhaustive' tries all"
+            "'tree' tries all"
         )
     return notes
 

@@ -154,8 +154,8 @@ def proposals_of(problem: Problem, settings: Settings, deadline: Deadline) -> Pr
     if relaxation.nothing_touches:
         raise SearchError(
             f"nothing can touch in this problem of {problem.kernels.name!r}: its surfaces are "
-            "ignored, and nothing rubs; solve it with dmoc.solve, or take strategy 'exhaustive', "
-            "which lands on ignored surfaces too."
+            "ignored, and nothing rubs; solve it with dmoc.solve, or take strategy 'tree', which "
+            "lands on ignored surfaces too."
         )
     motions = list[Relaxed | None]()
     for some in relaxation.motions(settings.max_collisions, settings.seed, deadline):

@@ -172,7 +172,7 @@ def search(
     *,
     surfaces: Sequence[str] | None = None,
     events: Sequence[str] | None = None,
-    strategy: str = "exhaustive",
+    strategy: str = "tree",
     beam: int = 4,
     starts: int = STARTS,
     seed: int = 0,
@@ -212,7 +212,7 @@ def search(
         Words that may happen, as those of a problem's ``sequence``.  By default all that the
         contacts of a prefix leave possible: landings, contacts that leave and changes of friction
         too, where the problem starts in contact or the model has friction; else hits.
-    strategy : {"exhaustive", "best-first", "beam", "propose", "both"}
+    strategy : {"tree", "best-first", "beam", "propose", "both"}
         All nodes; those first whose parents cost least; the children of the ``beam`` best nodes of
         each depth.  "propose" names no sequences: it solves a relaxed program from random starts,
         in which whatever may touch is left open, and then the sequences that its motions have, the

@@ -55,7 +55,7 @@ ProblemError: dmoc.sweep(block, ...)
 SearchError: search(...)
     max_collisions=-1 | at least 0
     max_collisions=40 | at most 12
-    strategy="random" | exhaustive, best-first, beam
+    strategy="random" | tree, best-first, beam
     surfaces=["up"] | unknown surface 'up'
     workers=0 | at least 1
     method="newton" | slsqp

@@ -13,7 +13,7 @@ from dmoc.sequences.identity import SEARCHED, facts, identity
 from dmoc.sequences.settings import Settings
 
 SETTINGS = Settings(
-    max_collisions=2, surfaces=("left", "right"), events=None, strategy="exhaustive", beam=4,
+    max_collisions=2, surfaces=("left", "right"), events=None, strategy="tree", beam=4,
     starts=0, seed=0, method="ipm", workers=1, executor=None, seconds=None, node_seconds=None,
     max_nodes=None, shortest_phase=0.01, journal=None, resume=False, progress=None,
 )  # fmt: skip
@@ -90,6 +90,6 @@ def test_nodes_of_proposed_sequences_are_not_those_of_a_tree(problem: dmoc.Probl
     """They begin with relaxed motions alone."""
     tree, proposing, both = (
         identity(problem, replace(SETTINGS, strategy=strategy))
-        for strategy in ("exhaustive", "propose", "both")
+        for strategy in ("tree", "propose", "both")
     )
     assert tree != proposing == both
