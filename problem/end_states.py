@@ -3,6 +3,7 @@ and not moving into them."""
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -150,7 +151,7 @@ def _check_joined(problem: Problem, end: str, boundary: Boundary) -> None:
         return
     rates, slopes = model.joint_rates(q, v), model.joint_slopes(q)
     for name, rate, slope in zip(problem.kernels.joints, rates, slopes, strict=True):
-        if abs(rate) > KEPT * _size(slope, v):
+        if abs(rate) > _kept(problem, slope, q, v):
             raise ProblemError(
                 f"constraint {name!r} does not allow the velocity at the {end}, which changes it "
                 f"by {rate:.3g} per second: give velocities along it."
@@ -175,15 +176,15 @@ def _check_start_in_contact(problem: Problem) -> None:
             )
         if v is not None:
             rate, slope = float(model.gap_rates(q, v)[j]), model.gap_slopes(q)[j]
-            _check_rate(name, "leaves or enters it", rate, slope, v)
+            _check_rate(name, "leaves or enters it", rate, _kept(problem, slope, q, v))
     if v is None:
         return
     for k, sign in mode.rubbing.items():
         name = problem.kernels.tangents[k]
         rate, slope = float(model.slide_rates(q, v)[k]), model.tangent_slopes(q)[k]
         if sign == STICK:
-            _check_rate(name, "slides", rate, slope, v)
-        if sign * rate < -KEPT * _size(slope, v):
+            _check_rate(name, "slides", rate, _kept(problem, slope, q, v))
+        if sign * rate < -_kept(problem, slope, q, v):
             word, other = f"{FRICTION_WORDS[sign]}", f"{FRICTION_WORDS[-sign]}"
             raise ProblemError(
                 f"contact '{name}:{word}' begins with a sliding velocity of {rate:g} per second, "
@@ -197,13 +198,16 @@ def _what(problem: Problem, mode: Mode) -> str:
     return " and ".join(f"the {kind}" for kind, there in kinds if there)
 
 
-def _size(slope: Array, v: Array) -> float:
-    """The rate that a velocity could make."""
-    return float(np.abs(slope) @ np.append(np.abs(v), 1.0))
+def _kept(problem: Problem, slope: Array, q: Array, v: Array) -> float:
+    """What counts as no rate: beside what the velocity could make, and beside what its energy
+    could, which momenta leave as rounding errors of coordinates at rest."""
+    model, made = problem.model, float(np.abs(slope) @ np.append(np.abs(v), 1.0))
+    squares = float(v @ model.mass(q) @ v) * float(slope[:-1] @ model.responses(q, slope[:-1]))
+    return KEPT * made + SAME * sqrt(max(squares, 0.0))
 
 
-def _check_rate(name: str, what: str, rate: float, slope: Array, v: Array) -> None:
-    if abs(rate) > KEPT * _size(slope, v):
+def _check_rate(name: str, what: str, rate: float, kept: float) -> None:
+    if abs(rate) > kept:
         raise ProblemError(
             f"contact {name!r} is closed at the start, whose velocity {what} ({rate:g} per "
             "second): give a velocity along the contact, or say how it slides."

@@ -199,9 +199,9 @@ def _check_course(model: Model, at: Place, blow: Blow, released: bool) -> None:
         if k in pressed:
             raise SimulationError(
                 f"{model.kernels.tangents[k]!r} {'turns' if turns[k] else 'stops'} in an impact of "
-                f"several contacts with friction at t = {t:.6g} s: its friction depends on the "
-                "order in which their impulses grow, which no law says; lower the friction, or "
-                "have them touch one after the other."
+                f"several contacts with friction at t = {t:.6g} s: how much of its friction acts "
+                "before depends on how their impulses grow, which is not known; lower the "
+                "friction, or have them touch one after the other."
             )
 
 

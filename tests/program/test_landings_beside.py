@@ -10,6 +10,7 @@ import pytest
 import sympy as sp
 from answers import answer_of
 from several_contacts import GRAVITY, A, T, X, Y, box, falling_flat
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import ProblemError, SimulationError
@@ -167,3 +168,45 @@ def test_the_check_tells_what_turns_as_several_land() -> None:
     v[-1, 0] = -v[-1, 0]
     turned = replace(landed, phases=(replace(before, v=v), after))
     assert "left turns round in the impact at" in dmoc.verify(turned, dmoc.build(box())).message
+
+
+def compass() -> dmoc.Kernels:
+    """Two legs with masses at their middles and at the hip."""
+    one, two, mu, nu = *dynamicsymbols("q1 q2"), *sp.symbols("mu_s mu_w")
+    hip = X - sp.sin(one), Y + sp.cos(one)
+    swing = hip[0] + sp.sin(two), hip[1] - sp.cos(two)
+    points = ((X, Y), hip, 5), (hip, hip, 10), (swing, hip, 5)
+    lagrangian: sp.Expr = sp.Integer(0)
+    for foot, top, mass in points:
+        x, y = ((a + b) / 2 for a, b in zip(foot, top, strict=True))
+        lagrangian += mass * ((x.diff(T) ** 2 + y.diff(T) ** 2) / 2 - GRAVITY * y)
+    return dmoc.build(
+        dmoc.MechanicalSystem(
+            "compass_on_ice", [X, Y, one, two], lagrangian, {mu: 0.05, nu: 0.3},
+            surfaces={"stance": Y >= 0, "swing": swing[1] >= 0},
+            tangents={"stance": X, "swing": swing[0]},
+            friction={"stance": mu, "swing": nu}, cost=1,
+        )
+    )  # fmt: skip
+
+
+def test_a_gait_on_ice_steps_off_a_foot_that_slips() -> None:
+    """Velocities of the start follow from momenta: what they leave of the resting gap is no
+    rate."""
+    start = {"x": 0, "y": 0, "q1": -0.25, "q2": 0.27}
+    rates = {"x_dot": -0.3, "y_dot": 0, "q1_dot": -1.0, "q2_dot": -0.6}
+    problem = dmoc.Problem(
+        compass(), start=start | rates, contacts=["stance:slip-"], sequence=["+swing -stance"],
+        restitution=0.0, steps=8, final_time=(1e-3, 0.5), durations=[(None, None), (0.01, 0.01)],
+    )  # fmt: skip
+    solution = answer_of(problem, starts=2)
+    hit, before = solution.collisions[0], solution.phases[0]
+    model, q, v = problem.model, before.q[-1], before.v[-1]
+    D = np.array([-model.gap_slopes(q)[1, :-1], model.tangent_slopes(q)[1, :-1]])
+    impulses = np.linalg.solve(D @ np.linalg.solve(model.mass(q), D.T), -D @ v)
+    assert (hit.impulse, hit.tractions["swing"]) == pytest.approx(impulses.tolist(), rel=1e-6)
+    run = dmoc.simulate(
+        compass(), start, {n.removesuffix("_dot"): r for n, r in rates.items()}, step_size=2e-4,
+        steps=round(solution.phases[-1].t[-1] / 2e-4), restitution=0.0,
+    )  # fmt: skip
+    assert run.collisions[0].impulse == pytest.approx(hit.impulse, rel=1e-4)

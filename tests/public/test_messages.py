@@ -207,9 +207,9 @@ ProblemError: along(...)
     [], ["+left:slip+:stick:late"] | leave out ':late'
     ["left"], ["left:slip+:stick"] | left is closed or a rail
     [], ["rail:slip+:stick"] | rail is closed or a rail
-    ["right:slip+"], ["left:slip+"] | right slides while left is hit with friction
-    ["right:slip+"], ["left"] | right slides while left is hit with friction
-    ["right:slip+"], ["+left:slip+:stick"] | right slides while left is hit with friction
+    ["right:slip+"], ["left:slip+ right:slip-"] | right turns while left is hit with friction
+    ["right:slip+"], ["left right:stick"] | right stops sliding while left is hit with friction
+    ["right:slip+"], ["+left:slip+:stick right:stick"] | right stops sliding while left lands
     [], ["+left:slip+:stick +right"] | left and right land at once
     [], ["left:slip+ right:slip-"] | hits left and right at once
     [], ["+left -left"] | names 'left' twice
