@@ -39,8 +39,13 @@ from dmoc.solving.multistart.parallel import free_threads
 # What complementarity is relaxed by, one after the other: from far where contacts may close at any
 # node, from near of starts with hits, which a large one would turn into contacts that last.
 EVERY = (1.0, 1e-1, 3e-2, 1e-2, 1e-3, 1e-4)
-# Steps of a relaxed motion, and of a phase between its hits at least.
-STEPS, FEWEST = 40, 10
+# The barrier parameter that each eps begins with: with less, motions of legs keep to the contacts
+# of the eps before, and take many iterations to leave them.
+BARRIER = 1e-2
+# Steps of a relaxed motion, those where no start has led to one, and of a phase between its hits at
+# least: on half of the steps large systems, as walkers with five links, have motions in far fewer
+# iterations.
+STEPS, COARSER, FEWEST = 40, 20, 10
 # Random motions that are solved together, and at most, and those of which they are chosen: folded
 # ones may stay beyond a surface, or have too many hits.
 MOTIONS, MOST_MOTIONS, DRAWN = 8, 24, 128
@@ -62,6 +67,7 @@ class Relaxation:
     left_open: Open
     mirrors: tuple[int, ...]
     cost: float = 0.0  # a size of it, that of the starts
+    steps: int = STEPS
     _problems: dict[tuple[tuple[str, ...], float], Problem] = field(default_factory=dict)
     _scales: dict[tuple[str, ...], Scale] = field(default_factory=dict)
     _made: dict[tuple[int, tuple[str, ...]], list[Transcription]] = field(default_factory=dict)
@@ -96,7 +102,12 @@ class Relaxation:
             if not self.cost:
                 costs = [scale_of(p, x).cost for p, x in map(self._begun, some)]
                 self.cost = sorted(costs)[int(TYPICAL * len(costs))]
-            yield self._solved(some, deadline)
+            motions = self._solved(some, deadline)
+            yield motions
+            if not any(motions) and self.steps == STEPS:
+                self.steps = COARSER
+                for kept in (self._problems, self._scales, self._made):
+                    kept.clear()
 
     def _begun(self, start: Folded) -> tuple[Problem, Array]:
         """The program of a start for the first eps, and its unknowns."""
@@ -135,7 +146,7 @@ class Relaxation:
 
     def _relaxed(self, hits: tuple[str, ...], eps: float) -> Problem:
         if (hits, eps) not in self._problems:
-            steps = max(FEWEST, -(-STEPS // (len(hits) + 1)))
+            steps = max(FEWEST, -(-self.steps // (len(hits) + 1)))
             made = relaxed(self.problem, self.left_open, hits, steps, eps)
             self._problems[hits, eps] = made
         return self._problems[hits, eps]
@@ -181,7 +192,7 @@ class Relaxation:
         for nlp in programs:
             most = ITERATIONS if nlp is programs[0] else FURTHER
             options = Options(iterations=most, deadline=deadline)
-            outcome = judged(nlp, solve_ipm(nlp, z, options, duals), options)
+            outcome = judged(nlp, solve_ipm(nlp, z, options, duals, BARRIER), options)
             if outcome.status is Status.INTERRUPTED:
                 raise KeyboardInterrupt
             if outcome.status is not Status.SOLVED or stopped.is_set():

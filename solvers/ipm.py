@@ -36,9 +36,12 @@ BARRIER_END = 1e-9
 STRETCH = 1.25
 
 
-def solve_ipm(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Ending:
-    """Minimise from x, with compiled kernels; with ``duals`` x is a neighbouring solution."""
-    return _run(nlp, x, options, duals)
+def solve_ipm(
+    nlp: Transcription, x: Array, options: Options, duals: Duals | None = None, least: float = LEAST
+) -> Ending:
+    """Minimise from x, with compiled kernels; with ``duals`` x is a neighbouring solution.  The
+    first barrier parameter is at least ``least``."""
+    return _run(nlp, x, options, duals, least=least)
 
 
 def least_violation(nlp: Transcription, x: Array, options: Options, price: Array) -> Ending:
@@ -57,12 +60,17 @@ def profile(nlp: Transcription, x: Array, options: Options, prepared: KKTLayout)
     x = np.clip(x, nlp.lower, nlp.upper)
     y, z_lower, z_upper = np.zeros(nlp.n_eq + nlp.n_in), np.zeros(nlp.n), np.zeros(nlp.n)
     return _minimise(
-        nlp, prepared, x, y, z_lower, z_upper, options, False, None, _listener(options)[0]
+        nlp, prepared, x, y, z_lower, z_upper, options, False, None, LEAST, _listener(options)[0]
     )
 
 
 def _run(
-    nlp: Transcription, x: Array, options: Options, duals: Duals | None, price: Array | None = None
+    nlp: Transcription,
+    x: Array,
+    options: Options,
+    duals: Duals | None,
+    price: Array | None = None,
+    least: float = LEAST,
 ) -> Ending:
     x = np.clip(x, nlp.lower, nlp.upper)
     start = duals or Duals(np.zeros(nlp.n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))
@@ -72,7 +80,7 @@ def _run(
     try:
         prepared = _prepared(nlp)
         result = _minimise(
-            nlp, prepared, x, y, z_lower, z_upper, options, duals is not None, price, report
+            nlp, prepared, x, y, z_lower, z_upper, options, duals is not None, price, least, report
         )
         status, iterations = STATUSES[result["status"]], result["iterations"]
     except KeyboardInterrupt:
@@ -111,6 +119,7 @@ def _minimise(
     options: Options,
     warm: bool,
     price: Array | None,
+    least: float,
     report: Report,
 ) -> dict[str, Any]:
     """Call the compiled method, which works on x and the multipliers in place."""
@@ -130,7 +139,7 @@ def _minimise(
         violation=options.violation,
         least_cost=LEAST_COST,
         infeasible=INFEASIBLE,
-        mu=max((WARM if warm else COLD) * abs(nlp.cost(x)), LEAST),
+        mu=max((WARM if warm else COLD) * abs(nlp.cost(x)), least),
         warm=warm,
         iterations=options.iterations,
         seconds=options.deadline.left,

@@ -145,6 +145,53 @@ def test_a_block_that_may_be_pushed_or_hit_is_hit_twice() -> None:
         assert result.best.cost == pytest.approx(3.342, abs=1e-3)
 
 
+@pytest.mark.slow
+def test_a_leg_goes_two_metres() -> None:
+    """A body over a foot, pushed apart by a leg and a hip: of its relaxed starts most are solved,
+    and their best sequence costs what a solve that is told it says."""
+    x, y, f, z, F, H = dynamicsymbols("x y f z F H")
+    mu = sp.Symbol("mu")
+    kinetic = (x.diff(T) ** 2 + y.diff(T) ** 2) / 2 + (f.diff(T) ** 2 + z.diff(T) ** 2) / 10
+    system = dmoc.MechanicalSystem(
+        "body_over_foot", [x, y, f, z], kinetic - 9.81 * (y + z / 5), {mu: 0.6}, inputs=[F, H],
+        forces={y: F, z: -F, x: H, f: -H}, surfaces={"floor": z >= 0}, tangents={"floor": f},
+        friction={"floor": mu}, cost=F**2 + H**2,
+        path_constraints={
+            "long": y - z <= 0.6, "short": y - z >= 0.2, "front": x - f <= 0.3,
+            "back": x - f >= -0.3,
+        },
+    )  # fmt: skip
+    still = {f"{q}_dot": 0 for q in "xyfz"}
+    problem = dmoc.Problem(
+        system, start={x: 0, y: 0.4, f: 0, z: 0} | still, final_time=2, steps=20,
+        goal={x: 2, y: 0.4, f: 2, z: 0} | still, contacts=["floor"],
+    )  # fmt: skip
+    result = dmoc.search(problem, strategy="propose")
+    assert result.best is not None and result.best.cost is not None
+    (note,) = [note for note in result.notes if "relaxed starts led to" in note]
+    led, starts = (int(word) for word in note.split()[:3] if word.isdigit())
+    assert led > 0.6 * starts
+    told = dmoc.solve(result.problem.but(sequence=result.best.sequence), "ipm")
+    assert told.cost == pytest.approx(result.best.cost, rel=1e-2)
+
+
+def test_where_no_start_leads_to_a_motion_the_next_ones_have_fewer_steps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As those of a walker with five links need."""
+    problem = shipped("cart_pendulum")
+    some = Relaxation.of(problem, settings_of(problem, {"strategy": "propose", "method": "ipm"}))
+    steps = list[object]()
+
+    def none(_: object, starts: list[object], __: object) -> list[None]:
+        steps.append(some._relaxed((), 1.0).steps)
+        return [None] * len(starts)
+
+    monkeypatch.setattr(Relaxation, "_solved", none)
+    assert len(list(some.motions(3, 0, ENDLESS))) == 3
+    assert steps == [40, 20, 20]
+
+
 def test_where_nothing_needs_to_touch_it_is_said() -> None:
     """From rest to rest over 0.3 in 1 s, beside a wall at 1: 6 d^2 without any hit."""
     x, u = dynamicsymbols("x u")
