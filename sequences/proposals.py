@@ -152,11 +152,7 @@ def proposals_of(problem: Problem, settings: Settings, deadline: Deadline) -> Pr
         )
     relaxation = Relaxation.of(problem, settings)
     if relaxation.nothing_touches:
-        raise SearchError(
-            f"nothing can touch in this problem of {problem.kernels.name!r}: its surfaces are "
-            "ignored, and nothing rubs; solve it with dmoc.solve, or take strategy 'tree', which "
-            "lands on ignored surfaces too."
-        )
+        raise SearchError(_nothing_proposed(problem))
     motions = list[Relaxed | None]()
     for some in relaxation.motions(settings.max_collisions, settings.seed, deadline):
         motions += some
@@ -169,6 +165,22 @@ def proposals_of(problem: Problem, settings: Settings, deadline: Deadline) -> Pr
         best = cheapest
         proposals.look_around(proposals.motions[best], deadline)
     return proposals
+
+
+def _nothing_proposed(problem: Problem) -> str:
+    """Why no relaxed motion can say a sequence, and what to do instead."""
+    name, ignored = problem.kernels.name, ", ".join(problem.ignored)
+    if not problem.touch.modes[0].free:
+        return (
+            f"strategy 'propose' needs surfaces that are not ignored, in this problem of {name!r} "
+            f"all are ({ignored}): relaxed, a surface that motions may pass cannot be told from "
+            "one that they land on; take strategy 'tree', or ignore less."
+        )
+    return (
+        f"nothing can touch in this problem of {name!r}: its surfaces are ignored, and nothing "
+        "rubs; solve it with dmoc.solve, or take strategy 'tree', which lands on ignored surfaces "
+        "too."
+    )
 
 
 def _cheapest(problem: Problem, motions: Iterable[Relaxed | None]) -> Reading | None:

@@ -3,6 +3,7 @@ answers."""
 
 from __future__ import annotations
 
+import re
 from math import pi, sqrt
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from systems import unit_mass
 
 import dmoc
 from dmoc.base.deadline import ENDLESS
-from dmoc.base.errors import SearchError
+from dmoc.base.errors import ProblemError, SearchError
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.models.registry import find
 from dmoc.sequences import relaxation
@@ -305,6 +306,41 @@ def test_where_nothing_can_touch_it_is_refused() -> None:
     smooth = pushed(20).but(sequence=(), parameters={"f": 0.0})
     with pytest.raises(SearchError, match="nothing can touch"):
         dmoc.search(smooth, strategy="propose")
+
+
+def test_feet_that_all_scuff_are_refused_by_name() -> None:
+    """A relaxed foot that may pass through the floor would never press on it."""
+    x, y = dynamicsymbols("x y")
+    system = dmoc.MechanicalSystem(
+        "scuffing", [x, y], (x.diff(T) ** 2 + y.diff(T) ** 2) / 2 - y, {}, cost=x**2,
+        surfaces={"left": y >= 0, "right": y + x**2 >= -1},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        system, start={x: 0, y: 0}, contacts=["left"], ignored=["left", "right"], steps=10,
+        final_time=1,
+    )  # fmt: skip
+    with pytest.raises(SearchError, match=r"all are \(left, right\).*take strategy 'tree'"):
+        dmoc.search(problem, strategy="propose")
+
+
+@pytest.mark.parametrize(
+    ("stated", "message"),
+    [
+        ({"restitution": 1.2}, "restitution = 1.2: expected a number from 0"),
+        ({"contacts": ["floor"]}, "unknown contact 'floor'"),
+        ({"contacts": ["left"]}, "contact 'left' is closed at the start, which is 0.157"),
+    ],
+)
+def test_what_would_create_energy_or_has_no_gap_is_refused(
+    stated: dict[str, object], message: str
+) -> None:
+    with pytest.raises(ProblemError, match=re.escape(message)):
+        dmoc.search(shipped("cart_pendulum", **stated), strategy="propose")
+
+
+def test_the_tree_has_one_name() -> None:
+    with pytest.raises(SearchError, match="'exhaustive': expected one of tree, best-first"):
+        dmoc.search(shipped("cart_pendulum"), strategy="exhaustive")
 
 
 # Reading ------------------------------------------------------------------------------------------
