@@ -9,13 +9,11 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import through_hits, with_hidden
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.projection import onto
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import midpoints
 from dmoc.program.blocks import NOWHERE
 from dmoc.program.layout import Layout
-
-# Gauss-Newton steps onto the contacts of a mode, and the largest of a coordinate, in its reach.
-PROJECTIONS, LONGEST = 12, 0.5
 
 
 def standing(problem: Problem, natural: float) -> Array:
@@ -93,22 +91,18 @@ def _pass_nodes(lay: Layout, x: Array) -> None:
 
 
 def _onto(problem: Problem, lay: Layout, i: int, q: Array, t: Array, free: Array) -> Array:
-    """Rows of positions where phase i is held, by Gauss-Newton steps in reaches."""
+    """Rows of positions where phase i is held."""
     model, reach = problem.model, problem.reach
     holding = [r for r in lay.reactions(i) if r.held]
     if not holding:
         return q
-    for _ in range(PROJECTIONS):
+
+    def conditions(q: Array) -> tuple[Array, Array]:
         miss = np.hstack([r.misses(model, q, t) for r in holding])
         slopes = np.concatenate([r.slopes(model, q, t)[:, r.holds] for r in holding], axis=1)
-        slopes = slopes * (reach * free)[:, None, :]
-        finite = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(miss).all(axis=1)
-        step = np.zeros_like(q)
-        inverse = np.linalg.pinv(slopes[finite], rcond=1e-8)
-        step[finite] = np.einsum("kij,kj->ki", inverse, -miss[finite])
-        size = np.abs(step).max(axis=1, keepdims=True)
-        q = q + reach * step * np.minimum(1.0, LONGEST / np.maximum(size, LONGEST))
-    return q
+        return miss, slopes * (reach * free)[:, None, :]
+
+    return onto(conditions, q, reach)
 
 
 def _balance(problem: Problem, lay: Layout, x: Array) -> None:

@@ -19,11 +19,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
+from dmoc.mechanics.projection import onto
 
-# Gauss-Newton steps onto the contacts of a mode, and the largest of a coordinate, in its reach.
-PROJECTIONS, LONGEST = 12, 0.5
-# A step that is as short is the last one: the next one would be of the size of its square.
-ARRIVED = 1e-9
 # How far from the start positions are drawn, as shares of the reach.
 SPREAD = (0.0, 0.3, 1.0)
 # What is left of a slope of length 1 besides the others that it follows from.
@@ -112,16 +109,13 @@ def redundancy(
 
 def _onto(model: Model, closed: Sequence[int], q: Array, reach: Array) -> tuple[Array, Bools]:
     """A position moved to where joints hold and surfaces are closed, and which of them are."""
-    for _ in range(PROJECTIONS):
-        miss = np.append(model.joints(q), model.gaps(q)[closed])
-        slopes = np.vstack([model.joint_slopes(q), model.gap_slopes(q)[closed]])[:, :-1] * reach
-        if not (np.isfinite(miss).all() and np.isfinite(slopes).all()):
-            break
-        step = np.linalg.pinv(slopes, rcond=NOTHING_NEW) @ -miss
-        size = float(np.abs(step).max(initial=0.0))
-        q = q + reach * step * min(1.0, LONGEST / max(size, LONGEST))
-        if size <= ARRIVED:
-            break
+
+    def conditions(q: Array) -> tuple[Array, Array]:
+        miss = np.hstack([model.joints(q), model.gaps(q)[:, closed]])
+        slopes = np.concatenate([model.joint_slopes(q), model.gap_slopes(q)[:, closed]], axis=1)
+        return miss, slopes[..., :-1] * reach
+
+    q = onto(conditions, q[None], reach)[0]
     off = np.abs(np.append(model.joints(q), model.gaps(q)[closed]))
     sizes = np.append(model.joint_sizes(q), model.gap_sizes(q)[closed])
     return q, np.asarray(off <= KEPT * sizes)
