@@ -25,11 +25,20 @@ from dmoc.check.check import verify
 from dmoc.codegen.text import c_files
 from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.transfer import pieces_of, unknowns_along
+from dmoc.mechanics.contact_mode import FREE as FREE
+from dmoc.mechanics.contact_mode import Mode as Mode
 from dmoc.models.registry import find
+from dmoc.problem.ranges import Boundary as Boundary
 from dmoc.program.extraction import given_multipliers, named_multipliers, trajectory
 from dmoc.program.minimal_times import WithMinimalTimes
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
+from dmoc.simulation.contact_motion import ContactState as ContactState
+from dmoc.simulation.contact_motion import MotionRecord as MotionRecord
+from dmoc.simulation.contact_motion import node as node
+from dmoc.simulation.contact_motion import through_step as through_step
+from dmoc.simulation.mode_choice import Setting as Setting
+from dmoc.simulation.tolerances import Reach as Reach
 from dmoc.solvers import ipm
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.kkt_layout import kkt_layout
