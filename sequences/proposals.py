@@ -170,7 +170,7 @@ def proposals_of(problem: Problem, settings: Settings, deadline: Deadline) -> Pr
 def _nothing_proposed(problem: Problem) -> str:
     """Why no relaxed motion can say a sequence, and what to do instead."""
     name, ignored = problem.kernels.name, ", ".join(problem.ignored)
-    if not problem.touch.modes[0].free:
+    if problem.touch.modes[0].closed:
         return (
             f"strategy 'propose' needs surfaces that are not ignored, in this problem of {name!r} "
             f"all are ({ignored}): relaxed, a surface that motions may pass cannot be told from "
