@@ -131,7 +131,7 @@ def _unbearable(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
 def _turned(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
     """Contacts whose sliding turns in an impact that presses them, or stops in one with a course or
     a restitution: how much of their friction acts before and after, the law does not say."""
-    model, released = p.model, p.hit is not None and not p.lands and p.restitution[p.hit] > 0
+    model, released = p.model, p.hit is not None and not p.lands and p.restitution[p.hit] != 0
     sigma = model.slide_rates(p.before.q[-1], p.before.v[-1], p.c.time)
     slid = np.sign(sigma) * (np.abs(sigma) > TURNED * sizes.slide)  # of what lands
     for k, s in p.mode.rubbing.items():

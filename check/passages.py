@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode, without_rails
 from dmoc.mechanics.model import Model
@@ -19,6 +20,7 @@ from dmoc.simulation.contact_modes import (
     conditions,
     spread,
 )
+from dmoc.simulation.hit_coefficients import said_of_law
 from dmoc.simulation.single_hit import single_hit
 
 
@@ -40,7 +42,7 @@ class EventPassage:
     """What joins two phases."""
 
     model: Model
-    restitution: Array  # (nc,)
+    restitution: Array  # (nc,), not a number where the law of the model says it
     c: Collision  # what is planned
     before: Phase
     after: Phase
@@ -103,7 +105,8 @@ class EventPassage:
             return self._with_friction((self.hit, self.rubs), q, v, t)
         wanted = -condition_rates(model, mode, q, v, t)
         if self.hit is not None:
-            wanted[:, 0] *= 1 + self.restitution[self.hit]
+            e = model.coefficients(self.restitution, q, v, t)
+            wanted[:, 0] *= 1 + e[:, self.hit]
         change, lam = answers(model.mass(q, t), conditions(model, mode, q, t), wanted)
         return ImpactResult(v + change, *spread(model, mode, lam)[:2])
 
@@ -111,10 +114,11 @@ class EventPassage:
         self, contact: tuple[int, int], q: Array, v: Array, t: Array
     ) -> ImpactResult:
         """One hit with friction, after Poisson: surface and tangent ``contact``."""
-        e = 0.0 if self.lands else float(self.restitution[contact[0]])
+        e = self.model.coefficients(self.restitution, q, v, t)[:, contact[0]]
+        e = np.zeros(len(q)) if self.lands else e
         hits = [
-            single_hit(self.model, contact, self.holding, (*state, float(time)), e)
-            for *state, time in zip(q, v, t, strict=True)
+            single_hit(self.model, contact, self.holding, (*state, float(time)), float(kept))
+            for *state, time, kept in zip(q, v, t, e, strict=True)
         ]
         return ImpactResult(
             np.array([h.velocity for h in hits]),
@@ -164,4 +168,14 @@ def passage_of(
         return EventPassage(*parts, without_rails(at, ours))
     j = model.surface_numbers[c.surface]
     with_hit = Mode((j, *ours.closed), ours.sticking, ours.sliding)
-    return EventPassage(*parts, with_hit, j, model.rough.get(j))
+    wrong = _wrong_law(model, restitution, j, (before.q[-1], before.v[-1], c.time))
+    return EventPassage(*parts, with_hit, j, model.rough.get(j), wrong=wrong)
+
+
+def _wrong_law(model: Model, restitution: Array, j: int, state: tuple[Array, Array, float]) -> str:
+    """What is wrong with the coefficient that the law of the model says of a hit."""
+    if not np.isnan(restitution[j]):
+        return ""
+    e = float(model.coefficients(restitution, *state)[j])
+    least = ROUNDING if np.isfinite(e) else 0.0
+    return "" if -least <= e <= 1 + least else said_of_law(model, j, e, state).rstrip(".")

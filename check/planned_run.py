@@ -172,7 +172,8 @@ def _jump(motion: Motion, y: Array, t: float, j: int) -> float:
     """Largest change of a momentum by an impact from a state, relative to the largest momentum."""
     nq = motion.model.nq
     q, v = y[:nq], y[nq : 2 * nq]
-    after, impulse, _ = motion.flow.impact(q, v, t, j, float(motion.flow.restitution[j]))
+    e = float(motion.model.coefficients(motion.flow.restitution, q, v, t)[j])
+    after, impulse, _ = motion.flow.impact(q, v, t, j, e)
     change = motion.model.momentum(q, after, t) - motion.model.momentum(q, v, t)
     return float((np.abs(change) / motion.sizes.p).max()) if impulse > 0 else 0.0
 

@@ -33,12 +33,13 @@ def course_of(rates: Array, A: Array, mu: float, e: float) -> Course:
 def courses_at(problem: Problem, states: Sequence[tuple[Array, Array, float]]) -> dict[int, Course]:
     """The courses that the law takes in the hits of a problem, whatever its words say, from the
     states (q, v, t) before its events."""
-    mu, e = problem.model.friction, problem.restitution_values
+    model, mu = problem.model, problem.model.friction
     courses = dict[int, Course]()
     for p in Layout.of(problem).hit.passages:
         rates, A = rates_and_response(problem, p, states[p.event])
         if not p.lands and np.isfinite(A).all() and np.isfinite(rates).all():
-            courses[p.event] = course_of(rates, A, float(mu[p.tangent]), float(e[p.surface]))
+            e = model.coefficients(problem.restitution_values, *states[p.event])[p.surface]
+            courses[p.event] = course_of(rates, A, float(mu[p.tangent]), float(e))
     return courses
 
 

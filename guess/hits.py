@@ -89,7 +89,8 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     D = _directions(problem, p, q, t)
     pushed, normal, tangential = held_responses(model, p.holding, q, D, t)
     rates, A = _rates(problem, p, (q, v, t)), D @ pushed
-    e, mu = float(problem.restitution_values[p.surface]), float(model.friction[p.tangent])
+    e = float(model.coefficients(problem.restitution_values, q, v, t)[p.surface])
+    mu = float(model.friction[p.tangent])
     lam = _impulses(p, rates, A, (e, mu))
     if not np.isfinite(lam).all() or not np.isfinite(pushed).all():
         return

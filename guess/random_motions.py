@@ -207,7 +207,6 @@ def _velocities(
             v_last[:, i] = v_first[:, i + 1] = (legs[:, i] + legs[:, i + 1]) / 2
             continue
         j = event.surface
-        e = float(problem.restitution_values[j]) if event.hit == j else 0.0
         q, t = points[:, i + 1], times[:, i]
         slope = problem.model.gap_slopes(q, t)[:, j]
         n, moving = slope[:, :-1], slope[:, -1]
@@ -221,7 +220,8 @@ def _velocities(
         least = APPROACH * np.abs(n * legs[:, i]).sum(axis=1)
         v = v + (np.maximum(rate, least) - rate)[:, None] / inertia * response
         rate = np.maximum(rate, least)
-        lam[:, i] = (1 + e) * rate / inertia[:, 0]
+        e = problem.model.coefficients(problem.restitution_values, q, v, t)[:, j]
+        lam[:, i] = (1 + (e if event.hit == j else 0.0)) * rate / inertia[:, 0]
         v_last[:, i], v_first[:, i + 1] = v, v - lam[:, i, None] * response
     return v_first, v_last, lam
 

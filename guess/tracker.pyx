@@ -40,6 +40,7 @@ cdef class Marcher(Equations):
     cdef double[:, ::1] u_end, cost_now, slope_entries
     cdef const ptrdiff_t[::1] slope_row, slope_column
     cdef double[::1] low, high, size, reaches, restitution
+    cdef object model
     cdef ptrdiff_t[::1] hits
     cdef double[::1] at, speed, middle, pace, wanted        # along the motion
     cdef double[::1] spline_q, spline_v, c2, c3, fastest, normal
@@ -64,6 +65,7 @@ cdef class Marcher(Equations):
         box, self.reaches = problem.input_bounds, np.ascontiguousarray(problem.reach)
         self.low, self.high = np.append(box[:, 0], 0.0), np.append(box[:, 1], 0.0)
         self.size = np.append(_input_ranges(box), 1.0)
+        self.model = problem.model
         self.restitution = np.append(problem.restitution_values, 1.0)
         hits = [event.hit for event in problem.touch.events]
         self.hits = np.array([*hits, 0], dtype=np.intp)
@@ -163,10 +165,21 @@ cdef class Marcher(Equations):
             approach += self.normal[i] * self.speed[i]
         self.impulse = 0.0
         if inertia > 0:
-            self.impulse = fmax((1 + self.restitution[surface]) * approach / inertia, 0.0)
+            self.impulse = fmax((1 + self.coefficient(surface)) * approach / inertia, 0.0)
         for i in range(nq):
             self.speed[i] -= self.impulse * self.middle[i]
         return 0
+
+    cdef double coefficient(self, ptrdiff_t surface) except? -1.0 nogil:
+        """That of restitution at the state before a hit."""
+        cdef double e = self.restitution[surface]
+        if not isnan(e):
+            return e
+        with gil:
+            q, v = np.array(self.at), np.array(self.speed)
+            return self.model.coefficients(
+                np.asarray(self.restitution)[:-1], q, v, self.t[0, 0]
+            )[surface]
 
     cdef bint follow(self, const double[:, ::1] positions, const double[:, ::1] velocities,
                      const double[::1] durations, const ptrdiff_t[::1] steps,

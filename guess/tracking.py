@@ -108,7 +108,8 @@ def reflected(
     normal = np.array(slope)
     response, inertia = problem.model.impulse_response(q, normal, t)
     approach = float(normal @ v) + moving
-    e = 0.0 if lands else float(problem.restitution_values[surface])
+    own = problem.model.coefficients(problem.restitution_values, q, v, t)
+    e = 0.0 if lands else float(own[surface])
     impulse = max((1 + e) * approach / inertia, 0.0) if inertia > 0 else 0.0
     return v - impulse * response, impulse
 

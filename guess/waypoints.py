@@ -79,7 +79,8 @@ def route_of(problem: Problem, final_time: float) -> Route:
 def _normal(problem: Problem, q: Array, collision: int, t: float) -> Normal:
     j = problem.touch.events[collision].hit
     slope = problem.model.gap_slopes(q, t)[j, :-1]
-    e = max(float(problem.restitution_values[j]), SOFTEST_MIRROR)
+    e = float(problem.restitution_values[j])
+    e = 1.0 if np.isnan(e) else max(e, SOFTEST_MIRROR)  # of a speed that is not planned yet
     return Normal(slope, *problem.model.impulse_response(q, slope), e)
 
 

@@ -13,6 +13,7 @@ import sympy as sp
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.symbolic.continuous import Continuous
+from dmoc.symbolic.expressions import approach_speed
 
 # Digits of the numbers, and the step of differences: two of them leave 1e-30 of the third
 # derivative, rounding errors less.
@@ -68,6 +69,14 @@ class ReferenceValues:
             return [a - b for a, b in zip(forces(y), slopes, strict=True)]
 
         self.Q = forces if f.R == 0 else damped
+        e = compiled(f.e, (*f.x, *f.x_dot, approach_speed))
+
+        def coefficients(y: Vector, rates: Vector) -> Vector:
+            defined = [*places(y), *self._rates(places, y)] if f.x else []
+            values = [e(*y, *par, *defined, rate) for rate in rates]
+            return [_real(row[j]) for j, row in enumerate(values)]
+
+        self.coefficients = coefficients
         self.tau, self.mu = numbers(f.tau), numbers(f.mu)
 
     @cached_property
@@ -94,6 +103,15 @@ class ReferenceValues:
         def gap_work(x: Vector) -> dict[str, Vector]:  # (q, lam, t)
             gaps = self.g(place([*x[:n], x[-1]]))
             return {"W_g": [a * b for a, b in zip(x[n:-1], gaps, strict=True)]}
+
+        def rebound(x: Vector) -> dict[str, Vector]:  # (q, v, lam, t)
+            y, lam = state([*x[: 2 * n], x[-1]]), x[2 * n : -1]
+            rates = self._rates(self.g, y)
+            e = self.coefficients(y, rates)
+            kept = [a * b for a, b in zip(lam, e, strict=True)]
+            works = [mp.fdot(zip(kept, rates, strict=True))]
+            back = [a * b for a, b in zip(e, rates, strict=True)]
+            return {"gamma_e": back, "P_e": kept, "W_e": works}
 
         def slip_work(x: Vector) -> dict[str, Vector]:  # (q_k, q_kp1, T, t_k, t_kp1)
             early = self.tau(place([*x[:n], x[-2]]))
@@ -129,6 +147,7 @@ class ReferenceValues:
             "surface": lambda x: {"g": self.g(place(x))},
             "gap_rate": lambda x: {"gamma": self._rates(self.g, state(x))},
             "gap_work": gap_work,
+            "rebound": rebound,
             "normal": lambda x: {"n": pushed(self.g, self.nc)(x)},
             "tangent": lambda x: {"tau": self.tau(place(x))},
             "slide_rate": lambda x: {"sigma": self._rates(self.tau, state(x))},

@@ -160,6 +160,16 @@ class Model(BoundKernels):
         change = self.responses(q, n, t)
         return change, float(n @ change)
 
+    def coefficients(self, restitution: Array, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
+        """Coefficients of restitution (..., nc) of hits from states: numbers (nc,), and what the
+        law of the model says where they are none."""
+        by_law = np.isnan(restitution)
+        if not by_law.any():
+            return np.broadcast_to(restitution, (*q.shape[:-1], self.nc))
+        unit = np.ones((1, self.nc))
+        own = self._at("rebound", q, as_rows(v), unit, as_column(t))[1]
+        return np.where(by_law, own, restitution)
+
     # Friction -------------------------------------------------------------------------------------
 
     @cached_property

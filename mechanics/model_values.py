@@ -32,11 +32,14 @@ def parameter_row(
 
 
 def restitution_row(kernels: Kernels, values: Any, error: ErrorKind = ProblemError) -> Array:
-    """Coefficients of restitution in the order of the surfaces, shape (nc,).
+    """Coefficients of restitution in the order of the surfaces, shape (nc,); not a number where
+    the law of the model says it.
 
-    Given is one for all surfaces, or a mapping from surfaces; those that it leaves out are elastic.
+    Given is one for all surfaces, or a mapping from surfaces; those that it leaves out have the
+    law of the model, which None stands for, and are elastic where that has none.
     """
-    surfaces = kernels.surfaces
+    surfaces, laws = kernels.surfaces, kernels.manifest.get("restitution", {})
+    values = {} if values is None else values
     if not isinstance(values, Mapping):
         return np.full(len(surfaces), _coefficient(values, "restitution", error))
     named = by_name(values, "restitution", error)
@@ -45,7 +48,10 @@ def restitution_row(kernels: Kernels, values: Any, error: ErrorKind = ProblemErr
             among = f"expected one of {', '.join(surfaces)}" if surfaces else "the model has none"
             raise error(f"restitution of {shown(surface)}: unknown surface, {among}.")
     coefficients = [
-        _coefficient(named.get(s, 1.0), f"restitution of {s!r}", error) for s in surfaces
+        np.nan
+        if s in laws and named.get(s) is None
+        else _coefficient(named.get(s, 1.0), f"restitution of {s!r}", error)
+        for s in surfaces
     ]
     return np.array(coefficients, dtype=float)
 

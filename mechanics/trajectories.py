@@ -23,7 +23,8 @@ def motion_along(
     ignored: Sequence[str] = (),
     drawn: bool = True,
 ) -> Trajectory:
-    """The motion through phases and collisions, with a coefficient of restitution for each surface;
+    """The motion through phases and collisions, with a coefficient of restitution for each surface,
+    not a number where the law of the model says it;
     ``bounds`` are those of inputs and coordinates, none unless they are given."""
     kernels = model.kernels
     free = tuple(np.tile([-np.inf, np.inf], (n, 1)) for n in (model.nu, model.nq))
@@ -39,7 +40,10 @@ def motion_along(
         controls=controls,
         input_bounds=input_bounds,
         coordinate_bounds=coordinate_bounds,
-        restitution=dict(zip(kernels.surfaces, restitution.tolist(), strict=True)),
+        restitution={
+            name: None if np.isnan(e) else float(e)
+            for name, e in zip(kernels.surfaces, restitution, strict=True)
+        },
         order=int(kernels.manifest["order"]),
         ignored=tuple(ignored),
         friction=dict(zip(kernels.tangents, model.friction.tolist(), strict=True)),

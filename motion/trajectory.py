@@ -212,8 +212,8 @@ class Trajectory:
         One between any two phases.
     controls : {"constant", "linear", "stages"}
     input_bounds, coordinate_bounds : arrays of shape (nu, 2), (nq, 2)
-    restitution : mapping of str to float
-        Coefficient of each surface.
+    restitution : mapping of str to float or None
+        Coefficient of each surface; None where the model states its law.
     order : int
         Order of the discretisation that the motion comes from.
     ignored : tuple of str
@@ -236,7 +236,7 @@ class Trajectory:
     controls: str
     input_bounds: Array
     coordinate_bounds: Array
-    restitution: Mapping[str, float]
+    restitution: Mapping[str, float | None]
     order: int
     ignored: tuple[str, ...] = ()
     friction: Mapping[str, float] = field(default_factory=dict)

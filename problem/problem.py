@@ -94,9 +94,10 @@ class Problem(Shown):
         its own at both ends.  Kernels of order 2 take "constant" (default) or "linear" (default
         with contacts that last), those of a higher order "stages" (default) or "constant".
     restitution : number or mapping, optional
-        Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic): 1 is elastic
-        (default), 0 perfectly plastic, the contact released at once.  Newton's, and Poisson's where
-        friction acts in the hit.
+        Coefficient e in [0, 1] of all surfaces, or by surface: 1 is elastic, 0 perfectly plastic,
+        the contact released at once.  Newton's, and Poisson's where friction acts in the hit.
+        Surfaces without a number have the restitution of the model, and are elastic where that
+        states none.
     periodic : sequence of str, or mapping, optional
         States (coordinates, velocities, momenta by name) that end as they start; one that ``start``
         does not give is free there.  A mapping from states at the end to states at the start says
@@ -152,7 +153,7 @@ class Problem(Shown):
     bounds: Mapping[Any, Any] = field(default_factory=dict)
     parameters: Mapping[Any, float] = field(default_factory=dict)
     controls: str | None = None
-    restitution: float | Mapping[str, float] = 1.0
+    restitution: float | Mapping[str, float] | None = None
     periodic: Sequence[str] | Mapping[Any, Any] = ()
     minimal_times: bool = False
     contacts: Sequence[str] = ()
@@ -175,7 +176,7 @@ class Problem(Shown):
             bounds: Mapping[Any, Any] = ...,
             parameters: Mapping[Any, float] = ...,
             controls: str | None = ...,
-            restitution: float | Mapping[str, float] = ...,
+            restitution: float | Mapping[str, float] | None = ...,
             periodic: Sequence[str] | Mapping[Any, Any] = ...,
             minimal_times: bool = ...,
             contacts: Sequence[str] = ...,
@@ -335,7 +336,8 @@ class Problem(Shown):
 
     @cached_property
     def restitution_values(self) -> Array:
-        """Coefficient of restitution of each surface, shape (nc,)."""
+        """Coefficient of restitution of each surface, shape (nc,); not a number where the law of
+        the model says it."""
         return restitution_row(self.kernels, self.restitution)
 
     @cached_property

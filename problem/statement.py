@@ -41,10 +41,11 @@ def _rows(p: Problem) -> Iterator[tuple[str, str]]:
     yield "parameters", ", ".join(f"{name} = {value:g}" for name, value in p.parameters.items())
     if p.kernels.surfaces:
         restitution = zip(p.kernels.surfaces, p.restitution_values, strict=True)
-        values = {name: float(e) for name, e in restitution}
+        laws = p.kernels.manifest.get("restitution", {})
+        values = {name: laws[name] if np.isnan(e) else f"{e:g}" for name, e in restitution}
         same = len(set(values.values())) == 1
-        each = ", ".join(f"{name} {e:g}" for name, e in values.items())
-        yield "restitution", f"{next(iter(values.values())):g}" if same else each
+        each = ", ".join(f"{name} {e}" for name, e in values.items())
+        yield "restitution", next(iter(values.values())) if same else each
     yield "ignored", ", ".join(p.ignored)
     yield "mesh", f"{_steps(p)}, order {p.order}, {p.control_form} inputs"
 

@@ -35,7 +35,7 @@ class Sensitivities(TypedDict):
     Attributes
     ----------
     parameters : by parameter
-    restitution : by surface that is hit, with respect to its coefficient e
+    restitution : by surface that is hit, with respect to its coefficient e, where that is a number
     surfaces : by surface, with respect to moving it outwards by one unit of its gap
     final_time : with respect to the final time or its active bound; 0 where it is free
     start, goal : by state, with respect to the value or the active bound; its other states as given
@@ -78,9 +78,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
         lam = np.maximum(x[nlp.layout.impact.lam[hit]], TINY)
         plain = (nlp.laws.impact.plain & ~nlp.laws.impact.by_rates)[hit]
         law = np.asarray(named.get("energy", np.zeros(0))) * np.where(plain, -2 / lam, 1.0)
-        high, low = (
-            {**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.5)
-        )
+        high, low = ({**dict.fromkeys(numbers, 1.0), surface: e} for e in (1.0, 0.5))
         ends = [
             lagrangian(problem.unchecked(restitution=e), {**named, "energy": law})
             for e in (high, low)
@@ -88,12 +86,13 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
         return 2 * (ends[0] - ends[1])
 
     surfaces = problem.model.contacts.surfaces
+    numbers = problem.model.contacts.named(np.flatnonzero(~np.isnan(problem.restitution_values)))
     hits = [surfaces[event.hit] for event in problem.touch.events if event.hit != NOWHERE]
     ends, force = nlp.laws.ends, np.concatenate([-y, w])
     time = sum(force[ends.final_time.numbers]) + sum(force[ends.earliest.numbers])
     return {
         "parameters": {name: change(name, value) for name, value in values.items()},
-        "restitution": {s: coefficient(s) for s in dict.fromkeys(hits)},
+        "restitution": {s: coefficient(s) for s in dict.fromkeys(hits) if s in numbers},
         "surfaces": _surfaces(nlp, y, w),
         "final_time": float(time - sum(force[ends.latest.numbers])),
         "start": _ends(nlp, x, z, 0),

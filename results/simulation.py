@@ -216,7 +216,7 @@ def simulate(
         )
     else:
         system = _built(kernels)
-        stated = {"position": None, "restitution": 1.0, "step_size": step_size, "steps": steps}
+        stated = {"position": None, "step_size": step_size, "steps": steps}
         stated |= changes
     run = forward.simulate(system, **stated, every=every)
     return Simulation(

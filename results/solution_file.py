@@ -223,7 +223,7 @@ TRAJECTORY = Record(
         "controls": Choice(tuple(FORMS)),
         "input_bounds": Stored("nu", 2, special=True),
         "coordinate_bounds": Stored("nq", 2, special=True),
-        "restitution": Mapped(Number(0.0, 1.0), names=Name()),
+        "restitution": Mapped(Either(Nothing(), Number(0.0, 1.0)), names=Name()),
         "order": Choice(ORDERS),
         "ignored": Listed(Name()),
         "friction": Mapped(Number(0.0), names=Name()),

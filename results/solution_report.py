@@ -82,7 +82,10 @@ def _stated(motion: Trajectory) -> Iterator[tuple[Cell, ...]]:
     ]
     limited = [f"{name}: {b[0]:g} to {b[1]:g}" for name, b in bounds if np.isfinite(b).any()]
     yield "bounds", ", ".join(limited) or "none"
-    restitution = ", ".join(f"{name} {e:g}" for name, e in motion.restitution.items())
+    restitution = ", ".join(
+        f"{name} by the model" if e is None else f"{name} {e:g}"
+        for name, e in motion.restitution.items()
+    )
     yield "restitution", restitution or "no surfaces"
     if motion.friction:
         yield "friction", ", ".join(f"{name} {x:g}" for name, x in motion.friction.items())

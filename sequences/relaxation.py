@@ -80,11 +80,11 @@ class Relaxation:
         contacts, mode, mu = problem.touch.contacts, problem.touch.modes[0], problem.model.friction
         lasts, e = bool(contacts.tangents) or not mode.free, problem.restitution_values
         can = [contacts.surface_numbers[s] for s in settings.surfaces if s not in problem.ignored]
-        closing = tuple(j for j in can if lasts or e[j] == 0)
+        closing = tuple(j for j in can if lasts or e[j] == 0)  # a law is no number
         on = (RAIL, *closing)
         rubbing = tuple(k for k, j in enumerate(contacts.supports) if j in on and mu[k] > 0)
         feet = (*mode.closed, *problem.model.rough) if mode.closed else ()
-        mirrors = tuple(j for j in can if e[j] > 0 and j not in feet)
+        mirrors = tuple(j for j in can if e[j] != 0 and j not in feet)
         return cls(problem, Open(closing, rubbing, mode.closed), mirrors)
 
     @property

@@ -14,6 +14,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, STICK, Mode
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import Reaction, conditions
+from dmoc.simulation.hit_coefficients import hit_coefficients, several_by_law
 from dmoc.simulation.mode_choice import Blow, Place, plastic_blow
 from dmoc.simulation.simultaneous_impacts import NOISE, simultaneous
 from dmoc.simulation.single_hit import SingleHit, single_hit
@@ -53,6 +54,11 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
     carrying = bool((reaction.normal[0] > at.small.force).any())
     names = ", ".join(repr(surfaces[j]) for j in on)
     if not rough and not carrying:
+        by_law = [j for j in on if np.isnan(restitution[j])]
+        if by_law and len(hit) == 1 and _uncoupled(model, at, hit[0], on):
+            return _alone(model, at, hit[0], None, float(e[hit[0]]))
+        if by_law and len(on) > 1:
+            raise SimulationError(several_by_law(model, by_law, at.t))
         return _one_by_one(model, at, e)
     if len(hit) == 1 and _uncoupled(model, at, hit[0], on):
         return _alone(model, at, hit[0], model.rough.get(hit[0]), float(e[hit[0]]))
@@ -105,6 +111,7 @@ def _effective(model: Model, at: Place, reaction: Reaction, restitution: Array, 
     slopes = model.gap_slopes(q, t)[0, :, :-1]
     pressed = slopes @ reaction.acceleration[0] + model.gap_accelerations(q, v, t)[0]
     rates = model.gap_rates(q, v, t)[0]
+    restitution = hit_coefficients(model, restitution, (q[0], v[0], at.t), rates > at.small.rate)
     rebound = 2 * restitution * np.maximum(rates, 0.0)
     dies = (pressed > 0) & (rebound < SETTLED * h * (1 - restitution) * pressed)
     return np.where(dies, 0.0, restitution)

@@ -74,7 +74,8 @@ class Steps:
 class Flow:
     """Equations of motion with fixed parameters, for one thread.
 
-    ``restitution`` holds the coefficients of the surfaces (nc,); ``allowance(t)`` how far motions
+    ``restitution`` holds the coefficients of the surfaces (nc,), not a number where the
+    law of the model says them; ``allowance(t)`` how far motions
     may enter them at times t, shape (n, nc); ``check_time`` is called now and then and may raise.
     """
 
@@ -162,7 +163,8 @@ class Flow:
             at, j = hit
             y = until(at)[0] if at > t else y.copy()
             t, q, v = at, y[:nq].copy(), y[nq:].copy()
-            after, _, rate = self.impact(q, v, t, j, float(self.restitution[j]))
+            e = float(self.model.coefficients(self.restitution, q, v, t)[j])
+            after, _, rate = self.impact(q, v, t, j, e)
             if not np.isfinite(after).all():
                 raise Lost
             if rate <= 0:  # leaves by itself

@@ -78,7 +78,7 @@ def simulate(
     steps: int | None,
     inputs: ArrayLike | Callable[[float], ArrayLike] | None = None,
     parameters: Mapping[str, float] | None = None,
-    restitution: float | Mapping[str, float] = 1.0,
+    restitution: float | Mapping[str, float] | None = None,
     every: int = 1,
 ) -> Run:
     """Simulate a system through its collisions, lasting contacts and friction; what is given,

@@ -49,7 +49,7 @@ cdef class Leg:
     cdef readonly int nq, nu, nc, ni, width
     cdef readonly list collisions
     cdef readonly tuple held
-    cdef object names
+    cdef object names, model
     cdef Call step, step_jac, impact, impact_jac, surface, slope, dynamics, momentum, total_energy
     cdef double[:, ::1] q_a, q_b, q_i, t, now, r_i, r_i_z, u, h, r_minus, r_plus, r_minus_z, e_plus, e_minus, e_minus_z
     cdef double[:, ::1] q_g, g, g_q, v_g, mass, force, p_zero, energy, A, L
@@ -69,7 +69,7 @@ cdef class Leg:
         self.shapes, self.share, self.phi = scheme.shapes, scheme.nodes, np.zeros(scheme.degree + 1)
         self.nq, self.nu, self.nc, self.ni = nq, nu, nc, ni
         self.restitution = np.append(restitution, 1.0)
-        self.names = kernels.surfaces
+        self.names, self.model = kernels.surfaces, Model(kernels, np.asarray(par))
         self.collisions = []
 
         def block(size):

@@ -16,7 +16,7 @@ A leg shorter than ``SHORTEST_LEG`` of a step, an impact on several surfaces at 
 Nothing depends on units: coordinates are measured by the masses, sqrt(M_ii) q_i, and gaps and their rates by their slopes.
 """
 from cpython.exc cimport PyErr_CheckSignals
-from libc.math cimport fabs, isfinite, sqrt
+from libc.math cimport fabs, isfinite, isnan, sqrt
 from libc.time cimport CLOCKS_PER_SEC, clock, clock_t
 
 from dmoc_kernel cimport DMOC_MOST, dmoc_entry, find_kernel
@@ -26,6 +26,8 @@ import numpy as np
 
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import SimulationError
+from dmoc.mechanics.model import Model
+from dmoc.simulation.hit_coefficients import hit_coefficients, several_by_law
 from dmoc.simulation.simultaneous_impacts import NOISE, Lasting, simultaneous
 
 
@@ -135,7 +137,6 @@ cdef class Stepper(LegAmongSurfaces):
         cdef int i, k, n = self.nq
         cdef double near
         cdef bint alone = True
-        self.e = self.restitution[j]
         self.e_before = self.e_plus[0, 0]
         for i in range(n):
             self.p[i] = self.r_plus[0, i]
@@ -143,6 +144,10 @@ cdef class Stepper(LegAmongSurfaces):
         self.t[0, 0] = t
         self.at_start(self.full)
         self.approach = self.rates[j]
+        self.e = self.restitution[j]
+        if isnan(self.e):
+            with gil:
+                self.e = self.by_law(j, t)
         for i in range(n + 1):
             self.normal[i] = 0.0  # gradient and derivative with respect to the time
         for k in range(self.g_row.shape[0]):
@@ -180,6 +185,12 @@ cdef class Stepper(LegAmongSurfaces):
                 self.strike(t, number)
         return 0
 
+    cdef double by_law(self, int j, double t) except? -1.0:
+        """The coefficient that the law of the model says at this state."""
+        hit = np.arange(self.nc) == j
+        state = np.array(self.q_a[0]), np.array(self.velocity), t
+        return hit_coefficients(self.model, np.asarray(self.restitution)[: self.nc], state, hit)[j]
+
     cdef int record(self, long number, double t, int j, double lam, normal) except -1:
         p = np.array(self.p)
         self.collisions.append([number, t, j, lam, np.array(self.q_a[0]), p, p - lam * normal])
@@ -192,6 +203,10 @@ cdef class Stepper(LegAmongSurfaces):
         normals[np.asarray(self.g_row), np.asarray(self.g_col)] = self.g_q[0]
         normals = normals[:, : self.nq]
         mass = np.asarray(self.mass).reshape(self.nq, self.nq)
+        touched = np.asarray(self.start_gap) >= -np.asarray(self.tolerance)
+        by_law = np.flatnonzero(touched & np.isnan(np.asarray(self.restitution)[: self.nc]))
+        if len(by_law):
+            raise SimulationError(several_by_law(self.model, by_law, t))
         impulses = simultaneous(
             np.asarray(self.start_gap), np.asarray(self.tolerance), np.asarray(self.rates_before), np.asarray(self.rate_size), normals @ np.linalg.solve(mass, normals.T),
             np.asarray(self.restitution)[: self.nc], SHORTEST_LEG * self.full,

@@ -73,7 +73,8 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
     slope = nlp.lagrangian_gradient(x, duals.y, duals.w) / nlp.unit
     y, j = nlp.physical(x), int(lay.touch.surfaces[i])
     q, t = y[lay.index_q[lay.collision_nodes[i]]], float(lay.times(y)[lay.collision_nodes[i]])
-    e = float(nlp.problem.restitution_values[j])
+    model, v = nlp.problem.model, y[lay.impact.v_a[i]]
+    e = float(model.coefficients(nlp.problem.restitution_values, q, v, t)[j])
     by_impulse = (1 + e) * float(slope[lay.impact.lam[i]])
     size = float(nlp.scale.rate[j])
     passage = next((p for p in lay.hit.passages if p.event == i), None)

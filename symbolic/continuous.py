@@ -18,7 +18,7 @@ from dmoc.base.names import name_of, velocity_name
 from dmoc.symbolic.conversion import plain_nodes, to_nodes
 from dmoc.symbolic.definitions import rate_of, rate_symbol, symbols_of
 from dmoc.symbolic.drawing import values_of
-from dmoc.symbolic.expressions import atoms_of
+from dmoc.symbolic.expressions import approach_speed, atoms_of
 from dmoc.symbolic.graph import Graph, Node, gradient
 from dmoc.symbolic.kinks import split
 
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 class Continuous:
     """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
     gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, constraints phi_j,
-    looks: the values of the drawing; symbols x of definitions with their rates x_dot and their
-    values x_of, and the dissipation R of which Q lacks the forces.  Nodes have neither."""
+    looks: the values of the drawing; coefficients of restitution e_j, of all surfaces or none;
+    symbols x of definitions with their rates x_dot and their values x_of, and the dissipation R of
+    which Q lacks the forces.  Nodes have neither."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -48,6 +49,7 @@ class Continuous:
     mu: tuple[Any, ...]
     phi: tuple[Any, ...]
     looks: tuple[Any, ...]
+    e: tuple[Any, ...] = ()
     R: Any = sp.S.Zero
     x: tuple[Any, ...] = ()
     x_dot: tuple[Any, ...] = ()
@@ -94,6 +96,7 @@ class Continuous:
             tuple(rewrite(system.friction[name]) for name in system.tangents),
             tuple(rewrite(e) for e in system.constraints.values()),
             tuple(rewrite(e) for part in system.shapes for e in values_of(part)),
+            tuple(rewrite(e) for e in system.coefficients_of_restitution),
             rewrite(R),
             tuple(x),
             tuple(x_dot),
@@ -126,7 +129,7 @@ class Continuous:
     ) -> list[Node]:
         """More functions in these symbols as nodes, and those of some constants, which are exact
         then."""
-        symbols = (*self.q, *self.v, *self.u, self.t, *self.par)
+        symbols = (*self.q, *self.v, *self.u, self.t, *self.par, approach_speed)
         table = {s: graph.symbol(s.name) for s in symbols} | dict(constants or {})
         rates = dict(zip((table[q] for q in self.q), (table[v] for v in self.v), strict=True))
         rates[table[self.t]] = graph.one
@@ -154,7 +157,7 @@ class Continuous:
 
 
 # The functions of a Continuous, which are one expression or several.
-FUNCTIONS = ("L", "Q", "C", "Phi", "g", "r", "tau", "mu", "phi", "looks", "R")
+FUNCTIONS = ("L", "Q", "C", "Phi", "g", "r", "tau", "mu", "phi", "looks", "e", "R")
 
 
 def _listed(value: Any) -> tuple[Any, ...]:

@@ -17,6 +17,31 @@ from dmoc.base.errors import ModelError
 LARGEST = sp.Integer(10) ** 307
 
 
+class ApproachSpeed(sp.Symbol):  # type: ignore[misc]
+    """The rate of a gap before a hit, in which a model may state a coefficient of restitution.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from sympy.physics.mechanics import dynamicsymbols
+    >>> import dmoc
+    >>> z = dynamicsymbols("z")
+    >>> ball = dmoc.MechanicalSystem(
+    ...     "ball",
+    ...     coordinates=[z],
+    ...     lagrangian=z.diff() ** 2 / 2 - 9.81 * z,
+    ...     surfaces={"floor": z >= 0},
+    ...     restitution={"floor": sp.exp(-dmoc.approach_speed / 5)},
+    ... )
+    >>> run = dmoc.simulate(ball, {"z": 1}, step_size=0.01, steps=60)
+    >>> len(run.collisions)
+    1
+    """
+
+
+approach_speed = ApproachSpeed("approach_speed", nonnegative=True)
+
+
 def expression_in(value: Any, what: str) -> Any:
     """A scalar, real and finite SymPy expression; raise ModelError for what is none."""
     expression = (
@@ -111,6 +136,7 @@ REMEDIES = {
     ("constraint", "velocities"): "; only places can be held, not velocities",
     ("surface", "inputs"): "; a limit of an input is a bound or a path constraint",
     ("Lagrangian", "inputs"): "; inputs enter through `forces`",
+    ("restitution", "velocities"): "; the speed of the hit is dmoc.approach_speed",
     ("friction", ""): "; friction that changes along the way is a smooth expression in `forces`",
 }
 
@@ -123,9 +149,8 @@ def unknown_symbol(
     only = ", ".join(allowed[:-1]) + " and " * (len(allowed) > 1) + allowed[-1]
     for kind, symbols in kinds.items():
         if symbol in symbols:
-            about = next(
-                (word for word in ("surface", "Lagrangian", "friction") if word in where), ""
-            )
+            subjects = ("surface", "Lagrangian", "friction", "restitution")
+            about = next((word for word in subjects if word in where), "")
             own = "velocities" if "velocities" in kind else kind
             remedy = REMEDIES.get((about, own)) or REMEDIES.get((about, ""), "")
             return f"{where} contains {symbol}, one of the {kind}: expected {only} alone{remedy}."
@@ -149,6 +174,11 @@ def unknown_symbol(
         return (
             f"{where} contains {symbol}, which is neither a coordinate nor an input: declare it or "
             "remove it."
+        )
+    if symbol == approach_speed:
+        return (
+            f"{where} contains dmoc.approach_speed, which is known in a hit alone: expected it in "
+            "`restitution`."
         )
     if symbol.name == "t":
         return (

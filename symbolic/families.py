@@ -33,6 +33,7 @@ from dmoc.symbolic.graph import Graph, Node, gradient, reverse
 from dmoc.symbolic.kernel_family import contracted, family, state_inputs
 from dmoc.symbolic.kinks import split
 from dmoc.symbolic.path_constraints import path_kernels, path_limits, path_rows, terms_of
+from dmoc.symbolic.restitution import laws_in_words, rebound_kernels
 from dmoc.symbolic.scalar import Scalar
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
@@ -78,6 +79,7 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
         *_hidden_kernels(system, plain, f),
         *_state_kernels(f, _light(f, LARGE)),
         *surface_kernels(f),
+        *rebound_kernels(f),
         *tangent_kernels(f),
         *joint_kernels(f),
         *_terminal_kernels(f),
@@ -136,12 +138,13 @@ def _facts(
         name: [i for i, s in enumerate(f.q) if s in g.free_symbols]
         for name, g in zip(system.surfaces, f.g, strict=True)
     }
+    laws = laws_in_words(system)
     return {
         "format": FORMAT,
         "key": model_key(system, order),
         "order": order,
         "explicit_time": any(
-            f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.phi)
+            f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.phi, *f.e)
         ),
         "title": _title(system),
         "coordinates": [name_of(q) for q in system.coordinates],
@@ -180,7 +183,7 @@ def _facts(
         ],
         "inputs_enter_linearly": not in_forces & set(f.u),
         "terminal_velocity": bool(f.Phi.free_symbols & set(f.v)),
-    }
+    } | ({"restitution": laws} if laws else {})
 
 
 def _step_kernels(f: Continuous, e: StepElement, at_events: StepElement) -> list[KernelSpec]:

@@ -58,6 +58,11 @@ class MechanicalSystem(Shown):
         largest friction force F in the direction of tau, in the unit of a force, of a rail or a
         joint.  mu is the ratio of the forces along grad tau and grad g, hence Coulomb's where the
         gap and the tangent are lengths.
+    restitution : mapping of str to Expr, optional
+        Coefficient of restitution e of surfaces, as an expression in ``dmoc.approach_speed``, the
+        rate of the gap before the hit, q, t and parameters: ``{"wall": sp.exp(-v / v_0)}`` with
+        ``v = dmoc.approach_speed``.  It is from 0 to 1 at the speeds that occur.  Other surfaces,
+        and those for which a problem gives a number, have that of the problem.
     cost : Expr, optional
         Integrand C(q, q', u, t) of the cost.  Abs and Max with a positive factor and Min with a
         negative one are split into smooth functions, equation :eq:`kink` of the theory.
@@ -134,6 +139,7 @@ class MechanicalSystem(Shown):
     terminal_cost: Any = 0
     tangents: Mapping[str, Any] = field(default_factory=dict)
     friction: Mapping[str, Any] = field(default_factory=dict)
+    restitution: Mapping[str, Any] = field(default_factory=dict)
     drawing: Sequence[Part] = ()
     constraints: Mapping[str, Any] = field(default_factory=dict)
     definitions: Mapping[Any, Any] = field(default_factory=dict)
@@ -248,6 +254,12 @@ class MechanicalSystem(Shown):
         }
 
     @property
+    def coefficients_of_restitution(self) -> tuple[Any, ...]:
+        """Those of all surfaces, zero where none is stated; empty where there are none."""
+        stated = self.restitution
+        return tuple(stated.get(name, sp.S.Zero) for name in self.surfaces) if stated else ()
+
+    @property
     def path_functions(self) -> dict[str, Any]:
         """Path constraint functions r(q, q', u) >= 0 by name."""
         return {
@@ -278,6 +290,7 @@ class MechanicalSystem(Shown):
             *(f"{n}:{sp.srepr(r)}" for n, r in self.path_functions.items()),
             "|",
             *(f"{n}:{sp.srepr(e)}:{sp.srepr(self.friction[n])}" for n, e in self.tangents.items()),
+            *(f"e_{n}:{sp.srepr(e)}" for n, e in self.restitution.items()),
             *(f"{n}=0:{sp.srepr(c)}" for n, c in self.constraints.items()),
             *(f"{sp.srepr(x)}:={sp.srepr(e)}" for x, e in self.definitions.items()),
         ]

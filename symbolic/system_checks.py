@@ -17,9 +17,10 @@ from dmoc.base.names import check_name, momentum_name, name_of, velocity_name
 from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.definitions import atoms_below, check_definitions, kinds_of
 from dmoc.symbolic.drawing import values_of
-from dmoc.symbolic.expressions import KINDS, atoms_of, unknown_symbol
+from dmoc.symbolic.expressions import KINDS, approach_speed, atoms_of, unknown_symbol
 from dmoc.symbolic.graph import Graph, Node, reverse
 from dmoc.symbolic.kinks import check_smooth, split
+from dmoc.symbolic.restitution import check_restitution
 from dmoc.symbolic.system_fields import LARGEST_PARAMETER
 from dmoc.symbolic.traversal import evaluated
 
@@ -41,6 +42,7 @@ def check(system: MechanicalSystem) -> None:
     """Raise ModelError where the parts of a system do not fit together."""
     check_definitions(system)
     _check_friction(system)
+    check_restitution(system)
     _check_symbols(system)
     _check_kinks(system)
     _check_mass_matrix(system)
@@ -73,6 +75,10 @@ def check_names(system: MechanicalSystem) -> None:
     for role, names in (symbols | labels).items():
         for name in names:
             check_name(name, role)
+            if name == approach_speed.name and system.restitution:
+                raise ModelError(
+                    f"the {role} {name!r} has the name of the speed of a hit: choose another name."
+                )
             if name == "t":
                 raise ModelError(f"the {role} 't' has the name of the time: choose another name.")
             if name == "durations" and role in ("coordinate", "input"):
@@ -149,6 +155,7 @@ def _check_symbols(system: MechanicalSystem) -> None:
         "inputs": set(system.inputs),
         "the time": {dynamicsymbols._t},
         "parameters": set(system.parameters),
+        "the approach speed": {approach_speed} if system.restitution else set(),
     } | kinds_of(system)
     used: set[Any] = set()
     for where, expression, allowed in _expressions(system):
@@ -187,6 +194,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("constraint {!r}", system.constraints, PLACE),
         ("the tangent of {!r}", system.tangents, PLACE),
         ("the friction of {!r}", system.friction, ("parameters",)),
+        ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),
     ):
         for name, expression in expressions.items():
             yield what.format(name), expression, allowed

@@ -31,6 +31,7 @@ MAPPINGS = {  # with an example each
     "units": '{x: "m"}',
     "tangents": '{"floor": x}',
     "friction": '{"floor": 0.5}',
+    "restitution": '{"wall": 0.8}',
     "definitions": "{x1: l * sp.sin(a)}",
 }
 
@@ -57,9 +58,9 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
     read["definitions"] = {
         s: expression_in(e, f"definition {name_of(s)}") for s, e in system.definitions.items()
     }
-    for name, what in (("tangents", "tangent"), ("friction", "friction")):
+    for name in ("tangents", "friction", "restitution"):
         read[name] = {
-            key: expression_in(e, f"the {what} of {key!r}")
+            key: expression_in(e, f"the {name.removesuffix('s')} of {key!r}")
             for key, e in getattr(system, name).items()
         }
     read["constraints"] = {

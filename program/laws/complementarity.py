@@ -66,7 +66,7 @@ class ComplementarityLaw(Law):
     mu : array, shape (nt,)
         Coefficients of friction of surfaces, largest forces of rails.
     e : array, shape (nc,)
-        Coefficients of restitution.
+        Coefficients of restitution, not a number where the law of the model says them.
     eps : float
     scale : Scale
     """
@@ -201,10 +201,16 @@ class ComplementarityLaw(Law):
         q, t = lay.index_q[nodes], places.times(nodes)
         lam = in_columns(lay.impact.lam, hit, places.nc, places.zero)
         yield Term("gap_work", (q, lam, t), (in_columns(self.hit.index, hit, places.nc),))
-        for v, factor in ((lay.impact.v_c, 1.0), (lay.impact.v_a, self.e[hit][:, None])):
-            for side, sign in enumerate((1.0, -1.0)):
-                rows = self.rebound.index[:, [side]]
-                yield Term("rate_work", (q, v, lam, t), (rows,), sign * factor)
+        by_law = np.isnan(self.e[hit])[:, None]
+        e = np.where(by_law, 0.0, self.e[hit][:, None])
+        for side, sign in enumerate((1.0, -1.0)):
+            rows = self.rebound.index[:, [side]]
+            yield Term("rate_work", (q, lay.impact.v_c, lam, t), (rows,), sign)
+            yield Term("rate_work", (q, lay.impact.v_a, lam, t), (rows,), sign * e)
+            if by_law.any():
+                none = in_columns(np.full(len(hit), NOWHERE), hit, places.nc)
+                law = np.where(by_law, rows, NOWHERE)
+                yield Term("rebound", (q, lay.impact.v_a, lam, t), (none, none, law), sign)
 
     def _slides(self, places: Places, T: Index) -> Iterator[Term]:
         """Friction times how far its tangent slides in the step after the node; after the last one,

@@ -8,7 +8,7 @@ impulses are lam and T_c::
 
     within       dL/dv(q_c, v_h) - dL/dv(q_c, v_a) + P_h grad g - T_h grad tau = 0
     energy       gamma(q_c, v_h) = 0                       at the end of compression
-    restitution  (1 + e) P_h - lam = 0                     there
+    restitution  (1 + e) P_h - lam = 0                     there, e of the rate before the hit
     halts        sigma(q_c, v) = 0                         where sliding stops, and while it sticks
     slips        dT + s mu dP = 0                          in stages that slide in the direction s
     share        dP >= 0                                   in stages
@@ -46,7 +46,7 @@ from dmoc.program.laws.impact import ImpactLaw, restitution_of
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
-from dmoc.program.terms import Places, Term
+from dmoc.program.terms import Places, Term, like
 
 if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
@@ -66,7 +66,7 @@ class HitLaw(Law):
         Coordinates.
     mu : array, shape (nt,)
     e : array, shape (events,)
-        Coefficients of restitution.
+        Coefficients of restitution, not a number where the law of the model says them.
     touching : array of bool, shape (events,)
         Hits that only touch their surface.
     """
@@ -216,6 +216,10 @@ class HitLaw(Law):
             ]
         ended = np.where(lay.hit.moments[:, END], laws.impact.energy.index, NOWHERE)
         terms.append(Term("gap_rate", (q, v_h[:, END], t), (in_columns(ended, hit, places.nc),)))
+        if (own := np.flatnonzero(np.isnan(self.e) & lay.hit.moments[:, END])).size:
+            rows = in_columns(self.restitution.index, hit, places.nc)[own]
+            before = q[own], lay.impact.v_a[own], P[own, END], t[own] if lay.timed else t
+            terms.append(Term("rebound", before, (like(rows), rows, like(rows[:, :1]))))
         sides = [lay.impact.v_a, *np.moveaxis(v_h, 1, 0), lay.impact.v_c]
         for v, rows in zip(sides, self.halts.index.T, strict=True):
             terms.append(Term("slide_rate", (q, v, t), (in_columns(rows, rubbed, len(self.mu)),)))
@@ -245,7 +249,8 @@ class HitLaw(Law):
                     (
                         np.full(2, self.restitution.index[i]),
                         unknowns,
-                        np.array([1 + self.e[i], -1.0]),
+                        # where the law says e, e P_h is a term
+                        np.array([1.0 if np.isnan(self.e[i]) else 1 + self.e[i], -1.0]),
                     )
                 )
             entries += self._of_stages(p)

@@ -18,8 +18,9 @@ with the unknown velocities v_a before and v_c after the collision, and W_t, W_g
 :func:`dmoc.symbolic.continuous.impact_work`. The energies are those of the two steps beside the
 collision, which tell little of the rates where one of them is long and the other one short, and
 leave out the impulses of contacts that last and of constraints: beside these the law is stated in
-the rates. A surface that lands obeys the law with e = 0; an event without an impact has arrival and
-departure alone. Of a hit with friction the row energy is that of :mod:`dmoc.program.laws.hit`.
+the rates, and where the model states e by the rate before. A surface that lands obeys the law with
+e = 0; an event without an impact has arrival and departure alone. Of a hit with friction the row
+energy is that of :mod:`dmoc.program.laws.hit`.
 """
 
 from __future__ import annotations
@@ -63,7 +64,10 @@ class ImpactLaw(Law):
     problem : Problem
     lay : Layout
     e : array, shape (collisions,)
-        Coefficients of restitution, 0 for touches and landings.
+        Coefficients of restitution, 0 for touches and landings; 1 where the law of the model says
+        them.
+    by_law : array of bool, shape (collisions,)
+        Those where it does.
     touching : array of bool, shape (collisions,)
         Collisions that touch their surface without an impulse.
     landing : array of bool, shape (collisions,)
@@ -77,6 +81,7 @@ class ImpactLaw(Law):
     problem: Problem
     lay: Layout
     e: Array
+    by_law: Bools
     touching: Bools
     landing: Bools
     by_rates: Bools
@@ -93,12 +98,14 @@ class ImpactLaw(Law):
         touches = np.isin(np.arange(len(lay.touch.surfaces)), touching)
         landing = np.array([bool(event.lands) for event in problem.touch.events], dtype=bool)
         e = np.where(touches | landing, 0.0, restitution_of(problem, lay.touch.surfaces))
+        by_law = np.isnan(e)
+        e = np.where(by_law, 1.0, e)
         joined = bool(problem.kernels.joints)
         lasts = np.array([joined or not mode.free for mode in problem.touch.modes], dtype=bool)
         rough = np.zeros(len(lay.touch.surfaces), dtype=bool)
         rough[[p.event for p in lay.hit.passages if not p.lands]] = True
-        stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough
-        return cls(problem, lay, e, touches, landing, stated, rough)
+        stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough | by_law
+        return cls(problem, lay, e, by_law, touches, landing, stated, rough)
 
     @property
     def surfaces(self) -> Index:
@@ -231,9 +238,14 @@ class ImpactLaw(Law):
             (lay.impact.v_a, self.approach.index, 1.0),
             (lay.impact.v_c, self.separation.index, -1.0),
             (lay.impact.v_c, plain, 1.0),
-            (lay.impact.v_a, np.where(self.e > 0, plain, NOWHERE), e),
+            (lay.impact.v_a, np.where((self.e > 0) & ~self.by_law, plain, NOWHERE), e),
         ):
             terms.append(Term("gap_rate", (q, v, t), (self._by_surface(rows, places),), sign))
+        if (own := np.flatnonzero(self.by_law & ~self.rough)).size:
+            rows = self._by_surface(plain, places)[own]
+            none = np.full((1, places.nc), places.zero)
+            before = q[own], lay.impact.v_a[own], none, t[own] if lay.timed else t
+            terms.append(Term("rebound", before, (rows, like(rows), like(rows[:, :1]))))
         return terms
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
@@ -252,7 +264,8 @@ class ImpactLaw(Law):
 
 
 def restitution_of(problem: Problem, surfaces: Index) -> Array:
-    """Coefficients of restitution of events, zero where nothing is hit."""
+    """Coefficients of restitution of events, zero where nothing is hit, not a number where the law
+    of the model says them."""
     e = np.zeros(len(surfaces))
     hit = surfaces != NOWHERE
     e[hit] = problem.restitution_values[surfaces[hit]]

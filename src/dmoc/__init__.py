@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from dmoc.symbolic.drawing import Point as Point
     from dmoc.symbolic.drawing import Spring as Spring
     from dmoc.symbolic.drawing import Wall as Wall
+    from dmoc.symbolic.expressions import approach_speed as approach_speed
     from dmoc.symbolic.system import MechanicalSystem as MechanicalSystem
 
     __version__: str
@@ -54,6 +55,7 @@ _PLACES = {
     "Spring": "dmoc.symbolic.drawing",
     "Wall": "dmoc.symbolic.drawing",
     "animate": "dmoc.report.animation",
+    "approach_speed": "dmoc.symbolic.expressions",
     "build": "dmoc.models.registry",
     "derive": "dmoc.inspection.system_derivation",
     "load": "dmoc.models.registry",

@@ -124,6 +124,9 @@ def collision_sections(
     impulses = [own.symbol(f"lam_{n}", "impulse") for n in system.surfaces]
     equations.append(definition(own, "e_plus", "e^+", e.e_plus))
     equations.append(definition(own, "e_minus", "e^-", e.e_minus))
+    for name, e in zip(system.surfaces, f.e, strict=False):
+        if name in system.restitution:
+            equations.append(definition(own, f"e_{name}", f"e_{upright(name)}", e))
     moving, rate = impact_work(f, impulses)
     equations.append(definition(own, "W_t", "W_t", moving))
     equations.append(definition(own, "W_gamma", r"W_\gamma", rate))

@@ -163,7 +163,7 @@ def problem_cases() -> Iterator[Case]:
     yield from of(mappings[6:], *NO_NAMES, names="unknown", put=lambda name: {name: 1.0})
     yield from entries("parameters", "m", (*NO_NUMBERS, None), "parameter m")
     no_shares = (-0.1, 1.1, -1, 2)
-    yield from of("restitution", *NO_NUMBERS, None, *no_shares)
+    yield from of("restitution", *NO_NUMBERS, *no_shares)
     yield from entries("restitution", "wall", (*NO_NUMBERS, *no_shares), "restitution of 'wall'")
     single = [v for v in NO_NUMBERS if np.ndim(v) == 0 and not isinstance(v, (dict, set))]
     yield from entries("start", "x", (*single, *NO_RANGES))

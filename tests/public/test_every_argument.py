@@ -117,7 +117,7 @@ def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
     }  # fmt: skip
     # Made by functions alone; an error is given its text.
     results = {"Batch", "Simulation", "Solution", "DmocError"}
-    builders = {"planar", "spatial"}
+    builders = {"planar", "spatial", "approach_speed"}
     assert set(functions) | results | builders == set(dmoc.__all__)
     made = {name: (getattr(dmoc, name), given) for name, given in functions.items()}
     for module in (dmoc.planar, dmoc.spatial):
