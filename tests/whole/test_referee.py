@@ -135,6 +135,21 @@ def test_frozen_time_is_cut_out_and_its_cost_is_told(wall: dmoc.Problem, judged:
     assert [f["seconds"] for f in judgement.frozen] == pytest.approx([0.2])
 
 
+def test_a_surface_that_the_sequence_lands_on_is_plastic(judged: Judge) -> None:
+    """A drop from 0.2 that stays: the restitution is that of hits that are released."""
+    y = dynamicsymbols("y")
+    system = dmoc.MechanicalSystem(
+        "dropped", [y], y.diff() ** 2 / 2 - 10 * y, {}, surfaces={"floor": y >= 0}
+    )
+    problem = dmoc.Problem(dmoc.build(system), start={"y": 0.2}, sequence=["+floor"])
+    t = np.linspace(0.0, 0.2, 21)
+    down = {"t": t, "y": 0.2 - 5 * t**2, "y_dot": -10 * t}
+    rest = {"t": t + 0.2, "y": 0 * t, "y_dot": 0 * t}
+    motion = {name: np.concatenate([down[name], rest[name]]) for name in down}
+    assert judged(problem, **motion).agrees
+    assert kinds(judged(problem.but(sequence=[]), **motion)) == {"impact"}
+
+
 def slide(a: float) -> dict[str, Array]:
     """Along the floor at 3 m/s, with an acceleration that no input makes."""
     return {
