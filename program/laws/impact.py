@@ -243,7 +243,7 @@ class ImpactLaw(Law):
             terms.append(Term("gap_rate", (q, v, t), (self._by_surface(rows, places),), sign))
         if (own := np.flatnonzero(self.by_law & ~self.rough)).size:
             rows = self._by_surface(plain, places)[own]
-            none = np.full((1, places.nc), places.zero)
+            none = np.full((len(own), places.nc), places.zero)
             before = q[own], lay.impact.v_a[own], none, t[own] if lay.timed else t
             terms.append(Term("rebound", before, (rows, like(rows), like(rows[:, :1]))))
         return terms

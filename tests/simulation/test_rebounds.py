@@ -210,3 +210,28 @@ def test_the_speed_of_a_hit_stands_in_the_restitution_alone():
         dmoc.MechanicalSystem(
             "one", coordinates=[x], lagrangian=x.diff() ** 2 / 2 - dmoc.approach_speed * x
         )
+
+
+def test_each_surface_has_its_own_law():
+    x, F = dynamicsymbols("x F")
+    system = dmoc.MechanicalSystem(
+        "two_laws",
+        coordinates=[x],
+        inputs=[F],
+        lagrangian=x.diff() ** 2 / 2,
+        forces={x: F},
+        surfaces={"right": x <= 1, "left": x >= -1},
+        restitution={
+            "right": sp.exp(-dmoc.approach_speed / 9),
+            "left": 1 / (1 + dmoc.approach_speed / 9),
+        },
+        cost=F**2,
+    )
+    problem = dmoc.Problem(
+        system, start={x: 0}, goal={x: 0}, sequence=["right", "left"], steps=20, final_time=2
+    )
+    solution = dmoc.solve(problem, "ipm")
+    assert solution.verification.passed
+    kept = [-c.rate_after / c.rate_before for c in solution.collisions]
+    right, left = (c.rate_before for c in solution.collisions)
+    np.testing.assert_allclose(kept, [np.exp(-right / 9), 1 / (1 + left / 9)], rtol=1e-6)
