@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from dmoc.results.solution import Solution
 
 MOST_VALUES = 10_000  # of a range
-# END=START and a difference, or a state alone.
-RELATION = re.compile(r"(?:([^\s=+-]+)\s*=\s*)?([^\s=+-]+)\s*(?:([+-])\s*(\S+))?")
+# END=START, with a minus before it and a difference behind it, or a state alone.
+RELATION = re.compile(r"(?:([^\s=+-]+)\s*=\s*(-?)\s*)?([^\s=+-]+)\s*(?:([+-])\s*(\S+))?")
 
 
 def read_names(text: str) -> tuple[str, ...]:
@@ -37,14 +37,14 @@ def read_periodic(text: str) -> tuple[str, ...] | dict[str, Any]:
     relations: dict[str, Any] = {}
     for part in parts:
         match = RELATION.fullmatch(part)
-        end, start, sign, by = match.groups() if match else (None, None, None, None)
+        end, minus, start, sign, by = match.groups() if match else (None,) * 5
         end = start if sign is None and end is None else end
         if end is None or start is None or end in relations:
             raise ProblemError(
-                f"--periodic {part}: expected NAME, END=START, END=START+0.5 or END=START+?, each "
-                "END once."
+                f"--periodic {part}: expected NAME, END=START, END=-START, END=START+0.5 or "
+                "END=START+?, each END once."
             )
-        relations[end] = _start_and_difference(part, start, sign, by)
+        relations[end] = _start_and_difference(part, (minus or "") + start, sign, by)
     return relations
 
 

@@ -104,7 +104,7 @@ class ProblemOptions(ModelOptions):
     )
     periodic: str | None = stated(
         "States that end as they start, as y,p_y; free at the start unless given. a=b ends as b "
-        "starts, x=x+0.5 that much further, x=x+? any distance further.",
+        "starts, x=-x on the other side, x=x+0.5 that much further, x=x+? any distance further.",
         Stated("periodic", read_periodic),
         metavar="STATES",
     )

@@ -28,19 +28,18 @@ from dmoc.mechanics.touch import Touch
 from dmoc.problem.end_states import check_admissible, check_contacts, check_kinks, check_mass_matrix
 from dmoc.problem.ranges import (
     Boundary,
-    Relation,
     boundary_of,
     boxes_of,
     check_size,
     duration,
     durations_of,
     midpoints,
-    relations_of,
     steps_of,
     via_of,
 )
 from dmoc.problem.reach import onto_first, reach_of
 from dmoc.problem.reading import read
+from dmoc.problem.relations import Relation, relations_of
 from dmoc.problem.statement import statement_in_short, table_of_problem
 
 if TYPE_CHECKING:
@@ -100,10 +99,11 @@ class Problem(Shown):
         states none.
     periodic : sequence of str, or mapping, optional
         States (coordinates, velocities, momenta by name) that end as they start; one that ``start``
-        does not give is free there.  A mapping from states at the end to states at the start says
-        which ends as which, so that a gait may exchange its legs ({"left": "right", "right":
-        "left"}); with a difference, ``{"x": ("x", 0.5)}``, the end is that much further, a number,
-        a range or None for any.
+        does not give is free there.  A mapping says which ends as which, so that a gait may
+        exchange its legs ({"left": "right", "right": "left"}) or turn round ({"x": "-x"}); as a sum
+        of states in symbols ({x: -x, left: right + 0.5}) or in factors ({"x": {"x": -1, "y": 2}}).
+        With a difference, ``{"x": ("x", 0.5)}``, the end is that much further, a number, a range or
+        None for any.
     minimal_times : bool, optional
         Guide ``slsqp`` by the estimated shortest times at full input, equation :eq:`minimal-time`
         of the theory: bounds of the phases before collisions, which may hold no answer.

@@ -1,9 +1,9 @@
-"""What a problem says in numbers and ranges: states at both ends and relations between them,
-bounds, durations, steps, places at events."""
+"""What a problem says in numbers and ranges: states at both ends, bounds, durations, steps, places
+at events."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from dmoc.base.arguments import Range, check_known, interval, limits, listed, shown, whole
 from dmoc.base.errors import ProblemError
-from dmoc.base.names import momentum_name, name_of, velocity_name
+from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
 
@@ -49,47 +49,6 @@ class Boundary:
         bounds = self.position, self.velocity, self.momentum
         position, velocity, momentum = (bool((b[:, 0] == b[:, 1]).all()) for b in bounds)
         return position and (velocity or momentum)
-
-
-@dataclass(frozen=True)
-class Relation:
-    """A state at the end is one at the start and a difference between two bounds further."""
-
-    end: str
-    start: str
-    low: float = 0.0
-    high: float = 0.0
-
-    @property
-    def fixed(self) -> bool:
-        return self.low == self.high
-
-    @property
-    def kind(self) -> tuple[str, str, bool, bool, bool]:
-        """What it is without its numbers: its states, and which bounds there are."""
-        return self.end, self.start, self.fixed, self.low > -np.inf, self.high < np.inf
-
-
-def relations_of(problem: Problem) -> tuple[Relation, ...]:
-    """What ``periodic`` says of the end and the start."""
-    periodic = problem.periodic
-    pairs = periodic.items() if isinstance(periodic, Mapping) else [(n, n) for n in periodic]
-    return tuple(_relation(problem, str(end), value) for end, value in pairs)
-
-
-def _relation(problem: Problem, end: str, value: Any) -> Relation:
-    start, difference = value, 0.0
-    if isinstance(value, (tuple, list)) and len(value) == 2:
-        start, difference = value
-    elif isinstance(value, (tuple, list)):
-        raise ProblemError(
-            f"periodic: {end!r} has {shown(value)}: expected a state at the start such as "
-            "'x', or a pair of one and a difference such as ('x', 0.5)."
-        )
-    start = name_of(start)
-    for name in (end, start):
-        check_known(name, problem.states, "state", "in periodic")
-    return Relation(end, start, *interval(difference, f"the difference of {end} in periodic"))
 
 
 def via_of(problem: Problem) -> Array:
@@ -160,18 +119,6 @@ def check_size(problem: Problem) -> None:
         )
 
 
-def periodic_of(problem: Problem) -> tuple[str, ...] | dict[str, Any]:
-    """The periodic states as they were passed: their names, or a mapping."""
-    if isinstance(problem.periodic, Mapping):
-        return by_name(problem.periodic, "periodic")
-    states = [name_of(name) for name in listed(problem.periodic, "periodic", "states")]
-    for i, name in enumerate(states):
-        check_known(name, problem.states, "state", "in periodic")
-        if name in states[:i]:
-            raise ProblemError(f"periodic names {name!r} twice: give it once.")
-    return tuple(states)
-
-
 def boxes_of(problem: Problem, names: Sequence[str]) -> Array:
     """Bounds of inputs or coordinates, shape (names, 2)."""
     for name in problem.bounds:
@@ -192,7 +139,7 @@ def boundary_of(problem: Problem, end: str) -> Boundary:
     momenta = [momentum_name(q) for q in coordinates]
     for name in state:
         check_known(name, problem.states, "state", f"at the {end}")
-    free, turning = None, {relation.start for relation in problem.relations}
+    free, turning = None, {name for r in problem.relations for name in r.starts}
     position, velocity, momentum = [], [], []
     for q, v, p in zip(coordinates, velocities, momenta, strict=True):
         if end == "start" and q not in state and q not in turning:

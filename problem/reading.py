@@ -9,7 +9,8 @@ from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.system_kernels import kernels_of
 from dmoc.mechanics.model_values import by_name
-from dmoc.problem.ranges import check_size, periodic_of, steps_of
+from dmoc.problem.ranges import check_size, steps_of
+from dmoc.problem.relations import periodic_of
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem

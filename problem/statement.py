@@ -98,4 +98,4 @@ def _relation(relation: Any) -> str:
         if relation.low == relation.high == 0
         else (f" + {_range(relation.low, relation.high) or 'any'}")
     )
-    return f"{relation.end} ends as {relation.start}{further}"
+    return f"{relation.end} ends as {relation.source}{further}"

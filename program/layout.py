@@ -28,7 +28,7 @@ class Layout(Unknowns):
     def of(cls, problem: Problem) -> Layout:
         _check_courses(problem)
         kernels = problem.kernels
-        turning = {name for r in problem.relations for name in (r.start, r.end)}
+        turning = {name for r in problem.relations for name in (*r.starts, r.end)}
         turns = any(velocity_name(c) in turning for c in kernels.coordinates)
         joined = bool(kernels.joints)
         free = [mode.free and not joined for mode in problem.touch.modes]

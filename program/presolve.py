@@ -154,12 +154,16 @@ def _states(problem: Problem, lay: Layout, limits: tuple[Array, Array], i: int) 
 def _returned(problem: Problem, start: States, end: States) -> States:
     """The states at the start that end as ``end``; what is not periodic is that of ``start``."""
     model, names = problem.model, problem.kernels.coordinates
-    ended = dict(zip(names, end.q.T, strict=True))
-    ended |= dict(zip(map(velocity_name, names), end.v.T, strict=True))
-    ended |= dict(
-        zip(map(momentum_name, names), model.momentum(end.q, end.v, end.t).T, strict=True)
-    )
-    begun = {r.start: ended[r.end] - r.low for r in problem.relations if r.fixed}
+    fixed = [r for r in problem.relations if r.fixed]
+    if not fixed:
+        return start
+    begun, ended = _by_name(problem, start), _by_name(problem, end)
+    of = list(dict.fromkeys(name for r in fixed for name in r.starts))
+    factors = np.array([[dict(r.terms).get(name, 0.0) for name in of] for r in fixed])
+    wanted = np.transpose([ended[r.end] - r.low for r in fixed])
+    before = np.transpose([begun[name] for name in of])
+    moved = before + (wanted - before @ factors.T) @ np.linalg.pinv(factors).T
+    begun = dict(zip(of, moved.T, strict=True))
     q = np.transpose([begun.get(n, x) for n, x in zip(names, start.q.T, strict=True)])
     v = np.transpose(
         [begun.get(velocity_name(n), x) for n, x in zip(names, start.v.T, strict=True)]
@@ -169,6 +173,15 @@ def _returned(problem: Problem, start: States, end: States) -> States:
         p = np.transpose([begun.get(momentum_name(n), x) for n, x in zip(names, p, strict=True)])
         v = model.velocity(q, p, start.t)
     return States(q, v, start.t)
+
+
+def _by_name(problem: Problem, at: States) -> dict[str, Array]:
+    """All states by name, with their samples."""
+    names, momenta = problem.kernels.coordinates, problem.model.momentum(at.q, at.v, at.t)
+    values: dict[str, Array] = {}
+    for naming, columns in ((str, at.q), (velocity_name, at.v), (momentum_name, momenta)):
+        values |= dict(zip(map(naming, names), columns.T, strict=True))
+    return values
 
 
 def _relate(rows: Bools, alike: Bools, act: Bools) -> None:

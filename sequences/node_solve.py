@@ -298,7 +298,7 @@ def _without_minimum(
     if task.problem.sequence and whole.least:
         # Only the collisions, and as much time as there is: what happens after them is another
         # matter.
-        start = dict.fromkeys(coarse.periodic) | dict(coarse.start)
+        start = dict.fromkeys(n for r in coarse.relations for n in r.starts) | dict(coarse.start)
         latest = (None, coarse.final_time_bounds[1])
         there = _least(coarse.but(start=start, goal={}, periodic=(), final_time=latest), deadline)
         if there.violation > INFEASIBLE and there.least:

@@ -4,7 +4,8 @@
 
     velocity    p_B - dL/dv(q_0, v_B) = 0, p_E - dL/dv(q_N, v_E) = 0    where velocities are needed
     final time  t_E - value = 0, t_E - lower >= 0, upper - t_E >= 0
-    periodic    state at the end - state at the start - difference = 0, or within a range
+    periodic    state at the end - sum of factors * states at the start - difference = 0, or
+                within a range
     goal        unknown - value = 0, or within a range                  where goals are rows
 """
 
@@ -19,7 +20,7 @@ import numpy as np
 from dmoc.base.names import momentum_name, unit_of
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.problem.ranges import Relation
+from dmoc.problem.relations import Relation
 from dmoc.program.blocks import GOAL, LAW, Block, Entries, Index, Missed, Numbering, seconds
 from dmoc.program.laws.law import Law
 from dmoc.program.layout import Layout
@@ -114,7 +115,8 @@ class EndsLaw(Law):
 
         def misses(i: int) -> str:
             r = relations[i]
-            whose = "its value" if r.end == r.start else f"the value of {r.start}"
+            alone = r.terms == ((r.end, 1.0),)
+            whose = "its value" if alone else f"the value of {r.source}"
             return f"{r.end} at the end misses {whose} at the start"
 
         self.start_velocity = block(
@@ -230,8 +232,9 @@ class EndsLaw(Law):
         related = [*((r, 1.0, r.low) for r in self.relations), *self.ranges]
         numbers = np.concatenate([self.periodic.numbers, self.periodic_range.numbers])
         for row, (r, sign, value) in zip(numbers, related, strict=True):
-            between = np.array([states[r.start][0], states[r.end][1]])
-            yield Line(row, between, sign * np.array([-1.0, 1.0]), -sign * value)
+            between = np.array([*(states[name][0] for name in r.starts), states[r.end][1]])
+            factors = np.array([*(-factor for _, factor in r.terms), 1.0])
+            yield Line(row, between, sign * factors, -sign * value)
         wanted = [*((g, 1.0, g.low) for g in self.fixed_goals), *self.limits]
         numbers = np.concatenate([self.goal.numbers, self.goal_range.numbers])
         for row, (g, sign, value) in zip(numbers, wanted, strict=True):

@@ -48,6 +48,7 @@ def test_events_are_apart_by_commas() -> None:
         ("x=x+0.5,y", {"x": ("x", 0.5), "y": "y"}),
         ("x = x - 5e-1", {"x": ("x", -0.5)}),
         ("x=x+?,a_dot=b_dot", {"x": ("x", None), "a_dot": "b_dot"}),
+        ("x=-x,y = - y + 0.5", {"x": "-x", "y": ("-y", 0.5)}),
     ],
 )
 def test_states_return_as_others_and_further(text: str, periodic: Any) -> None:

@@ -182,7 +182,7 @@ def problem_cases() -> Iterator[Case]:
     yield from of("periodic sequence", *NO_LISTS, None)
     yield from of("sequence", *NO_SEQUENCES)
     yield from of("periodic", *NO_STATES)
-    yield from of("periodic", {"x": "-x"}, names="'-x'")
+    yield from of("periodic", {"x": "--x"}, {"x": "x + 1"}, {"x": X**2}, {"x": {"x": "a"}})
     yield from of("steps", *NO_STEPS)
     for steps, collisions in ((100_000, 20), (100_000, 9_999), (10_000, 1_000)):
         for given in (steps, [steps] * (collisions + 1)):

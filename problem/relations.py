@@ -1,0 +1,154 @@
+"""What ``periodic`` says: states at the end that are sums of states at the start, and by how much
+they are further."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dmoc.base.arguments import Range, check_known, interval, listed, number, shown
+from dmoc.base.errors import ProblemError
+from dmoc.base.names import name_of
+from dmoc.mechanics.model_values import by_name
+
+if TYPE_CHECKING:
+    from dmoc.problem.problem import Problem
+
+EXPECTED = (
+    "expected a state at the start such as 'x' or '-x', a sum such as -x + 0.5 in symbols or "
+    "{'x': -1, 'y': 2}, or a pair of one of them and a difference such as ('x', 0.5)"
+)
+
+
+@dataclass(frozen=True)
+class Relation:
+    """A state at the end is a sum of factors times states at the start, and a difference between
+    two bounds further."""
+
+    end: str
+    terms: tuple[tuple[str, float], ...]
+    low: float = 0.0
+    high: float = 0.0
+
+    @property
+    def fixed(self) -> bool:
+        return self.low == self.high
+
+    @property
+    def starts(self) -> tuple[str, ...]:
+        """The states at the start."""
+        return tuple(name for name, _ in self.terms)
+
+    @property
+    def kind(self) -> tuple[str, tuple[tuple[str, float], ...], bool, bool, bool]:
+        """What it is without its difference: its states, and which bounds there are."""
+        return self.end, self.terms, self.fixed, self.low > -np.inf, self.high < np.inf
+
+    @property
+    def source(self) -> str:
+        """The sum of states at the start, in words."""
+        first, *others = (_term(name, factor) for name, factor in self.terms)
+        return first + "".join(
+            f" - {term[1:]}" if term.startswith("-") else f" + {term}" for term in others
+        )
+
+
+def _term(name: str, factor: float) -> str:
+    return name if factor == 1 else f"-{name}" if factor == -1 else f"{factor:g} {name}"
+
+
+def relations_of(problem: Problem) -> tuple[Relation, ...]:
+    """What ``periodic`` says of the end and the start."""
+    periodic = problem.periodic
+    pairs = periodic.items() if isinstance(periodic, Mapping) else [(n, n) for n in periodic]
+    return tuple(_relation(problem, str(end), value) for end, value in pairs)
+
+
+def periodic_of(problem: Problem) -> tuple[str, ...] | dict[str, Any]:
+    """The periodic states as they were passed: their names, or a mapping without symbols."""
+    if isinstance(problem.periodic, Mapping):
+        read = by_name(problem.periodic, "periodic")
+        return {end: _plain(end, value) for end, value in read.items()}
+    states = [name_of(name) for name in listed(problem.periodic, "periodic", "states")]
+    for i, name in enumerate(states):
+        check_known(name, problem.states, "state", "in periodic")
+        if name in states[:i]:
+            raise ProblemError(f"periodic names {name!r} twice: give it once.")
+    return tuple(states)
+
+
+def _relation(problem: Problem, end: str, value: Any) -> Relation:
+    source, difference = value if isinstance(value, tuple) else (value, 0.0)
+    terms = source if isinstance(source, Mapping) else _signed(source)
+    check_known(end, problem.states, "state", "in periodic")
+    for name in terms:
+        check_known(name, problem.states, "state", "in periodic")
+    low, high = interval(difference, f"the difference of {end} in periodic")
+    return Relation(end, tuple(terms.items()), low, high)
+
+
+def _signed(name: str) -> dict[str, float]:
+    """A state, or one with a minus before it."""
+    return {name[1:].strip(): -1.0} if name.startswith("-") else {name: 1.0}
+
+
+def _plain(end: str, value: Any) -> Any:
+    """What a state at the end is, without symbols: a name or factors by name, alone or with a
+    difference."""
+    if isinstance(value, list):
+        value = tuple(value)
+    if isinstance(value, tuple):
+        if len(value) != 2:
+            raise ProblemError(f"periodic: {end!r} has {shown(value)}: {EXPECTED}.")
+        source, further = value
+    else:
+        source, further = value, 0.0
+    plain, constant = _source(end, source)
+    if not constant:
+        return (plain, further) if isinstance(value, tuple) else plain
+    low, high = interval(further, f"the difference of {end} in periodic")
+    return plain, constant + low if low == high else _moved((low, high), constant)
+
+
+def _moved(bounds: Range, by: float) -> tuple[float | None, float | None]:
+    low, high = (bound + by if np.isfinite(bound) else None for bound in bounds)
+    return low, high
+
+
+def _source(end: str, value: Any) -> tuple[str | dict[str, float], float]:
+    """The states at the start, and the constant of their sum."""
+    if isinstance(value, str):
+        return value, 0.0
+    if isinstance(value, Mapping):
+        factors = by_name(value, f"periodic: {end!r}")
+        read = {n: number(f, f"the factor of {n} in periodic") for n, f in factors.items()}
+        return _without_zeros(end, value, read), 0.0
+    if not hasattr(value, "as_coefficients_dict"):
+        raise ProblemError(f"periodic: {end!r} has {shown(value)}: {EXPECTED}.")
+    read, constant = {}, 0.0
+    for term, factor in value.expand().as_coefficients_dict().items():
+        if term.is_number:
+            constant += float(term * factor)
+        elif term.is_Symbol or term.is_Function or term.is_Derivative:
+            read[name_of(term)] = number(factor, f"the factor of {name_of(term)} in periodic")
+        else:
+            raise ProblemError(
+                f"periodic: {end!r} has {shown(value)}, where {shown(term)} is no state times a "
+                f"number: {EXPECTED}."
+            )
+    if set(read.values()) == {1.0} and len(read) == 1:
+        return next(iter(read)), constant
+    return _without_zeros(end, value, read), constant
+
+
+def _without_zeros(end: str, value: Any, factors: dict[str, float]) -> dict[str, float]:
+    kept = {name: factor for name, factor in factors.items() if factor}
+    if not kept:
+        raise ProblemError(
+            f"periodic: {end!r} has {shown(value)}, which no state at the start enters: state "
+            f"it in the goal."
+        )
+    return kept
