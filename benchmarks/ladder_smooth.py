@@ -24,7 +24,7 @@ class Statement:
     data: Mapping[str, Any]
 
 
-PARTS = {f.name for f in fields(dmoc.MechanicalSystem)}
+PARTS = {f.name for f in fields(dmoc.MechanicalSystem)} - {"restitution"}
 
 
 def stated(

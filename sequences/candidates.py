@@ -1,9 +1,10 @@
 """The sequences that relaxed motions propose, solved exactly: the cheapest first, and the
-neighbours of the best."""
+neighbours of the best, with one hit more or less, with two exchanged, and those that relaxed
+motions beside it propose."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,28 @@ from dmoc.solving.multistart.exploration import coarse_of
 DEARER = 0.35
 
 
+def edits(sequence: Words, most: int) -> list[Words]:
+    """The sequence with one hit more beside one of its own, one less, or two exchanged; at most so
+    many events.  Events after which contacts last, and those of friction, stay as they are."""
+    more, less, exchanged = list[Words](), list[Words](), list[Words]()
+    hits = [is_plain_hit(word) for word in sequence]
+    for i in range(len(sequence)):
+        before, word, after = sequence[:i], sequence[i], sequence[i + 1 :]
+        if not hits[i]:
+            continue
+        less.append((*before, *after))
+        if len(sequence) < most:
+            more.append((*before, word, word, *after))
+        if after and hits[i + 1]:
+            exchanged.append((*before, after[0], word, *after[1:]))
+    return [s for s in dict.fromkeys((*more, *less, *exchanged)) if s != sequence]
+
+
+def is_plain_hit(word: str) -> bool:
+    """Whether a word is a hit of one surface, which is released at once."""
+    return word.replace("_", "").isalnum()
+
+
 class Candidates(Tree):
     """Sequences that were proposed, and what comes of them."""
 
@@ -37,7 +60,7 @@ class Candidates(Tree):
         self.frontier = [p.sequence for p in proposals.ranked()] or [()]
         self.left: list[Words] = []  # too dear to be solved
         self.around: set[Words] = set()  # those whose motions others were looked for from
-        self.alone = False  # no relaxed motion helps
+        self.again: set[Words] = set()  # to be solved from starts of their own
 
     def surrounded(self) -> Tree:
         """The tree of all sequences, which has what is known of these."""
@@ -83,19 +106,26 @@ class Candidates(Tree):
         impulses = [c.impulse for c in motion.collisions]
         way = Folded(tuple(hits), tuple(pieces_of(motion)), tuple(impulses))
         new = self.proposals.look_around(way, self.deadline)
-        self.frontier += [s for s in new if s not in self.nodes]
+        edited = edits(best.sequence, self.settings.max_collisions)
+        self._repeat(s for s in edited if s in self.nodes and s not in self.again)
+        self.frontier += [s for s in dict.fromkeys((*new, *edited)) if s not in self.nodes]
         return bool(self.frontier)
+
+    def _repeat(self, sequences: Iterable[Words]) -> None:
+        """Forget those that have failed, which are to be solved from starts of their own."""
+        failed = [s for s in sequences if self.nodes[s].verdict is Verdict.FAILED]
+        self.again.update(failed)
+        for s in failed:
+            del self.nodes[s]
 
     def _once_more(self) -> bool:
         """Where none is confirmed, put those that have failed into the frontier, to be solved from
         starts of their own."""
         failed = [s for s, n in self.nodes.items() if n.verdict is Verdict.FAILED]
-        if self.best() is not None or self.alone or not failed:
+        if self.best() is not None or self.again or not failed:
             return False
-        self.alone = True
         self.frontier = sorted(failed, key=self._rank)[:TOGETHER]
-        for s in self.frontier:
-            del self.nodes[s]
+        self._repeat(self.frontier)
         return True
 
     def _cheapest(self, sequence: Words) -> float:
@@ -114,7 +144,7 @@ class Candidates(Tree):
 
     def _start(self, problem: Problem, sequence: Words) -> Array | None:
         """The relaxed motion on the coarse mesh of the sequence."""
-        if sequence not in self.proposals.motions or self.alone:
+        if sequence not in self.proposals.motions or sequence in self.again:
             return None
         coarse = coarse_of(problem)
         with np.errstate(all="ignore"):

@@ -216,7 +216,8 @@ def search(
         All nodes; those first whose parents cost least; the children of the ``beam`` best nodes of
         each depth.  "propose" names no sequences: it solves a relaxed program from random starts,
         in which whatever may touch is left open, and then the sequences that its motions have, the
-        cheapest first, and those of motions beside the best.  Where the problem does not say what
+        cheapest first, then the neighbours of the best: those of motions beside it, and with one
+        hit more, one less or two exchanged.  Where the problem does not say what
         is closed at the start, or slides there, the cheapest of these motions does, and the
         ``problem`` of the result has it in its ``contacts``.  "both" goes on with all nodes.
     beam : int

@@ -7,6 +7,7 @@ import re
 from math import pi, sqrt
 from pathlib import Path
 
+import hopper
 import pytest
 import sympy as sp
 from contact_problems import pushed
@@ -19,7 +20,7 @@ from dmoc.base.errors import ProblemError, SearchError
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.models.registry import find
 from dmoc.sequences import relaxation
-from dmoc.sequences.candidates import Candidates
+from dmoc.sequences.candidates import Candidates, edits
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.proposals import Proposals
 from dmoc.sequences.reading import at_hits, cleaned
@@ -147,6 +148,30 @@ def test_a_block_that_may_be_pushed_or_hit_is_hit_twice() -> None:
 
 
 @pytest.mark.slow
+def test_neighbours_of_the_best_say_how_many_hops_cost_least() -> None:
+    """Six cost 25.898, five and seven more, as the tree of all numbers of hops says: 27.076 and
+    26.135."""
+    cycle = hopper.problem(30)
+    problem = dmoc.Problem(
+        cycle.kernels, start={"x": 0.0, "p_x": (0.1, 10.0), "phi": 0.3}, goal={"x": 1.0},
+        periodic=cycle.periodic, steps=30, final_time=(0.9, 1.2), bounds=cycle.bounds,
+        restitution=0.5,
+    )  # fmt: skip
+    result = dmoc.search(problem, max_collisions=7, strategy="propose")
+    costs = {len(n.sequence): n.cost for n in result.nodes if n.cost is not None}
+    assert result.best is not None and len(result.best.sequence) == 6
+    assert costs[6] == pytest.approx(25.898, abs=0.01)
+    assert costs[5] == pytest.approx(27.076, abs=0.01)
+    assert costs[7] == pytest.approx(26.135, abs=0.01)
+
+
+def test_neighbours_have_one_hit_more_or_less_or_two_exchanged() -> None:
+    assert edits(("a", "b"), 3) == [("a", "a", "b"), ("a", "b", "b"), ("b",), ("a",), ("b", "a")]
+    assert edits(("a", "a"), 2) == [("a",)]
+    kept = ("+foot", "wall", "foot:slip+", "-foot")
+    assert edits(kept, 4) == [("+foot", "foot:slip+", "-foot")]
+
+
 def test_a_leg_goes_two_metres() -> None:
     """A body over a foot, pushed apart by a leg and a hip: of its relaxed starts most are solved,
     and their best sequence costs what a solve that is told it says."""
