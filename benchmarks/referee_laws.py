@@ -72,7 +72,7 @@ def _ends(problem: dmoc.Problem, claim: Claim, replay: Replay) -> Iterator[Viola
         states = [_named(problem, claim.q[r], claim.v[r], float(claim.t[r])) for r in (0, -1)]
         sizes = dict(zip(problem.states, [*replay.sizes.q, *replay.sizes.v], strict=False))
         for r in problem.relations:
-            difference = states[1][r.end] - states[0][r.start]
+            difference = states[1][r.end] - sum(f * states[0][name] for name, f in r.terms)
             by = max(r.low - difference, difference - r.high)
             if by > 100 * LIMIT * sizes.get(r.end, abs(states[1][r.end]) + abs(difference)):
                 yield Violation(

@@ -75,6 +75,15 @@ def bounce(after: float) -> dict[str, Array]:
     return {"t": t, "x": x, "x_dot": np.repeat([2.0, after], len(T)), "u": np.zeros(len(t))}
 
 
+def test_what_periodic_says_is_judged(wall: dmoc.Problem, judged: Judge) -> None:
+    """From x = 0 at 2 m/s to x = 0.5 at -1 m/s."""
+    kept = wall.but(periodic={"x_dot": {"x_dot": -0.5}, "x": {"x": 1.0, "x_dot": 0.25}})
+    assert judged(kept, **bounce(-1.0)).agrees
+    missed = judged(wall.but(periodic={"x_dot": "-x_dot"}), **bounce(-1.0))
+    assert [(v.kind, v.name) for v in missed.violations] == [("periodic", "x_dot")]
+    assert missed.violations[0].amount == pytest.approx(1.0)
+
+
 def test_a_bounce_with_the_restitution_of_the_wall_keeps_the_laws(
     wall: dmoc.Problem, judged: Judge
 ) -> None:
