@@ -131,7 +131,7 @@ def _source(end: str, value: Any) -> tuple[str | dict[str, float], float]:
     read, constant = {}, 0.0
     for term, factor in value.expand().as_coefficients_dict().items():
         if term.is_number:
-            constant += float(term * factor)
+            constant += number(term * factor, f"the difference of {end} in periodic")
         elif term.is_Symbol or term.is_Function or term.is_Derivative:
             read[name_of(term)] = number(factor, f"the factor of {name_of(term)} in periodic")
         else:

@@ -84,6 +84,7 @@ ProblemError: on_floor(...)
     periodic={"x": ("x", 1, 2)} | or a pair of one of them and a difference such as ('x', 0.5)
     periodic={"x": X**2} | where x(t)**2 is no state times a number
     periodic={"x": 0 * X + 1} | no state at the start enters: state it in the goal
+    periodic={"x": X + sp.I} | the difference of x in periodic
     periodic={"x": {"x": -1, "w": 2}} | unknown state 'w' in periodic
     periodic={"x": {"x": "far"}} | the factor of x in periodic = 'far': expected a number
     contacts=["floor:slip+"], start={"x": 0, "y": 0, "x_dot": -1} | 'floor:slip+' begins with a
