@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, product
+from math import prod
 
 import numpy as np
 
@@ -21,8 +22,8 @@ from dmoc.simulation.single_hit import SingleHit, single_hit
 
 # A rebound whose flight, with all that follow it, takes less than this share of a step is none.
 SETTLED = 1e-4
-# Contacts beside a hit that are tried in all combinations.
-MOST_BESIDE = 8
+# Combinations of what contacts beside a hit do that are tried: seconds.
+MOST_WAYS = 4096
 
 
 @dataclass(frozen=True)
@@ -167,14 +168,14 @@ def _beside(model: Model, at: Place, j: int, on: list[int], e: float) -> Struck 
     """A hit with friction while as many of the other touched contacts as can do stay closed, each
     with the same friction all along, and those that do not open; None where there are none."""
     q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
-    others = [k for k in on if k != j]
-    if len(others) > MOST_BESIDE:
+    others, frictions = [k for k in on if k != j], _frictions(model, at, on)
+    if prod(2 if k not in frictions else 1 + len(frictions[k]) for k in others) > MOST_WAYS:
         return None
     contact = j, model.rough[j]
     for count in range(len(others), -1, -1):
         for closed in combinations(others, count):
             opened = [k for k in others if k not in closed]
-            for holding in _modes(model, at, closed):
+            for holding in _modes(model, closed, frictions):
                 hit = single_hit(model, contact, holding, (q, v, at.t), e)
                 rates = model.gap_rates(q, hit.velocity, at.t)
                 if not hit.unheld and (rates[opened] <= at.small.rate[opened]).all():
@@ -182,15 +183,22 @@ def _beside(model: Model, at: Place, j: int, on: list[int], e: float) -> Struck 
     return None
 
 
-def _modes(model: Model, at: Place, closed: tuple[int, ...]) -> Iterator[Mode]:
-    """The friction that closed contacts may have from the begin of an impact on: that of their
+def _frictions(model: Model, at: Place, touched: list[int]) -> dict[int, tuple[int, ...]]:
+    """The friction that touched contacts may have from the begin of an impact on: that of their
     sliding; what is at rest sticks, or begins to slide."""
     sigma = model.slide_rates(at.y[: model.nq], at.y[model.nq : 2 * model.nq], at.t)
-    tangents = [model.rough[k] for k in closed if k in model.rough]
     slides = np.sign(sigma) * (np.abs(sigma) > at.small.slide)
-    ways = [(int(slides[k]),) if slides[k] else (STICK, 1, -1) for k in tangents]
-    for signs in product(*ways):
-        yield Mode.of(closed, dict(zip(tangents, signs, strict=True)))
+    rough = {j: model.rough[j] for j in touched if j in model.rough}
+    return {j: (int(slides[k]),) if slides[k] else (STICK, 1, -1) for j, k in rough.items()}
+
+
+def _modes(
+    model: Model, closed: tuple[int, ...], frictions: dict[int, tuple[int, ...]]
+) -> Iterator[Mode]:
+    """The modes of closed contacts with the friction that they may have."""
+    rough = [j for j in closed if j in frictions]
+    for signs in product(*(frictions[j] for j in rough)):
+        yield Mode.of(closed, {model.rough[j]: s for j, s in zip(rough, signs, strict=True)})
 
 
 def _check_course(model: Model, at: Place, blow: Blow, released: bool) -> None:

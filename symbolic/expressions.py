@@ -17,7 +17,7 @@ from dmoc.base.errors import ModelError
 LARGEST = sp.Integer(10) ** 307
 
 
-class ApproachSpeed(sp.Symbol):  # type: ignore[misc]
+class ApproachSpeed(sp.Symbol):  # type: ignore[misc]  # SymPy has no types
     """The rate of a gap before a hit, in which a model may state a coefficient of restitution.
 
     Examples
