@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 from dmoc.base.errors import ProblemError
 from dmoc.mechanics.contact_mode import STICK, Course, Event, Mode, names_of
@@ -28,7 +29,7 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     """Words of what can happen in a mode to some surfaces and to what rubs: hits and landings of
     open surfaces, also those at which a rail changes its friction, hits at which a closed contact
     slides back, and landings at which another contact leaves; contacts that leave; changes of
-    friction."""
+    friction; and what two contacts, as the corners of a box, can only do together."""
     closed, rubbing = names_of(contacts, mode)
     open_ones = [s for s in surfaces if s not in closed]
     turns = list(_turns(rubbing))
@@ -47,8 +48,20 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
         yield from (f"{word} {name}:{FRICTION_WORDS[-s]}" for name, s in slides)
     for landing in landings:
         yield from (f"{landing} -{other}" for other in closed if other in surfaces)
-    yield from (f"-{name}" for name in closed if name in surfaces)
-    yield from turns
+    leaving = [f"-{name}" for name in closed if name in surfaces]
+    yield from (*leaving, *turns)
+    yield from _together(leaving, {name: s for name, s in rubbing.items() if name in closed})
+    for state in ("", ":slip+", ":slip-"):
+        both = [name for name in open_ones if not state or name in contacts.tangents]
+        yield from (f"+{a}{state} +{b}{state}" for a, b in combinations(both, 2))
+
+
+def _together(leaving: Sequence[str], rubbing: Mapping[str, int]) -> Iterator[str]:
+    """All contacts leave at once, or all that rub change their friction to the same one."""
+    ways = [leaving]
+    for word, state in FRICTION.items():
+        ways.append([f"{name}:{word}" for name, other in rubbing.items() if other != state])
+    yield from (" ".join(way) for way in ways if len(way) > 1)
 
 
 def _hits(name: str, mode: Mode, contacts: Contacts) -> list[str]:

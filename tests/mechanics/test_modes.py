@@ -52,6 +52,15 @@ def test_words_after_a_mode_are_those_that_are_possible() -> None:
     assert len(words) == len(set(words))
 
 
+def test_what_two_contacts_can_only_do_together_is_possible_too() -> None:
+    words = {*words_after(mode_of(["left", "right:slip+"], FEET), FEET, FEET.surfaces)}
+    assert {"-left -right", "left:slip- right:slip-"} <= words
+    assert not {"left:slip+ right:slip+", "left:stick right:stick"} & words  # one turns alone
+    free = {*words_after(mode_of([], FEET), FEET, FEET.surfaces)}
+    assert {"+left +right", "+left:slip+ +right:slip+", "+right +wall"} <= free
+    assert "+right:slip+ +wall:slip+" not in free  # nothing rubs at the wall
+
+
 def test_a_contact_that_slides_may_slide_back_after_a_hit() -> None:
     sliding = mode_of(["left:slip+"], FEET)
     assert "wall left:slip-" in list(words_after(sliding, FEET, FEET.surfaces))

@@ -7,6 +7,7 @@ from math import sqrt
 import pytest
 import sympy as sp
 from contact_problems import pushed
+from several_contacts import HALF_HEIGHT, MASS, STANDING, box
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
@@ -25,6 +26,24 @@ def test_the_search_finds_when_to_stick_and_when_to_slide() -> None:
     assert ("rail:slip+", "rail:stick") in sliding
     counts = result.counts
     assert not counts.get("failed") and counts["infeasible"] >= 1
+
+
+def test_the_tree_tries_what_two_contacts_can_only_do_together() -> None:
+    """Both lower corners of a box that is pushed begin to slide at once: int u^2 / 2 with the
+    friction F = mu m g and the least acceleration from rest to rest is F^2 T / 2 + 6 m^2 d^2 / T^3,
+    in the time after a shortest phase of 0.01 s.  No corner slides alone."""
+    problem = dmoc.Problem(
+        box(), start=STANDING, goal={"x": 1, "y": HALF_HEIGHT, "a": 0, "x_dot": 0, "y_dot": 0},
+        contacts=["left", "right"], parameters={"mu": 0.2}, steps=20, final_time=1,
+    )  # fmt: skip
+    result = dmoc.search(problem, 1)
+    assert result.best is not None
+    assert result.best.sequence == ("left:slip+ right:slip+",)
+    friction = 0.2 * MASS * 9.81
+    least = 0.99 * friction**2 / 2 + 6 * MASS**2 / 0.99**3
+    assert result.best.cost == pytest.approx(least, rel=5e-3)
+    assert [n.sequence for n in result.ranked()] == [result.best.sequence]
+    assert ("-left -right",) in [n.sequence for n in result.nodes]
 
 
 def test_a_search_takes_the_words_it_is_given() -> None:
