@@ -10,6 +10,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import rates_and_response
 from dmoc.mechanics.contact_mode import STICK, Course
 from dmoc.problem.problem import Problem
+from dmoc.program.hit_stages import Passage
 from dmoc.program.layout import Layout
 
 
@@ -33,14 +34,22 @@ def course_of(rates: Array, A: Array, mu: float, e: float) -> Course:
 def courses_at(problem: Problem, states: Sequence[tuple[Array, Array, float]]) -> dict[int, Course]:
     """The courses that the law takes in the hits of a problem, whatever its words say, from the
     states (q, v, t) before its events."""
-    model, mu = problem.model, problem.model.friction
     courses = dict[int, Course]()
     for p in Layout.of(problem).hit.passages:
-        rates, A = rates_and_response(problem, p, states[p.event])
-        if not p.lands and np.isfinite(A).all() and np.isfinite(rates).all():
-            e = model.coefficients(problem.restitution_values, *states[p.event])[p.surface]
-            courses[p.event] = course_of(rates, A, float(mu[p.tangent]), float(e))
+        course = None if p.lands else course_at(problem, p, states[p.event])
+        if course is not None:
+            courses[p.event] = course
     return courses
+
+
+def course_at(problem: Problem, p: Passage, state: tuple[Array, Array, float]) -> Course | None:
+    """The course that the law takes in one hit from the state (q, v, t) before it; None where that
+    is no state."""
+    rates, A = rates_and_response(problem, p, state)
+    if not (np.isfinite(A).all() and np.isfinite(rates).all()):
+        return None
+    e = problem.model.coefficients(problem.restitution_values, *state)[p.surface]
+    return course_of(rates, A, float(problem.model.friction[p.tangent]), float(e))
 
 
 def states_before(problem: Problem, x: Array) -> list[tuple[Array, Array, float]]:

@@ -11,10 +11,12 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.guess.folded import Folded
+from dmoc.guess.hit_course import course_at
 from dmoc.guess.transfer import Piece, times_of_inputs
-from dmoc.mechanics.contact_mode import STICK, Event, Mode
+from dmoc.mechanics.contact_mode import STICK, Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL
 from dmoc.mechanics.modes import word_between
+from dmoc.program.hit_stages import Passage
 from dmoc.program.transcription import Transcription
 
 # A hit that is none: its impulse, and its gap, as shares of their sizes.
@@ -73,7 +75,7 @@ def read(relaxed: Relaxed) -> Reading:
         if k in struck:
             surface = lay.touch.events[struck[k]].hit
             lands = surface in after.closed and surface not in before.closed
-            event = event if lands else Event(hit=surface)
+            event = event if lands else Event(hit=surface, course=_course(relaxed, struck[k]))
         word = word_between(contacts, before, after, event)
         if word:
             words.append(word)
@@ -95,6 +97,18 @@ def _hits(relaxed: Relaxed) -> list[int]:
         if x[lay.impact.lam[i]] > NO_HIT * nlp.scale.lam[j]
         and gaps[node, j] > -AWAY * nlp.scale.gap[j]
     ]
+
+
+def _course(relaxed: Relaxed, i: int) -> Course | None:
+    """The course that a hit with friction takes from the velocity before it."""
+    lay, x = relaxed.nlp.layout, relaxed.x
+    contacts = lay.touch.contacts
+    surface, node = int(lay.touch.surfaces[i]), lay.collision_nodes[i]
+    if contacts.surfaces[surface] not in contacts.rough:
+        return None
+    hit = Passage(i, surface, contacts.supports.index(surface), False, (), ())
+    state = x[lay.index_q[node]], x[lay.impact.v_a[i]], float(lay.times(x)[node])
+    return course_at(relaxed.nlp.problem, hit, state)
 
 
 def _modes(relaxed: Relaxed) -> list[Mode]:

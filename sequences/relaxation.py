@@ -12,7 +12,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from itertools import islice, product, zip_longest
+from itertools import cycle, islice, product, zip_longest
 
 import numpy as np
 
@@ -49,6 +49,8 @@ STEPS, COARSER, FEWEST = 40, 20, 10
 # Random motions that are solved together, and at most, and those of which they are chosen: folded
 # ones may stay beyond a surface, or have too many hits.
 MOTIONS, MOST_MOTIONS, DRAWN = 8, 24, 128
+# Of two times as many as are solved together, those that touch at least.
+BENT = 4
 # Iterations of a start for the first eps, and for each of the others: what has begun well is worth
 # more.
 ITERATIONS, FURTHER = 400, 800
@@ -135,7 +137,7 @@ class Relaxation:
         for k in range(0, DRAWN, 2 * MOTIONS):
             numbers = range(k, k + 2 * MOTIONS)
             folded = folded_motions(plain, self.mirrors, numbers, seed)
-            touching = [m for m in folded if 1 <= len(m.hits) <= most]
+            touching = self._touching(list(folded), most)
             if not (self._closes or k == 0):
                 yield from touching
                 continue
@@ -143,6 +145,14 @@ class Relaxation:
             smooth = folded_motions(plain, (), others, seed)
             pairs = zip_longest(smooth, touching)
             yield from (m for pair in pairs for m in pair if m is not None)
+
+    def _touching(self, folded: Sequence[Folded], most: int) -> list[Folded]:
+        """Those with hits, not more than are allowed, and where these are few others that are bent
+        to one: a motion that falls freely is hardly ever folded."""
+        touching = [m for m in folded if 1 <= len(m.hits) <= most]
+        others = (m for m in folded if not m.hits and most)
+        bent = (m.hitting(self.problem, 0, j) for m, j in zip(others, cycle(self.mirrors)))
+        return touching + list(islice(bent, max(BENT - len(touching), 0)))
 
     def _relaxed(self, hits: tuple[str, ...], eps: float) -> Problem:
         if (hits, eps) not in self._problems:

@@ -13,9 +13,10 @@ rub; the hits of the sequence may be none::
     rebound      eps -+ lam (gamma(q_c, v_c) + e gamma(q_c, v_a)) >= 0
 
 No contact is hit at the ends of the motion, where there is no rate on one side: what presses there
-does not press more than beside.  Dissipation says that friction opposes sliding.  A rail has h F in
-the place of mu P.  eps is a share of the sizes of both factors; for eps to zero the motions are
-those of all sequences, and each says its own (:mod:`dmoc.sequences.proposals`).
+does not press more than beside.  Dissipation says that friction opposes sliding.  A hit with
+friction has mu (P + lam) at its node, a rail h F in the place of mu P.  eps is a share of the sizes
+of both factors; for eps to zero the motions are those of all sequences, and each says its own
+(:mod:`dmoc.sequences.proposals`).
 """
 
 from __future__ import annotations
@@ -232,7 +233,10 @@ class ComplementarityLaw(Law):
         """What friction can hold at the nodes: unknowns and their factors."""
         lay, surface, mu = self.lay, self.lay.touch.contacts.supports[t], float(self.mu[t])
         if surface != RAIL:
-            yield lay.relaxed.P_r[:, surface], np.full(lay.total + 1, mu)
+            struck, of = np.full(lay.total + 1, NOWHERE), lay.touch.surfaces == surface
+            struck[lay.collision_nodes[of]] = lay.impact.lam[of]
+            for impulses in (lay.relaxed.P_r[:, surface], struck):
+                yield impulses, np.full(lay.total + 1, mu)
             return
         h, none = lay.index_h[lay.phase_of_step], np.full(1, NOWHERE)
         before, after = np.concatenate([none, h]), np.concatenate([h, none])

@@ -201,6 +201,32 @@ def test_a_leg_goes_two_metres() -> None:
     assert told.cost == pytest.approx(result.best.cost, rel=1e-2)
 
 
+@pytest.mark.parametrize(
+    ("mu", "word"), [(0.3, "floor:slip-:stick"), (0.2, "floor:slip-:stick:late")]
+)
+def test_a_disc_is_spun_so_that_a_hit_with_friction_sends_it_on(mu: float, word: str) -> None:
+    """k = 1/2, mass and radius 1, from rest at height 1: no force but a torque, half a metre ahead
+    within 0.5 s after the hit.  A spin w that the floor stops sends the disc on with w / 3, so that
+    w = 3, by the constant torque w / (2 t): int u^2 = 2.25 / t in the time t of the fall.  It
+    stops at the impulse 1 / mu, where compression has sqrt(2 g) of it."""
+    x, y, a, u = dynamicsymbols("x y a u")
+    f = sp.Symbol("mu")
+    kinetic = (x.diff(T) ** 2 + y.diff(T) ** 2) / 2 + a.diff(T) ** 2 / 4
+    system = dmoc.MechanicalSystem(
+        "spun_disc", [x, y, a], kinetic - 9.81 * y, {f: mu}, inputs=[u], forces={a: u},
+        surfaces={"floor": y >= 0}, tangents={"floor": x + a}, friction={"floor": f}, cost=u**2,
+    )  # fmt: skip
+    fall, still = sqrt(2 / 9.81), {"x_dot": 0, "y_dot": 0, "a_dot": 0}
+    problem = dmoc.Problem(
+        system, start={x: 0, y: 1, a: 0} | still, goal={x: 0.5, y: (0.3, None)}, steps=20,
+        final_time=fall + 0.5, restitution=0.8,
+    )  # fmt: skip
+    result = dmoc.search(problem, 1, strategy="propose")
+    assert result.best is not None and result.best.sequence == (word,)
+    assert result.best.cost == pytest.approx(2.25 / fall, rel=1e-6)
+    assert ("late" in word) is (1 / mu > sqrt(2 * 9.81))
+
+
 def test_where_no_start_leads_to_a_motion_the_next_ones_have_fewer_steps(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
