@@ -299,7 +299,9 @@ def _energy(replay: Replay) -> Iterator[Violation]:
     done = np.concatenate([[0.0], np.cumsum(work)])
     own = model.energy(q, v, t) - done
     rise = own - np.minimum.accumulate(own)
-    k, kinetic = int(rise.argmax()), np.einsum("ki,kij,kj->k", v, model.mass(q, t), v).max() / 2
-    if rise[k] > ENERGY * max(float(kinetic), float(np.ptp(done))):
+    masses, size = model.mass(q, t), replay.sizes.v
+    k, kinetic = int(rise.argmax()), np.einsum("ki,kij,kj->k", v, masses, v).max() / 2
+    rounding = np.finfo(float).eps * np.einsum("i,kij,j->k", size, np.abs(masses), size).max()
+    if rise[k] > ENERGY * max(float(kinetic), float(np.ptp(done)), float(rounding)):
         text = f"energy of {rise[k]:.3g} until {t[k]:.5g} s comes from nothing"
         yield Violation("energy", "energy", float(rise[k]), float(t[k]), text)

@@ -195,6 +195,14 @@ def test_a_motion_that_hovers_is_pushed_at_a_distance(floor: dmoc.Problem, judge
     assert (push.kind, push.name) == ("distance", "floor") and push.amount == pytest.approx(0.3)
 
 
+def test_rounding_errors_of_a_block_at_rest_are_no_energy(
+    floor: dmoc.Problem, judged: Judge
+) -> None:
+    still = {"x": 0.5 + 0 * T, "y": 0 * T, "x_dot": 1e-26 * T, "y_dot": 0 * T}
+    problem = floor.but(start={"x": 0.5, "y": 0.0}, contacts=["floor"])
+    assert judged(problem, t=T, u=0 * T, **still).agrees
+
+
 def test_a_contact_that_pulls_is_named(judged: Judge) -> None:
     y, u = dynamicsymbols("y u")
     system = dmoc.MechanicalSystem(
