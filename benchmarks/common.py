@@ -39,6 +39,7 @@ from dmoc.simulation.contact_motion import node as node
 from dmoc.simulation.contact_motion import through_step as through_step
 from dmoc.simulation.mode_choice import Setting as Setting
 from dmoc.simulation.tolerances import Reach as Reach
+from dmoc.simulation.tolerances import reached as reached
 from dmoc.solvers import ipm
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.kkt_layout import kkt_layout
@@ -47,8 +48,8 @@ from dmoc.solving.methods import DEFAULT as DEFAULT
 from dmoc.solving.methods import METHODS
 from dmoc.symbolic.families import model_spec
 
-# Some problems are those of the tests, a folder of scripts.
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+# Some problems are those of the tests and of the examples, folders of scripts.
+sys.path += [str(Path(__file__).resolve().parent.parent / name) for name in ("tests", "examples")]
 COLUMNS = 100  # of a line of a page
 ITERATIONS = 1000  # of a solve, at most
 SAME_COST = 1e-6  # relative difference of two costs that are of one minimum

@@ -67,7 +67,9 @@ class Judgement:
         """What a person reads."""
         worst = max(self.windows, key=lambda w: w.defect, default=None)
         lines = [
-            f"cost           {self.cost:.8g}",
+            f"cost           {self.cost:.8g}"
+            if np.isfinite(self.cost)
+            else "cost           unknown",
             f"simulated      {self.followed}",
             f"deviation      {self.deviation:.3g} of its size, {self.deviation_of}",
         ]
@@ -128,7 +130,7 @@ def _judged(problem: dmoc.Problem, claim: Claim, claimed: float | None) -> Judge
         end = run.states[-1]
         deviation, which = _deviation(replay, run)
     except SimulationError as error:
-        deviation, which = np.inf, "the simulation stops"
+        run, deviation, which = Run(cost=np.nan), np.inf, "the simulation stops"
         notes.append(f"open loop: {error}")
     windows, cost, followed, runs = list[Window](), run.cost, "open loop", [run]
     if deviation > TOLERANCE and claim.v is not None:

@@ -10,13 +10,15 @@ import numpy as np
 from common import FREE, Boundary
 from referee_motion import Claim
 from referee_replay import PLACES, WEIGHTS, Replay
+from scipy.optimize import lsq_linear
 
 import dmoc
 from dmoc.base.errors import SimulationError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Model
 
-# Shares of the sizes of gaps, of forces and of energies that count.
+# Shares of the sizes of gaps and path constraints, of forces and of energies that count.
 DEEP, WEAK, ENERGY = 1e-3, 0.05, 0.01
 # A surface within this share of its size pushes; one further away pushes at a distance.
 CLOSE = 1e-3
@@ -140,7 +142,7 @@ def _limits(problem: dmoc.Problem, claim: Claim) -> Iterator[Violation]:
         terms = problem.model.path_terms(claim.q[at], claim.v[at], u, claim.t[at]).max(axis=0)
         for j, name in enumerate(kernels.manifest["path_constraints"]):
             k = int(r[:, j].argmin())
-            if -r[k, j] > LIMIT * max(float(terms[j]), 1e-100):
+            if -r[k, j] > DEEP * max(float(terms[j]), 1e-100):
                 text = f"path constraint {name} is exceeded by {-r[k, j]:.3g} at {t[k]:.5g} s"
                 yield Violation("path", name, float(-r[k, j]), float(t[k]), text)
 
@@ -238,6 +240,14 @@ def _explained(replay: Replay, k: int, push: Array, M: Array, small: float) -> I
         lam = np.linalg.lstsq((rows @ root.T).T, root @ push, rcond=None)[0]
         return lam, float(np.linalg.norm(root @ (push - lam @ rows)))
 
+    slides = {
+        i: int(np.sign(sigma[0, i])) if _slides(replay, k, i, sigma[:, i]) else 0 for i in rubs
+    }
+    if np.linalg.matrix_rank(B) < len(B):
+        edges = list(_edges(model, B, [int(j) for j in near], slides))
+        edges += [(row, -np.inf, np.inf) for row in joints]
+        if _shared(push, root, edges) <= small:
+            return  # how they share it is open
     lam, rest = split(B)
     weigh = [float(np.linalg.norm(root @ row)) for row in B]
     when, N = f"at {claim.t[k]:.5g} s", np.zeros(model.nc)
@@ -269,8 +279,7 @@ def _explained(replay: Replay, k: int, push: Array, M: Array, small: float) -> I
         if excess > small:
             text = f"friction of {name} is {abs(T):.3g} {when}, at most {bears[i]:.3g} is held"
             yield Violation("cone", name, float(abs(T) - bears[i]), float(claim.t[k]), text)
-        speed = replay.sizes.gaps(model.tangent_slopes(claim.q[k + 1], t)[i])[1]
-        if not (sigma[0, i] * sigma[1, i] > 0 and np.abs(sigma[:, i]).min() > ENERGY * speed):
+        if not slides[i]:
             continue
         if sigma[0, i] * T > 0 and abs(T) * weigh[n] > small:
             text = f"friction of {name} pushes along its sliding with {abs(T):.3g} {when}"
@@ -278,6 +287,40 @@ def _explained(replay: Replay, k: int, push: Array, M: Array, small: float) -> I
         elif least > small:
             text = f"{name} slides {when} with friction {abs(T):.3g} instead of {bears[i]:.3g}"
             yield Violation("slip", name, float(bears[i] - abs(T)), float(claim.t[k]), text)
+
+
+def _slides(replay: Replay, k: int, i: int, sigma: Array) -> bool:
+    """Whether a tangent slides in one direction all along an interval."""
+    claim = replay.claim
+    slope = replay.model.tangent_slopes(claim.q[k + 1], float(claim.t[k + 1]))[i]
+    speed = replay.sizes.gaps(slope)[1]
+    return bool(sigma[0] * sigma[1] > 0 and np.abs(sigma).min() > ENERGY * speed)
+
+
+def _edges(
+    model: Model, B: Array, near: list[int], slides: dict[int, int]
+) -> Iterator[tuple[Array, float, float]]:
+    """What contacts may push with: rows whose sums the laws allow, with the least and the largest
+    factor of each.  Friction of a surface comes with the edges of its cone."""
+    bears, smooth = model.bearing(np.zeros(model.nc)), set(near)
+    for n, (i, s) in enumerate(slides.items(), len(near)):
+        j = int(model.supports[i])
+        smooth.discard(j)
+        if j < 0:
+            low, high = (-s * bears[i],) * 2 if s else (-bears[i], bears[i])
+            yield B[n], low - LIMIT * bears[i], high + LIMIT * bears[i]
+            continue
+        for way in (-s,) if s else (1, -1):
+            yield B[near.index(j)] + way * model.friction[i] * B[n], 0.0, np.inf
+    for j in smooth:
+        yield B[near.index(j)], 0.0, np.inf
+
+
+def _shared(push: Array, root: Array, edges: list[tuple[Array, float, float]]) -> float:
+    """What a force differs, measured by the masses, from the nearest that its rows may make."""
+    rows, low, high = (np.array(part) for part in zip(*edges, strict=True))
+    nearest = lsq_linear((rows @ root.T).T, root @ push, (low, high))
+    return float(np.linalg.norm(nearest.fun))
 
 
 def _energy(replay: Replay) -> Iterator[Violation]:

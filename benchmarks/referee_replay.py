@@ -15,6 +15,7 @@ from common import (
     Reach,
     Setting,
     node,
+    reached,
     through_step,
 )
 from referee_motion import Claim
@@ -119,6 +120,7 @@ class Replay:
                 share = ((a + b) / 2 - begin) / (end - begin)
                 u = (1 - share) * claim.u0[k] + share * claim.u1[k]
                 before, marks = y, len(run.journal.marks)
+                reach = reached(self.model, y, u, float(a), self.part, reach)
                 so_far = reach, run.journal
                 y, after = through_step(self.setting, y, u, (float(a), float(b)), so_far)
                 legs = [(float(a), before, mode)]
@@ -157,4 +159,5 @@ class Replay:
         y = self.placed(np.concatenate([claim.q[row], claim.v[row]]), t)
         u = claim.u0[min(row, len(claim.u0) - 1)]
         span = t, t + INSTANT * self.sizes.time
-        return through_step(self.setting, y, u, span, (Reach(), MotionRecord()))[0]
+        reach = reached(self.model, y, u, t, self.part, Reach())
+        return through_step(self.setting, y, u, span, (reach, MotionRecord()))[0]

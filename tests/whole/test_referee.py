@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import several_contacts
 from pages import ROOT
 from referee import Judgement, judge, main
 from referee_motion import read
@@ -203,6 +204,24 @@ def test_rounding_errors_of_a_block_at_rest_are_no_energy(
     assert judged(problem, t=T, u=0 * T, **still).agrees
 
 
+def test_a_box_stands_and_slides_on_two_corners(tmp_path: Path) -> None:
+    """Both corners rub along one line: how they share the friction is open."""
+    problem = several_contacts.pushed()
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    judgement = judge(problem, read(solution.to_csv(tmp_path / "box.csv"), problem))
+    assert judgement.agrees, judgement.lines
+    assert judgement.cost == pytest.approx(several_contacts.PUSHED, rel=1e-2)
+
+
+def test_the_cost_of_a_motion_that_cannot_be_simulated_is_unknown(judged: Judge) -> None:
+    """Two hits with friction and restitution at once have no law."""
+    problem = several_contacts.falling_flat(0.6, "+left +right").but(sequence=[], restitution=0.5)
+    falls = {"x": 0.5 * T, "y": 1 - 4.905 * T**2, "a": 0 * T}
+    falls |= {"x_dot": 0.5 + 0 * T, "y_dot": -9.81 * T, "a_dot": 0 * T}
+    judgement = judged(problem, t=T, u=0 * T, w=0 * T, **falls)
+    assert np.isnan(judgement.cost) and "unknown" in judgement.lines[0]
+
+
 def test_a_contact_that_pulls_is_named(judged: Judge) -> None:
     y, u = dynamicsymbols("y u")
     system = dmoc.MechanicalSystem(
@@ -269,3 +288,19 @@ def test_a_solution_keeps_the_laws_by_the_command(
     assert said["cost"] == pytest.approx(solution.cost, rel=1e-6) and not said["violations"]
     assert main([f"{ROOT}/examples/puck.py:system", str(path)]) == 2
     assert "error:" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("over", "kept"), [(3e-4, True), (1e-2, False)])
+def test_a_path_constraint_may_be_exceeded_by_the_error_of_a_mesh(
+    judged: Judge, over: float, kept: bool
+) -> None:
+    """It moves on beyond a limit of 1 in its square."""
+    x, u = dynamicsymbols("x u")
+    system = dmoc.MechanicalSystem(
+        "limited", [x], x.diff() ** 2 / 2, {}, [u], {x: u}, cost=u**2,
+        path_constraints={"limit": x**2 <= 1},
+    )  # fmt: skip
+    problem = dmoc.Problem(dmoc.build(system), start={"x": 0.0, "x_dot": (None, None)})
+    way = {"x": 2 * T * (1 + over / 2), "x_dot": 2 + over + 0 * T}
+    judgement = judged(problem, t=T, u=0 * T, **way)
+    assert judgement.agrees == kept and kinds(judgement) == (set() if kept else {"path"})
