@@ -24,8 +24,10 @@ import dmoc
 SHORTEST = 1e-3  # duration of a phase, relative to the largest final time, as in dmoc
 FUNCTIONS = {
     name: getattr(ca, name)
-    for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt", "fabs")
-} | {"Abs": ca.fabs}
+    for name in (
+        "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt", "tanh", "fabs",
+    )
+} | {"Abs": ca.fabs}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Answer:
 class Model:
     """The functions of a system with the parameters of a problem, of CasADi's symbols.
 
-    nq coordinates, nu inputs; a = acceleration(q, v, u, t), p = momentum(q, v, t).
+    nq coordinates, nu inputs; a = acceleration(q, v, u, t) without friction, p = momentum(q, v, t).
     """
 
     def __init__(self, system: dmoc.MechanicalSystem, problem: dmoc.Problem) -> None:
@@ -82,6 +84,11 @@ class Model:
         normals = ca.jacobian(gaps, q)
         self.normals = function("normals", normals)
         self.rates = function("rates", normals @ v + ca.jacobian(gaps, t))
+        tangents = ca.vertcat(*map(read, system.tangents.values()))
+        along = ca.jacobian(tangents, q)
+        self.mass, self.along = function("M", mass), function("along", along)
+        self.slips = function("slips", along @ v + ca.jacobian(tangents, t))
+        self.friction = [float(read(system.friction[name])) for name in system.tangents]
 
 
 class Program:

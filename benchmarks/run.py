@@ -31,6 +31,7 @@ import schemes
 import searching
 import seeds
 import speed
+import twenty
 import walking_casadi
 from common import Section, clocked, filled, machine
 
@@ -45,7 +46,7 @@ problems from the automatic start in `benchmarks/results/ladder.md`.
 Machine: {machine}.
 """
 
-APART = ("ladder",)  # runs only where it is named
+APART = ("ladder", "twenty")  # run only where they are named
 
 
 def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
@@ -73,6 +74,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "batches": batches.compare,
         "search": searching.compare,
         "puck": searching.puck,
+        "twenty": lambda quick: twenty.compare(quick, folder),
         "walker": walking_casadi.compare,
     }
 
