@@ -62,6 +62,8 @@ class Model:
         def read(expression: Any) -> ca.SX:
             """An expression of SymPy as one of CasADi."""
             arguments = [*places, *parameters]
+            for name, value in reversed(system.definitions.items()):
+                expression = expression.subs(name, value).doit()
             function = sp.lambdify(arguments, expression, modules=[FUNCTIONS, "math"])
             return ca.SX(function(*symbols, *values))
 
