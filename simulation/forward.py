@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -121,7 +121,8 @@ def simulate(
         energy = model.energy(states.q, velocities, states.t)
     journal.note(model, None, h * steps)
     return Run(
-        states.t, states.q, velocities, states.p, energy, u, tuple(journal.collisions),
+        states.t, states.q, velocities, states.p, energy, u,
+        tuple(_with_rates(model, journal.collisions)),
         tuple(s for s in journal.stretches if s.friction is None),
         tuple(s for s in journal.stretches if s.friction is not None),
         states.normal, states.tangential, tuple(_notes(model, journal.marks)),
@@ -226,6 +227,18 @@ def _before_settling(last: int, struck: list[int]) -> int:
 def _collisions(model: Model, records: list[list[Any]]) -> Iterator[Collision]:
     for _, time, j, lam, at, before, after in records:
         yield Collision(model.kernels.surfaces[j], time, at, float(lam), before, after)
+
+
+def _with_rates(model: Model, collisions: list[Collision]) -> Iterator[Collision]:
+    """The collisions with the rates of their gaps on both sides."""
+    if not collisions:
+        return
+    q, t = np.array([c.position for c in collisions]), np.array([c.time for c in collisions])
+    sides = [c.momentum_before for c in collisions], [c.momentum_after for c in collisions]
+    before, after = (model.gap_rates(q, model.velocity(q, np.array(p), t), t) for p in sides)
+    for i, c in enumerate(collisions):
+        j = model.surface_numbers[c.surface]
+        yield replace(c, rate_before=float(before[i, j]), rate_after=float(after[i, j]))
 
 
 def _through_contacts(

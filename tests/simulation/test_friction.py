@@ -74,7 +74,9 @@ def test_a_thrown_block_comes_to_rest(floor: Kernels, e: float) -> None:
     run = dmoc.simulate(floor, [0.0, 0.8], [2.0, 0.0], step_size=0.04, steps=60, restitution=e)
     assert run.contacts[0].begin == pytest.approx(0.4 * (1 + e) / (1 - e), abs=1e-5)
     assert run.rubbing[0].end == pytest.approx(2.0, rel=1e-9)
-    assert run.collisions[0].tractions == {"floor": pytest.approx(-0.1 * 4 * (1 + e))}
+    first = run.collisions[0]
+    assert first.tractions == {"floor": pytest.approx(-0.1 * 4 * (1 + e))}
+    assert (first.rate_before, first.rate_after) == pytest.approx((4, -4 * e), abs=1e-9)
     assert (run.p[-1] == pytest.approx([0, 0], abs=1e-14)) and run.q[-1, 1] == pytest.approx(0)
     assert (np.diff(run.energy) <= 1e-12).all()
 

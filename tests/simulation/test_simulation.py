@@ -60,6 +60,7 @@ def test_tangential_momentum_is_kept_through_collisions(pendulum: Kernels) -> No
     assert len(run.collisions) > 20
     assert np.ptp(run.p[:, 1]) < 1e-10
     for c in run.collisions:
+        assert 0.1 < c.rate_before == pytest.approx(-c.rate_after, rel=1e-4)
         assert c.momentum_after[1] == pytest.approx(c.momentum_before[1], abs=1e-12)
         assert c.impulse > 0
 
