@@ -1,15 +1,17 @@
-"""By how much a motion exceeds its path constraints: at the nodes and between them, on the path
-that is integrated from each node."""
+"""By how much a motion exceeds its path constraints and the bounds of its velocities and
+quantities: at the nodes and between them, on the path that is integrated from each node."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.discretisation import DISCRETISATIONS
+from dmoc.base.names import velocity_name
 from dmoc.check.checked_motion import Motion
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.flow import PLACES, Steps
@@ -48,76 +50,97 @@ class IntegratedSteps:
 
 @dataclass(frozen=True)
 class Excess:
-    """The largest excess of a path constraint, relative to its size: what it counts, and what it
-    is, with its name and time."""
+    """The largest excess of a path constraint or a bound, relative to its size: what it counts, and
+    what it is, with what is exceeded and the time."""
 
     counts: float
     share: float
-    name: str
+    what: str
     time: float
 
     @property
     def text(self) -> str:
         """What contradicts the motion."""
-        return (
-            f"path constraint {self.name!r} is exceeded by {100 * self.share:.3g} % of its size "
-            f"at {self.time:.4g} s"
-        )
+        share = 100 * self.share
+        return f"{self.what} is exceeded by {share:.3g} % of its size at {self.time:.4g} s"
 
 
 def path_excess(motion: Motion, courses: Sequence[IntegratedSteps]) -> tuple[Excess, ...]:
-    """The largest excess of each path constraint that is exceeded.
+    """The largest excess of each path constraint and each bound that is exceeded.
 
     The size of a constraint is that of its terms, at the time itself; of one in coordinates alone,
-    how far the ranges of the motion move it.
+    how far the ranges of the motion move it.  The terms of a bound are the value and the bound.
     """
     names = motion.model.kernels.manifest["path_constraints"]
-    if not names:
+    limits = motion.trajectory.limits
+    if not names and not limits:
         return ()
-    values = _Values.of(motion, courses)
-    share = np.nan_to_num(-values.r / values.sizes, nan=np.inf)
-    counts = values.weights * share
+    path = _Path.of(motion, courses)
+    parts = [path.constraints()] if names else []
+    parts += [path.bounds(name, *ends) for name, ends in limits.items()]
+    texts = [f"path constraint {name!r}" for name in names] + [f"the bound of {n}" for n in limits]
+    share = np.nan_to_num(np.hstack([part[0] for part in parts]), nan=np.inf)
+    counts = np.hstack([part[1] for part in parts]) * share
     return tuple(
-        Excess(float(counts[row, j]), float(share[row, j]), names[j], float(values.t[row]))
+        Excess(float(counts[row, j]), float(share[row, j]), texts[j], float(path.t[row]))
         for j, row in enumerate(counts.argmax(axis=0))
         if counts[row, j] > 0
     )
 
 
 @dataclass(frozen=True)
-class _Values:
-    """Path constraints and their terms at n places, shape (n, nr); what they count there."""
+class _Path:
+    """States of a motion at n places, and which ones are quadrature points."""
 
     motion: Motion
     q: Array
     v: Array
     u: Array
     t: Array
-    weights: Array
+    at_points: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, motion: Motion, courses: Sequence[IntegratedSteps]) -> _Values:
-        rows = motion.model.kernels.manifest["path_limits"]
+    def of(cls, motion: Motion, courses: Sequence[IntegratedSteps]) -> _Path:
         points = DISCRETISATIONS[motion.trajectory.order].places
-        constant = motion.trajectory.input_form.width == 0
-        on_inputs = np.array([bool(row["inputs"]) for row in rows])
-        on_states = np.array([bool(row["coordinates"]) or row["velocities"] for row in rows])
-        parts, weights = [], []
+        parts, at_points = [], []
         for share in (*PLACES, *points):
-            little = constant and not np.isin(share, points)
-            weight = np.where(on_inputs & on_states & little, VARYING, 1.0)
             for course in courses:
                 parts.append(course.at(share))
-                weights.append(np.tile(weight, (len(course.steps), 1)))
+                at_points.append(np.full(len(course.steps), bool(np.isin(share, points))))
         q, v, u, t = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return cls(motion, q, v, u, t, np.concatenate(weights))
+        return cls(motion, q, v, u, t, np.concatenate(at_points))
 
-    @cached_property
-    def r(self) -> Array:
-        return self.motion.model.path_at(self.q, self.v, self.u, self.t)
+    def constraints(self) -> tuple[Array, Array]:
+        """Excesses of the path constraints as shares of their sizes, and what they count, shape
+        (n, nr) each."""
+        model = self.motion.model
+        r = model.path_at(self.q, self.v, self.u, self.t)
+        return -r / self._sizes(), self._weights(model.kernels.manifest["path_limits"])
 
-    @cached_property
-    def sizes(self) -> Array:
+    def bounds(self, name: str, low: float, high: float) -> tuple[Array, Array]:
+        """The same of a velocity or a quantity within its bounds, shape (n, 1)."""
+        model, none = self.motion.model, {"coordinates": [], "velocities": True, "inputs": False}
+        rates = [velocity_name(q) for q in model.kernels.coordinates]
+        if name in rates:
+            value, row = self.v[:, rates.index(name)], none
+        else:
+            j = model.kernels.quantities.index(name)
+            value = model.quantities(self.q, self.v, self.u, self.t)[:, j]
+            row = model.kernels.manifest["quantities"][j]
+        excess = np.maximum(low - value, value - high)
+        sizes = np.abs(value) + np.abs(np.where(low - value > value - high, low, high))
+        sizes = np.maximum(sizes, LEAST_SIZE * np.nan_to_num(sizes, posinf=0.0).max(initial=0.0))
+        return (excess / np.where(sizes > 0, sizes, 1.0))[:, None], self._weights([row])
+
+    def _weights(self, rows: Sequence[Mapping[str, Any]]) -> Array:
+        """What excesses of functions count, shape (n, len(rows))."""
+        constant = self.motion.trajectory.input_form.width == 0
+        varies = [r["inputs"] and (bool(r["coordinates"]) or r["velocities"]) for r in rows]
+        little = ~self.at_points[:, None] & np.array(varies, dtype=bool) & constant
+        return np.where(little, VARYING, 1.0)
+
+    def _sizes(self) -> Array:
+        """Sizes of the path constraints, shape (n, nr)."""
         model, sizes = self.motion.model, self.motion.sizes
         terms = model.path_terms(self.q, self.v, self.u, self.t)
         least = LEAST_SIZE * np.nan_to_num(terms).max(axis=0)

@@ -64,6 +64,8 @@ class Kernels(Shown):
             rows.append(("constraints", ", ".join(self.joints)))
         if m["path_constraints"]:
             rows.append(("path constraints", ", ".join(m["path_constraints"])))
+        if self.quantities:
+            rows.append(("quantities", _listed(self.quantities, m["units"])))
         values = (
             f"{name} = {'to be given' if value is None else format(value, 'g')}"
             for name, value in self.parameters.items()
@@ -114,6 +116,10 @@ class Kernels(Shown):
     @property
     def tangents(self) -> list[str]:
         return list(self.manifest["tangents"])
+
+    @property
+    def quantities(self) -> list[str]:
+        return [row["name"] for row in self.manifest.get("quantities", ())]
 
     @property
     def joints(self) -> list[str]:

@@ -22,8 +22,7 @@ def standing(problem: Problem, natural: float) -> Array:
     low, high = problem.final_time_bounds
     time = float(np.clip(natural, low, high))
     durations = np.clip(np.full(lay.phases, time / lay.phases), *problem.duration_bounds.T)
-    start = problem.start_position
-    goal = midpoints(problem.goal_bounds.position, start)
+    start, goal = problem.start_position, problem.goal_position
     share = np.concatenate(
         [[0.0], *((i + np.arange(1, n + 1) / n) / lay.phases for i, n in enumerate(lay.steps))]
     )

@@ -23,6 +23,7 @@ from dmoc.guess.contacts import in_contact
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
 from dmoc.problem.problem import Problem
+from dmoc.problem.quantities import onto_quantities
 from dmoc.problem.ranges import midpoints
 from dmoc.program.blocks import Index
 from dmoc.program.layout import Layout
@@ -147,16 +148,14 @@ def _points(problem: Problem, durations: Array, uniform: Array, away: Array) -> 
     """Points at the start and the goal within their bounds, and between them on the surfaces."""
     nq, reach = problem.nq, problem.reach
     ends: list[Array] = []
-    for k, bounds, share in (
-        (0, problem.start_bounds.position, uniform[:, :nq]),
-        (-1, problem.goal_bounds.position, uniform[:, nq:]),
-    ):
-        low, high = bounds.T
+    for k, end, share in ((0, "start", uniform[:, :nq]), (-1, "goal", uniform[:, nq:])):
+        low, high = getattr(problem, f"{end}_bounds").position.T
         bounded = np.isfinite(low) & np.isfinite(high)
         inside = np.where(bounded, low, 0.0) + share * np.where(bounded, high - low, 0.0)
         free = ends[0] if ends else problem.start_position
         # A far bound of one side holds nothing.
-        ends.append(np.where(bounded, inside, np.clip(free + away[:, k] * reach, low, high)))
+        drawn = np.where(bounded, inside, np.clip(free + away[:, k] * reach, low, high))
+        ends.append(onto_quantities(problem, end, drawn))
     part = np.cumsum(durations, axis=1) / durations.sum(axis=1, keepdims=True)
     part = np.hstack([np.zeros((len(part), 1)), part])[:, :, None]
     points = (1 - part) * ends[0][:, None] + part * ends[1][:, None]

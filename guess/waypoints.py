@@ -59,7 +59,7 @@ class Route:
 
 def route_of(problem: Problem, final_time: float) -> Route:
     """The collisions are spread over the time."""
-    goal = midpoints(problem.goal_bounds.position, problem.start_position)
+    goal = problem.goal_position
     share = np.linspace(0.0, 1.0, problem.phases + 1)
     points = (1 - share[:, None]) * problem.start_position + share[:, None] * goal
     surfaces = [event.hit for event in problem.touch.events]

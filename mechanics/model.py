@@ -310,14 +310,15 @@ class Model(BoundKernels):
         curvatures[:, rows[rows == columns]] = stored[:, rows == columns]
         return curvatures
 
-    def path(self, step: Sequence[Array]) -> Array:
-        """Path constraints of steps, shape (n, nr), those of one place within the step after the
-        other."""
-        return self.kernels.call("path", *step, self.par)[0]
+    def path(self, step: Sequence[Array], kind: str = "path") -> Array:
+        """Path constraints of steps, or the "quantity" there, shape (n, nr), those of one place
+        within the step after the other."""
+        return self.kernels.call(kind, *step, self.par)[0]
 
-    def path_slopes(self, step: Sequence[Array]) -> Array:
+    def path_slopes(self, step: Sequence[Array], kind: str = "path") -> Array:
         """Their derivatives with respect to x_k, shape (n, nr, size of x_k)."""
-        return self._full("r_d_D", self.kernels.call("path_jac", *step, self.par)[0])
+        (slopes,) = self.kernels.call(f"{kind}_jac", *step, self.par)
+        return self._full({"path": "r_d_D", "quantity": "z_d_D"}[kind], slopes)
 
     def path_at(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Path constraints of states, shape (..., nr)."""
@@ -334,6 +335,23 @@ class Model(BoundKernels):
         counts = [row["terms"] for row in self.kernels.manifest["path_limits"]]
         begins = np.cumsum([0, *counts[:-1]])
         return np.asarray(np.add.reduceat(np.abs(terms), begins, axis=-1))
+
+    @property
+    def nz(self) -> int:
+        """Number of quantities."""
+        return len(self.kernels.quantities)
+
+    def quantities(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
+        """Quantities of states, shape (..., nz)."""
+        return self._values("quantity_value", self.nz, q, as_rows(v), as_rows(u), as_column(t))
+
+    def quantity_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
+        """Derivatives of the quantities of positions at rest with respect to q, shape (..., nz,
+        nq)."""
+        none = np.zeros((1, self.nu + self.ns))
+        size = 2 * self.nq + none.shape[1] + 1
+        slopes = self._matrix("z_D", (self.nz, size), q, self._state(None), none, as_column(t))
+        return slopes[..., : self.nq]
 
     # Hidden unknowns ------------------------------------------------------------------------------
 

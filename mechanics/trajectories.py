@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from dmoc.base.discretisation import FORMS, InputForm
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.scenes import scene_of
+from dmoc.motion.states import PARTS, positions
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
 
 
@@ -21,12 +24,17 @@ def motion_along(
     controls: str = "constant",
     bounds: tuple[Array, Array] | None = None,
     ignored: Sequence[str] = (),
+    limits: Mapping[str, tuple[float, float]] | None = None,
     drawn: bool = True,
 ) -> Trajectory:
     """The motion through phases and collisions, with a coefficient of restitution for each surface,
     not a number where the law of the model says it;
-    ``bounds`` are those of inputs and coordinates, none unless they are given."""
+    ``bounds`` are those of inputs and coordinates, ``limits`` those of velocities by name, none
+    unless they are given."""
     kernels = model.kernels
+    if kernels.quantities:
+        form = FORMS[controls]
+        phases = [replace(p, quantities=_quantities(model, p, form)) for p in phases]
     free = tuple(np.tile([-np.inf, np.inf], (n, 1)) for n in (model.nu, model.nq))
     input_bounds, coordinate_bounds = bounds or free
     return Trajectory(
@@ -49,4 +57,18 @@ def motion_along(
         friction=dict(zip(kernels.tangents, model.friction.tolist(), strict=True)),
         units=dict(kernels.manifest["units"]),
         scene=scene_of(model, [(p.t, p.q, p.v) for p in phases]) if drawn else None,
+        limits=dict(limits or {}),
+        quantities=tuple(kernels.quantities),
     )
+
+
+def _quantities(model: Model, phase: Phase, form: InputForm) -> Array:
+    """Quantities at the start, in the middle and at the end of each step of a phase."""
+    k, h, at = np.arange(phase.steps), np.diff(phase.t), form.starts(phase.steps)
+    first, last = phase.u[at], phase.u[at + form.width]
+    parts = []
+    for share in np.linspace(0, 1, PARTS):
+        q, v = positions(phase, k, np.full(phase.steps, share), h)
+        u = first + share * (last - first)
+        parts.append(model.quantities(q, v, u, phase.t[:-1] + share * h))
+    return np.stack(parts, axis=1).reshape(PARTS * phase.steps, -1)

@@ -19,7 +19,7 @@ import numpy as np
 
 from dmoc.base.errors import MissingExtraError, MotionError
 from dmoc.base.names import velocity_name
-from dmoc.motion.states import Names, forces_in, phase_forces
+from dmoc.motion.states import PARTS, Names, forces_in, phase_forces
 from dmoc.motion.trajectory import Array, Phase, Trajectory
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ FORMATS = ("csv", "json")
 
 
 def columns(motion: Trajectory) -> dict[str, Array]:
-    """The table of a motion by columns: time, phase, coordinates, velocities, momenta, inputs, and
-    the forces of those contacts that have any, shape (n,) each."""
+    """The table of a motion by columns: time, phase, coordinates, velocities, momenta, inputs,
+    quantities, and the forces of those contacts that have any, shape (n,) each."""
     parts = [_rows(motion, phase, number) for number, phase in enumerate(motion.phases)]
     whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     places, shown = Names.of(motion).places, forces_in(motion)
@@ -58,7 +58,14 @@ def _rows(motion: Trajectory, phase: Phase, number: int) -> dict[str, Array]:
         "t": phase.t[node], "phase": np.full(len(node), number), "q": phase.q[node],
         "v": phase.v[node], "p": phase.p[node], "u": phase.u[begins], "normal": normal[node],
         "tangential": tangential[node], "reaction": reaction[node],
+        "quantities": _quantities(phase, form.jumps),
     }  # fmt: skip
+
+
+def _quantities(phase: Phase, jumps: bool) -> Array:
+    """Those at the nodes, or on both sides of them."""
+    ends = phase.quantities.reshape(phase.steps, PARTS, -1)[:, [0, -1]]
+    return ends.reshape(2 * phase.steps, -1) if jumps else np.vstack([ends[:, 0], ends[-1:, 1]])
 
 
 def units(motion: Trajectory) -> dict[str, str]:

@@ -7,7 +7,8 @@ cubic Hermite polynomial, at order 4 of degree 4, at order 6 of degree 5.  The s
 of degree d, q_d, leaves an error of h^(d+1) between nodes that are right to h^(2d), and its slopes
 jump at the nodes; the two velocities add the term that vanishes at all nodes.  Velocities are its
 slopes.  Momenta are the polynomial through those at the nodes of the step, forces of contacts
-are linear between nodes, those inside steps among them.
+are linear between nodes, those inside steps among them; quantities are the parabola through both
+ends and the middle of the step.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from dmoc.base.tolerances import ROUNDING
 from dmoc.motion.trajectory import Array, Phase, Trajectory
 
 SIDES = ("left", "right")
+PARTS = 3  # places of a step at which a phase has quantities: both ends and the middle
 TAKEN = "~"  # marks a name that the model uses for something else
 
 
@@ -56,6 +58,8 @@ class State(Mapping[str, "Array | float"]):
         Friction forces T of all tangents in newton.
     reaction : array of shape (nj,) or (n, nj)
         Forces R of the constraints of the model, ``state["R_rod"]``.
+    quantities : array of shape (nz,) or (n, nz)
+        Quantities of the model, by their names.
     names : Names
         What the columns are called.
     """
@@ -69,6 +73,7 @@ class State(Mapping[str, "Array | float"]):
     normal: Array
     tangential: Array
     reaction: Array
+    quantities: Array
     names: Names
 
     def __getitem__(self, name: str) -> Array | float:
@@ -97,11 +102,14 @@ class Names:
     surfaces: tuple[str, ...]
     tangents: tuple[str, ...]
     joints: tuple[str, ...]
+    quantities: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, motion: Trajectory) -> Names:
         contacts = tuple(motion.restitution), tuple(motion.friction)
-        return cls(motion.coordinates, motion.inputs, *contacts, motion.phases[0].joints)
+        return cls(
+            motion.coordinates, motion.inputs, *contacts, motion.phases[0].joints, motion.quantities
+        )
 
     @cached_property
     def places(self) -> dict[str, tuple[str, int | None]]:
@@ -114,6 +122,7 @@ class Names:
             ("v", rates),
             ("p", momenta),
             ("u", self.inputs),
+            ("quantities", self.quantities),
         ):
             places |= {name: (part, i) for i, name in enumerate(columns)}
         for part, columns in (
@@ -146,7 +155,8 @@ def state_at(motion: Trajectory, t: ArrayLike, side: str = "right") -> State:
     phases = _phases_of(motion, flat, side)
     names = Names.of(motion)
     sizes = [len(names.coordinates)] * 3 + [
-        len(part) for part in (names.inputs, names.surfaces, names.tangents, names.joints)
+        len(part)
+        for part in (names.inputs, names.surfaces, names.tangents, names.joints, names.quantities)
     ]
     rows = [np.zeros((len(flat), size)) for size in sizes]
     for i in np.unique(phases):
@@ -155,10 +165,10 @@ def state_at(motion: Trajectory, t: ArrayLike, side: str = "right") -> State:
         for whole, part in zip(rows, values, strict=True):
             whole[at] = part
     if not times.ndim:
-        q, v, p, u, N, T, R = (part[0] for part in rows)
-        return State(float(times), int(phases[0]), q, v, p, u, N, T, R, names)
-    q, v, p, u, N, T, R = rows
-    return State(times, phases, q, v, p, u, N, T, R, names)
+        q, v, p, u, N, T, R, z = (part[0] for part in rows)
+        return State(float(times), int(phases[0]), q, v, p, u, N, T, R, z, names)
+    q, v, p, u, N, T, R, z = rows
+    return State(times, phases, q, v, p, u, N, T, R, z, names)
 
 
 def _times(t: ArrayLike, motion: Trajectory) -> Array:
@@ -188,18 +198,18 @@ def _found(nodes: Array, t: Array, side: str) -> NDArray[np.intp]:
 
 
 def _in_phase(motion: Trajectory, phase: Phase, t: Array, side: str) -> tuple[Array, ...]:
-    """q, v, p, u, N, T and R at times of a phase, shape (n, size) each."""
+    """q, v, p, u, N, T, R and quantities at times of a phase, shape (n, size) each."""
     k = np.clip(_found(phase.t, t, side) - 1, 0, phase.steps - 1)
     h = phase.t[k + 1] - phase.t[k]
     share = np.clip((t - phase.t[k]) / h, 0.0, 1.0)
-    q, v = _positions(phase, k, share, h)
+    q, v = positions(phase, k, share, h)
     first, last = motion.input_ends(phase)
     u = first[k] + share[:, None] * (last[k] - first[k])
     forces = [_interpolated(times, t, rows) for times, rows in _all_forces(motion, phase)]
-    return q, v, _momenta(phase, k, share), u, *forces
+    return q, v, _momenta(phase, k, share), u, *forces, _quantities(phase, k, share)
 
 
-def _positions(phase: Phase, k: NDArray[np.intp], share: Array, h: Array) -> tuple[Array, Array]:
+def positions(phase: Phase, k: NDArray[np.intp], share: Array, h: Array) -> tuple[Array, Array]:
     """Positions and velocities at shares of steps k of size h."""
     ends = [h[:, None] * phase.v[k], h[:, None] * phase.v[k + 1]]
     data = np.stack([*_nodes(phase.q, phase.q_inside, k), *ends], axis=1)
@@ -209,6 +219,15 @@ def _positions(phase: Phase, k: NDArray[np.intp], share: Array, h: Array) -> tup
     slopes = powers * share[:, None] ** np.maximum(powers - 1, 0) @ base
     q = np.einsum("na,nai->ni", values, data)
     return q, np.einsum("na,nai->ni", slopes, data) / h[:, None]
+
+
+def _quantities(phase: Phase, k: NDArray[np.intp], share: Array) -> Array:
+    """Quantities at shares of steps k: the parabola through both ends and the middle."""
+    rows = phase.quantities.reshape(phase.steps, PARTS, -1)
+    s = share[:, None]
+    start, middle, end = rows[k, 0], rows[k, 1], rows[k, 2]
+    ends = start * (1 - s) * (1 - 2 * s) + end * s * (2 * s - 1)
+    return np.asarray(ends + 4 * middle * s * (1 - s))
 
 
 def _momenta(phase: Phase, k: NDArray[np.intp], share: Array) -> Array:

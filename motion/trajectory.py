@@ -64,6 +64,8 @@ class Phase:
     normal_inside, tangential_inside, reaction_inside : arrays of shape ((d - 1) N, ...)
         Forces N, T and R there.  Where inputs jump at a node, those at the node are the mean of
         both sides.
+    quantities : array of shape (3 N, nz)
+        Quantities of the model at the start, in the middle and at the end of each step.
     """
 
     t: Array
@@ -82,6 +84,7 @@ class Phase:
     normal_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
     tangential_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
     reaction_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    quantities: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def steps(self) -> int:
@@ -224,6 +227,10 @@ class Trajectory:
         Units of coordinates and inputs, where the model names them.
     scene : Scene or None
         The drawing of the model along the motion; None where the model has none.
+    limits : mapping of str to pair of float
+        Bounds of velocities and quantities by name, infinite for none.
+    quantities : tuple of str
+        Names of the quantities of the model.
     """
 
     model: str
@@ -242,6 +249,8 @@ class Trajectory:
     friction: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scene: Scene | None = None
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    quantities: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         events = "; ".join(map(str, self.collisions)) or "no event"

@@ -26,6 +26,7 @@ from dmoc.mechanics.possible_words import open_hits
 from dmoc.mechanics.redundancy import Redundancy, redundancy
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.end_states import check_admissible, check_contacts, check_kinks, check_mass_matrix
+from dmoc.problem.quantities import QuantityRanges, onto_quantities, quantity_ranges
 from dmoc.problem.ranges import (
     Boundary,
     boundary_of,
@@ -60,11 +61,11 @@ class Problem(Shown):
         The model's kernels, from :func:`dmoc.build` or :func:`dmoc.load`; those of a system are
         built, of order 2 for ``steps`` that are given.
     start, goal : mapping
-        State at both ends by name: a coordinate ("alpha"), a velocity ("alpha_dot") or a momentum
-        ("p_alpha"); SymPy symbols serve as names.  A number fixes a value, a pair bounds it (None
-        for no bound), None leaves it free.  Every position must be given at the start, unless it is
-        periodic; a velocity that is not given there is zero.  At the goal, what is not given is
-        free.
+        State at both ends by name: a coordinate ("alpha"), a velocity ("alpha_dot"), a momentum
+        ("p_alpha") or a quantity of the model; SymPy symbols serve as names.  A number fixes a
+        value, a pair bounds it (None for no bound), None leaves it free.  Every position must be
+        given at the start, unless it is periodic; a velocity that is not given there is zero.  At
+        the goal, what is not given is free.
     sequence : sequence of str
         What happens between the phases, in its order; empty for a motion of one phase.  "wall" is
         hit and released; if the model gives it friction, "wall:slip+" and "wall:slip-" say that it
@@ -85,7 +86,8 @@ class Problem(Shown):
     durations : sequence of pairs, optional
         Bounds of the duration T_i of each phase in seconds.
     bounds : mapping, optional
-        Bounds (lower, upper) of inputs and coordinates by name, at all times; None for no bound.
+        Bounds (lower, upper) of inputs, coordinates, velocities and quantities by name, at all
+        times; None for no bound.
     parameters : mapping, optional
         Parameter values that replace the model's.
     controls : {"constant", "linear", "stages"}, optional
@@ -114,8 +116,8 @@ class Problem(Shown):
         Surfaces that hold nothing back where the sequence does not name them: feet without knees,
         which scuff the floor as they swing.
     via : sequence of mappings, optional
-        Coordinates at the events by name, one mapping for each (None for nothing): numbers or
-        ranges.
+        Coordinates, and quantities of these, at the events by name, one mapping for each (None for
+        nothing): numbers or ranges.
 
     Raises
     ------
@@ -189,9 +191,9 @@ class Problem(Shown):
         # The properties below check what they read.
         _ = self.relations, self.touch, self.via_bounds
         _ = self.parameter_values, self.restitution_values
-        _ = self.input_bounds, self.coordinate_bounds
+        _ = self.input_bounds, self.coordinate_bounds, self.velocity_bounds, self.quantity_bounds
         _ = self.final_time_bounds, self.duration_bounds
-        _ = self.start_bounds, self.goal_bounds
+        _ = self.start_bounds, self.goal_bounds, self.quantity_ranges
         check_kinks(self)
         check_mass_matrix(self)
         check_admissible(self, "start", self.start_bounds)
@@ -346,7 +348,16 @@ class Problem(Shown):
         their bounds have nearest to zero; where neither end says anything of a coordinate, it is
         that of the first surface of the sequence."""
         q = midpoints(self.start_bounds.position, np.zeros(self.nq))
-        return onto_first(self, q)
+        (at,) = onto_quantities(self, "start", onto_first(self, q)[None])
+        return np.asarray(at)
+
+    @cached_property
+    def goal_position(self) -> Array:
+        """The position at the goal: fixed values, middles of ranges, free ones as at the start;
+        moved to where the quantities are that the goal states."""
+        q = midpoints(self.goal_bounds.position, self.start_position)
+        (at,) = onto_quantities(self, "goal", q[None])
+        return np.asarray(at)
 
     @cached_property
     def unsaid(self) -> Array:
@@ -383,6 +394,32 @@ class Problem(Shown):
     def coordinate_bounds(self) -> Array:
         """Bounds of the coordinates, shape (nq, 2)."""
         return boxes_of(self, self.kernels.coordinates)
+
+    @cached_property
+    def velocity_bounds(self) -> Array:
+        """Bounds of the velocities, shape (nq, 2)."""
+        return boxes_of(self, [velocity_name(q) for q in self.kernels.coordinates])
+
+    @cached_property
+    def quantity_bounds(self) -> Array:
+        """Bounds of the quantities, shape (nz, 2)."""
+        return boxes_of(self, self.kernels.quantities)
+
+    @cached_property
+    def limits(self) -> dict[str, Range]:
+        """Bounds of the velocities and quantities that have some, by name."""
+        names = [*map(velocity_name, self.kernels.coordinates), *self.kernels.quantities]
+        boxes = np.vstack([self.velocity_bounds, self.quantity_bounds])
+        return {
+            name: (float(low), float(high))
+            for name, (low, high) in zip(names, boxes, strict=True)
+            if low > -np.inf or high < np.inf
+        }
+
+    @cached_property
+    def quantity_ranges(self) -> QuantityRanges:
+        """What is said of the quantities at both ends and at the events."""
+        return quantity_ranges(self)
 
     @cached_property
     def final_time_bounds(self) -> Range:

@@ -63,7 +63,11 @@ def via_of(problem: Problem) -> Array:
     for i, places in enumerate(via):
         what = f"via of event {i + 1}"
         for name, value in by_name({} if places is None else places, what).items():
-            check_known(name, problem.kernels.coordinates, "coordinate", f"in {what}")
+            known = [*problem.kernels.coordinates, *problem.kernels.quantities]
+            kind = "coordinate or quantity" if problem.kernels.quantities else "coordinate"
+            check_known(name, known, kind, f"in {what}")
+            if name in problem.kernels.quantities:
+                continue
             j = problem.kernels.coordinates.index(name)
             bounds[i, j] = interval(value, f"{what}: {name}")
             low, high = problem.coordinate_bounds[j]
@@ -120,14 +124,18 @@ def check_size(problem: Problem) -> None:
 
 
 def boxes_of(problem: Problem, names: Sequence[str]) -> Array:
-    """Bounds of inputs or coordinates, shape (names, 2)."""
+    """Bounds of inputs, coordinates, velocities or quantities, shape (names, 2)."""
+    kernels = problem.kernels
+    velocities = map(velocity_name, kernels.coordinates)
+    bounded = [*kernels.inputs, *kernels.coordinates, *velocities, *kernels.quantities]
+    last = ", velocity or quantity" if kernels.quantities else " or velocity"
     for name in problem.bounds:
-        check_known(
-            name,
-            [*problem.kernels.inputs, *problem.kernels.coordinates],
-            "input or coordinate",
-            "in the bounds",
-        )
+        if name in map(momentum_name, kernels.coordinates) and name not in bounded:
+            raise ProblemError(
+                f"momentum {name} has no bounds along the way: bound a velocity, or name the "
+                'momentum in the model, as quantities={"p": L.diff(x.diff())}.'
+            )
+        check_known(name, bounded, f"input, coordinate{last}", "in the bounds")
     boxes = [limits(problem.bounds.get(name), f"bounds of {name}", BOX) for name in names]
     return np.array(boxes, dtype=float).reshape(len(names), 2)
 
@@ -138,7 +146,9 @@ def boundary_of(problem: Problem, end: str) -> Boundary:
     velocities = [velocity_name(q) for q in coordinates]
     momenta = [momentum_name(q) for q in coordinates]
     for name in state:
-        check_known(name, problem.states, "state", f"at the {end}")
+        quantities = problem.kernels.quantities
+        what = "state or quantity" if quantities else "state"
+        check_known(name, [*problem.states, *quantities], what, f"at the {end}")
     free, turning = None, {name for r in problem.relations for name in r.starts}
     position, velocity, momentum = [], [], []
     for q, v, p in zip(coordinates, velocities, momenta, strict=True):
@@ -157,14 +167,16 @@ def boundary_of(problem: Problem, end: str) -> Boundary:
                 "one of them."
             )
     boundary = Boundary(np.array(position), np.array(velocity), np.array(momentum))
-    for q, (low, high), (below, above) in zip(
-        coordinates, boundary.position, problem.coordinate_bounds, strict=True
+    for names, ranges, boxes in (
+        (coordinates, boundary.position, problem.coordinate_bounds),
+        (velocities, boundary.velocity, problem.velocity_bounds),
     ):
-        if high < below or low > above:
-            raise ProblemError(
-                f"the {end} of {q} ({low:g} to {high:g}) lies outside its bounds {below:g} to "
-                f"{above:g}."
-            )
+        for name, (low, high), (below, above) in zip(names, ranges, boxes, strict=True):
+            if high < below or low > above:
+                raise ProblemError(
+                    f"the {end} of {name} ({low:g} to {high:g}) lies outside its bounds {below:g} "
+                    f"to {above:g}."
+                )
     return _as_momenta(problem, boundary, end == "start")
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from dmoc.base.tolerances import BALANCED
 from dmoc.codegen.kernels import Array
-from dmoc.problem.ranges import midpoints
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
@@ -42,10 +41,7 @@ def reach_of(problem: Problem) -> Array:
     """How far each coordinate may be expected to move: to the goal, to zero, to the surfaces
     of the sequence, or, where that says nothing, what the inertias make of the reach of the
     others, shape (nq,)."""
-    start, goal = (
-        problem.start_position,
-        midpoints(problem.goal_bounds.position, problem.start_position),
-    )
+    start, goal = problem.start_position, problem.goal_position
     reach = np.max(np.abs([goal - start, start, goal]), axis=0) * (1 - problem.unsaid)
     if problem.kernels.surfaces:
         slopes, gaps = problem.model.gap_slopes(start), np.abs(problem.model.gaps(start))

@@ -12,6 +12,7 @@ class BoundKind(Enum):
     GAP = "gap to {name} at {places} node{s}"
     INSIDE = "gap to {name} inside {places} step{s}"
     PATH = "path constraint {name} in {places} step{s}"
+    BOUND = "bound of {name} in {places} step{s}"
     CONE = "friction cone of {name} at {places} node{s}"
     DIRECTION = "sliding of {name} in {places} step{s}"
     DURATION = "duration of phase {name} {side} {value} s"
@@ -36,6 +37,7 @@ ALONG_THE_WAY = (
     BoundKind.GAP,
     BoundKind.INSIDE,
     BoundKind.PATH,
+    BoundKind.BOUND,
     BoundKind.INPUT,
     BoundKind.COORDINATE,
 )

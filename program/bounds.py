@@ -9,6 +9,7 @@ import numpy as np
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
+from dmoc.program.blocks import Index
 from dmoc.program.laws.ends import Goal
 from dmoc.program.laws.law import Law
 from dmoc.program.layout import Layout
@@ -51,25 +52,30 @@ def limits(
         (0, problem.start_bounds, lay.index_p_B, lay.index_v_B),
         (-1, problem.goal_bounds, lay.index_p_E, lay.index_v_E),
     ):
-        at = lay.index_q[node]
-        box[at, 0] = np.maximum(box[at, 0], boundary.position[:, 0])
-        box[at, 1] = np.minimum(box[at, 1], boundary.position[:, 1])
+        _narrow(box, lay.index_q[node], boundary.position)
         box[p] = boundary.momentum
         if len(v):
             box[v] = boundary.velocity
+            _narrow(box, v, problem.velocity_bounds)
     for law in laws:
         law.bounds(problem, box, scale)
     for node, places in zip(lay.collision_nodes, problem.via_bounds, strict=True):
-        at = lay.index_q[node]
-        box[at, 0] = np.maximum(box[at, 0], places[:, 0])
-        box[at, 1] = np.minimum(box[at, 1], places[:, 1])
+        _narrow(box, lay.index_q[node], places)
     box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
     box[lay.index_t[:1]] = 0.0
     for goal in goals:
         box[goal.unknown] = (-np.inf, np.inf)
     if goals:
         box[lay.index_q[-1]] = problem.coordinate_bounds
+        if len(lay.index_v_E):
+            box[lay.index_v_E] = problem.velocity_bounds
     return box[:, 0].copy(), box[:, 1].copy()
+
+
+def _narrow(box: Array, index: Index, bounds: Array) -> None:
+    """Keep some unknowns within more bounds, shape (n, 2)."""
+    box[index, 0] = np.maximum(box[index, 0], bounds[:, 0])
+    box[index, 1] = np.minimum(box[index, 1], bounds[:, 1])
 
 
 def _durations(problem: Problem) -> Array:

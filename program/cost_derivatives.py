@@ -8,12 +8,13 @@ Analysis in Nonlinear Programming", 1983).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import TypedDict
 
 import numpy as np
 
+from dmoc.base.arguments import interval
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.tolerances import TINY
 from dmoc.codegen.kernels import Array
@@ -38,8 +39,10 @@ class Sensitivities(TypedDict):
     restitution : by surface that is hit, with respect to its coefficient e, where that is a number
     surfaces : by surface, with respect to moving it outwards by one unit of its gap
     final_time : with respect to the final time or its active bound; 0 where it is free
-    start, goal : by state, with respect to the value or the active bound; its other states as given
-    bounds : by input or coordinate and side, with respect to the bound, as "F <="
+    start, goal : by state or quantity, with respect to the value or the active bound; its other
+        states as given
+    bounds : by input, coordinate, velocity or quantity and side, with respect to the bound, as
+        "F <="
     """
 
     parameters: dict[str, float]
@@ -85,6 +88,28 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
         ]
         return 2 * (ends[0] - ends[1])
 
+    def moved(field: str, name: str, ways: tuple[float, float]) -> float:
+        """By both ends of a range that move so much: L is linear in them."""
+        stated = getattr(problem, field)
+        low, high = interval(stated[name], name)
+        parts = []
+        for sign in (1.0, -1.0):
+            ends = low + sign * ways[0], high + sign * ways[1]
+            changed = problem.unchecked(**{field: {**stated, name: ends}})
+            parts.append(lagrangian(changed, named))
+        return (parts[0] - parts[1]) / (2 * max(ways))
+
+    def limits() -> Iterator[tuple[str, float]]:
+        for name, ends in problem.limits.items():
+            for sign, bound, ways in zip(("<=", ">="), ends[::-1], ((0, 1), (1, 0)), strict=True):
+                if np.isfinite(bound):
+                    step = CHANGE * (abs(bound) or 1.0)
+                    yield f"{name} {sign}", moved("bounds", name, (step * ways[0], step * ways[1]))
+
+    def at_end(end: str) -> dict[str, float]:
+        names = [n for n in problem.kernels.quantities if getattr(problem, end).get(n) is not None]
+        return {name: moved(end, name, (CHANGE, CHANGE)) for name in names}
+
     surfaces = problem.model.contacts.surfaces
     numbers = problem.model.contacts.named(np.flatnonzero(~np.isnan(problem.restitution_values)))
     hits = [surfaces[event.hit] for event in problem.touch.events if event.hit != NOWHERE]
@@ -95,9 +120,9 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
         "restitution": {s: coefficient(s) for s in dict.fromkeys(hits) if s in numbers},
         "surfaces": _surfaces(nlp, y, w),
         "final_time": float(time - sum(force[ends.latest.numbers])),
-        "start": _ends(nlp, x, z, 0),
-        "goal": _ends(nlp, x, z, -1),
-        "bounds": _bounds(nlp, z),
+        "start": _ends(nlp, x, z, 0) | at_end("start"),
+        "goal": _ends(nlp, x, z, -1) | at_end("goal"),
+        "bounds": _bounds(nlp, z) | dict(limits()),
     }
 
 
@@ -144,10 +169,14 @@ def _ends(nlp: Transcription, x: Array, z: Array, node: int) -> dict[str, float]
         by_q, by_v = z[p] @ slopes[:, : lay.nq], z[p] @ slopes[:, lay.nq : 2 * lay.nq]
         states = [(str, q, z[q] + by_q), (velocity_name, p, by_v)]
     slopes_of = {}
-    for naming, index, forces in [*states, (velocity_name, v, z[v])]:
+    for naming, index, forces in states:
         for i, name, force in zip(index, names, forces, strict=False):
             if nlp.lower[i] > -np.inf or nlp.upper[i] < np.inf:
                 slopes_of[naming(name)] = float(force)
+    said = np.isfinite(boundary.velocity).any(axis=1)  # others have bounds along the way alone
+    for name, force, there in zip(names, z[v], said, strict=False):
+        if there:
+            slopes_of[velocity_name(name)] = float(force)
     return slopes_of
 
 

@@ -104,6 +104,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         controls=problem.control_form,
         bounds=(problem.input_bounds, problem.coordinate_bounds),
         ignored=problem.ignored,
+        limits=problem.limits,
     )
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +36,14 @@ class Layout(Unknowns):
         free = [mode.free and not joined for mode in problem.touch.modes]
         at_start = turns or not (free[0] or problem.start_bounds.is_state)
         at_goal = turns or not free[-1] or bool(kernels.manifest["terminal_velocity"])
-        for row in kernels.manifest["path_rows"]:
+        if np.isfinite(problem.velocity_bounds).any():
+            at_start |= not problem.start_bounds.is_state
+            at_goal = True
+        ranges = problem.quantity_ranges
+        at_start |= any(row["velocities"] for row in _said(problem, ranges.start))
+        at_goal |= any(row["velocities"] for row in _said(problem, ranges.goal))
+        along = _said(problem, problem.quantity_bounds)
+        for row in (*kernels.manifest["path_rows"], *along):
             if row["velocities"] and (FORMS[problem.control_form].shared or not row["inputs"]):
                 at_start |= row["inputs"] or not problem.start_bounds.is_state
                 at_goal = True
@@ -213,6 +222,12 @@ class Layout(Unknowns):
         if not self.timed:
             parts[5] = np.zeros((self.total, 1))
         return parts
+
+
+def _said(problem: Problem, ranges: Array) -> list[Mapping[str, Any]]:
+    """What the quantities depend on of which some ranges, shape (nz, 2), say something."""
+    rows = problem.kernels.manifest.get("quantities", ())
+    return [rows[j] for j in np.flatnonzero(np.isfinite(ranges).any(axis=1))]
 
 
 def _check_courses(problem: Problem) -> None:

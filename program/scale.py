@@ -15,8 +15,8 @@ from dmoc.problem.problem import Problem
 class Scale:
     """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,);
     gaps, their rates and impulses (nc,); sliding velocities and friction impulses (nt,); path
-    constraints; hidden unknowns; step sizes (phases,); rates and impulses of the constraints of
-    the model (nj,)."""
+    constraints; quantities; hidden unknowns; step sizes (phases,); rates and impulses of the
+    constraints of the model (nj,)."""
 
     time: float
     cost: float
@@ -31,6 +31,7 @@ class Scale:
     slide: Array
     friction: Array
     path: Array
+    quantity: Array
     s: Array
     h: Array
     joint_rate: Array
@@ -44,9 +45,10 @@ class Scale:
             np.ones(len(names)) for names in (kernels.coordinates, kernels.inputs, kernels.surfaces)
         )
         path, s = (np.ones(len(kernels.manifest[part])) for part in ("path_rows", "hidden"))
+        quantity = np.ones(len(kernels.quantities))
         nt, h = np.ones(len(kernels.tangents)), np.ones(problem.phases)
         nj = np.ones(len(kernels.joints))
-        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, nt, nt, path, s, h, nj, nj)
+        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, nt, nt, path, quantity, s, h, nj, nj)
 
     def named(self, problem: Problem) -> dict[str, float]:
         """Sizes by name, as results show them."""

@@ -54,7 +54,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         _, slide = _places(model.tangent_slopes(q, t), moving)
         _, joint_rate = _places(model.joint_slopes(q, t), moving)
         energy = float(size_p @ size_v) / 2
-        path = np.ones(len(problem.kernels.manifest["path_rows"]))
+        path, quantity = np.ones(len(problem.kernels.manifest["path_rows"])), np.ones(model.nz)
         u = x[lay.index_u[lay.row_u_k]]
         size_s = _hidden(problem, u, (middle, rates, now), (*moving, size_u))
         scale = Scale(
@@ -71,6 +71,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
             slide,
             energy / slide,
             path,
+            quantity,
             size_s,
             h.copy(),
             joint_rate,
@@ -78,7 +79,8 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         )
         sizes = lay.units(scale)
         cost = _cost(problem, lay, x, sizes, size_v) / (MINIMUM_COST if minimum else FIRST_COST)
-        return replace(scale, cost=cost, path=_path(problem, lay, x, sizes))
+        path, quantity = (_path(problem, lay, x, sizes, kind) for kind in ("path", "quantity"))
+        return replace(scale, cost=cost, path=path, quantity=quantity)
 
 
 def _finite(values: Array, otherwise: float) -> Array:
@@ -165,18 +167,19 @@ def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) 
     return size if np.isfinite(size) and size > 0 else 1.0
 
 
-def _path(problem: Problem, lay: Layout, x: Array, sizes: Array) -> Array:
-    """Sizes of the path constraints: the largest change that an unknown of its size makes in any
-    step."""
-    names = problem.kernels.manifest["path_rows"]
-    if not names:
+def _path(problem: Problem, lay: Layout, x: Array, sizes: Array, kind: str) -> Array:
+    """Sizes of the path constraints, or of the quantities: the largest change that an unknown of
+    its size makes in any step."""
+    kernels = problem.kernels
+    count = len(kernels.quantities if kind == "quantity" else kernels.manifest["path_rows"])
+    if not count:
         return np.ones(0)
     step = lay.step_inputs(x)
     local = np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
-    changes = _finite(np.abs(problem.model.path_slopes(step) * local[:, None]), 0.0).max(
+    changes = _finite(np.abs(problem.model.path_slopes(step, kind) * local[:, None]), 0.0).max(
         axis=(0, 2)
     )
-    values = _finite(np.abs(problem.model.path(step)), 0.0).max(axis=0)
-    size, at = (a.reshape(-1, len(names)).max(axis=0) for a in (changes, values))
+    values = _finite(np.abs(problem.model.path(step, kind)), 0.0).max(axis=0)
+    size, at = (a.reshape(-1, count).max(axis=0) for a in (changes, values))
     size = np.where(size > 0, size, at)
     return np.where(size > 0, size, 1.0)

@@ -9,6 +9,7 @@ import numpy as np
 
 from dmoc.base.tolerances import SAME
 from dmoc.motion.scene import resampled
+from dmoc.motion.states import PARTS
 from dmoc.motion.trajectory import Array, Phase, Trajectory
 from dmoc.report.labels import Label, label_of, rate_of, with_index, with_unit
 
@@ -21,6 +22,7 @@ TITLES = {
     "v": "velocities",
     "p": "momenta",
     "u": "inputs",
+    "quantities": "quantities",
     "N": "normal forces",
     "T": "friction",
 }
@@ -58,15 +60,15 @@ class Panel:
     @property
     def axis(self) -> str:
         """The label of its axis, for Matplotlib: the curve if there is one, and its unit."""
-        alone = len(self.curves) == 1 and self.quantity in "qvpu"
+        alone = len(self.curves) == 1 and self.quantity in ("q", "v", "p", "u", "quantities")
         symbol = f"${self.curves[0].label.tex}$"
         text = f"input {symbol}" if self.quantity == "u" else symbol
         return with_unit(text if alone else self.title, self.unit)
 
 
 def panels_of(motion: Trajectory, beside: Sequence[Trajectory] = ()) -> list[Panel]:
-    """Coordinates, velocities, momenta, inputs and contact forces, those of one unit together; for
-    motions that stand beside each other in the same panels."""
+    """Coordinates, velocities, momenta, inputs, quantities and contact forces, those of one unit
+    together; for motions that stand beside each other in the same panels."""
     names, units = motion.coordinates, [motion.units.get(name, "") for name in motion.coordinates]
     labels = [label_of(name) for name in names]
     every = beside or (motion,)
@@ -79,14 +81,19 @@ def panels_of(motion: Trajectory, beside: Sequence[Trajectory] = ()) -> list[Pan
          [MOMENTA.get(unit, "") for unit in units]),
         ("u", motion.inputs, map(label_of, motion.inputs),
          [motion.units.get(name, "") for name in motion.inputs]),
+        ("quantities", motion.quantities, map(label_of, motion.quantities),
+         [motion.units.get(name, "") for name in motion.quantities]),
     ):  # fmt: skip
         parts = [_course(motion, phase, quantity) for phase in motion.phases]
-        free = np.full((len(measures), 2), (-np.inf, np.inf))
-        bounds = {"q": motion.coordinate_bounds, "u": motion.input_bounds}.get(quantity, free)
+        bounds = {"q": motion.coordinate_bounds, "u": motion.input_bounds}.get(
+            quantity, [motion.limits.get(name, (-np.inf, np.inf)) for name in texts]
+        )
         curves = [
-            Curve(name, symbol, i, tuple(v[:, i] for _, v in parts), tuple(bounds[i].tolist()))
+            Curve(name, symbol, i, tuple(v[:, i] for _, v in parts), tuple(map(float, bounds[i])))
             for i, (name, symbol) in enumerate(zip(texts, symbols, strict=True))
         ]
+        if not texts:
+            continue
         values = np.vstack([getattr(p, quantity) for m in every for p in m.phases]).T
         for unit, numbers in _grouped(measures, None if quantity == "u" else values):
             own = tuple(curves[i] for i in numbers)
@@ -123,6 +130,9 @@ def _course(motion: Trajectory, phase: Phase, quantity: str) -> tuple[Array, Arr
         return motion.input_times(phase), phase.u
     if quantity == "u":
         return np.repeat(phase.t, 2)[1:-1], np.repeat(phase.u, 2, axis=0)
+    if quantity == "quantities":
+        h = np.diff(phase.t)[:, None]
+        return (phase.t[:-1, None] + h * np.linspace(0, 1, PARTS)).ravel(), phase.quantities
     return phase.t, getattr(phase, quantity)
 
 

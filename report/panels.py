@@ -29,9 +29,9 @@ MARKED = 0.13  # share of the height that one mark of an impulse takes
 def draw_panel(axes: Axes, panel: Panel, motion: Trajectory, style: Style) -> None:
     """Draw a panel with all that belongs to it, and a legend beside it."""
     handles = draw_curves(axes, panel, motion.collisions, style)
-    if panel.quantity in "qvpu" and len(handles) == 1:
+    if panel.quantity not in "NT" and len(handles) == 1:
         handles = []
-    if panel.quantity == "u":
+    if panel.quantity in ("u", "v", "quantities"):
         handles += _bounds(axes, panel, style)
     if panel.quantity in "NT":
         low, high = axes.get_ylim()

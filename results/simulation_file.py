@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dmoc.motion.states import PARTS
 from dmoc.motion.trajectory import Phase
 from dmoc.results.result_file import ResultFile
 from dmoc.results.schema import (
@@ -42,6 +43,7 @@ class Together:
         together |= {
             name: np.concatenate([np.ravel(getattr(p, name)) for p in value]) for name in FORCES
         }
+        together["quantities"] = np.concatenate([p.quantities.ravel() for p in value])
         modes = {name: [getattr(p, name) for p in value] for name in FORCES.values()}
         return PHASES.write(together | modes | {"nodes": [len(p.t) for p in value]}, where, put)
 
@@ -55,7 +57,12 @@ class Together:
             widths = np.array([len(mode) for mode in table[modes]], dtype=int)
             parts = np.split(table[name], np.cumsum(nodes * widths)[:-1])
             rows[name] = [a.reshape(n, w) for a, n, w in zip(parts, nodes, widths, strict=True)]
-        names = (*ROWS, *FORCES.values(), *FORCES)
+        own = PARTS * (nodes - 1) * (len(table["quantities"]) // (PARTS * int((nodes - 1).sum())))
+        parts = np.split(table["quantities"], np.cumsum(own)[:-1])
+        rows["quantities"] = [
+            a.reshape(PARTS * (n - 1), -1) for a, n in zip(parts, nodes, strict=True)
+        ]
+        names = (*ROWS, *FORCES.values(), *FORCES, "quantities")
         columns = (rows.get(name, table.get(name)) for name in names)
         return tuple(
             Phase(**dict(zip(names, fields, strict=True))) for fields in zip(*columns, strict=True)
@@ -69,6 +76,8 @@ def _wrong_phases(rows: dict[str, Any]) -> str | None:
         return "its phases have no modes"
     if nodes.sum() != len(rows["t"]) or nodes.sum() - len(nodes) != len(rows["u"]):
         return "its phases have other numbers of rows than declared"
+    if len(rows["quantities"]) % (PARTS * int((nodes - 1).sum())):
+        return "its phases have other numbers of quantities than declared"
     for name, modes in FORCES.items():
         widths = map(len, rows[modes])
         if sum(n * width for n, width in zip(nodes, widths, strict=True)) != len(rows[name]):
@@ -100,6 +109,7 @@ PHASES = Record(
         "tangential": Stored(None),
         "joints": Listed(Listed(Name())),
         "reaction": Stored(None),
+        "quantities": Stored(None),
     },
     _wrong_phases,
 )
@@ -132,11 +142,27 @@ SIMULATION = Record(
     },
     _wrong,
 )
+FORMAT, OLDEST = 5, 4  # the format that is written, and the oldest that is read
+
+
+def _as_now(header: Any) -> Any:
+    """What a file of the older format says, which has no quantities, in the format of now."""
+    match header:
+        case {
+            "simulation_format": int(version),
+            "simulation": {"trajectory": {"phases": dict(phases), **motion}, **rest},
+        } if OLDEST <= version < FORMAT:
+            motion |= {"limits": {}, "quantities": [], "phases": {**phases, "quantities": [0]}}
+            now = {**rest, "trajectory": motion}
+            return {**header, "simulation_format": FORMAT, "simulation": now}
+    return header
+
+
 FILE = ResultFile(
     "simulation",
     SIMULATION,
     "simulation_format",
-    4,
+    FORMAT,
     "file of a simulation",
     "simulate again",
     "Simulation.save",
@@ -148,4 +174,5 @@ FILE = ResultFile(
         f"the simulation has {len(simulation.collisions)} collisions, more than a file holds: "
         "write it with to_csv."
     ),
+    as_now=_as_now,
 )

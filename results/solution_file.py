@@ -13,6 +13,7 @@ from dmoc.base.discretisation import DISCRETISATIONS, FORMS, ORDERS
 from dmoc.base.tolerances import SAME
 from dmoc.check.verdict import Verification
 from dmoc.motion.scene import COLUMNS, Scene, Shape, wrong_scene
+from dmoc.motion.states import PARTS
 from dmoc.motion.trajectory import COURSES, FORCES, Collision, Phase, Trajectory
 from dmoc.program.active_constraints import ActiveBound
 from dmoc.results.proposal import CONTACT_STATES, Proposal, Stay
@@ -38,14 +39,14 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import Status
 
-FORMAT, OLDEST = 12, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 13, 6  # the format that is written, and the oldest that is read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 # What files of older formats lack, with the values there: of a solution, of its motion, of phases
 # and collisions.
 LACKING_BESIDE: Mapping[str, Any] = {"proposal": None}
-LACKING: Mapping[str, Any] = {"units": {}, "scene": None}
+LACKING: Mapping[str, Any] = {"units": {}, "scene": None, "limits": {}, "quantities": []}
 LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
-    "phases": {f"{name}_inside": [0, 0] for name in INSIDE},
+    "phases": {f"{name}_inside": [0, 0] for name in INSIDE} | {"quantities": [0, 0]},
     "collisions": {"course": ""},
 }
 
@@ -86,9 +87,13 @@ def _wrong_motion(motion: Trajectory) -> str | None:
     for bounds in (motion.input_bounds, motion.coordinate_bounds):
         if not (bounds[:, 0] <= bounds[:, 1]).all():
             return "the motion has a lower bound above the upper one"
+    if not all(low <= high for low, high in motion.limits.values()):
+        return "the motion has a lower limit above the upper one"
     for i, phase in enumerate(motion.phases):
         if len(phase.t) < 2 or not (np.diff(phase.t) > 0).all():
             return f"the times of phase {i} do not increase"
+        if phase.quantities.size != PARTS * phase.steps * len(motion.quantities):
+            return f"phase {i} has {len(phase.quantities)} rows of quantities"
         if len(phase.u) != len(motion.input_times(phase)):
             return f"phase {i} has {len(phase.u)} rows of inputs for {phase.steps} steps"
         nodes = (DISCRETISATIONS[motion.order].inside * phase.steps, len(motion.coordinates))
@@ -168,6 +173,7 @@ PHASE = Record(
         "joints": Listed(Name()),
         "reaction": Stored(None, None),
         **{f"{name}_inside": Stored(None, None) for name in INSIDE},
+        "quantities": Stored(None, None),
     },
     _wrong_contacts,
 )
@@ -229,6 +235,8 @@ TRAJECTORY = Record(
         "friction": Mapped(Number(0.0), names=Name()),
         "units": Mapped(Text(), names=Name()),
         "scene": Either(Nothing(), SCENE),
+        "limits": Mapped(Listed(Number(special=True), 2), names=Name()),
+        "quantities": Listed(Name()),
     },
     _wrong_motion,
 )

@@ -79,6 +79,7 @@ def _stated(motion: Trajectory) -> Iterator[tuple[Cell, ...]]:
     bounds = [
         *zip(motion.inputs, motion.input_bounds, strict=True),
         *zip(motion.coordinates, motion.coordinate_bounds, strict=True),
+        *motion.limits.items(),
     ]
     limited = [f"{name}: {b[0]:g} to {b[1]:g}" for name, b in bounds if np.isfinite(b).any()]
     yield "bounds", ", ".join(limited) or "none"

@@ -25,10 +25,10 @@ def _end(bounds: Boundary) -> object:
 # Fields that can be stated in several ways, and what they come to.
 MEANING: Mapping[str, Callable[[Problem], object]] = {
     "kernels": lambda p: (p.kernels.manifest["fingerprint"], p.kernels.backend),
-    "start": lambda p: _end(p.start_bounds),
-    "goal": lambda p: _end(p.goal_bounds),
+    "start": lambda p: (_end(p.start_bounds), p.quantity_ranges.start.tolist()),
+    "goal": lambda p: (_end(p.goal_bounds), p.quantity_ranges.goal.tolist()),
     "final_time": lambda p: p.final_time_bounds,
-    "bounds": lambda p: (p.input_bounds.tolist(), p.coordinate_bounds.tolist()),
+    "bounds": lambda p: (p.input_bounds.tolist(), p.coordinate_bounds.tolist(), p.limits),
     "parameters": lambda p: p.parameter_values.tolist(),
     "controls": lambda p: p.control_form,
     "restitution": lambda p: p.restitution_values.tolist(),

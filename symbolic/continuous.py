@@ -31,6 +31,7 @@ class Continuous:
     """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
     gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, constraints phi_j,
     looks: the values of the drawing; coefficients of restitution e_j, of all surfaces or none;
+    quantities z;
     symbols x of definitions with their rates x_dot and their values x_of, and the dissipation R of
     which Q lacks the forces.  Nodes have neither."""
 
@@ -50,6 +51,7 @@ class Continuous:
     phi: tuple[Any, ...]
     looks: tuple[Any, ...]
     e: tuple[Any, ...] = ()
+    z: tuple[Any, ...] = ()
     R: Any = sp.S.Zero
     x: tuple[Any, ...] = ()
     x_dot: tuple[Any, ...] = ()
@@ -97,6 +99,7 @@ class Continuous:
             tuple(rewrite(e) for e in system.constraints.values()),
             tuple(rewrite(e) for part in system.shapes for e in values_of(part)),
             tuple(rewrite(e) for e in system.coefficients_of_restitution),
+            tuple(rewrite(e) for e in system.quantities.values()),
             rewrite(R),
             tuple(x),
             tuple(x_dot),
@@ -157,7 +160,7 @@ class Continuous:
 
 
 # The functions of a Continuous, which are one expression or several.
-FUNCTIONS = ("L", "Q", "C", "Phi", "g", "r", "tau", "mu", "phi", "looks", "e", "R")
+FUNCTIONS = ("L", "Q", "C", "Phi", "g", "r", "tau", "mu", "phi", "looks", "e", "z", "R")
 
 
 def _listed(value: Any) -> tuple[Any, ...]:

@@ -32,7 +32,14 @@ from dmoc.symbolic.expressions import atoms_of
 from dmoc.symbolic.graph import Graph, Node, gradient, reverse
 from dmoc.symbolic.kernel_family import contracted, family, state_inputs
 from dmoc.symbolic.kinks import split
-from dmoc.symbolic.path_constraints import path_kernels, path_limits, path_rows, terms_of
+from dmoc.symbolic.path_constraints import (
+    path_kernels,
+    path_limits,
+    path_rows,
+    quantity_kernels,
+    quantity_values,
+    terms_of,
+)
 from dmoc.symbolic.restitution import laws_in_words, rebound_kernels
 from dmoc.symbolic.scalar import Scalar
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
@@ -76,6 +83,7 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
             ),
         ),
         *path_limits(f, plain.as_nodes([t for own in terms for t in own], graph)),
+        *quantity_values(f),
         *_hidden_kernels(system, plain, f),
         *_state_kernels(f, _light(f, LARGE)),
         *surface_kernels(f),
@@ -139,12 +147,14 @@ def _facts(
         for name, g in zip(system.surfaces, f.g, strict=True)
     }
     laws = laws_in_words(system)
+    quantities = path_rows(f, list(system.quantities), f.z)
     return {
         "format": FORMAT,
         "key": model_key(system, order),
         "order": order,
         "explicit_time": any(
-            f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.phi, *f.e)
+            f.t in e.free_symbols
+            for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.phi, *f.e, *f.z)
         ),
         "title": _title(system),
         "coordinates": [name_of(q) for q in system.coordinates],
@@ -156,10 +166,12 @@ def _facts(
             name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols
         ],
         "path_constraints": list(system.path_constraints),
-        "path_rows": path_rows(smooth, [name for name, _ in parts.rows]),
+        "path_rows": path_rows(smooth, [name for name, _ in parts.rows], smooth.r),
         "path_limits": [
             row | {"terms": count}
-            for row, count in zip(path_rows(f, list(system.path_constraints)), terms, strict=True)
+            for row, count in zip(
+                path_rows(f, list(system.path_constraints), f.r), terms, strict=True
+            )
         ],
         "kink_signs": {name_of(s): parts.signs[s] for s in system.parameters if s in parts.signs},
         "hidden": [f"the unknown for {sp.sstr(_plain(kink))}" for _, kink in parts.unknowns],
@@ -183,7 +195,7 @@ def _facts(
         ],
         "inputs_enter_linearly": not in_forces & set(f.u),
         "terminal_velocity": bool(f.Phi.free_symbols & set(f.v)),
-    } | ({"restitution": laws} if laws else {})
+    } | {key: v for key, v in (("restitution", laws), ("quantities", quantities)) if v}
 
 
 def _step_kernels(f: Continuous, e: StepElement, at_events: StepElement) -> list[KernelSpec]:
@@ -217,6 +229,7 @@ def _step_kernels(f: Continuous, e: StepElement, at_events: StepElement) -> list
             *ways,
         ),
         *path_kernels(f, e, inputs),
+        *quantity_kernels(f, e, inputs),
     ]
 
 

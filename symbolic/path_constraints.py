@@ -1,5 +1,5 @@
-"""Kernels of path constraints r(q, v, u, t) >= 0: in a step, at its ends, at nodes, and at states
-of their own.
+"""Kernels of path constraints r(q, v, u, t) >= 0 and of quantities z(q, v, u, t): in a step, at its
+ends, at nodes, and at states of their own.
 
 Where inputs have a value of their own at a node, a constraint on them stands there.  At order 2 the
 velocity at a node inside a phase is (q_kp1 - q_km1)/(2 h), right to h^2; at higher orders that of
@@ -9,6 +9,7 @@ the step's polynomial.  At the ends of phases velocities are unknowns.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import sympy as sp
@@ -16,13 +17,15 @@ import sympy as sp
 from dmoc.symbolic.continuous import Continuous, dot
 from dmoc.symbolic.discrete import StepElement, at_ends
 from dmoc.symbolic.graph import Node
-from dmoc.symbolic.kernel_family import family
+from dmoc.symbolic.kernel_family import family, state_inputs
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 
-def path_rows(f: Continuous, names: Sequence[str | None]) -> list[dict[str, Any]]:
-    """What each path constraint depends on: numbers of the coordinates, whether on velocities,
-    inputs and the time.  Those of hidden unknowns have no name."""
+def path_rows(
+    f: Continuous, names: Sequence[str | None], functions: Sequence[Node]
+) -> list[dict[str, Any]]:
+    """What each path constraint, or other function, depends on: numbers of the coordinates,
+    whether on velocities, inputs and the time.  Those of hidden unknowns have no name."""
     return [
         {
             "name": name,
@@ -31,25 +34,48 @@ def path_rows(f: Continuous, names: Sequence[str | None]) -> list[dict[str, Any]
             "inputs": bool(r.free_symbols & set(f.u)),
             "time": f.t in r.free_symbols,
         }
-        for name, r in zip(names, f.r, strict=True)
+        for name, r in zip(names, functions, strict=True)
     ]
 
 
 def path_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list[KernelSpec]:
     """All kernels of the path constraints; ``step`` are the arguments of a step."""
+    return _along("path", "r", "Path constraints {} >= 0", f, e, step)
+
+
+def quantity_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list[KernelSpec]:
+    """The same kernels of the quantities."""
+    g = replace(f, r=f.z)
+    points = tuple(
+        replace(p, start=replace(p.start, r=p.start.z), end=replace(p.end, r=p.end.z))
+        for p in e.points
+    )
+    return _along("quantity", "z", "Quantities {}", g, replace(e, points=points), step)
+
+
+def _along(
+    name: str, a: str, text: str, f: Continuous, e: StepElement, step: tuple[Input, ...]
+) -> list[KernelSpec]:
+    """Kernels of the functions r, which are called ``a``."""
     if not f.r:
         return []
     par = Input("par", f.par)
     state = (Input("q", f.q), Input("v", f.v), Input("u", f.u), Input("t", (f.t,)))
     kernels = [
-        *_of_step("path", "Path constraints r_d >= 0 of a step.", "r_d", e, step, par),
-        *family("path_point", "Path constraints r >= 0 at a state.", state, {"r": f.r}, par),
+        *_of_step(name, f"{text.format(f'{a}_d')} of a step.", f"{a}_d", e, step, par),
+        *family(f"{name}_point", f"{text.format(a)} at a state.", state, {a: f.r}, par),
     ]
     if not e.inside:
-        return kernels + _at_node(f, par)
+        return kernels + _at_node(name, a, text, f, par)
     ends = at_ends(f, e, f.L.graph.symbol, float)
-    text = "Path constraints r_e >= 0 at the start and at the end of a step."
-    return kernels + _of_step("path_ends", text, "r_e", ends, step, par)
+    at_both = f"{text.format(f'{a}_e')} at the start and at the end of a step."
+    return kernels + _of_step(f"{name}_ends", at_both, f"{a}_e", ends, step, par)
+
+
+def quantity_values(f: Continuous) -> list[KernelSpec]:
+    """The kernel of the quantities at states, without the hidden unknowns."""
+    values = (Output.vector("z", f.z),)
+    return [KernelSpec("quantity_value", "Quantities z.", state_inputs(f), values)] if f.z else []
 
 
 def path_limits(f: Continuous, terms: Sequence[Node]) -> list[KernelSpec]:
@@ -76,8 +102,8 @@ def _of_step(
     return family(name, text, step, {output: e.r_d}, par, e.chain, e.spread, e.definitions)
 
 
-def _at_node(f: Continuous, par: Input) -> list[KernelSpec]:
-    """Path constraints at a node inside a phase."""
+def _at_node(name: str, a: str, text: str, f: Continuous, par: Input) -> list[KernelSpec]:
+    """The functions r at a node inside a phase."""
     n, g = len(f.q), f.L.graph
     h = g.symbol("h")
     before, after = (Input.vector(g, name, n) for name in ("q_km1", "q_kp1"))
@@ -92,10 +118,11 @@ def _at_node(f: Continuous, par: Input) -> list[KernelSpec]:
                 by[f.t]]  # fmt: skip
 
     central = tuple(
-        (v, (b - a) / (2 * h)) for v, a, b in zip(f.v, before.symbols, after.symbols, strict=True)
+        (v, (right - left) / (2 * h))
+        for v, left, right in zip(f.v, before.symbols, after.symbols, strict=True)
     )
-    text = "Path constraints r_k >= 0 at a node inside a phase, from the three nodes around it."
-    return family("path_node", text, inputs, {"r_k": f.r}, par, chain, definitions=central)
+    text = f"{text.format(f'{a}_k')} at a node inside a phase, from the three nodes around it."
+    return family(f"{name}_node", text, inputs, {f"{a}_k": f.r}, par, chain, definitions=central)
 
 
 def terms_of(r: Any) -> tuple[Any, ...]:

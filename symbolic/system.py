@@ -76,9 +76,13 @@ class MechanicalSystem(Shown):
     path_constraints : mapping of str to relation, optional
         Relations in q, q', u and t that hold along the whole motion.  Relations that ``&`` joins
         become constraints of their own: ``name_1``, ``name_2``, ...
+    quantities : mapping of str to Expr, optional
+        Smooth expressions in q, q', u, t and parameters by name: ``{"tip_y": y + l * sp.sin(a),
+        "power": F * x.diff()}``.  A problem bounds them along the way, at the start, at the goal
+        and at events by their names, as it does states; tables, figures and files have them.
     title : str, optional
         One line for lists and figures.
-    units : mapping of coordinate or input to str, optional
+    units : mapping of coordinate, input or quantity to str, optional
         Units for messages and figures: ``{alpha: "rad", x: "m", F: "N"}``.
     drawing : sequence of shapes, optional
         How figures and animations show a planar model: Link, Point, Disc, Box, Spring, Wall and
@@ -143,6 +147,7 @@ class MechanicalSystem(Shown):
     drawing: Sequence[Part] = ()
     constraints: Mapping[str, Any] = field(default_factory=dict)
     definitions: Mapping[Any, Any] = field(default_factory=dict)
+    quantities: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_name(self.name, "model")
@@ -293,6 +298,7 @@ class MechanicalSystem(Shown):
             *(f"e_{n}:{sp.srepr(e)}" for n, e in self.restitution.items()),
             *(f"{n}=0:{sp.srepr(c)}" for n, c in self.constraints.items()),
             *(f"{sp.srepr(x)}:={sp.srepr(e)}" for x, e in self.definitions.items()),
+            *(f"z_{n}:{sp.srepr(e)}" for n, e in self.quantities.items()),
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 

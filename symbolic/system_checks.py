@@ -65,6 +65,7 @@ def check_names(system: MechanicalSystem) -> None:
         "input": [name_of(u) for u in system.inputs],
         "parameter": [name_of(s) for s in system.parameters],
         "definition": [name_of(x) for x in system.definitions],
+        "quantity": list(system.quantities),
     }
     labels = {
         "surface": list(system.surfaces),
@@ -164,6 +165,11 @@ def _check_symbols(system: MechanicalSystem) -> None:
         permitted = [kinds[kind] for kind in allowed]
         permitted += [kinds[own] for kind in allowed for own in DEFINED.get(kind, ())]
         for symbol in sorted(atoms.difference(*permitted), key=str):
+            if name_of(symbol) in system.quantities:
+                raise ModelError(
+                    f"{where} contains {symbol}, which has the name of a quantity: write its "
+                    "expression instead."
+                )
             raise ModelError(unknown_symbol(symbol, where, kinds, allowed))
     for symbol in system.parameters:
         if symbol not in used:
@@ -195,6 +201,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("the tangent of {!r}", system.tangents, PLACE),
         ("the friction of {!r}", system.friction, ("parameters",)),
         ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),
+        ("quantity {!r}", system.quantities, KINDS),
     ):
         for name, expression in expressions.items():
             yield what.format(name), expression, allowed
@@ -210,6 +217,8 @@ def _check_kinks(system: MechanicalSystem) -> None:
     check_smooth(system.terminal_cost, "the terminal cost", kinks=True)
     for name, place in system.constraints.items():
         check_smooth(place, f"constraint {name!r}", kinks=True)
+    for name, value in system.quantities.items():
+        check_smooth(value, f"quantity {name!r}", kinks=True)
     for q, force in system.forces.items():
         check_smooth(force, f"the force on {name_of(q)}")
     split(system)

@@ -33,6 +33,7 @@ MAPPINGS = {  # with an example each
     "friction": '{"floor": 0.5}',
     "restitution": '{"wall": 0.8}',
     "definitions": "{x1: l * sp.sin(a)}",
+    "quantities": '{"tip": x + l * sp.sin(a)}',
 }
 
 
@@ -66,6 +67,9 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
     read["constraints"] = {
         name: zero_of(equation, f"constraint {name!r}")
         for name, equation in system.constraints.items()
+    }
+    read["quantities"] = {
+        name: expression_in(e, f"quantity {name!r}") for name, e in system.quantities.items()
     }
     contacts = dict.fromkeys((*system.surfaces, *system.tangents))
     return read | {"drawing": parts_in(system.drawing, contacts)}
@@ -129,13 +133,13 @@ def _parameter_value(symbol: Any, value: Any) -> float | None:
 
 
 def _units(system: MechanicalSystem) -> dict[str, str]:
-    names = [name_of(s) for s in (*system.coordinates, *system.inputs)]
+    names = [name_of(s) for s in (*system.coordinates, *system.inputs)] + [*system.quantities]
     units = {}
     for symbol, unit in system.units.items():
         name = name_of(symbol) if isinstance(symbol, (str, sp.Basic)) else ""
         if name not in names:
             raise ModelError(
-                f"unit of {shown(symbol)}: expected a coordinate or an input, one of "
+                f"unit of {shown(symbol)}: expected a coordinate, an input or a quantity, one of "
                 f"{', '.join(names)}."
             )
         if not isinstance(unit, str) or not unit.isprintable() or not 0 < len(unit) <= 16:

@@ -27,7 +27,9 @@ from dmoc.program.laws.impact import ImpactLaw
 from dmoc.program.laws.joint import JointLaw
 from dmoc.program.laws.law import Law
 from dmoc.program.laws.path import PathLaw
+from dmoc.program.laws.quantity import QuantityLaw
 from dmoc.program.laws.step import StepLaw
+from dmoc.program.laws.velocity import VelocityLaw
 from dmoc.program.layout import SHARED, Layout
 from dmoc.program.presolve import Settled
 from dmoc.program.scale import Scale
@@ -45,6 +47,9 @@ class Laws:
 
     step: StepLaw
     path: PathLaw
+    bound: PathLaw
+    quantity: QuantityLaw
+    velocity: VelocityLaw
     impact: ImpactLaw
     ends: EndsLaw
     contact: ContactLaw
@@ -66,9 +71,9 @@ class Laws:
         return sum(b.count for b in self.inequalities)
 
     def __iter__(self) -> Iterator[Law]:
-        before = self.step, self.path, self.impact, self.ends
+        first = self.step, self.path, self.bound, self.quantity, self.velocity
         last = self.joint, self.complementarity
-        return iter((*before, *self.of_contacts, *last))
+        return iter((*first, self.impact, self.ends, *self.of_contacts, *last))
 
     @property
     def of_contacts(self) -> tuple[Law, ...]:
@@ -77,6 +82,9 @@ class Laws:
     def stating(self, problem: Problem) -> Laws:
         """The same rows with what another problem says of both ends: the numbers in their names
         and constants."""
+        if problem.kernels.quantities:
+            bound, quantity = self.bound.bounding(problem), self.quantity.stating(problem)
+            self = replace(self, bound=bound, quantity=quantity)
         before = self.ends
         if before.says_the_same(problem):
             return self
@@ -122,7 +130,9 @@ def laws_of(
         hit = HitLaw.of(problem, lay, impact)
         held = HeldLaw(contact, problem.model.friction, impact.touching)
     return Laws(
-        StepLaw(problem, lay), PathLaw.of(problem, lay), impact,
+        StepLaw(problem, lay), PathLaw.of(problem, lay), PathLaw.of_quantities(problem, lay),
+        QuantityLaw(problem, lay),
+        VelocityLaw(lay, tuple(problem.kernels.coordinates), problem.velocity_bounds), impact,
         EndsLaw(problem, lay, tuple(goals)), contact, friction, hit, held,
         JointLaw(lay, tuple(problem.kernels.manifest["bent_joints"])),
         ComplementarityLaw(
@@ -157,7 +167,8 @@ def rows_follow_from(
     fixed = limits[0] == limits[1]
     return (
         lay, model, said, problem.restitution_values.tobytes(), touching.tobytes(),
-        fixed.tobytes(),
+        problem.velocity_bounds.tobytes(), np.isfinite(problem.quantity_bounds).tobytes(),
+        problem.quantity_ranges.kinds, fixed.tobytes(),
     )  # fmt: skip
 
 

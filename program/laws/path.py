@@ -1,4 +1,5 @@
-"""Path constraints r(q, v, u, t) >= 0: where they stand, their rows and terms.
+"""Path constraints r(q, v, u, t) >= 0 and bounds of quantities z(q, v, u, t), z - lower >= 0 and
+upper - z >= 0: where they stand, their rows and terms.
 
 A constraint without inputs stands at the quadrature points of every step, and at both ends of every
 phase, which no point reaches.  One with inputs stands where the inputs have values of their own::
@@ -16,8 +17,10 @@ could not move.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,27 +37,35 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
+@dataclass(frozen=True)
+class Side:
+    """A side on which functions stay: sign * (function - value) >= 0, of those that have it."""
+
+    sign: float
+    there: Bools
+    values: Array
+
+
 @dataclass(eq=False)
 class PathLaw(Law):
-    """The path constraints of a problem.
+    """The path constraints of a problem, or the bounds of its quantities.
 
     Attributes
     ----------
     lay : Layout
-    names : tuple of str
-        Of the rows; empty for limits of hidden unknowns.
-    on_inputs, on_states, on_rates : arrays of bool, shape (nr,)
-        Which ones contain inputs, which ones coordinates or velocities, and which ones velocities
-        and no inputs.
+    kernel : str
+        Name of the kernels, "path" or "quantity".
+    rows : tuple of mappings
+        What the functions depend on (:func:`~dmoc.symbolic.path_constraints.path_rows`).
+    sides : tuple of Side
     at_ends : array of bool, shape (2 phases, nr)
         Which ones stand at the start and at the end of each phase.
     """
 
     lay: Layout
-    names: tuple[str, ...]
-    on_inputs: Bools
-    on_states: Bools
-    on_rates: Bools
+    kernel: str
+    rows: tuple[Mapping[str, Any], ...]
+    sides: tuple[Side, ...]
     at_ends: Bools = field(init=False)
     at_points: Block = field(init=False)
     at_nodes: Block = field(init=False)
@@ -63,18 +74,54 @@ class PathLaw(Law):
 
     @classmethod
     def of(cls, problem: Problem, lay: Layout) -> PathLaw:
-        rows = problem.kernels.manifest["path_rows"]
-        return cls(
-            lay,
-            tuple(row["name"] or "" for row in rows),
-            np.array([row["inputs"] for row in rows], dtype=bool),
-            np.array([bool(row["coordinates"]) or row["velocities"] for row in rows], dtype=bool),
-            np.array([row["velocities"] and not row["inputs"] for row in rows], dtype=bool),
-        )
+        """The path constraints."""
+        rows = tuple(problem.kernels.manifest["path_rows"])
+        every = Side(1.0, np.ones(len(rows), dtype=bool), np.zeros(len(rows)))
+        return cls(lay, "path", rows, (every,))
+
+    @classmethod
+    def of_quantities(cls, problem: Problem, lay: Layout) -> PathLaw:
+        """The bounds of the quantities."""
+        rows = tuple(problem.kernels.manifest.get("quantities", ()))
+        return cls(lay, "quantity", rows, _sides(problem))
+
+    def bounding(self, problem: Problem) -> PathLaw:
+        """The same rows with the bounds of another problem, which has the same ones."""
+        other = copy(self)
+        other.sides = _sides(problem)
+        return other
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the functions; empty for limits of hidden unknowns."""
+        return tuple(row["name"] or "" for row in self.rows)
+
+    def _which(self, kind: Callable[[Mapping[str, Any]], Any]) -> Bools:
+        return np.array([bool(kind(row)) for row in self.rows], dtype=bool)
+
+    @cached_property
+    def on_inputs(self) -> Bools:
+        """Which ones contain inputs."""
+        return self._which(lambda row: row["inputs"])
+
+    @cached_property
+    def on_states(self) -> Bools:
+        """Which ones contain coordinates or velocities."""
+        return self._which(lambda row: row["coordinates"] or row["velocities"])
+
+    @cached_property
+    def on_rates(self) -> Bools:
+        """Which ones contain velocities and no inputs."""
+        return self._which(lambda row: row["velocities"] and not row["inputs"])
+
+    @property
+    def idle(self) -> bool:
+        """Whether there are no rows."""
+        return not any(side.there.any() for side in self.sides)
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
-        rows = problem.kernels.manifest["path_rows"]
-        self.at_ends = _ends(problem, self.lay, rows, limits[0] == limits[1])
+        if not self.idle:
+            self.at_ends = _ends(problem, self.lay, self.rows, limits[0] == limits[1])
 
     @property
     def _at_points(self) -> Bools:
@@ -84,9 +131,13 @@ class PathLaw(Law):
     # Rows -----------------------------------------------------------------------------------------
 
     def inequalities(self, block: Numbering) -> None:
-        lay, count = self.lay, len(self.names)
-        names = [f"path constraint {n}" if n else "limit of a hidden unknown" for n in self.names]
-        counted = partial(Counted, BoundKind.PATH, self.names)
+        if self.idle:
+            return
+        lay, count, kernel = self.lay, len(self.rows), self.kernel
+        nouns = {"path": "path constraint ", "quantity": "bound of "}
+        names = [nouns[kernel] + n if n else "limit of a hidden unknown" for n in self.names]
+        kind = {"path": BoundKind.PATH, "quantity": BoundKind.BOUND}[kernel]
+        counted = partial(Counted, kind, self.names)
         steps, points = np.arange(lay.total), lay.scheme.points
         inner, ends = ~np.isin(np.arange(lay.total + 1), lay.ends), _nodes_of_ends(lay)
         by_node = self.on_inputs & bool(lay.form.shared)
@@ -109,55 +160,79 @@ class PathLaw(Law):
 
         def at_end(k: int, j: int) -> str:
             side = "end" if k % 2 else "start"
-            return f"{names[j]} at the {side} of phase {k // 2}"
+            return f"{names[j % count]} at the {side} of phase {k // 2}"
 
-        self.at_points = block(
-            "path",
-            np.tile(self._at_points, (lay.total, points)),
-            label("in step {}"),
-            lambda s: np.tile(s.path, points),
-            steps,
-            counted=counted(steps),
-        )
-        self.at_nodes = block(
-            "path at nodes",
-            inner[:, None] & by_node,
-            label("at node {}"),
-            lambda s: s.path,
-            first,
-            counted=counted(first),
-        )
-        self.at_ends_of_steps = block(
-            "path at ends of steps",
-            by_step,
-            label("in step {}"),
-            lambda s: np.tile(s.path, 2),
-            steps,
-            counted=counted(steps),
-        )
-        self.at_ends_of_phases = block(
-            "path at ends", self.at_ends, at_end, lambda s: s.path, ends, counted=counted(ends)
-        )
+        def made(name: str, where: Bools, says: Any, at: Index) -> Block:
+            every = where.shape[1] // max(count, 1)
+            there = [np.tile(side.there, every) for side in self.sides]
+            return block(
+                f"{kernel} {name}".rstrip(),
+                np.hstack([where & side for side in there]),
+                says,
+                lambda s: np.tile(getattr(s, kernel), every * len(there)),
+                at,
+                counted=counted(at),
+            )
+
+        at_points = np.tile(self._at_points, (lay.total, points))
+        self.at_points = made("", at_points, label("in step {}"), steps)
+        self.at_nodes = made("at nodes", inner[:, None] & by_node, label("at node {}"), first)
+        self.at_ends_of_steps = made("at ends of steps", by_step, label("in step {}"), steps)
+        self.at_ends_of_phases = made("at ends", self.at_ends, at_end, ends)
 
     # Terms ----------------------------------------------------------------------------------------
 
+    def _by_side(self, block: Block) -> list[Index]:
+        """The rows of a block for each side."""
+        return np.split(block.index, len(self.sides), axis=1)
+
     def terms(self, places: Places, laws: Laws) -> list[Term]:
+        if self.idle:
+            return []
         lay = self.lay
-        blocks = self.at_points, self.at_nodes, self.at_ends_of_steps, self.at_ends_of_phases
-        points, nodes, ends_of_steps, ends = (block.index for block in blocks)
         step = places.step(np.arange(lay.total))
-        terms = [Term("path", step, (points,)), Term("path_ends", step, (ends_of_steps,))]
-        k = np.flatnonzero((nodes != NOWHERE).any(axis=1))
-        if len(k):
-            q = lay.index_q
-            u, h = lay.of_kernels[lay.row_u_k[k]], lay.index_h[lay.phase_of_step[k]][:, None]
-            around = (q[k - 1], q[k], q[k + 1], u, h, places.times(k))
-            terms.append(Term("path_node", around, (nodes[k],)))
         at = _nodes_of_ends(lay)
         inputs = np.stack([lay.row_u_k[lay.ends[:-1]], lay.row_u_kp1[lay.ends[1:] - 1]], axis=1)
         state = (lay.index_q[at], places.known(_velocities(lay)), lay.of_kernels[inputs.ravel()])
-        terms.append(Term("path_point", (*state, places.times(at)), (ends,)))
+        k = np.flatnonzero((self.at_nodes.index != NOWHERE).any(axis=1))
+        u, h = lay.of_kernels[lay.row_u_k[k]], lay.index_h[lay.phase_of_step[k]][:, None]
+        q = lay.index_q
+        around = (q[k - 1], q[k], q[k + 1], u, h, places.times(k)) if len(k) else ()
+        terms = []
+        for name, arguments, block, own in (
+            ("", step, self.at_points, slice(None)),
+            ("_ends", step, self.at_ends_of_steps, slice(None)),
+            ("_node", around, self.at_nodes, k),
+            ("_point", (*state, places.times(at)), self.at_ends_of_phases, slice(None)),
+        ):
+            for side, rows in zip(self.sides, self._by_side(block), strict=True):
+                if arguments:
+                    terms.append(Term(self.kernel + name, arguments, (rows[own],), side.sign))
         return terms
+
+    def constants(self) -> Iterator[tuple[int, float]]:
+        if self.idle:
+            return
+        for block in (
+            self.at_points, self.at_nodes, self.at_ends_of_steps, self.at_ends_of_phases,
+        ):  # fmt: skip
+            for side, rows in zip(self.sides, self._by_side(block), strict=True):
+                if side.values.any():
+                    where, column = np.nonzero(rows != NOWHERE)
+                    values = -side.sign * side.values[column % len(side.values)]
+                    yield from zip(rows[where, column].tolist(), values.tolist(), strict=True)
+
+
+def _sides(problem: Problem) -> tuple[Side, ...]:
+    """Those on which a problem bounds its quantities."""
+    bounds = problem.quantity_bounds
+    there = np.isfinite(bounds)
+    values = np.where(there, bounds, 0.0)
+    return tuple(
+        Side(sign, there[:, i], values[:, i])
+        for i, sign in enumerate((1.0, -1.0))
+        if there[:, i].any() or not i
+    )
 
 
 def _nodes_of_ends(lay: Layout) -> Index:
@@ -176,13 +251,13 @@ def _velocities(lay: Layout) -> Index:
     return velocities
 
 
-def _ends(problem: Problem, lay: Layout, rows: Any, fixed: Bools) -> Bools:
+def _ends(problem: Problem, lay: Layout, rows: Sequence[Mapping[str, Any]], fixed: Bools) -> Bools:
     """Which path constraints stand at the start and at the end of each phase."""
     nodes = _nodes_of_ends(lay)
     velocity = np.zeros(len(nodes), dtype=bool)
-    for row, p, v in ((0, lay.index_p_B, lay.index_v_B), (-1, lay.index_p_E, lay.index_v_E)):
-        at_rest = bool(fixed[lay.index_q[nodes[row]]].all() and fixed[p].all())
-        velocity[row] = at_rest or bool(len(v) and fixed[v].all())
+    for at, p, v in ((0, lay.index_p_B, lay.index_v_B), (-1, lay.index_p_E, lay.index_v_E)):
+        at_rest = bool(fixed[lay.index_q[nodes[at]]].all() and fixed[p].all())
+        velocity[at] = at_rest or bool(len(v) and fixed[v].all())
     at_contact = _known_at_contacts(problem, lay)
     stands = np.zeros((len(nodes), len(rows)), dtype=bool)
     for j, row in enumerate(rows):

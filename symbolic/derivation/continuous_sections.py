@@ -79,7 +79,11 @@ def continuous_sections(
 
 
 def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) -> Iterable[Section]:
-    """Constraints, and friction."""
+    """Quantities, constraints, and friction."""
+    if f.z:
+        named = zip(system.quantities, f.z, strict=True)
+        values = tuple(definition(own, f"z_{n}", f"z_{upright(n)}", z) for n, z in named)
+        yield Section("Quantities", "z, which have names as states do.", values)
     if f.phi:
         named = zip(system.constraints, f.phi, strict=True)
         equations = [definition(own, f"phi_{n}", rf"\phi_{upright(n)}", phi) for n, phi in named]

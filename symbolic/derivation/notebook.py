@@ -79,6 +79,8 @@ def _facts(system: MechanicalSystem) -> Iterator[tuple[str, str]]:
     yield "surfaces", ", ".join(system.surfaces)
     if system.constraints:
         yield "constraints", ", ".join(system.constraints)
+    if system.quantities:
+        yield "quantities", ", ".join(system.quantities)
 
 
 def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, str, Any]]:
@@ -98,6 +100,7 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
         ("mu", system.tangents, f.mu),
         ("phi", system.constraints, f.phi),
         ("r", system.path_constraints, f.r),
+        ("z", system.quantities, f.z),
     ):
         for name, value in zip(owners, values, strict=True):
             yield f"{letter}_{name}", mathml.symbol(f"{letter}_{name}"), value

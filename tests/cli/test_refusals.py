@@ -32,7 +32,7 @@ solve cart_pendulum
     --goal x_dott=0 | did you mean 'x_dot'
     --bound F=10:-10 | the lower bound 10 exceeds the upper bound -10
     --bound F=60 | bounds of F = 60.0: expected a pair (lower, upper)
-    --bound G=0:1 | unknown input or coordinate 'G'
+    --bound G=0:1 | unknown input, coordinate or velocity 'G'
     --bound F=a:1 | expected a number
     --start alpha_dot=1,p_alpha=1 | a fixed velocity (alpha_dot) and a fixed momentum (p_alpha)
     --seconds nan | expected a positive time limit

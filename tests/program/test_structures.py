@@ -30,6 +30,7 @@ CHANGES: list[dict[str, Any]] = [
     {"sequence": ("left", "left")}, {"steps": (9, 11)}, {"controls": "linear"},
     {"periodic": ("alpha_dot",), "start": {"alpha": 0.45, "x": 0.1}, "goal": {}},
     {"goal": {"alpha": 1.5, "alpha_dot": (0.0, 1.0), "x": (-1.0, None)}},
+    {"bounds": {"x_dot": (-2.0, 3.0)}}, {"bounds": {"x_dot": (-2.5, 3.0)}},
     {"start": {"alpha": (0.4, 0.5), "x": 0.0}},
 ]  # fmt: skip
 CONTACTS: list[dict[str, Any]] = [

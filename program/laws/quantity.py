@@ -1,0 +1,120 @@
+"""The law of quantities z(q, v, u, t) at both ends and at events.
+
+::
+
+    fixed   z - value = 0
+    within  z - lower >= 0, upper - z >= 0
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.base.names import unit_of
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import GOAL, NOWHERE, Block, Index, Missed, Numbering
+from dmoc.program.laws.law import Law
+from dmoc.program.layout import Layout
+from dmoc.program.terms import Places, Term
+
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
+
+
+@dataclass(eq=False)
+class QuantityLaw(Law):
+    """Quantities at the start, at the goal and at the events, in this order."""
+
+    problem: Problem
+    lay: Layout
+    fixed: Block = field(init=False)
+    within: Block = field(init=False)
+
+    def stating(self, problem: Problem) -> QuantityLaw:
+        """The same rows with the numbers of another problem."""
+        other = copy(self)
+        other.problem = problem
+        other.__dict__.pop("ranges", None)
+        return other
+
+    @cached_property
+    def ranges(self) -> Array:
+        """Shape (events + 2, nz, 2)."""
+        said = self.problem.quantity_ranges
+        return np.concatenate([said.start[None], said.goal[None], said.via])
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is said."""
+        return not np.isfinite(self.ranges).any()
+
+    @cached_property
+    def nodes(self) -> Index:
+        return np.array([0, self.lay.total, *self.lay.collision_nodes])
+
+    def _label(self, row: int, j: int, *_: int) -> str:
+        where = ("at the start", "at the goal")[row] if row < 2 else f"at event {row - 1}"
+        return f"{self.problem.kernels.quantities[j]} {where}"
+
+    @property
+    def _missed(self) -> Missed:
+        names, units = self.problem.kernels.quantities, self.problem.kernels.manifest["units"]
+        return Missed(
+            GOAL,
+            lambda row, j, *_: f"{self._label(row, j)} is missed",
+            lambda _, j, *__: unit_of(names[j], units),
+            apart=1,
+        )
+
+    def equations(self, block: Numbering) -> None:
+        if not self.idle:
+            low, high = np.moveaxis(self.ranges, -1, 0)
+            self.fixed = block(
+                "quantity fixed", low == high, self._label, lambda s: s.quantity, missed=self._missed
+            )
+
+    def inequalities(self, block: Numbering) -> None:
+        if not self.idle:
+            low, high = np.moveaxis(self.ranges, -1, 0)
+            self.within = block(
+                "quantity within",
+                np.isfinite(self.ranges) & (low < high)[..., None],
+                self._label,
+                lambda s: s.quantity[:, None],
+                missed=self._missed,
+            )
+
+    @property
+    def _sides(self) -> Iterator[tuple[float, Index, Array]]:
+        """Signs, rows (events + 2, nz) and values."""
+        fixed, (lower, upper) = self.fixed.index, np.moveaxis(self.within.index, -1, 0)
+        yield 1.0, np.where(fixed == NOWHERE, lower, fixed), self.ranges[..., 0]
+        yield -1.0, upper, self.ranges[..., 1]
+
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
+        if self.idle:
+            return []
+        lay, nodes = self.lay, self.nodes
+        velocity = np.full((len(nodes), lay.nq), NOWHERE)
+        for row, index in ((0, lay.index_v_B), (1, lay.index_v_E)):
+            if len(index):
+                velocity[row] = index
+        inputs = np.full((len(nodes), lay.of_kernels.shape[1]), NOWHERE)
+        inputs[:2] = lay.of_kernels[[lay.row_u_k[0], lay.row_u_kp1[-1]]]
+        state = lay.index_q[nodes], places.known(velocity), places.known(inputs)
+        at = (*state, places.times(nodes))
+        return [Term("quantity_point", at, (rows,), sign) for sign, rows, _ in self._sides]
+
+    def constants(self) -> Iterator[tuple[int, float]]:
+        if self.idle:
+            return
+        for sign, rows, values in self._sides:
+            there = rows != NOWHERE
+            yield from zip(rows[there].tolist(), (-sign * values[there]).tolist(), strict=True)

@@ -1,0 +1,235 @@
+"""Bounds of velocities and of named quantities, and quantities at both ends and at events: known
+answers, the same problems stated otherwise, derivatives, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.base.errors import ModelError, ProblemError
+
+t = dynamicsymbols._t
+x, y, u, w, a, b = dynamicsymbols("x y u w a b")
+m, l = sp.symbols("m l")
+REST = {"a_dot": 0, "b_dot": 0}
+
+
+def mass(**fields: Any) -> dmoc.MechanicalSystem:
+    """1 kg on a line."""
+    return dmoc.MechanicalSystem(
+        "mass", [x], m * x.diff() ** 2 / 2, {m: 1.0}, [u], {x: u}, cost=u**2 / 2, **fields
+    )
+
+
+def arm(**fields: Any) -> dmoc.MechanicalSystem:
+    """Two links with a mass of 1 kg at the end of each, without weight."""
+    tip = l * (sp.sin(a) + sp.sin(b)), -l * (sp.cos(a) + sp.cos(b))
+    squares = 2 * a.diff() ** 2 + b.diff() ** 2 + 2 * sp.cos(a - b) * a.diff() * b.diff()
+    return dmoc.MechanicalSystem(
+        "arm", [a, b], m * l**2 * squares / 2, {m: 1.0, l: 1.0}, [u, w], {a: u - w, b: w},
+        cost=u**2 + w**2, units={"tip_x": "m", "power": "W"},
+        quantities={"tip_x": tip[0], "tip_y": tip[1], "power": u * a.diff()}, **fields
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def arms() -> dict[int, Any]:
+    return {order: dmoc.build(arm(), order=order) for order in (2, 4)}
+
+
+def reaching(kernels: Any, **changes: Any) -> dmoc.Problem:
+    stated: dict[str, Any] = {
+        "start": {"a": 0.9, "b": 0.3}, "goal": {"tip_x": 1.0, "tip_y": -0.5, **REST},
+        "final_time": 1, "steps": 30,
+    }  # fmt: skip
+    return dmoc.Problem(kernels, **(stated | changes))
+
+
+def test_a_speed_is_bounded_without_a_new_build():
+    """A ramp to v within 1.5 (1 - 1/v) s, as much down: 4 v^2/(3 t_1) = 7.68 at v = 1.2."""
+    kernels = {order: dmoc.build(mass(), order=order) for order in (2, 4, 6)}
+    for order, steps, near in ((2, 400, 3e-5), (4, 100, 3e-5), (6, 60, 3e-5)):
+        problem = dmoc.Problem(
+            kernels[order], {"x": 0}, {"x": 1, "x_dot": 0}, steps=steps, final_time=1,
+            bounds={"x_dot": (-1.2, 1.2)},
+        )  # fmt: skip
+        solution = dmoc.solve(problem, "ipm", starts=1)
+        assert solution.verification.passed
+        np.testing.assert_allclose(solution.cost, 7.68, rtol=near)
+        assert solution.active_bounds[0].startswith("bound of x_dot in")
+        v = 1.3  # 4 v^2/(3 t_1) with t_1 = 1.5 (1 - 1/v)
+        wider = dmoc.solve(problem.but(bounds={"x_dot": (None, v)}), "ipm", starts=1)
+        np.testing.assert_allclose(wider.cost, 8 / 9 * v**3 / (v - 1), rtol=near)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_speed_is_bounded_on_both_sides_of_a_hit(order):
+    """To the wall in x = 1 and back within 2 s: |v| is 1 all along, where it may not be more."""
+    kernels = dmoc.build(mass(surfaces={"wall": x <= 1}), order=order)
+    problem = dmoc.Problem(
+        kernels, {"x": 0, "x_dot": None}, {"x": 0}, ["wall"], steps=20, final_time=2,
+        bounds={"x_dot": (-1.0, 1.25)}, restitution=0.8,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=4)
+    assert solution.verification.passed
+    first, last = solution.phases
+    assert first.v.max() <= 1.25 + 1e-9 and last.v.min() >= -1 - 1e-9
+    # 1/1.25 s there and, with the hit at 1.25 m/s, 1 m/s back: nothing else ends in time for nought.
+    np.testing.assert_allclose(solution.cost, 0, atol=1e-3)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_the_tip_of_an_arm_goes_to_the_better_of_two_elbows(arms, order):
+    free = dmoc.solve(reaching(arms[order]), "ipm", starts=24)
+    far, phi = np.hypot(1.0, 0.5), np.arctan2(1.0, 0.5)
+    bend = np.arccos(far / 2)
+    elbows = []
+    for side in (1, -1):
+        goal = {"a": phi + side * bend, "b": phi - side * bend, **REST}
+        elbows.append(dmoc.solve(reaching(arms[order], goal=goal), "ipm", starts=8).cost)
+    assert free.verification.passed
+    np.testing.assert_allclose(free.cost, min(elbows), rtol=1e-7)
+    end = free.phases[-1].q[-1]
+    np.testing.assert_allclose([np.sin(end).sum(), -np.cos(end).sum()], [1.0, -0.5], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("order", "form"), [(2, "constant"), (2, "linear"), (4, "stages"), (4, "constant")]
+)
+def test_bounds_of_a_quantity_are_path_constraints(arms, order, form):
+    """|power| <= 2 W, once as two path constraints of another model."""
+    limits = {"most": u * a.diff() <= 2, "least": u * a.diff() >= -2}
+    stated = dmoc.build(arm(path_constraints=limits), order=order)
+    problem = reaching(stated, controls=form, steps=120 // order)
+    one = dmoc.solve(problem, "ipm", starts=12)
+    other = problem.but(kernels=arms[order], bounds={"power": (-2, 2)})
+    two = dmoc.solve(other, "ipm", starts=1, guess=one)
+    assert one.verification.passed and two.verification.passed
+    np.testing.assert_allclose(two.cost, one.cost, rtol=1e-8)
+    np.testing.assert_allclose(two.phases[0].q, one.phases[0].q, atol=1e-6)
+    # Problems that differ in these numbers share what their programs have in common.
+    wide = dmoc.solve(other.but(bounds={"power": (-4, 3)}), "ipm", starts=1, guess=one)
+    again = dmoc.solve(other, "ipm", starts=1, guess=wide)
+    assert wide.cost < 0.999 * two.cost
+    np.testing.assert_allclose(again.cost, two.cost, rtol=1e-8)
+
+
+def test_derivatives_of_the_cost_by_what_is_said_of_quantities(arms):
+    def problem(power: float, tip: float, speed: float) -> dmoc.Problem:
+        bounds = {"power": (-power, power), "b_dot": (None, speed)}
+        goal = {"tip_x": tip, "tip_y": -0.5, **REST}
+        return reaching(arms[2], bounds=bounds, goal=goal, steps=60)
+
+    at = np.array([2.0, 1.0, 3.0])
+    solution = dmoc.solve(problem(*at), "ipm", starts=12)
+    told = dmoc.sensitivities(problem(*at), solution)
+    slopes = []
+    for way in np.eye(3) * 1e-3:
+        ends = [dmoc.solve(problem(*(at + s * way)), starts=1, guess=solution) for s in (1, -1)]
+        slopes.append((ends[0].cost - ends[1].cost) / 2e-3)
+    power = told["bounds"]["power <="] - told["bounds"]["power >="]
+    wanted = [power, told["goal"]["tip_x"], told["bounds"]["b_dot <="]]
+    np.testing.assert_allclose(slopes, wanted, rtol=2e-4)
+    assert told["goal"]["b_dot"] < -1  # beside a bound of the same velocity
+
+
+def plane() -> dmoc.MechanicalSystem:
+    """1 kg in a plane with a wall."""
+    return dmoc.MechanicalSystem(
+        "plane", [x, y], m * (x.diff() ** 2 + y.diff() ** 2) / 2, {m: 1.0}, [u, w],
+        {x: u, y: w}, {"wall": x <= 1}, cost=u**2 + w**2,
+        quantities={"height": y, "turn": x * y.diff() - y * x.diff(), "level": y - 0.1},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_quantities_at_the_start_and_at_events(order):
+    kernels = dmoc.build(plane(), order=order)
+    base: dict[str, Any] = {"sequence": ["wall"], "steps": 20, "final_time": 1}
+    goal = {"x": 0, "y": 0.5, "x_dot": 0, "y_dot": 0}
+    places = dmoc.Problem(kernels, {"x": 0, "y": 0.1}, goal, **base, via=[{"y": 0.7}])
+    named = dmoc.Problem(
+        kernels, {"x": 0, "y": None, "level": 0.0}, goal, **base, via=[{"height": 0.7}]
+    )
+    costs = [dmoc.solve(p, "ipm", starts=4).cost for p in (places, named)]
+    np.testing.assert_allclose(*costs, rtol=1e-9)
+    within = dmoc.solve(named.but(via=[{"height": (0.65, None)}]), "ipm", starts=4)
+    best = dmoc.solve(places.but(via=[{"y": (0.65, None)}]), "ipm", starts=4)
+    np.testing.assert_allclose(within.cost, best.cost, rtol=1e-8)
+    # A quantity of velocities at the start: what turns round the origin.
+    turning = named.but(start={"x": 0.5, "y": 0.1, "x_dot": None, "y_dot": 0.0, "turn": -0.2})
+    solution = dmoc.solve(turning, "ipm", starts=4)
+    np.testing.assert_allclose(solution.phases[0].v[0], [2.0, 0.0], atol=1e-8)
+    assert solution.verification.passed
+
+
+def test_quantities_of_motions_and_files(arms, tmp_path: Path):
+    solution = dmoc.solve(reaching(arms[4], bounds={"power": (-2, 2)}), "ipm", starts=12)
+    state = solution.at(0.37)
+    np.testing.assert_allclose(state["tip_x"], np.sin(state.q).sum(), rtol=1e-5)
+    np.testing.assert_allclose(state["power"], state["u"] * state["a_dot"], rtol=1e-3)
+    assert solution.trajectory.limits == {"power": (-2.0, 2.0)}
+    solution.save(tmp_path / "arm.npz")
+    kept = dmoc.Solution.load(tmp_path / "arm.npz")
+    assert kept.at(0.37)["tip_y"] == state["tip_y"] and kept.trajectory.limits["power"][0] == -2
+    header = (solution.to_csv(tmp_path / "arm.csv")).read_text().splitlines()[0]
+    assert header.endswith("u,w,tip_x [m],tip_y,power [W]")
+    run = dmoc.simulate(arm(), [0.9, 0.3], [0.5, -0.2], step_size=0.01, steps=50)
+    np.testing.assert_allclose(run.at(0.255)["tip_y"], -np.cos(run.at(0.255).q).sum(), atol=1e-6)
+    run.save(tmp_path / "run.npz")
+    assert dmoc.Simulation.load(tmp_path / "run.npz").at(0.2)["tip_y"] == run.at(0.2)["tip_y"]
+    # A motion that leaves its bounds is found out.
+    narrow = replace(solution.trajectory, limits={"power": (-1.5, 2.0), "a_dot": (-1.9, 9.0)})
+    check = dmoc.verify(narrow, arms[4])
+    assert not check.passed and "the bound of power is exceeded by 14." in check.message
+
+
+REFUSED = {
+    "its own name": (lambda: mass(quantities={"far": sp.Symbol("far") + x}), "name of a quantity"),
+    "a coordinate": (lambda: mass(quantities={"x": 2 * x}), "'x' is used twice"),
+    "a velocity": (lambda: mass(quantities={"x_dot": 2 * x}), "'x_dot' is used twice"),
+    "a kink": (lambda: mass(quantities={"size": abs(x)}), "quantity 'size' contains Abs"),
+    "text": (lambda: mass(quantities={"size": "x**2"}), "quantity 'size'"),
+    "an unknown symbol": (lambda: mass(quantities={"k": sp.Symbol("s") * x}), "unknown"),
+    "no mapping": (lambda: mass(quantities=[x]), "expected a mapping such as"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_no_quantity_is_refused(case):
+    make, message = REFUSED[case]
+    with pytest.raises(ModelError, match=message):
+        make()
+
+
+SAID: dict[str, tuple[dict[str, Any], str]] = {
+    "contradiction": ({"start": {"a": 0.9, "b": 0.3, "tip_x": 2.0}}, "is 1.07885 at the start"),
+    "start beyond a bound": ({"bounds": {"tip_y": (-1, None)}}, "is bounded to -1 to inf"),
+    "goal beyond a bound": ({"bounds": {"tip_x": (None, 0.5)}, "start": {"a": 0, "b": 0}},
+                            r"the goal of tip_x \(1 to 1\) lies outside its bounds"),
+    "momentum": ({"bounds": {"p_a": (0, 1)}}, "momentum p_a has no bounds along the way"),
+    "reversed": ({"bounds": {"power": (3, 1)}}, "bounds of power"),
+    "unknown": ({"bounds": {"powre": (3, 1)}}, "did you mean 'power'"),
+    "speed": ({"bounds": {"a_dot": (1, 2)}}, "the start of a_dot"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", SAID)
+def test_what_cannot_be_said_of_quantities_is_refused(arms, case):
+    changes, message = SAID[case]
+    with pytest.raises(ProblemError, match=message):
+        reaching(arms[2], **changes)
+
+
+def test_a_quantity_of_velocities_is_none_of_an_event():
+    with pytest.raises(ProblemError, match="contains velocities or inputs, which jump there"):
+        dmoc.Problem(
+            plane(), {"x": 0, "y": 0}, {}, ["wall"], steps=4, final_time=1, via=[{"turn": 0}]
+        )
