@@ -77,7 +77,11 @@ class QuantityLaw(Law):
         if not self.idle:
             low, high = np.moveaxis(self.ranges, -1, 0)
             self.fixed = block(
-                "quantity fixed", low == high, self._label, lambda s: s.quantity, missed=self._missed
+                "quantity fixed",
+                low == high,
+                self._label,
+                lambda s: s.quantity,
+                missed=self._missed,
             )
 
     def inequalities(self, block: Numbering) -> None:

@@ -81,7 +81,7 @@ def test_a_speed_is_bounded_on_both_sides_of_a_hit(order):
     assert solution.verification.passed
     first, last = solution.phases
     assert first.v.max() <= 1.25 + 1e-9 and last.v.min() >= -1 - 1e-9
-    # 1/1.25 s there and, with the hit at 1.25 m/s, 1 m/s back: nothing else ends in time for nought.
+    # 0.8 s there at 1.25 m/s and, after the hit, 1 s back at 1 m/s: in time, and for nought.
     np.testing.assert_allclose(solution.cost, 0, atol=1e-3)
 
 
