@@ -1,6 +1,6 @@
 """The sequences that relaxed motions propose, solved exactly: the cheapest first, and the
-neighbours of the best, with one hit more or less, with two exchanged, and those that relaxed
-motions beside it propose."""
+neighbours of the best (:mod:`dmoc.sequences.neighbours`), and those that relaxed motions beside it
+propose."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from dmoc.guess.contacts import in_contact
 from dmoc.guess.folded import Folded
 from dmoc.guess.transfer import pieces_of
 from dmoc.problem.problem import Problem
+from dmoc.sequences.neighbours import neighbours
 from dmoc.sequences.node_solve import Task
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.proposals import Proposals, Words
@@ -28,28 +29,6 @@ from dmoc.solving.multistart.exploration import coarse_of
 DEARER = 0.35
 
 
-def edits(sequence: Words, most: int) -> list[Words]:
-    """The sequence with one hit more beside one of its own, one less, or two exchanged; at most so
-    many events.  Events after which contacts last, and those of friction, stay as they are."""
-    more, less, exchanged = list[Words](), list[Words](), list[Words]()
-    hits = [is_plain_hit(word) for word in sequence]
-    for i in range(len(sequence)):
-        before, word, after = sequence[:i], sequence[i], sequence[i + 1 :]
-        if not hits[i]:
-            continue
-        less.append((*before, *after))
-        if len(sequence) < most:
-            more.append((*before, word, word, *after))
-        if after and hits[i + 1]:
-            exchanged.append((*before, after[0], word, *after[1:]))
-    return [s for s in dict.fromkeys((*more, *less, *exchanged)) if s != sequence]
-
-
-def is_plain_hit(word: str) -> bool:
-    """Whether a word is a hit of one surface, which is released at once."""
-    return word.replace("_", "").isalnum()
-
-
 class Candidates(Tree):
     """Sequences that were proposed, and what comes of them."""
 
@@ -61,6 +40,7 @@ class Candidates(Tree):
         self.left: list[Words] = []  # too dear to be solved
         self.around: set[Words] = set()  # those whose motions others were looked for from
         self.again: set[Words] = set()  # to be solved from starts of their own
+        self.ways: dict[Words, Folded] = {}  # motions of neighbours, from those of the best
 
     def surrounded(self) -> Tree:
         """The tree of all sequences, which has what is known of these."""
@@ -106,14 +86,28 @@ class Candidates(Tree):
         impulses = [c.impulse for c in motion.collisions]
         way = Folded(tuple(hits), tuple(pieces_of(motion)), tuple(impulses))
         new = self.proposals.look_around(way, self.deadline)
-        edited = edits(best.sequence, self.settings.max_collisions)
-        self._repeat(s for s in edited if s in self.nodes and s not in self.again)
-        self.frontier += [s for s in dict.fromkeys((*new, *edited)) if s not in self.nodes]
+        beside = self._beside(best.sequence, way)
+        self._repeat(s for s in beside if s not in self.ways and s in self.nodes)
+        self.frontier += [s for s in dict.fromkeys((*new, *beside)) if s not in self.nodes]
         return bool(self.frontier)
+
+    def _beside(self, sequence: Words, motion: Folded) -> list[Words]:
+        """The neighbours of a sequence that a search may try; those that have a motion from it may
+        have as many events more as proposals."""
+        touch, most = self.problem_of(sequence).touch, self.settings.max_collisions
+        ways = neighbours(touch, motion, self.proposals.relaxation.left_open.surfaces)
+        fit = [s for s, way in ways.items() if way is None and len(s) <= most]
+        for s, way in ways.items():
+            if way is not None and self.proposals.fits(s):
+                fit.append(s)
+                self.ways.setdefault(s, way)
+        return fit
 
     def _repeat(self, sequences: Iterable[Words]) -> None:
         """Forget those that have failed, which are to be solved from starts of their own."""
-        failed = [s for s in sequences if self.nodes[s].verdict is Verdict.FAILED]
+        failed = [
+            s for s in sequences if self.nodes[s].verdict is Verdict.FAILED and s not in self.again
+        ]
         self.again.update(failed)
         for s in failed:
             del self.nodes[s]
@@ -143,9 +137,10 @@ class Candidates(Tree):
         )  # fmt: skip
 
     def _start(self, problem: Problem, sequence: Words) -> Array | None:
-        """The relaxed motion on the coarse mesh of the sequence."""
-        if sequence not in self.proposals.motions or sequence in self.again:
+        """Its relaxed motion, or the one that it has from the best, on its coarse mesh."""
+        way = self.proposals.motions.get(sequence, self.ways.get(sequence))
+        if way is None or sequence in self.again:
             return None
         coarse = coarse_of(problem)
         with np.errstate(all="ignore"):
-            return in_contact(coarse, self.proposals.motions[sequence].unknowns(coarse))
+            return in_contact(coarse, way.unknowns(coarse))

@@ -92,7 +92,7 @@ class Proposals:
             if motion is None or not closed <= set(motion.reading.start.closed):
                 continue  # none, or one that does not begin as the problem does
             words, way = self._in_the_problem(motion.reading)
-            if not self._fits(words):
+            if not self.fits(words):
                 continue
             before = self.proposed.get(words)
             if before is None:
@@ -127,7 +127,7 @@ class Proposals:
         motion = Folded(("", *way.hits), (*split, *rest), (0.0, *way.impulses))
         return (word, *reading.words), motion
 
-    def _fits(self, words: Words) -> bool:
+    def fits(self, words: Words) -> bool:
         """Whether a search may try them: its words, not many more than it is deep, and some that a
         problem can have."""
         s = self.settings

@@ -217,9 +217,10 @@ def search(
         each depth.  "propose" names no sequences: it solves a relaxed program from random starts,
         in which whatever may touch is left open, and then the sequences that its motions have, the
         cheapest first, then the neighbours of the best: those of motions beside it, and with one
-        hit more, one less or two exchanged.  Where the problem does not say what
-        is closed at the start, or slides there, the cheapest of these motions does, and the
-        ``problem`` of the result has it in its ``contacts``.  "both" goes on with all nodes.
+        event less, one hit more, two exchanged, other friction, or a contact that opens or closes
+        for a while.  Where the problem does not say what is closed at the start, or slides there,
+        the cheapest of these motions does, and the ``problem`` of the result has it in its
+        ``contacts``.  "both" goes on with all nodes.
     beam : int
     starts : int
         Random starts of each node at most, beside the parent's motion and the automatic guess; a

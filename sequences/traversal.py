@@ -48,9 +48,12 @@ def walked(tree: Tree, workers: Workers, deadline: Deadline, begin: float) -> tu
 
     try:
         for until in (looked, refined):
-            stopped = _looked_at(tree, workers, until, refined, tell)
-            for _ in tree.refine(workers, refined):
-                tell()
+            stopped, count = "", -1
+            while not stopped and count < tree.count:  # the best of finer meshes has neighbours too
+                count = tree.count
+                stopped = _looked_at(tree, workers, until, refined, tell)
+                for _ in tree.refine(workers, refined):
+                    tell()
             if not stopped:
                 break
     except KeyboardInterrupt:

@@ -20,9 +20,9 @@ from dmoc.base.errors import ProblemError, SearchError
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.models.registry import find
 from dmoc.sequences import relaxation
-from dmoc.sequences.candidates import Candidates, edits
+from dmoc.sequences.candidates import Candidates
 from dmoc.sequences.nodes import Node, Verdict
-from dmoc.sequences.proposals import Proposals
+from dmoc.sequences.proposals import Proposals, Proposed
 from dmoc.sequences.reading import at_hits, cleaned
 from dmoc.sequences.relaxation import Relaxation
 from dmoc.sequences.search import Progress, SearchResult
@@ -165,16 +165,8 @@ def test_neighbours_of_the_best_say_how_many_hops_cost_least() -> None:
     assert costs[7] == pytest.approx(26.135, abs=0.01)
 
 
-def test_neighbours_have_one_hit_more_or_less_or_two_exchanged() -> None:
-    assert edits(("a", "b"), 3) == [("a", "a", "b"), ("a", "b", "b"), ("b",), ("a",), ("b", "a")]
-    assert edits(("a", "a"), 2) == [("a",)]
-    kept = ("+foot", "wall", "foot:slip+", "-foot")
-    assert edits(kept, 4) == [("+foot", "foot:slip+", "-foot")]
-
-
-def test_a_leg_goes_two_metres() -> None:
-    """A body over a foot, pushed apart by a leg and a hip: of its relaxed starts most are solved,
-    and their best sequence costs what a solve that is told it says."""
+def leg(seconds: float) -> dmoc.Problem:
+    """A body over a foot, pushed apart by a leg and a hip, goes two metres."""
     x, y, f, z, F, H = dynamicsymbols("x y f z F H")
     mu = sp.Symbol("mu")
     kinetic = (x.diff(T) ** 2 + y.diff(T) ** 2) / 2 + (f.diff(T) ** 2 + z.diff(T) ** 2) / 10
@@ -188,17 +180,35 @@ def test_a_leg_goes_two_metres() -> None:
         },
     )  # fmt: skip
     still = {f"{q}_dot": 0 for q in "xyfz"}
-    problem = dmoc.Problem(
-        system, start={x: 0, y: 0.4, f: 0, z: 0} | still, final_time=2, steps=20,
+    return dmoc.Problem(
+        system, start={x: 0, y: 0.4, f: 0, z: 0} | still, final_time=seconds, steps=20,
         goal={x: 2, y: 0.4, f: 2, z: 0} | still, contacts=["floor"],
     )  # fmt: skip
-    result = dmoc.search(problem, strategy="propose")
+
+
+def test_a_leg_goes_two_metres() -> None:
+    """Of its relaxed starts most are solved, and their best sequence costs what a solve that is
+    told it says."""
+    result = dmoc.search(leg(2), strategy="propose")
     assert result.best is not None and result.best.cost is not None
     (note,) = [note for note in result.notes if "relaxed starts led to" in note]
     led, starts = (int(word) for word in note.split()[:3] if word.isdigit())
     assert led > 0.6 * starts
     told = dmoc.solve(result.problem.but(sequence=result.best.sequence), "ipm")
     assert told.cost == pytest.approx(result.best.cost, rel=1e-2)
+
+
+def test_neighbours_of_the_best_leave_contacts_and_friction_otherwise() -> None:
+    """In less time no relaxed start says the best sequence of those that the tree of three events
+    and the proposals find; a solve that is told it needs no start."""
+    problem = leg(1.2)
+    told = dmoc.solve(
+        problem.but(sequence=["-floor", "+floor:slip+", "floor:stick", "floor:slip+"]), "ipm"
+    )
+    result = dmoc.search(problem, strategy="propose")
+    assert result.best is not None and result.best.cost is not None
+    assert result.best.cost < told.cost * (1 + 1e-3)
+    assert result.best.sequence not in [p.sequence for p in result.proposals]
 
 
 @pytest.mark.parametrize(
@@ -305,6 +315,20 @@ def test_a_proposal_that_failed_is_solved_again_by_the_tree(swung: SearchResult)
     assert best is not None
     candidates.nodes = {("left",): Node(("left",), Verdict.FAILED), best.sequence: best}
     assert list(candidates.surrounded().known) == [("left", "left")]
+
+
+def test_proposals_that_cost_over_a_third_more_than_the_best_are_not_solved() -> None:
+    problem = shipped("cart_pendulum")
+    settings = settings_of(problem, {"strategy": "propose", "method": "ipm"})
+    proposals = Proposals(problem, Relaxation.of(problem, settings), settings)
+    costs = {("left",): 1.0, ("right",): 1.34, ("left", "right"): 1.36}
+    proposals.proposed = {words: Proposed(words, cost) for words, cost in costs.items()}
+    candidates = Candidates(proposals, ENDLESS)
+    rounds = candidates.rounds()
+    assert next(rounds) == [("left",), ("right",)]
+    candidates.frontier = [("left", "right")]
+    candidates.nodes = {("left",): Node(("left",), Verdict.FEASIBLE, 1.0)}
+    assert next(rounds, None) is None and candidates.left == [("left", "right")]
 
 
 def test_two_workers_find_what_one_finds(swung: SearchResult) -> None:

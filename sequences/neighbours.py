@@ -1,0 +1,143 @@
+"""The neighbours of a sequence: what happens otherwise in one phase or at one event of its motion.
+
+A sequence is taken as its phases, each with the event that begins it, so that contacts and friction
+stay what they are in all other phases, whatever words that needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from dmoc.guess.folded import Folded
+from dmoc.guess.transfer import Piece
+from dmoc.mechanics.contact_mode import STICK, Course, Event, Mode
+from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
+from dmoc.mechanics.modes import word_between
+from dmoc.mechanics.touch import Touch
+
+Words = tuple[str, ...]
+# Steps of a phase that is cut in three, at least.
+FEWEST = 6
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A phase with the event that begins it, its motion and the impulse of the event."""
+
+    event: Event
+    mode: Mode
+    piece: Piece
+    impulse: float = 0.0
+
+
+def neighbours(touch: Touch, motion: Folded, surfaces: Sequence[int]) -> dict[Words, Folded | None]:
+    """Neighbours, and the motion that each has from this one: with one event less, other friction
+    in a phase, another course of a hit; with a phase in which one contact is open that is closed
+    before and after it, or one of some surfaces is closed that is open.  With one hit more beside
+    one of its own, one less, and two exchanged, it has none."""
+    contacts, phases = touch.contacts, _phases(touch, motion)
+    own, hits = said(contacts, phases)[0], [said(contacts, other)[0] for other in _hits(phases)]
+    ways = dict[Words, Folded | None].fromkeys(hits)
+    for other in (
+        *_less(phases),
+        *_rubbing(phases, contacts),
+        *_touching(phases, surfaces, contacts),
+    ):
+        words, way = said(contacts, other)
+        ways.setdefault(words, way)
+    ways.pop(own, None)
+    return ways
+
+
+def said(contacts: Contacts, phases: Sequence[Phase]) -> tuple[Words, Folded]:
+    """The words of phases, and their motion; those between which nothing happens are one."""
+    words, names, impulses = list[str](), list[str](), list[float]()
+    pieces = [phases[0].piece]
+    for before, after in pairwise(phases):
+        word, hit = word_between(contacts, before.mode, after.mode, after.event), after.event.hit
+        if word:
+            words.append(word)
+            names.append("" if hit == NOWHERE else contacts.surfaces[hit])
+            pieces.append(after.piece)
+            impulses.append(after.impulse)
+        else:
+            pieces[-1] = pieces[-1].followed_by(after.piece)
+    return tuple(words), Folded(tuple(names), tuple(pieces), tuple(impulses))
+
+
+def _phases(touch: Touch, motion: Folded) -> list[Phase]:
+    """Events keep what is hit, and how; that a contact lands is in the modes, and by which course
+    it came to slide or stick is left to the program."""
+    hits = [Event(e.hit, course=e.course) if e.hit != NOWHERE else Event() for e in touch.events]
+    parts = zip([Event(), *hits], touch.modes, motion.pieces, (0.0, *motion.impulses), strict=True)
+    return [Phase(*part) for part in parts]
+
+
+def _hits(phases: list[Phase]) -> Iterator[list[Phase]]:
+    """One hit of a surface, at which nothing else changes, left out or repeated; two exchanged."""
+    plain = [False] + [b.event.hit != NOWHERE and a.mode == b.mode for a, b in pairwise(phases)]
+    for i, phase in enumerate(phases):
+        if plain[i]:
+            yield [*phases[:i], *phases[i + 1 :]]
+            yield [*phases[: i + 1], phase, *phases[i + 1 :]]
+            if plain[i + 1 : i + 2] == [True]:
+                yield [*phases[:i], phases[i + 1], phase, *phases[i + 2 :]]
+
+
+def _less(phases: list[Phase]) -> Iterator[list[Phase]]:
+    """Without one of the events and the phase that it begins."""
+    for i in range(1, len(phases)):
+        longer = replace(phases[i - 1], piece=phases[i - 1].piece.followed_by(phases[i].piece))
+        yield [*phases[: i - 1], longer, *phases[i + 1 :]]
+
+
+def _rubbing(phases: list[Phase], contacts: Contacts) -> Iterator[list[Phase]]:
+    """With other friction after an event, of one contact or of all, and with another course of a
+    hit from the same sliding."""
+    for i, phase in enumerate(phases[1:], 1):
+        rubbing = phase.mode.rubbing
+        at_surfaces = {k: s for k, s in rubbing.items() if contacts.supports[k] != RAIL}
+        ways = [rubbing | {k: s} for s in (1, STICK, -1) for k in rubbing]
+        ways += [rubbing | dict.fromkeys(at_surfaces, s) for s in (1, STICK, -1)]
+        for way in ways:
+            yield _with(phases, i, replace(phase, mode=Mode.of(phase.mode.closed, way)))
+        for course in _other_courses(phase.event, contacts):
+            yield _with(phases, i, replace(phase, event=replace(phase.event, course=course)))
+
+
+def _other_courses(event: Event, contacts: Contacts) -> list[Course]:
+    if event.course is None or contacts.surfaces[event.hit] not in contacts.rough:
+        return []
+    s, late = event.course.first, contacts.surfaces[event.hit] not in contacts.plastic
+    stops = [Course(s, then, at) for then in (STICK, -s) for at in (False, True)[: 1 + late]]
+    return [] if s == STICK else [Course(s), *stops]
+
+
+def _touching(
+    phases: list[Phase], surfaces: Sequence[int], contacts: Contacts
+) -> Iterator[list[Phase]]:
+    """With a phase in which a surface is open, or closed, that is not before and after it."""
+    for i, phase in enumerate(phases):
+        if len(phase.piece.t) <= FEWEST:
+            continue
+        first, middle, last = _in_three(phase.piece)
+        for j in surfaces:
+            closed, rubbing = {*phase.mode.closed} ^ {j}, dict(phase.mode.rubbing)
+            tangent = next((k for k, at in enumerate(contacts.supports) if at == j), None)
+            if tangent is not None and rubbing.pop(tangent, None) is None:
+                rubbing[tangent] = STICK
+            between = Phase(Event(), Mode.of(closed, rubbing), middle)
+            after = Phase(Event(), phase.mode, last)
+            yield [*phases[:i], replace(phase, piece=first), between, after, *phases[i + 1 :]]
+
+
+def _with(phases: list[Phase], i: int, other: Phase) -> list[Phase]:
+    return [*phases[:i], other, *phases[i + 1 :]]
+
+
+def _in_three(piece: Piece) -> list[Piece]:
+    third = (len(piece.t) - 1) // 3
+    parts = (slice(third + 1), slice(third, -third), slice(-third - 1, None))
+    return [replace(piece, t=piece.t[p], q=piece.q[p], v=piece.v[p], forces={}) for p in parts]
