@@ -23,6 +23,7 @@ from dmoc.mechanics.contact_mode import Mode, mode_by_names
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row, restitution_row
+from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import Phase, Trajectory
 from dmoc.simulation.flow import Flow, Steps
 from dmoc.simulation.sizes import Sizes, sizes_of
@@ -91,6 +92,7 @@ class Motion:
         _check_shapes(trajectory)
         restitution = restitution_row(kernels, trajectory.restitution, SimulationError)
         model = Model(kernels, parameter_row(kernels, trajectory.parameters, SimulationError))
+        check_coefficients(model, SimulationError)
         modes = tuple(_mode_of(phase, model) for phase in trajectory.phases)
         sizes = sizes_of(trajectory, model)
         arcs = arcs_of(trajectory, model, sizes)
@@ -169,7 +171,7 @@ class Motion:
             or any(c.lands or c.leaves or not c.surface for c in trajectory.collisions)
             or any(
                 j in (RAIL, *hit)
-                for j, mu in zip(model.supports, model.friction, strict=True)
+                for j, mu in zip(model.supports, model.hit_friction, strict=True)
                 if mu
             )
         )

@@ -83,6 +83,7 @@ def _contradictions(p: EventPassage, sizes: Sizes) -> Iterator[str]:
     slack = _slack(p, sizes)
     yield from _unbearable(p, sizes, slack)
     yield from _otherwise(p, slack)
+    yield from _not_returned(p, sizes)
     if p.law.unheld:
         yield (
             f"{' and '.join(p.law.unheld)} would have to pull or to slip, or stop sliding, in the "
@@ -115,7 +116,7 @@ def _unbearable(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
             yield f"{name} takes an impulse at {time:.4g} s without being hit or closed"
     bearing = np.where(np.array(model.supports) == RAIL, 0.0, model.bearing(p.law.normal[0]))
     for k, name in enumerate(tangents):
-        held = float(bearing[k])
+        held = np.inf if k == p.rubs and model.hit_friction[k] == np.inf else float(bearing[k])
         needed = max(abs(float(p.law.tangential[0, k])), abs(tangential[k]))
         if needed > held + slack * max(model.friction[k], 1.0):
             yield (
@@ -157,9 +158,25 @@ def _otherwise(p: EventPassage, slack: float) -> Iterator[str]:
     normal, tangential = p.planned
     off = normal[p.hit] - p.law.normal[0, p.hit], tangential[p.rubs] - p.law.tangential[0, p.rubs]
     if max(map(abs, off)) > slack:
+        law = "Poisson's law" if p.e_t is None else "its tangential restitution"
         yield (
-            f"by Poisson's law the hit of {c.surface} at {c.time:.4g} s goes {course}, not "
+            f"by {law} the hit of {c.surface} at {c.time:.4g} s goes {course}, not "
             f"{c.course} as planned"
+        )
+
+
+def _not_returned(p: EventPassage, sizes: Sizes) -> Iterator[str]:
+    """A hit whose tangential rate after it is not that of its tangential restitution."""
+    if p.e_t is None or p.rubs is None or p.c.grazes:
+        return
+    v = np.vstack([p.before.v[-1], p.after.v[0], p.law.velocity[0]])
+    q, t = np.repeat(p.before.q[-1:], len(v), axis=0), np.full(len(v), p.c.time)
+    before, after, right = p.model.slide_rates(q, v, t)[:, p.rubs]
+    if abs(after - right) > TURNED * sizes.slide[p.rubs]:
+        yield (
+            f"the hit of {p.c.surface} at {p.c.time:.4g} s violates its law of tangential "
+            f"restitution: its point slides with {before:.4g} before it and {after:.4g} after it, "
+            f"where the law has {right:.4g}"
         )
 
 

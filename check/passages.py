@@ -113,11 +113,13 @@ class EventPassage:
     def _with_friction(
         self, contact: tuple[int, int], q: Array, v: Array, t: Array
     ) -> ImpactResult:
-        """One hit with friction, after Poisson: surface and tangent ``contact``."""
+        """One hit with friction or tangential restitution: surface and tangent ``contact``."""
         e = self.model.coefficients(self.restitution, q, v, t)[:, contact[0]]
         e = np.zeros(len(q)) if self.lands else e
         hits = [
-            single_hit(self.model, contact, self.holding, (*state, float(time)), float(kept))
+            single_hit(
+                self.model, contact, self.holding, (*state, float(time)), float(kept), self.e_t
+            )
             for *state, time, kept in zip(q, v, t, e, strict=True)
         ]
         return ImpactResult(
@@ -127,6 +129,13 @@ class EventPassage:
             hits[0].way.course,
             hits[0].unheld,
         )
+
+    @property
+    def e_t(self) -> float | None:
+        """The coefficient of tangential restitution of what is hit, if it has one."""
+        if self.lands or self.hit not in self.model.tangential:
+            return None
+        return float(self.model.tangential_restitution[self.model.tangential[self.hit]])
 
     @property
     def holding(self) -> Mode:
@@ -169,7 +178,7 @@ def passage_of(
     j = model.surface_numbers[c.surface]
     with_hit = Mode((j, *ours.closed), ours.sticking, ours.sliding)
     wrong = _wrong_law(model, restitution, j, (before.q[-1], before.v[-1], c.time))
-    return EventPassage(*parts, with_hit, j, model.rough.get(j), wrong=wrong)
+    return EventPassage(*parts, with_hit, j, model.rubs_in_hits.get(j), wrong=wrong)
 
 
 def _wrong_law(model: Model, restitution: Array, j: int, state: tuple[Array, Array, float]) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import rates_and_response
 from dmoc.mechanics.contact_mode import STICK, Course
+from dmoc.mechanics.tangential import returned
 from dmoc.problem.problem import Problem
 from dmoc.program.hit_stages import Passage
 from dmoc.program.layout import Layout
@@ -48,8 +49,12 @@ def course_at(problem: Problem, p: Passage, state: tuple[Array, Array, float]) -
     rates, A = rates_and_response(problem, p, state)
     if not (np.isfinite(A).all() and np.isfinite(rates).all()):
         return None
-    e = problem.model.coefficients(problem.restitution_values, *state)[p.surface]
-    return course_of(rates, A, float(problem.model.friction[p.tangent]), float(e))
+    model = problem.model
+    e = float(model.coefficients(problem.restitution_values, *state)[p.surface])
+    mu, e_t = float(model.hit_friction[p.tangent]), float(model.tangential_restitution[p.tangent])
+    return (
+        Course(returned(rates, A, mu, e, e_t).friction) if p.returns else course_of(rates, A, mu, e)
+    )
 
 
 def states_before(problem: Problem, x: Array) -> list[tuple[Array, Array, float]]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.held import held_responses
+from dmoc.mechanics.tangential import returned
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.hit_stages import END, STOP, Passage
@@ -90,8 +91,11 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     pushed, normal, tangential = held_responses(model, p.holding, q, D, t)
     rates, A = _rates(problem, p, (q, v, t)), D @ pushed
     e = float(model.coefficients(problem.restitution_values, q, v, t)[p.surface])
-    mu = float(model.friction[p.tangent])
+    mu = float(model.hit_friction[p.tangent])
     lam = _impulses(p, rates, A, (e, mu))
+    if p.returns:
+        hit = returned(rates, A, mu, e, float(model.tangential_restitution[p.tangent]))
+        lam = np.array(hit[:2])
     if not np.isfinite(lam).all() or not np.isfinite(pushed).all():
         return
     moments = list(p.moments)

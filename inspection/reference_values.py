@@ -77,7 +77,7 @@ class ReferenceValues:
             return [_real(row[j]) for j, row in enumerate(values)]
 
         self.coefficients = coefficients
-        self.tau, self.mu = numbers(f.tau), numbers(f.mu)
+        self.tau, self.mu, self.e_t = numbers(f.tau), numbers(f.mu), numbers(f.e_t)
 
     @cached_property
     def families(self) -> dict[str, Function]:
@@ -154,6 +154,7 @@ class ReferenceValues:
             "slip_work": slip_work,
             "traction": lambda x: {"s": pushed(self.tau, self.nt)(x)},
             "friction": lambda _: {"mu": self.mu([mp.mpf(0)] * (2 * n + m + 1))},
+            "tangential": lambda _: {"e_t": self.e_t([mp.mpf(0)] * (2 * n + m + 1))},
             "terminal_cost": lambda x: {"Phi": self.Phi(state(x))},
         }
 

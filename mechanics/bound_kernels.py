@@ -74,7 +74,8 @@ class BoundKernels:
     @cached_property
     def contacts(self) -> Contacts:
         """Its surfaces and tangents."""
-        return Contacts(tuple(self.kernels.surfaces), tuple(self.kernels.tangents))
+        names, without = self.kernels, self.kernels.manifest.get("without_friction", ())
+        return Contacts(tuple(names.surfaces), tuple(names.tangents), frictionless=tuple(without))
 
     @property
     def surface_numbers(self) -> dict[str, int]:

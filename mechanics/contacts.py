@@ -14,13 +14,16 @@ RAIL = NOWHERE
 @dataclass(frozen=True)
 class Contacts:
     """What can touch in a model: its surfaces, and its tangents, of which those that are named like
-    a surface belong to it and the others are rails; surfaces without restitution, and those whose
-    tangent has friction."""
+    a surface belong to it and the others are rails; surfaces without restitution, those whose
+    tangent has friction, those whose hits have tangential restitution, and tangents without
+    friction, which take part in hits alone."""
 
     surfaces: tuple[str, ...]
     tangents: tuple[str, ...]
     plastic: tuple[str, ...] = ()
     rough: tuple[str, ...] = ()
+    tangential: tuple[str, ...] = ()
+    frictionless: tuple[str, ...] = ()
 
     @cached_property
     def surface_numbers(self) -> dict[str, int]:
@@ -38,8 +41,17 @@ class Contacts:
         return tuple(self.surface_numbers.get(name, RAIL) for name in self.tangents)
 
     @property
+    def rubbing(self) -> tuple[str, ...]:
+        """Tangents that rub where a contact lasts."""
+        return tuple(t for t in self.tangents if t not in self.frictionless)
+
+    @property
     def rails(self) -> tuple[str, ...]:
         return tuple(t for t in self.tangents if t not in self.surface_numbers)
+
+    def returns(self, surface: int) -> bool:
+        """Whether hits of a surface have tangential restitution."""
+        return surface != NOWHERE and self.surfaces[surface] in self.tangential
 
     def named(self, surfaces: Iterable[int]) -> tuple[str, ...]:
         """Names of surfaces."""

@@ -183,6 +183,33 @@ class Model(BoundKernels):
         """The tangent of each surface with friction."""
         return {j: k for k, j in enumerate(self.supports) if j != RAIL and self.friction[k] > 0}
 
+    @cached_property
+    def tangential_restitution(self) -> Array:
+        """Coefficients e_t of tangents, -1 where the model states none, shape (nt,)."""
+        if not self.kernels.has("tangential"):
+            return np.full(self.nt, -1.0)
+        return np.asarray(self.kernels.call("tangential", self.par)[0][0])
+
+    @cached_property
+    def hit_friction(self) -> Array:
+        """Coefficients of friction in hits, shape (nt,): without end where a tangent has tangential
+        restitution alone."""
+        names, without = self.kernels.tangents, self.contacts.frictionless
+        return np.array(
+            [np.inf if t in without else mu for t, mu in zip(names, self.friction, strict=True)]
+        )
+
+    @cached_property
+    def rubs_in_hits(self) -> dict[int, int]:
+        """The tangent of each surface whose hits have a tangential impulse."""
+        return {j: k for k, j in enumerate(self.supports) if j != RAIL and self.hit_friction[k] > 0}
+
+    @cached_property
+    def tangential(self) -> dict[int, int]:
+        """Those of them that have tangential restitution."""
+        stated = self.kernels.manifest.get("tangential_restitution", ())
+        return {j: k for j, k in self.rubs_in_hits.items() if self.kernels.surfaces[j] in stated}
+
     def bearing(self, normal: Array) -> Array:
         """What friction can hold at most beside contact forces (..., nc): mu N of surfaces, and the
         largest force of rails, shape (..., nt)."""

@@ -59,6 +59,11 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
             check_known(part, names, "tangent" if colon and not sign else "surface", IN_SEQUENCE)
         is_hit = not sign and name in numbers and numbers[name] not in closed
         if colon:
+            if name in contacts.frictionless:
+                raise ProblemError(
+                    f"{part!r} in the sequence: {name} has tangential restitution and no friction, "
+                    f"so that there is no way to say; say {sign + name!r}, or give it friction."
+                )
             course = _course(part, said, name in contacts.tangents and sign != "-")
             if is_hit or course.then is not None:
                 _check_course(part, name, course, (is_hit, sign == "+"), contacts)
@@ -121,6 +126,11 @@ def _check_course(
             f"{part!r} in the sequence stops during a restitution, which there is none of: a "
             "landing and a hit with restitution 0 are compression alone; leave out ':late'."
         )
+    if is_hit and name in contacts.tangential and course.then is not None:
+        raise ProblemError(
+            f"{part!r} in the sequence: a hit with tangential restitution sticks or slides as a "
+            f"whole; say '{name}:stick', '{name}:slip+' or '{name}:slip-'."
+        )
     if STICK in (course.first, course.then) and name not in contacts.rough:
         raise ProblemError(
             f"{part!r} in the sequence sticks, but the friction of {name!r} is 0: nothing would "
@@ -140,7 +150,7 @@ def mode_of(parts: Sequence[str], contacts: Contacts) -> Mode:
     for text in parts:
         name, colon, state = text.partition(":")
         check_known(name, (*contacts.surfaces, *contacts.rails), "contact", "in contacts")
-        if colon and (state not in FRICTION or name not in contacts.tangents):
+        if colon and (state not in FRICTION or name not in contacts.rubbing):
             raise ProblemError(
                 f"{text!r} in contacts: expected a contact with friction and stick, slip+ or slip-."
             )
@@ -158,7 +168,11 @@ def mode_of(parts: Sequence[str], contacts: Contacts) -> Mode:
 
 def _mode(closed: Collection[int], friction: Mapping[int, int], contacts: Contacts) -> Mode:
     """The mode in which what rubs has some friction, and sticks where none is said."""
-    rubs = [k for k, j in enumerate(contacts.supports) if j == RAIL or j in closed]
+    rubs = [
+        contacts.tangent_numbers[name]
+        for name in contacts.rubbing
+        if contacts.surface_numbers.get(name, RAIL) in (RAIL, *closed)
+    ]
     return Mode.of(closed, {k: friction.get(k, STICK) for k in rubs})
 
 
@@ -187,6 +201,12 @@ def along(start: Mode, words: Iterable[str], contacts: Contacts) -> Touch:
         after = _mode(closed, friction | dict(event.friction), contacts)
         if event.course is not None or is_open(event, contacts):
             _check_holding(at, event, (before, after), contacts)
+        if contacts.returns(event.hit) and after.closed:
+            raise ProblemError(
+                f"{at}: hits with tangential restitution while another contact is closed are not "
+                f"solved, and {' and '.join(contacts.named(after.closed))} stays closed: let it "
+                f"leave before, or take a model without tangential restitution."
+            )
         events.append(event)
         modes.append(after)
     return Touch(contacts, tuple(modes), tuple(events))

@@ -16,9 +16,11 @@ from dmoc.motion.trajectory import FRICTION_WORDS
 
 def courses_of(name: str, contacts: Contacts) -> list[str]:
     """The words of all ways through a hit of one surface; that it sticks from the beginning is a
-    limit of two others."""
+    limit of two others, but with tangential restitution."""
     courses = [Course(s) for s in (1, -1)]
-    if name in contacts.rough:
+    if name in contacts.tangential:
+        courses.append(Course(STICK))
+    elif name in contacts.rough:
         courses += [Course(s, then) for s in (1, -1) for then in (STICK, -s)]
         if name not in contacts.plastic:
             courses += [replace(course, late=True) for course in courses[2:]]
@@ -38,7 +40,7 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     landings = [
         f"+{name}{state}"
         for name in open_ones
-        for state in (("", ":slip+", ":slip-") if name in contacts.tangents else ("",))
+        for state in (("", ":slip+", ":slip-") if name in contacts.rubbing else ("",))
     ]
     for word in (*impacts, *landings):
         yield word

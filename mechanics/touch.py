@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import STICK, Event, Mode
+from dmoc.mechanics.contact_mode import STICK, Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
 
 Bools = NDArray[np.bool_]
@@ -87,6 +87,18 @@ class Touch:
         return np.asarray(self.surfaces != NOWHERE)
 
     @cached_property
+    def courses(self) -> tuple[Course | None, ...]:
+        """How friction acts in the impact of each event: as its word says, and sticking in hits
+        with tangential restitution that nothing limits; None where nothing is to tell."""
+        free = self.contacts.frictionless if self.open is None else ()
+        return tuple(
+            Course(STICK)
+            if self.contacts.returns(event.hit) and self.contacts.surfaces[event.hit] in free
+            else event.course
+            for event in self.events
+        )
+
+    @cached_property
     def beside(self) -> Bools:
         """Surfaces that take an impulse beside the first one in an impact: those that stay closed,
         and those that land with it, shape (events, nc)."""
@@ -136,7 +148,7 @@ class Touch:
         """Tangents that rub in an impact with a course, shape (events, nt)."""
         passes = np.zeros((len(self.events), len(self.contacts.tangents)), dtype=bool)
         for i, event in enumerate(self.events):
-            if event.course is not None:
+            if self.courses[i] is not None:
                 passes[i, self.contacts.supports.index(event.surface)] = True
         return passes
 

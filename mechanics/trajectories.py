@@ -55,6 +55,10 @@ def motion_along(
         order=int(kernels.manifest["order"]),
         ignored=tuple(ignored),
         friction=dict(zip(kernels.tangents, model.friction.tolist(), strict=True)),
+        tangential_restitution={
+            kernels.surfaces[j]: float(model.tangential_restitution[k])
+            for j, k in model.tangential.items()
+        },
         units=dict(kernels.manifest["units"]),
         scene=scene_of(model, [(p.t, p.q, p.v) for p in phases]) if drawn else None,
         limits=dict(limits or {}),

@@ -231,6 +231,8 @@ class Trajectory:
         Bounds of velocities and quantities by name, infinite for none.
     quantities : tuple of str
         Names of the quantities of the model.
+    tangential_restitution : mapping of str to float
+        Coefficient e_t of each surface that has one.
     """
 
     model: str
@@ -251,6 +253,7 @@ class Trajectory:
     scene: Scene | None = None
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     quantities: tuple[str, ...] = ()
+    tangential_restitution: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         events = "; ".join(map(str, self.collisions)) or "no event"
@@ -359,7 +362,7 @@ def impulses_told(collision: Collision) -> str:
     alone."""
     if collision.grazes:
         return ", grazes"
-    if collision.word == collision.surface:
+    if collision.word == collision.surface and not collision.tractions:
         return f", impulse {collision.impulse:.6g}"
     values = (*collision.impulses.values(), *collision.tractions.values())
     least = SAME * max(map(abs, values), default=0.0)
@@ -367,4 +370,5 @@ def impulses_told(collision: Collision) -> str:
     def told(what: str, of: Mapping[str, float]) -> str:
         return "".join(f", {what} {v if abs(v) > least else 0:.6g} of {n}" for n, v in of.items())
 
-    return told("impulse", collision.impulses) + told("friction", collision.tractions)
+    along = "tangential" if collision.word == collision.surface else "friction"
+    return told("impulse", collision.impulses) + told(along, collision.tractions)

@@ -13,6 +13,7 @@ from dmoc.base.tolerances import KEPT, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import is_positive
 from dmoc.mechanics.contact_mode import STICK
+from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import FRICTION_WORDS
 
 if TYPE_CHECKING:
@@ -123,6 +124,7 @@ def check_contacts(problem: Problem) -> None:
                 f"the friction of {name!r} is {value:g}: expected 0 or a positive number; check "
                 "the parameters."
             )
+    check_coefficients(model, ProblemError)
     if not problem.held:
         return
     _check_joined(problem, "start", problem.start_bounds)

@@ -281,7 +281,10 @@ class Problem(Shown):
         """What is in contact in each phase, and what happens between the phases."""
         names = self.model.contacts
         plastic = names.named(np.flatnonzero(self.restitution_values == 0))
-        contacts = replace(names, plastic=plastic, rough=names.named(self.model.rough))
+        contacts = replace(
+            names, plastic=plastic, rough=names.named(self.model.rough),
+            tangential=names.named(self.model.tangential),
+        )  # fmt: skip
         return along(mode_of(self.contacts, contacts), self.sequence, contacts)
 
     @cached_property

@@ -46,6 +46,8 @@ def _rows(p: Problem) -> Iterator[tuple[str, str]]:
         same = len(set(values.values())) == 1
         each = ", ".join(f"{name} {e}" for name, e in values.items())
         yield "restitution", next(iter(values.values())) if same else each
+    tangential = p.kernels.manifest.get("tangential_restitution", {})
+    yield "tangential restitution", ", ".join(f"{name} {e}" for name, e in tangential.items())
     yield "ignored", ", ".join(p.ignored)
     yield "mesh", f"{_steps(p)}, order {p.order}, {p.control_form} inputs"
 

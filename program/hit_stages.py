@@ -38,6 +38,9 @@ class Passage:
         Of each stage: a direction of sliding, or 0; one more than moments.
     holding : Mode
         What else is closed during the impact, and its friction.
+    returns : bool
+        It has tangential restitution: compression is that of the hit that stops all at once, the
+        last stage the whole impact.
     """
 
     event: int
@@ -47,6 +50,7 @@ class Passage:
     moments: tuple[int, ...]
     friction: tuple[int, ...]
     holding: Mode = FREE
+    returns: bool = False
 
     @property
     def late(self) -> bool:
@@ -177,10 +181,11 @@ def passages_of(touch: Touch) -> tuple[Passage, ...]:
     return tuple(
         Passage(
             i, event.surface, tangents(event.surface), bool(event.lands),
-            *_stages(event.course, bool(event.lands)), _holding(touch, i),
+            *_stages(course, bool(event.lands), touch.contacts.returns(event.hit)),
+            _holding(touch, i), touch.contacts.returns(event.hit),
         )
-        for i, event in enumerate(touch.events)
-        if event.course is not None
+        for i, (event, course) in enumerate(zip(touch.events, touch.courses, strict=True))
+        if course is not None
     )  # fmt: skip
 
 
@@ -192,8 +197,10 @@ def _holding(touch: Touch, event: int) -> Mode:
     )
 
 
-def _stages(course: Course, lands: bool) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def _stages(course: Course, lands: bool, returns: bool) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Moments and friction of the stages of a course."""
+    if returns:
+        return (END,), (STICK, course.first)
     moments, friction = [END], [course.first, course.first]
     if course.then is not None:
         moments = [END, STOP] if course.late else [STOP, END]

@@ -142,18 +142,19 @@ SIMULATION = Record(
     },
     _wrong,
 )
-FORMAT, OLDEST = 5, 4  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 6, 4  # the format that is written, and the oldest that is read
 
 
 def _as_now(header: Any) -> Any:
-    """What a file of the older format says, which has no quantities, in the format of now."""
+    """What a file of an older format says, in the format of now."""
     match header:
         case {
             "simulation_format": int(version),
             "simulation": {"trajectory": {"phases": dict(phases), **motion}, **rest},
         } if OLDEST <= version < FORMAT:
-            motion |= {"limits": {}, "quantities": [], "phases": {**phases, "quantities": [0]}}
-            now = {**rest, "trajectory": motion}
+            lacking: dict[str, Any] = {"limits": {}, "quantities": [], "tangential_restitution": {}}
+            parts = {"phases": {"quantities": [0], **phases}}
+            now = {**rest, "trajectory": lacking | motion | parts}
             return {**header, "simulation_format": FORMAT, "simulation": now}
     return header
 

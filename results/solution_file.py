@@ -39,12 +39,14 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import Status
 
-FORMAT, OLDEST = 13, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 14, 6  # the format that is written, and the oldest that is read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 # What files of older formats lack, with the values there: of a solution, of its motion, of phases
 # and collisions.
 LACKING_BESIDE: Mapping[str, Any] = {"proposal": None}
-LACKING: Mapping[str, Any] = {"units": {}, "scene": None, "limits": {}, "quantities": []}
+LACKING: Mapping[str, Any] = {
+    "units": {}, "scene": None, "limits": {}, "quantities": [], "tangential_restitution": {},
+}  # fmt: skip
 LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
     "phases": {f"{name}_inside": [0, 0] for name in INSIDE} | {"quantities": [0, 0]},
     "collisions": {"course": ""},
@@ -233,6 +235,7 @@ TRAJECTORY = Record(
         "order": Choice(ORDERS),
         "ignored": Listed(Name()),
         "friction": Mapped(Number(0.0), names=Name()),
+        "tangential_restitution": Mapped(Number(-1.0, 1.0), names=Name()),
         "units": Mapped(Text(), names=Name()),
         "scene": Either(Nothing(), SCENE),
         "limits": Mapped(Listed(Number(special=True), 2), names=Name()),

@@ -88,8 +88,9 @@ def _stated(motion: Trajectory) -> Iterator[tuple[Cell, ...]]:
         for name, e in motion.restitution.items()
     )
     yield "restitution", restitution or "no surfaces"
-    if motion.friction:
-        yield "friction", ", ".join(f"{name} {x:g}" for name, x in motion.friction.items())
+    for what in ("friction", "tangential restitution"):
+        if values := getattr(motion, what.replace(" ", "_")):
+            yield what, ", ".join(f"{name} {x:g}" for name, x in values.items())
     if motion.ignored:
         yield "ignored", ", ".join(motion.ignored)
     steps = " + ".join(str(phase.steps) for phase in motion.phases)

@@ -8,6 +8,7 @@ from itertools import combinations, product
 from math import prod
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.errors import SimulationError
 from dmoc.base.tolerances import ROUNDING, SAME
@@ -50,7 +51,11 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
     rates = model.gap_rates(q, v, at.t)
     on = [int(j) for j in np.flatnonzero(model.gaps(q, at.t) >= -at.small.gap)]
     hit = [j for j in on if rates[j] > at.small.rate[j]]
-    e = _effective(model, at, reaction, restitution, h)
+    e, dies = _effective(model, at, reaction, restitution, h)
+    if returning := [j for j in hit if j in model.tangential and not dies[j]]:
+        if len(hit) > 1 or not _uncoupled(model, at, hit[0], on):
+            raise SimulationError(_returns_beside(model, returning[0], on, at.t))
+        return _returned(model, at, returning[0], float(e[returning[0]]))
     rough = [j for j in on if j in model.rough]
     carrying = bool((reaction.normal[0] > at.small.force).any())
     names = ", ".join(repr(surfaces[j]) for j in on)
@@ -94,7 +99,7 @@ def _why(hit: list[int]) -> str:
 
 def _struck_by(model: Model, hit: SingleHit, on: list[int]) -> Struck:
     blow = Blow(hit.velocity, hit.normal, hit.tangential)
-    return Struck(blow.velocity, tuple(_felt(blow, on, model.rough)))
+    return Struck(blow.velocity, tuple(_felt(blow, on, model.rubs_in_hits)))
 
 
 def _felt(blow: Blow, on: list[int], tangent: dict[int, int]) -> Iterator[tuple[int, float, float]]:
@@ -105,8 +110,11 @@ def _felt(blow: Blow, on: list[int], tangent: dict[int, int]) -> Iterator[tuple[
             yield j, float(blow.normal[j]), traction
 
 
-def _effective(model: Model, at: Place, reaction: Reaction, restitution: Array, h: float) -> Array:
-    """Coefficients of restitution, zero where the bounces that would follow die away at once."""
+def _effective(
+    model: Model, at: Place, reaction: Reaction, restitution: Array, h: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Coefficients of restitution, zero where the bounces that would follow die away at once, and
+    where that is."""
     nq = model.nq
     q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
     slopes = model.gap_slopes(q, t)[0, :, :-1]
@@ -115,7 +123,7 @@ def _effective(model: Model, at: Place, reaction: Reaction, restitution: Array, 
     restitution = hit_coefficients(model, restitution, (q[0], v[0], at.t), rates > at.small.rate)
     rebound = 2 * restitution * np.maximum(rates, 0.0)
     dies = (pressed > 0) & (rebound < SETTLED * h * (1 - restitution) * pressed)
-    return np.where(dies, 0.0, restitution)
+    return np.where(dies, 0.0, restitution), dies
 
 
 def _uncoupled(model: Model, at: Place, j: int, on: list[int]) -> bool:
@@ -162,6 +170,29 @@ def _alone(model: Model, at: Place, j: int, tangent: int | None, e: float) -> St
     pushed = model.responses(q, normal, at.t)
     impulse = (1 + e) * float(model.gap_rates(q, v, at.t)[j]) / float(normal @ pushed)
     return Struck(v + impulse * pushed, ((j, impulse, 0.0),))
+
+
+def _returned(model: Model, at: Place, j: int, e: float) -> Struck:
+    """An impact on one surface with tangential restitution."""
+    k, (q, v) = model.tangential[j], np.split(at.y[: 2 * model.nq], 2)
+    name, e_t = model.kernels.surfaces[j], float(model.tangential_restitution[k])
+    hit = single_hit(model, (j, k), FREE, (q, v, at.t), e, e_t)
+    if not hit.way.normal > 0:
+        raise SimulationError(
+            f"{name!r} would have to pull in its hit at t = {at.t:.6g} s for its tangential "
+            f"restitution of {e_t:g}: give it friction, which limits the tangential impulse."
+        )
+    return _struck_by(model, hit, [j])
+
+
+def _returns_beside(model: Model, j: int, on: list[int], t: float) -> str:
+    """Why a hit with tangential restitution beside other contacts is refused."""
+    names = " and ".join(repr(model.kernels.surfaces[k]) for k in on if k != j)
+    return (
+        f"{model.kernels.surfaces[j]!r}, which has tangential restitution, is hit at t = {t:.6g} s "
+        f"while {names} touches: the outcome of such an impact is not known to be unique; have "
+        "only one of them touch then, or take a model without tangential restitution."
+    )
 
 
 def _beside(model: Model, at: Place, j: int, on: list[int], e: float) -> Struck | None:

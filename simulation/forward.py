@@ -16,6 +16,7 @@ from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import by_name, parameter_row, restitution_row
+from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_modes import names_without_effect
 from dmoc.simulation.contact_motion import (
@@ -104,10 +105,11 @@ def simulate(
     v = np.zeros(nq) if velocity is None else _vector(velocity, names, "velocity", rates)
     u = _inputs(inputs, h, steps, nu)
     e = restitution_row(kernels, restitution, SimulationError)
+    check_coefficients(model, SimulationError)
     run = _SimulationTask(model, u, h, every)
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
         _check_start(model, q, v)
-        if model.friction.any() or model.nj:
+        if model.friction.any() or model.tangential or model.nj:
             states = run.recorded(q, model.momentum(q, v))
             journal = _through_contacts(run, e, q, v, 0, states)
         else:

@@ -18,6 +18,7 @@ from typing import Literal
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.tangential import returned
 from dmoc.motion.trajectory import FRICTION_WORDS
 
 Regime = Literal["slides forward", "slides backward", "sticks"]
@@ -75,6 +76,15 @@ def impulses(rates: Array, response: Array, mu: float, e: float) -> Impulses:
     compressed, first = way.follow(_HitState(n, t, 0.0, 0.0), np.inf)
     end, second = way.follow(compressed, (1 + e) * compressed.P) if e > 0 else (compressed, ())
     return Impulses(end.P, end.S, first, second, tuple(way.stops))
+
+
+def whole(rates: Array, response: Array, mu: float, e: float, e_t: float) -> Impulses:
+    """The impulses of an impact with tangential restitution, of which only the whole is known."""
+    if rates[0] >= 0:
+        return Impulses(0.0, 0.0, (), ())
+    _, (normal, tangential), s = returned(rates, response, mu, e, e_t)
+    regime = next(regime for regime, word in WORDS.items() if word == FRICTION_WORDS[s])
+    return Impulses(float(normal), float(tangential), (regime,), ())
 
 
 @dataclass(frozen=True)

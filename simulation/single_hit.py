@@ -13,7 +13,7 @@ from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.held import held_responses
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import Reaction, borne
-from dmoc.simulation.poisson import Impulses, impulses
+from dmoc.simulation.poisson import Impulses, impulses, whole
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,12 @@ def single_hit(
     holding: Mode,
     state: tuple[Array, Array, float],
     e: float,
+    e_t: float | None = None,
 ) -> SingleHit:
-    """The hit of a surface and its tangent in a state (q, v, t)."""
+    """The hit of a surface and its tangent in a state (q, v, t), with tangential restitution where
+    ``e_t`` is its coefficient."""
     (j, k), (q, v, t) = contact, state
-    rows, times, mu = q[None], np.array([t]), float(model.friction[k])
+    rows, times, mu = q[None], np.array([t]), float(model.hit_friction[k])
     D = np.stack([-model.gap_slopes(q, t)[j, :-1], model.tangent_slopes(q, t)[k, :-1]])
     pushed, normal, tangential = held_responses(model, holding, q, D, t)
     beside = Reaction(pushed.T, normal, tangential, np.zeros((2, model.nj)))
@@ -46,7 +48,7 @@ def single_hit(
     response, free = D @ pushed, D[1] @ model.responses(q, D[1], t)
     if response[1, 1] <= SAME * free:  # what holds leaves it nothing to slide along
         response[1], response[:, 1] = 0.0, 0.0
-    way = impulses(rates, response, mu, e)
+    way = impulses(rates, response, mu, e) if e_t is None else whole(rates, response, mu, e, e_t)
     lam = np.array([way.normal, way.tangential])
     both = borne(model, holding, _grown(beside, lam), rows, times)
     normal, tangential = both.normal[0], both.tangential[0]

@@ -66,7 +66,7 @@ def request_of(problem: Problem, keywords: Keywords) -> Request:
     if tolerance is None and problem.steps is None:
         tolerance = AUTOMATIC
     compiled = problem.kernels.compiled
-    rubs = bool(problem.open_hits) or any(event.course for event in problem.touch.events)
+    rubs = bool(problem.open_hits) or any(problem.touch.courses)
     plain = tolerance is None and not (problem.held or rubs)
     method = METHODS[keywords.method or usual(DEFAULT if plain else REFINING, compiled)]
     method.require(problem.kernels.backend)

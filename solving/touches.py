@@ -78,10 +78,14 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
     by_impulse = (1 + e) * float(slope[lay.impact.lam[i]])
     size = float(nlp.scale.rate[j])
     passage = next((p for p in lay.hit.passages if p.event == i), None)
-    if passage is None:
-        _, inertia = nlp.problem.model.impulse_response(
-            q, nlp.problem.model.gap_slopes(q, t)[j, :-1], t
-        )
+    if passage is None or passage.returns:
+        if passage is None:
+            _, inertia = model.impulse_response(q, model.gap_slopes(q, t)[j, :-1], t)
+        elif passage.friction[-1] == STICK:  # no touch is next to it: some sliding comes back
+            return []
+        else:
+            mu = float(model.friction[passage.tangent])
+            inertia = _closing(response(nlp.problem, passage, q, t), mu, passage.friction[-1])
         row = nlp.laws.impact.energy.index[i]
         return [e * float(duals.y[row]) * size / nlp.row_unit[row] + by_impulse * size / inertia]
     return _by_poisson(nlp, outcome, passage, (by_impulse, slope), (q, t, e))

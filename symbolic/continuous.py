@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 class Continuous:
     """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
     gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, constraints phi_j,
-    looks: the values of the drawing; coefficients of restitution e_j, of all surfaces or none;
-    quantities z;
-    symbols x of definitions with their rates x_dot and their values x_of, and the dissipation R of
-    which Q lacks the forces.  Nodes have neither."""
+    looks: the values of the drawing; coefficients of restitution e_j, of all surfaces or none, and
+    of tangential restitution e_t, of all tangents or none; quantities z; symbols x of definitions
+    with their rates x_dot and their values x_of, and the dissipation R of which Q lacks the forces.
+    Nodes have neither."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -52,6 +52,7 @@ class Continuous:
     looks: tuple[Any, ...]
     e: tuple[Any, ...] = ()
     z: tuple[Any, ...] = ()
+    e_t: tuple[Any, ...] = ()
     R: Any = sp.S.Zero
     x: tuple[Any, ...] = ()
     x_dot: tuple[Any, ...] = ()
@@ -95,11 +96,12 @@ class Continuous:
             tuple(rewrite(e) for e in system.gaps.values()),
             tuple(rewrite(e) for e in system.path_functions.values()),
             tuple(rewrite(e) for e in system.tangents.values()),
-            tuple(rewrite(system.friction[name]) for name in system.tangents),
+            tuple(rewrite(system.friction.get(name, sp.S.Zero)) for name in system.tangents),
             tuple(rewrite(e) for e in system.constraints.values()),
             tuple(rewrite(e) for part in system.shapes for e in values_of(part)),
             tuple(rewrite(e) for e in system.coefficients_of_restitution),
             tuple(rewrite(e) for e in system.quantities.values()),
+            tuple(rewrite(e) for e in system.coefficients_of_tangential_restitution),
             rewrite(R),
             tuple(x),
             tuple(x_dot),
@@ -160,7 +162,7 @@ class Continuous:
 
 
 # The functions of a Continuous, which are one expression or several.
-FUNCTIONS = ("L", "Q", "C", "Phi", "g", "r", "tau", "mu", "phi", "looks", "e", "z", "R")
+FUNCTIONS = ("L", "Q", "C", "Phi", "g", "r", "tau", "mu", "phi", "looks", "e", "z", "e_t", "R")
 
 
 def _listed(value: Any) -> tuple[Any, ...]:

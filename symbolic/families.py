@@ -40,7 +40,7 @@ from dmoc.symbolic.path_constraints import (
     quantity_values,
     terms_of,
 )
-from dmoc.symbolic.restitution import laws_in_words, rebound_kernels
+from dmoc.symbolic.restitution import laws_in_words, rebound_kernels, tangential_kernels
 from dmoc.symbolic.scalar import Scalar
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
@@ -89,6 +89,7 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
         *surface_kernels(f),
         *rebound_kernels(f),
         *tangent_kernels(f),
+        *tangential_kernels(f),
         *joint_kernels(f),
         *_terminal_kernels(f),
         *_feasibility_kernels(f),
@@ -146,56 +147,62 @@ def _facts(
         name: [i for i, s in enumerate(f.q) if s in g.free_symbols]
         for name, g in zip(system.surfaces, f.g, strict=True)
     }
-    laws = laws_in_words(system)
-    quantities = path_rows(f, list(system.quantities), f.z)
-    return {
-        "format": FORMAT,
-        "key": model_key(system, order),
-        "order": order,
-        "explicit_time": any(
-            f.t in e.free_symbols
-            for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.phi, *f.e, *f.z)
-        ),
-        "title": _title(system),
-        "coordinates": [name_of(q) for q in system.coordinates],
-        "inputs": [name_of(u) for u in system.inputs],
-        "units": dict(system.units),
-        "surfaces": list(system.surfaces),
-        "surface_coordinates": surface_coordinates,
-        "moving_surfaces": [
-            name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols
-        ],
-        "path_constraints": list(system.path_constraints),
-        "path_rows": path_rows(smooth, [name for name, _ in parts.rows], smooth.r),
-        "path_limits": [
-            row | {"terms": count}
-            for row, count in zip(
-                path_rows(f, list(system.path_constraints), f.r), terms, strict=True
-            )
-        ],
-        "kink_signs": {name_of(s): parts.signs[s] for s in system.parameters if s in parts.signs},
-        "hidden": [f"the unknown for {sp.sstr(_plain(kink))}" for _, kink in parts.unknowns],
-        "tangents": list(system.tangents),
-        "tangent_coordinates": {
-            name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
-            for name, tau in zip(system.tangents, f.tau, strict=True)
-        },
-        "joints": list(system.constraints),
-        "bent_joints": [
-            name
-            for name, phi in zip(system.constraints, f.phi, strict=True)
-            if any(s.free_symbols & set(f.q) for s in gradient(phi, f.q))
-        ],
-        "drawing": table_of_drawing(system.drawing),
-        "parameters": {
-            name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()
-        },
-        "mass_parameters": [
-            name_of(s) for s, x in zip(system.parameters, f.par, strict=True) if x in in_mass
-        ],
-        "inputs_enter_linearly": not in_forces & set(f.u),
-        "terminal_velocity": bool(f.Phi.free_symbols & set(f.v)),
-    } | {key: v for key, v in (("restitution", laws), ("quantities", quantities)) if v}
+    without = [name for name in system.tangents if name not in system.friction]
+    more = {"without_friction": without, "quantities": path_rows(f, list(system.quantities), f.z)}
+    return (
+        {
+            "format": FORMAT,
+            "key": model_key(system, order),
+            "order": order,
+            "explicit_time": any(
+                f.t in e.free_symbols
+                for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.phi, *f.e, *f.z)
+            ),
+            "title": _title(system),
+            "coordinates": [name_of(q) for q in system.coordinates],
+            "inputs": [name_of(u) for u in system.inputs],
+            "units": dict(system.units),
+            "surfaces": list(system.surfaces),
+            "surface_coordinates": surface_coordinates,
+            "moving_surfaces": [
+                name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols
+            ],
+            "path_constraints": list(system.path_constraints),
+            "path_rows": path_rows(smooth, [name for name, _ in parts.rows], smooth.r),
+            "path_limits": [
+                row | {"terms": count}
+                for row, count in zip(
+                    path_rows(f, list(system.path_constraints), f.r), terms, strict=True
+                )
+            ],
+            "kink_signs": {
+                name_of(s): parts.signs[s] for s in system.parameters if s in parts.signs
+            },
+            "hidden": [f"the unknown for {sp.sstr(_plain(kink))}" for _, kink in parts.unknowns],
+            "tangents": list(system.tangents),
+            "tangent_coordinates": {
+                name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
+                for name, tau in zip(system.tangents, f.tau, strict=True)
+            },
+            "joints": list(system.constraints),
+            "bent_joints": [
+                name
+                for name, phi in zip(system.constraints, f.phi, strict=True)
+                if any(s.free_symbols & set(f.q) for s in gradient(phi, f.q))
+            ],
+            "drawing": table_of_drawing(system.drawing),
+            "parameters": {
+                name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()
+            },
+            "mass_parameters": [
+                name_of(s) for s, x in zip(system.parameters, f.par, strict=True) if x in in_mass
+            ],
+            "inputs_enter_linearly": not in_forces & set(f.u),
+            "terminal_velocity": bool(f.Phi.free_symbols & set(f.v)),
+        }
+        | laws_in_words(system)
+        | {key: values for key, values in more.items() if values}
+    )
 
 
 def _step_kernels(f: Continuous, e: StepElement, at_events: StepElement) -> list[KernelSpec]:

@@ -13,7 +13,7 @@ from dmoc.symbolic.expressions import approach_speed
 from dmoc.symbolic.graph import Node
 from dmoc.symbolic.kernel_family import family, state_inputs
 from dmoc.symbolic.kinks import check_smooth
-from dmoc.symbolic.spec import Input, KernelSpec
+from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -36,9 +36,36 @@ def check_restitution(system: MechanicalSystem) -> None:
             )
 
 
-def laws_in_words(system: MechanicalSystem) -> dict[str, str]:
-    """The expressions by surface, as they are shown."""
-    return {name: sp.sstr(e) for name, e in system.restitution.items()}
+def check_tangential_restitution(system: MechanicalSystem) -> None:
+    """Refuse a tangential restitution of what is no surface or has no tangent, and a number that
+    creates energy."""
+    for name, e_t in system.tangential_restitution.items():
+        if name not in system.surfaces:
+            raise ModelError(
+                f"{shown(name)} has a tangential restitution but is no surface: expected one of "
+                f"{', '.join(system.surfaces) or 'none, the model has no surfaces'}."
+            )
+        if name not in system.tangents:
+            raise ModelError(
+                f"{shown(name)} has a tangential restitution but no tangent: give the tangential "
+                f'position of its contact, as tangents={{"{name}": x}}.'
+            )
+        if e_t.is_number and not -1 <= e_t <= 1:
+            raise ModelError(
+                f"the tangential restitution of {name!r} is {shown(e_t)}: expected a number from "
+                "-1 (smooth) to 1 (a superball), or an expression in parameters; more creates "
+                "energy."
+            )
+
+
+def laws_in_words(system: MechanicalSystem) -> dict[str, dict[str, str]]:
+    """The expressions by surface, as they are shown, of what a system states."""
+    kinds = {name: getattr(system, name) for name in ("restitution", "tangential_restitution")}
+    return {
+        kind: {name: sp.sstr(e) for name, e in stated.items()}
+        for kind, stated in kinds.items()
+        if stated
+    }
 
 
 def rebound_kernels(f: Continuous) -> list[KernelSpec]:
@@ -62,6 +89,15 @@ def rebound_kernels(f: Continuous) -> list[KernelSpec]:
         },
         par,
     )
+
+
+def tangential_kernels(f: Continuous) -> list[KernelSpec]:
+    """The kernel of the tangential restitution that a system states, -1 for other tangents."""
+    if not f.e_t:
+        return []
+    out = (Output.vector("e_t", f.e_t),)
+    text = "Coefficients of tangential restitution of tangents."
+    return [KernelSpec("tangential", text, (state_inputs(f)[-1],), out)]
 
 
 def coefficients(f: Continuous, rates: list[Any]) -> list[Node]:

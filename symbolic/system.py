@@ -63,6 +63,12 @@ class MechanicalSystem(Shown):
         rate of the gap before the hit, q, t and parameters: ``{"wall": sp.exp(-v / v_0)}`` with
         ``v = dmoc.approach_speed``.  It is from 0 to 1 at the speeds that occur.  Other surfaces,
         and those for which a problem gives a number, have that of the problem.
+    tangential_restitution : mapping of str to Expr, optional
+        Coefficient of tangential restitution e_t of surfaces with a tangent, from -1 (smooth) by 0
+        (the touching point does not slide after the hit) to 1 (it slides back, as that of a
+        superball), in parameters alone.  The friction of such a tangent may be left out: hits have
+        the tangential impulse that they need then, contacts that last have none.  Equation
+        :eq:`tangential` of the theory.
     cost : Expr, optional
         Integrand C(q, q', u, t) of the cost.  Abs and Max with a positive factor and Min with a
         negative one are split into smooth functions, equation :eq:`kink` of the theory.
@@ -148,6 +154,7 @@ class MechanicalSystem(Shown):
     constraints: Mapping[str, Any] = field(default_factory=dict)
     definitions: Mapping[Any, Any] = field(default_factory=dict)
     quantities: Mapping[str, Any] = field(default_factory=dict)
+    tangential_restitution: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_name(self.name, "model")
@@ -265,6 +272,12 @@ class MechanicalSystem(Shown):
         return tuple(stated.get(name, sp.S.Zero) for name in self.surfaces) if stated else ()
 
     @property
+    def coefficients_of_tangential_restitution(self) -> tuple[Any, ...]:
+        """Those of all tangents, -1 where none is stated; empty where there are none."""
+        stated = self.tangential_restitution
+        return tuple(stated.get(n, sp.S.NegativeOne) for n in self.tangents) if stated else ()
+
+    @property
     def path_functions(self) -> dict[str, Any]:
         """Path constraint functions r(q, q', u) >= 0 by name."""
         return {
@@ -294,8 +307,12 @@ class MechanicalSystem(Shown):
             "|",
             *(f"{n}:{sp.srepr(r)}" for n, r in self.path_functions.items()),
             "|",
-            *(f"{n}:{sp.srepr(e)}:{sp.srepr(self.friction[n])}" for n, e in self.tangents.items()),
+            *(
+                f"{n}:{sp.srepr(e)}:{sp.srepr(self.friction.get(n))}"
+                for n, e in self.tangents.items()
+            ),
             *(f"e_{n}:{sp.srepr(e)}" for n, e in self.restitution.items()),
+            *(f"e_t_{n}:{sp.srepr(e)}" for n, e in self.tangential_restitution.items()),
             *(f"{n}=0:{sp.srepr(c)}" for n, c in self.constraints.items()),
             *(f"{sp.srepr(x)}:={sp.srepr(e)}" for x, e in self.definitions.items()),
             *(f"z_{n}:{sp.srepr(e)}" for n, e in self.quantities.items()),

@@ -20,7 +20,7 @@ from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.expressions import KINDS, approach_speed, atoms_of, unknown_symbol
 from dmoc.symbolic.graph import Graph, Node, reverse
 from dmoc.symbolic.kinks import check_smooth, split
-from dmoc.symbolic.restitution import check_restitution
+from dmoc.symbolic.restitution import check_restitution, check_tangential_restitution
 from dmoc.symbolic.system_fields import LARGEST_PARAMETER
 from dmoc.symbolic.traversal import evaluated
 
@@ -41,8 +41,9 @@ DIGITS = 30  # in which it is seen whether a mass matrix is singular
 def check(system: MechanicalSystem) -> None:
     """Raise ModelError where the parts of a system do not fit together."""
     check_definitions(system)
-    _check_friction(system)
     check_restitution(system)
+    check_tangential_restitution(system)
+    _check_friction(system)
     _check_symbols(system)
     _check_kinks(system)
     _check_mass_matrix(system)
@@ -131,7 +132,7 @@ def _check_friction(system: MechanicalSystem) -> None:
                 f'its contact, as tangents={{"{name}": x}}.'
             )
     for name, tau in system.tangents.items():
-        if name not in system.friction:
+        if name not in system.friction and name not in system.tangential_restitution:
             raise ModelError(
                 f"{shown(name)} has a tangent but no friction: give its coefficient mu, or, of "
                 f'a rail, its largest force, as friction={{"{name}": 0.5}}; 0 for none.'
@@ -141,7 +142,7 @@ def _check_friction(system: MechanicalSystem) -> None:
                 f"the tangent of {name!r} contains no coordinate: expected a position along "
                 f"the contact in {_listed(system.coordinates)}."
             )
-        value = system.friction[name]
+        value = system.friction.get(name, sp.S.Zero)
         if value.is_number and value < 0:
             raise ModelError(
                 f"the friction of {name!r} is {shown(value)}: expected 0 or a positive number."
@@ -202,6 +203,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("the friction of {!r}", system.friction, ("parameters",)),
         ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),
         ("quantity {!r}", system.quantities, KINDS),
+        ("the tangential restitution of {!r}", system.tangential_restitution, ("parameters",)),
     ):
         for name, expression in expressions.items():
             yield what.format(name), expression, allowed

@@ -32,6 +32,7 @@ MAPPINGS = {  # with an example each
     "tangents": '{"floor": x}',
     "friction": '{"floor": 0.5}',
     "restitution": '{"wall": 0.8}',
+    "tangential_restitution": '{"floor": 0.5}',
     "definitions": "{x1: l * sp.sin(a)}",
     "quantities": '{"tip": x + l * sp.sin(a)}',
 }
@@ -59,9 +60,10 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
     read["definitions"] = {
         s: expression_in(e, f"definition {name_of(s)}") for s, e in system.definitions.items()
     }
-    for name in ("tangents", "friction", "restitution"):
+    for name in ("tangents", "friction", "restitution", "tangential_restitution"):
+        what = name.removesuffix("s").replace("_", " ")
         read[name] = {
-            key: expression_in(e, f"the {name.removesuffix('s')} of {key!r}")
+            key: expression_in(e, f"the {what} of {key!r}")
             for key, e in getattr(system, name).items()
         }
     read["constraints"] = {

@@ -20,6 +20,9 @@ with the differences dP, dT of a stage.  The rates are linear in the impulses, s
 stage sigma has the sign that it has at both ends.  A landing is compression alone and has the law
 of :mod:`dmoc.program.laws.impact` for its end.  No term needs the inverse of the mass matrix.
 
+Hits with tangential restitution have the row within of this law, and those of
+:mod:`dmoc.program.laws.tangential` beside it.
+
 In a hit that only touches, all impulses are zero: lam and P_h where sliding stops by their bounds,
 the others by the equations.  Inequalities between them would have no interior, nor would those of
 directions where sliding stops; the velocity is the same before and after.
@@ -91,14 +94,21 @@ class HitLaw(Law):
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         P_h = self.lay.hit.P_h
-        struck, stops = P_h[~self.touching], P_h[self.touching, STOP]
+        struck, stops = P_h[~self.touching & ~self.returning], P_h[self.touching, STOP]
         box[struck[struck != NOWHERE], 0] = 0.0
         # Of a touch, the impulse of compression is zero by its equation, and no bound beside it.
         box[stops[stops != NOWHERE]] = 0.0
 
     @property
     def passages(self) -> tuple[Passage, ...]:
-        return self.lay.hit.passages
+        """Those that obey Poisson's law."""
+        return tuple(p for p in self.lay.hit.passages if not p.returns)
+
+    @property
+    def returning(self) -> Bools:
+        """Hits that do not: those with tangential restitution, shape (events,)."""
+        events = [p.event for p in self.lay.hit.passages if p.returns]
+        return np.isin(np.arange(len(self.e)), events)
 
     # Rows -----------------------------------------------------------------------------------------
 
@@ -127,7 +137,7 @@ class HitLaw(Law):
         )
         self.restitution = block(
             "restitution",
-            np.asarray(moments[:, END]),
+            moments[:, END] & ~self.returning,
             lambda i: f"restitution of {contacts.surfaces[hit[i]]} at event {i + 1}",
             lambda s: s.lam[hit],
             missed=Missed(LAW),
@@ -191,7 +201,7 @@ class HitLaw(Law):
     def terms(self, places: Places, laws: Laws) -> list[Term]:
         """Those of its rows, and the tangential impulses of hits in the momentum."""
         lay, momentum = self.lay, laws.step.momentum.index
-        if not self.passages:
+        if not lay.hit.passages:
             return []
         nodes = lay.collision_nodes
         q, t = lay.index_q[nodes], places.times(nodes)
@@ -214,9 +224,10 @@ class HitLaw(Law):
                 Term("normal", (at, P[here, m], when), (rows,)),
                 Term("traction", (at, T[here, m], when), (rows,), -1.0),
             ]
-        ended = np.where(lay.hit.moments[:, END], laws.impact.energy.index, NOWHERE)
+        compressed = lay.hit.moments[:, END] & ~self.returning
+        ended = np.where(compressed, laws.impact.energy.index, NOWHERE)
         terms.append(Term("gap_rate", (q, v_h[:, END], t), (in_columns(ended, hit, places.nc),)))
-        if (own := np.flatnonzero(np.isnan(self.e) & lay.hit.moments[:, END])).size:
+        if (own := np.flatnonzero(np.isnan(self.e) & compressed)).size:
             rows = in_columns(self.restitution.index, hit, places.nc)[own]
             before = q[own], lay.impact.v_a[own], P[own, END], t[own] if lay.timed else t
             terms.append(Term("rebound", before, (like(rows), rows, like(rows[:, :1]))))

@@ -75,7 +75,7 @@ class ImpactLaw(Law):
     by_rates : array of bool, shape (collisions,)
         The law is stated in the rates, whatever e is.
     rough : array of bool, shape (collisions,)
-        Hits with friction, which obey another law.
+        Hits with friction, which obey another law; not those with tangential restitution.
     """
 
     problem: Problem
@@ -103,8 +103,9 @@ class ImpactLaw(Law):
         joined = bool(problem.kernels.joints)
         lasts = np.array([joined or not mode.free for mode in problem.touch.modes], dtype=bool)
         rough = np.zeros(len(lay.touch.surfaces), dtype=bool)
-        rough[[p.event for p in lay.hit.passages if not p.lands]] = True
-        stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough | by_law
+        rough[[p.event for p in lay.hit.passages if not (p.lands or p.returns)]] = True
+        returns = np.isin(np.arange(len(rough)), [p.event for p in lay.hit.passages if p.returns])
+        stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough | by_law | returns
         return cls(problem, lay, e, by_law, touches, landing, stated, rough)
 
     @property

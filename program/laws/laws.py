@@ -29,6 +29,7 @@ from dmoc.program.laws.law import Law
 from dmoc.program.laws.path import PathLaw
 from dmoc.program.laws.quantity import QuantityLaw
 from dmoc.program.laws.step import StepLaw
+from dmoc.program.laws.tangential import TangentialLaw
 from dmoc.program.laws.velocity import VelocityLaw
 from dmoc.program.layout import SHARED, Layout
 from dmoc.program.presolve import Settled
@@ -55,6 +56,7 @@ class Laws:
     contact: ContactLaw
     friction: FrictionLaw
     hit: HitLaw
+    tangential: TangentialLaw
     held: HeldLaw
     joint: JointLaw
     complementarity: ComplementarityLaw
@@ -77,7 +79,7 @@ class Laws:
 
     @property
     def of_contacts(self) -> tuple[Law, ...]:
-        return self.contact, self.friction, self.hit, self.held
+        return self.contact, self.friction, self.hit, self.tangential, self.held
 
     def stating(self, problem: Problem) -> Laws:
         """The same rows with what another problem says of both ends: the numbers in their names
@@ -123,17 +125,22 @@ def laws_of(
     constraints instead of bounds, the other arguments are those of the program."""
     impact = ImpactLaw.of(problem, lay, touching)
     if _is_untouched(lay):
-        contact, friction, hit, held = _untouched(lay)
+        of_contacts = _untouched(lay)
     else:
         contact = ContactLaw(lay, pulling)
         friction = FrictionLaw(contact, problem.model.friction)
         hit = HitLaw.of(problem, lay, impact)
-        held = HeldLaw(contact, problem.model.friction, impact.touching)
+        model = problem.model
+        returning = TangentialLaw(
+            lay, model.hit_friction, model.tangential_restitution, impact.touching
+        )
+        held = HeldLaw(contact, model.friction, impact.touching)
+        of_contacts = contact, friction, hit, returning, held
     return Laws(
         StepLaw(problem, lay), PathLaw.of(problem, lay), PathLaw.of_quantities(problem, lay),
         QuantityLaw(problem, lay),
         VelocityLaw(lay, tuple(problem.kernels.coordinates), problem.velocity_bounds), impact,
-        EndsLaw(problem, lay, tuple(goals)), contact, friction, hit, held,
+        EndsLaw(problem, lay, tuple(goals)), *of_contacts,
         JointLaw(lay, tuple(problem.kernels.manifest["bent_joints"])),
         ComplementarityLaw(
             lay, problem.model.friction, problem.restitution_values, problem.relaxation, scale
@@ -178,7 +185,7 @@ def _is_untouched(lay: Layout) -> bool:
 
 
 @lru_cache(maxsize=SHARED)
-def _untouched(lay: Layout) -> tuple[ContactLaw, FrictionLaw, HitLaw, HeldLaw]:
+def _untouched(lay: Layout) -> tuple[ContactLaw, FrictionLaw, HitLaw, TangentialLaw, HeldLaw]:
     """Laws of contacts where there are none: their blocks have no members, so that all programs of
     a layout share them."""
     mu, events = np.zeros(len(lay.touch.contacts.tangents)), len(lay.touch.surfaces)
@@ -186,8 +193,9 @@ def _untouched(lay: Layout) -> tuple[ContactLaw, FrictionLaw, HitLaw, HeldLaw]:
     contact.settled, friction = Settled.nothing(lay), FrictionLaw(contact, mu)
     touching = np.zeros(events, dtype=bool)
     hit, held = HitLaw(lay, (), mu, np.zeros(events), touching), HeldLaw(contact, mu, touching)
-    laws: tuple[Law, ...] = (contact, friction, hit, held)
+    returning = TangentialLaw(lay, mu, mu, touching)
+    laws: tuple[Law, ...] = (contact, friction, hit, returning, held)
     for law in laws:
         law.equations(Numbering())
         law.inequalities(Numbering())
-    return contact, friction, hit, held
+    return contact, friction, hit, returning, held

@@ -91,18 +91,26 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
         yield Section("Constraints", text, tuple(equations))
     if f.tau:
         equations = []
-        for name, tau, mu in zip(system.tangents, f.tau, f.mu, strict=True):
+        for k, (name, tau, mu) in enumerate(zip(system.tangents, f.tau, f.mu, strict=True)):
             tag = upright(name)
             equations.append(definition(own, f"tau_{name}", rf"\tau_{tag}", tau))
             letter, symbol = ("mu", r"\mu") if name in system.surfaces else ("F", "F")
-            equations.append(definition(own, f"{letter}_{name}", f"{symbol}_{tag}", mu))
-        yield Section(
-            "Friction",
+            if name in system.friction:
+                equations.append(definition(own, f"{letter}_{name}", f"{symbol}_{tag}", mu))
+            if name in system.tangential_restitution:
+                equations.append(definition(own, f"e_t_{name}", f"e_{{t,{tag}}}", f.e_t[k]))
+        text = (
             "Tangential positions tau. A contact that sticks keeps tau, with a tangential impulse "
             "|T| <= mu P and P the normal one; one that slides with the sign s has T = -s mu P. A "
-            "rail has the largest force F instead of mu P/h.",
-            tuple(equations),
+            "rail has the largest force F instead of mu P/h."
         )
+        if system.tangential_restitution:
+            text += (
+                " A hit with the coefficient e_t of tangential restitution has T = (1 + e_t) T_0 "
+                "with the T_0 that stops the sliding in the plastic hit, or slides where that is "
+                "above mu P."
+            )
+        yield Section("Friction", text, tuple(equations))
 
 
 def minimal_time_section(

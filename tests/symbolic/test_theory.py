@@ -196,6 +196,29 @@ def test_coefficients_of_restitution_agree_where_friction_does_not_change() -> N
     assert zero(-restitution / compression - e**2 * later / k)
 
 
+def test_tangential_restitution_turns_the_rate_and_takes_energy() -> None:
+    """{tangential}, {turned}, {tangential-energy}: with the impulses that stop the normal alone and
+    all at once."""
+    e, back, kappa = sp.symbols("e e_t kappa")
+    A = sp.Matrix(2, 2, sp.symbols("A_nn A_nt A_nt A_tt"))
+    before = sp.Matrix(sp.symbols("n sigma"))
+    first = sp.Matrix([-before[0] / A[0, 0], 0])
+    second = -A.inv() * before - first
+    smooth = before[1] + A[0, 1] * first[0]
+    assert zero(second[1] + smooth / (A[1, 1] - A[0, 1] ** 2 / A[0, 0]))
+
+    def impulses(share: sp.Expr) -> sp.Matrix:
+        return (1 + e) * first + (1 + share) * second
+
+    after = before + A * impulses(back)
+    assert zero(after[0] + e * before[0])
+    assert zero(after[1] + back * smooth - e * (smooth - before[1]))
+    P = impulses(kappa)
+    work = (P.T * (before + A * P / 2))[0]
+    lost = (1 - e**2) * first.dot(A * first) + (1 - kappa**2) * second.dot(A * second)
+    assert zero(first.dot(A * second)) and zero(work + lost / 2)
+
+
 # The program --------------------------------------------------------------------------------------
 
 

@@ -1,0 +1,168 @@
+"""Hits with tangential restitution: their rows and terms, after Chatterjee and Ruina.
+
+The impulses P_h and T_h are those of the hit that stops all at once, plastic and without sliding,
+and v_h is the velocity after it.  Of the hit itself, the rate of the gap obeys Newton's law
+(:mod:`dmoc.program.laws.impact`), and the tangential impulse T_c is the one that stops sliding with
+what comes back of it, or that of friction where this holds less (equation :eq:`hit-tangential` of
+the theory)::
+
+    within     dL/dv(q_c, v_h) - dL/dv(q_c, v_a) + P_h grad g - T_h grad tau = 0
+    stops      gamma(q_c, v_h) = 0,  sigma(q_c, v_h) = 0
+    returns    T_c - (1 + e_t) T_h = 0                  of a hit that sticks
+               T_c + s mu lam = 0                       of one that slides in the direction s
+    holds      mu lam - |T_c| >= 0                      of a hit that sticks, with friction
+    slides     -s (1 + e_t) T_h - mu lam >= 0           of one that slides
+
+The row within is that of :mod:`dmoc.program.laws.hit`.  A hit that only touches has no impulse:
+T_c = 0.
+
+A. Chatterjee and A. Ruina, Journal of Applied Mechanics 65 (1998) 939-951.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import STICK
+from dmoc.program.blocks import LAW, NOWHERE, Block, Bools, Entries, Missed, Numbering, in_columns
+from dmoc.program.hit_stages import END, Passage
+from dmoc.program.laws.law import COLLISION, Law, Pivot, key
+from dmoc.program.layout import Layout
+from dmoc.program.terms import Places, Term
+
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
+
+# Columns of the row "stops".
+GAP, SLIDE = 0, 1
+
+
+@dataclass(eq=False)
+class TangentialLaw(Law):
+    """The hits with tangential restitution of a problem.
+
+    Attributes
+    ----------
+    lay : Layout
+    mu, e_t : array, shape (nt,)
+        Friction in hits, without end where there is no limit, and tangential restitution.
+    touching : array of bool, shape (events,)
+        Hits that only touch their surface.
+    """
+
+    lay: Layout
+    mu: Array
+    e_t: Array
+    touching: Bools
+    stops: Block = field(init=False)
+    returns: Block = field(init=False)
+    holds: Block = field(init=False)
+    slides: Block = field(init=False)
+
+    @property
+    def passages(self) -> tuple[Passage, ...]:
+        return tuple(p for p in self.lay.hit.passages if p.returns)
+
+    def _mask(self, passages: Iterable[Passage]) -> Bools:
+        """The events of some hits, shape (events,)."""
+        return np.isin(np.arange(len(self.touching)), [p.event for p in passages])
+
+    # Rows -----------------------------------------------------------------------------------------
+
+    def equations(self, block: Numbering) -> None:
+        hit, rubbed, names = self.lay.hit.hit, self.lay.hit.rubbed, self.lay.touch.contacts
+        mine = self._mask(self.passages)
+
+        def rate(i: int, side: int) -> str:
+            of = names.tangents[rubbed[i]] if side == SLIDE else names.surfaces[hit[i]]
+            what = "sliding velocity" if side == SLIDE else "rate"
+            return f"{what} of {of} where all of event {i + 1} stops"
+
+        self.stops = block(
+            "stops",
+            np.repeat(mine[:, None], 2, axis=1),
+            rate,
+            lambda s: np.stack([s.rate[hit], s.slide[rubbed]], axis=1),
+            missed=Missed(LAW),
+        )
+        self.returns = block(
+            "returns",
+            mine,
+            lambda i: f"tangential restitution of {names.tangents[rubbed[i]]} at event {i + 1}",
+            lambda s: s.friction[rubbed],
+            missed=Missed(
+                LAW,
+                lambda i: (
+                    f"the hit of {names.surfaces[hit[i]]} at event {i + 1} violates its law "
+                    "of tangential restitution"
+                ),
+            ),
+        )
+
+    def inequalities(self, block: Numbering) -> None:
+        """The last axis of ``holds`` are the two sides of the cone."""
+        rubbed, tangents = self.lay.hit.rubbed, self.lay.touch.contacts.tangents
+        limited = [p for p in self.passages if self.mu[p.tangent] < np.inf]
+        holds = self._mask(p for p in limited if p.friction[-1] == STICK) & ~self.touching
+        slides = self._mask(p for p in limited if p.friction[-1] != STICK)
+        self.holds = block(
+            "holds",
+            np.repeat(holds[:, None], 2, axis=1),
+            lambda i, _: f"friction cone of {tangents[rubbed[i]]} at event {i + 1}",
+            lambda s: s.friction[rubbed][:, None],
+        )
+        self.slides = block(
+            "slides",
+            slides,
+            lambda i: f"sliding of {tangents[rubbed[i]]} in event {i + 1}",
+            lambda s: s.friction[rubbed],
+        )
+
+    # Terms and entries ----------------------------------------------------------------------------
+
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
+        if not self.passages:
+            return []
+        lay, nodes = self.lay, self.lay.collision_nodes
+        at = lay.index_q[nodes], places.known(lay.hit.v_h[:, END]), places.times(nodes)
+        gap = in_columns(self.stops.index[:, GAP], lay.hit.hit, places.nc)
+        slide = in_columns(self.stops.index[:, SLIDE], lay.hit.rubbed, len(self.mu))
+        return [Term("gap_rate", at, (gap,)), Term("slide_rate", at, (slide,))]
+
+    def entries(self, laws: Laws) -> list[Entries]:
+        return [row for p in self.passages for row in self._of_hit(p)]
+
+    def _of_hit(self, p: Passage) -> Iterator[Entries]:
+        """Entries of the rows of one hit, all of which are linear in its impulses."""
+        i, mu, s = p.event, float(self.mu[p.tangent]), p.friction[-1]
+        lam, T_c = self.lay.impact.lam[i], self.lay.contact.T_c[i, p.tangent]
+        T_h, back = self.lay.hit.T_h[i, END], 1 + float(self.e_t[p.tangent])
+        rows = {int(self.returns.index[i]): [(T_c, 1.0), (lam, s * mu) if s else (T_h, -back)]}
+        if self.touching[i]:
+            rows = {int(self.returns.index[i]): [(T_c, 1.0)]}
+        for side, sign in enumerate((-1.0, 1.0)):
+            rows[int(self.holds.index[i, side])] = [(T_c, sign), (lam, mu)]
+        rows[int(self.slides.index[i])] = [(T_h, -s * back), (lam, -mu)]
+        for row, parts in rows.items():
+            if row != NOWHERE:
+                unknowns, factors = zip(*parts, strict=True)
+                yield np.full(len(parts), row), np.array(unknowns), np.array(factors)
+
+    # Pivots ---------------------------------------------------------------------------------------
+
+    def pivots(self, laws: Laws) -> Iterator[Pivot]:
+        """The velocity that is stopped follows from its momentum, its impulses from the rates, and
+        the tangential impulse of the hit from these."""
+        hit = self.lay.hit
+        for p in self.passages:
+            i, before = p.event, key(self.lay.collision_nodes[p.event] - 1, COLLISION)
+            yield Pivot(hit.v_h[i, END], laws.hit.within.index[i, END], before)
+            yield Pivot(hit.T_h[i, [END]], self.stops.index[i, [SLIDE]], before)
+            yield Pivot(hit.P_h[i, [END]], self.stops.index[i, [GAP]], before)
+            T_c = self.lay.contact.T_c[i, [p.tangent]]
+            yield Pivot(T_c, self.returns.index[[i]], before)
