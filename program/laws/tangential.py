@@ -84,7 +84,7 @@ class TangentialLaw(Law):
             return f"{what} of {of} where all of event {i + 1} stops"
 
         self.stops = block(
-            "stops",
+            "stops all",
             np.repeat(mine[:, None], 2, axis=1),
             rate,
             lambda s: np.stack([s.rate[hit], s.slide[rubbed]], axis=1),
@@ -111,13 +111,13 @@ class TangentialLaw(Law):
         holds = self._mask(p for p in limited if p.friction[-1] == STICK) & ~self.touching
         slides = self._mask(p for p in limited if p.friction[-1] != STICK)
         self.holds = block(
-            "holds",
+            "cone of a return",
             np.repeat(holds[:, None], 2, axis=1),
             lambda i, _: f"friction cone of {tangents[rubbed[i]]} at event {i + 1}",
             lambda s: s.friction[rubbed][:, None],
         )
         self.slides = block(
-            "slides",
+            "slides in a return",
             slides,
             lambda i: f"sliding of {tangents[rubbed[i]]} in event {i + 1}",
             lambda s: s.friction[rubbed],

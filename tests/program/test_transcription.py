@@ -127,13 +127,37 @@ def hit_problem(order: int) -> dmoc.Problem:
     )  # fmt: skip
 
 
+def tangential_problem() -> dmoc.Problem:
+    """Hits with tangential restitution that stick, with friction or without, and slide."""
+    system = landing_system()
+    x, y, *_ = system.coordinates
+    system = replace(
+        system,
+        surfaces={**system.surfaces, "wall": x <= 2},
+        tangents={**system.tangents, "wall": y},
+        restitution={"wall": dmoc.approach_speed},
+        tangential_restitution={"floor": 0.4, "wall": 0.7},
+    )
+    return dmoc.Problem(
+        system, start={"x": 0.0, "y": 1.0, "x_dot": None},
+        sequence=["floor:slip+", "wall", "floor:slip-", "floor:stick"], steps=[2, 3, 2, 2, 3],
+        final_time=(0.5, 2.0), restitution={"floor": 0.5},
+    )  # fmt: skip
+
+
 @pytest.fixture(
     scope="module",
     params=[
         *("constant", "linear", "puck", "driven", "driven, by rates", "driven, order 4"),
         *("driven, linear", "driven, scaled"),
         *("pendulum, order 4", "contacts", "contacts, periodic"),
-        *("hits with friction", "hits with friction, order 4", "joints", "joints, periodic"),
+        *(
+            "hits with friction",
+            "hits with friction, order 4",
+            "tangential",
+            "joints",
+            "joints, periodic",
+        ),
         *("relaxed", "relaxed, periodic", "relaxed, moving"),
         *("contacts, order 4", "contacts, periodic, order 6"),
         *("joints, order 6", "joints, periodic, order 4"),
@@ -156,6 +180,8 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
         return Transcription(rod_problem("periodic" in request.param, order))
     if request.param.startswith("joints"):
         return Transcription(joint_problem("periodic" in request.param, order))
+    if request.param == "tangential":
+        return Transcription(tangential_problem())
     if request.param.startswith("hits"):
         return Transcription(hit_problem(4 if "4" in request.param else 2))
     if "4" in request.param:
@@ -282,7 +308,7 @@ def test_rows_say_what_it_costs_to_miss_them_and_in_what_words(nlp: Transcriptio
     assert laws == {
         "momentum", "inside", "time", "passing", "time inside", "arrival", "departure", "energy",
         "start velocity",
-        "goal velocity", "within", "restitution", "slips",
+        "goal velocity", "within", "restitution", "slips", "stops all", "returns",
     } & set(prices)  # fmt: skip
     assert {name for name, price in prices.items() if price == GOAL} == {"goal", "periodic"}
     units = {"kg m/s", "kg m2/s", "m", "rad", "m/s", "rad/s", "s", ""}
