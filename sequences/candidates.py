@@ -4,7 +4,7 @@ propose."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -40,7 +40,8 @@ class Candidates(Tree):
         self.left: list[Words] = []  # too dear to be solved
         self.around: set[Words] = set()  # those whose motions others were looked for from
         self.again: set[Words] = set()  # to be solved from starts of their own
-        self.ways: dict[Words, Folded] = {}  # motions of neighbours, from those of the best
+        self.hits: list[Words] = []  # neighbours of the best with other hits
+        self.ways: dict[Words, Folded] = {}  # motions of the others, from that of the best
 
     def surrounded(self) -> Tree:
         """The tree of all sequences, which has what is known of these."""
@@ -87,7 +88,6 @@ class Candidates(Tree):
         way = Folded(tuple(hits), tuple(pieces_of(motion)), tuple(impulses))
         new = self.proposals.look_around(way, self.deadline)
         beside = self._beside(best.sequence, way)
-        self._repeat(s for s in beside if s not in self.ways and s in self.nodes)
         self.frontier += [s for s in dict.fromkeys((*new, *beside)) if s not in self.nodes]
         return bool(self.frontier)
 
@@ -96,31 +96,24 @@ class Candidates(Tree):
         have as many events more as proposals."""
         touch, most = self.problem_of(sequence).touch, self.settings.max_collisions
         ways = neighbours(touch, motion, self.proposals.relaxation.left_open.surfaces)
-        fit = [s for s, way in ways.items() if way is None and len(s) <= most]
-        for s, way in ways.items():
-            if way is not None and self.proposals.fits(s):
-                fit.append(s)
-                self.ways.setdefault(s, way)
-        return fit
-
-    def _repeat(self, sequences: Iterable[Words]) -> None:
-        """Forget those that have failed, which are to be solved from starts of their own."""
-        failed = [
-            s for s in sequences if self.nodes[s].verdict is Verdict.FAILED and s not in self.again
-        ]
-        self.again.update(failed)
-        for s in failed:
-            del self.nodes[s]
+        self.hits = [s for s, way in ways.items() if way is None and len(s) <= most]
+        moved = {s: way for s, way in ways.items() if way is not None and self.proposals.fits(s)}
+        self.ways = moved | self.ways
+        return [*self.hits, *moved]
 
     def _once_more(self) -> bool:
-        """Where none is confirmed, put those that have failed into the frontier, to be solved from
-        starts of their own."""
+        """Put some that have failed into the frontier, to be solved from starts of their own: those
+        with other hits than the best, or where none is confirmed, the cheapest."""
         failed = [s for s, n in self.nodes.items() if n.verdict is Verdict.FAILED]
-        if self.best() is not None or self.again or not failed:
-            return False
-        self.frontier = sorted(failed, key=self._rank)[:TOGETHER]
-        self._repeat(self.frontier)
-        return True
+        if self.best() is not None:
+            failed = [s for s in self.hits if s in failed and s not in self.again]
+        else:
+            failed = [] if self.again else sorted(failed, key=self._rank)[:TOGETHER]
+        self.again.update(failed)
+        self.frontier = failed
+        for s in failed:
+            del self.nodes[s]
+        return bool(failed)
 
     def _cheapest(self, sequence: Words) -> float:
         proposed = self.proposals.proposed.get(sequence)

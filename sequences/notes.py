@@ -55,6 +55,13 @@ def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str)
             f"the best sequence has all {depth} {noun}s (cost {by_depth[depth]:.6g}, {fewer}): "
             "more may cost less"
         )
+    if best is None and not stopped and any(n.verdict is Verdict.INFEASIBLE for n in nodes):
+        starts = tree.settings.starts
+        notes.append(
+            f"no sequence has a confirmed motion, from {_counted(starts, 'random start')} each at "
+            f"most: where few starts lead to a motion, as to a gait, starts={max(64, 8 * starts)} "
+            "may find one"
+        )
     for verdict, meaning in (
         (Verdict.FAILED, "came to no answer"),
         (Verdict.UNVERIFIED, "{were} solved and not confirmed by simulation"),

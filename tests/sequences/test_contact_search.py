@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import sqrt
 
+import compass_gait
 import pytest
 import sympy as sp
 from contact_problems import pushed
@@ -44,6 +45,20 @@ def test_the_tree_tries_what_two_contacts_can_only_do_together() -> None:
     assert result.best.cost == pytest.approx(least, rel=5e-3)
     assert [n.sequence for n in result.ranked()] == [result.best.sequence]
     assert ("-left -right",) in [n.sequence for n in result.nodes]
+
+
+@pytest.mark.slow
+def test_a_gait_that_few_starts_lead_to_is_met_by_more_as_the_note_says() -> None:
+    """The long gait of Goswami et al. (1998) has the period 0.734346391 s by an event-driven
+    simulation."""
+    problem = compass_gait.problem(40).but(sequence=(), via=None, durations=None)
+    few = dmoc.search(problem, 1, events=["+right -left"])
+    assert few.best is None
+    assert any("starts=64 may find one" in note for note in few.notes)
+    more = dmoc.search(problem, 1, events=["+right -left"], starts=64)
+    assert more.best is not None and more.best.sequence == ("+right -left",)
+    assert more.best.cost == pytest.approx(compass_gait.PERIOD, rel=1e-3)
+    assert not any("starts=" in note for note in more.notes)
 
 
 def test_a_search_takes_the_words_it_is_given() -> None:

@@ -147,17 +147,18 @@ def test_a_block_that_may_be_pushed_or_hit_is_hit_twice() -> None:
         assert result.best.cost == pytest.approx(3.342, abs=1e-3)
 
 
-@pytest.mark.slow
-def test_neighbours_of_the_best_say_how_many_hops_cost_least() -> None:
+@pytest.mark.parametrize("seed", [0, 2])
+def test_neighbours_of_the_best_say_how_many_hops_cost_least(seed: int) -> None:
     """Six cost 25.898, five and seven more, as the tree of all numbers of hops says: 27.076 and
-    26.135."""
+    26.135.  From the other seed no relaxed motion has more than four, and that of four leads to
+    none."""
     cycle = hopper.problem(30)
     problem = dmoc.Problem(
         cycle.kernels, start={"x": 0.0, "p_x": (0.1, 10.0), "phi": 0.3}, goal={"x": 1.0},
         periodic=cycle.periodic, steps=30, final_time=(0.9, 1.2), bounds=cycle.bounds,
         restitution=0.5,
     )  # fmt: skip
-    result = dmoc.search(problem, max_collisions=7, strategy="propose")
+    result = dmoc.search(problem, max_collisions=7, strategy="propose", seed=seed)
     costs = {len(n.sequence): n.cost for n in result.nodes if n.cost is not None}
     assert result.best is not None and len(result.best.sequence) == 6
     assert costs[6] == pytest.approx(25.898, abs=0.01)
@@ -288,6 +289,7 @@ def test_where_no_start_leads_to_a_motion_the_empty_sequence_is_tried() -> None:
         shipped("cart_pendulum", bounds={"F": (-1, 1)}, steps=20), strategy="propose"
     )
     assert [n.sequence for n in weak.nodes] == [()] and weak.best is None
+    assert any("no sequence has a confirmed motion, from 4 random starts" in n for n in weak.notes)
     assert any("none was tried but the empty one" in note for note in weak.notes)
     late = dmoc.search(shipped("cart_pendulum"), strategy="propose", seconds=1e-3)
     assert not late.complete and "was used up" in late.notes[0]
