@@ -45,6 +45,11 @@ class Contacts:
         """Tangents that rub where a contact lasts."""
         return tuple(t for t in self.tangents if t not in self.frictionless)
 
+    def rubs_on(self, surface: int) -> int | None:
+        """The tangent that rubs where a contact with a surface lasts, if there is one."""
+        name = self.surfaces[surface]
+        return self.tangent_numbers[name] if name in self.rubbing else None
+
     @property
     def rails(self) -> tuple[str, ...]:
         return tuple(t for t in self.tangents if t not in self.surface_numbers)

@@ -15,7 +15,7 @@ from dmoc.guess.contacts import in_contact
 from dmoc.guess.folded import Folded
 from dmoc.guess.transfer import pieces_of
 from dmoc.problem.problem import Problem
-from dmoc.sequences.neighbours import neighbours
+from dmoc.sequences.neighbours import neighbours, other_returns
 from dmoc.sequences.node_solve import Task
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.proposals import Proposals, Words
@@ -65,9 +65,12 @@ class Candidates(Tree):
                 self.left, self.frontier = [*self.left, *self.frontier], []
 
     def _add(self, node: Node) -> Node:
-        """What the best proposes, where contacts stay at the edges of their modes, joins too."""
+        """What the best proposes, where contacts stay at the edges of their modes, joins too, and
+        other ways of what has no motion."""
         self.nodes[node.sequence] = node
         self.frontier.remove(node.sequence)
+        if node.verdict not in (Verdict.OPTIMAL, Verdict.FEASIBLE):
+            self._other_ways(node.sequence)
         best = self.best()
         if best is not None and best.sequence == node.sequence:
             words = proposed(self.problem, node.solution, self.settings)
@@ -75,6 +78,17 @@ class Candidates(Tree):
                 self.proposed[words] = node.solution
                 self._join(words)
         return node
+
+    def _other_ways(self, sequence: Words) -> None:
+        """Hits with tangential restitution, which relaxed motions have none of, may go other ways
+        than there."""
+        motion = self.proposals.motions.get(sequence)
+        if motion is None:
+            return
+        for words in other_returns(self.problem_of(sequence).touch, sequence):
+            if words not in self.nodes and words not in self.frontier:
+                self.ways.setdefault(words, motion)
+                self._join(words)
 
     def _neighbours(self) -> bool:
         """Put what the motion of the best proposes into the frontier; whether there is anything."""

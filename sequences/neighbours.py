@@ -110,9 +110,21 @@ def _rubbing(phases: list[Phase], contacts: Contacts) -> Iterator[list[Phase]]:
 def _other_courses(event: Event, contacts: Contacts) -> list[Course]:
     if event.course is None or contacts.surfaces[event.hit] not in contacts.rough:
         return []
+    if contacts.returns(event.hit):
+        return [course for course in map(Course, (1, STICK, -1)) if course != event.course]
     s, late = event.course.first, contacts.surfaces[event.hit] not in contacts.plastic
     stops = [Course(s, then, at) for then in (STICK, -s) for at in (False, True)[: 1 + late]]
     return [] if s == STICK else [Course(s), *stops]
+
+
+def other_returns(touch: Touch, words: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """Words in which one hit with tangential restitution and friction goes another way."""
+    for i, event in enumerate(touch.events):
+        if event.course is not None and touch.contacts.returns(event.hit):
+            name = touch.contacts.surfaces[event.hit]
+            for course in _other_courses(event, touch.contacts):
+                other = words[i].replace(f"{name}:{event.course}", f"{name}:{course}")
+                yield (*words[:i], other, *words[i + 1 :])
 
 
 def _touching(
@@ -125,7 +137,7 @@ def _touching(
         first, middle, last = _in_three(phase.piece)
         for j in surfaces:
             closed, rubbing = {*phase.mode.closed} ^ {j}, dict(phase.mode.rubbing)
-            tangent = next((k for k, at in enumerate(contacts.supports) if at == j), None)
+            tangent = contacts.rubs_on(j)
             if tangent is not None and rubbing.pop(tangent, None) is None:
                 rubbing[tangent] = STICK
             between = Phase(Event(), Mode.of(closed, rubbing), middle)

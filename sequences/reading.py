@@ -106,7 +106,8 @@ def _course(relaxed: Relaxed, i: int) -> Course | None:
     surface, node = int(lay.touch.surfaces[i]), lay.collision_nodes[i]
     if contacts.surfaces[surface] not in contacts.rough:
         return None
-    hit = Passage(i, surface, contacts.supports.index(surface), False, (), ())
+    returns, tangent = contacts.returns(surface), contacts.supports.index(surface)
+    hit = Passage(i, surface, tangent, False, (), (), returns=returns)
     state = x[lay.index_q[node]], x[lay.impact.v_a[i]], float(lay.times(x)[node])
     return course_at(relaxed.nlp.problem, hit, state)
 

@@ -357,6 +357,25 @@ def test_a_search_hits_by_the_law(returned):
     np.testing.assert_allclose(costs["floor",], solution.cost, rtol=1e-6)
 
 
+def test_a_search_finds_how_a_hit_with_friction_goes():
+    # the torque on a ball before the hit changes its spin alone, and that its way back
+    torque = rough(inputs=[u], forces={a: u}, cost=u**2)
+    problem = dmoc.Problem(
+        torque, start={"x": 0, "z": HEIGHT, "a": 0, "x_dot": 1}, goal={"x": 0, "z": 0.3}, steps=10,
+        final_time=(0.4, 1.5), restitution=0.9, parameters={"e_t": 0.6},
+    )  # fmt: skip
+    costs = set()
+    for strategy in ("tree", "propose"):
+        best = dmoc.search(problem, max_collisions=1, strategy=strategy).best
+        assert best is not None and best.sequence[0] in (
+            "floor:stick",
+            "floor:slip-",
+            "floor:slip+",
+        )
+        costs.add(round(best.cost, 6))
+    assert len(costs) == 1
+
+
 def test_kernels_and_derivation_have_the_coefficient():
     from dmoc.inspection.kernel_check import checked
 
