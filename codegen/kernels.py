@@ -122,6 +122,10 @@ class Kernels(Shown):
         return [row["name"] for row in self.manifest.get("quantities", ())]
 
     @property
+    def integrals(self) -> list[str]:
+        return [n for n in self.manifest.get("totals", ()) if n != "final_time"]
+
+    @property
     def joints(self) -> list[str]:
         """Names of the constraints, which hold in every phase."""
         return list(self.manifest["joints"])

@@ -27,7 +27,12 @@ def through_hits(problem: Problem, lay: Layout, x: Array) -> Array:
 
 
 def with_hidden(problem: Problem, lay: Layout, x: Array) -> Array:
-    """Unknowns with the hidden ones, that are in the place of functions with kinks, on these."""
+    """Unknowns with the hidden ones, that are in the place of functions with kinks, on these, and
+    with totals and peaks as they are."""
+    if lay.index_totals.size or lay.index_peaks.size:
+        x, step = x.copy(), lay.step_inputs(x)
+        x[lay.index_totals] = problem.model.totals(step)
+        x[lay.index_peaks] = problem.model.peaks(step)
     if not lay.index_s.size:
         return x
     x, k = x.copy(), lay.step_of_input

@@ -380,6 +380,41 @@ class Model(BoundKernels):
         slopes = self._matrix("z_D", (self.nz, size), q, self._state(None), none, as_column(t))
         return slopes[..., : self.nq]
 
+    # Totals, objective ---------------------------------------------------------------------------
+
+    @cached_property
+    def totals_of(self) -> list[str]:
+        """Names of the totals: of the integrals, and of the final time where the objective has
+        it."""
+        return list(self.kernels.manifest.get("totals", ()))
+
+    @cached_property
+    def peaks_of(self) -> list[tuple[int, bool]]:
+        """Quantities whose peaks the objective has, and whether of both signs."""
+        return [(int(j), bool(both)) for j, both in self.kernels.manifest.get("peaks", ())]
+
+    def totals(self, step: Sequence[Array]) -> Array:
+        """The totals over steps, shape (number,)."""
+        if not self.totals_of:
+            return np.zeros(0)
+        return np.asarray(self.kernels.call("integral", *step, self.par)[0].sum(axis=0))
+
+    def peaks(self, step: Sequence[Array]) -> Array:
+        """The peaks over steps, at their points, shape (number,)."""
+        if not self.peaks_of:
+            return np.zeros(0)
+        z = self.path(step, "quantity").reshape(-1, self.nz)
+        return np.array([(np.abs(z) if both else z)[:, j].max() for j, both in self.peaks_of])
+
+    def objective(
+        self, totals: Array, peaks: Array, start: tuple[Array, Array], end: tuple[Array, Array]
+    ) -> float:
+        """The objective of totals, peaks, and positions and velocities at both ends."""
+        if not self.kernels.has("objective"):
+            return 0.0
+        rows = (as_rows(a) for a in (totals, peaks, *start, *end))
+        return float(self.kernels.call("objective", *rows, self.par)[0][0, 0])
+
     # Hidden unknowns ------------------------------------------------------------------------------
 
     def hidden(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:

@@ -25,6 +25,7 @@ def motion_along(
     bounds: tuple[Array, Array] | None = None,
     ignored: Sequence[str] = (),
     limits: Mapping[str, tuple[float, float]] | None = None,
+    totals: Mapping[str, float] | None = None,
     drawn: bool = True,
 ) -> Trajectory:
     """The motion through phases and collisions, with a coefficient of restitution for each surface,
@@ -63,6 +64,7 @@ def motion_along(
         scene=scene_of(model, [(p.t, p.q, p.v) for p in phases]) if drawn else None,
         limits=dict(limits or {}),
         quantities=tuple(kernels.quantities),
+        totals=dict(totals or {}),
     )
 
 

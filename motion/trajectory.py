@@ -233,6 +233,8 @@ class Trajectory:
         Names of the quantities of the model.
     tangential_restitution : mapping of str to float
         Coefficient e_t of each surface that has one.
+    totals : mapping of str to float
+        Integrals of the model over the motion, and the peaks that its objective has.
     """
 
     model: str
@@ -254,6 +256,7 @@ class Trajectory:
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     quantities: tuple[str, ...] = ()
     tangential_restitution: Mapping[str, float] = field(default_factory=dict)
+    totals: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         events = "; ".join(map(str, self.collisions)) or "no event"

@@ -13,6 +13,7 @@ import numpy as np
 from dmoc.base.arguments import (
     Interval,
     Range,
+    interval,
 )
 from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.base.names import momentum_name, velocity_name
@@ -193,7 +194,7 @@ class Problem(Shown):
         _ = self.parameter_values, self.restitution_values
         _ = self.input_bounds, self.coordinate_bounds, self.velocity_bounds, self.quantity_bounds
         _ = self.final_time_bounds, self.duration_bounds
-        _ = self.start_bounds, self.goal_bounds, self.quantity_ranges
+        _ = self.start_bounds, self.goal_bounds, self.quantity_ranges, self.total_bounds
         check_kinks(self)
         check_mass_matrix(self)
         check_admissible(self, "start", self.start_bounds)
@@ -418,6 +419,12 @@ class Problem(Shown):
             for name, (low, high) in zip(names, boxes, strict=True)
             if low > -np.inf or high < np.inf
         }
+
+    @cached_property
+    def total_bounds(self) -> Array:
+        """Bounds of the totals at the goal, shape (number, 2)."""
+        named = [(name, self.goal.get(name)) for name in self.model.totals_of]
+        return np.array([interval(v, f"goal of {n}") for n, v in named], dtype=float).reshape(-1, 2)
 
     @cached_property
     def quantity_ranges(self) -> QuantityRanges:

@@ -146,9 +146,11 @@ def boundary_of(problem: Problem, end: str) -> Boundary:
     velocities = [velocity_name(q) for q in coordinates]
     momenta = [momentum_name(q) for q in coordinates]
     for name in state:
-        quantities = problem.kernels.quantities
-        what = "state or quantity" if quantities else "state"
-        check_known(name, [*problem.states, *quantities], what, f"at the {end}")
+        others = list(problem.kernels.quantities)
+        what = "state or quantity" if others else "state"
+        if end == "goal" and (integrals := problem.kernels.integrals):
+            others, what = [*others, *integrals], "state, quantity or integral"
+        check_known(name, [*problem.states, *others], what, f"at the {end}")
     free, turning = None, {name for r in problem.relations for name in r.starts}
     position, velocity, momentum = [], [], []
     for q, v, p in zip(coordinates, velocities, momenta, strict=True):

@@ -13,6 +13,7 @@ class BoundKind(Enum):
     INSIDE = "gap to {name} inside {places} step{s}"
     PATH = "path constraint {name} in {places} step{s}"
     BOUND = "bound of {name} in {places} step{s}"
+    PEAK = "peak of {name} in {places} step{s}"
     CONE = "friction cone of {name} at {places} node{s}"
     DIRECTION = "sliding of {name} in {places} step{s}"
     DURATION = "duration of phase {name} {side} {value} s"

@@ -39,8 +39,8 @@ class Sensitivities(TypedDict):
     restitution : by surface that is hit, with respect to its coefficient e, where that is a number
     surfaces : by surface, with respect to moving it outwards by one unit of its gap
     final_time : with respect to the final time or its active bound; 0 where it is free
-    start, goal : by state or quantity, with respect to the value or the active bound; its other
-        states as given
+    start, goal : by state, quantity or integral, with respect to the value or the active bound;
+        its other states as given
     bounds : by input, coordinate, velocity or quantity and side, with respect to the bound, as
         "F <="
     """
@@ -107,7 +107,8 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
                     yield f"{name} {sign}", moved("bounds", name, (step * ways[0], step * ways[1]))
 
     def at_end(end: str) -> dict[str, float]:
-        names = [n for n in problem.kernels.quantities if getattr(problem, end).get(n) is not None]
+        named = [*problem.kernels.quantities, *problem.kernels.integrals]
+        names = [n for n in named if getattr(problem, end).get(n) is not None]
         return {name: moved(end, name, (CHANGE, CHANGE)) for name in names}
 
     surfaces = problem.model.contacts.surfaces

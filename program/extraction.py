@@ -16,7 +16,7 @@ from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import FORCES, Collision, Phase, Trajectory
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block
-from dmoc.program.layout import Layout
+from dmoc.program.layout import Layout, peak_names
 from dmoc.program.sharing import Forces, shared
 from dmoc.program.transcription import Transcription
 
@@ -105,7 +105,16 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         bounds=(problem.input_bounds, problem.coordinate_bounds),
         ignored=problem.ignored,
         limits=problem.limits,
+        totals=_totals(problem, lay, x),
     )
+
+
+def _totals(problem: Problem, lay: Layout, x: Array) -> dict[str, float]:
+    """Integrals of the model, and peaks of its objective."""
+    step = lay.step_inputs(x)
+    totals = dict(zip(problem.model.totals_of, problem.model.totals(step).tolist(), strict=True))
+    totals.pop("final_time", None)
+    return totals | dict(zip(peak_names(problem), x[lay.index_peaks].tolist(), strict=True))
 
 
 def _inside(nlp: Transcription, t: Array, q: Array, v: Array, q_i: Array) -> tuple[Array, Array]:

@@ -39,10 +39,15 @@ class Layout(Unknowns):
         if np.isfinite(problem.velocity_bounds).any():
             at_start |= not problem.start_bounds.is_state
             at_goal = True
+        rates = kernels.manifest.get("objective_velocities", (False, False))
+        at_start, at_goal = at_start or rates[0], at_goal or rates[1]
         ranges = problem.quantity_ranges
         at_start |= any(row["velocities"] for row in _said(problem, ranges.start))
         at_goal |= any(row["velocities"] for row in _said(problem, ranges.goal))
         along = _said(problem, problem.quantity_bounds)
+        for j, _ in problem.model.peaks_of:
+            row = kernels.manifest["quantities"][j]
+            at_start, at_goal = at_start or row["velocities"], at_goal or row["velocities"]
         for row in (*kernels.manifest["path_rows"], *along):
             if row["velocities"] and (FORMS[problem.control_form].shared or not row["inputs"]):
                 at_start |= row["inputs"] or not problem.start_bounds.is_state
@@ -60,6 +65,8 @@ class Layout(Unknowns):
             problem.goal_bounds.needs_velocity or at_goal,
             problem.touch,
             tuple(kernels.joints),
+            tuple(problem.model.totals_of),
+            tuple(peak_names(problem)),
         )
         return (_shared if sum(kind.steps) <= MOST_SHARED else cls.numbered)(kind)
 
@@ -222,6 +229,12 @@ class Layout(Unknowns):
         if not self.timed:
             parts[5] = np.zeros((self.total, 1))
         return parts
+
+
+def peak_names(problem: Problem) -> list[str]:
+    """What the peaks of the objective are called."""
+    names = problem.kernels.quantities
+    return [f"{'largest' if both else 'peak'} {names[j]}" for j, both in problem.model.peaks_of]
 
 
 def _said(problem: Problem, ranges: Array) -> list[Mapping[str, Any]]:

@@ -15,8 +15,8 @@ from dmoc.problem.problem import Problem
 class Scale:
     """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,);
     gaps, their rates and impulses (nc,); sliding velocities and friction impulses (nt,); path
-    constraints; quantities; hidden unknowns; step sizes (phases,); rates and impulses of the
-    constraints of the model (nj,)."""
+    constraints; quantities; totals and peaks of an objective; hidden unknowns; step sizes
+    (phases,); rates and impulses of the constraints of the model (nj,)."""
 
     time: float
     cost: float
@@ -32,6 +32,8 @@ class Scale:
     friction: Array
     path: Array
     quantity: Array
+    totals: Array
+    peaks: Array
     s: Array
     h: Array
     joint_rate: Array
@@ -46,9 +48,31 @@ class Scale:
         )
         path, s = (np.ones(len(kernels.manifest[part])) for part in ("path_rows", "hidden"))
         quantity = np.ones(len(kernels.quantities))
+        totals, peaks = (np.ones(len(a)) for a in (problem.model.totals_of, problem.model.peaks_of))
         nt, h = np.ones(len(kernels.tangents)), np.ones(problem.phases)
         nj = np.ones(len(kernels.joints))
-        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, nt, nt, path, quantity, s, h, nj, nj)
+        return cls(
+            1.0,
+            1.0,
+            1.0,
+            nq,
+            nq,
+            nq,
+            nu,
+            nc,
+            nc,
+            nc,
+            nt,
+            nt,
+            path,
+            quantity,
+            totals,
+            peaks,
+            s,
+            h,
+            nj,
+            nj,
+        )
 
     def named(self, problem: Problem) -> dict[str, float]:
         """Sizes by name, as results show them."""

@@ -72,6 +72,8 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
             energy / slide,
             path,
             quantity,
+            np.ones(lay.index_totals.size),
+            np.ones(lay.index_peaks.size),
             size_s,
             h.copy(),
             joint_rate,
@@ -80,7 +82,19 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         sizes = lay.units(scale)
         cost = _cost(problem, lay, x, sizes, size_v) / (MINIMUM_COST if minimum else FIRST_COST)
         path, quantity = (_path(problem, lay, x, sizes, kind) for kind in ("path", "quantity"))
-        return replace(scale, cost=cost, path=path, quantity=quantity)
+        at = [j for j, _ in model.peaks_of]
+        return replace(
+            scale, cost=cost, path=path, quantity=quantity, peaks=quantity[at],
+            totals=_totals(problem, lay, x),
+        )  # fmt: skip
+
+
+def _totals(problem: Problem, lay: Layout, x: Array) -> Array:
+    """Sizes of the totals: of their values, or of what bounds them."""
+    values = np.abs(_finite(problem.model.totals(lay.step_inputs(x)), 0.0))
+    bounds = np.where(np.isfinite(problem.total_bounds), np.abs(problem.total_bounds), 0.0)
+    size = np.maximum(values, bounds.max(axis=1, initial=0.0))
+    return np.where(size > 0, size, 1.0)
 
 
 def _finite(values: Array, otherwise: float) -> Array:
@@ -159,6 +173,9 @@ def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) 
     v_E = x[lay.index_v_E] if len(lay.index_v_E) else np.zeros(lay.nq)
     end = (x[lay.index_q[-1]], v_E, lay.times(x)[-1])
     value = float(model.step_costs(step).sum() + model.terminal_cost(*end))
+    v_B = x[lay.index_v_B] if len(lay.index_v_B) else np.zeros(lay.nq)
+    ends = (x[lay.index_q[0]], v_B), end[:2]
+    value += model.objective(model.totals(step), model.peaks(step), *ends)
     duration = float(np.sum(x[lay.index_h] * lay.steps))
     around = np.concatenate([sizes[lay.index_q[-1]], speeds, [duration]])
     slope += np.abs(model.terminal_cost_slopes(*end) * around).sum()

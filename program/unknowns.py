@@ -8,7 +8,8 @@ momenta at both ends; v_B, v_E: velocities at both ends, only where the problem 
 of the nodes, only where the model depends on them; q_i: coordinates of the nodes inside the steps;
 s: hidden unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), in the rows of the inputs.
 Behind those of laws are w, velocities at the nodes inside phases, and t_i, times of the nodes
-inside steps, both only where something pushes along steps with nodes inside.
+inside steps, both only where something pushes along steps with nodes inside, and behind these
+totals and peaks of an objective.
 Laws that push have tables of their own: :class:`~dmoc.program.impacts.ImpactUnknowns` (lam, v_a,
 v_c, in these places because files keep multipliers in this order),
 :class:`~dmoc.program.contact_table.ContactUnknowns`,
@@ -57,6 +58,8 @@ class Kind:
     v_at_end: bool
     touch: Touch
     joints: tuple[str, ...]
+    totals: tuple[str, ...]
+    peaks: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +92,8 @@ class Unknowns:
     index_s: Index
     index_w: Index
     index_t_i: Index
+    index_totals: Index
+    index_peaks: Index
     impact: ImpactUnknowns
     contact: ContactUnknowns
     hit: HitUnknowns
@@ -193,9 +198,14 @@ class Unknowns:
             lambda k, i: f"time {place_inside(i)} step {k}",
             lambda s: s.time,
         ).index
+        totals, peaks = (
+            block("totals", (len(kind.totals),), lambda i: kind.totals[i], lambda s: s.totals),
+            block("peaks", (len(kind.peaks),), lambda i: kind.peaks[i], lambda s: s.peaks),
+        )
         return cls(
             nq, len(u), steps, form, scheme, kind.timed, touch, tuple(block.made),
-            **indices, index_w=index_w, index_t_i=index_t_i, impact=impact, contact=contact,
+            **indices, index_w=index_w, index_t_i=index_t_i,
+            index_totals=totals.index, index_peaks=peaks.index, impact=impact, contact=contact,
             hit=hit, held=held, joint=joint, relaxed=relaxed,
         )  # fmt: skip
 

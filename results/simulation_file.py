@@ -152,7 +152,9 @@ def _as_now(header: Any) -> Any:
             "simulation_format": int(version),
             "simulation": {"trajectory": {"phases": dict(phases), **motion}, **rest},
         } if OLDEST <= version < FORMAT:
-            lacking: dict[str, Any] = {"limits": {}, "quantities": [], "tangential_restitution": {}}
+            lacking: dict[str, Any] = {
+                "limits": {}, "quantities": [], "totals": {}, "tangential_restitution": {},
+            }  # fmt: skip
             parts = {"phases": {"quantities": [0], **phases}}
             now = {**rest, "trajectory": lacking | motion | parts}
             return {**header, "simulation_format": FORMAT, "simulation": now}

@@ -45,7 +45,8 @@ INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have insi
 # and collisions.
 LACKING_BESIDE: Mapping[str, Any] = {"proposal": None}
 LACKING: Mapping[str, Any] = {
-    "units": {}, "scene": None, "limits": {}, "quantities": [], "tangential_restitution": {},
+    "units": {}, "scene": None, "limits": {}, "quantities": [], "totals": {},
+    "tangential_restitution": {},
 }  # fmt: skip
 LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
     "phases": {f"{name}_inside": [0, 0] for name in INSIDE} | {"quantities": [0, 0]},
@@ -240,6 +241,7 @@ TRAJECTORY = Record(
         "scene": Either(Nothing(), SCENE),
         "limits": Mapped(Listed(Number(special=True), 2), names=Name()),
         "quantities": Listed(Name()),
+        "totals": Mapped(Number(special=True)),
     },
     _wrong_motion,
 )

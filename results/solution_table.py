@@ -50,6 +50,8 @@ def _motion(s: Solution) -> Iterator[tuple[Cell, ...]]:
             f"largest {force.kind} of {force.contact}",
             f"{force.value:.6g}{unit} at {force.time:.6g} s",
         )
+    for name, value in s.trajectory.totals.items():
+        yield name, f"{value:.7g}"
     yield "active bounds", ", ".join(s.active_bounds) or "none"
 
 

@@ -31,9 +31,9 @@ class Continuous:
     """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
     gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, constraints phi_j,
     looks: the values of the drawing; coefficients of restitution e_j, of all surfaces or none, and
-    of tangential restitution e_t, of all tangents or none; quantities z; symbols x of definitions
-    with their rates x_dot and their values x_of, and the dissipation R of which Q lacks the forces.
-    Nodes have neither."""
+    of tangential restitution e_t, of all tangents or none; quantities z, integrands c; symbols x of
+    definitions with their rates x_dot and their values x_of, and the dissipation R of which Q lacks
+    the forces.  Nodes have neither."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -53,6 +53,7 @@ class Continuous:
     e: tuple[Any, ...] = ()
     z: tuple[Any, ...] = ()
     e_t: tuple[Any, ...] = ()
+    c: tuple[Any, ...] = ()
     R: Any = sp.S.Zero
     x: tuple[Any, ...] = ()
     x_dot: tuple[Any, ...] = ()
@@ -102,6 +103,7 @@ class Continuous:
             tuple(rewrite(e) for e in system.coefficients_of_restitution),
             tuple(rewrite(e) for e in system.quantities.values()),
             tuple(rewrite(e) for e in system.coefficients_of_tangential_restitution),
+            tuple(rewrite(e) for e in system.integrals.values()),
             rewrite(R),
             tuple(x),
             tuple(x_dot),
@@ -162,7 +164,9 @@ class Continuous:
 
 
 # The functions of a Continuous, which are one expression or several.
-FUNCTIONS = ("L", "Q", "C", "Phi", "g", "r", "tau", "mu", "phi", "looks", "e", "z", "e_t", "R")
+FUNCTIONS = (
+    "L", "Q", "C", "Phi", "g", "r", "tau", "mu", "phi", "looks", "e", "z", "e_t", "c", "R",
+)  # fmt: skip
 
 
 def _listed(value: Any) -> tuple[Any, ...]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # The fields of a system that contain definitions, but for the drawing.
 EXPRESSIONS = (
     "lagrangian", "forces", "dissipation", "surfaces", "tangents", "cost", "terminal_cost",
-    "constraints", "path_constraints", "quantities",
+    "constraints", "path_constraints", "quantities", "integrals",
 )  # fmt: skip
 
 

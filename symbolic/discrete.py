@@ -347,4 +347,4 @@ def _substituted(f: Continuous, table: dict[Any, Any]) -> Continuous:
         return tuple(v.subs(table) if table else v for v in values)
 
     L, C = each((f.L, f.C))
-    return replace(f, L=L, Q=each(f.Q), C=C, r=each(f.r), z=each(f.z))
+    return replace(f, L=L, Q=each(f.Q), C=C, r=each(f.r), z=each(f.z), c=each(f.c))

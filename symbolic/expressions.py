@@ -42,6 +42,26 @@ class ApproachSpeed(sp.Symbol):  # type: ignore[misc]  # SymPy has no types
 approach_speed = ApproachSpeed("approach_speed", nonnegative=True)
 
 
+class FinalTime(sp.Symbol):  # type: ignore[misc]  # SymPy has no types
+    """The final time of a motion in seconds, in an objective.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from sympy.physics.mechanics import dynamicsymbols
+    >>> x, u = dynamicsymbols("x u")
+    >>> sled = dmoc.MechanicalSystem(
+    ...     "sled", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, objective=dmoc.final_time
+    ... )
+    >>> problem = dmoc.Problem(sled, {x: 0}, {x: 1, "x_dot": 0}, bounds={u: (-1, 1)})
+    >>> round(dmoc.solve(problem).cost, 4)
+    2.0
+    """
+
+
+final_time = FinalTime("final_time", positive=True)
+
+
 def expression_in(value: Any, what: str) -> Any:
     """A scalar, real and finite SymPy expression; raise ModelError for what is none."""
     expression = (

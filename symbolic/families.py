@@ -32,6 +32,7 @@ from dmoc.symbolic.expressions import atoms_of
 from dmoc.symbolic.graph import Graph, Node, gradient, reverse
 from dmoc.symbolic.kernel_family import contracted, family, state_inputs
 from dmoc.symbolic.kinks import split
+from dmoc.symbolic.objectives import objective_facts, objective_kernels
 from dmoc.symbolic.path_constraints import (
     path_kernels,
     path_limits,
@@ -76,6 +77,8 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     points = DISCRETISATIONS[order].degree
     kernels = [
         *_step_kernels(
+            system,
+            plain,
             smooth,
             *(
                 step_element(_light(smooth, most / points), order, graph.symbol, float)
@@ -156,7 +159,7 @@ def _facts(
             "order": order,
             "explicit_time": any(
                 f.t in e.free_symbols
-                for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.phi, *f.e, *f.z)
+                for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.phi, *f.e, *f.z, *f.c)
             ),
             "title": _title(system),
             "coordinates": [name_of(q) for q in system.coordinates],
@@ -202,10 +205,14 @@ def _facts(
         }
         | laws_in_words(system)
         | {key: values for key, values in more.items() if values}
+        | objective_facts(system)
     )
 
 
-def _step_kernels(f: Continuous, e: StepElement, at_events: StepElement) -> list[KernelSpec]:
+def _step_kernels(
+    system: MechanicalSystem, plain: Continuous, f: Continuous, e: StepElement,
+    at_events: StepElement,
+) -> list[KernelSpec]:  # fmt: skip
     inputs = (
         Input("q_k", e.q_k),
         Input("q_kp1", e.q_kp1),
@@ -237,6 +244,7 @@ def _step_kernels(f: Continuous, e: StepElement, at_events: StepElement) -> list
         ),
         *path_kernels(f, e, inputs),
         *quantity_kernels(f, e, inputs),
+        *objective_kernels(system, plain, f, e, inputs),
     ]
 
 

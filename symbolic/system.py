@@ -74,6 +74,14 @@ class MechanicalSystem(Shown):
         negative one are split into smooth functions, equation :eq:`kink` of the theory.
     terminal_cost : Expr, optional
         Phi(q, q', t) at the final time, which is added to the cost.
+    integrals : mapping of str to Expr, optional
+        Integrands in q, q', u, t and parameters by name: ``{"effort": u**2}``.  A problem bounds
+        their values over the whole motion at the goal, and the objective may contain them.
+    objective : Expr, optional
+        What is minimised beside the cost: an expression in parameters, ``dmoc.total(name)`` of an
+        integral, ``dmoc.final_time``, ``dmoc.at_start(...)`` and ``dmoc.at_end(...)`` of
+        coordinates and velocities, and ``dmoc.peak(name)`` and ``dmoc.largest(name)``, the largest
+        value and the largest magnitude of a quantity.
     constraints : mapping of str to equation, optional
         Equations phi(q, t) = 0 that hold in every phase, by name: closed loops, rods, coordinates
         that depend on each other, places that move in a way that is prescribed:
@@ -155,6 +163,8 @@ class MechanicalSystem(Shown):
     definitions: Mapping[Any, Any] = field(default_factory=dict)
     quantities: Mapping[str, Any] = field(default_factory=dict)
     tangential_restitution: Mapping[str, Any] = field(default_factory=dict)
+    integrals: Mapping[str, Any] = field(default_factory=dict)
+    objective: Any = 0
 
     def __post_init__(self) -> None:
         check_name(self.name, "model")
@@ -316,6 +326,8 @@ class MechanicalSystem(Shown):
             *(f"{n}=0:{sp.srepr(c)}" for n, c in self.constraints.items()),
             *(f"{sp.srepr(x)}:={sp.srepr(e)}" for x, e in self.definitions.items()),
             *(f"z_{n}:{sp.srepr(e)}" for n, e in self.quantities.items()),
+            *(f"I_{n}:{sp.srepr(e)}" for n, e in self.integrals.items()),
+            *((f"objective:{sp.srepr(self.objective)}",) if self.objective != 0 else ()),
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 

@@ -20,6 +20,7 @@ from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.expressions import KINDS, approach_speed, atoms_of, unknown_symbol
 from dmoc.symbolic.graph import Graph, Node, reverse
 from dmoc.symbolic.kinks import check_smooth, split
+from dmoc.symbolic.objectives import check_objective
 from dmoc.symbolic.restitution import check_restitution, check_tangential_restitution
 from dmoc.symbolic.system_fields import LARGEST_PARAMETER
 from dmoc.symbolic.traversal import evaluated
@@ -43,6 +44,7 @@ def check(system: MechanicalSystem) -> None:
     check_definitions(system)
     check_restitution(system)
     check_tangential_restitution(system)
+    check_objective(system)
     _check_friction(system)
     _check_symbols(system)
     _check_kinks(system)
@@ -67,6 +69,7 @@ def check_names(system: MechanicalSystem) -> None:
         "parameter": [name_of(s) for s in system.parameters],
         "definition": [name_of(x) for x in system.definitions],
         "quantity": list(system.quantities),
+        "integral": list(system.integrals),
     }
     labels = {
         "surface": list(system.surfaces),
@@ -159,7 +162,7 @@ def _check_symbols(system: MechanicalSystem) -> None:
         "parameters": set(system.parameters),
         "the approach speed": {approach_speed} if system.restitution else set(),
     } | kinds_of(system)
-    used: set[Any] = set()
+    used: set[Any] = set(system.objective.free_symbols)
     for where, expression, allowed in _expressions(system):
         atoms = atoms_of(expression)
         used |= atoms
@@ -204,6 +207,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),
         ("quantity {!r}", system.quantities, KINDS),
         ("the tangential restitution of {!r}", system.tangential_restitution, ("parameters",)),
+        ("integral {!r}", system.integrals, KINDS),
     ):
         for name, expression in expressions.items():
             yield what.format(name), expression, allowed

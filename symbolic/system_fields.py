@@ -35,6 +35,7 @@ MAPPINGS = {  # with an example each
     "tangential_restitution": '{"floor": 0.5}',
     "definitions": "{x1: l * sp.sin(a)}",
     "quantities": '{"tip": x + l * sp.sin(a)}',
+    "integrals": '{"effort": u**2}',
 }
 
 
@@ -53,7 +54,7 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
     }
     if not isinstance(system.title, str) or not system.title.isprintable():
         raise ModelError(f"title = {shown(system.title)}: expected one line of text.")
-    for name in ("lagrangian", "cost", "dissipation", "terminal_cost"):
+    for name in ("lagrangian", "cost", "dissipation", "terminal_cost", "objective"):
         what = "Lagrangian" if name == "lagrangian" else name.replace("_", " ")
         read[name] = expression_in(getattr(system, name), f"the {what}")
     read["forces"] = _forces(system)
@@ -70,9 +71,10 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
         name: zero_of(equation, f"constraint {name!r}")
         for name, equation in system.constraints.items()
     }
-    read["quantities"] = {
-        name: expression_in(e, f"quantity {name!r}") for name, e in system.quantities.items()
-    }
+    for kind, what in (("quantities", "quantity"), ("integrals", "integral")):
+        read[kind] = {
+            name: expression_in(e, f"{what} {name!r}") for name, e in getattr(system, kind).items()
+        }
     contacts = dict.fromkeys((*system.surfaces, *system.tangents))
     return read | {"drawing": parts_in(system.drawing, contacts)}
 

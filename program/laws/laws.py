@@ -26,6 +26,7 @@ from dmoc.program.laws.hit import HitLaw
 from dmoc.program.laws.impact import ImpactLaw
 from dmoc.program.laws.joint import JointLaw
 from dmoc.program.laws.law import Law
+from dmoc.program.laws.objective import ObjectiveLaw
 from dmoc.program.laws.path import PathLaw
 from dmoc.program.laws.quantity import QuantityLaw
 from dmoc.program.laws.step import StepLaw
@@ -51,6 +52,8 @@ class Laws:
     bound: PathLaw
     quantity: QuantityLaw
     velocity: VelocityLaw
+    peak: PathLaw
+    objective: ObjectiveLaw
     impact: ImpactLaw
     ends: EndsLaw
     contact: ContactLaw
@@ -73,9 +76,9 @@ class Laws:
         return sum(b.count for b in self.inequalities)
 
     def __iter__(self) -> Iterator[Law]:
-        first = self.step, self.path, self.bound, self.quantity, self.velocity
+        first = self.step, self.path, self.bound, self.quantity, self.velocity, self.peak
         last = self.joint, self.complementarity
-        return iter((*first, self.impact, self.ends, *self.of_contacts, *last))
+        return iter((*first, self.impact, self.ends, *self.of_contacts, *last, self.objective))
 
     @property
     def of_contacts(self) -> tuple[Law, ...]:
@@ -139,7 +142,8 @@ def laws_of(
     return Laws(
         StepLaw(problem, lay), PathLaw.of(problem, lay), PathLaw.of_quantities(problem, lay),
         QuantityLaw(problem, lay),
-        VelocityLaw(lay, tuple(problem.kernels.coordinates), problem.velocity_bounds), impact,
+        VelocityLaw(lay, tuple(problem.kernels.coordinates), problem.velocity_bounds),
+        PathLaw.of_peaks(problem, lay), ObjectiveLaw(lay, tuple(problem.model.totals_of)), impact,
         EndsLaw(problem, lay, tuple(goals)), *of_contacts,
         JointLaw(lay, tuple(problem.kernels.manifest["bent_joints"])),
         ComplementarityLaw(

@@ -27,7 +27,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Index, Numbering
+from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Entries, Index, Numbering
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.laws.law import Law
 from dmoc.program.layout import Layout
@@ -37,13 +37,18 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
+KINDS = {"path": BoundKind.PATH, "quantity": BoundKind.BOUND, "peak": BoundKind.PEAK}
+
+
 @dataclass(frozen=True)
 class Side:
-    """A side on which functions stay: sign * (function - value) >= 0, of those that have it."""
+    """A side on which functions stay: sign * (function - value) >= 0, of those that have it; or
+    sign * function + unknown >= 0 with one of the ``unknowns`` for each."""
 
     sign: float
     there: Bools
     values: Array
+    unknowns: Index | None = None
 
 
 @dataclass(eq=False)
@@ -53,8 +58,8 @@ class PathLaw(Law):
     Attributes
     ----------
     lay : Layout
-    kernel : str
-        Name of the kernels, "path" or "quantity".
+    name, kernel : str
+        "path", "quantity" or "peak", and the name of the kernels, "path" or "quantity".
     rows : tuple of mappings
         What the functions depend on (:func:`~dmoc.symbolic.path_constraints.path_rows`).
     sides : tuple of Side
@@ -63,6 +68,7 @@ class PathLaw(Law):
     """
 
     lay: Layout
+    name: str
     kernel: str
     rows: tuple[Mapping[str, Any], ...]
     sides: tuple[Side, ...]
@@ -77,13 +83,24 @@ class PathLaw(Law):
         """The path constraints."""
         rows = tuple(problem.kernels.manifest["path_rows"])
         every = Side(1.0, np.ones(len(rows), dtype=bool), np.zeros(len(rows)))
-        return cls(lay, "path", rows, (every,))
+        return cls(lay, "path", "path", rows, (every,))
 
     @classmethod
     def of_quantities(cls, problem: Problem, lay: Layout) -> PathLaw:
         """The bounds of the quantities."""
         rows = tuple(problem.kernels.manifest.get("quantities", ()))
-        return cls(lay, "quantity", rows, _sides(problem))
+        return cls(lay, "quantity", "quantity", rows, _sides(problem))
+
+    @classmethod
+    def of_peaks(cls, problem: Problem, lay: Layout) -> PathLaw:
+        """The peaks of the objective above their quantities, and above the negative ones."""
+        rows = tuple(problem.kernels.manifest.get("quantities", ()))
+        sides = []
+        for (j, both), unknown in zip(problem.model.peaks_of, lay.index_peaks, strict=True):
+            there, unknowns = np.arange(len(rows)) == j, np.full(len(rows), unknown)
+            for sign in (-1.0, 1.0)[: 1 + both]:
+                sides.append(Side(sign, there, np.zeros(len(rows)), unknowns))
+        return cls(lay, "peak", "quantity", rows, tuple(sides))
 
     def bounding(self, problem: Problem) -> PathLaw:
         """The same rows with the bounds of another problem, which has the same ones."""
@@ -121,7 +138,9 @@ class PathLaw(Law):
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
         if not self.idle:
-            self.at_ends = _ends(problem, self.lay, self.rows, limits[0] == limits[1])
+            peaks = self.name == "peak"  # may be above what is fixed
+            fixed = np.zeros(self.lay.size, dtype=bool) if peaks else limits[0] == limits[1]
+            self.at_ends = _ends(problem, self.lay, self.rows, fixed, not peaks)
 
     @property
     def _at_points(self) -> Bools:
@@ -134,9 +153,9 @@ class PathLaw(Law):
         if self.idle:
             return
         lay, count, kernel = self.lay, len(self.rows), self.kernel
-        nouns = {"path": "path constraint ", "quantity": "bound of "}
-        names = [nouns[kernel] + n if n else "limit of a hidden unknown" for n in self.names]
-        kind = {"path": BoundKind.PATH, "quantity": BoundKind.BOUND}[kernel]
+        nouns = {"path": "path constraint ", "quantity": "bound of ", "peak": "peak of "}
+        names = [nouns[self.name] + n if n else "limit of a hidden unknown" for n in self.names]
+        kind = KINDS[self.name]
         counted = partial(Counted, kind, self.names)
         steps, points = np.arange(lay.total), lay.scheme.points
         inner, ends = ~np.isin(np.arange(lay.total + 1), lay.ends), _nodes_of_ends(lay)
@@ -166,7 +185,7 @@ class PathLaw(Law):
             every = where.shape[1] // max(count, 1)
             there = [np.tile(side.there, every) for side in self.sides]
             return block(
-                f"{kernel} {name}".rstrip(),
+                f"{self.name} {name}".rstrip(),
                 np.hstack([where & side for side in there]),
                 says,
                 lambda s: np.tile(getattr(s, kernel), every * len(there)),
@@ -210,12 +229,24 @@ class PathLaw(Law):
                     terms.append(Term(self.kernel + name, arguments, (rows[own],), side.sign))
         return terms
 
-    def constants(self) -> Iterator[tuple[int, float]]:
+    @property
+    def _blocks(self) -> tuple[Block, ...]:
         if self.idle:
-            return
-        for block in (
-            self.at_points, self.at_nodes, self.at_ends_of_steps, self.at_ends_of_phases,
-        ):  # fmt: skip
+            return ()
+        return self.at_points, self.at_nodes, self.at_ends_of_steps, self.at_ends_of_phases
+
+    def entries(self, laws: Laws) -> list[Entries]:
+        entries = []
+        for block in self._blocks:
+            for side, rows in zip(self.sides, self._by_side(block), strict=True):
+                if side.unknowns is not None:
+                    where, column = np.nonzero(rows != NOWHERE)
+                    unknowns = side.unknowns[column % len(side.unknowns)]
+                    entries.append((rows[where, column], unknowns, np.ones(len(where))))
+        return entries
+
+    def constants(self) -> Iterator[tuple[int, float]]:
+        for block in self._blocks:
             for side, rows in zip(self.sides, self._by_side(block), strict=True):
                 if side.values.any():
                     where, column = np.nonzero(rows != NOWHERE)
@@ -251,14 +282,16 @@ def _velocities(lay: Layout) -> Index:
     return velocities
 
 
-def _ends(problem: Problem, lay: Layout, rows: Sequence[Mapping[str, Any]], fixed: Bools) -> Bools:
+def _ends(
+    problem: Problem, lay: Layout, rows: Sequence[Mapping[str, Any]], fixed: Bools, known: bool
+) -> Bools:
     """Which path constraints stand at the start and at the end of each phase."""
     nodes = _nodes_of_ends(lay)
     velocity = np.zeros(len(nodes), dtype=bool)
     for at, p, v in ((0, lay.index_p_B, lay.index_v_B), (-1, lay.index_p_E, lay.index_v_E)):
         at_rest = bool(fixed[lay.index_q[nodes[at]]].all() and fixed[p].all())
         velocity[at] = at_rest or bool(len(v) and fixed[v].all())
-    at_contact = _known_at_contacts(problem, lay)
+    at_contact = _known_at_contacts(problem, lay) & known
     stands = np.zeros((len(nodes), len(rows)), dtype=bool)
     for j, row in enumerate(rows):
         place = list(row["coordinates"])

@@ -36,6 +36,12 @@ if TYPE_CHECKING:
     from dmoc.symbolic.drawing import Spring as Spring
     from dmoc.symbolic.drawing import Wall as Wall
     from dmoc.symbolic.expressions import approach_speed as approach_speed
+    from dmoc.symbolic.expressions import final_time as final_time
+    from dmoc.symbolic.objectives import at_end as at_end
+    from dmoc.symbolic.objectives import at_start as at_start
+    from dmoc.symbolic.objectives import largest as largest
+    from dmoc.symbolic.objectives import peak as peak
+    from dmoc.symbolic.objectives import total as total
     from dmoc.symbolic.system import MechanicalSystem as MechanicalSystem
 
     __version__: str
@@ -56,7 +62,13 @@ _PLACES = {
     "Wall": "dmoc.symbolic.drawing",
     "animate": "dmoc.report.animation",
     "approach_speed": "dmoc.symbolic.expressions",
+    "at_end": "dmoc.symbolic.objectives",
+    "at_start": "dmoc.symbolic.objectives",
     "build": "dmoc.models.registry",
+    "final_time": "dmoc.symbolic.expressions",
+    "largest": "dmoc.symbolic.objectives",
+    "peak": "dmoc.symbolic.objectives",
+    "total": "dmoc.symbolic.objectives",
     "derive": "dmoc.inspection.system_derivation",
     "load": "dmoc.models.registry",
     "search": "dmoc.sequences.search",

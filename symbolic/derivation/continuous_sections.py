@@ -84,6 +84,13 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
         named = zip(system.quantities, f.z, strict=True)
         values = tuple(definition(own, f"z_{n}", f"z_{upright(n)}", z) for n, z in named)
         yield Section("Quantities", "z, which have names as states do.", values)
+    if f.c:
+        named = zip(system.integrals, f.c, strict=True)
+        values = tuple(definition(own, f"I_{n}", f"I_{upright(n)}", c) for n, c in named)
+        yield Section("Integrals", "Integrands over the motion.", values)
+    if system.objective != 0:
+        value = Equation("J", "J", system.objective)
+        yield Section("Objective", "What is minimised beside the cost.", (value,))
     if f.phi:
         named = zip(system.constraints, f.phi, strict=True)
         equations = [definition(own, f"phi_{n}", rf"\phi_{upright(n)}", phi) for n, phi in named]

@@ -101,6 +101,7 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
         ("phi", system.constraints, f.phi),
         ("r", system.path_constraints, f.r),
         ("z", system.quantities, f.z),
+        ("I", system.integrals, f.c),
     ):
         for name, value in zip(owners, values, strict=True):
             yield f"{letter}_{name}", mathml.symbol(f"{letter}_{name}"), value
@@ -108,6 +109,8 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
         yield "C", mathml.symbol("C"), f.C
     if f.Phi != 0:
         yield "Phi", mathml.symbol("Phi"), f.Phi
+    if system.objective != 0:
+        yield "J", mathml.symbol("J"), system.objective
 
 
 def derivation_html(derivation: Derivation) -> str:

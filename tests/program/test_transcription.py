@@ -246,7 +246,16 @@ def test_unknowns_have_the_order_of_files_and_those_of_laws_tables(nlp: Transcri
     """Files keep the multipliers of bounds in this order."""
     lay, order = nlp.layout, "h q u lam p_B p_E v_B v_E v_a v_c t q_i s".split()
     of_laws = ["P", "T", "P_c", "T_c", "v_h", "P_h", "T_h", "R", "R_c", "P_b", "T_b", "R_b"]
-    assert [b.name for b in lay.unknowns] == [*order, *of_laws, "P_r", "T_r", "w", "t_i"]
+    assert [b.name for b in lay.unknowns] == [
+        *order,
+        *of_laws,
+        "P_r",
+        "T_r",
+        "w",
+        "t_i",
+        "totals",
+        "peaks",
+    ]
     parts = lay, lay.impact, lay.contact, lay.hit, lay.joint, lay.held, lay.relaxed
     tables = {name: table for part in parts for name, table in vars(part).items()}
     for block in lay.unknowns:

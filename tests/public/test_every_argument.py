@@ -107,6 +107,8 @@ def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
         "MechanicalSystem": {
             "name": "a", "coordinates": [X], "lagrangian": X.diff(T) ** 2, "parameters": {M: 1.0}
         },
+        **{name: {"name": "effort"} for name in ("total", "peak", "largest")},
+        **{name: {"expression": X} for name in ("at_start", "at_end")},
         "Box": {"centre": (0, 0), "width": 1, "height": 1},
         "Disc": {"centre": (0, 0), "radius": 1},
         "Link": {},
@@ -117,7 +119,7 @@ def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
     }  # fmt: skip
     # Made by functions alone; an error is given its text.
     results = {"Batch", "Simulation", "Solution", "DmocError"}
-    builders = {"planar", "spatial", "approach_speed"}
+    builders = {"planar", "spatial", "approach_speed", "final_time"}
     assert set(functions) | results | builders == set(dmoc.__all__)
     made = {name: (getattr(dmoc, name), given) for name, given in functions.items()}
     for module in (dmoc.planar, dmoc.spatial):

@@ -1,0 +1,68 @@
+"""The law of totals: integrals over the whole motion as unknowns, and the objective of these, of
+peaks, and of the states at both ends.
+
+::
+
+    total   I - sum over steps of I_d = 0
+    range   bounds of the unknowns I, where the goal states them
+
+The peaks are unknowns above the quantities they are the largest of
+(:class:`~dmoc.program.laws.path.PathLaw`), at a minimum the least ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import LAW, NOWHERE, Block, Entries, Index, Missed, Numbering
+from dmoc.program.laws.law import Law
+from dmoc.program.layout import Layout
+from dmoc.program.scale import Scale
+from dmoc.program.terms import COST, Places, Term
+
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
+
+
+@dataclass(eq=False)
+class ObjectiveLaw(Law):
+    """Totals and the objective."""
+
+    lay: Layout
+    names: tuple[str, ...]
+    total: Block = field(init=False)
+
+    def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
+        box[self.lay.index_totals] = problem.total_bounds
+
+    def equations(self, block: Numbering) -> None:
+        if self.names:
+            self.total = block(
+                "total",
+                (len(self.names),),
+                lambda i: f"total {self.names[i]}",
+                lambda s: s.totals,
+                missed=Missed(LAW, lambda i: f"the total {self.names[i]} is not the sum of steps"),
+            )
+
+    def entries(self, laws: Laws) -> list[Entries]:
+        if not self.names:
+            return []
+        return [(self.total.numbers, self.lay.index_totals, np.ones(len(self.names)))]
+
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
+        lay, terms = self.lay, []
+        if self.names:
+            rows = np.tile(self.total.numbers, (lay.total, 1))
+            terms.append(Term("integral", places.step(np.arange(lay.total)), (rows,), -1.0))
+        ends: list[Index] = []
+        for node, index in ((0, lay.index_v_B), (-1, lay.index_v_E)):
+            v = index if len(index) else np.full(lay.nq, NOWHERE)
+            ends += [lay.index_q[node][None], places.known(v[None])]
+        shared = lay.index_totals[None], lay.index_peaks[None]
+        return [*terms, Term("objective", (*shared, *ends), (np.full((1, 1), COST),))]

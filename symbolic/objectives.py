@@ -1,0 +1,342 @@
+"""Integrals of a model, and an objective of totals, ends of the motion, final time and peaks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import sympy as sp
+from sympy.core.function import AppliedUndef
+
+from dmoc.base.arguments import shown
+from dmoc.base.errors import ModelError
+from dmoc.symbolic.continuous import Continuous
+from dmoc.symbolic.conversion import to_nodes
+from dmoc.symbolic.discrete import StepElement
+from dmoc.symbolic.expressions import atoms_of, expression_in, final_time
+from dmoc.symbolic.kernel_family import family
+from dmoc.symbolic.kinks import check_smooth
+from dmoc.symbolic.spec import Input, KernelSpec
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.system import MechanicalSystem
+
+TOTAL, PEAK, LARGEST, START, END = "total", "peak", "largest", "at_start", "at_end"
+
+
+def total(name: str) -> Any:
+    """The value of an integral of the model, in an objective.
+
+    Parameters
+    ----------
+    name : str
+        One of the ``integrals`` of the model.
+
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    ModelError
+        If it is no name.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from sympy.physics.mechanics import dynamicsymbols
+    >>> x, u = dynamicsymbols("x u")
+    >>> sled = dmoc.MechanicalSystem(
+    ...     "sled", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, integrals={"effort": u**2},
+    ...     objective=dmoc.total("effort") / dmoc.at_end(x)
+    ... )
+    >>> sled.objective
+    total(effort)/at_end(x(t))
+    """
+    return _reference(TOTAL, name, "an integral")
+
+
+def peak(name: str) -> Any:
+    """The largest value of a quantity along the motion, in an objective that does not fall
+    with it.
+
+    Parameters
+    ----------
+    name : str
+        One of the ``quantities`` of the model.
+
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    ModelError
+        If it is no name.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from sympy.physics.mechanics import dynamicsymbols
+    >>> x, u = dynamicsymbols("x u")
+    >>> sled = dmoc.MechanicalSystem(
+    ...     "sled", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, quantities={"push": u},
+    ...     objective=dmoc.peak("push")
+    ... )
+    >>> sled.objective
+    peak(push)
+    """
+    return _reference(PEAK, name, "a quantity")
+
+
+def largest(name: str) -> Any:
+    """The largest magnitude of a quantity along the motion, in an objective that does not fall
+    with it.
+
+    Parameters
+    ----------
+    name : str
+        One of the ``quantities`` of the model.
+
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    ModelError
+        If it is no name.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from sympy.physics.mechanics import dynamicsymbols
+    >>> x, u = dynamicsymbols("x u")
+    >>> sled = dmoc.MechanicalSystem(
+    ...     "sled", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, quantities={"push": u},
+    ...     objective=dmoc.largest("push")
+    ... )
+    >>> sled.objective
+    largest(push)
+    """
+    return _reference(LARGEST, name, "a quantity")
+
+
+def at_start(expression: Any) -> Any:
+    """What an expression is at the start of the motion, in an objective.
+
+    Parameters
+    ----------
+    expression : Expr
+        In coordinates, velocities and parameters.
+
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    ModelError
+        If it is no scalar expression.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from sympy.physics.mechanics import dynamicsymbols
+    >>> x, u = dynamicsymbols("x u")
+    >>> sled = dmoc.MechanicalSystem(
+    ...     "sled", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, cost=u**2,
+    ...     objective=dmoc.at_start(x.diff()) ** 2
+    ... )
+    >>> sled.objective
+    at_start(Derivative(x(t), t))**2
+    """
+    return sp.Function(START)(expression_in(expression, "at_start"))
+
+
+def at_end(expression: Any) -> Any:
+    """What an expression is at the end of the motion, in an objective.
+
+    Parameters
+    ----------
+    expression : Expr
+        In coordinates, velocities and parameters.
+
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    ModelError
+        If it is no scalar expression.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from sympy.physics.mechanics import dynamicsymbols
+    >>> x, u = dynamicsymbols("x u")
+    >>> sled = dmoc.MechanicalSystem(
+    ...     "sled", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, cost=u**2,
+    ...     objective=dmoc.at_end(x**2)
+    ... )
+    >>> sled.objective
+    at_end(x(t)**2)
+    """
+    return sp.Function(END)(expression_in(expression, "at_end"))
+
+
+def _reference(kind: str, name: Any, what: str) -> Any:
+    if not isinstance(name, str) or not name.isidentifier():
+        raise ModelError(f'{kind}({shown(name)}): expected the name of {what}, such as "effort".')
+    return sp.Function(kind)(sp.Symbol(name))
+
+
+@dataclass(frozen=True)
+class Objective:
+    """What an objective is made of: names of its integrals, with "final_time" for the final time;
+    its peaks, quantities and whether of both signs; expressions at the start and at the end."""
+
+    value: Any
+    totals: tuple[str, ...]
+    peaks: tuple[tuple[str, bool], ...]
+    starts: tuple[Any, ...]
+    ends: tuple[Any, ...]
+
+
+def objective_of(system: MechanicalSystem) -> Objective:
+    """The parts of the objective of a system."""
+    value = system.objective
+    by_kind: dict[str, list[Any]] = {}
+    for part in sorted(value.atoms(AppliedUndef), key=str):
+        by_kind.setdefault(part.func.__name__, []).append(part)
+    timed = [final_time.name] * value.has(final_time)
+    return Objective(
+        value,
+        (*system.integrals, *timed),
+        tuple(
+            (part.args[0].name, kind == LARGEST)
+            for kind in (PEAK, LARGEST)
+            for part in by_kind.get(kind, ())
+        ),
+        tuple(by_kind.get(START, ())),
+        tuple(by_kind.get(END, ())),
+    )
+
+
+def check_objective(system: MechanicalSystem) -> None:
+    """Refuse an objective of what it cannot be made of."""
+    for name, value in system.integrals.items():
+        check_smooth(value, f"integral {name!r}", kinks=True)
+    parts = objective_of(system)
+    check_smooth(parts.value, "the objective", kinks=True)
+    known = {TOTAL: system.integrals, PEAK: system.quantities, LARGEST: system.quantities}
+    for part in sorted(parts.value.atoms(AppliedUndef), key=str):
+        names = known.get(part.func.__name__)
+        if names is not None and part.args[0].name not in names:
+            what = "an integral" if part.func.__name__ == TOTAL else "a quantity"
+            raise ModelError(
+                f"the objective contains {part}: expected the name of {what} of the model, one of "
+                f"{', '.join(names) or 'none'}."
+            )
+    for end, own in (("start", parts.starts), ("end", parts.ends)):
+        allowed = {*system.coordinates, *system.velocities, *system.parameters}
+        for part in own:
+            for atom in sorted(atoms_of(part.args[0]) - allowed, key=str):
+                raise ModelError(
+                    f"the objective contains {atom} at the {end}: expected coordinates, "
+                    "velocities and parameters."
+                )
+    kinds = (*known, START, END)
+    references = {p for p in parts.value.atoms(AppliedUndef) if p.func.__name__ in kinds}
+    rest = parts.value.xreplace({p: sp.Dummy() for p in references})
+    for atom in sorted(atoms_of(rest) - {*system.parameters, final_time}, key=str):
+        if not isinstance(atom, sp.Dummy):
+            raise ModelError(
+                f"the objective contains {atom}, whose time is not said: expected parameters, "
+                "dmoc.total, dmoc.peak, dmoc.largest, dmoc.at_start, dmoc.at_end and "
+                "dmoc.final_time."
+            )
+    for name, both in parts.peaks:
+        of = (largest if both else peak)(name)
+        slope = parts.value.diff(of)
+        if slope.is_number and slope < 0:
+            raise ModelError(
+                f"the objective falls with {of}: it has no minimum, since nothing bounds a peak "
+                "from above; give it a positive factor."
+            )
+
+
+def objective_facts(system: MechanicalSystem) -> dict[str, Any]:
+    """What programs need to know of integrals and objective; nothing where there are none."""
+    parts = objective_of(system)
+    if not parts.totals and parts.value == 0:
+        return {}
+
+    def rates(own: Sequence[Any]) -> bool:
+        return any(part.has(v) for part in own for v in system.velocities)
+
+    return {
+        "totals": list(parts.totals),
+        "peaks": [[list(system.quantities).index(name), both] for name, both in parts.peaks],
+        "objective": parts.value != 0,
+        "objective_velocities": [rates(parts.starts), rates(parts.ends)],
+    }
+
+
+def objective_kernels(
+    system: MechanicalSystem, plain: Continuous, f: Continuous, e: StepElement,
+    step: tuple[Input, ...],
+) -> list[KernelSpec]:  # fmt: skip
+    """Kernels of the integrals over a step, and of the objective."""
+    parts, par, graph = objective_of(system), Input("par", f.par), f.L.graph
+    kernels = []
+    if parts.totals:
+        values = []
+        for number in range(len(parts.totals)):
+            # The final time is the integral of one.
+            points = tuple(
+                replace(p, start=_integrand(p.start, number), end=_integrand(p.end, number))
+                for p in e.points
+            )
+            values.append(replace(e, points=points).C_d)
+        text = "Integrals of the model over a step."
+        kernels += family(
+            "integral", text, step, {"I_d": values}, par, e.chain, e.spread, e.definitions
+        )
+    if parts.value == 0:
+        return kernels
+    n = len(f.q)
+    sizes = len(parts.totals), len(parts.peaks), n, n, n, n
+    names = dict(zip(("I", "peaks", "q_B", "v_B", "q_E", "v_E"), sizes, strict=True))
+    inputs = {name: Input.vector(graph, name, size) for name, size in names.items()}
+    symbols = {
+        name: sp.symbols([f"{name}_{i}" for i in range(size)], real=True)
+        for name, size in names.items()
+    }
+    table: dict[Any, Any] = {}
+    totals = [*map(total, system.integrals), final_time]  # the last one where it is a total
+    table |= dict(zip(totals, symbols["I"], strict=False))
+    for i, (name, both) in enumerate(parts.peaks):
+        table[(largest if both else peak)(name)] = symbols["peaks"][i]
+    for end, own in (("B", parts.starts), ("E", parts.ends)):
+        there = *symbols[f"q_{end}"], *symbols[f"v_{end}"]
+        places = dict(zip((*plain.q, *plain.v), there, strict=True))
+        written = plain.rewritten(system, [part.args[0] for part in own])
+        table |= {part: value.xreplace(places) for part, value in zip(own, written, strict=True)}
+    parameters = dict(zip(system.parameters, plain.par, strict=True))
+    value = parts.value.xreplace(table).xreplace(parameters)
+    nodes = {s: graph.symbol(s.name) for s in plain.par}
+    for name, own_symbols in symbols.items():
+        nodes |= dict(zip(own_symbols, inputs[name].symbols, strict=True))
+    text = "The objective of totals, peaks and the states at both ends."
+    kernels += family(
+        "objective", text, tuple(inputs.values()), {"J": to_nodes(graph, [value], nodes)}, par
+    )
+    return kernels
+
+
+def _integrand(f: Continuous, number: int) -> Continuous:
+    """The system with an integrand in the place of its cost; one behind the last."""
+    return replace(f, C=f.c[number] if number < len(f.c) else f.L.graph.one)

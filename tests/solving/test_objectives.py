@@ -1,0 +1,175 @@
+"""Integrals with bounds, and objectives of totals, ends, final time and peaks: closed forms, and
+what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.base.errors import ModelError, ProblemError
+
+x, u, F = dynamicsymbols("x u F")
+c, k = sp.symbols("c k")
+ORDERS = (2, 4)
+
+
+def mass(**fields: Any) -> dmoc.MechanicalSystem:
+    """1 kg on a line."""
+    return dmoc.MechanicalSystem(
+        "mass", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, **fields
+    )
+
+
+def across(system: Any, order: int, goal: dict[Any, Any] | None = None, **changes: Any) -> Any:
+    """From rest to rest, 1 m further; the solution."""
+    kernels = dmoc.build(system, order=order)
+    problem = dmoc.Problem(
+        kernels, {x: 0}, {x: 1, "x_dot": 0} | (goal or {}), steps=200 // order, **changes
+    )
+    return dmoc.solve(problem, "ipm", starts=3)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("E", [12.0, 96.0])
+def test_least_time_with_a_bounded_effort(order, E):
+    """12/T^3 is the least effort: T = (12/E)^(1/3)."""
+    system = mass(integrals={"effort": u**2}, objective=dmoc.final_time)
+    solution = across(system, order, {"effort": (None, E)})
+    assert solution.verification.passed
+    np.testing.assert_allclose(
+        solution.cost, (12 / E) ** (1 / 3), rtol=1e-4 if order == 2 else 1e-8
+    )
+    np.testing.assert_allclose(solution.trajectory.totals["effort"], E, rtol=1e-8)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_smallest_peak_of_a_force(order):
+    """As much forth as back: 4 d/T^2; with two forces that are scaled, the same."""
+    solution = across(
+        mass(quantities={"push": u}, objective=dmoc.largest("push")), order, final_time=1
+    )
+    np.testing.assert_allclose(solution.cost, 4, rtol=1e-6)
+    assert solution.active_bounds[0].startswith("peak of push in")
+    assert solution.verification.passed
+    scaled = mass(
+        quantities={"back": -u, "push": u}, parameters={k: 3.0},
+        objective=k * (dmoc.peak("back") + dmoc.peak("push")) + dmoc.largest("push") / 1000,
+    )  # fmt: skip
+    both = across(scaled, order, final_time=2)
+    np.testing.assert_allclose(both.cost, 3 * 2 + 1e-3, rtol=1e-5)
+    np.testing.assert_allclose(list(both.trajectory.totals.values()), [1, 1, 1], rtol=1e-3)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_effort_and_time_per_distance(order):
+    """(6 d^2/T^3 + c T)/d is least at T^4 = 18 d^2/c: 4/3 (18 c^3)^(1/4)/sqrt(d), at the largest
+    distance."""
+    system = mass(
+        integrals={"effort": u**2 / 2}, parameters={c: 1.5},
+        objective=(dmoc.total("effort") + c * dmoc.final_time)
+        / (dmoc.at_end(x) - dmoc.at_start(x)),
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=order), {x: 0.5}, {x: (1.5, 4.5), "x_dot": 0}, steps=200 // order
+    )
+    solution = dmoc.solve(problem, "ipm", starts=3)
+    wanted = 4 / 3 * (18 * 1.5**3) ** 0.25 / 2
+    np.testing.assert_allclose(solution.cost, wanted, rtol=1e-4 if order == 2 else 1e-8)
+    # dJ/dc = T/d, dJ/dd = -J/(2 d)
+    slopes = dmoc.sensitivities(problem, solution)
+    np.testing.assert_allclose(slopes["parameters"]["c"], solution.final_time / 4, rtol=1e-6)
+    np.testing.assert_allclose(slopes["goal"]["x"], -wanted / 8, rtol=1e-3)
+
+
+def test_a_price_of_the_start_and_of_a_total_at_the_goal():
+    """v_0^2 + int u^2: 1 m in 1 s, coasting to the end costs 12 (1 - v_0)^2 ... with the end's
+    velocity free 3 (1 - v_0)^2, least at v_0 = 3/4."""
+    system = mass(
+        integrals={"effort": u**2}, objective=dmoc.at_start(x.diff()) ** 2 + dmoc.total("effort")
+    )
+    for order in ORDERS:
+        problem = dmoc.Problem(
+            dmoc.build(system, order=order), {x: 0, "x_dot": None}, {x: 1}, steps=200 // order,
+            final_time=1,
+        )  # fmt: skip
+        solution = dmoc.solve(problem, "ipm", starts=3)
+        np.testing.assert_allclose(solution.cost, 0.75, rtol=1e-4)
+        np.testing.assert_allclose(solution.phases[0].v[0], 0.75, rtol=1e-3)
+        bounded = problem.but(goal={x: 1, "effort": (None, 0.03)})  # 3 (1 - v_0)^2 = 0.03
+        kept = dmoc.solve(bounded, "ipm", starts=3)
+        np.testing.assert_allclose(kept.cost, 0.9**2 + 0.03, rtol=1e-3)
+        slope = dmoc.sensitivities(bounded, kept)["goal"]["effort"]
+        np.testing.assert_allclose(slope, 1 - 0.9 / (3 * 0.1), rtol=1e-2)  # 1 + 2 v_0 dv_0/dE
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_peaks_and_totals_through_a_hit(order):
+    """To the wall and back in 2 s at least peak: the wall turns the motion, and nothing pushes."""
+    system = mass(
+        surfaces={"wall": x <= 1}, quantities={"push": u}, integrals={"effort": u**2},
+        objective=dmoc.largest("push") + dmoc.total("effort"),
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=order), {x: 0}, {x: 0}, ["wall"], steps=100 // order, final_time=2
+    )
+    solution = dmoc.solve(problem, "ipm", starts=6)
+    assert solution.verification.passed
+    push = np.abs(np.concatenate([phase.u for phase in solution.phases])).max()
+    np.testing.assert_allclose(solution.trajectory.totals["largest push"], push, rtol=1e-6)
+    np.testing.assert_allclose(
+        solution.cost, push + solution.trajectory.totals["effort"], rtol=1e-8
+    )
+    plain = mass(surfaces={"wall": x <= 1}, cost=u**2)
+    other = dmoc.solve(problem.but(kernels=dmoc.build(plain, order=order)), "ipm", starts=6)
+    assert other.cost <= solution.trajectory.totals["effort"] * (1 + 1e-9)
+
+
+def test_totals_are_kept_in_files(tmp_path: Path):
+    solution = across(mass(integrals={"effort": u**2}, cost=u**2), 2, final_time=1)
+    solution.save(tmp_path / "s.npz")
+    kept = dmoc.Solution.load(tmp_path / "s.npz").trajectory.totals
+    assert kept == solution.trajectory.totals
+    np.testing.assert_allclose(kept["effort"], solution.cost, rtol=1e-12)
+    assert "effort" in str(solution)
+
+
+REFUSED = {
+    "an unknown integral": ({"objective": dmoc.total("effrt")}, "expected the name of an integral"),
+    "an unknown quantity": ({"objective": dmoc.peak("push")}, "expected the name of a quantity"),
+    "no time": ({"objective": x**2}, "whose time is not said"),
+    "an input at the end": ({"objective": dmoc.at_end(u)}, r"contains u\(t\) at the end"),
+    "a kink": ({"objective": abs(dmoc.at_end(x))}, "the objective contains"),
+    "a falling peak": ({"quantities": {"push": u}, "objective": -dmoc.peak("push")},
+                       "falls with peak"),
+    "an unknown parameter": ({"objective": k * dmoc.final_time}, "objective contains k"),
+    "an integrand with a kink": ({"integrals": {"work": abs(u)}}, "integral 'work' contains Abs"),
+    "an integrand with a name of its own": ({"integrals": {"u": u**2}}, "'u' is used twice"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_no_objective_is_refused(case):
+    fields, message = REFUSED[case]
+    with pytest.raises(ModelError, match=message):
+        mass(**fields)
+
+
+def test_a_total_has_a_name():
+    with pytest.raises(ModelError, match="expected the name of an integral"):
+        dmoc.total(x)
+
+
+def test_integrals_are_bounded_at_the_goal_alone():
+    system = mass(integrals={"effort": u**2})
+    with pytest.raises(ProblemError, match="unknown state 'effort' at the start"):
+        dmoc.Problem(system, {x: 0, "effort": 1}, {x: 1}, steps=4, final_time=1)
+    with pytest.raises(ProblemError, match="goal of effort"):
+        dmoc.Problem(system, {x: 0}, {x: 1, "effort": (2, 1)}, steps=4, final_time=1)
+    with pytest.raises(ProblemError, match="did you mean 'effort'"):
+        dmoc.Problem(system, {x: 0}, {x: 1, "efort": 1}, steps=4, final_time=1)
