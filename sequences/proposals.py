@@ -86,11 +86,11 @@ class Proposals:
 
     def take(self, motions: Iterable[Relaxed | None]) -> list[Words]:
         """Add what some motions propose; return the sequences that are new."""
-        new, closed = list[Words](), set(self.problem.touch.modes[0].closed)
+        new = list[Words]()
         for motion in motions:
             self.starts += 1
-            if motion is None or not closed <= set(motion.reading.start.closed):
-                continue  # none, or one that does not begin as the problem does
+            if motion is None:
+                continue
             words, way = self._in_the_problem(motion.reading)
             if not self.fits(words):
                 continue
@@ -156,7 +156,7 @@ def proposals_of(problem: Problem, settings: Settings, deadline: Deadline) -> Pr
     motions = list[Relaxed | None]()
     for some in relaxation.motions(settings.max_collisions, settings.seed, deadline):
         motions += some
-        if _met_often(problem, motions):
+        if _met_often(motions):
             break
     proposals = Proposals(_begun_as(problem, motions), relaxation, settings)
     proposals.take(motions)
@@ -183,16 +183,15 @@ def _nothing_proposed(problem: Problem) -> str:
     )
 
 
-def _cheapest(problem: Problem, motions: Iterable[Relaxed | None]) -> Reading | None:
-    """What the cheapest motion says of those that begin with what is closed in the problem."""
-    closed = set(problem.touch.modes[0].closed)
-    good = [m for m in motions if m is not None and closed <= set(m.reading.start.closed)]
+def _cheapest(motions: Iterable[Relaxed | None]) -> Reading | None:
+    """What the cheapest motion says."""
+    good = [m for m in motions if m is not None]
     return min(good, key=lambda m: m.cost).reading if good else None
 
 
-def _met_often(problem: Problem, motions: Sequence[Relaxed | None]) -> bool:
+def _met_often(motions: Sequence[Relaxed | None]) -> bool:
     """Whether enough starts have led to the sequence of the cheapest motion."""
-    best = _cheapest(problem, motions)
+    best = _cheapest(motions)
     if best is None:
         return False
     same = [m for m in motions if m is not None and m.reading.same(best)]
@@ -202,7 +201,7 @@ def _met_often(problem: Problem, motions: Sequence[Relaxed | None]) -> bool:
 def _begun_as(problem: Problem, motions: Sequence[Relaxed | None]) -> Problem:
     """The problem with the contacts at its start that the cheapest motion has, where the problem
     itself says nothing of them."""
-    cheapest = _cheapest(problem, motions)
+    cheapest = _cheapest(motions)
     if problem.contacts or cheapest is None:
         return problem
     try:

@@ -268,6 +268,19 @@ def test_where_nothing_needs_to_touch_it_is_said() -> None:
     assert any(note.startswith("nothing needs to touch") for note in result.notes)
 
 
+def test_what_leaves_at_once_is_proposed() -> None:
+    """From rest at a wall, which is closed at the start, to rest at 0.5 in 1 s: int u^2 is
+    12 d^2 / T^3, in the time after a shortest phase of 0.01 s."""
+    x, u = dynamicsymbols("x u")
+    problem = dmoc.Problem(
+        unit_mass("off_the_wall", cost=u**2, surfaces={"wall": x <= 1}), start={x: 1, "x_dot": 0},
+        goal={x: 0.5, "x_dot": 0}, contacts=["wall"], steps=40, final_time=1,
+    )  # fmt: skip
+    result = dmoc.search(problem, strategy="propose")
+    assert result.best is not None and result.best.sequence == ("-wall",)
+    assert result.best.cost == pytest.approx(12 * 0.5**2 / 0.99**3, rel=5e-3)
+
+
 def test_a_solve_without_a_motion_names_the_search() -> None:
     """A rail sticks unless something is said: nothing moves the block by 1 m.  Where nothing can
     touch there is nothing to search."""
