@@ -35,6 +35,7 @@ BEST = ("left", "left")
 ORDER = (
     "block_and_wall",
     "two_bounces",
+    "superball",
     "seed",
     "two_discs",
     "cart_pole",

@@ -16,6 +16,7 @@ import numpy as np
 import puck
 import pytest
 import seed as seed_example
+import superball
 import sympy as sp
 import two_bounces
 import two_discs
@@ -229,6 +230,13 @@ def test_two_bounces_up_to_a_peak() -> None:
             [0.788334391, 0.709500952, 0.319275428], rel=tolerance
         )
         assert solution.final_time == pytest.approx(1.817110772, rel=tolerance)
+
+
+def test_a_superball_comes_back_from_under_a_table() -> None:
+    solution = answer_of(superball.problem(), "ipm")
+    first, last = solution.phases[0], solution.phases[-1]
+    assert first.v[0, 2] == pytest.approx(5 * 3.0 / (26 * 0.03), rel=1e-9)
+    assert last.v[-1] == pytest.approx(-first.v[0], rel=1e-9)
 
 
 def test_two_discs() -> None:
