@@ -46,6 +46,7 @@ ORDER = (
     "stance_hopper",
     "jumper",
     "hopper",
+    "hops",
     "finger_puck",
     "push_or_flick",
     "compass_gait",
