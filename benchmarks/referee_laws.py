@@ -230,7 +230,7 @@ def _explained(replay: Replay, k: int, push: Array, M: Array, small: float) -> I
     sigma = model.slide_rates(claim.q[ends], claim.v[ends], claim.t[ends])
     near = np.flatnonzero((gaps >= -CLOSE * size).any(axis=0))
     lasting = [j for j in near if (gaps[:, j] >= -CLOSE * size[j]).all()]
-    rough = [i for i in range(model.nt) if model.friction[i] > 0]
+    rough = [i for i in range(model.nt) if model.hit_friction[i] > 0]
     rubs = [i for i in rough if model.supports[i] < 0 or model.supports[i] in near]
     B = np.vstack([-slopes[near, :-1], along[rubs]])
     joints = model.joint_slopes(claim.q[k + 1], t)[:, :-1]
