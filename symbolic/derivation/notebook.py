@@ -94,17 +94,23 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
     for name, force in zip(names, f.Q, strict=True):
         if force != 0:
             yield f"Q_{name}", mathml.symbol(f"Q_{name}"), force
+    laws = {
+        "mu": system.friction, "e": system.restitution, "e_t": system.tangential_restitution
+    }  # fmt: skip
     for letter, owners, values in (
         ("g", system.surfaces, f.g),
         ("tau", system.tangents, f.tau),
         ("mu", system.tangents, f.mu),
+        ("e", system.surfaces if f.e else (), f.e),
+        ("e_t", system.tangents if f.e_t else (), f.e_t),
         ("phi", system.constraints, f.phi),
         ("r", system.path_constraints, f.r),
         ("z", system.quantities, f.z),
         ("I", system.integrals, f.c),
     ):
         for name, value in zip(owners, values, strict=True):
-            yield f"{letter}_{name}", mathml.symbol(f"{letter}_{name}"), value
+            if name in laws.get(letter, owners):
+                yield f"{letter}_{name}", mathml.symbol(f"{letter}_{name}"), value
     if f.C != 0:
         yield "C", mathml.symbol("C"), f.C
     if f.Phi != 0:
