@@ -26,7 +26,7 @@ from dmoc.guess.transfer import on_mesh
 from dmoc.guess.waypoints import Plan, end_velocity
 from dmoc.problem.problem import Problem
 from dmoc.program.layout import Layout
-from dmoc.program.scaling import scale_of
+from dmoc.program.scaling import cost_of, scale_of
 from dmoc.program.transcription import Transcription
 
 # Ratio of successive final times; how many steps a motion gets while they are compared, and a phase
@@ -121,7 +121,7 @@ def _best_time(
     for final_time in times:
         if deadline.passed:
             break
-        trial = planner.trial(prescribed, final_time, steps)
+        trial = _trial(planner, prescribed, final_time, steps)
         if trial is None:
             continue
         excess, cost = trial
@@ -129,6 +129,40 @@ def _best_time(
         if best is None or rank < best:
             best = rank
     return float(best[2] if best else times[-1])
+
+
+def _trial(
+    planner: Planner, choice: Choice, final_time: float, steps: tuple[int, ...]
+) -> tuple[float, float] | None:
+    """Excess and cost of a motion along splines in some steps, with the objective and the bounds of
+    velocities and quantities that the problem has; None where it grows without bound."""
+    trial, problem = planner.trial(choice, final_time, steps), planner.problem
+    said = problem.limits or problem.kernels.integrals or problem.kernels.has("objective")
+    if trial is None or not said:
+        return trial
+    coarse = Planner.of(problem.meshed(steps))
+    plan = coarse.plan(choice, final_time)
+    motion = coarse.march(plan, choice)
+    if motion is None:
+        return None
+    lay, x = Layout.of(coarse.problem), _unknowns(coarse.problem, plan, motion)
+    return max(trial[0], _excess(coarse.problem, lay, x)), cost_of(coarse.problem, lay, x)
+
+
+def _excess(problem: Problem, lay: Layout, x: Array) -> float:
+    """Largest excess of a velocity, a quantity or a total over its bounds, relative to both."""
+    step, box = lay.step_inputs(x), [problem.velocity_bounds, problem.total_bounds]
+    values = [np.diff(x[lay.index_q], axis=0) / step[4], x[lay.index_totals]]
+    if problem.kernels.quantities:
+        values.append(problem.model.path(step, "quantity").reshape(-1, problem.model.nz))
+        box.append(problem.quantity_bounds)
+    most = 0.0
+    for value, (low, high) in zip(values, (b.T for b in box), strict=True):
+        over = np.maximum(low - value, value - high)
+        limit = np.where(low - value > value - high, low, high)
+        size = np.abs(value) + np.abs(np.where(np.isfinite(limit), limit, 0.0))
+        most = max(most, float((over / np.where(size > 0, size, 1.0)).max(initial=0.0)))
+    return most
 
 
 def _choices(
@@ -208,13 +242,15 @@ def _expected_time(problem: Problem) -> float | None:
 
 
 def _cheapest_decade(planner: Planner) -> float:
-    """The final time, by powers of ten, whose motion along splines costs least: all that a cost
-    of time and effort says."""
+    """The final time, by powers of ten, whose motion along splines keeps its bounds best and costs
+    least: all that a cost of time and effort says."""
     every = tuple(range(planner.problem.nq))
 
-    def cost(final_time: float) -> float:
-        trial = planner.trial(every, final_time, (FEWEST_STEPS,) * planner.problem.phases)
-        return np.inf if trial is None or not np.isfinite(trial[1]) else trial[1]
+    def cost(final_time: float) -> tuple[float, float]:
+        trial = _trial(planner, every, final_time, (FEWEST_STEPS,) * planner.problem.phases)
+        if trial is None or not np.isfinite(trial[1]):
+            return np.inf, np.inf
+        return max(trial[0], WITHIN), trial[1]
 
     at, least = NO_TIME, cost(NO_TIME)
     for ratio in (10.0, 0.1):

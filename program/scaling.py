@@ -163,6 +163,23 @@ def _places(slopes: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Ar
     return np.where(place > 0, place, 1.0), np.where(rate > 0, rate, 1.0)
 
 
+def end_of(lay: Layout, x: Array, node: int) -> tuple[Array, Array, Array]:
+    """Position, velocity and time at the first or the last node; velocities that are no unknowns
+    are zero."""
+    index = lay.index_v_B if node == 0 else lay.index_v_E
+    v = x[index] if len(index) else np.zeros(lay.nq)
+    return x[lay.index_q[node]], v, lay.times(x)[node]
+
+
+def cost_of(problem: Problem, lay: Layout, x: Array) -> float:
+    """The cost of unknowns, with the objective."""
+    model, step = problem.model, lay.step_inputs(x)
+    start, end = end_of(lay, x, 0), end_of(lay, x, -1)
+    shared = model.totals(step), model.peaks(step)
+    value = model.step_costs(step).sum() + model.terminal_cost(*end)
+    return float(value + model.objective(*shared, start[:2], end[:2]))
+
+
 def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) -> float:
     """Size of the cost: its value, at least a small share of what its slopes and curvatures make
     of the sizes of the unknowns."""
@@ -170,12 +187,8 @@ def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) 
     local = np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
     slope = np.abs(model.step_cost_slopes(step) * local).sum()
     bend = np.abs(model.step_cost_curvatures(step) * local**2).sum() / 2
-    v_E = x[lay.index_v_E] if len(lay.index_v_E) else np.zeros(lay.nq)
-    end = (x[lay.index_q[-1]], v_E, lay.times(x)[-1])
-    value = float(model.step_costs(step).sum() + model.terminal_cost(*end))
-    v_B = x[lay.index_v_B] if len(lay.index_v_B) else np.zeros(lay.nq)
-    ends = (x[lay.index_q[0]], v_B), end[:2]
-    value += model.objective(model.totals(step), model.peaks(step), *ends)
+    end = end_of(lay, x, -1)
+    value = cost_of(problem, lay, x)
     duration = float(np.sum(x[lay.index_h] * lay.steps))
     around = np.concatenate([sizes[lay.index_q[-1]], speeds, [duration]])
     slope += np.abs(model.terminal_cost_slopes(*end) * around).sum()

@@ -173,3 +173,13 @@ def test_integrals_are_bounded_at_the_goal_alone():
         dmoc.Problem(system, {x: 0}, {x: 1, "effort": (2, 1)}, steps=4, final_time=1)
     with pytest.raises(ProblemError, match="did you mean 'effort'"):
         dmoc.Problem(system, {x: 0}, {x: 1, "efort": 1}, steps=4, final_time=1)
+
+
+@pytest.mark.parametrize("fields", [{"cost": 1}, {"objective": dmoc.final_time}])
+def test_least_time_within_bounds_of_a_quantity(fields):
+    """Up with 1 N, down with 2 N: sqrt(2 d (1 + 1/2)); nothing else says how long it takes."""
+    system = mass(quantities={"push": u}, **fields)
+    problem = dmoc.Problem(system, {x: 0}, {x: 1, "x_dot": 0}, bounds={"push": (-2, 1)}, steps=200)
+    solution = dmoc.solve(problem)
+    assert solution.solved
+    np.testing.assert_allclose(solution.final_time, np.sqrt(3), rtol=1e-4)
