@@ -112,6 +112,8 @@ def _rows(s: Simulation) -> Iterator[tuple[str, str]]:
     yield "final time", f"{s.final_time:.6g} s in {len(s.t) - 1} recorded steps"
     for c in s.collisions[:MOST_EVENTS]:
         impulse = f", impulse {c.impulse:.6g}" if c.impulse else ""
+        if along := c.tractions.get(c.surface):
+            impulse += f", along it {along:.6g}"
         yield f"collision {c.surface}", f"at {c.time:.6g} s{impulse}"
     more = len(s.collisions) - MOST_EVENTS
     if more > 0:

@@ -66,7 +66,7 @@ MASS = np.diag([1.0, 1.0, 0.5 * RADIUS**2])
 
 def test_the_point_of_a_superball_turns_round_and_its_energy_is_kept(ball):
     run = dmoc.simulate(ball, {"z": HEIGHT}, {"x": 1, "a": 3}, step_size=0.005, steps=1000)
-    assert len(run.collisions) == 8
+    assert len(run.collisions) == 8 and "along it -0.466667" in str(run)
     for c in run.collisions:
         before, after = (np.linalg.solve(MASS, p) for p in (c.momentum_before, c.momentum_after))
         slides = [v[0] - RADIUS * v[2] for v in (before, after)]
@@ -341,6 +341,22 @@ def test_a_search_hits_by_the_law(returned):
     result = dmoc.search(problem.but(sequence=()), max_collisions=1)
     costs = {node.sequence: node.cost for node in result.nodes}
     np.testing.assert_allclose(costs["floor",], solution.cost, rtol=1e-6)
+
+
+def test_a_hit_that_costs_more_than_a_touch_becomes_one():
+    # down by 1 cm and up again in a second, at rest in between: 2 x 12 d^2/T^3
+    w = dynamicsymbols("w")
+    system = rough(inputs=[u, w], forces={x: u, z: GRAVITY + w}, cost=u**2 + w**2)
+    problem = dmoc.Problem(
+        dmoc.build(system, order=4),
+        start={"x": 0, "z": 0.11, "a": 0, "x_dot": 1, "z_dot": 0, "a_dot": -10},
+        goal={"x": 1, "z": 0.11, "a": -10, "z_dot": 0}, sequence=["floor:slip+"], steps=10,
+        final_time=1, restitution=0.5,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm")
+    assert solution.status == "grazes" and solution.verification.passed
+    np.testing.assert_allclose(solution.cost, 24 * 0.01**2 / 0.5**3, rtol=1e-3)
+    assert abs(solution.collisions[0].tractions["floor"]) < 1e-9
 
 
 def test_a_search_finds_how_a_hit_with_friction_goes():
