@@ -74,7 +74,7 @@ def periodic_of(problem: Problem) -> tuple[str, ...] | dict[str, Any]:
         return {end: _plain(end, value) for end, value in read.items()}
     states = [name_of(name) for name in listed(problem.periodic, "periodic", "states")]
     for i, name in enumerate(states):
-        check_known(name, problem.states, "state", "in periodic")
+        _check_known(problem, name)
         if name in states[:i]:
             raise ProblemError(f"periodic names {name!r} twice: give it once.")
     return tuple(states)
@@ -83,11 +83,17 @@ def periodic_of(problem: Problem) -> tuple[str, ...] | dict[str, Any]:
 def _relation(problem: Problem, end: str, value: Any) -> Relation:
     source, difference = value if isinstance(value, tuple) else (value, 0.0)
     terms = source if isinstance(source, Mapping) else _signed(source)
-    check_known(end, problem.states, "state", "in periodic")
+    _check_known(problem, end)
     for name in terms:
-        check_known(name, problem.states, "state", "in periodic")
+        _check_known(problem, name)
     low, high = interval(difference, f"the difference of {end} in periodic")
     return Relation(end, tuple(terms.items()), low, high)
+
+
+def _check_known(problem: Problem, name: str) -> None:
+    quantities = problem.kernels.quantities
+    what = "state or quantity" if quantities else "state"
+    check_known(name, [*problem.states, *quantities], what, "in periodic")
 
 
 def _signed(name: str) -> dict[str, float]:

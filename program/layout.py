@@ -31,7 +31,10 @@ class Layout(Unknowns):
         _check_courses(problem)
         kernels = problem.kernels
         turning = {name for r in problem.relations for name in (*r.starts, r.end)}
-        turns = any(velocity_name(c) in turning for c in kernels.coordinates)
+        moving = [
+            row["name"] for row in kernels.manifest.get("quantities", ()) if row["velocities"]
+        ]
+        turns = bool(turning & {*map(velocity_name, kernels.coordinates), *moving})
         joined = bool(kernels.joints)
         free = [mode.free and not joined for mode in problem.touch.modes]
         at_start = turns or not (free[0] or problem.start_bounds.is_state)

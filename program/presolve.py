@@ -154,7 +154,8 @@ def _states(problem: Problem, lay: Layout, limits: tuple[Array, Array], i: int) 
 def _returned(problem: Problem, start: States, end: States) -> States:
     """The states at the start that end as ``end``; what is not periodic is that of ``start``."""
     model, names = problem.model, problem.kernels.coordinates
-    fixed = [r for r in problem.relations if r.fixed]
+    quantities = problem.kernels.quantities
+    fixed = [r for r in problem.relations if r.fixed and not {r.end, *r.starts} & {*quantities}]
     if not fixed:
         return start
     begun, ended = _by_name(problem, start), _by_name(problem, end)

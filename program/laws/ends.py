@@ -21,9 +21,20 @@ from dmoc.base.names import momentum_name, unit_of
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.problem.relations import Relation
-from dmoc.program.blocks import GOAL, LAW, Block, Entries, Index, Missed, Numbering, seconds
+from dmoc.program.blocks import (
+    GOAL,
+    LAW,
+    NOWHERE,
+    Block,
+    Entries,
+    Index,
+    Missed,
+    Numbering,
+    seconds,
+)
 from dmoc.program.laws.law import Law
 from dmoc.program.layout import Layout
+from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
 
 if TYPE_CHECKING:
@@ -102,7 +113,7 @@ class EndsLaw(Law):
         low, high = self.problem.final_time_bounds
         names = self.problem.kernels.coordinates
         p = [momentum_name(q) for q in names]
-        ends, units = self._ends_of(relations), self.problem.kernels.manifest["units"]
+        units = self.problem.kernels.manifest["units"]
         wanted = np.array([g.unknown for g in goals], dtype=np.intp)
 
         def fits(end: str) -> Missed:
@@ -144,7 +155,7 @@ class EndsLaw(Law):
             "periodic",
             (len(relations),),
             lambda i: f"periodic {relations[i].end}",
-            lambda s: lay.units(s)[ends],
+            lambda s: self._sizes(s, relations),
             missed=Missed(GOAL, misses, lambda i: unit_of(relations[i].end, units), apart=0),
         )
         self.goal = block(
@@ -159,7 +170,6 @@ class EndsLaw(Law):
         lay, limits, ranges = self.lay, self.limits, self.ranges
         low, high = self.problem.final_time_bounds
         bounded = np.array([g.unknown for g, _, _ in limits], dtype=np.intp)
-        turning = self._ends_of([r for r, _, _ in ranges])
 
         def within(name: str, sign: float, value: float) -> str:
             return f"{name} {'>=' if sign > 0 else '<='} {value:g}"
@@ -189,7 +199,7 @@ class EndsLaw(Law):
             "periodic >=",
             (len(ranges),),
             lambda i: within(f"periodic {ranges[i][0].end}", *ranges[i][1:]),
-            lambda s: lay.units(s)[turning],
+            lambda s: self._sizes(s, [r for r, _, _ in ranges]),
         )
 
     def _goal_missed(self, goals: Sequence[Goal]) -> Missed:
@@ -201,13 +211,25 @@ class EndsLaw(Law):
             apart=0,
         )
 
-    def _ends_of(self, relations: list[Relation]) -> Index:
-        states = self.lay.states(self.problem.kernels.coordinates)
-        return np.array([states[r.end][1] for r in relations], dtype=np.intp)
+    def _sizes(self, scale: Scale, relations: list[Relation]) -> Array:
+        """Sizes of what ends, states or quantities."""
+        kernels = self.problem.kernels
+        states, units = self.lay.states(kernels.coordinates), self.lay.units(scale)
+        sizes = {name: units[at[1]] for name, at in states.items()}
+        sizes |= dict(zip(kernels.quantities, scale.quantity, strict=True))
+        return np.array([sizes[r.end] for r in relations], dtype=float)
+
+    @property
+    def _related(self) -> Iterator[tuple[int, Relation, float, float]]:
+        """Rows of relations, with a side and its value."""
+        related = [*((r, 1.0, r.low) for r in self.relations), *self.ranges]
+        numbers = np.concatenate([self.periodic.numbers, self.periodic_range.numbers])
+        for row, (r, sign, value) in zip(numbers.tolist(), related, strict=True):
+            yield row, r, sign, value
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:
         lay = self.lay
-        return [
+        momenta = [
             Term(
                 "momentum",
                 (lay.index_q[[node]], v[None], places.times(np.array([node]))),
@@ -220,6 +242,23 @@ class EndsLaw(Law):
             )
             if block.count
         ]
+        return [*momenta, *self._quantities(places)]
+
+    def _quantities(self, places: Places) -> Iterator[Term]:
+        """Quantities at both ends that relations have."""
+        lay, names = self.lay, self.problem.kernels.quantities
+        for row, r, sign, _ in self._related:
+            for name, node, factor in (*((n, 0, -f) for n, f in r.terms), (r.end, -1, 1.0)):
+                if name not in names:
+                    continue
+                v = lay.index_v_B if node == 0 else lay.index_v_E
+                u = lay.of_kernels[lay.row_u_k[0] if node == 0 else lay.row_u_kp1[-1]]
+                rows = np.full((1, len(names)), NOWHERE)
+                rows[0, names.index(name)] = row
+                at = np.array([0 if node == 0 else lay.total])
+                velocity = v if len(v) else np.full(lay.nq, NOWHERE)
+                state = lay.index_q[at], places.known(velocity[None]), u[None], places.times(at)
+                yield Term("quantity_point", state, (rows,), sign * factor)
 
     def _lines(self) -> Iterator[Line]:
         lay, (low, high), one = self.lay, self.problem.final_time_bounds, np.ones(1)
@@ -229,12 +268,11 @@ class EndsLaw(Law):
         for r in self.latest.numbers:
             yield Line(r, lay.index_h, -steps, high)
         states = lay.states(self.problem.kernels.coordinates)
-        related = [*((r, 1.0, r.low) for r in self.relations), *self.ranges]
-        numbers = np.concatenate([self.periodic.numbers, self.periodic_range.numbers])
-        for row, (r, sign, value) in zip(numbers, related, strict=True):
-            between = np.array([*(states[name][0] for name in r.starts), states[r.end][1]])
-            factors = np.array([*(-factor for _, factor in r.terms), 1.0])
-            yield Line(row, between, sign * factors, -sign * value)
+        for row, r, sign, value in self._related:
+            ends = [*((name, 0, -factor) for name, factor in r.terms), (r.end, 1, 1.0)]
+            own = [(states[name][k], factor) for name, k, factor in ends if name in states]
+            between, factors = (np.array([part[i] for part in own]) for i in range(2))
+            yield Line(row, between.astype(np.intp), sign * factors, -sign * value)
         wanted = [*((g, 1.0, g.low) for g in self.fixed_goals), *self.limits]
         numbers = np.concatenate([self.goal.numbers, self.goal_range.numbers])
         for row, (g, sign, value) in zip(numbers, wanted, strict=True):

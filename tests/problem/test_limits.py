@@ -139,7 +139,12 @@ def test_of_times_that_keep_the_inputs_the_cheapest_is_taken() -> None:
     """An excess of less than a thousandth is none."""
     tried = {1.0: (2e-4, 5.0), 2.0: (9e-4, 3.0), 3.0: (0.5, 1.0), 4.0: None}
     planner: Any = SimpleNamespace(
-        problem=SimpleNamespace(phases=1, phase_steps=(20,)),
+        problem=SimpleNamespace(
+            phases=1,
+            phase_steps=(20,),
+            limits={},
+            kernels=SimpleNamespace(integrals=[], has=lambda _: False),
+        ),
         trial=lambda choice, final_time, steps: tried[final_time],
     )
     assert _best_time(planner, (0,), list(tried), ENDLESS) == 2.0

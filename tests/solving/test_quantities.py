@@ -170,6 +170,27 @@ def test_quantities_at_the_start_and_at_events(order):
     assert solution.verification.passed
 
 
+@pytest.mark.parametrize("order", [2, 4])
+def test_quantities_end_as_they_start_and_further(arms, order):
+    """The tip 0.2 m to the left of where it was, at the height of its first x less 1.5 m."""
+    x_0 = float(np.sin(0.9) + np.sin(0.3))
+    goal = {"tip_x": x_0 - 0.2, "tip_y": x_0 - 1.5, **REST}
+    stated = dmoc.solve(reaching(arms[order], goal=goal), "ipm", starts=12)
+    related = reaching(
+        arms[order], goal=REST, periodic={"tip_x": ("tip_x", -0.2), "tip_y": ("tip_x", -1.5)}
+    )
+    solution = dmoc.solve(related, "ipm", starts=1, guess=stated)
+    np.testing.assert_allclose(solution.cost, stated.cost, rtol=1e-8)
+    wide = related.but(periodic={"tip_x": ("tip_x", (-0.3, 0.3)), "tip_y": ("tip_x", -1.5)})
+    less = dmoc.solve(wide, "ipm", starts=1, guess=stated)
+    assert less.cost < stated.cost and less.verification.passed
+    spinning = related.but(start={"a": 0.9, "b": None, "power": 0.5, "a_dot": 1.0, "b_dot": 0.0})
+    spinning = spinning.but(periodic={"power": "power", "b": "b"}, goal={"a": 1.5})
+    turned = dmoc.solve(spinning, "ipm", starts=6)
+    ends = turned.phases[0].quantities[[0, -1], 2]
+    np.testing.assert_allclose(ends, [0.5, 0.5], atol=0.02)
+
+
 def test_quantities_of_motions_and_files(arms, tmp_path: Path):
     solution = dmoc.solve(reaching(arms[4], bounds={"power": (-2, 2)}), "ipm", starts=12)
     state = solution.at(0.37)
