@@ -73,7 +73,6 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "warm": speed.warm,
         "batches": batches.compare,
         "search": searching.compare,
-        "puck": searching.puck,
         "twenty": lambda quick: twenty.compare(quick, folder),
         "walker": walking_casadi.compare,
     }

@@ -1,18 +1,12 @@
-"""Sequences a second, what a second worker brings, and a method that needs no sequence."""
+"""Sequences a second, and what a second worker brings."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
-import nosnoc_puck
-import numpy as np
 from common import Section, seed
 
 import dmoc
-from dmoc.models.registry import find
-
-STAGES = (15, 20, 30)  # of nosnoc
 
 
 def compare(quick: bool) -> Section:
@@ -43,53 +37,6 @@ def compare(quick: bool) -> Section:
                 counts.get("failed", 0), _others(alone, result), verdicts,
             )  # fmt: skip
     return section
-
-
-def puck(quick: bool) -> Section:
-    """The search on the puck's table, beside complementarity conditions."""
-    version = nosnoc_puck.version()
-    section = Section(
-        "Puck among four walls: the search and nosnoc",
-        "Which walls, in which order? The search solves every sequence up to three collisions "
-        "(N = 40 a phase, method `ipm`, one worker). nosnoc takes no sequence: elastic walls by "
-        "time freezing in Stewart's form, homotopy by IPOPT from its own start; its seconds are "
-        "without building. Miss: largest difference to the goal, in m and m/s, when the inputs act "
-        "between exact walls. The best is 0.415 (closed form).",
-        ["method", "status", "walls", "cost", "miss", "s"],
-        after="" if version else "nosnoc is not installed: `pip install --no-deps nosnoc`.",
-    )
-    reference = find("puck_table")
-    problem = dmoc.Problem(reference.kernels(), **{**reference.defaults, "sequence": ()})
-    found = dmoc.search(problem, 3)
-    best = found.best
-    section.row(
-        f"search, {len(found.nodes)} sequences",
-        "nothing found" if best is None else str(best.verdict), "-" if best is None else best.name,
-        "-" if best is None else f"{best.cost:.5f}",
-        "-" if best is None else f"{_miss(best.solution, reference.defaults):.1e}",
-        f"{found.seconds:.1f}",
-    )  # fmt: skip
-    for stages in (STAGES[:1] if quick else STAGES) if version else ():
-        section.row(f"nosnoc {version}, {stages} stages", *_peer(stages))
-    return section
-
-
-def _miss(solution: dmoc.Solution, data: Mapping[str, Any]) -> float:
-    times = np.concatenate([np.diff(phase.t) for phase in solution.phases])
-    return nosnoc_puck.missed(data, times, np.concatenate([phase.u for phase in solution.phases]))
-
-
-def _peer(stages: int) -> tuple[str, ...]:
-    found = nosnoc_puck.solved(stages)
-    if "cost" not in found:
-        return found["status"], "-", "-", "-", "-"
-    return (
-        found["status"],
-        ", ".join(found["walls"]) or "none",
-        f"{found['cost']:.5f}",
-        f"{found['missed']:.1e}",
-        f"{found['seconds']:.1f}",
-    )
 
 
 def _others(alone: Any, result: Any) -> int:

@@ -3,16 +3,12 @@ is none."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import pytest
 from ablation import PATCHES
 from answers import answer_of
 from ladder_problems import RUNGS, Rung, two_carts_cost
 from long_runs import LOBATTO, RADAU, collocation
-from nosnoc_puck import missed
 from pages import ROOT
 
 import dmoc
@@ -46,22 +42,6 @@ def test_a_cost_counts_within_the_tolerance_and_below_it_only_if_checked(known: 
     assert rung.compared(known + 0.11, True) == "dearer"
     assert rung.compared(known - 0.11, True) == "better"
     assert rung.compared(known - 0.11, False) == "below"
-
-
-def test_inputs_between_walls_end_where_unfolding_says() -> None:
-    """x unfolds to 0.3 + 1.3 t; y falls from rest to the south wall in 1 s and rises again."""
-    data = boundary((0.3, 1.3, 0.5, 0.0), (0.075, -1.3, 0.21875, 0.75))
-    times, inputs = np.array([0.5, 0.75]), np.array([[0.0, -1.0], [0.0, -1.0]])
-    assert missed(data, times, inputs) < 1e-9
-    assert missed(data, times, 0 * inputs) == pytest.approx(0.75)
-
-
-def boundary(start: tuple[float, ...], goal: tuple[float, ...]) -> Mapping[str, Any]:
-    names = ("x", "x_dot", "y", "y_dot")
-    return {
-        "start": dict(zip(names, start, strict=True)),
-        "goal": dict(zip(names, goal, strict=True)),
-    }
 
 
 @pytest.mark.slow

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import casadi as ca
 import nosnoc_stated
 import pytest
 import twenty
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from systems import block_system
 from twenty_problems import CASES
+
+import dmoc
 
 CASE = {case.name: case for case in CASES}
 
@@ -44,6 +50,23 @@ def test_nosnoc_that_is_missing_is_told(tmp_path: Path, monkeypatch: pytest.Monk
     (record,) = twenty.unit("puck", "nosnoc", 1.0, tmp_path)
     told = twenty.section([{"problem": "puck", "tool": "nosnoc", **record}], 1.0).markdown()
     assert "pip install nosnoc==0.2.0" in told and "not installed" in told
+
+
+@pytest.mark.parametrize("e", [1.0, 0.5, 0.0])
+def test_behind_a_wall_the_clock_stands_while_the_law_of_impact_comes_about(e: float) -> None:
+    system = block_system()
+    problem = dmoc.Problem(dmoc.build(system), {"x": 0.0}, restitution=e, final_time=1.0)
+    stated = nosnoc_stated.Statement(system, problem, nosnoc_stated.SETTINGS[0])
+    _, motions = stated.regions()
+    behind = ca.Function("behind", [stated.x], [ca.substitute(motions[:, -1], stated.u, 1.0)])
+
+    way = solve_ivp(
+        lambda t, x: behind(ca.DM(x)).full().ravel(), (0, 1.5), [1.0, 2.0, 0.3, 0.7], rtol=1e-10,
+        atol=1e-12, dense_output=True,
+    )  # fmt: skip
+    over = brentq(lambda t: way.sol(t)[0] - 1.0 if e else way.sol(t)[1], 1e-3, 1.5)
+    assert way.sol(over)[1] == pytest.approx(-2.0 * e, abs=1e-6)
+    assert way.sol(over)[2:] == pytest.approx([0.3, 0.7])
 
 
 def test_the_table_tells_what_is_best_and_what_is_refused() -> None:
