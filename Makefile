@@ -9,7 +9,7 @@ INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 # the tests would make them again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-fast test-browser test-wheels mutations check docs docs-check pictures linkcheck bench ladder release clean
+.PHONY: demo test test-fast test-browser test-wheels mutations check docs docs-check pictures linkcheck bench ladder twenty release clean
 
 demo: $(VENV)/.installed-plot
 	@$(BIN)/python examples/seed.py demo
@@ -68,6 +68,9 @@ bench: $(VENV)/.installed-bench
 
 ladder: $(VENV)/.installed-bench
 	cd benchmarks && ../$(BIN)/python run.py --only ladder
+
+twenty: $(VENV)/.installed-bench
+	cd benchmarks && ../$(BIN)/python twenty.py
 
 # A source distribution and a manylinux wheel for every interpreter here, each tried, ready to be uploaded.
 release: $(VENV)/.installed-release

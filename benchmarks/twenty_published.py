@@ -31,6 +31,14 @@ def with_rates(coordinates: Sequence[Any]) -> list[Any]:
     return [*coordinates, *(q.diff(T) for q in coordinates)]
 
 
+def slower(**limits: float) -> dict[str, Any]:
+    """Limits of velocities, by the names of their coordinates."""
+    return {
+        f"speed_{name}": dynamicsymbols(name).diff(T) ** 2 <= limit**2
+        for name, limit in limits.items()
+    }
+
+
 def rest(**place: float) -> dict[str, float]:
     """A place at which everything is at rest."""
     return place | {f"{name}_dot": 0.0 for name in place}
@@ -102,7 +110,7 @@ def carts() -> dmoc.MechanicalSystem:
         "nosbench_3cptf", q, kinetic(1, *q), {}, inputs=[U], forces={x2: U},
         dissipation=sum(x.diff(T) ** 2 for x in q),
         surfaces={"left": x2 - x1 >= 2, "right": x3 - x2 >= 2}, cost=wanted + U**2 / 10,
-        terminal_cost=100 * wanted,
+        terminal_cost=100 * wanted, path_constraints=slower(x1=5, x2=5, x3=5),
     )  # fmt: skip
 
 
@@ -200,6 +208,7 @@ def hopper() -> dmoc.MechanicalSystem:
         terminal_cost=tracked(
             with_rates(q), (0.7, 0.5, 0, 0.5, 0, 0, 0, 0), (300,) * 4 + (0.1,) * 4
         ),
+        path_constraints=slower(x=10, y=10, a=5, r=5),
     )  # fmt: skip
 
 
