@@ -256,7 +256,7 @@ def solve(
     statement, stages = Statement(system, problem, setting), setting.stages
     answer = solver_of(statement).solve()
     x, u = np.array(answer["x_traj"]), np.array(answer["u_list"]).reshape(stages, -1)
-    horizon = float(answer["v_global"][0]) if statement.free else 1.0
+    horizon = float(np.ravel(answer["v_global"])[0]) if statement.free else 1.0
     each = len(answer["x_list"]) // stages
     nq, kernels = statement.nq, problem.kernels
     with motion.open("w", newline="", encoding="utf-8") as file:

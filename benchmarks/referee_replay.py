@@ -29,6 +29,8 @@ NEAR = 1e-5
 # its cost is taken.
 PARTS, LINEAR_PARTS = 400, 8
 PLACES, WEIGHTS = (np.array([-1, 0, 1]) * 0.15**0.5 + 0.5, np.array([5, 8, 5]) / 18)
+# Share of the coordinates that errors of a solver move what rests by.
+ROUNDING = 1e-9
 # Of the final time: what a hit at one moment may take.
 INSTANT = 1e-9
 
@@ -46,9 +48,9 @@ class Sizes:
         """Ranges; what hardly moves counts by a hundredth of what the energy could give it."""
         M = problem.model.mass(q, t)
         inertia = np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0)
-        kinetic = np.einsum("ki,kij,kj->k", v, M, v).max()
-        speed, time = np.sqrt(kinetic / np.where(inertia > 0, inertia, 1.0)), float(t[-1] - t[0])
-        least = np.maximum(0.01 * speed, 1e-12 * np.abs(q).max(axis=0) / time + 1e-100)
+        inertia, time = np.where(inertia > 0, inertia, 1.0), float(t[-1] - t[0])
+        speed, reach = (np.sqrt(np.einsum("ki,kij,kj->k", x, M, x).max() / inertia) for x in (v, q))
+        least = np.maximum(0.01 * speed, ROUNDING * reach / time + 1e-100)
         return cls(
             np.maximum(np.ptp(q, axis=0), least * time),
             np.maximum(np.abs(v).max(axis=0), least),

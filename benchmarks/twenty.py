@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import nosnoc_stated
-from common import Section, machine
+from common import Section, filled, machine
 from referee import judge
 from referee_motion import read
 from twenty_problems import CASES, NOT_STATED, Case
@@ -174,18 +174,20 @@ def section(records: Sequence[Mapping[str, Any]], seconds: float) -> Section:
     made = Section(
         "Twenty problems without their sequence",
         f"At most {seconds:.0f} s for each tool and problem, one process. Contacts: surfaces and "
-        "rails. The best known motion is that of a closed form or of its sequence named, whose "
-        "solve in this run is beside it. The tree goes as deep as the best known word, at least "
+        "rails; events: hits and changes of contact and friction. The best known motion has a "
+        "closed form, or comes from its words when they are named, or from proposals, which then "
+        "meet it by construction; beside it is a solve of its words in this run. The tree goes as "
+        "deep as the best known word, at least "
         f"{DEPTH}, which is a hint; proposals have none. Costs are recomputed by the referee "
         "(docs/referee.md); in brackets where it refuses the motion. A star: within 1 % of the "
-        "best known. How often: relaxed starts that led to the word, of those that led to any; "
-        "0 where a neighbour of a proposal is best. nosnoc is stated from the same model "
+        "best known. How often: relaxed starts that led to the word, of those that led to any; 0 "
+        "where a neighbour of a proposal is best. nosnoc is stated from the same model "
         "(benchmarks/nosnoc_stated.py), with two settings one after the other, of which the better "
         "counts; its seconds have its building.",
         [
-            "problem", "known: contacts", "cost", "source", "named", "propose: cost", "often", "s",
-            "CPU s", "tree: cost", "s", "CPU s", "nosnoc: cost", "claimed", "s", "CPU s",
-            "published: cost", "remark", "words: best known", "words: proposed", "words: tree",
+            "problem", "known: contacts", "events", "cost", "source", "named",
+            "propose: cost", "often", "s", "CPU s", "tree: cost", "s", "CPU s",
+            "nosnoc: cost", "claimed", "s", "CPU s", "published: cost", "remark",
         ],
         after=_after(by),
     )  # fmt: skip
@@ -200,16 +202,13 @@ def _row(case: Case, of: Mapping[str, Mapping[str, Any]]) -> list[str]:
     named, propose, tree, nosnoc = (of.get(tool, {}) for tool in TOOLS)
     often = propose.get("often")
     published = "-" if case.published is None else f"{case.published:.6g}"
-    system = case.system()
+    system, events = case.system(), sum(len(word.split()) for word in case.word)
     contacts = len({*system.surfaces, *system.tangents})
     return [
-        case.title, str(contacts), f"{case.cost:.5g}", case.source, _cost(case, named),
+        case.title, str(contacts), str(events), f"{case.cost:.5g}", case.source, _cost(case, named),
         _cost(case, propose), f"{often[0]} of {often[1]}" if often else "-", *_times(propose),
         _cost(case, tree), *_times(tree), _cost(case, nosnoc),
         _number(nosnoc.get("claimed")), *_times(nosnoc), published, case.remark or "-",
-        _words(case.contacts, case.word), *(
-            _words(of.get("contacts", ()), of.get("word")) for of in (propose, tree)
-        ),
     ]  # fmt: skip
 
 
@@ -219,7 +218,7 @@ def _cost(case: Case, record: Mapping[str, Any]) -> str:
         status = record.get("status", "not run")
         if "word" not in record and status in ("complete", "stopped"):
             return "none"
-        return str(record.get("refused") or status)[:30]
+        return str(record.get("refused") or status)[:40]
     text = _number(record["cost"])
     best = "*" if record["cost"] <= case.cost + SAME * abs(case.cost) else ""
     return f"{text}{best}" if record["agrees"] else f"({text})"
@@ -233,10 +232,16 @@ def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.5g}"
 
 
-def _words(contacts: Sequence[str], words: Sequence[str] | None) -> str:
+def _words_of(case: Case, by: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
+    """The words of the best known motion, and those of searches that found others."""
+    best = _words(case.named.contacts, case.word)
+    others = [(tool, by.get((case.name, tool), {})) for tool in ("propose", "tree")]
+    told = [(tool, _words(r["contacts"], r["word"])) for tool, r in others if "word" in r]
+    return "; ".join([best, *(f"{tool} {words}" for tool, words in told if words != best)])
+
+
+def _words(contacts: Sequence[str], words: Sequence[str]) -> str:
     """A sequence, with what is closed at the start in brackets."""
-    if words is None:
-        return "-"
     closed = f"({', '.join(contacts)}) " if contacts else ""
     return closed + (", ".join(words) or "none")
 
@@ -252,6 +257,10 @@ def _after(by: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
         texts.append("nosnoc is not installed: `pip install nosnoc==0.2.0`.")
     if against:
         texts.append("Refused:\n" + "\n".join(against))
+    texts.append("Words, with what is closed at the start in brackets:\n" + "\n".join(
+        f"- {case.title}: {_words_of(case, by)}."
+        for case in CASES if any(name == case.name for name, _ in by)
+    ))  # fmt: skip
     left_out = "\n".join(f"- {what}: {why}." for what, why in NOT_STATED)
     return "\n\n".join([*texts, f"Not stated:\n{left_out}"])
 
@@ -290,7 +299,7 @@ def compare(quick: bool, folder: Path) -> Section:
 
 
 def _write(made: Section, folder: Path) -> None:
-    text = f"# Twenty problems\n\nMachine: {machine()}.\n\n{made.markdown()}"
+    text = f"# Twenty problems\n\n{filled(f'Machine: {machine()}.')}\n\n{made.markdown()}"
     (folder / "twenty.md").write_text(text, encoding="utf-8")
 
 

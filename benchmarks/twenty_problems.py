@@ -34,7 +34,7 @@ class Case:
     cost : float
         Its cost, by the source.
     source : str
-        A closed form, or what led to it.
+        What led to it: a closed form, its words when they are named, or a search by proposals.
     published : float, optional
         The best published cost.
     remark : str
@@ -66,7 +66,7 @@ def _walker() -> dmoc.Problem:
     return stated.but(sequence=(), durations=None, final_time=walker.TIME)
 
 
-NAMED = "naming it"
+NAMED, PROPOSED = "its words", "proposals"
 CASES = (
     Case(
         "block", "block on a rail with friction, 1 m in 4 s", pushed_block.system,
@@ -87,7 +87,7 @@ CASES = (
     ),
     Case(
         "rail", "swing-up on a rail with friction", published.swing_up,
-        published.swing_up_problem, ("rail:slip-", "rail:stick", "rail:slip+"), 87.765, NAMED,
+        published.swing_up_problem, ("rail:slip-", "rail:stick", "rail:slip+"), 87.765, PROPOSED,
         ("rail:slip+",),
     ),
     Case(
@@ -114,11 +114,11 @@ CASES = (
     ),
     Case(
         "motor", "NOSBENCH MWFOCP", published.motor, published.motor_problem,
-        ("guide:slip-", "guide:slip+"), 0.7687, NAMED, ("guide:slip+",),
+        ("guide:slip-", "guide:slip+"), 0.7687, PROPOSED, ("guide:slip+",),
     ),
     Case(
         "leap", "NOSBENCH HOPOCP", published.hopper, published.hopper_problem,
-        ("ground:slip+", "-ground", "+ground", "-ground", "+ground:slip+"), 3.842, NAMED,
+        ("ground:slip+", "-ground", "+ground", "-ground", "+ground:slip+"), 3.842, PROPOSED,
         remark="reference continuous in time",
     ),
     Case(
@@ -126,7 +126,7 @@ CASES = (
         ("top:slip+",), 2.9067, NAMED, ("top:slip-",), remark="without the cost of the friction",
     ),
     Case(
-        "hops", "a hopper goes 1 m", hopper_system, bodies.hops, ("ground",) * 3, 76.015, NAMED,
+        "hops", "a hopper goes 1 m", hopper_system, bodies.hops, ("ground",) * 3, 76.015, PROPOSED,
     ),
     Case(
         "landing", "a leg lands and stands", stance_hopper.system, bodies.landing, ("+floor",),
@@ -135,7 +135,7 @@ CASES = (
     Case(
         "finger", "a finger flicks a puck", finger_puck.system,
         lambda: finger_puck.problem(20).but(sequence=()),
-        ("+tip table:slip+", "-tip table:stick", "tip table:slip+"), 7.693e-4, NAMED,
+        ("+tip table:slip+", "-tip table:stick", "tip table:slip+"), 7.693e-4, PROPOSED,
     ),
     Case(
         "push", "a box is pushed", lambda: bodies.box_system("pushed"), bodies.box_pushed,
@@ -143,11 +143,11 @@ CASES = (
     ),
     Case(
         "tip", "a box is tipped over", lambda: bodies.box_system("tipped"), bodies.box_tipped,
-        ("-bl",), 28.764, NAMED,
+        ("-bl",), 28.764, PROPOSED,
     ),
     Case(
         "throw", "a box is thrown up a step", lambda: bodies.box_system("thrown"),
-        bodies.box_thrown, ("-bl", "-br", "+bl:slip+", "-bl", "+br:slip+"), 69.249, NAMED,
+        bodies.box_thrown, ("-bl", "-br", "+bl:slip+", "-bl", "+br:slip+"), 69.249, PROPOSED,
     ),
     Case(
         "walker", "a step of RABBIT", walker.system, _walker, ("+right -left",), 390.7, NAMED,

@@ -72,9 +72,9 @@ def test_behind_a_wall_the_clock_stands_while_the_law_of_impact_comes_about(e: f
 def test_the_table_tells_what_is_best_and_what_is_refused() -> None:
     records = [
         {"problem": "discs", "tool": "propose", "cost": 59.1, "agrees": True, "word": ["discs"],
-         "often": [7, 26], "seconds": 1.0, "cpu": 0.5, "status": "complete"},
+         "contacts": [], "often": [7, 26], "seconds": 1.0, "cpu": 0.5, "status": "complete"},
         {"problem": "discs", "tool": "tree", "cost": 70.0, "agrees": False, "word": [],
-         "refused": "impact at 1 s", "status": "complete"},
+         "contacts": [], "refused": "impact at 1 s", "status": "complete"},
         {"problem": "discs", "tool": "nosnoc", "status": "more than 60 s"},
         {"problem": "puck", "tool": "tree", "status": "stopped", "seconds": 60.0, "cpu": 60.0},
     ]  # fmt: skip
