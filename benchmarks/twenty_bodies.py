@@ -1,11 +1,9 @@
-"""Problems of legs and boxes for `twenty.py`: hops, a landing, and a box that is pushed, tipped or
-thrown."""
+"""Problems of a leg and a box for `twenty.py`: a landing; a box pushed, tipped over, or thrown."""
 
 from __future__ import annotations
 
 from math import pi
 
-import hopper
 import stance_hopper
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
@@ -21,15 +19,6 @@ FALL = 9.81
 def rest(**place: float) -> dict[str, float]:
     """A place at which everything is at rest."""
     return place | {f"{name}_dot": 0.0 for name in place}
-
-
-def hops() -> dmoc.Problem:
-    """The hopper of the examples goes a metre and ends as it began."""
-    once = hopper.problem(30)
-    return once.but(
-        goal={"x": 1.0}, sequence=(), start={"x": 0.0, "p_x": (0.1, 10.0), "phi": 0.3},
-        final_time=(0.9, 1.2),
-    )  # fmt: skip
 
 
 def landing() -> dmoc.Problem:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import finger_puck
+import hops
 import puck
 import push_or_flick
 import pushed_block
@@ -126,7 +127,7 @@ CASES = (
         ("top:slip+",), 2.9067, NAMED, ("top:slip-",), remark="without the cost of the friction",
     ),
     Case(
-        "hops", "a hopper goes 1 m", hopper_system, bodies.hops, ("ground",) * 3, 76.015, PROPOSED,
+        "hops", "a hopper goes 1 m", hopper_system, hops.problem, ("ground",) * 3, 76.015, PROPOSED,
     ),
     Case(
         "landing", "a leg lands and stands", stance_hopper.system, bodies.landing, ("+floor",),
