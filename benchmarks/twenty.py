@@ -40,6 +40,7 @@ DEPTH = 3  # of the tree, where the best known word is no longer
 CLOCKS = ("seconds", "cpu")
 SAME = 0.01  # share of a cost within which it is that of the best known motion
 FOLDER = Path(__file__).parent / "results"
+MOTIONS = Path(__file__).parent.parent / "build" / "twenty"  # tables, as the referee takes them
 MISSING = "not installed"
 
 Record = dict[str, Any]
@@ -142,14 +143,14 @@ def unit(name: str, tool: str, seconds: float, folder: Path) -> Iterator[Record]
     return TOOLS[tool](case, seconds, folder / f"{name}_{tool}.csv")
 
 
-def run(name: str, tool: str, seconds: float, folder: Path) -> Record:
+def run(name: str, tool: str, seconds: float) -> Record:
     """The same in a process of its own, which ends with its budget."""
     command = [sys.executable, __file__, "--unit", name, tool, "--seconds", str(seconds)]
     threads = {f"{kind}_NUM_THREADS": "1" for kind in ("OMP", "OPENBLAS")}
     told, error, late = "", "no message", False
     try:
         done = subprocess.run(
-            [*command, "--out", str(folder)], capture_output=True, text=True,
+            command, capture_output=True, text=True,
             timeout=seconds + (STARTING_NOSNOC if tool == "nosnoc" else STARTING),
             env=os.environ | threads,
         )  # fmt: skip
@@ -274,15 +275,14 @@ def every(
     """Solve what the file has not; it is written after each solve."""
     path = folder / "twenty.json"
     folder.mkdir(parents=True, exist_ok=True)
-    motions = folder / "twenty"
-    motions.mkdir(exist_ok=True)
+    MOTIONS.mkdir(parents=True, exist_ok=True)
     records = json.loads(path.read_text()) if path.exists() else []
     for name in names:
         for tool in tools:
             here = [r for r in records if (r["problem"], r["tool"]) == (name, tool)]
             if here and not again and here[0]["budget"] == seconds:
                 continue
-            record = run(name, tool, seconds, motions)
+            record = run(name, tool, seconds)
             records = [r for r in records if r not in here] + [record]
             write_whole(path, json.dumps(records, indent=1).encode())
             sys.stderr.write(f"{name} {tool}: {record['status']}, {record.get('cost')}\n")
@@ -316,7 +316,7 @@ def main() -> None:
     parser.add_argument("--unit", nargs=2, help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.unit:
-        for record in unit(*asked.unit, asked.seconds, asked.out):
+        for record in unit(*asked.unit, asked.seconds, MOTIONS):
             print(json.dumps(record), flush=True)
         return
     chosen, tools = asked.only.split(","), asked.tools.split(",")
