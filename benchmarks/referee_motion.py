@@ -14,6 +14,7 @@ from dmoc.base.errors import MotionError
 from dmoc.base.names import momentum_name, unit_of, velocity_name
 from dmoc.codegen.kernels import Array
 
+OWN = "phase"  # a column that tables of dmoc have
 CLOCK = "numerical_time"  # of a tool whose physical time may stand still
 FORMS = ("held", "linear")
 # Share of the final time, and of the numerical time, that passes while the physical time stands.
@@ -66,6 +67,8 @@ def read(path: Path, problem: dmoc.Problem, form: str | None = None) -> Claim:
     rows = list(csv.reader(line for line in lines if not line.startswith("#")))
     table = _columns(path, rows, problem)
     form = form or (forms[0] if forms else None)
+    if form is None and OWN in (rows[0] if rows else []) and problem.control_form == "linear":
+        form = "linear"
     if form not in (None, *FORMS):
         raise MotionError(f"{path}: inputs = {form!r}: expected {' or '.join(FORMS)}.")
     return _claim(path, table, problem, form)
@@ -83,7 +86,7 @@ def _columns(path: Path, rows: list[list[str]], problem: dmoc.Problem) -> dict[s
     kernels = problem.kernels
     rates = [velocity_name(name) for name in kernels.coordinates]
     used = ["t", CLOCK, *kernels.coordinates, *rates, *kernels.inputs]
-    other = ["phase", *map(momentum_name, kernels.coordinates)]
+    other = [OWN, *map(momentum_name, kernels.coordinates)]
     other += [f"{kind}_{name}" for kind, names in (
         ("N", kernels.surfaces), ("T", kernels.tangents), ("R", kernels.joints),
     ) for name in names]  # fmt: skip

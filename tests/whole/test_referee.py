@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import contact_problems
 import numpy as np
 import pytest
 import several_contacts
@@ -211,6 +212,15 @@ def test_a_box_stands_and_slides_on_two_corners(tmp_path: Path) -> None:
     judgement = judge(problem, read(solution.to_csv(tmp_path / "box.csv"), problem))
     assert judgement.agrees, judgement.lines
     assert judgement.cost == pytest.approx(several_contacts.PUSHED, rel=1e-2)
+
+
+def test_linear_inputs_of_a_solution_of_one_phase_are_linear(tmp_path: Path) -> None:
+    """A block that slides all along, of 2.09375 in closed form."""
+    problem = contact_problems.sliding(20)
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    judgement = judge(problem, read(solution.to_csv(tmp_path / "block.csv"), problem))
+    assert judgement.agrees, judgement.lines
+    assert judgement.cost == pytest.approx(2.09375, rel=2e-3)
 
 
 def test_the_cost_of_a_motion_that_cannot_be_simulated_is_unknown(judged: Judge) -> None:
