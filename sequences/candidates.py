@@ -92,18 +92,30 @@ class Candidates(Tree):
 
     def _neighbours(self) -> bool:
         """Put what the motion of the best proposes into the frontier; whether there is anything."""
-        best = self.best()
-        if best is None or best.sequence in self.around or best.solution is None:
+        sequence, way = self._center()
+        if way is None or sequence in self.around:
             return False
-        self.around.add(best.sequence)
+        self.around.add(sequence)
+        new = self.proposals.look_around(way, self.deadline)
+        beside = self._beside(sequence, way)
+        self.frontier += [s for s in dict.fromkeys((*new, *beside)) if s not in self.nodes]
+        return bool(self.frontier)
+
+    def _center(self) -> tuple[Words, Folded | None]:
+        """The best and its motion; where none is confirmed, once, the cheapest that may be, or else
+        the cheapest proposal."""
+        best = self.best()
+        if best is None and not self.around:
+            best = next(iter(self.doubtful()), None)
+            if best is None and self.proposals.motions:
+                words = self.proposals.ranked()[0].sequence
+                return words, self.proposals.motions[words]
+        if best is None or best.solution is None:
+            return (), None
         motion = best.solution.trajectory
         hits = ["" if c.surface in c.lands else c.surface for c in motion.collisions]
         impulses = [c.impulse for c in motion.collisions]
-        way = Folded(tuple(hits), tuple(pieces_of(motion)), tuple(impulses))
-        new = self.proposals.look_around(way, self.deadline)
-        beside = self._beside(best.sequence, way)
-        self.frontier += [s for s in dict.fromkeys((*new, *beside)) if s not in self.nodes]
-        return bool(self.frontier)
+        return best.sequence, Folded(tuple(hits), tuple(pieces_of(motion)), tuple(impulses))
 
     def _beside(self, sequence: Words, motion: Folded) -> list[Words]:
         """The neighbours of a sequence that a search may try; those that have a motion from it may

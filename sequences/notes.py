@@ -91,6 +91,11 @@ def notes_of_proposals(candidates: Candidates) -> list[str]:
         f"{proposals.led} of {_counted(proposals.starts, 'relaxed start')} led to "
         f"{_counted(len(every), 'sequence')}" + (f": {some}{more}" if some else "")
     ]
+    if ignored := candidates.proposals.relaxation.passed:
+        notes.append(
+            f"{', '.join(ignored)}: ignored, and closed in no relaxed motion, which could as well "
+            "pass; strategy 'tree' tries to land there"
+        )
     if candidates.left:
         names = "; ".join(", ".join(s) or "no event" for s in candidates.left[:MOST_NAMED])
         notes.append(

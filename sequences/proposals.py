@@ -173,8 +173,8 @@ def _nothing_proposed(problem: Problem) -> str:
     if problem.touch.modes[0].closed:
         return (
             f"strategy 'propose' needs surfaces that are not ignored, in this problem of {name!r} "
-            f"all are ({ignored}): relaxed, a surface that motions may pass cannot be told from "
-            "one that they land on; take strategy 'tree', or ignore less."
+            f"all are ({ignored}): relaxed motions would fall through them, which costs least; "
+            "take strategy 'tree' with more starts (starts=64), or ignore less."
         )
     return (
         f"nothing can touch in this problem of {name!r}: its surfaces are ignored, and nothing "

@@ -54,8 +54,9 @@ BENT = 4
 # Iterations of a start for the first eps, and for each of the others: what has begun well is worth
 # more.
 ITERATIONS, FURTHER = 400, 800
-# Of the starts' costs, the share below that which measures the cost: some begin with no inputs.
-TYPICAL = 0.7
+# Of the starts' costs, the share below that which measures the cost, as some begin with no inputs;
+# and on fewer steps, where some cost so much that, measured by it, that of a minimum is nothing.
+TYPICAL, LOWER = 0.7, 0.4
 
 
 @dataclass
@@ -90,6 +91,11 @@ class Relaxation:
         return cls(problem, Open(closing, rubbing, mode.closed), mirrors)
 
     @property
+    def passed(self) -> tuple[str, ...]:
+        """Surfaces that are ignored where others of the same model may close."""
+        return tuple(self.problem.ignored) if self._closes else ()
+
+    @property
     def nothing_touches(self) -> bool:
         return not (self.left_open.surfaces or self.left_open.tangents or self.mirrors)
 
@@ -103,11 +109,12 @@ class Relaxation:
                 return
             if not self.cost:
                 costs = [scale_of(p, x).cost for p, x in map(self._begun, some)]
-                self.cost = sorted(costs)[int(TYPICAL * len(costs))]
+                share = TYPICAL if self.steps == STEPS else LOWER
+                self.cost = sorted(costs)[int(share * len(costs))]
             motions = self._solved(some, deadline)
             yield motions
             if not any(motions) and self.steps == STEPS:
-                self.steps = COARSER
+                self.steps, self.cost = COARSER, 0.0
                 for kept in (self._problems, self._scales, self._made):
                     kept.clear()
 

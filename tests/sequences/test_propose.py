@@ -4,19 +4,24 @@ answers."""
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from math import pi, sqrt
 from pathlib import Path
 
 import hopper
 import pytest
+import several_contacts
 import sympy as sp
 from contact_problems import pushed
+from several_contacts import STANDING
 from sympy.physics.mechanics import dynamicsymbols
 from systems import unit_mass
 
 import dmoc
 from dmoc.base.deadline import ENDLESS
 from dmoc.base.errors import ProblemError, SearchError
+from dmoc.guess.folded import Folded
+from dmoc.guess.transfer import pieces_of
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.models.registry import find
 from dmoc.sequences import relaxation
@@ -244,15 +249,17 @@ def test_where_no_start_leads_to_a_motion_the_next_ones_have_fewer_steps(
     """As those of a walker with five links need."""
     problem = shipped("cart_pendulum")
     some = Relaxation.of(problem, settings_of(problem, {"strategy": "propose", "method": "ipm"}))
-    steps = list[object]()
+    steps, costs = list[object](), list[float]()
 
     def none(_: object, starts: list[object], __: object) -> list[None]:
         steps.append(some._relaxed((), 1.0).steps)
+        costs.append(some.cost)
         return [None] * len(starts)
 
     monkeypatch.setattr(Relaxation, "_solved", none)
     assert len(list(some.motions(3, 0, ENDLESS))) == 3
     assert steps == [40, 20, 20]
+    assert costs[0] != costs[1] == costs[2]  # the size of the cost is that of the starts again
 
 
 def test_where_nothing_needs_to_touch_it_is_said() -> None:
@@ -330,6 +337,52 @@ def test_a_proposal_that_failed_is_solved_again_by_the_tree(swung: SearchResult)
     assert best is not None
     candidates.nodes = {("left",): Node(("left",), Verdict.FAILED), best.sequence: best}
     assert list(candidates.surrounded().known) == [("left", "left")]
+
+
+def test_where_none_is_confirmed_the_cheapest_has_neighbours_once(swung: SearchResult) -> None:
+    """As a box that tips over, whose one proposal the simulation contradicts on every mesh."""
+    problem, best = shipped("cart_pendulum"), swung.best
+    settings = settings_of(problem, {"strategy": "propose", "method": "ipm"})
+    proposals = Proposals(problem, Relaxation.of(problem, settings), settings)
+    candidates = Candidates(proposals, ENDLESS)
+    assert best is not None
+    candidates.frontier = []
+    candidates.nodes = {best.sequence: replace(best, verdict=Verdict.UNVERIFIED)}
+    assert next(candidates.rounds())
+    assert {("left",), ("left", "left", "left")} <= set(candidates.frontier)
+    candidates.frontier = []
+    assert next(candidates.rounds(), None) is None
+
+
+def test_where_no_proposal_leads_to_a_motion_the_cheapest_has_neighbours(
+    swung: SearchResult,
+) -> None:
+    """As a walker, whose relaxed foot trembles as it lands."""
+    problem, best = shipped("cart_pendulum"), swung.best
+    settings = settings_of(problem, {"strategy": "propose", "method": "ipm"})
+    proposals = Proposals(problem, Relaxation.of(problem, settings), settings)
+    assert best is not None and best.solution is not None
+    words, impulses = best.sequence, tuple(c.impulse for c in best.solution.collisions)
+    motion = Folded(words, tuple(pieces_of(best.solution.trajectory)), impulses)
+    proposals.proposed, proposals.motions = {words: Proposed(words, 1.0)}, {words: motion}
+    candidates = Candidates(proposals, ENDLESS)
+    candidates.frontier = []
+    candidates.nodes = {words: Node(words, Verdict.FAILED)}
+    assert next(candidates.rounds())
+    assert {("left",), ("left", "left", "left")} <= set(candidates.frontier)
+
+
+def test_an_ignored_surface_beside_others_is_named() -> None:
+    """No relaxed motion lands where it may as well pass."""
+    problem = leg(1.2).but(ignored=["floor"])
+    with pytest.raises(SearchError, match="would fall through them"):
+        dmoc.search(problem, strategy="propose")
+    box = dmoc.Problem(
+        several_contacts.box(), start=STANDING, goal={"x": 1}, contacts=["left"],
+        ignored=["right"], steps=10, final_time=1,
+    )  # fmt: skip
+    result = dmoc.search(box, 1, strategy="propose", max_nodes=1)
+    assert any(note.startswith("right: ignored, and closed in no relaxed") for note in result.notes)
 
 
 def test_proposals_that_cost_over_a_third_more_than_the_best_are_not_solved() -> None:
