@@ -393,11 +393,15 @@ class Model(BoundKernels):
         """Quantities whose peaks the objective has, and whether of both signs."""
         return [(int(j), bool(both)) for j, both in self.kernels.manifest.get("peaks", ())]
 
+    def integrals(self, step: Sequence[Array]) -> Array:
+        """What each step adds to the totals, shape (n, number)."""
+        if not self.totals_of:
+            return np.zeros((len(step[0]), 0))
+        return self.kernels.call("integral", *step, self.par)[0]
+
     def totals(self, step: Sequence[Array]) -> Array:
         """The totals over steps, shape (number,)."""
-        if not self.totals_of:
-            return np.zeros(0)
-        return np.asarray(self.kernels.call("integral", *step, self.par)[0].sum(axis=0))
+        return np.asarray(self.integrals(step).sum(axis=0))
 
     def peaks(self, step: Sequence[Array]) -> Array:
         """The peaks over steps, at their points, shape (number,)."""

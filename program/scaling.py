@@ -85,15 +85,21 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         at = [j for j, _ in model.peaks_of]
         return replace(
             scale, cost=cost, path=path, quantity=quantity, peaks=quantity[at],
-            totals=_totals(problem, lay, x),
+            totals=_totals(problem, lay, x, scale),
         )  # fmt: skip
 
 
-def _totals(problem: Problem, lay: Layout, x: Array) -> Array:
-    """Sizes of the totals: of their values, or of what bounds them."""
-    values = np.abs(_finite(problem.model.totals(lay.step_inputs(x)), 0.0))
+def _totals(problem: Problem, lay: Layout, x: Array, scale: Scale) -> Array:
+    """Sizes of the totals: of what bounds them, or of what all steps add to them without their
+    signs, in the motion and in one whose velocities and inputs are of their sizes."""
+    model, step = problem.model, lay.step_inputs(x)
+    q, u, h = step[0], step[2].copy(), step[4]
+    u[:, : model.nu], end = scale.u, q + h * scale.v
+    inside = lay.scheme.within(q, end).reshape(lay.total, -1)
+    sized = q, end, u, u, h, step[5], inside
+    parts = [np.abs(_finite(model.integrals(s), 0.0)).sum(axis=0) for s in (step, sized)]
     bounds = np.where(np.isfinite(problem.total_bounds), np.abs(problem.total_bounds), 0.0)
-    size = np.maximum(values, bounds.max(axis=1, initial=0.0))
+    size = np.maximum(np.max(parts, axis=0), bounds.max(axis=1, initial=0.0))
     return np.where(size > 0, size, 1.0)
 
 

@@ -130,6 +130,19 @@ def test_peaks_and_totals_through_a_hit(order):
     assert other.cost <= solution.trajectory.totals["effort"] * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("order", ORDERS)
+def test_totals_that_vanish(order):
+    """The work from rest to rest is none, in first motions too: int u^2 = 12.  With v at the end a
+    work of v^2/2: 4 (3 - 3 v + v^2)."""
+    kernels = dmoc.build(mass(integrals={"work": u * x.diff()}, cost=u**2), order=order)
+    problem = dmoc.Problem(kernels, {x: 0}, {x: 1, "x_dot": 0}, steps=40, final_time=1)
+    solution = dmoc.solve(problem, starts=1)
+    np.testing.assert_allclose(solution.cost, 12, rtol=1e-2)
+    assert abs(solution.trajectory.totals["work"]) < 1e-9
+    faster = dmoc.solve(problem.but(goal={x: 1, "x_dot": (0.4, None), "work": 0.125}))
+    np.testing.assert_allclose(faster.cost, 4 * (3 - 1.5 + 0.25), rtol=1e-2)
+
+
 def test_totals_are_kept_in_files(tmp_path: Path):
     solution = across(mass(integrals={"effort": u**2}, cost=u**2), 2, final_time=1)
     solution.save(tmp_path / "s.npz")
