@@ -1,5 +1,5 @@
 r"""How many hops?
-=============
+==============
 
 In how many hops does a one-legged hopper go one metre with the least effort?
 
