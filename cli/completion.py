@@ -38,9 +38,11 @@ def parameters(context: typer.Context, incomplete: str) -> list[str]:
 
 
 def bounded(context: typer.Context, incomplete: str) -> list[str]:
-    """Inputs and coordinates as NAME=."""
+    """Inputs, coordinates and velocities as NAME=."""
     manifest = _manifest(context)
-    return _assigned([*manifest.get("inputs", []), *manifest.get("coordinates", [])], incomplete)
+    inputs, coordinates = manifest.get("inputs", []), manifest.get("coordinates", [])
+    velocities = [f"{name}_dot" for name in coordinates]
+    return _assigned([*inputs, *coordinates, *velocities], incomplete)
 
 
 def states(context: typer.Context, incomplete: str) -> list[str]:

@@ -84,20 +84,20 @@ class ProblemOptions(ModelOptions):
         Stated("controls", str),
     )
     bound: list[str] | None = stated(
-        "Bounds of an input or coordinate; several with commas, or repeat it.",
+        "Bounds of an input, coordinate, velocity or quantity; several with commas, or repeat it.",
         Stated("bounds", option="--bound"),
         autocompletion=completion.bounded,
         metavar="NAME=LOW:HIGH",
     )
     start: list[str] | None = stated(
-        "Start state: x, x_dot or p_x; a value, a range LOW:HIGH, or free; several with commas, "
-        "or repeat it.",
+        "Start state: x, x_dot, p_x or a quantity; a value, a range LOW:HIGH, or free; several with "
+        "commas, or repeat it.",
         Stated("start", option="--start"),
         autocompletion=completion.states,
         metavar="NAME=VALUE",
     )
     goal: list[str] | None = stated(
-        "Goal state, like --start; several with commas, or repeat it.",
+        "Goal state, like --start, or the bound of an integral; several with commas, or repeat it.",
         Stated("goal", option="--goal"),
         autocompletion=completion.states,
         metavar="NAME=VALUE",

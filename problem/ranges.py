@@ -123,19 +123,31 @@ def check_size(problem: Problem) -> None:
         )
 
 
+def names_in(problem: Problem, field: str) -> tuple[list[str], str]:
+    """Names that "start", "goal" or "bounds" may contain, and what they are called."""
+    kernels = problem.kernels
+    if field == "bounds":
+        velocities = map(velocity_name, kernels.coordinates)
+        names, kinds = [*kernels.inputs, *kernels.coordinates, *velocities], "input, coordinate"
+        if not kernels.quantities:
+            return names, f"{kinds} or velocity"
+        return [*names, *kernels.quantities], f"{kinds}, velocity or quantity"
+    names = [*problem.states, *kernels.quantities]
+    if field == "goal" and kernels.integrals:
+        return [*names, *kernels.integrals], "state, quantity or integral"
+    return names, "state or quantity" if kernels.quantities else "state"
+
+
 def boxes_of(problem: Problem, names: Sequence[str]) -> Array:
     """Bounds of inputs, coordinates, velocities or quantities, shape (names, 2)."""
-    kernels = problem.kernels
-    velocities = map(velocity_name, kernels.coordinates)
-    bounded = [*kernels.inputs, *kernels.coordinates, *velocities, *kernels.quantities]
-    last = ", velocity or quantity" if kernels.quantities else " or velocity"
+    kernels, (bounded, what) = problem.kernels, names_in(problem, "bounds")
     for name in problem.bounds:
         if name in map(momentum_name, kernels.coordinates) and name not in bounded:
             raise ProblemError(
                 f"momentum {name} has no bounds along the way: bound a velocity, or name the "
                 'momentum in the model, as quantities={"p": L.diff(x.diff())}.'
             )
-        check_known(name, bounded, f"input, coordinate{last}", "in the bounds")
+        check_known(name, bounded, what, "in the bounds")
     boxes = [limits(problem.bounds.get(name), f"bounds of {name}", BOX) for name in names]
     return np.array(boxes, dtype=float).reshape(len(names), 2)
 
@@ -146,11 +158,7 @@ def boundary_of(problem: Problem, end: str) -> Boundary:
     velocities = [velocity_name(q) for q in coordinates]
     momenta = [momentum_name(q) for q in coordinates]
     for name in state:
-        others = list(problem.kernels.quantities)
-        what = "state or quantity" if others else "state"
-        if end == "goal" and (integrals := problem.kernels.integrals):
-            others, what = [*others, *integrals], "state, quantity or integral"
-        check_known(name, [*problem.states, *others], what, f"at the {end}")
+        check_known(name, *names_in(problem, end), f"at the {end}")
     free, turning = None, {name for r in problem.relations for name in r.starts}
     position, velocity, momentum = [], [], []
     for q, v, p in zip(coordinates, velocities, momenta, strict=True):

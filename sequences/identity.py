@@ -26,7 +26,9 @@ def _end(bounds: Boundary) -> object:
 MEANING: Mapping[str, Callable[[Problem], object]] = {
     "kernels": lambda p: (p.kernels.manifest["fingerprint"], p.kernels.backend),
     "start": lambda p: (_end(p.start_bounds), p.quantity_ranges.start.tolist()),
-    "goal": lambda p: (_end(p.goal_bounds), p.quantity_ranges.goal.tolist()),
+    "goal": lambda p: (
+        _end(p.goal_bounds), p.quantity_ranges.goal.tolist(), p.total_bounds.tolist(),
+    ),
     "final_time": lambda p: p.final_time_bounds,
     "bounds": lambda p: (p.input_bounds.tolist(), p.coordinate_bounds.tolist(), p.limits),
     "parameters": lambda p: p.parameter_values.tolist(),

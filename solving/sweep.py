@@ -16,6 +16,7 @@ from dmoc.base.errors import DmocError, ProblemError
 from dmoc.base.progress import Listener
 from dmoc.mechanics.model_values import by_name
 from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import names_in
 from dmoc.results.batch import Batch
 from dmoc.solving.many import MOST_PROBLEMS, BatchProgress, batch_of
 from dmoc.solving.request import check_problem
@@ -117,13 +118,8 @@ def sweep(
 
 def _axes(problem: Problem, field: str, values_by_name: Mapping[Any, Iterable[Any]]) -> list[Axis]:
     """What is varied of one field."""
-    kernels = problem.kernels
-    names, what = {
-        "parameters": (kernels.parameters, "parameter"),
-        "start": (problem.states, "state"),
-        "goal": (problem.states, "state"),
-        "bounds": ([*kernels.inputs, *kernels.coordinates], "input or coordinate"),
-    }[field]
+    parameters = problem.kernels.parameters, "parameter"
+    names, what = parameters if field == "parameters" else names_in(problem, field)
     axes = []
     for name, values in by_name(values_by_name, field).items():
         check_known(name, names, what, f"in {field}")

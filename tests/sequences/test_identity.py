@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 import pytest
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.models.registry import find
@@ -51,6 +52,23 @@ def test_every_field_of_a_problem_tells_its_journal_from_others(
     problem: dmoc.Problem, name: str
 ) -> None:
     assert identity(changed(problem, name), SETTINGS) != identity(problem, SETTINGS)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"goal": {"x": 1, "effort": (None, 3)}}, {"goal": {"x": 1, "push": 0}},
+        {"bounds": {"x_dot": (None, 2)}}, {"bounds": {"push": (None, 2)}},
+    ],
+)  # fmt: skip
+def test_quantities_and_integrals_tell_journals_apart(other: dict[str, Any]) -> None:
+    x, u = dynamicsymbols("x u")
+    system = dmoc.MechanicalSystem(
+        "told_apart", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, cost=u**2,
+        quantities={"push": u}, integrals={"effort": u**2}, surfaces={"wall": x <= 2},
+    )  # fmt: skip
+    problem = dmoc.Problem(system, {"x": 0}, {"x": 1}, steps=10, final_time=1)
+    assert identity(problem.but(**other), SETTINGS) != identity(problem, SETTINGS)
 
 
 @pytest.mark.parametrize("name", [*OTHER_SETTINGS])

@@ -143,6 +143,21 @@ def test_totals_that_vanish(order):
     np.testing.assert_allclose(faster.cost, 4 * (3 - 1.5 + 0.25), rtol=1e-2)
 
 
+def test_sweeps_over_all_that_problems_state():
+    """The speed that a mass keeps: v^2/2 from rest to a kinetic energy costs 4 (3 - 3 v + v^2)."""
+    system = mass(
+        integrals={"effort": u**2}, quantities={"kinetic": x.diff() ** 2 / 2}, cost=u**2
+    )
+    kernels = dmoc.build(system, order=4)
+    problem = dmoc.Problem(kernels, {x: 0}, {x: 1, "x_dot": (0, None)}, steps=20, final_time=1)
+    batch = dmoc.sweep(
+        problem, goal={"kinetic": [0.5, 2.0], "effort": [(None, 3.9), (None, 20.0)]},
+        bounds={"x_dot": [(None, 3.0)], "kinetic": [(None, 4.0)]},
+    )  # fmt: skip
+    assert [str(status) for status in batch.status] == ["infeasible", "solved"] * 2
+    np.testing.assert_allclose(batch.cost[[1, 3]], [4, 4], rtol=1e-6)
+
+
 def test_totals_are_kept_in_files(tmp_path: Path):
     solution = across(mass(integrals={"effort": u**2}, cost=u**2), 2, final_time=1)
     solution.save(tmp_path / "s.npz")
