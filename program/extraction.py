@@ -105,16 +105,25 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         bounds=(problem.input_bounds, problem.coordinate_bounds),
         ignored=problem.ignored,
         limits=problem.limits,
-        totals=_totals(problem, lay, x),
+        totals=_totals(nlp, x),
     )
 
 
-def _totals(problem: Problem, lay: Layout, x: Array) -> dict[str, float]:
-    """Integrals of the model, and peaks of its objective."""
-    step = lay.step_inputs(x)
-    totals = dict(zip(problem.model.totals_of, problem.model.totals(step).tolist(), strict=True))
+def _totals(nlp: Transcription, x: Array) -> dict[str, float]:
+    """Integrals of the model, and the largest values of the quantities whose peaks the objective
+    has; a peak without a price lies anywhere above."""
+    model, lay = nlp.problem.model, nlp.layout
+    totals = dict(zip(model.totals_of, model.totals(lay.step_inputs(x)).tolist(), strict=True))
     totals.pop("final_time", None)
-    return totals | dict(zip(peak_names(problem), x[lay.index_peaks].tolist(), strict=True))
+    peaks = x[lay.index_peaks] - loose_peaks(nlp, x / nlp.unit) * nlp.scale.peaks
+    return totals | dict(zip(peak_names(nlp.problem), peaks.tolist(), strict=True))
+
+
+def loose_peaks(nlp: Transcription, x: Array) -> Array:
+    """By how much peaks at the scaled unknowns x lie above their quantities, in their sizes."""
+    if not nlp.layout.index_peaks.size:
+        return np.zeros(0)
+    return nlp.laws.peak.above(nlp.values(x)[1:])
 
 
 def _inside(nlp: Transcription, t: Array, q: Array, v: Array, q_i: Array) -> tuple[Array, Array]:

@@ -10,13 +10,17 @@ from dataclasses import replace
 from dmoc.base.deadline import ENDLESS, Deadline
 from dmoc.motion.trajectory import Trajectory
 from dmoc.program.active_constraints import active_bounds
-from dmoc.program.extraction import named_multipliers, trajectory
+from dmoc.program.extraction import loose_peaks, named_multipliers, trajectory
+from dmoc.program.layout import peak_names
 from dmoc.program.undefined_values import singular_at, undefined_at
 from dmoc.results.solution import Solution
 from dmoc.solvers.kkt import duality_gap
 from dmoc.solvers.outcome import Status
 from dmoc.solving.attempts import Attempt
 from dmoc.solving.mode_edges import proposal_of
+
+# A peak that lies further above its quantity, in sizes of this, is not held by it.
+FAR_ABOVE = 1.0
 
 
 def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> Solution:
@@ -27,6 +31,13 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
     proposal = proposal_of(nlp, outcome) if status is Status.SOLVED else None
     if status is Status.SOLVED and any(c.grazes for c in motion.collisions):
         status, message = Status.GRAZES, f"{message}; {without_effect(motion)}"
+    rising = _rising(attempt)
+    if rising and status in (Status.SOLVED, Status.STALLED):
+        status, proposal = Status.STALLED, None
+        message = (
+            f"the cost has no minimum, it falls as {rising} rises, which nothing bounds from "
+            "above: give it a positive factor"
+        )
     return Solution(
         status=status,
         message=message,
@@ -47,6 +58,14 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
         proposal=proposal,
         kernels=problem.kernels,
     )
+
+
+def _rising(attempt: Attempt) -> str:
+    """The name of a peak that the objective falls with, if it has left its quantity."""
+    nlp, x = attempt.nlp, attempt.outcome.x
+    far = loose_peaks(nlp, x) > FAR_ABOVE
+    falls = nlp.cost_gradient(x)[nlp.layout.index_peaks] < 0
+    return next((n for n, i in zip(peak_names(nlp.problem), far & falls, strict=True) if i), "")
 
 
 def _message(attempt: Attempt) -> str:

@@ -245,6 +245,18 @@ class PathLaw(Law):
                     entries.append((rows[where, column], unknowns, np.ones(len(where))))
         return entries
 
+    def above(self, rows: Array) -> Array:
+        """By how much peaks lie above their quantities, from the values of all rows, shape
+        (peaks,)."""
+        lowest = np.full(self.lay.size, np.inf)
+        for block in self._blocks:
+            for side, index in zip(self.sides, self._by_side(block), strict=True):
+                if side.unknowns is not None:
+                    where, column = np.nonzero(index != NOWHERE)
+                    unknowns = side.unknowns[column % len(side.unknowns)]
+                    np.minimum.at(lowest, unknowns, rows[index[where, column]])
+        return lowest[self.lay.index_peaks]
+
     def constants(self) -> Iterator[tuple[int, float]]:
         for block in self._blocks:
             for side, rows in zip(self.sides, self._by_side(block), strict=True):

@@ -143,11 +143,23 @@ def test_totals_that_vanish(order):
     np.testing.assert_allclose(faster.cost, 4 * (3 - 1.5 + 0.25), rtol=1e-2)
 
 
+def test_peaks_without_a_price_and_with_a_negative_one():
+    """int u^2 = 12 alone has the largest force 6; a price that falls without end is no minimum."""
+    system = mass(
+        quantities={"push": u}, parameters={k: 0.0}, cost=u**2, objective=k * dmoc.largest("push")
+    )
+    kernels = dmoc.build(system, order=4)
+    problem = dmoc.Problem(kernels, {x: 0}, {x: 1, "x_dot": 0}, steps=20, final_time=1)
+    free = dmoc.solve(problem)
+    np.testing.assert_allclose(free.trajectory.totals["largest push"], 6, rtol=1e-6)
+    falling = dmoc.solve(problem.but(parameters={k: -1.0}))
+    assert falling.status == "stalled"
+    assert "it falls as largest push rises" in falling.message
+
+
 def test_sweeps_over_all_that_problems_state():
     """The speed that a mass keeps: v^2/2 from rest to a kinetic energy costs 4 (3 - 3 v + v^2)."""
-    system = mass(
-        integrals={"effort": u**2}, quantities={"kinetic": x.diff() ** 2 / 2}, cost=u**2
-    )
+    system = mass(integrals={"effort": u**2}, quantities={"kinetic": x.diff() ** 2 / 2}, cost=u**2)
     kernels = dmoc.build(system, order=4)
     problem = dmoc.Problem(kernels, {x: 0}, {x: 1, "x_dot": (0, None)}, steps=20, final_time=1)
     batch = dmoc.sweep(
@@ -177,6 +189,9 @@ REFUSED = {
                        "falls with peak"),
     "an unknown parameter": ({"objective": k * dmoc.final_time}, "objective contains k"),
     "an integrand with a kink": ({"integrals": {"work": abs(u)}}, "integral 'work' contains Abs"),
+    "an integral named like the final time": (
+        {"integrals": {"final_time": u**2}}, "has the name of the final time"
+    ),
     "an integrand with a name of its own": ({"integrals": {"u": u**2}}, "'u' is used twice"),
 }  # fmt: skip
 
