@@ -126,6 +126,7 @@ def onto_quantities(problem: Problem, end: str, q: Array) -> Array:
             z = problem.model.quantities(at, np.zeros_like(at), none, np.zeros(len(at)))[:, on]
             off = z - np.clip(z, *own[on].T)
             J = problem.model.quantity_slopes(at, np.zeros(len(at)))[:, on]
+            J = np.where(np.isfinite(J), J, 0.0)  # where a quantity is not defined
             share = np.linalg.pinv(J @ (ease[:, None] * np.swapaxes(J, 1, 2)))
             step = -ease * np.einsum("nji,njk,nk->ni", J, share, off)
             at = np.clip(at + step, low, high)

@@ -27,7 +27,9 @@ MEANING: Mapping[str, Callable[[Problem], object]] = {
     "kernels": lambda p: (p.kernels.manifest["fingerprint"], p.kernels.backend),
     "start": lambda p: (_end(p.start_bounds), p.quantity_ranges.start.tolist()),
     "goal": lambda p: (
-        _end(p.goal_bounds), p.quantity_ranges.goal.tolist(), p.total_bounds.tolist(),
+        _end(p.goal_bounds),
+        p.quantity_ranges.goal.tolist(),
+        p.total_bounds.tolist(),
     ),
     "final_time": lambda p: p.final_time_bounds,
     "bounds": lambda p: (p.input_bounds.tolist(), p.coordinate_bounds.tolist(), p.limits),

@@ -17,7 +17,7 @@ from dmoc.base.names import check_name, momentum_name, name_of, velocity_name
 from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.definitions import atoms_below, check_definitions, kinds_of
 from dmoc.symbolic.drawing import values_of
-from dmoc.symbolic.expressions import KINDS, approach_speed, atoms_of, unknown_symbol
+from dmoc.symbolic.expressions import KINDS, approach_speed, atoms_of, final_time, unknown_symbol
 from dmoc.symbolic.graph import Graph, Node, reverse
 from dmoc.symbolic.kinks import check_smooth, split
 from dmoc.symbolic.objectives import check_objective
@@ -86,6 +86,10 @@ def check_names(system: MechanicalSystem) -> None:
                 )
             if name == "t":
                 raise ModelError(f"the {role} 't' has the name of the time: choose another name.")
+            if name == final_time.name and role == "integral":
+                raise ModelError(
+                    f"the integral {name!r} has the name of the final time: choose another name."
+                )
             if name == "durations" and role in ("coordinate", "input"):
                 raise ModelError(
                     f"the {role} 'durations' has the name of the times of the phases in a guess: "

@@ -254,3 +254,17 @@ def test_a_quantity_of_velocities_is_none_of_an_event():
         dmoc.Problem(
             plane(), {"x": 0, "y": 0}, {}, ["wall"], steps=4, final_time=1, via=[{"turn": 0}]
         )
+
+
+def test_a_first_position_where_a_quantity_is_not_defined():
+    """Nothing says where the circle begins but its angle; in the middle it has none."""
+    ball = dmoc.MechanicalSystem(
+        "ball", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2, inputs=[u, w], forces={x: u, y: w},
+        cost=u**2 + w**2, quantities={"angle": sp.atan2(y, x), "radius": sp.sqrt(x**2 + y**2)},
+    )  # fmt: skip
+    start = {x: (-1, 1), y: (-1, 1), "angle": 0.5, "radius": 1}
+    problem = dmoc.Problem(ball, start, {x: 1, y: 0}, steps=20, final_time=1)
+    solution = dmoc.solve(problem)
+    np.testing.assert_allclose(solution.phases[0].q[0], [np.cos(0.5), np.sin(0.5)], rtol=1e-8)
+    # from rest to a velocity that is free, over 2 sin(1/4): 3 d^2
+    np.testing.assert_allclose(solution.cost, 12 * np.sin(0.25) ** 2, rtol=1e-2)
