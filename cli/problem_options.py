@@ -90,8 +90,8 @@ class ProblemOptions(ModelOptions):
         metavar="NAME=LOW:HIGH",
     )
     start: list[str] | None = stated(
-        "Start state: x, x_dot, p_x or a quantity; a value, a range LOW:HIGH, or free; several with "
-        "commas, or repeat it.",
+        "Start state: x, x_dot, p_x or a quantity; a value, a range LOW:HIGH, or free; several "
+        "with commas, or repeat it.",
         Stated("start", option="--start"),
         autocompletion=completion.states,
         metavar="NAME=VALUE",
