@@ -17,6 +17,8 @@ from dmoc.program.transcription import Transcription
 # A multiplier this small holds nothing back, and an impulse this small is none.
 NO_FORCE = 1e-7
 NO_IMPULSE = 1e-6
+# Unknowns at ends and events, and totals, that a problem bounds.
+STATED = ("p_B", "p_E", "v_B", "v_E", "v_a", "v_c", "totals")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,6 +115,14 @@ def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
                 places = {(float(limit[index[k, j]]), int(at[k])) for k in held}
                 for value, count in sorted(Counter(value for value, _ in places).items()):
                     yield ActiveBound(kind, name, side, value, count)
+    for block in lay.unknowns:
+        if block.name in STATED:
+            for i, k in enumerate(block.numbers):
+                for side, limit, active in ends:
+                    if active[k]:
+                        yield ActiveBound(
+                            BoundKind.OTHER, f"{block.name_of(i)} {side} {limit[k]:g}"
+                        )
 
 
 def _impulses(nlp: Transcription, x: Array) -> Iterator[ActiveBound]:

@@ -26,15 +26,16 @@ SHORTEST_PHASE = 1e-3
 
 def goal_rows(problem: Problem, lay: Layout) -> list[Goal]:
     """The values of the goal as constraints, where they are not to be bounds."""
-    goal, names, rows = problem.goal_bounds, problem.kernels.coordinates, list[Goal]()
-    for index, bounds, name in (
-        (lay.index_q[-1], goal.position, str),
-        (lay.index_p_E, goal.momentum, momentum_name),
-        (lay.index_v_E, goal.velocity, velocity_name),
+    goal, coordinates, rows = problem.goal_bounds, problem.kernels.coordinates, list[Goal]()
+    for index, bounds, names in (
+        (lay.index_q[-1], goal.position, coordinates),
+        (lay.index_p_E, goal.momentum, map(momentum_name, coordinates)),
+        (lay.index_v_E, goal.velocity, map(velocity_name, coordinates)),
+        (lay.index_totals, problem.total_bounds, problem.model.totals_of),
     ):
-        for i, (low, high), q in zip(index, bounds, names, strict=False):
+        for i, (low, high), name in zip(index, bounds, names, strict=False):
             if low > -np.inf or high < np.inf:
-                rows.append(Goal(int(i), float(low), float(high), name(q)))
+                rows.append(Goal(int(i), float(low), float(high), name))
     return rows
 
 

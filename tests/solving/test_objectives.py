@@ -157,6 +157,31 @@ def test_peaks_without_a_price_and_with_a_negative_one():
     assert "it falls as largest push rises" in falling.message
 
 
+def test_bounds_of_integrals_are_named():
+    """int u^2 is 12 at least from rest to rest in 1 s; the work of v^2/2 <= 0.02 is v <= 0.2."""
+    kernels = dmoc.build(mass(integrals={"effort": u**2, "work": u * x.diff()}, cost=u**2), order=4)
+    problem = dmoc.Problem(kernels, {x: 0}, {x: 1}, steps=20, final_time=1)
+    little = dmoc.solve(problem.but(goal={x: 1, "x_dot": 0, "effort": (None, 5)}))
+    assert little.status == "infeasible"
+    assert little.conflicts[0] == "the goal of effort is missed by 7"
+    slow = dmoc.solve(problem.but(goal={x: 1, "work": (None, 0.02)}))
+    np.testing.assert_allclose(slow.cost, 4 * (3 - 3 * 0.2 + 0.2**2), rtol=1e-6)
+    assert "work <= 0.02" in slow.active_bounds
+
+
+def test_bounds_of_velocities_at_ends_and_events_are_named():
+    """1 m forth and 0.25 m back in 2 s, at 0.3 m/s at most: 1.17 s for 1 m, 0.6 m/s at the wall."""
+    kernels = dmoc.build(mass(surfaces={"wall": x <= 1}, cost=u**2), order=4)
+    problem = dmoc.Problem(
+        kernels, {x: 0, "x_dot": (None, 0.5)}, {x: 0.75}, ["wall"], steps=20,
+        final_time=2, restitution=0.5, bounds={"x_dot": (-0.3, None)},
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    assert solution.verification.passed
+    assert "x_dot at the start <= 0.5" in solution.active_bounds
+    assert "x_dot after collision 1 (wall) >= -0.3" in solution.active_bounds
+
+
 def test_sweeps_over_all_that_problems_state():
     """The speed that a mass keeps: v^2/2 from rest to a kinetic energy costs 4 (3 - 3 v + v^2)."""
     system = mass(integrals={"effort": u**2}, quantities={"kinetic": x.diff() ** 2 / 2}, cost=u**2)
