@@ -274,6 +274,7 @@ class Solution(Shown, MotionResult, Saved):
             "method": self.method,
             "status": str(self.status),
             **_named(self, "message cost final_time"),
+            "totals": dict(self.trajectory.totals),
             "active_bounds": list(map(str, self.active_bounds)),
             "phases": [_named(p, "steps step_size duration mode") for p in self.phases],
             "collisions": [_event(c) for c in self.collisions],

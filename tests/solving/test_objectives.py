@@ -202,6 +202,7 @@ def test_totals_are_kept_in_files(tmp_path: Path):
     assert kept == solution.trajectory.totals
     np.testing.assert_allclose(kept["effort"], solution.cost, rtol=1e-12)
     assert "effort" in str(solution)
+    assert solution.to_dict()["totals"] == kept
 
 
 REFUSED = {
