@@ -30,8 +30,8 @@ class Keywords:
     method: str | None = option(
         None,
         "choice",
-        f"{METHOD}; {DEFAULT} by default, with --tolerance, contacts that last or hits with "
-        f"friction {REFINING} if the kernels are compiled.",
+        f"{METHOD}; {DEFAULT} by default, with --tolerance, contacts that last, hits with friction "
+        f"or peaks in the objective {REFINING} if the kernels are compiled.",
         choices=METHODS,
     )
     tolerance: float | None = option(

@@ -67,7 +67,8 @@ def request_of(problem: Problem, keywords: Keywords) -> Request:
         tolerance = AUTOMATIC
     compiled = problem.kernels.compiled
     rubs = bool(problem.open_hits) or any(problem.touch.courses)
-    plain = tolerance is None and not (problem.held or rubs)
+    # On peaks the condensed slsqp often stalls after hundreds of iterations, ipm takes a dozen.
+    plain = tolerance is None and not (problem.held or rubs or problem.model.peaks_of)
     method = METHODS[keywords.method or usual(DEFAULT if plain else REFINING, compiled)]
     method.require(problem.kernels.backend)
     method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))

@@ -157,6 +157,23 @@ def test_peaks_without_a_price_and_with_a_negative_one():
     assert "it falls as largest push rises" in falling.message
 
 
+def test_peaks_are_solved_by_ipm_by_default():
+    """The condensed slsqp stalls here after 260 iterations; its full form comes to the same."""
+    system = mass(
+        quantities={"push": u, "power": u * x.diff()}, objective=dmoc.peak("push"), cost=u**2
+    )
+    problem = dmoc.Problem(
+        dmoc.build(system, order=2), {x: 0}, {x: 1, "x_dot": 0}, steps=20, final_time=1,
+        bounds={"x_dot": (None, 1.2), "power": (-4, 4)},
+    )  # fmt: skip
+    first, again = (dmoc.solve(problem, verify=False, **keywords) for keywords in (
+        {"starts": 1}, {"method": "slsqp", "form": "full", "starts": 1},
+    ))  # fmt: skip
+    assert first.method == "ipm" and first.minimum
+    assert first.iterations < 40
+    np.testing.assert_allclose(first.cost, again.cost, rtol=1e-7)
+
+
 def test_bounds_of_integrals_are_named():
     """int u^2 is 12 at least from rest to rest in 1 s; the work of v^2/2 <= 0.02 is v <= 0.2."""
     kernels = dmoc.build(mass(integrals={"effort": u**2, "work": u * x.diff()}, cost=u**2), order=4)
