@@ -137,7 +137,7 @@ def _trial(
     """Excess and cost of a motion along splines in some steps, with the objective and the bounds of
     velocities and quantities that the problem has; None where it grows without bound."""
     trial, problem = planner.trial(choice, final_time, steps), planner.problem
-    said = problem.limits or problem.kernels.integrals or problem.kernels.has("objective")
+    said = problem.limits or problem.kernels.integrals or problem.model.has_objective
     if trial is None or not said:
         return trial
     coarse = Planner.of(problem.meshed(steps))

@@ -410,11 +410,16 @@ class Model(BoundKernels):
         z = self.path(step, "quantity").reshape(-1, self.nz)
         return np.array([(np.abs(z) if both else z)[:, j].max() for j, both in self.peaks_of])
 
+    @property
+    def has_objective(self) -> bool:
+        """Whether something is minimised beside the cost."""
+        return self.kernels.has("objective")
+
     def objective(
         self, totals: Array, peaks: Array, start: tuple[Array, Array], end: tuple[Array, Array]
     ) -> float:
         """The objective of totals, peaks, and positions and velocities at both ends."""
-        if not self.kernels.has("objective"):
+        if not self.has_objective:
             return 0.0
         rows = (as_rows(a) for a in (totals, peaks, *start, *end))
         return float(self.kernels.call("objective", *rows, self.par)[0][0, 0])

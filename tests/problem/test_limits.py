@@ -143,7 +143,8 @@ def test_of_times_that_keep_the_inputs_the_cheapest_is_taken() -> None:
             phases=1,
             phase_steps=(20,),
             limits={},
-            kernels=SimpleNamespace(integrals=[], has=lambda _: False),
+            kernels=SimpleNamespace(integrals=[]),
+            model=SimpleNamespace(has_objective=False),
         ),
         trial=lambda choice, final_time, steps: tried[final_time],
     )
