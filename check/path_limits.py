@@ -126,7 +126,7 @@ class _Path:
         else:
             j = model.kernels.quantities.index(name)
             value = model.quantities(self.q, self.v, self.u, self.t)[:, j]
-            row = model.kernels.manifest["quantities"][j]
+            row = model.kernels.quantity_rows[j]
         excess = np.maximum(low - value, value - high)
         sizes = np.abs(value) + np.abs(np.where(low - value > value - high, low, high))
         sizes = np.maximum(sizes, LEAST_SIZE * np.nan_to_num(sizes, posinf=0.0).max(initial=0.0))

@@ -118,8 +118,13 @@ class Kernels(Shown):
         return list(self.manifest["tangents"])
 
     @property
+    def quantity_rows(self) -> list[dict[str, Any]]:
+        """What each quantity depends on, as the path constraints have it."""
+        return list(self.manifest.get("quantities", ()))
+
+    @property
     def quantities(self) -> list[str]:
-        return [row["name"] for row in self.manifest.get("quantities", ())]
+        return [row["name"] for row in self.quantity_rows]
 
     @property
     def integrals(self) -> list[str]:

@@ -39,7 +39,7 @@ class QuantityRanges:
 
 def quantity_ranges(problem: Problem) -> QuantityRanges:
     """The ranges that a problem states; those that its fixed start decides are checked."""
-    rows = problem.kernels.manifest.get("quantities", ())
+    rows = problem.kernels.quantity_rows
     via = problem.via or (None,) * len(problem.sequence)
     events = [
         _ranges(problem, places or {}, f"via of event {i + 1}") for i, places in enumerate(via)
@@ -78,7 +78,7 @@ def _ranges(problem: Problem, values: Mapping[str, Any], what: str) -> Array:
 def _decided(problem: Problem, ranges: Array) -> Array:
     """The ranges that a fixed start leaves to be kept: those of quantities that contain inputs;
     the others are known, and checked."""
-    rows = problem.kernels.manifest.get("quantities", ())
+    rows = problem.kernels.quantity_rows
     left = np.tile((-np.inf, np.inf), (len(rows), 1))
     if not rows:
         return left
@@ -108,7 +108,7 @@ def onto_quantities(problem: Problem, end: str, q: Array) -> Array:
     """Positions near rows (n, nq) that have the quantities of places at the "start" or at the
     "goal", by Newton steps along coordinates that are not fixed, which cost by their inertias; the
     rows as they are where that leads to none."""
-    rows = problem.kernels.manifest.get("quantities", ())
+    rows = problem.kernels.quantity_rows
     own = getattr(problem.quantity_ranges, end)
     on = [
         j for j, row in enumerate(rows)

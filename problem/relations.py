@@ -13,6 +13,7 @@ from dmoc.base.arguments import Range, check_known, interval, listed, number, sh
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import name_of
 from dmoc.mechanics.model_values import by_name
+from dmoc.problem.ranges import names_in
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
@@ -91,9 +92,7 @@ def _relation(problem: Problem, end: str, value: Any) -> Relation:
 
 
 def _check_known(problem: Problem, name: str) -> None:
-    quantities = problem.kernels.quantities
-    what = "state or quantity" if quantities else "state"
-    check_known(name, [*problem.states, *quantities], what, "in periodic")
+    check_known(name, *names_in(problem, "start"), "in periodic")
 
 
 def _signed(name: str) -> dict[str, float]:

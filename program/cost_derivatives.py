@@ -174,11 +174,8 @@ def _ends(nlp: Transcription, x: Array, z: Array, node: int) -> dict[str, float]
         for i, name, force in zip(index, names, forces, strict=False):
             if nlp.lower[i] > -np.inf or nlp.upper[i] < np.inf:
                 slopes_of[naming(name)] = float(force)
-    said = np.atleast_1d(
-        np.isfinite(boundary.velocity).any(axis=1)
-    )  # others have bounds on the way
-    for name, force, there in zip(names, z[v], said, strict=False):
-        if there:
+    for name, force, bounds in zip(names, z[v], boundary.velocity, strict=False):
+        if np.isfinite(bounds).any():  # others have bounds on the way
             slopes_of[velocity_name(name)] = float(force)
     return slopes_of
 

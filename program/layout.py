@@ -31,9 +31,7 @@ class Layout(Unknowns):
         _check_courses(problem)
         kernels = problem.kernels
         turning = {name for r in problem.relations for name in (*r.starts, r.end)}
-        moving = [
-            row["name"] for row in kernels.manifest.get("quantities", ()) if row["velocities"]
-        ]
+        moving = [row["name"] for row in kernels.quantity_rows if row["velocities"]]
         turns = bool(turning & {*map(velocity_name, kernels.coordinates), *moving})
         joined = bool(kernels.joints)
         free = [mode.free and not joined for mode in problem.touch.modes]
@@ -49,7 +47,7 @@ class Layout(Unknowns):
         at_goal |= any(row["velocities"] for row in _said(problem, ranges.goal))
         along = _said(problem, problem.quantity_bounds)
         for j, _ in problem.model.peaks_of:
-            row = kernels.manifest["quantities"][j]
+            row = kernels.quantity_rows[j]
             at_start, at_goal = at_start or row["velocities"], at_goal or row["velocities"]
         for row in (*kernels.manifest["path_rows"], *along):
             if row["velocities"] and (FORMS[problem.control_form].shared or not row["inputs"]):
@@ -242,7 +240,7 @@ def peak_names(problem: Problem) -> list[str]:
 
 def _said(problem: Problem, ranges: Array) -> list[Mapping[str, Any]]:
     """What the quantities depend on of which some ranges, shape (nz, 2), say something."""
-    rows = problem.kernels.manifest.get("quantities", ())
+    rows = problem.kernels.quantity_rows
     return [rows[j] for j in np.flatnonzero(np.isfinite(ranges).any(axis=1))]
 
 

@@ -61,6 +61,15 @@ class Places:
         parts[5] = self.times(steps)
         return tuple(parts)
 
+    def at_end(self, last: bool) -> tuple[Index, ...]:
+        """(q, v, u, t) at the start of the motion, or at its end; velocities that are no unknowns
+        are zero."""
+        lay = self.lay
+        node, v = np.array([lay.total * last]), lay.index_v_E if last else lay.index_v_B
+        v = v if len(v) else np.full(lay.nq, NOWHERE)
+        u = lay.of_kernels[lay.row_u_kp1[-1] if last else lay.row_u_k[0]]
+        return lay.index_q[node], self.known(v[None]), u[None], self.times(node)
+
     def times(self, nodes: Index) -> Index:
         """Times of nodes; one zero in a model without explicit time."""
         return self.lay.time_columns[nodes] if self.lay.timed else np.full((1, 1), self.zero)

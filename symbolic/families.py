@@ -152,61 +152,56 @@ def _facts(
     }
     without = [name for name in system.tangents if name not in system.friction]
     more = {"without_friction": without, "quantities": path_rows(f, list(system.quantities), f.z)}
-    return (
-        {
-            "format": FORMAT,
-            "key": model_key(system, order),
-            "order": order,
-            "explicit_time": any(
-                f.t in e.free_symbols
-                for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.phi, *f.e, *f.z, *f.c)
-            ),
-            "title": _title(system),
-            "coordinates": [name_of(q) for q in system.coordinates],
-            "inputs": [name_of(u) for u in system.inputs],
-            "units": dict(system.units),
-            "surfaces": list(system.surfaces),
-            "surface_coordinates": surface_coordinates,
-            "moving_surfaces": [
-                name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols
-            ],
-            "path_constraints": list(system.path_constraints),
-            "path_rows": path_rows(smooth, [name for name, _ in parts.rows], smooth.r),
-            "path_limits": [
-                row | {"terms": count}
-                for row, count in zip(
-                    path_rows(f, list(system.path_constraints), f.r), terms, strict=True
-                )
-            ],
-            "kink_signs": {
-                name_of(s): parts.signs[s] for s in system.parameters if s in parts.signs
-            },
-            "hidden": [f"the unknown for {sp.sstr(_plain(kink))}" for _, kink in parts.unknowns],
-            "tangents": list(system.tangents),
-            "tangent_coordinates": {
-                name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
-                for name, tau in zip(system.tangents, f.tau, strict=True)
-            },
-            "joints": list(system.constraints),
-            "bent_joints": [
-                name
-                for name, phi in zip(system.constraints, f.phi, strict=True)
-                if any(s.free_symbols & set(f.q) for s in gradient(phi, f.q))
-            ],
-            "drawing": table_of_drawing(system.drawing),
-            "parameters": {
-                name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()
-            },
-            "mass_parameters": [
-                name_of(s) for s, x in zip(system.parameters, f.par, strict=True) if x in in_mass
-            ],
-            "inputs_enter_linearly": not in_forces & set(f.u),
-            "terminal_velocity": bool(f.Phi.free_symbols & set(f.v)),
-        }
-        | laws_in_words(system)
-        | {key: values for key, values in more.items() if values}
-        | objective_facts(system)
-    )
+    facts = {
+        "format": FORMAT,
+        "key": model_key(system, order),
+        "order": order,
+        "explicit_time": any(
+            f.t in e.free_symbols
+            for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.phi, *f.e, *f.z, *f.c)
+        ),
+        "title": _title(system),
+        "coordinates": [name_of(q) for q in system.coordinates],
+        "inputs": [name_of(u) for u in system.inputs],
+        "units": dict(system.units),
+        "surfaces": list(system.surfaces),
+        "surface_coordinates": surface_coordinates,
+        "moving_surfaces": [
+            name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols
+        ],
+        "path_constraints": list(system.path_constraints),
+        "path_rows": path_rows(smooth, [name for name, _ in parts.rows], smooth.r),
+        "path_limits": [
+            row | {"terms": count}
+            for row, count in zip(
+                path_rows(f, list(system.path_constraints), f.r), terms, strict=True
+            )
+        ],
+        "kink_signs": {name_of(s): parts.signs[s] for s in system.parameters if s in parts.signs},
+        "hidden": [f"the unknown for {sp.sstr(_plain(kink))}" for _, kink in parts.unknowns],
+        "tangents": list(system.tangents),
+        "tangent_coordinates": {
+            name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
+            for name, tau in zip(system.tangents, f.tau, strict=True)
+        },
+        "joints": list(system.constraints),
+        "bent_joints": [
+            name
+            for name, phi in zip(system.constraints, f.phi, strict=True)
+            if any(s.free_symbols & set(f.q) for s in gradient(phi, f.q))
+        ],
+        "drawing": table_of_drawing(system.drawing),
+        "parameters": {
+            name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()
+        },
+        "mass_parameters": [
+            name_of(s) for s, x in zip(system.parameters, f.par, strict=True) if x in in_mass
+        ],
+        "inputs_enter_linearly": not in_forces & set(f.u),
+        "terminal_velocity": bool(f.Phi.free_symbols & set(f.v)),
+    }
+    more = {key: values for key, values in more.items() if values}
+    return facts | laws_in_words(system) | more | objective_facts(system)
 
 
 def _step_kernels(

@@ -246,19 +246,13 @@ class EndsLaw(Law):
 
     def _quantities(self, places: Places) -> Iterator[Term]:
         """Quantities at both ends that relations have."""
-        lay, names = self.lay, self.problem.kernels.quantities
+        names = self.problem.kernels.quantities
         for row, r, sign, _ in self._related:
-            for name, node, factor in (*((n, 0, -f) for n, f in r.terms), (r.end, -1, 1.0)):
-                if name not in names:
-                    continue
-                v = lay.index_v_B if node == 0 else lay.index_v_E
-                u = lay.of_kernels[lay.row_u_k[0] if node == 0 else lay.row_u_kp1[-1]]
-                rows = np.full((1, len(names)), NOWHERE)
-                rows[0, names.index(name)] = row
-                at = np.array([0 if node == 0 else lay.total])
-                velocity = v if len(v) else np.full(lay.nq, NOWHERE)
-                state = lay.index_q[at], places.known(velocity[None]), u[None], places.times(at)
-                yield Term("quantity_point", state, (rows,), sign * factor)
+            for name, last, factor in (*((n, False, -f) for n, f in r.terms), (r.end, True, 1.0)):
+                if name in names:
+                    rows = np.full((1, len(names)), NOWHERE)
+                    rows[0, names.index(name)] = row
+                    yield Term("quantity_point", places.at_end(last), (rows,), sign * factor)
 
     def _lines(self) -> Iterator[Line]:
         lay, (low, high), one = self.lay, self.problem.final_time_bounds, np.ones(1)

@@ -19,7 +19,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import LAW, NOWHERE, Block, Entries, Index, Missed, Numbering
+from dmoc.program.blocks import LAW, Block, Entries, Missed, Numbering
 from dmoc.program.laws.law import Law
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
@@ -60,9 +60,6 @@ class ObjectiveLaw(Law):
         if self.names:
             rows = np.tile(self.total.numbers, (lay.total, 1))
             terms.append(Term("integral", places.step(np.arange(lay.total)), (rows,), -1.0))
-        ends: list[Index] = []
-        for node, index in ((0, lay.index_v_B), (-1, lay.index_v_E)):
-            v = index if len(index) else np.full(lay.nq, NOWHERE)
-            ends += [lay.index_q[node][None], places.known(v[None])]
         shared = lay.index_totals[None], lay.index_peaks[None]
+        ends = *places.at_end(False)[:2], *places.at_end(True)[:2]
         return [*terms, Term("objective", (*shared, *ends), (np.full((1, 1), COST),))]

@@ -88,13 +88,13 @@ class PathLaw(Law):
     @classmethod
     def of_quantities(cls, problem: Problem, lay: Layout) -> PathLaw:
         """The bounds of the quantities."""
-        rows = tuple(problem.kernels.manifest.get("quantities", ()))
+        rows = tuple(problem.kernels.quantity_rows)
         return cls(lay, "quantity", "quantity", rows, _sides(problem))
 
     @classmethod
     def of_peaks(cls, problem: Problem, lay: Layout) -> PathLaw:
         """The peaks of the objective above their quantities, and above the negative ones."""
-        rows = tuple(problem.kernels.manifest.get("quantities", ()))
+        rows = tuple(problem.kernels.quantity_rows)
         sides = []
         for (j, both), unknown in zip(problem.model.peaks_of, lay.index_peaks, strict=True):
             there, unknowns = np.arange(len(rows)) == j, np.full(len(rows), unknown)
@@ -230,40 +230,37 @@ class PathLaw(Law):
         return terms
 
     @property
-    def _blocks(self) -> tuple[Block, ...]:
+    def _members(self) -> Iterator[tuple[Side, Index, Index]]:
+        """Each side with its rows, and the functions that these are of."""
         if self.idle:
-            return ()
-        return self.at_points, self.at_nodes, self.at_ends_of_steps, self.at_ends_of_phases
+            return
+        blocks = self.at_points, self.at_nodes, self.at_ends_of_steps, self.at_ends_of_phases
+        for block in blocks:
+            for side, index in zip(self.sides, self._by_side(block), strict=True):
+                where, column = np.nonzero(index != NOWHERE)
+                yield side, index[where, column], column % len(self.rows)
 
     def entries(self, laws: Laws) -> list[Entries]:
-        entries = []
-        for block in self._blocks:
-            for side, rows in zip(self.sides, self._by_side(block), strict=True):
-                if side.unknowns is not None:
-                    where, column = np.nonzero(rows != NOWHERE)
-                    unknowns = side.unknowns[column % len(side.unknowns)]
-                    entries.append((rows[where, column], unknowns, np.ones(len(where))))
-        return entries
+        return [
+            (rows, side.unknowns[which], np.ones(len(rows)))
+            for side, rows, which in self._members
+            if side.unknowns is not None
+        ]
 
-    def above(self, rows: Array) -> Array:
+    def above(self, values: Array) -> Array:
         """By how much peaks lie above their quantities, from the values of all rows, shape
         (peaks,)."""
         lowest = np.full(self.lay.size, np.inf)
-        for block in self._blocks:
-            for side, index in zip(self.sides, self._by_side(block), strict=True):
-                if side.unknowns is not None:
-                    where, column = np.nonzero(index != NOWHERE)
-                    unknowns = side.unknowns[column % len(side.unknowns)]
-                    np.minimum.at(lowest, unknowns, rows[index[where, column]])
+        for side, rows, which in self._members:
+            if side.unknowns is not None:
+                np.minimum.at(lowest, side.unknowns[which], values[rows])
         return lowest[self.lay.index_peaks]
 
     def constants(self) -> Iterator[tuple[int, float]]:
-        for block in self._blocks:
-            for side, rows in zip(self.sides, self._by_side(block), strict=True):
-                if side.values.any():
-                    where, column = np.nonzero(rows != NOWHERE)
-                    values = -side.sign * side.values[column % len(side.values)]
-                    yield from zip(rows[where, column].tolist(), values.tolist(), strict=True)
+        for side, rows, which in self._members:
+            if side.values.any():
+                constants = -side.sign * side.values[which]
+                yield from zip(rows.tolist(), constants.tolist(), strict=True)
 
 
 def _sides(problem: Problem) -> tuple[Side, ...]:

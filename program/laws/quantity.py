@@ -55,10 +55,6 @@ class QuantityLaw(Law):
         """Whether nothing is said."""
         return not np.isfinite(self.ranges).any()
 
-    @cached_property
-    def nodes(self) -> Index:
-        return np.array([0, self.lay.total, *self.lay.collision_nodes])
-
     def _label(self, row: int, j: int, *_: int) -> str:
         where = ("at the start", "at the goal")[row] if row < 2 else f"at event {row - 1}"
         return f"{self.problem.kernels.quantities[j]} {where}"
@@ -105,16 +101,17 @@ class QuantityLaw(Law):
     def terms(self, places: Places, laws: Laws) -> list[Term]:
         if self.idle:
             return []
-        lay, nodes = self.lay, self.nodes
-        velocity = np.full((len(nodes), lay.nq), NOWHERE)
-        for row, index in ((0, lay.index_v_B), (1, lay.index_v_E)):
-            if len(index):
-                velocity[row] = index
-        inputs = np.full((len(nodes), lay.of_kernels.shape[1]), NOWHERE)
-        inputs[:2] = lay.of_kernels[[lay.row_u_k[0], lay.row_u_kp1[-1]]]
-        state = lay.index_q[nodes], places.known(velocity), places.known(inputs)
-        at = (*state, places.times(nodes))
-        return [Term("quantity_point", at, (rows,), sign) for sign, rows, _ in self._sides]
+        lay, nodes = self.lay, self.lay.collision_nodes
+        still, idle = (
+            np.full((len(nodes), size), places.zero) for size in (lay.nq, lay.of_kernels.shape[1])
+        )
+        at_events = lay.index_q[nodes], still, idle, places.times(nodes)
+        parts = (0, places.at_end(False)), (1, places.at_end(True)), (slice(2, None), at_events)
+        return [
+            Term("quantity_point", at, (np.atleast_2d(rows[part]),), sign)
+            for sign, rows, _ in self._sides
+            for part, at in parts
+        ]
 
     def constants(self) -> Iterator[tuple[int, float]]:
         if self.idle:
