@@ -18,6 +18,9 @@ from dmoc.simulation.flow import PLACES, Steps
 
 # Share of the largest terms of a constraint by which it counts at least, where they all vanish.
 LEAST_SIZE = 0.02
+# And share of what the sizes of the motion could move it by, where nothing of it moves: rounding
+# errors are no excess.
+ALMOST_NOTHING = 1e-4
 # What an excess counts between the quadrature points of a constraint that contains both states and
 # inputs that are constant in a step: it varies there by a share of h instead of h^2.
 VARYING = 0.05
@@ -122,15 +125,26 @@ class _Path:
         model, none = self.motion.model, {"coordinates": [], "velocities": True, "inputs": False}
         rates = [velocity_name(q) for q in model.kernels.coordinates]
         if name in rates:
-            value, row = self.v[:, rates.index(name)], none
+            i = rates.index(name)
+            value, row, moved = self.v[:, i], none, self.motion.sizes.v[i]
         else:
-            j = model.kernels.quantities.index(name)
-            value = model.quantities(self.q, self.v, self.u, self.t)[:, j]
-            row = model.kernels.quantity_rows[j]
+            j, state = model.kernels.quantities.index(name), (self.q, self.v, self.u, self.t)
+            value, row = model.quantities(*state)[:, j], model.kernels.quantity_rows[j]
+            moved = self._moved(model.quantity_slopes(*state))[j]
         excess = np.maximum(low - value, value - high)
         sizes = np.abs(value) + np.abs(np.where(low - value > value - high, low, high))
-        sizes = np.maximum(sizes, LEAST_SIZE * np.nan_to_num(sizes, posinf=0.0).max(initial=0.0))
+        largest = LEAST_SIZE * np.nan_to_num(sizes, posinf=0.0).max(initial=0.0)
+        sizes = np.maximum(sizes, max(largest, ALMOST_NOTHING * moved))
         return (excess / np.where(sizes > 0, sizes, 1.0))[:, None], self._weights([row])
+
+    def _moved(self, slopes: Array) -> Array:
+        """What coordinates, velocities and inputs of their sizes, and the time, could move
+        functions by, from their slopes (n, rows, 2 nq + nu + 1)."""
+        sizes, needed = self.motion.sizes, self.motion.needed_inputs
+        used = np.abs(self.u).max(axis=0, initial=0.0)
+        inputs = np.maximum(used, np.where(np.isfinite(needed), needed, 0.0))
+        ways = np.concatenate([sizes.q, sizes.v, inputs, [sizes.time]])
+        return np.asarray(np.nan_to_num(np.abs(slopes) @ ways, posinf=0.0).max(axis=0))
 
     def _weights(self, rows: Sequence[Mapping[str, Any]]) -> Array:
         """What excesses of functions count, shape (n, len(rows))."""
@@ -143,12 +157,13 @@ class _Path:
         """Sizes of the path constraints, shape (n, nr)."""
         model, sizes = self.motion.model, self.motion.sizes
         terms = model.path_terms(self.q, self.v, self.u, self.t)
+        slopes = model.path_slopes_at(self.q, self.v, self.u, self.t)
         least = LEAST_SIZE * np.nan_to_num(terms).max(axis=0)
-        extents = np.maximum(terms, least)
+        extents = np.maximum(terms, np.maximum(least, ALMOST_NOTHING * self._moved(slopes)))
         rows = model.kernels.manifest["path_limits"]
         places = [j for j, row in enumerate(rows) if not (row["velocities"] or row["inputs"])]
         if places:
-            slopes = np.abs(model.path_slopes_at(self.q, self.v, self.u, self.t)[:, places])
-            moved = slopes[..., : model.nq] @ sizes.q + slopes[..., -1] * sizes.time
+            own = np.abs(slopes[:, places])
+            moved = own[..., : model.nq] @ sizes.q + own[..., -1] * sizes.time
             extents[:, places] = np.nan_to_num(moved).max(axis=0)
         return np.where(extents > 0, extents, 1.0)

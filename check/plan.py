@@ -14,7 +14,6 @@ import numpy as np
 from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import Findings, infinite_where_none, largest
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import columns
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.sizes import NOTHING
 
@@ -139,20 +138,10 @@ def _input_excess(motion: Motion) -> float:
     low, high = motion.trajectory.input_bounds.T
     u = np.vstack([ends for s in motion.steps for ends in (s.u0, s.u1)])
     excess = np.maximum(low - u, u - high)
-    size = np.maximum(np.abs(u).max(axis=0, initial=0.0), np.minimum(high - low, _needed(motion)))
+    size = np.maximum(
+        np.abs(u).max(axis=0, initial=0.0), np.minimum(high - low, motion.needed_inputs)
+    )
     return largest(np.where(excess > 0, excess, 0.0) / np.where(size > 0, size, NOTHING))
-
-
-def _needed(motion: Motion) -> Array:
-    """Inputs that accelerate as much as the forces of the motion, shape (nu,); infinite for one
-    that does not."""
-    model, parts = motion.model, [np.zeros(motion.model.nu)]
-    for phase in motion.trajectory.phases if model.nu else ():
-        B = np.swapaxes(model.input_matrix(phase.q, phase.v, t=phase.t), 1, 2)
-        response = columns(model.mass(phase.q, phase.t), B)
-        parts.append(np.einsum("nmi,nim->nm", B, response).max(axis=0))
-    inertia = np.sqrt(np.max(parts, axis=0))
-    return np.asarray(motion.sizes.acceleration / inertia)
 
 
 def _singular(motion: Motion) -> Iterator[str]:

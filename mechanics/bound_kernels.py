@@ -25,7 +25,7 @@ MATRICES = {
     "C_d_D": "step_jac",
     "r_d_D": "path_jac",
     "z_d_D": "quantity_jac",
-    "z_D": "quantity_point_jac",
+    "z_s_D": "quantity_value_jac",
     "r_s_D": "path_limit_jac",
     "s_D": "hidden_jac",
     "Phi_D": "terminal_cost_jac",

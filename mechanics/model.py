@@ -372,13 +372,10 @@ class Model(BoundKernels):
         """Quantities of states, shape (..., nz)."""
         return self._values("quantity_value", self.nz, q, as_rows(v), as_rows(u), as_column(t))
 
-    def quantity_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
-        """Derivatives of the quantities of positions at rest with respect to q, shape (..., nz,
-        nq)."""
-        none = np.zeros((1, self.nu + self.ns))
-        size = 2 * self.nq + none.shape[1] + 1
-        slopes = self._matrix("z_D", (self.nz, size), q, self._state(None), none, as_column(t))
-        return slopes[..., : self.nq]
+    def quantity_slopes(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
+        """Their derivatives with respect to (q, v, u, t), shape (..., nz, 2 nq + nu + 1)."""
+        shape = self.nz, 2 * self.nq + self.nu + 1
+        return self._matrix("z_s_D", shape, q, as_rows(v), as_rows(u), as_column(t))
 
     # Totals, objective ---------------------------------------------------------------------------
 

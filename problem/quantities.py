@@ -123,9 +123,10 @@ def onto_quantities(problem: Problem, end: str, q: Array) -> Array:
     none, at = np.zeros((len(q), problem.nu)), q.copy()
     with np.errstate(all="ignore"):
         for _ in range(NEWTON):
-            z = problem.model.quantities(at, np.zeros_like(at), none, np.zeros(len(at)))[:, on]
+            state = at, np.zeros_like(at), none, np.zeros(len(at))
+            z = problem.model.quantities(*state)[:, on]
             off = z - np.clip(z, *own[on].T)
-            J = problem.model.quantity_slopes(at, np.zeros(len(at)))[:, on]
+            J = problem.model.quantity_slopes(*state)[:, on, : problem.nq]
             J = np.where(np.isfinite(J), J, 0.0)  # where a quantity is not defined
             share = np.linalg.pinv(J @ (ease[:, None] * np.swapaxes(J, 1, 2)))
             step = -ease * np.einsum("nji,njk,nk->ni", J, share, off)

@@ -73,9 +73,11 @@ def _along(
 
 
 def quantity_values(f: Continuous) -> list[KernelSpec]:
-    """The kernel of the quantities at states, without the hidden unknowns."""
-    values = (Output.vector("z", f.z),)
-    return [KernelSpec("quantity_value", "Quantities z.", state_inputs(f), values)] if f.z else []
+    """Kernels of the quantities at states, without the hidden unknowns."""
+    if not f.z:
+        return []
+    *state, par = state_inputs(f)
+    return family("quantity_value", "Quantities z.", tuple(state), {"z_s": f.z}, par, second=False)
 
 
 def path_limits(f: Continuous, terms: Sequence[Node]) -> list[KernelSpec]:

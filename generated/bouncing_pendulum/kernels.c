@@ -409,4 +409,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 14}),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "ed80a3935662d1b5c98e8312c327a16ef255e6d817f44ab13f7efd377d063678", 37, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "4460990a258936a70474d0e4424fb3bc3751d5753d252cca60808f40fd352db7", 37, entries};

@@ -632,4 +632,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 27}),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "27ffd7805c24b1127f395a8f73dcadbad26c709ae1805b84d2ce95493c263a15", 37, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "0b62463c6336136663d6a35cb0732344bbcdaf6044b5229f98ec2bebe1aa9499", 37, entries};

@@ -85,6 +85,15 @@ def test_a_speed_is_bounded_on_both_sides_of_a_hit(order):
     np.testing.assert_allclose(solution.cost, 0, atol=1e-3)
 
 
+@pytest.mark.parametrize("limits", [{"bounds": {"push": (0, 0)}}, {}])
+def test_rounding_errors_of_what_is_nothing_exceed_no_bound(limits):
+    """A mass that coasts: its force is nothing up to rounding errors."""
+    path = {} if limits else {"path_constraints": {"none": (u <= 0) & (u >= 0)}}
+    system = mass(quantities={"push": u}, **path)
+    problem = dmoc.Problem(system, {x: 0, "x_dot": 1}, {x: 1}, final_time=1, steps=20, **limits)
+    assert dmoc.solve(problem, "ipm", starts=1).solved
+
+
 @pytest.mark.parametrize("order", [2, 4])
 def test_the_tip_of_an_arm_goes_to_the_better_of_two_elbows(arms, order):
     free = dmoc.solve(reaching(arms[order]), "ipm", starts=24)
