@@ -4,7 +4,7 @@ nor a compiler."""
 from __future__ import annotations
 
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -37,12 +37,15 @@ class Kernels(Shown):
         were found ready.
     reference : str
         How the user named the model, where he did: by it the model is found again.
+    system : callable, optional
+        Makes the system that they are the kernels of.
     """
 
     manifest: Mapping[str, Any]
     module: Library | types.ModuleType
     seconds: float = 0.0
     reference: str = field(default="", compare=False)
+    system: Callable[[], Any] | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
         return f"<Kernels of {self.name}: order {self.manifest['order']}, {self.backend}>"
@@ -139,6 +142,11 @@ class Kernels(Shown):
     def parameters(self) -> dict[str, float | None]:
         return dict(self.manifest["parameters"])
 
+    @property
+    def design(self) -> list[str]:
+        """Parameters that derivatives are by, beside the arguments."""
+        return list(self.manifest.get("design", ()))
+
     def has(self, kernel: str) -> bool:
         return kernel in self.manifest["kernels"]
 
@@ -177,6 +185,21 @@ class Kernels(Shown):
             name: [_size(o) for o in facts["outputs"]]
             for name, facts in self.manifest["kernels"].items()
         }
+
+    def depends(self, kernel: str, names: Sequence[str]) -> NDArray[np.bool_]:
+        """Which of the results of a kernel that has one depend on some of the parameters that
+        derivatives are by."""
+        if not self.has(kernel):
+            return np.zeros(0, dtype=bool)
+        ((size,),) = (o["shape"] for o in self.manifest["kernels"][kernel]["outputs"])
+        which, by_design = np.zeros(size, dtype=bool), f"{kernel}_design_jac"
+        if self.has(by_design):
+            (matrix,) = self.manifest["kernels"][by_design]["outputs"]
+            first = matrix["shape"][1] - len(self.design)
+            columns = [first + i for i, name in enumerate(self.design) if name in names]
+            rows, column = self.pattern(by_design, matrix["name"])
+            which[rows[np.isin(column, columns)]] = True
+        return which
 
     def outputs(self, kernel: str) -> list[str]:
         """Names of the outputs of a kernel, in order."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from dmoc.base.arguments import choice, flag, shown
+from dmoc.base.arguments import check_known, choice, flag, shown
 from dmoc.base.discretisation import known_order
 from dmoc.base.errors import BuildError, ModelError, ProblemError
+from dmoc.base.names import name_of
 from dmoc.base.progress import Listener, listener
 from dmoc.codegen.build import build_cached, numpy_kernels
 from dmoc.codegen.kernels import Kernels
@@ -66,8 +69,6 @@ def build(
     >>> kernels.coordinates, kernels.inputs, list(kernels.surfaces)
     (['x', 'y'], ['f_x', 'f_y'], ['west', 'east', 'south', 'north'])
     """
-    from dmoc.codegen.text import c_files, manifest, numpy_text
-    from dmoc.symbolic.families import model_key, model_spec
     from dmoc.symbolic.system import MechanicalSystem
 
     if not isinstance(system, MechanicalSystem):
@@ -76,38 +77,75 @@ def build(
     choice(backend, "backend", BACKENDS, BuildError)
     flag(force, "force", BuildError)
     with listener(progress, f"{system.name}: looking for its kernels", BuildError) as tell:
+        return _built(system, order, backend, force, tell)
 
-        def deriving() -> ModelSpec:
-            if tell is not None:
-                tell(f"{system.name}: deriving equations and derivatives")
-            return model_spec(system, order)
 
-        def compiling() -> None:
-            if tell is not None:
-                tell(f"{system.name}: compiling")
+def _built(
+    system: MechanicalSystem, order: int, backend: str, force: bool = False,
+    tell: Callable[[str], object] | None = None, design: Sequence[str] = (),
+) -> Kernels:  # fmt: skip
+    """Kernels of a system, with derivatives by the parameters ``design``."""
+    from dmoc.codegen.text import c_files, manifest, numpy_text
+    from dmoc.symbolic.families import model_key, model_spec
 
-        if backend == "numpy":
-            model = deriving()
-            return numpy_kernels(manifest(model), numpy_text(model))
-        return build_cached(
+    def deriving() -> ModelSpec:
+        if tell is not None:
+            tell(f"{system.name}: deriving equations and derivatives")
+        return model_spec(system, order, design)
+
+    def compiling() -> None:
+        if tell is not None:
+            tell(f"{system.name}: compiling")
+
+    if backend == "numpy":
+        model = deriving()
+        kernels = numpy_kernels(manifest(model), numpy_text(model))
+    else:
+        kernels = build_cached(
             system.name,
-            model_key(system, order),
+            model_key(system, order, design),
             lambda: c_files(deriving()),
             (lambda: numpy_text(deriving())) if backend == "auto" else None,
             force,
             compiling,
         )
+    return replace(kernels, system=lambda: system)
 
 
-def kernels_of(model: Any, order: int) -> Kernels:
-    """Kernels as they are, or those of a system of an order; what is neither is a ProblemError."""
+def kernels_of(model: Any, order: int, design: Sequence[str] = ()) -> Kernels:
+    """Kernels as they are, or those of a system of an order, with derivatives by the parameters
+    ``design``; what is neither is a ProblemError."""
     if isinstance(model, Kernels):
-        return model
+        return _by_design(model, design)
     from dmoc.symbolic.system import MechanicalSystem
 
     if isinstance(model, MechanicalSystem):
-        return build(model, order=order)
+        names = _in_order(map(name_of, model.parameters), design)
+        return _built(model, order, "auto", design=names)
     raise ProblemError(
         f"kernels = {shown(model)}: expected the kernels of a model (dmoc.build, dmoc.load), or a "
         "MechanicalSystem."
     )
+
+
+def _in_order(parameters: Iterable[str], design: Sequence[str]) -> list[str]:
+    """Names of parameters in the order of the model."""
+    known = list(parameters)
+    for name in design:
+        check_known(name, known, "parameter", "in design")
+    return [name for name in known if name in design]
+
+
+def _by_design(kernels: Kernels, design: Sequence[str]) -> Kernels:
+    """Kernels that have derivatives by some parameters: themselves, or others of their system."""
+    names = _in_order(kernels.parameters, design)
+    if set(names) <= set(kernels.design):
+        return kernels
+    if kernels.system is None:
+        raise ProblemError(
+            f"the kernels of {kernels.name!r} have no derivatives by {', '.join(names)} and do not "
+            "know their system: state the problem with the MechanicalSystem."
+        )
+    order, backend = kernels.manifest["order"], kernels.backend
+    made = _built(kernels.system(), order, backend, design=names)
+    return replace(made, reference=kernels.reference)

@@ -27,8 +27,11 @@ def through_hits(problem: Problem, lay: Layout, x: Array) -> Array:
 
 
 def with_hidden(problem: Problem, lay: Layout, x: Array) -> Array:
-    """Unknowns with the hidden ones, that are in the place of functions with kinks, on these, and
-    with totals and peaks as they are."""
+    """Unknowns with the hidden ones, that are in the place of functions with kinks, on these, with
+    totals and peaks as they are, and with the design of the problem."""
+    if problem.design:
+        x = x.copy()
+        x[lay.index_design] = problem.design_values
     if lay.index_totals.size or lay.index_peaks.size:
         x, step = x.copy(), lay.step_inputs(x)
         x[lay.index_totals] = problem.model.totals(step)

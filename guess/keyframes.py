@@ -58,9 +58,13 @@ def is_given_by_name(guess: object) -> bool:
     return isinstance(guess, Mapping)
 
 
-def courses_of(problem: Problem, guess: Any) -> tuple[Courses, ...]:
-    """Read a guess by name; unknown names, what is no course, and parts that are not one for each
-    phase are refused."""
+def courses_of(problem: Problem, guess: Any) -> tuple[Problem, tuple[Courses, ...]]:
+    """Read a guess by name, and put its design into the problem; unknown names, what is no course,
+    and parts that are not one for each phase are refused."""
+    if isinstance(guess, Mapping) and problem.design:
+        problem, guess = _designed(problem, by_name(guess, "guess"))
+        if not guess:
+            return problem, ()
     if isinstance(guess, Mapping):
         courses = [_read(problem, guess, 0, problem.phases, "guess")]
     elif len(guess) == problem.phases:
@@ -76,7 +80,22 @@ def courses_of(problem: Problem, guess: Any) -> tuple[Courses, ...]:
             f"guess = {shown(guess)}: expected the name of a coordinate or an input; leave it out "
             "for the automatic guess."
         )
-    return tuple(courses)
+    return problem, tuple(courses)
+
+
+def _designed(problem: Problem, guess: dict[str, Any]) -> tuple[Problem, dict[str, Any]]:
+    """The problem with the design of a guess, and the rest of that."""
+    values = problem.design_values.copy()
+    for i, name in enumerate(problem.design):
+        if name in guess:
+            low, high = problem.design_bounds[i]
+            values[i] = number(guess.pop(name), f"guess: {name}")
+            if not low <= values[i] <= high:
+                raise ProblemError(
+                    f"guess: {name} = {values[i]:g} lies outside its range {low:g} to {high:g}: "
+                    "expected a value within."
+                )
+    return problem.designed(values), guess
 
 
 def along(problem: Problem, courses: Sequence[Courses], automatic: Array) -> Array:

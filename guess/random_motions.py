@@ -22,6 +22,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import in_contact
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
+from dmoc.problem.design import drawn
 from dmoc.problem.problem import Problem
 from dmoc.problem.quantities import onto_quantities
 from dmoc.problem.ranges import midpoints
@@ -59,6 +60,20 @@ def random_motions(
     """
     if not numbers:
         return np.zeros((0, Layout.of(problem).size))
+    if problem.design:  # each motion has its own
+        draws = [drawn(problem, np.random.default_rng([seed, k])) for k in numbers]
+        return np.vstack(
+            [
+                _random_motions(problem.designed(own), guesses, natural, range(k, k + 1), seed)
+                for k, own in zip(numbers, draws, strict=True)
+            ]
+        )
+    return _random_motions(problem, guesses, natural, numbers, seed)
+
+
+def _random_motions(
+    problem: Problem, guesses: Sequence[Array], natural: float, numbers: range, seed: int
+) -> Array:
     with np.errstate(all="ignore"):
         x = _unknowns(problem, _Drawn.of(problem, natural, numbers, seed))
         for row, k in zip(x, numbers, strict=True):

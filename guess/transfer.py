@@ -140,6 +140,7 @@ def station_shares(lay: Layout, i: int) -> Array:
 def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
     """Unknowns of a problem from those x of the same problem with other steps."""
     lay = Layout.of(other)
+    problem = lay.problem_at(problem, x)
     t, q, h = lay.times(x), x[lay.index_q], x[lay.index_h]
     pieces = []
     for i in range(lay.phases):

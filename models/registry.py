@@ -154,7 +154,9 @@ def _shipped(name: str) -> Reference:
 
     def kernels(order: int | None, progress: Listener[str]) -> Kernels:
         installed = load_installed(f"dmoc.generated.{model}") if order in (None, 2) else None
-        return installed or build(
+        if installed:
+            return replace(installed, system=lambda: catalogue.system(model))
+        return build(
             catalogue.system(model), order=2 if order is None else order, progress=progress
         )
 

@@ -22,19 +22,23 @@ if TYPE_CHECKING:
     from dmoc.problem.ranges import Boundary
 
 
-def check_mass_matrix(problem: Problem) -> None:
-    """Refuse a start at which the equations of motion are not finite or their mass matrix is
-    none."""
+# What helps where a design is impossible at an end of its range.
+AWAY = "keep the range of the design away from there"
+
+
+def check_mass_matrix(problem: Problem, where: str = "") -> None:
+    """Refuse a start at which the equations of motion are not finite or their mass matrix is none;
+    ``where`` says for which design."""
     mass, force = problem.model.equations(problem.start_position)
     values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
     suspects = [
         f"{n}={values[n]:g}" for n in problem.kernels.manifest["mass_parameters"] if values[n] <= 0
     ]
-    cause = f" ({', '.join(suspects)})" if suspects else ""
+    cause = where or (f" ({', '.join(suspects)})" if suspects else "")
     if not (np.isfinite(mass).all() and np.isfinite(force).all()):
         raise ProblemError(
-            f"the equations of motion are not finite at the start{cause}: check the parameters and "
-            "the start."
+            f"the equations of motion are not finite at the start{cause}: "
+            f"{AWAY if where else 'check the parameters and the start'}."
         )
     if not is_positive(mass):
         remedy = (
@@ -42,6 +46,7 @@ def check_mass_matrix(problem: Problem) -> None:
             if suspects
             else "check the parameters and the start"
         )
+        remedy = AWAY if where else remedy
         raise ProblemError(
             f"the mass matrix is not positive definite at the start{cause}: {remedy}."
         )
@@ -73,8 +78,9 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
         for b in (problem.start_bounds.position, problem.goal_bounds.position)
     ]
     rounding = np.max([problem.model.gap_rounding(q) for q in (at, *ends)], axis=0)
+    chosen = problem.by_design("surface")  # where they are is up to the solver
     for j, surface in enumerate(problem.kernels.surfaces):
-        if end == "goal" and j in problem.model.moving:
+        if chosen[j] or (end == "goal" and j in problem.model.moving):
             continue
         involved = problem.model.surface_coordinates[j]
         state = ", ".join(f"{problem.kernels.coordinates[i]}={at[i]:g}" for i in involved)
@@ -142,8 +148,9 @@ def _check_joined(problem: Problem, end: str, boundary: Boundary) -> None:
         return
     q = position[:, 0]
     off, sizes = model.joints(q), model.joint_sizes(q)
-    for name, miss, size in zip(problem.kernels.joints, off, sizes, strict=True):
-        if not abs(miss) <= KEPT * size:
+    chosen = problem.by_design("joint")
+    for name, miss, size, by_design in zip(problem.kernels.joints, off, sizes, chosen, strict=True):
+        if not by_design and not abs(miss) <= KEPT * size:
             raise ProblemError(
                 f"constraint {name!r} does not hold at the {end}, where it is {miss:.3g} instead "
                 f"of 0: give a {end} that fits it."
@@ -152,8 +159,11 @@ def _check_joined(problem: Problem, end: str, boundary: Boundary) -> None:
     if v is None:
         return
     rates, slopes = model.joint_rates(q, v), model.joint_slopes(q)
-    for name, rate, slope in zip(problem.kernels.joints, rates, slopes, strict=True):
-        if abs(rate) > _kept(problem, slope, q, v):
+    chosen = problem.by_design("joint_rate")
+    for name, rate, slope, by_design in zip(
+        problem.kernels.joints, rates, slopes, chosen, strict=True
+    ):
+        if not by_design and abs(rate) > _kept(problem, slope, q, v):
             raise ProblemError(
                 f"constraint {name!r} does not allow the velocity at the {end}, which changes it "
                 f"by {rate:.3g} per second: give velocities along it."
@@ -166,10 +176,10 @@ def _check_start_in_contact(problem: Problem) -> None:
     position = problem.start_bounds.position
     fixed = position[:, 0] == position[:, 1]
     v = _fixed_velocity(problem.start_bounds, problem, q) if fixed.all() else None
-    gaps, sizes = model.gaps(q), model.gap_sizes(q)
+    gaps, sizes, chosen = model.gaps(q), model.gap_sizes(q), problem.by_design("surface")
     for j in mode.closed:
         name = problem.kernels.surfaces[j]
-        if not fixed[model.surface_coordinates[j]].all():
+        if chosen[j] or not fixed[model.surface_coordinates[j]].all():
             continue
         if abs(gaps[j]) > KEPT * sizes[j]:
             raise ProblemError(

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.arguments import (
     Interval,
@@ -26,6 +27,7 @@ from dmoc.mechanics.modes import along, mode_of, words_along
 from dmoc.mechanics.possible_words import open_hits
 from dmoc.mechanics.redundancy import Redundancy, redundancy
 from dmoc.mechanics.touch import Touch
+from dmoc.problem.design import at_bounds, design_bounds, first_design
 from dmoc.problem.end_states import check_admissible, check_contacts, check_kinks, check_mass_matrix
 from dmoc.problem.quantities import QuantityRanges, onto_quantities, quantity_ranges
 from dmoc.problem.ranges import (
@@ -47,6 +49,11 @@ from dmoc.problem.statement import statement_in_short, table_of_problem
 if TYPE_CHECKING:
     from dmoc.codegen.system_kernels import GivenModel
 
+# What depends on the values of design parameters.
+OF_DESIGN = {
+    "design_values", "parameter_values", "model", "redundant", "start_position", "goal_position",
+    "inertia", "reach",
+}  # fmt: skip
 # Steps of a phase, times the degree of the discretisation, of the first mesh of a solve that
 # chooses its own.
 FIRST_MESH = 100
@@ -113,6 +120,11 @@ class Problem(Shown):
     contacts : sequence of str, optional
         Surfaces that are closed at the start, with their friction ("foot", "foot:slip+"), and rails
         that slide then; what rubs and is not said to slide sticks.
+    design : mapping, optional
+        Parameters of the model that the solver chooses together with the motion, by name: ranges
+        (lower, upper), None for no bound, or a number, which is kept.  A solve begins with the
+        model's own value where it lies in the range, else with the middle of the range, or with
+        what ``guess`` gives.
     ignored : sequence of str, optional
         Surfaces that hold nothing back where the sequence does not name them: feet without knees,
         which scuff the floor as they swing.
@@ -162,6 +174,7 @@ class Problem(Shown):
     contacts: Sequence[str] = ()
     via: Sequence[Mapping[Any, Any] | None] | None = None
     ignored: Sequence[str] = ()
+    design: Mapping[Any, Any] = field(default_factory=dict)
     by_rates: ClassVar[bool] = False  # see in_rates
     relaxation: ClassVar[float] = 0.0  # see dmoc.problem.relaxed
 
@@ -185,18 +198,20 @@ class Problem(Shown):
             contacts: Sequence[str] = ...,
             via: Sequence[Mapping[Any, Any] | None] | None = ...,
             ignored: Sequence[str] = ...,
+            design: Mapping[Any, Any] = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         read(self)
         # The properties below check what they read.
         _ = self.relations, self.touch, self.via_bounds
-        _ = self.parameter_values, self.restitution_values
+        _ = self.design_bounds, self.parameter_values, self.restitution_values
         _ = self.input_bounds, self.coordinate_bounds, self.velocity_bounds, self.quantity_bounds
         _ = self.final_time_bounds, self.duration_bounds
         _ = self.start_bounds, self.goal_bounds, self.quantity_ranges, self.total_bounds
-        check_kinks(self)
-        check_mass_matrix(self)
+        for where, at in {"": self, **self.design_ends}.items():
+            check_kinks(at)
+            check_mass_matrix(at, where)
         check_admissible(self, "start", self.start_bounds)
         check_admissible(self, "goal", self.goal_bounds)
         check_contacts(self)
@@ -236,6 +251,20 @@ class Problem(Shown):
         object.__setattr__(other, "steps", steps_of(other))
         check_size(other)
         return other
+
+    def designed(self, values: Array) -> Problem:
+        """Return the same problem, whose model has some values of its design parameters."""
+        if not self.design or np.array_equal(values, self.design_values):
+            return self
+        other = object.__new__(Problem)
+        kept = {k: v for k, v in self.__dict__.items() if k not in OF_DESIGN}
+        other.__dict__.update(kept, design_values=np.array(values, dtype=float))
+        return other
+
+    def designed_as(self, parameters: Mapping[str, float]) -> Problem:
+        """The same with its design as near to parameters by name as its ranges allow."""
+        values = [parameters.get(*own) for own in zip(self.design, self.design_values, strict=True)]
+        return self.designed(np.clip(values, *self.design_bounds.T))
 
     # Sizes ----------------------------------------------------------------------------------------
 
@@ -332,8 +361,29 @@ class Problem(Shown):
 
     @cached_property
     def parameter_values(self) -> Array:
-        """Parameter values in the model's order, shape (1, npar)."""
-        return parameter_row(self.kernels, self.parameters)
+        """Parameter values in the model's order, those of its design among them, shape (1,
+        npar)."""
+        chosen = dict(zip(self.design, self.design_values.tolist(), strict=True))
+        return parameter_row(self.kernels, {**chosen, **self.parameters})
+
+    @cached_property
+    def design_bounds(self) -> Array:
+        """Bounds of the design parameters, shape (number, 2)."""
+        return design_bounds(self)
+
+    @cached_property
+    def design_values(self) -> Array:
+        """Their values in ``model``: those that a solve begins with, shape (number,)."""
+        return first_design(self)
+
+    @cached_property
+    def design_ends(self) -> dict[str, Problem]:
+        """The same problem with each of its design parameters at each of its bounds, in words."""
+        return at_bounds(self)
+
+    def by_design(self, kernel: str) -> NDArray[np.bool_]:
+        """Which results of a kernel depend on the design."""
+        return self.kernels.depends(kernel, list(self.design))
 
     @cached_property
     def model(self) -> Model:

@@ -87,8 +87,9 @@ def _decided(problem: Problem, ranges: Array) -> Array:
     if not np.isfinite(v).all():
         v = model.velocity(q, problem.start_bounds.momentum[:, 0])
     values = model.quantities(q, v, np.zeros(problem.nu), 0.0)
+    chosen = problem.by_design("quantity_point")
     for j, row in enumerate(rows):
-        if row["inputs"]:
+        if row["inputs"] or chosen[j]:
             left[j] = ranges[j]
             continue
         for said, (low, high) in (

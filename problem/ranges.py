@@ -14,6 +14,7 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
+from dmoc.problem.design import samples
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
@@ -208,6 +209,9 @@ def _as_momenta(problem: Problem, boundary: Boundary, at_start: bool) -> Boundar
         return boundary
     at = midpoints(boundary.position, np.zeros(problem.nq))
     momentum = problem.model.momentum(at, velocity[:, 0])
+    others = [p.model.momentum(at, velocity[:, 0]) for p in samples(problem)]
+    if problem.design and not (np.array(others) == momentum).all():
+        return boundary
     if not np.isfinite(momentum).all() or (not fixed and momentum.any()):
         return boundary
     free, fixed_momentum = (

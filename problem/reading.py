@@ -9,6 +9,7 @@ from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.system_kernels import kernels_of
 from dmoc.mechanics.model_values import by_name
+from dmoc.problem.design import check_design, design_of
 from dmoc.problem.ranges import check_size, steps_of
 from dmoc.problem.relations import periodic_of
 
@@ -31,7 +32,9 @@ def read(problem: Problem) -> None:
         sequence=tuple(names(p.sequence, "sequence", "surfaces")),
         contacts=tuple(names(p.contacts, "contacts", "surfaces")),
     )
-    put(kernels=kernels_of(p.kernels, _order(p)))
+    put(design=design_of(p.design))
+    put(kernels=kernels_of(p.kernels, _order(p), list(p.design)))
+    put(design={name: p.design[name] for name in p.kernels.parameters if name in p.design})
     for name in ("start", "goal", "bounds", "parameters"):
         put(**{name: by_name(getattr(p, name), name)})
     if not isinstance(p.control_form, str) or p.control_form not in p.scheme.controls:
@@ -43,6 +46,7 @@ def read(problem: Problem) -> None:
     for name in p.ignored:
         check_known(name, p.kernels.surfaces, "surface", "in ignored")
     put(minimal_times=flag(p.minimal_times, "minimal_times"))
+    check_design(p)
     put(steps=steps_of(p))
     check_size(p)
     put(periodic=periodic_of(p))

@@ -18,7 +18,7 @@ from dmoc.program.transcription import Transcription
 NO_FORCE = 1e-7
 NO_IMPULSE = 1e-6
 # Unknowns at ends and events, and totals, that a problem bounds.
-STATED = ("p_B", "p_E", "v_B", "v_E", "v_a", "v_c", "totals")
+STATED = ("p_B", "p_E", "v_B", "v_E", "v_a", "v_c", "totals", "design")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

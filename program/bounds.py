@@ -64,6 +64,7 @@ def limits(
         _narrow(box, lay.index_q[node], places)
     box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
     box[lay.index_t[:1]] = 0.0
+    box[lay.index_design] = problem.design_bounds
     for goal in goals:
         box[goal.unknown] = (-np.inf, np.inf)
     if goals:

@@ -41,8 +41,8 @@ class Sensitivities(TypedDict):
     final_time : with respect to the final time or its active bound; 0 where it is free
     start, goal : by state, quantity or integral, with respect to the value or the active bound;
         its other states as given
-    bounds : by input, coordinate, velocity or quantity and side, with respect to the bound, as
-        "F <="
+    bounds : by input, coordinate, velocity, quantity or design parameter and side, with respect to
+        the bound, as "F <="
     """
 
     parameters: dict[str, float]
@@ -64,6 +64,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     slope = nlp.lagrangian_gradient(x, y, w)
     z = np.where(nlp.lower == nlp.upper, slope, z)
     named = {**multipliers, "bounds": z}
+    problem = nlp.layout.problem_at(problem, x)
     values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
 
     def change(name: str, value: float) -> float:
@@ -117,7 +118,11 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     ends, force = nlp.laws.ends, np.concatenate([-y, w])
     time = sum(force[ends.final_time.numbers]) + sum(force[ends.earliest.numbers])
     return {
-        "parameters": {name: change(name, value) for name, value in values.items()},
+        "parameters": {
+            name: change(name, value)
+            for name, value in values.items()
+            if name not in problem.design
+        },
         "restitution": {s: coefficient(s) for s in dict.fromkeys(hits) if s in numbers},
         "surfaces": _surfaces(nlp, y, w),
         "final_time": float(time - sum(force[ends.latest.numbers])),
@@ -165,7 +170,7 @@ def _ends(nlp: Transcription, x: Array, z: Array, node: int) -> dict[str, float]
         (momentum_name, p, z[p]),
     ]
     if boundary.by_velocity:
-        model, t = nlp.problem.model, lay.times(x)[node]
+        model, t = lay.problem_at(nlp.problem, x).model, lay.times(x)[node]
         slopes = model.momentum_slopes(x[q], model.velocity(x[q], x[p], t), t)
         by_q, by_v = z[p] @ slopes[:, : lay.nq], z[p] @ slopes[:, lay.nq : 2 * lay.nq]
         states = [(str, q, z[q] + by_q), (velocity_name, p, by_v)]
@@ -187,6 +192,7 @@ def _bounds(nlp: Transcription, z: Array) -> dict[str, float]:
     for names, index, box in (
         (kernels.inputs, lay.index_u, problem.input_bounds),
         (kernels.coordinates, inner, problem.coordinate_bounds),
+        (list(problem.design), lay.index_design[None], problem.design_bounds),
     ):
         for j, name in enumerate(names):
             held = z[index[:, j]]

@@ -6,7 +6,9 @@ once; :func:`assembled` puts the numbers of one problem into it.
 
 Every term is a kernel family: ``name`` for values, ``name_jac`` and ``name_hess`` for derivatives
 with respect to all its arguments.  The columns of a derivative are the arguments' positions in the
-pool, where these are unknowns.
+pool, where these are unknowns.  Design parameters are unknowns that kernels read among their
+parameters: ``name_design_jac`` and ``name_design_hess``, where a family depends on some, have
+columns for them behind those of the arguments.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ class Form:
     """What the structure of a program follows from."""
 
     kernels: Kernels
-    parameters: int  # their number
+    parameters: Index  # (npar,): the unknowns that they are, or NOWHERE
     terms: Sequence[Term]
     linear: Linear
     n: int  # numbers of unknowns, of rows (c | d), and of rows c
@@ -223,10 +225,17 @@ def assembled(structure: Structure, numbers: Numbers) -> Assembled:
     return Assembled(data, structure)
 
 
-def _parameters(form: Form) -> Index:
-    """Positions of the parameters in the pool."""
-    first = form.n + form.m + 2
-    return np.arange(first, first + form.parameters)[None]
+def _arguments(form: Form, term: Term) -> tuple[Index, ...]:
+    """Positions of the arguments in the pool, and of the parameters."""
+    first, chosen = form.n + form.m + 2, form.parameters != NOWHERE
+    at = np.where(chosen, form.parameters, np.arange(first, first + len(chosen)))
+    return (*term.arguments, np.repeat(at[None], len(term.rows[0]) if chosen.any() else 1, axis=0))
+
+
+def _derivative(form: Form, term: Term, order: str) -> str:
+    """The kernel of the derivatives of a term, by what it depends on."""
+    by_design = f"{term.kernel}_design_{order}"
+    return by_design if form.kernels.has(by_design) else f"{term.kernel}_{order}"
 
 
 def _targets(form: Form) -> Index:
@@ -245,7 +254,7 @@ def _values(form: Form, term: Term, targets: Index) -> _Part:
     nothing = tuple(np.zeros(r.shape, dtype=np.intp) for r in rows)
     return _Part(
         term.kernel,
-        (*term.arguments, _parameters(form)),
+        _arguments(form, term),
         rows,
         nothing,
         tuple(np.broadcast_to(term.factor, r.shape) for r in rows),
@@ -253,16 +262,17 @@ def _values(form: Form, term: Term, targets: Index) -> _Part:
 
 
 def _unknowns(form: Form, term: Term) -> Index:
-    """The unknowns among the arguments of a term, shape (n, sum of sizes); NOWHERE for what is
-    none."""
-    n = len(term.rows[0])
-    parts = (a if len(a) == n else np.repeat(a, n, axis=0) for a in term.arguments)
+    """The unknowns among the arguments of a term and the design parameters of its kernels, shape
+    (n, sum of sizes); NOWHERE for what is none."""
+    n, names = len(term.rows[0]), list(form.kernels.parameters)
+    design = form.parameters[None, [names.index(name) for name in form.kernels.design]]
+    parts = (a if len(a) == n else np.repeat(a, n, axis=0) for a in (*term.arguments, design))
     at = np.hstack(list(parts))
     return np.where(at < form.n, at, NOWHERE)
 
 
 def _slopes(form: Form, term: Term, unknowns: Index, targets: Index) -> _Part:
-    kernel = f"{term.kernel}_jac"
+    kernel = _derivative(form, term, "jac")
     rows, columns, factors = [], [], []
     for output, at in zip(form.kernels.outputs(kernel), term.rows, strict=True):
         i, j = form.kernels.pattern(kernel, output)
@@ -271,8 +281,7 @@ def _slopes(form: Form, term: Term, unknowns: Index, targets: Index) -> _Part:
         rows.append(row)
         columns.append(column)
         factors.append(np.broadcast_to(term.factor, row.shape))
-    arguments = (*term.arguments, _parameters(form))
-    return _Part(kernel, arguments, tuple(rows), tuple(columns), tuple(factors))
+    return _Part(kernel, _arguments(form, term), tuple(rows), tuple(columns), tuple(factors))
 
 
 def _curvatures(form: Form, term: Term, unknowns: Index, multipliers: Index) -> _Part | None:
@@ -281,13 +290,13 @@ def _curvatures(form: Form, term: Term, unknowns: Index, multipliers: Index) -> 
     Two arguments may be one unknown (inputs that are constant in a step): their mixed derivative
     counts twice on the diagonal.
     """
-    kernel = f"{term.kernel}_hess"
+    kernel = _derivative(form, term, "hess")
     i, j = form.kernels.pattern(kernel, "hess")
     if not len(i):
         return None
     a, b = unknowns[:, i], unknowns[:, j]
     twice = np.where((a == b) & (i != j), 2.0, 1.0)
-    arguments = (*term.arguments, _parameters(form), *(multipliers[r] for r in term.rows))
+    arguments = (*_arguments(form, term), *(multipliers[r] for r in term.rows))
     # The smaller of both is NOWHERE where one of them is.
     rows, columns = np.minimum(a, b), np.maximum(a, b)
     return _Part(kernel, arguments, (rows,), (columns,), (twice * term.factor,))

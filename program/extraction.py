@@ -31,6 +31,7 @@ FEWEST = 4
 def trajectory(nlp: Transcription, x: Array) -> Trajectory:
     """Return the motion of the scaled unknowns x: times, coordinates, momenta, velocities,
     inputs, collisions."""
+    nlp = nlp.designed(x)
     lay, problem, contacts = nlp.layout, nlp.problem, nlp.layout.touch.contacts
     scheme = lay.scheme
     p_start, p_end = nlp.momenta(x)

@@ -20,9 +20,10 @@ GIVES_WAY = 1e-3
 def give_way(problem: Problem, box: Array, scale: Scale, held: Iterable[tuple[Index, int]]) -> None:
     """Move bounds of a coordinate that a surface holds where they are; ``held`` are coordinates of
     places, shape (n, nq), and their surfaces."""
+    chosen = problem.by_design("surface")
     for coordinates, surface in held:
         involved = problem.model.surface_coordinates[surface]
-        if len(involved) > 1 or surface in problem.model.moving:
+        if len(involved) > 1 or surface in problem.model.moving or chosen[surface]:
             continue
         j = int(involved[0])
         unknowns = coordinates[:, j]

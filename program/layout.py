@@ -68,8 +68,13 @@ class Layout(Unknowns):
             tuple(kernels.joints),
             tuple(problem.model.totals_of),
             tuple(peak_names(problem)),
+            tuple(problem.design),
         )
         return (_shared if sum(kind.steps) <= MOST_SHARED else cls.numbered)(kind)
+
+    def problem_at(self, problem: Problem, x: Array) -> Problem:
+        """A problem with the design of the unknowns x."""
+        return problem.designed(x[self.index_design])
 
     def states(self, names: list[str]) -> dict[str, tuple[int, int]]:
         """Unknowns that are a state at the start and at the end, by name of the state."""

@@ -8,7 +8,7 @@ velocities and times, of what sticks also where the other conditions hold.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.redundancy import redundancy
 from dmoc.mechanics.touch import Touch
+from dmoc.problem.design import samples
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Bools, Index
 from dmoc.program.layout import Layout
@@ -73,7 +74,13 @@ class Settled:
 
 
 def settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Settled:
-    """Find what values that are fixed by ``limits`` settle."""
+    """Find what values that are fixed by ``limits`` settle, whatever the design."""
+    found = [_settled(p, lay, limits) for p in samples(problem)]
+    parts = zip(*([getattr(s, f.name) for f in fields(Settled)] for s in found), strict=True)
+    return Settled(*(np.logical_and.reduce(part) for part in parts))
+
+
+def _settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Settled:
     touch = lay.touch
     nodes = [_states(problem, lay, limits, i) for i in range(lay.phases + 1)]
     ends = (nodes[0], nodes[-1])
@@ -117,8 +124,17 @@ def _redundant(problem: Problem, touch: Touch) -> tuple[Bools, Bools, Bools]:
 def joints_settled(
     problem: Problem, lay: Layout, limits: tuple[Array, Array]
 ) -> tuple[Bools, Bools]:
-    """What values that are fixed by ``limits`` settle of the constraints of a model: places at the
-    start and at the end of each phase, rates at the start and at the end of the motion."""
+    """What values that are fixed by ``limits`` settle of the constraints of a model, whatever the
+    design: places at the start and at the end of each phase, rates at the start and at the end of
+    the motion."""
+    found = [_joints_settled(p, lay, limits) for p in samples(problem)]
+    places, rates = (np.logical_and.reduce(part) for part in zip(*found, strict=True))
+    return places, rates
+
+
+def _joints_settled(
+    problem: Problem, lay: Layout, limits: tuple[Array, Array]
+) -> tuple[Bools, Bools]:
     nodes = [_states(problem, lay, limits, i) for i in range(lay.phases + 1)]
     ends = (nodes[0], nodes[-1])
     places = np.array([_vanish(*_joints(problem, at)) for at in nodes])

@@ -16,7 +16,7 @@ class Scale:
     """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,);
     gaps, their rates and impulses (nc,); sliding velocities and friction impulses (nt,); path
     constraints; quantities; totals and peaks of an objective; hidden unknowns; step sizes
-    (phases,); rates and impulses of the constraints of the model (nj,)."""
+    (phases,); rates and impulses of the constraints of the model (nj,); design parameters."""
 
     time: float
     cost: float
@@ -38,6 +38,7 @@ class Scale:
     h: Array
     joint_rate: Array
     reaction: Array
+    design: Array
 
     @classmethod
     def none(cls, problem: Problem) -> Scale:
@@ -72,6 +73,7 @@ class Scale:
             h,
             nj,
             nj,
+            np.ones(len(problem.design)),
         )
 
     def named(self, problem: Problem) -> dict[str, float]:
@@ -81,6 +83,7 @@ class Scale:
         for name, sizes in ((str, self.q), (velocity_name, self.v), (momentum_name, self.p)):
             by_name |= dict(zip(map(name, kernels.coordinates), sizes.tolist(), strict=True))
         by_name |= dict(zip(kernels.inputs, self.u.tolist(), strict=True))
+        by_name |= dict(zip(problem.design, self.design.tolist(), strict=True))
         by_name |= {
             f"gap to {s}": size for s, size in zip(kernels.surfaces, self.gap.tolist(), strict=True)
         }

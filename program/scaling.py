@@ -23,6 +23,8 @@ STILL = 0.1
 # Share of the slopes and curvatures of a cost, over the sizes of the unknowns, that its size is at
 # least.
 FLAT = 1e-3
+# Share of its range that the size of a design parameter is at least.
+NARROW = 1e-2
 # Scaled cost of a first motion, and of a minimum, which costs less: what constraints of size 1 are
 # weighed against in merit functions and barriers.
 FIRST_COST, MINIMUM_COST = 100.0, 10.0
@@ -31,8 +33,9 @@ FIRST_COST, MINIMUM_COST = 100.0, 10.0
 def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
     """Read sizes off the unknowns x of a motion, a first one or a minimum: ranges, velocities,
     momenta, inputs, gaps; the cost with its slopes and curvatures."""
-    lay, model = Layout.of(problem), problem.model
-    h = x[lay.index_h]
+    lay = Layout.of(problem)
+    problem = lay.problem_at(problem, x)
+    model, h = problem.model, x[lay.index_h]
     time = float(h @ np.array(lay.steps))
     q, t = x[lay.index_q], lay.times(x)
     steps = h[lay.phase_of_step][:, None]
@@ -78,6 +81,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
             h.copy(),
             joint_rate,
             energy / joint_rate,
+            _designs(problem),
         )
         sizes = lay.units(scale)
         cost = _cost(problem, lay, x, sizes, size_v) / (MINIMUM_COST if minimum else FIRST_COST)
@@ -100,6 +104,15 @@ def _totals(problem: Problem, lay: Layout, x: Array, scale: Scale) -> Array:
     parts = [np.abs(_finite(model.integrals(s), 0.0)).sum(axis=0) for s in (step, sized)]
     bounds = np.where(np.isfinite(problem.total_bounds), np.abs(problem.total_bounds), 0.0)
     size = np.maximum(np.max(parts, axis=0), bounds.max(axis=1, initial=0.0))
+    return np.where(size > 0, size, 1.0)
+
+
+def _designs(problem: Problem) -> Array:
+    """Sizes of the design parameters: of their values, at least of a share of their ranges."""
+    with np.errstate(invalid="ignore"):
+        width = np.ptp(problem.design_bounds, axis=1)
+    values = np.abs(problem.design_values)
+    size = np.maximum(values, np.where(np.isfinite(width), NARROW * width, 0.0))
     return np.where(size > 0, size, 1.0)
 
 
@@ -179,7 +192,7 @@ def end_of(lay: Layout, x: Array, node: int) -> tuple[Array, Array, Array]:
 
 def cost_of(problem: Problem, lay: Layout, x: Array) -> float:
     """The cost of unknowns, with the objective."""
-    model, step = problem.model, lay.step_inputs(x)
+    model, step = lay.problem_at(problem, x).model, lay.step_inputs(x)
     start, end = end_of(lay, x, 0), end_of(lay, x, -1)
     shared = model.totals(step), model.peaks(step)
     value = model.step_costs(step).sum() + model.terminal_cost(*end)

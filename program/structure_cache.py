@@ -96,8 +96,8 @@ def digest(form: Form, blocks: Iterable[Block]) -> bytes:
     """A digest of all that a structure, and what methods find about it, follows from."""
     manifest, linear = form.kernels.manifest, form.linear
     names: list[Any] = [manifest["fingerprint"], manifest.get("code"), form.kernels.backend]
-    names += [form.parameters, form.n, form.m, form.equalities]
-    arrays: list[Any] = [linear.rows, linear.columns, linear.factors]
+    names += [form.kernels.design, form.n, form.m, form.equalities]
+    arrays: list[Any] = [form.parameters, linear.rows, linear.columns, linear.factors]
     for block in blocks:
         names.append(block.name)
         arrays.append(block.index)

@@ -10,14 +10,16 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 from itertools import chain
+from typing import Self
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import Block, Index
+from dmoc.program.blocks import NOWHERE, Block, Index
 from dmoc.program.bounds import goal_rows, limits
 from dmoc.program.elements import (
     Assembled,
@@ -132,7 +134,9 @@ class Transcription(Evaluator):
         places = Places(self.layout, self.n + m + 1, len(kernels.surfaces))
         terms = chain.from_iterable(law.terms(places, laws) for law in laws)
         entering = [term for term in terms if kernels.has(term.kernel) and term.enters]
-        return Form(kernels, self.par.shape[1], entering, linear, self.n, m, laws.n_eq)
+        unknowns = dict(zip(self.problem.design, self.layout.index_design.tolist(), strict=True))
+        chosen = np.array([unknowns.get(name, NOWHERE) for name in kernels.parameters], np.intp)
+        return Form(kernels, chosen, entering, linear, self.n, m, laws.n_eq)
 
     @property
     def equalities(self) -> Sequence[Block]:
@@ -163,4 +167,15 @@ class Transcription(Evaluator):
     def momenta(self, x: Array) -> tuple[Array, Array]:
         """Return p at the start and at the end of every step in units of the problem, shape
         (total, nq) each."""
-        return self.problem.model.step_momenta(self.layout.step_inputs(self.physical(x)))
+        y = self.physical(x)
+        model = self.layout.problem_at(self.problem, y).model
+        return model.step_momenta(self.layout.step_inputs(y))
+
+    def designed(self, x: Array) -> Self:
+        """The same program, whose problem has the design of the scaled unknowns x."""
+        problem = self.layout.problem_at(self.problem, self.physical(x))
+        if problem is self.problem:
+            return self
+        other = copy(self)
+        other.problem = problem
+        return other

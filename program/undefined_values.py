@@ -15,7 +15,7 @@ SINGULAR = 1e-6
 def singular_at(nlp: Transcription, x: Array) -> float | None:
     """First time at which the mass matrix is not positive definite, up to rounding errors of its
     entries; None if it is everywhere."""
-    y = nlp.physical(x)
+    nlp, y = nlp.designed(x), nlp.physical(x)
     q, t = y[nlp.layout.index_q], nlp.layout.times(y)
     root = 1 / np.sqrt(np.abs(nlp.problem.inertia))
     scaled = nlp.problem.model.mass(q, t) * root[:, None] * root

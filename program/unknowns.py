@@ -9,7 +9,7 @@ of the nodes, only where the model depends on them; q_i: coordinates of the node
 s: hidden unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), in the rows of the inputs.
 Behind those of laws are w, velocities at the nodes inside phases, and t_i, times of the nodes
 inside steps, both only where something pushes along steps with nodes inside, and behind these
-totals and peaks of an objective.
+totals and peaks of an objective, and design parameters.
 Laws that push have tables of their own: :class:`~dmoc.program.impacts.ImpactUnknowns` (lam, v_a,
 v_c, in these places because files keep multipliers in this order),
 :class:`~dmoc.program.contact_table.ContactUnknowns`,
@@ -60,6 +60,7 @@ class Kind:
     joints: tuple[str, ...]
     totals: tuple[str, ...]
     peaks: tuple[str, ...]
+    design: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +95,7 @@ class Unknowns:
     index_t_i: Index
     index_totals: Index
     index_peaks: Index
+    index_design: Index
     impact: ImpactUnknowns
     contact: ContactUnknowns
     hit: HitUnknowns
@@ -198,15 +200,16 @@ class Unknowns:
             lambda k, i: f"time {place_inside(i)} step {k}",
             lambda s: s.time,
         ).index
-        totals, peaks = (
+        totals, peaks, design = (
             block("totals", (len(kind.totals),), lambda i: kind.totals[i], lambda s: s.totals),
             block("peaks", (len(kind.peaks),), lambda i: kind.peaks[i], lambda s: s.peaks),
+            block("design", (len(kind.design),), lambda i: kind.design[i], lambda s: s.design),
         )
         return cls(
             nq, len(u), steps, form, scheme, kind.timed, touch, tuple(block.made),
             **indices, index_w=index_w, index_t_i=index_t_i,
-            index_totals=totals.index, index_peaks=peaks.index, impact=impact, contact=contact,
-            hit=hit, held=held, joint=joint, relaxed=relaxed,
+            index_totals=totals.index, index_peaks=peaks.index, index_design=design.index,
+            impact=impact, contact=contact, hit=hit, held=held, joint=joint, relaxed=relaxed,
         )  # fmt: skip
 
     @cached_property

@@ -68,7 +68,7 @@ def starts_of(problem: Problem, guess: InitialGuess, deadline: Deadline = ENDLES
     if isinstance(guess, Solution):
         return _from_solution(problem, guess)
     if is_given_by_name(guess):
-        courses = courses_of(problem, guess)
+        problem, courses = courses_of(problem, guess)
         return Starts((along(problem, courses, initial_guesses(problem, deadline)[0].x),))
     return Starts((_given(problem, guess),))
 
@@ -81,7 +81,7 @@ def _from_solution(problem: Problem, guess: Solution) -> Starts:
             f"guess is a motion of {', '.join(theirs)}: expected one of the coordinates and inputs "
             f"{', '.join(names)}."
         )
-    proposal = guess.proposal
+    problem, proposal = problem.designed_as(guess.trajectory.parameters), guess.proposal
     if proposal is not None and proposal.sequence == problem.words:
         return Starts((restated(problem, guess),), True)
     if len(guess.phases) != problem.phases:

@@ -31,6 +31,7 @@ PUSH = 0.05
 
 def suspects(nlp: Transcription, x: Array) -> Index:
     """Hits that hardly approach their surface, or hardly push it; a landing may be soft."""
+    nlp = nlp.designed(x)
     lay, law = nlp.layout, nlp.laws.impact
     hits = np.flatnonzero(law.impact & ~law.landing & ~law.touching)
     if not len(hits):
@@ -69,6 +70,7 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
     that of Poisson's law; where sliding stops at an impulse P_h, it may do so anywhere from the
     begin to the end of its part of the impact.
     """
+    nlp = nlp.designed(outcome.x)
     lay, x, duals = nlp.layout, outcome.x, outcome.duals
     slope = nlp.lagrangian_gradient(x, duals.y, duals.w) / nlp.unit
     y, j = nlp.physical(x), int(lay.touch.surfaces[i])

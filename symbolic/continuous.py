@@ -33,7 +33,7 @@ class Continuous:
     looks: the values of the drawing; coefficients of restitution e_j, of all surfaces or none, and
     of tangential restitution e_t, of all tangents or none; quantities z, integrands c; symbols x of
     definitions with their rates x_dot and their values x_of, and the dissipation R of which Q lacks
-    the forces.  Nodes have neither."""
+    the forces.  Nodes have neither.  Kernels have derivatives by the parameters ``design``, too."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -58,6 +58,7 @@ class Continuous:
     x: tuple[Any, ...] = ()
     x_dot: tuple[Any, ...] = ()
     x_of: tuple[Any, ...] = ()
+    design: tuple[Any, ...] = ()
 
     @classmethod
     def of(
@@ -147,7 +148,7 @@ class Continuous:
 
     def to_nodes(self, graph: Graph) -> Continuous:
         """The same functions as nodes of a graph, whose symbols have the same names."""
-        functions = [e for name in FUNCTIONS for e in _listed(getattr(self, name))]
+        functions = [e for name in FUNCTIONS for e in as_tuple(getattr(self, name))]
         nodes = iter(self.as_nodes(functions, graph))
 
         def each(values: Any) -> Any:
@@ -169,7 +170,7 @@ FUNCTIONS = (
 )  # fmt: skip
 
 
-def _listed(value: Any) -> tuple[Any, ...]:
+def as_tuple(value: Any) -> tuple[Any, ...]:
     return value if isinstance(value, tuple) else (value,)
 
 

@@ -26,11 +26,12 @@ from dmoc.symbolic.continuous import (
     momenta,
     right_hand_side,
 )
+from dmoc.symbolic.design import check_design
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
 from dmoc.symbolic.expressions import atoms_of
 from dmoc.symbolic.graph import Graph, Node, gradient, reverse
-from dmoc.symbolic.kernel_family import contracted, family, state_inputs
+from dmoc.symbolic.kernel_family import contracted, family, parameters, state_inputs
 from dmoc.symbolic.kinks import split
 from dmoc.symbolic.objectives import objective_facts, objective_kernels
 from dmoc.symbolic.path_constraints import (
@@ -54,8 +55,9 @@ LARGE_STEP, LARGE = 500, 600
 EQUATIONS = 6  # of what the kernels compute: solutions of other equations are refused
 
 
-def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
-    """Derive all kernels of ``system`` for the discretisation of the given order."""
+def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] = ()) -> ModelSpec:
+    """Derive all kernels of ``system`` for the discretisation of the given order, with derivatives
+    by the parameters ``design``."""
     check_system(system)
     order = known_order(order)
     nq, nu, npar = len(system.coordinates), len(system.inputs), len(system.parameters)
@@ -73,6 +75,10 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     )  # fmt: skip
     graph = Graph()
     f, smooth = plain.to_nodes(graph), plain.smooth(system, u[nu:]).to_nodes(graph)
+    check_design(system, f, design)
+    names = [name_of(s) for s in system.parameters]
+    chosen = tuple(f.par[names.index(name)] for name in design)
+    f, smooth = (replace(g, design=chosen) for g in (f, smooth))
     terms = [terms_of(r) for r in plain.r]
     points = DISCRETISATIONS[order].degree
     kernels = [
@@ -101,7 +107,8 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     return ModelSpec(
         system.name,
         model_fingerprint(system, order),
-        _facts(system, f, smooth, order, [len(own) for own in terms]),
+        _facts(system, f, smooth, order, [len(own) for own in terms])
+        | ({"key": model_key(system, order, design), "design": list(design)} if design else {}),
         tuple(kernels),
     )
 
@@ -109,21 +116,24 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
 def _light(f: Continuous, most: float) -> Continuous:
     """The same system; where the second derivatives of its Lagrangian are not below so many
     operations, it is a function of its own, which kernels call."""
-    symbols = (*f.q, *f.v, f.t) if f.t in f.L.free_symbols else (*f.q, *f.v)
+    used = f.L.free_symbols
+    symbols = (*f.q, *f.v, *(s for s in (f.t, *f.design) if s in used))
     curvature = [slope.diff(s) for slope in reverse(f.L, symbols) for s in symbols]
     if operations(curvature) < most:
         return f
     return replace(f, L=Scalar("lagrangian", symbols, f.L, f.par)(symbols))
 
 
-def model_key(system: MechanicalSystem, order: int = 2) -> str:
+def model_key(system: MechanicalSystem, order: int = 2, design: Sequence[str] = ()) -> str:
     """Return the key of the kernels of ``system`` in a cache: a digest of the format, the
-    fingerprint, and of the title and the drawing, which the manifest holds."""
+    fingerprint, and of the title and the drawing, which the manifest holds, and of the names of
+    parameters that derivatives are by."""
     check_system(system)
     order = known_order(order)
     lines = [str(FORMAT), model_fingerprint(system, order), _title(system)]
     for (kind, name, *_), part in zip(table_of_drawing(system.drawing), system.shapes, strict=True):
         lines += [f"{kind} {name}", *map(sp.srepr, values_of(part))]
+    lines += [f"design {name}" for name in design]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
@@ -219,7 +229,7 @@ def _step_kernels(
     )
     step = {"r_minus": e.r_minus, "r_plus": e.r_plus, "C_d": [e.C_d], "r_i": e.r_i}
     energies = {"e_plus": [at_events.e_plus], "e_minus": [at_events.e_minus]}
-    par, ways = Input("par", f.par), (e.chain, e.spread, e.definitions)
+    par, ways = parameters(f), (e.chain, e.spread, e.definitions)
     return [
         *family(
             "step",
@@ -355,7 +365,7 @@ def _feasibility_kernels(f: Continuous) -> list[KernelSpec]:
         return [*of_step[: 2 * n], of_step[e.at_h], *slopes[-len(own) :]]
 
     summary = "Shortest time to each surface at averaged full acceleration."
-    par = Input("par", f.par)
+    par = parameters(f)
     return family(
         "min_time",
         summary,

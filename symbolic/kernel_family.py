@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from dmoc.symbolic.arrangement import cheapest, shared
@@ -14,6 +15,8 @@ from dmoc.symbolic.traversal import operations, reached
 # Operations of a function below which weighted sums of only some of its slopes are functions too:
 # the compiler takes too long for those of a larger one.
 FEW = 180
+# What the derivatives of a kernel are called that are by the design parameters, too.
+DESIGN = "_design"
 
 # The derivatives of an expression by all components, from its partial derivatives: a function that
 # takes those by the symbols that it is given.
@@ -27,8 +30,13 @@ def state_inputs(f: Continuous) -> tuple[Input, Input, Input, Input, Input]:
         Input("v", f.v),
         Input("u", f.u),
         Input("t", (f.t,)),
-        Input("par", f.par),
+        parameters(f),
     )
+
+
+def parameters(f: Continuous) -> Input:
+    """par."""
+    return Input("par", f.par, f.design)
 
 
 def family(
@@ -49,28 +57,52 @@ def family(
     derivatives of sum_a w_a . a, with the weights w_a of every output as further inputs, in the
     order of the outputs.  ``chain`` makes derivatives with respect to the components of partial
     ones, where they are not the same; ``spread`` the same ones without sums in sums.
+
+    Where results with second derivatives depend on parameters that a solver may choose, there are
+    ``name_design_jac`` and ``name_design_hess``, too: the same with respect to these as well, in
+    columns behind the others.
     """
     symbols = [s for i in inputs for s in i.symbols]
-    size, chain = len(symbols), chain or (lambda partial: partial(symbols))
-    spread = spread or chain
-
-    arguments, listed = (*inputs, par), ", ".join(i.name for i in inputs)
+    chain = chain or (lambda partial: partial(symbols))
+    ways, size = (chain, spread or chain), len(symbols)
+    listed, arguments = ", ".join(i.name for i in inputs), (*inputs, par)
     values = tuple(Output.vector(a, v) for a, v in outputs.items())
+    specs = [KernelSpec(name, summary, arguments, values, definitions)]
+    specs += _derivatives(specs[0], outputs, ways, size, f"({listed})", second)
+    free = set[Node]().union(*(e.free_symbols for v in outputs.values() for e in v))
+    if second and free & set(par.design):
+        wider = {way: _with(way, par.design) for way in ways}
+        both, size = (wider[ways[0]], wider[ways[1]]), size + len(par.design)
+        listed = f"({listed}) and the design parameters"
+        for spec in _derivatives(specs[0], outputs, both, size, listed, second):
+            specs.append(replace(spec, name=spec.name.replace(name, name + DESIGN, 1)))
+    return specs
+
+
+def _with(way: Chain, more: Sequence[Node]) -> Chain:
+    """Derivatives by some more symbols behind the others."""
+    return lambda partial: [*way(partial), *partial(more)]
+
+
+def _derivatives(
+    kernel: KernelSpec, outputs: Mapping[str, Sequence[Any]], ways: tuple[Chain, Chain], size: int,
+    listed: str, second: bool,
+) -> list[KernelSpec]:  # fmt: skip
+    """The first derivatives of a kernel, and where they are wanted its second ones, each in so many
+    columns, by a chain and by its spread form."""
+    chain, spread = ways
+    name, arguments, definitions = kernel.name, kernel.inputs, kernel.definitions
     results = [e for v in outputs.values() for e in v]
     first = [spread(_forward(e)) for e in results]
     rows = iter(cheapest([shared(first), first] if spread is chain else [shared(first)]))
     slopes = tuple(
         Output.matrix(f"{a}_D", [next(rows) for _ in v], size) for a, v in outputs.items()
     )
-    text = f"First derivatives of `{name}` with respect to ({listed})."
-    specs = [
-        KernelSpec(name, summary, arguments, values, definitions),
-        KernelSpec(f"{name}_jac", text, arguments, slopes, definitions),
-    ]
+    text = f"First derivatives of `{name}` with respect to {listed}."
+    specs = [KernelSpec(f"{name}_jac", text, arguments, slopes, definitions)]
     if second:
-        weights = tuple(
-            Input.vector(symbols[0].graph, f"w_{a}", len(v)) for a, v in outputs.items()
-        )
+        graph = results[0].graph
+        weights = tuple(Input.vector(graph, f"w_{a}", len(v)) for a, v in outputs.items())
         total = dot([s for w in weights for s in w.symbols], results)
         curvatures = (Output.matrix("hess", _second(total, chain, spread), size, upper=True),)
         text = f"Second derivatives of the weighted sum of all results of `{name}`."

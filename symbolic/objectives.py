@@ -15,7 +15,7 @@ from dmoc.symbolic.continuous import Continuous
 from dmoc.symbolic.conversion import to_nodes
 from dmoc.symbolic.discrete import StepElement
 from dmoc.symbolic.expressions import atoms_of, expression_in, final_time
-from dmoc.symbolic.kernel_family import family
+from dmoc.symbolic.kernel_family import family, parameters
 from dmoc.symbolic.kinks import check_smooth
 from dmoc.symbolic.spec import Input, KernelSpec
 
@@ -264,7 +264,7 @@ def objective_kernels(
     step: tuple[Input, ...],
 ) -> list[KernelSpec]:  # fmt: skip
     """Kernels of the integrals over a step, and of the objective."""
-    parts, par, graph = objective_of(system), Input("par", f.par), f.L.graph
+    parts, par, graph = objective_of(system), parameters(f), f.L.graph
     kernels = []
     if parts.totals:
         values = []
@@ -299,8 +299,8 @@ def objective_kernels(
         places = dict(zip((*plain.q, *plain.v), there, strict=True))
         written = plain.rewritten(system, [part.args[0] for part in own])
         table |= {part: value.xreplace(places) for part, value in zip(own, written, strict=True)}
-    parameters = dict(zip(system.parameters, plain.par, strict=True))
-    value = parts.value.xreplace(table).xreplace(parameters)
+    table_of_par = dict(zip(system.parameters, plain.par, strict=True))
+    value = parts.value.xreplace(table).xreplace(table_of_par)
     nodes = {s: graph.symbol(s.name) for s in plain.par}
     for name, own_symbols in symbols.items():
         nodes |= dict(zip(own_symbols, inputs[name].symbols, strict=True))

@@ -17,7 +17,7 @@ import sympy as sp
 from dmoc.symbolic.continuous import Continuous, dot
 from dmoc.symbolic.discrete import StepElement, at_ends
 from dmoc.symbolic.graph import Node
-from dmoc.symbolic.kernel_family import family, state_inputs
+from dmoc.symbolic.kernel_family import family, parameters, state_inputs
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 
@@ -59,7 +59,7 @@ def _along(
     """Kernels of the functions r, which are called ``a``."""
     if not f.r:
         return []
-    par = Input("par", f.par)
+    par = parameters(f)
     state = (Input("q", f.q), Input("v", f.v), Input("u", f.u), Input("t", (f.t,)))
     kernels = [
         *_of_step(name, f"{text.format(f'{a}_d')} of a step.", f"{a}_d", e, step, par),
@@ -84,7 +84,7 @@ def path_limits(f: Continuous, terms: Sequence[Node]) -> list[KernelSpec]:
     """Path constraints as they were stated, for the check, and their terms."""
     if not f.r:
         return []
-    par = Input("par", f.par)
+    par = parameters(f)
     state = (Input("q", f.q), Input("v", f.v), Input("u", f.u), Input("t", (f.t,)))
     text = "Path constraints r >= 0 as they were stated."
     return [

@@ -18,10 +18,12 @@ from dmoc.symbolic.scalar import Scalar
 
 @dataclass(frozen=True)
 class Input:
-    """A named vector argument; ``symbols`` stand for its components."""
+    """A named vector argument; ``symbols`` stand for its components, of parameters ``design`` for
+    those that a solver may choose."""
 
     name: str
     symbols: tuple[Node, ...]
+    design: tuple[Node, ...] = ()
 
     @classmethod
     def vector(cls, graph: Graph, name: str, size: int) -> Input:

@@ -104,8 +104,9 @@ class ComplementarityLaw(Law):
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
         fixed = (limits[0] == limits[1])[self.lay.index_q[0]]
-        on = problem.model.surface_coordinates
-        self.settled = np.array([bool(fixed[list(q)].all()) for q in on], dtype=bool)
+        on, chosen = problem.model.surface_coordinates, problem.by_design("surface")
+        known = [bool(fixed[list(q)].all()) for q in on]
+        self.settled = np.array(known, dtype=bool) & ~chosen
 
     def inequalities(self, block: Numbering) -> None:
         if not self._used:

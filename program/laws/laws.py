@@ -171,7 +171,8 @@ def rows_follow_from(
     manifest = problem.kernels.manifest
     if not _is_untouched(lay) or lay.touch.open or problem.kernels.joints:
         return None
-    model = manifest["fingerprint"], manifest.get("code"), problem.kernels.backend
+    kernels = problem.kernels
+    model = manifest["fingerprint"], manifest.get("code"), kernels.backend, *kernels.design
     low, high = problem.final_time_bounds
     ends = low == high, 0 < low < high, low < high < np.inf, *(r.kind for r in problem.relations)
     said = ends, tuple(problem.ignored), problem.by_rates

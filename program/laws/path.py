@@ -140,7 +140,8 @@ class PathLaw(Law):
         if not self.idle:
             peaks = self.name == "peak"  # may be above what is fixed
             fixed = np.zeros(self.lay.size, dtype=bool) if peaks else limits[0] == limits[1]
-            self.at_ends = _ends(problem, self.lay, self.rows, fixed, not peaks)
+            chosen = problem.by_design(f"{self.kernel}_point")
+            self.at_ends = _ends(problem, self.lay, self.rows, fixed, (not peaks, chosen))
 
     @property
     def _at_points(self) -> Bools:
@@ -292,15 +293,17 @@ def _velocities(lay: Layout) -> Index:
 
 
 def _ends(
-    problem: Problem, lay: Layout, rows: Sequence[Mapping[str, Any]], fixed: Bools, known: bool
-) -> Bools:
-    """Which path constraints stand at the start and at the end of each phase."""
+    problem: Problem, lay: Layout, rows: Sequence[Mapping[str, Any]], fixed: Bools,
+    known: tuple[bool, Bools],
+) -> Bools:  # fmt: skip
+    """Which path constraints stand at the start and at the end of each phase; ``known`` says
+    whether contacts fix coordinates, and which rows depend on the design."""
     nodes = _nodes_of_ends(lay)
     velocity = np.zeros(len(nodes), dtype=bool)
     for at, p, v in ((0, lay.index_p_B, lay.index_v_B), (-1, lay.index_p_E, lay.index_v_E)):
         at_rest = bool(fixed[lay.index_q[nodes[at]]].all() and fixed[p].all())
         velocity[at] = at_rest or bool(len(v) and fixed[v].all())
-    at_contact = _known_at_contacts(problem, lay) & known
+    at_contact = _known_at_contacts(problem, lay) & known[0]
     stands = np.zeros((len(nodes), len(rows)), dtype=bool)
     for j, row in enumerate(rows):
         place = list(row["coordinates"])
@@ -312,17 +315,17 @@ def _ends(
             again = end > 0 and end % 2 == 0 and not row["velocities"]
             fixed_there = bool((fixed[lay.index_q[node, place]] | at_contact[end, place]).all())
             fixed_there &= bool(velocity[end]) or not row["velocities"]
-            fixed_there &= end == 0 or not row["time"]
+            fixed_there &= not known[1][j] and (end == 0 or not row["time"])
             stands[end, j] = not (again or fixed_there)
     return stands
 
 
 def _known_at_contacts(problem: Problem, lay: Layout) -> Bools:
     """Coordinates that the contact of a collision fixes at the ends of the phases beside it."""
-    model = problem.model
+    model, chosen = problem.model, problem.by_design("surface")
     fixed = np.zeros((2 * lay.phases, lay.nq), dtype=bool)
     for i, event in enumerate(problem.touch.events):
         on = model.surface_coordinates[event.surface] if event.impact else []
-        if len(on) == 1 and event.surface not in model.moving:
+        if len(on) == 1 and not (event.surface in model.moving or chosen[event.surface]):
             fixed[2 * i + 1 : 2 * i + 3, on] = True
     return fixed

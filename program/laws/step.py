@@ -160,9 +160,10 @@ class StepLaw(Law):
             keep[lay.ends[i] : lay.ends[i + 1] + 1, list(mode.closed)] = False
         for node, event in zip(lay.collision_nodes, lay.touch.events, strict=True):
             keep[node, list(event.lands)] = False
+        chosen = problem.by_design("surface")
         for j, on in enumerate(model.surface_coordinates):
-            keep[0, j] &= bool(free[0][on].any())
-            keep[-1, j] &= j in model.moving or bool(free[1][on].any())
+            keep[0, j] &= bool(chosen[j] or free[0][on].any())
+            keep[-1, j] &= j in model.moving or bool(chosen[j] or free[1][on].any())
         return keep
 
     def _gaps_inside(self, timed: Bools) -> Bools:

@@ -47,6 +47,7 @@ def point(nlp: Transcription, rng: np.random.Generator) -> np.ndarray:
     x[lay.index_h] = rng.uniform(0.05, 0.08, lay.phases)
     x[lay.impact.lam] = rng.uniform(1, 2, lay.phases - 1)
     x[lay.index_q[:, 0]] = np.linspace(0.45, 1.2, lay.total + 1)
+    x[lay.index_design] = rng.uniform(0.4, 1.0, len(lay.index_design))
     return x
 
 
@@ -145,6 +146,26 @@ def tangential_problem() -> dmoc.Problem:
     )  # fmt: skip
 
 
+def rebound_problem() -> dmoc.Problem:
+    """Quantities, integrals, an objective and a law of impact of parameters that are chosen; the
+    restitution of the wall is one of them."""
+    x, u = dynamicsymbols("x u")
+    m, wall, e, c = sp.symbols("m wall e c")
+    system = dmoc.MechanicalSystem(
+        "rebound", [x], m * x.diff() ** 2 / 2, {m: 1.0, wall: 1.0, e: 0.5, c: 2.0}, [u],
+        {x: u - c * x}, surfaces={"wall": x <= wall},
+        restitution={"wall": e / (1 + dmoc.approach_speed**2)},
+        quantities={"pull": c * x + m * x.diff()}, integrals={"work": c * u * x.diff()},
+        objective=dmoc.total("work") ** 2 * c + dmoc.peak("pull") + e * dmoc.at_end(x * wall),
+        path_constraints={"near": x**2 <= 4 * wall},
+    )  # fmt: skip
+    return dmoc.Problem(
+        system, start={"x": 0.0}, goal={"pull": 0.3}, sequence=["wall"], steps=3,
+        bounds={"pull": (-9, 9)}, final_time=1.0,
+        design=dict.fromkeys(("m", "wall", "e", "c"), (0.2, 3)),
+    )  # fmt: skip
+
+
 @pytest.fixture(
     scope="module",
     params=[
@@ -161,25 +182,34 @@ def tangential_problem() -> dmoc.Problem:
         *("relaxed", "relaxed, periodic", "relaxed, moving"),
         *("contacts, order 4", "contacts, periodic, order 6"),
         *("joints, order 6", "joints, periodic, order 4"),
+        *("driven, design", "driven, design, order 4", "driven, design, scaled"),
+        *("contacts, design", "contacts, design, order 4", "joints, periodic, design"),
+        *("relaxed, moving, design", "rebound, design"),
     ],
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
+    ways = {"driven": ("m", "l", "amplitude"), "relaxed": ("l", "amplitude")}
+    names = ways.get(request.param.split(",")[0], ("l", "rise", "k"))
+    design = dict.fromkeys(names, (0.3, 2.0)) if "design" in request.param else {}
+    if request.param.startswith("rebound"):
+        return Transcription(rebound_problem())
     if request.param.startswith("driven"):
         controls = "linear" if "linear" in request.param else None
-        problem = driven_problem(4 if "4" in request.param else 2, controls)
+        problem = driven_problem(4 if "4" in request.param else 2, controls).but(design=design)
         if "scaled" in request.param:
             return Transcription(problem, scale_of(problem, initial_guesses(problem)[0].x))
         return Transcription(problem.in_rates() if "rates" in request.param else problem)
-    if request.param == "relaxed, moving":
-        return Transcription(relaxed(driven_problem(2), Open((0, 1)), ["side"], 3, 0.5))
+    if request.param.startswith("relaxed, moving"):
+        moving = driven_problem(2).but(design=design)
+        return Transcription(relaxed(moving, Open((0, 1)), ["side"], 3, 0.5))
     if request.param.startswith("relaxed"):
         rod = rod_problem("periodic" in request.param)
         return Transcription(relaxed(rod, Open((0, 1), (0, 1, 2), (1,)), ["wall"], 3, 0.5))
     order = int(request.param[-1]) if "order" in request.param else 2
     if request.param.startswith("contacts"):
-        return Transcription(rod_problem("periodic" in request.param, order))
+        return Transcription(rod_problem("periodic" in request.param, order).but(design=design))
     if request.param.startswith("joints"):
-        return Transcription(joint_problem("periodic" in request.param, order))
+        return Transcription(joint_problem("periodic" in request.param, order).but(design=design))
     if request.param == "tangential":
         return Transcription(tangential_problem())
     if request.param.startswith("hits"):
@@ -255,6 +285,7 @@ def test_unknowns_have_the_order_of_files_and_those_of_laws_tables(nlp: Transcri
         "t_i",
         "totals",
         "peaks",
+        "design",
     ]
     parts = lay, lay.impact, lay.contact, lay.hit, lay.joint, lay.held, lay.relaxed
     tables = {name: table for part in parts for name, table in vars(part).items()}
@@ -305,6 +336,8 @@ def test_unknowns_and_rows_are_found_under_their_names(nlp: Transcription) -> No
         or "collision 1" in name
         or "event 1" in name
         or "end of phase 0" in name
+        or "start of phase 1" in name
+        or name.startswith("total ")
         for name in changed
     )
 
@@ -317,9 +350,11 @@ def test_rows_say_what_it_costs_to_miss_them_and_in_what_words(nlp: Transcriptio
     assert laws == {
         "momentum", "inside", "time", "passing", "time inside", "arrival", "departure", "energy",
         "start velocity",
-        "goal velocity", "within", "restitution", "slips", "stops all", "returns",
+        "goal velocity", "within", "restitution", "slips", "stops all", "returns", "total",
     } & set(prices)  # fmt: skip
-    assert {name for name, price in prices.items() if price == GOAL} == {"goal", "periodic"}
+    assert {name for name, price in prices.items() if price == GOAL} == {
+        "goal", "periodic", "quantity fixed", "quantity within",
+    } & set(prices)  # fmt: skip
     units = {"kg m/s", "kg m2/s", "m", "rad", "m/s", "rad/s", "s", ""}
     for block in blocks:
         for place in block.places.tolist():

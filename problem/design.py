@@ -1,0 +1,105 @@
+"""Parameters of the model that the solver chooses: their ranges, and the values to begin with."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dmoc.base.arguments import Range, interval
+from dmoc.base.errors import ProblemError
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model_values import by_name
+
+if TYPE_CHECKING:
+    from dmoc.problem.problem import Problem
+
+# Random values of a design with which what holds at all of them holds for all: so many.
+SAMPLES = 3
+
+
+def design_of(values: Any) -> dict[str, Any]:
+    """The design as it was passed, by name."""
+    named = by_name(values, "design")
+    for name, value in named.items():
+        _range(name, value)
+    return named
+
+
+def check_design(problem: Problem) -> None:
+    """Refuse a design that something else of the problem says or needs as a number."""
+    for name in problem.design:
+        if name in problem.parameters:
+            raise ProblemError(
+                f"parameter {name} is given in parameters and in design: give it once; a design "
+                "of one number keeps it."
+            )
+    if problem.design and problem.minimal_times:
+        raise ProblemError(
+            "minimal_times are estimated at fixed parameters: leave them out with a design."
+        )
+
+
+def _range(name: str, value: Any) -> Range:
+    low, high = interval(value, f"design of {name}")
+    if low == np.inf or high == -np.inf:
+        raise ProblemError(f"design of {name} = ({low:g}, {high:g}): expected finite values.")
+    return low, high
+
+
+def design_bounds(problem: Problem) -> Array:
+    """Bounds of the design parameters, shape (number, 2)."""
+    ranges = [_range(name, value) for name, value in problem.design.items()]
+    return np.array(ranges, dtype=float).reshape(len(ranges), 2)
+
+
+def first_design(problem: Problem) -> Array:
+    """Values to begin with: the model's own within their ranges, else the middles of these, else
+    what they have nearest to the model's own; shape (number,)."""
+    own, values = problem.kernels.parameters, list[float]()
+    for name, (low, high) in zip(problem.design, problem.design_bounds, strict=True):
+        value = own[name]
+        if value is not None and low <= value <= high:
+            values.append(value)
+        elif np.isfinite([low, high]).all():
+            values.append(float(low / 2 + high / 2))
+        elif value is None:
+            raise ProblemError(
+                f"design of {name}: the model has no value of it to begin with, and its range no "
+                "middle: give both bounds, or the model a value."
+            )
+        else:
+            values.append(float(np.clip(value, low, high)))
+    return np.array(values)
+
+
+def at_bounds(problem: Problem) -> dict[str, Problem]:
+    """The same problem with each design parameter at each of its finite bounds, the others as they
+    are, in words."""
+    ends = {}
+    for i, (name, bounds) in enumerate(zip(problem.design, problem.design_bounds, strict=True)):
+        for bound in bounds[np.isfinite(bounds)].tolist():
+            values = problem.design_values.copy()
+            values[i] = bound
+            ends[f" where {name} = {bound:g}, a bound of its design,"] = problem.designed(values)
+    return ends
+
+
+def drawn(problem: Problem, rng: np.random.Generator) -> Array:
+    """Random values of a design: within bounds on both sides evenly, else around where a solve
+    begins, by its size."""
+    low, high = problem.design_bounds.T
+    begin, share = first_design(problem), rng.random(len(low))
+    with np.errstate(invalid="ignore"):
+        between = low + share * (high - low)
+        around = begin * 4 ** (2 * share - 1) + (begin == 0) * (2 * share - 1)
+    inside = np.isfinite(low) & np.isfinite(high)
+    return np.asarray(np.where(inside, between, np.clip(around, low, high)))
+
+
+def samples(problem: Problem) -> tuple[Problem, ...]:
+    """The same problem at random values of its design; itself where it has none."""
+    if not problem.design:
+        return (problem,)
+    draws = [np.random.default_rng(k) for k in range(SAMPLES)]
+    return tuple(problem.designed(drawn(problem, rng)) for rng in draws)

@@ -1,0 +1,41 @@
+"""Parameters that a solver chooses together with the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from dmoc.base.errors import ModelError
+from dmoc.base.names import name_of
+from dmoc.symbolic.continuous import FUNCTIONS, Continuous, as_tuple
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.system import MechanicalSystem
+
+# Functions of parameters alone, which enter programs as numbers, with what they are called, and
+# those that no motion depends on.
+NUMBERS = {"mu": "friction", "e_t": "tangential restitution"}
+SHOWN = ("looks",)
+
+
+def check_design(system: MechanicalSystem, f: Continuous, names: Sequence[str]) -> None:
+    """Refuse to choose parameters that programs take as numbers, and those that nothing depends
+    on."""
+    parameters = dict(zip(map(name_of, system.parameters), f.par, strict=True))
+    symbols = dict(zip(map(name_of, system.parameters), system.parameters, strict=True))
+    of = {name: as_tuple(getattr(f, name)) for name in FUNCTIONS if name not in SHOWN}
+    for name in names:
+        s = parameters[name]
+        for kind, what in NUMBERS.items():
+            for tangent, value in zip(system.tangents, of[kind], strict=False):
+                if s in value.free_symbols:
+                    raise ModelError(
+                        f"design parameter {name} is in the {what} of {tangent!r}, which the "
+                        "program takes as a number: give it a value in parameters."
+                    )
+        free = set[object]().union(*(e.free_symbols for values in of.values() for e in values))
+        if s not in free and symbols[name] not in system.objective.free_symbols:
+            raise ModelError(
+                f"design parameter {name}: nothing of the motion or its cost depends on it; leave "
+                "it out."
+            )
