@@ -89,6 +89,12 @@ class ProblemOptions(ModelOptions):
         autocompletion=completion.bounded,
         metavar="NAME=LOW:HIGH",
     )
+    design: list[str] | None = stated(
+        "Parameter that the solver chooses, within a range; several with commas, or repeat it.",
+        Stated("design", option="--design"),
+        autocompletion=completion.parameters,
+        metavar="NAME=LOW:HIGH",
+    )
     start: list[str] | None = stated(
         "Start state: x, x_dot, p_x or a quantity; a value, a range LOW:HIGH, or free; several "
         "with commas, or repeat it.",

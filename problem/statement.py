@@ -39,6 +39,7 @@ def _rows(p: Problem) -> Iterator[tuple[str, str]]:
         yield f"phase {i}", _range(low, high, " s") or "free"
     yield "bounds", ", ".join(f"{name}: {_said(value)}" for name, value in p.bounds.items())
     yield "parameters", ", ".join(f"{name} = {value:g}" for name, value in p.parameters.items())
+    yield "design", ", ".join(f"{name}: {_said(value)}" for name, value in p.design.items())
     if p.kernels.surfaces:
         restitution = zip(p.kernels.surfaces, p.restitution_values, strict=True)
         laws = p.kernels.manifest.get("restitution", {})

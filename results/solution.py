@@ -141,6 +141,8 @@ class Solution(Shown, MotionResult, Saved):
     proposal : Proposal or None
         A sequence that may cost less, where contacts stay at the edges of their modes: at rest
         where they should slide, at the limit of their friction, or closed without a force.
+    design : mapping of str to float
+        Parameters of the model that were chosen, which those of the trajectory hold, too.
     scale : mapping of str to float
         Sizes of the time, the cost, states, inputs and gaps that the solver worked with, read off
         the start.
@@ -188,6 +190,7 @@ class Solution(Shown, MotionResult, Saved):
     found: int = 0
     others: tuple[Minimum, ...] = ()
     proposal: Proposal | None = None
+    design: Mapping[str, float] = field(default_factory=dict)
     kernels: Kernels | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
@@ -275,6 +278,7 @@ class Solution(Shown, MotionResult, Saved):
             "status": str(self.status),
             **_named(self, "message cost final_time"),
             "totals": dict(self.trajectory.totals),
+            "design": dict(self.design),
             "active_bounds": list(map(str, self.active_bounds)),
             "phases": [_named(p, "steps step_size duration mode") for p in self.phases],
             "collisions": [_event(c) for c in self.collisions],

@@ -39,11 +39,11 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import Status
 
-FORMAT, OLDEST = 14, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 15, 6  # the format that is written, and the oldest that is read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 # What files of older formats lack, with the values there: of a solution, of its motion, of phases
 # and collisions.
-LACKING_BESIDE: Mapping[str, Any] = {"proposal": None}
+LACKING_BESIDE: Mapping[str, Any] = {"proposal": None, "design": {}}
 LACKING: Mapping[str, Any] = {
     "units": {}, "scene": None, "limits": {}, "quantities": [], "totals": {},
     "tangential_restitution": {},
@@ -125,6 +125,9 @@ def _wrong_joints(motion: Trajectory) -> str | None:
 
 def _wrong_solution(solution: Solution) -> str | None:
     """What of a solution does not fit together."""
+    for name, value in solution.design.items():
+        if solution.trajectory.parameters.get(name) != value:
+            return f"the design {name} = {value:g} is not that of the motion"
     numbers = [solution.cost, solution.max_violation, solution.optimality]
     values = np.concatenate([numbers, *(a.ravel() for a in solution.multipliers.values())])
     if solution.converged and not np.isfinite(values).all():
@@ -336,6 +339,7 @@ SOLUTION = Record(
         "found": Whole(),
         "others": Listed(MINIMUM),
         "proposal": Either(Nothing(), PROPOSAL),
+        "design": Mapped(Number(), names=Name()),
     },
     _wrong_solution,
 )

@@ -20,7 +20,7 @@ from dmoc.base.tolerances import ROUNDING
 from dmoc.motion.trajectory import Array, Trajectory, impulses_told
 from dmoc.report.canvas import new_figure
 from dmoc.report.rounding import without_rounding
-from dmoc.results.solution_table import table_of_solution
+from dmoc.results.solution_table import in_words, table_of_solution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -139,7 +139,8 @@ def _verified(s: Solution) -> Iterator[tuple[Cell, ...]]:
 
 def _caption(s: Solution) -> str:
     events = "; ".join(f"{c.word} at {c.time:.4g} s{impulses_told(c)}" for c in s.collisions)
-    return f"The motion over time. {events}" if events else "The motion over time."
+    said = [part for part in (in_words(s.design), events) if part]
+    return " ".join(["The motion over time.", *(f"{part}." for part in said[:-1]), *said[-1:]])
 
 
 def _html(solution: Solution) -> bytes:

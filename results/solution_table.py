@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import isfinite
 from typing import TYPE_CHECKING
 
@@ -42,6 +42,8 @@ def _motion(s: Solution) -> Iterator[tuple[Cell, ...]]:
         mode = f", {phase.mode}" if s.trajectory.lasting else ""
         yield f"phase {i}", f"{phase.duration:.6g} s in {phase.steps} steps{mode}"
     yield "final time", f"{s.final_time:.6g} s"
+    if s.design:
+        yield "design", in_words(s.design)
     for c in s.collisions:
         yield f"{noun_of([c.word])} {c.word}", f"at {c.time:.6g} s{impulses_told(c)}"
     for force in largest_forces(s.trajectory):
@@ -53,6 +55,11 @@ def _motion(s: Solution) -> Iterator[tuple[Cell, ...]]:
     for name, value in s.trajectory.totals.items():
         yield name, f"{value:.7g}"
     yield "active bounds", ", ".join(s.active_bounds) or "none"
+
+
+def in_words(values: Mapping[str, float]) -> str:
+    """Values by name."""
+    return ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
 
 
 def _minima(s: Solution) -> Iterator[tuple[Cell, ...]]:

@@ -34,6 +34,7 @@ MEANING: Mapping[str, Callable[[Problem], object]] = {
     "final_time": lambda p: p.final_time_bounds,
     "bounds": lambda p: (p.input_bounds.tolist(), p.coordinate_bounds.tolist(), p.limits),
     "parameters": lambda p: p.parameter_values.tolist(),
+    "design": lambda p: (list(p.design), p.design_bounds.tolist()),
     "controls": lambda p: p.control_form,
     "restitution": lambda p: p.restitution_values.tolist(),
 }

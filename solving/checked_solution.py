@@ -56,6 +56,7 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
         conflicts=attempt.conflicts,
         duality_gap=duality_gap(nlp, outcome.x, outcome.duals),
         proposal=proposal,
+        design={name: motion.parameters[name] for name in problem.design},
         kernels=problem.kernels,
     )
 

@@ -23,7 +23,13 @@ from dmoc.solving.request import check_problem
 from dmoc.solving.starts import InitialGuess
 
 # Columns of what is not a parameter say where it belongs.
-WHERE = {"parameters": "", "start": "start ", "goal": "goal ", "bounds": "bounds "}
+WHERE = {
+    "parameters": "",
+    "start": "start ",
+    "goal": "goal ",
+    "bounds": "bounds ",
+    "design": "design ",
+}
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,7 @@ def sweep(
     start: Mapping[Any, Iterable[Any]] | None = None,
     goal: Mapping[Any, Iterable[Any]] | None = None,
     bounds: Mapping[Any, Iterable[Any]] | None = None,
+    design: Mapping[Any, Iterable[Any]] | None = None,
     method: str | None = None,
     workers: int = 1,
     executor: Executor | None = None,
@@ -61,7 +68,7 @@ def sweep(
     ----------
     problem : Problem
         What is not varied.
-    parameters, start, goal, bounds : mapping of name to list of values, optional
+    parameters, start, goal, bounds, design : mapping of name to list of values, optional
         What is varied, as in :class:`~dmoc.Problem`; the last one varies fastest.  Each is a column
         of ``varied``: parameters under their name, others as "start alpha"; a pair (lower, upper)
         counts as its upper value, or as its lower one if that is None.
@@ -91,7 +98,13 @@ def sweep(
     """
     keywords = {**locals()}
     check_problem(problem)
-    varied = {"parameters": parameters, "start": start, "goal": goal, "bounds": bounds}
+    varied = {
+        "parameters": parameters,
+        "start": start,
+        "goal": goal,
+        "bounds": bounds,
+        "design": design,
+    }
     axes = [
         axis
         for field, values in varied.items()
@@ -119,7 +132,8 @@ def sweep(
 def _axes(problem: Problem, field: str, values_by_name: Mapping[Any, Iterable[Any]]) -> list[Axis]:
     """What is varied of one field."""
     parameters = problem.kernels.parameters, "parameter"
-    names, what = parameters if field == "parameters" else names_in(problem, field)
+    of_model = field in ("parameters", "design")
+    names, what = parameters if of_model else names_in(problem, field)
     axes = []
     for name, values in by_name(values_by_name, field).items():
         check_known(name, names, what, f"in {field}")
