@@ -157,7 +157,7 @@ def problem_cases() -> Iterator[Case]:
         return of(field, *values, names=names, put=lambda value: {name: value})
 
     yield from of("kernels", *NO_PROBLEMS, "cart_pendulum", block_system)
-    mappings = "start goal bounds parameters"
+    mappings = "start goal bounds parameters design"
     yield from of(mappings, *NO_MAPPINGS)
     yield from of("start", *NO_NAMES, names="unknown", put=lambda name: {"x": 0.0, name: 1.0})
     yield from of(mappings[6:], *NO_NAMES, names="unknown", put=lambda name: {name: 1.0})
@@ -173,6 +173,7 @@ def problem_cases() -> Iterator[Case]:
     )
     yield from entries("goal", "x_dot", NO_RANGES)
     yield from entries("goal", "p_x", NO_RANGES)
+    yield from entries("design", "wall", (*single, *NO_RANGES))
     yield from entries("bounds", "u", NO_RANGES)
     yield from entries("bounds", "x", NO_RANGES)
     yield from entries("bounds", "u", NO_PAIRS, "(lower, upper)")

@@ -58,8 +58,9 @@ LISTS = {
 }
 MAPPINGS = {
     *("start", "goal", "bounds", "parameters", "restitution", "position", "velocity", "guess"),
+    "design",
 }
-NAMES = {"bounds": "u", "parameters": "m", "restitution": "wall"}
+NAMES = {"bounds": "u", "parameters": "m", "restitution": "wall", "design": "wall"}
 # What Python and NumPy say.
 FOREIGN = re.compile(
     r"Traceback|NoneType|ndarray|object is not|must be|could not|cannot convert|unsupported|"

@@ -119,6 +119,23 @@ ProblemError: swing(...)
         start, which changes it by -2 per s
     goal={"x": 2.0, "y": 0.0} | constraint 'rod' does not hold at the goal, where it is 3 instead of
         0
+ProblemError: walled(...)
+    design="wall" | design = 'wall': expected a mapping
+    design={"wal": (0.5, 2)} | unknown parameter 'wal' in design: expected one of m, wall (did ...
+        'wall'?)
+    design={"u": (0, 1)} | unknown parameter 'u' in design
+    design={"wall": (2, 1)} | design of wall: the lower bound 2 exceeds the upper bound 1
+    design={"wall": (0.5, nan)} | design of wall
+    design={"wall": "1:2"} | design of wall = '1:2': expected a number or a pair (lower, upper)
+    design={"wall": (1, 2)}, parameters={"m": 1, "wall": 1} | parameter wall is given in parameters
+        and in design: give it once
+    design={"m": (0, 5)} | the mass matrix is not positive definite at the start where m = 0, a
+        bound of its design
+    design={"m": (-1, None)} | where m = -1, a bound of its design
+    design={"wall": (1, 2)}, minimal_times=True | minimal_times are estimated at fixed parameters
+ModelError: on_floor(...)
+    design={"mu": (0, 1)} | design parameter mu is in the friction of 'floor', which the program
+        takes as a number
 SimulationError: simulate(...)
     kernels=None | expected a MechanicalSystem, or the kernels
     kernels="ball" | expected a MechanicalSystem, or the kernels
