@@ -26,7 +26,7 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 
 STEP, TIME = 0.5, 0.7
-# Mass, inertia, length and distance of the centre from the upper end: shin, thigh, torso.
+# Mass, inertia, length and distance of the centre from hip or knee: shin, thigh, torso.
 SHIN, THIGH, TORSO = (3.2, 0.93, 0.4, 0.128), (6.8, 1.08, 0.4, 0.163), (20.0, 2.22, 0.625, 0.2)
 
 
@@ -79,19 +79,24 @@ def system() -> dmoc.MechanicalSystem:
 # Two phases of equal duration with the exchange between them.
 
 
+LEGS = {"thigh_l": "thigh_r", "shin_l": "shin_r", "thigh_r": "thigh_l", "shin_r": "shin_l"}
+SAME = {"y": "y", "torso": "torso"} | LEGS
+RATES = {f"{end}_dot": f"{start}_dot" for end, start in ({"x": "x"} | SAME).items()}
+STEPPING = {
+    "contacts": ["left"],
+    "sequence": ["+right -left"],
+    "bounds": {"torso": (-0.6, 0.6)} | dict.fromkeys(LEGS, (-1.8, 1.2)),
+}
+
+
 def problem(steps: int = 30) -> dmoc.Problem:
-    exchanged = {"thigh_l": "thigh_r", "shin_l": "shin_r", "thigh_r": "thigh_l", "shin_r": "shin_l"}
-    same = {"y": "y", "torso": "torso"} | exchanged
-    rates = {f"{end}_dot": f"{start}_dot" for end, start in ({"x": "x"} | same).items()}
     return dmoc.Problem(
         dmoc.build(system()),
         {"x": 0.0},
-        contacts=["left"],
-        sequence=["+right -left"],
-        periodic={"x": ("x", STEP)} | same | rates,
+        periodic={"x": ("x", STEP)} | SAME | RATES,
         steps=steps,
         durations=[(TIME / 2, TIME / 2)] * 2,
-        bounds={"torso": (-0.6, 0.6)} | dict.fromkeys(exchanged, (-1.8, 1.2)),
+        **STEPPING,
     )
 
 

@@ -51,6 +51,7 @@ ORDER = (
     "push_or_flick",
     "compass_gait",
     "walker",
+    "transport",
 )
 
 
