@@ -14,6 +14,7 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
+from dmoc.problem.dependent import following_rates, places_follow
 from dmoc.problem.design import samples
 
 if TYPE_CHECKING:
@@ -160,24 +161,28 @@ def boundary_of(problem: Problem, end: str) -> Boundary:
     momenta = [momentum_name(q) for q in coordinates]
     for name in state:
         check_known(name, *names_in(problem, end), f"at the {end}")
-    free, turning = None, {name for r in problem.relations for name in r.starts}
-    position, velocity, momentum = [], [], []
-    for q, v, p in zip(coordinates, velocities, momenta, strict=True):
-        if end == "start" and q not in state and q not in turning:
+    position, velocity, momentum = (
+        np.array([interval(state.get(name), f"{end} of {name}") for name in names])
+        for names in (coordinates, velocities, momenta)
+    )
+    if end == "start":
+        said = {*state, *(name for r in problem.relations for name in r.starts)}
+        left = [i for i, q in enumerate(coordinates) if q not in said]
+        if not places_follow(problem, left):
             raise ProblemError(
-                f"the start of {q} is not given: give a number, a range, or None to leave it free."
+                f"the start of {coordinates[left[0]]} is not given: give a number, a range, or "
+                "None to leave it free."
             )
-        rest = 0.0 if end == "start" and not {v, p} & {*state, *turning} else free
-        position.append(interval(state.get(q, free), f"{end} of {q}"))
-        velocity.append(interval(state.get(v, rest), f"{end} of {v}"))
-        momentum.append(interval(state.get(p, free), f"{end} of {p}"))
+        rates = enumerate(zip(velocities, momenta, strict=True))
+        still = [i for i, names in rates if not said & {*names}]
+        velocity = following_rates(problem, position, velocity, still)
     for q, v, p in zip(coordinates, velocities, momenta, strict=True):
         if all(isinstance(state.get(n), (int, float, np.number)) for n in (v, p)):
             raise ProblemError(
                 f"the {end} of {q} has a fixed velocity ({v}) and a fixed momentum ({p}): give "
                 "one of them."
             )
-    boundary = Boundary(np.array(position), np.array(velocity), np.array(momentum))
+    boundary = Boundary(position, velocity, momentum)
     for names, ranges, boxes in (
         (coordinates, boundary.position, problem.coordinate_bounds),
         (velocities, boundary.velocity, problem.velocity_bounds),

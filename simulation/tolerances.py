@@ -13,6 +13,8 @@ from dmoc.mechanics.model import Model
 
 # Shares of the sizes of gaps, of rates, and of accelerations.
 GAP, RATE, ACCELERATION = 1e-13, 1e-9, 1e-9
+# Of a time, by which a moment is known: long runs move on in what rounding leaves of it.
+MOMENT = 4 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -58,10 +60,10 @@ def tolerances(model: Model, q: Array, t: float, h: float, reach: Reach) -> Tole
     small = []
     for slopes in (model.gap_slopes(q, t), model.tangent_slopes(q, t)):
         along, moving = np.abs(slopes[:, :-1]), np.abs(slopes[:, -1])
-        place = GAP * (along @ sizes[0] + moving * max(abs(t), h))
-        rate = RATE * (along @ sizes[1] + moving)
+        rate = along @ sizes[1] + moving
+        place = GAP * (along @ sizes[0] + moving * max(abs(t), h)) + MOMENT * abs(t) * rate
         bend = ACCELERATION * (along @ sizes[2] + moving / h)
         inertia = np.einsum("ji,ji->j", slopes[:, :-1], solved(M, slopes[:, :-1].T).T)
-        small.append((place, rate, bend, bend / np.where(inertia > 0, inertia, 1.0)))
+        small.append((place, RATE * rate, bend, bend / np.where(inertia > 0, inertia, 1.0)))
     (gap, rate, bend, force), (_, slide, skid, hold) = small
     return Tolerances(np.where(size > 0, size, 1.0), gap, rate, bend, force, slide, skid, hold)

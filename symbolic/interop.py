@@ -32,13 +32,14 @@ AS_THEY_ARE = ("inputs", "title", "units")  # fields without velocities
 
 @dataclass(frozen=True)
 class Imported:
-    """Coordinates, Lagrangian, generalised forces by coordinate, and the generalised speeds in
-    terms of q'."""
+    """Coordinates, Lagrangian, generalised forces by coordinate, the generalised speeds in terms of
+    q', and what the holonomic constraints keep at zero."""
 
     coordinates: list[Any]
     lagrangian: Any
     forces: dict[Any, Any]
     speeds: dict[Any, Any]
+    constraints: list[Any]
 
     def fields_with(self, others: Mapping[str, Any], allowed: Iterable[str]) -> dict[str, Any]:
         """The fields of a system with others beside them, in which speeds become velocities and
@@ -56,7 +57,9 @@ class Imported:
         more = mapping(fields.get("forces", {}), "forces", MAPPINGS["forces"])
         forces = added_forces(self.coordinates, self.forces, more)
         own = {"coordinates": self.coordinates, "lagrangian": self.lagrangian, "forces": forces}
-        return fields | own
+        named = {f"constraint_{i + 1}": phi for i, phi in enumerate(self.constraints)}
+        more = mapping(fields.get("constraints", {}), "constraints", MAPPINGS["constraints"])
+        return fields | own | {"constraints": named | more}
 
     def _in_velocities(self, value: Any) -> Any:
         if isinstance(value, Mapping):
@@ -65,37 +68,26 @@ class Imported:
 
 
 def from_lagranges_method(method: Any) -> Imported:
-    """Read a ``sympy.physics.mechanics.LagrangesMethod`` without constraints."""
+    """Read a ``sympy.physics.mechanics.LagrangesMethod``."""
     if not isinstance(method, LagrangesMethod):
         raise ModelError(
             f"{shown(method)} is not a LagrangesMethod: expected one from sympy.physics.mechanics."
         )
-    if len(method.coneqs):
-        raise ModelError(
-            f"the LagrangesMethod has {len(method.coneqs)} constraint equations: expected "
-            "independent coordinates; eliminate the dependent ones."
-        )
+    places = list(method._hol_coneqs)
+    _check_holonomic("LagrangesMethod", method.coneqs[len(places) :])
     coordinates = list(method.q)
     forces = _generalised_forces(coordinates, method.forcelist or (), method.inertial, {})
-    return Imported(coordinates, sp.Matrix([method._L])[0], forces, {})
+    return Imported(coordinates, sp.Matrix([method._L])[0], forces, {}, places)
 
 
 def from_joints(model: Any) -> Imported:
-    """Read a ``JointsMethod`` or a ``System`` of bodies and joints without constraints."""
+    """Read a ``JointsMethod`` or a ``System`` of bodies and joints."""
     if not isinstance(model, (JointsMethod, System)):
         raise ModelError(
             f"{shown(model)} is no model: expected a JointsMethod or a System from "
             "sympy.physics.mechanics."
         )
-    constraints = [
-        *getattr(model, "holonomic_constraints", ()),
-        *getattr(model, "nonholonomic_constraints", ()),
-    ]
-    if constraints:
-        raise ModelError(
-            f"the model has {len(constraints)} constraint equations: expected a tree of joints "
-            "with independent coordinates."
-        )
+    _check_holonomic("model", getattr(model, "nonholonomic_constraints", ()))
     coordinates = list(model.q)
     speeds = _speeds(model)
     loads = [
@@ -108,7 +100,17 @@ def from_joints(model: Any) -> Imported:
         lagrangian,
         _generalised_forces(coordinates, loads, model.frame, speeds),
         speeds,
+        list(getattr(model, "holonomic_constraints", ())),
     )
+
+
+def _check_holonomic(what: str, others: Iterable[Any]) -> None:
+    """Refuse constraints of velocities."""
+    for equation in others:
+        raise ModelError(
+            f"the {what} has a nonholonomic constraint, {shown(equation)} = 0: expected holonomic "
+            "ones; where it follows from a place, as rolling in the plane does, state that one."
+        )
 
 
 def _speeds(model: Any) -> dict[Any, Any]:

@@ -203,8 +203,8 @@ class MechanicalSystem(Shown):
     def from_lagranges_method(
         cls, name: str, method: Any, parameters: Mapping[Any, float | None], **fields: Any
     ) -> MechanicalSystem:
-        """Take over a ``sympy.physics.mechanics.LagrangesMethod``: its coordinates, Lagrangian and
-        loads.
+        """Take over a ``sympy.physics.mechanics.LagrangesMethod``: its coordinates, Lagrangian,
+        loads, and holonomic constraints, as ``constraint_1``, ``constraint_2``, ...
 
         ``fields`` are those of MechanicalSystem beside them: inputs, surfaces, cost, ...;
         ``forces`` are added to the loads.
@@ -212,7 +212,8 @@ class MechanicalSystem(Shown):
         Raises
         ------
         ModelError
-            If the method has constraint equations, or for any of the reasons of MechanicalSystem.
+            If the method has nonholonomic constraints, or for any of the reasons of
+            MechanicalSystem.
         """
         from dmoc.symbolic.interop import from_lagranges_method
 
@@ -224,7 +225,7 @@ class MechanicalSystem(Shown):
         cls, name: str, model: Any, parameters: Mapping[Any, float | None], **fields: Any
     ) -> MechanicalSystem:
         """Take over a ``JointsMethod`` or a ``System`` of ``sympy.physics.mechanics``: bodies,
-        joints, loads and actuators.
+        joints, loads, actuators, and holonomic constraints, as ``constraint_1``, ...
 
         Generalised speeds may appear in ``fields`` (inputs, surfaces, cost, ...); they become
         velocities.
@@ -232,7 +233,8 @@ class MechanicalSystem(Shown):
         Raises
         ------
         ModelError
-            If the model has constraint equations, or for any of the reasons of MechanicalSystem.
+            If the model has nonholonomic constraints, or for any of the reasons of
+            MechanicalSystem.
         """
         from dmoc.symbolic.interop import from_joints
 

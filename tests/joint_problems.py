@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import four_bar as example
 import numpy as np
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
@@ -61,3 +62,33 @@ def places(a: Any, b: Any) -> dict[str, Any]:
     """Places of the double pendulum at two angles."""
     x1, y1 = np.sin(a), -np.cos(a)
     return {"x1": x1, "y1": y1, "x2": x1 + 0.8 * np.sin(b), "y2": y1 - 0.8 * np.cos(b)}
+
+
+def four_bar() -> dmoc.MechanicalSystem:
+    """The hammer of examples/four_bar.py by the angle of its crank alone: the joint of coupler and
+    rocker is where two circles meet."""
+    r, c, s, d = example.CRANK, example.COUPLER, example.ROCKER, example.BASE
+    crank, base = r * sp.Matrix([sp.cos(A), sp.sin(A)]), sp.Matrix([d, 0])
+    across, hammer = base - crank, example.HAMMER
+    square = across.dot(across)
+    share = (c**2 - s**2 + square) / (2 * square)
+    height = sp.sqrt(c**2 / square - share**2)
+    coupler = share * across + height * sp.Matrix([-across[1], across[0]])
+    rocker = crank + coupler - base
+
+    def rate(arm: Any) -> Any:
+        return (arm[0] * arm[1].diff(T) - arm[1] * arm[0].diff(T)) / arm.dot(arm)
+
+    lagrangian = 0
+    for mass, inertia, centre, turning in (
+        (0.5, 0.5 * r**2 / 12, crank / 2, A.diff(T)),
+        (hammer["mass"], hammer["inertia"], crank + hammer["centre"] / c * coupler, rate(coupler)),
+        (0.8, 0.8 * s**2 / 12, base + rocker / 2, rate(rocker)),
+    ):
+        speed = centre.diff(T)
+        lagrangian += mass * (speed.dot(speed) / 2 - G * centre[1]) + inertia * turning**2 / 2
+    head = crank + hammer["length"] / c * coupler
+    return dmoc.MechanicalSystem(
+        "four_bar_by_crank", [A], lagrangian, {}, [U], {A: U},
+        surfaces={"anvil": head[1] >= example.ANVIL}, cost=U**2,
+    )  # fmt: skip

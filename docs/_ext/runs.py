@@ -44,6 +44,7 @@ ORDER = (
     "puck",
     "pushed_block",
     "stance_hopper",
+    "four_bar",
     "jumper",
     "hopper",
     "hops",

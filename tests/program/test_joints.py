@@ -6,6 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import four_bar as example
 import joint_problems
 import numpy as np
 import pytest
@@ -55,6 +56,23 @@ def test_redundant_coordinates_lead_to_the_minimum_of_minimal_ones() -> None:
     (cost, q), (expected, angles) = limits
     assert cost == pytest.approx(expected, rel=1e-8)
     np.testing.assert_allclose(q, list(places(*angles).values()), rtol=1e-8)
+
+
+def test_a_four_bar_hammer_is_that_of_its_crank_alone() -> None:
+    closed = answer_of(example.problem(), "ipm", starts=20)
+    crank = dmoc.Problem(
+        dmoc.build(joint_problems.four_bar(), order=4), start={"a": 0},
+        goal={"a": 0, "a_dot": 0}, steps=80, sequence=["anvil"], restitution=0.3,
+        final_time=example.TIME, bounds={"a": (-2.2, 0.6)},
+    )  # fmt: skip
+    alone = answer_of(crank, "ipm", starts=20)
+    assert alone.cost == pytest.approx(example.KNOWN, rel=3e-7)
+    meshes = [closed, answer_of(example.problem(80), "ipm", guess=closed)]
+    at_limit = meshes[1].cost + (meshes[1].cost - meshes[0].cost) / 15
+    assert at_limit == pytest.approx(example.KNOWN, rel=1e-7)
+    blow = meshes[1].collisions[0]
+    assert blow.time == pytest.approx(example.BLOW, rel=1e-7)
+    assert blow.impulse == pytest.approx(example.IMPULSE, rel=1e-6)
 
 
 def test_forces_of_a_rod_are_what_a_swing_pulls_with() -> None:

@@ -126,18 +126,47 @@ def test_the_old_joints_method() -> None:
     assert system.forces[x] == F - sp.Symbol("d") * x.diff(t)
 
 
-def test_constraints_and_other_objects_are_refused() -> None:
-    with pytest.raises(
-        ModelError, match="1 constraint equations: expected independent coordinates"
-    ):
-        dmoc.MechanicalSystem.from_lagranges_method(
-            "m", lagranges_method(hol_coneqs=[x - theta]), VALUES
-        )
+def test_holonomic_constraints_come_in() -> None:
+    """The cart that its pendulum drives like a rack: x = l theta, in one coordinate less."""
+    imported = dmoc.MechanicalSystem.from_lagranges_method(
+        "rack", lagranges_method(hol_coneqs=[x - l * theta]), VALUES, inputs=[F], cost=F**2
+    )
+    model, values = joints()
+    model.add_holonomic_constraints(x - l * theta)
+    jointed = dmoc.MechanicalSystem.from_joints(
+        "rack_j", model, values, inputs=[F], cost=F**2, constraints={"more": sp.Eq(x, 1)}
+    )
+    assert list(jointed.constraints) == ["constraint_1", "more"]
+    assert sp.simplify(jointed.constraints["constraint_1"] - x + l * theta) == 0
+    one = cart_pole.system()
+    names = {sp.Symbol(s.name): s for s in VALUES}
+    rolled = one.lagrangian.subs(names).subs(x, l * theta).doit()
+    minimal = dmoc.MechanicalSystem(
+        "rack_1", [theta], rolled, VALUES, [F], {theta: l * F}, cost=F**2
+    )
+    ends = {"theta": 0.0}, {"theta": 1.0, "theta_dot": 0.0}
+    costs = [
+        dmoc.solve(
+            dmoc.Problem(
+                dmoc.build(system), start=ends[0] | more, goal=ends[1], steps=20, final_time=0.8,
+                controls="linear",
+            ),
+            "ipm",
+        ).cost
+        for system, more in ((imported, {"x": 0.0}), (minimal, {}))
+    ]  # fmt: skip
+    assert costs[0] == pytest.approx(costs[1], rel=1e-9)  # linear: the same discrete equations
+
+
+def test_velocity_constraints_and_other_objects_are_refused() -> None:
+    rolling = lagranges_method(nonhol_coneqs=[x.diff(t) - theta.diff(t) * x])
+    with pytest.raises(ModelError, match="the LagrangesMethod has a nonholonomic constraint, "):
+        dmoc.MechanicalSystem.from_lagranges_method("m", rolling, VALUES)
     with pytest.raises(ModelError, match="is not a LagrangesMethod"):
         dmoc.MechanicalSystem.from_lagranges_method("m", object(), VALUES)
     with pytest.raises(ModelError, match="expected a JointsMethod or a System"):
         dmoc.MechanicalSystem.from_joints("m", object(), VALUES)
     model, values = joints()
-    model.add_holonomic_constraints(x - theta)
-    with pytest.raises(ModelError, match="expected a tree of joints"):
+    model.add_nonholonomic_constraints(model.u[0] - model.u[1])
+    with pytest.raises(ModelError, match="the model has a nonholonomic constraint, "):
         dmoc.MechanicalSystem.from_joints("m", model, values)

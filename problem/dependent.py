@@ -1,0 +1,52 @@
+"""What a start leaves out and the constraints of the model decide."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import least_squares
+
+if TYPE_CHECKING:
+    from dmoc.problem.problem import Problem
+
+
+def places_follow(problem: Problem, left: Sequence[int]) -> bool:
+    """Whether the constraints decide these coordinates where the others are known, at a position of
+    no special kind."""
+    if not left or len(left) > problem.model.nj:
+        return not left
+    return _decide(problem.model.joint_slopes(np.cos(1 + np.arange(problem.nq))), left)
+
+
+def following_rates(problem: Problem, position: Array, velocity: Array, left: list[int]) -> Array:
+    """The bounds of the velocities at the start, shape (nq, 2), as they are given and with those
+    that are left out: rest where all or nothing moves without them; else what the constraints make
+    of the others, free where that depends on the place or on
+    the design."""
+    velocity = velocity.copy()
+    velocity[left] = 0.0
+    if not left or len(left) > problem.model.nj or not velocity.any():
+        return velocity
+    fixed = position[:, 0] == position[:, 1]
+    others = np.setdiff1d(np.arange(problem.nq), left)
+    chosen = bool(problem.design) and problem.by_design("joint").any()
+    known = not chosen and fixed.all() and (velocity[others, 0] == velocity[others, 1]).all()
+    at = position[:, 0] if known else np.cos(1 + np.arange(problem.nq))
+    slopes = problem.model.joint_slopes(at)
+    if not _decide(slopes, left):
+        return velocity
+    velocity[left] = -np.inf, np.inf
+    if known:
+        moved = slopes[:, others] @ velocity[others, 0] + slopes[:, -1]
+        velocity[left] = least_squares(slopes[:, left], -moved)[:, None]
+    return velocity
+
+
+def _decide(slopes: Array, left: Sequence[int]) -> bool:
+    """Whether constraints of these slopes (nj, nq + 1) decide some coordinates."""
+    own = slopes[:, list(left)]
+    return bool(np.isfinite(own).all()) and np.linalg.matrix_rank(own) == len(left)

@@ -1,0 +1,61 @@
+"""Starts of models with constraints that leave out what follows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from answers import answer_of
+from joint_problems import X, Y, bob, double_pendulum, places
+
+import dmoc
+from dmoc.base.errors import ProblemError
+
+
+def stated(start: dict[Any, Any], **fields: Any) -> dmoc.Problem:
+    return dmoc.Problem(dmoc.build(bob()), start=start, steps=20, final_time=1.0, **fields)
+
+
+@pytest.mark.parametrize(
+    ("start", "rate"),
+    [
+        ({X: 0.6, Y: -0.8, "x_dot": 1.0}, 0.75),  # x x' + y y' = 0
+        ({X: 0.6, Y: -0.8, "y_dot": 0.75}, 1.0),
+        ({X: 0.0, Y: -1.0, "x_dot": 2.0}, 0.0),
+    ],
+)
+def test_a_rate_that_is_left_out_follows(start: dict[Any, Any], rate: float) -> None:
+    (left,) = {"x_dot", "y_dot"} - set(start)
+    problem = stated(start)
+    assert problem.start_bounds.is_state
+    v = problem.model.velocity(problem.start_position, problem.start_bounds.momentum[:, 0])
+    assert v["xy".index(left[0])] == pytest.approx(rate, abs=1e-15)
+
+
+def test_rest_and_what_the_constraints_leave_open_stay_zero() -> None:
+    for start in ({X: 0.6, Y: -0.8}, {X: 0.6, Y: -0.8, "x_dot": 0}, {X: 0.0, Y: -1.0, "y_dot": 0}):
+        assert not stated(start).start_bounds.momentum.any()
+    redundant, _ = double_pendulum()
+    with pytest.raises(ProblemError, match="'first' does not allow the velocity at the start"):
+        dmoc.Problem(dmoc.build(redundant), start=places(0.3, 0.2) | {"x1_dot": 1.0})
+
+
+def test_a_coordinate_that_is_left_out_follows() -> None:
+    problem = stated({X: 0.6, "x_dot": 0.8}, bounds={Y: (-2, 0)}, goal={X: 0.0, "x_dot": 0.0})
+    solution = answer_of(problem, "ipm", starts=4)
+    first = solution.phases[0]
+    np.testing.assert_allclose(first.q[0], [0.6, -0.8], atol=1e-12)
+    np.testing.assert_allclose(first.v[0], [0.8, 0.6], atol=1e-12)
+
+
+def test_no_more_may_be_left_out_than_constraints_decide() -> None:
+    redundant, _ = double_pendulum()
+    kernels, at = dmoc.build(redundant), places(0.3, 0.2)
+    for names, refused in (("y1 y2", False), ("x1 y2", False), ("x2 y2", True), ("x1 y1 y2", True)):
+        start = {name: value for name, value in at.items() if name not in names.split()}
+        if refused:
+            with pytest.raises(ProblemError, match="is not given: give a number, a range"):
+                dmoc.Problem(kernels, start=start)
+        else:
+            assert np.isinf(dmoc.Problem(kernels, start=start).start_bounds.position).any()
