@@ -267,7 +267,7 @@ def _cheapest_decade(planner: Planner) -> float:
 
 def _unknowns(problem: Problem, plan: Plan, motion: March) -> Array:
     lay = Layout.of(problem)
-    x = np.zeros(lay.size)
+    x = lay.zeros(problem)
     x[lay.index_h] = plan.durations / np.array(problem.phase_steps)
     x[lay.index_q] = motion.q
     u = _to_nodes(motion.u, problem.phase_steps) if lay.form.shared else motion.u[lay.step_of_input]

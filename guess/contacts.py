@@ -26,7 +26,7 @@ def standing(problem: Problem, natural: float) -> Array:
     share = np.concatenate(
         [[0.0], *((i + np.arange(1, n + 1) / n) / lay.phases for i, n in enumerate(lay.steps))]
     )
-    x = np.zeros(lay.size)
+    x = lay.zeros(problem)
     x[lay.index_h] = durations / np.array(lay.steps)
     x[lay.index_q] = start + share[:, None] * (goal - start)
     x[lay.index_u] = midpoints(problem.input_bounds, np.zeros(problem.nu))
@@ -52,6 +52,7 @@ def in_contact(problem: Problem, x: Array) -> Array:
     balance the momenta as well as they can, and with the ways through impacts with friction; those
     of a problem without either are as they were."""
     lay = Layout.of(problem)
+    problem = lay.problem_at(problem, x)
     x = with_hidden(problem, lay, through_hits(problem, lay, x))
     if not any(map(lay.reactions, range(lay.phases))):
         return x

@@ -54,6 +54,7 @@ class Folded:
     def hitting(self, problem: Problem, i: int, surface: int) -> Folded:
         """The same, bent to one hit more in its phase i, in phases that take equally long, because
         where it is cut tells little about when the hit shall be."""
+        problem = problem.designed_as(self.pieces[0].parameters)
         bent = with_event(problem, self.pieces, i, surface)
         if not problem.explicit_time:  # else the surface, too, is where it is at its time
             bent = equally_long(bent)
@@ -74,7 +75,8 @@ def folded_motions(
     kept = [j for j, name in enumerate(names) if name not in problem.ignored]
     with np.errstate(all="ignore"):
         for x in random_motions(plain, [], natural_time(plain), numbers, seed):
-            folded = _folded(problem, lay.times(x), x[lay.index_q], kept, mirrors)
+            own = lay.problem_at(problem, x)
+            folded = _folded(own, lay.times(x), x[lay.index_q], kept, mirrors)
             if folded is not None:
                 yield folded
 
@@ -143,7 +145,9 @@ def _driven(problem: Problem, t: Array, q: Array) -> Piece:
     middle, rate = (t[:-1] + t[1:]) / 2, np.diff(q, axis=0) / np.diff(t)[:, None]
     a = np.gradient(rate, middle, axis=0) if len(middle) > 1 else np.zeros_like(rate)
     u = inputs_for(problem, (q[:-1] + q[1:]) / 2, rate, a, middle)
-    return Piece(t, q, np.gradient(q, t, axis=0), middle, np.clip(u, *problem.input_bounds.T))
+    v, u = np.gradient(q, t, axis=0), np.clip(u, *problem.input_bounds.T)
+    design = dict(zip(problem.design, problem.design_values.tolist(), strict=True))
+    return Piece(t, q, v, middle, u, parameters=design)
 
 
 def _onto(problem: Problem, t: Array, q: Array, when: float, j: int) -> Array:

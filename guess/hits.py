@@ -19,6 +19,7 @@ def through_hits(problem: Problem, lay: Layout, x: Array) -> Array:
     velocities before them; those of a problem without such impacts are as they were."""
     if not lay.hit.passages:
         return x
+    problem = lay.problem_at(problem, x)
     x, t = x.copy(), lay.times(x)
     for p in lay.hit.passages:
         node = lay.collision_nodes[p.event]
@@ -27,11 +28,9 @@ def through_hits(problem: Problem, lay: Layout, x: Array) -> Array:
 
 
 def with_hidden(problem: Problem, lay: Layout, x: Array) -> Array:
-    """Unknowns with the hidden ones, that are in the place of functions with kinks, on these, with
-    totals and peaks as they are, and with the design of the problem."""
-    if problem.design:
-        x = x.copy()
-        x[lay.index_design] = problem.design_values
+    """Unknowns with the hidden ones, that are in the place of functions with kinks, on these, and
+    with totals and peaks as they are."""
+    problem = lay.problem_at(problem, x)
     if lay.index_totals.size or lay.index_peaks.size:
         x, step = x.copy(), lay.step_inputs(x)
         x[lay.index_totals] = problem.model.totals(step)
@@ -50,6 +49,7 @@ def jams(problem: Problem, x: Array) -> tuple[str, ...]:
     """Impacts that slide to the end of compression where sliding presses the contact together
     (Painleve's paradox), in sentences."""
     lay = Layout.of(problem)
+    problem = lay.problem_at(problem, x)
     t, sentences = lay.times(x), []
     for p in lay.hit.passages:
         s = p.friction[p.moments.index(END) if END in p.moments else -1]

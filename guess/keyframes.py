@@ -58,13 +58,9 @@ def is_given_by_name(guess: object) -> bool:
     return isinstance(guess, Mapping)
 
 
-def courses_of(problem: Problem, guess: Any) -> tuple[Problem, tuple[Courses, ...]]:
-    """Read a guess by name, and put its design into the problem; unknown names, what is no course,
-    and parts that are not one for each phase are refused."""
-    if isinstance(guess, Mapping) and problem.design:
-        problem, guess = _designed(problem, by_name(guess, "guess"))
-        if not guess:
-            return problem, ()
+def courses_of(problem: Problem, guess: Any) -> tuple[Courses, ...]:
+    """Read a guess by name; unknown names, what is no course, and parts that are not one for each
+    phase are refused."""
     if isinstance(guess, Mapping):
         courses = [_read(problem, guess, 0, problem.phases, "guess")]
     elif len(guess) == problem.phases:
@@ -80,12 +76,15 @@ def courses_of(problem: Problem, guess: Any) -> tuple[Problem, tuple[Courses, ..
             f"guess = {shown(guess)}: expected the name of a coordinate or an input; leave it out "
             "for the automatic guess."
         )
-    return problem, tuple(courses)
+    return tuple(courses)
 
 
-def _designed(problem: Problem, guess: dict[str, Any]) -> tuple[Problem, dict[str, Any]]:
-    """The problem with the design of a guess, and the rest of that."""
-    values = problem.design_values.copy()
+def with_design(problem: Problem, guess: Any) -> tuple[Problem, Any]:
+    """The problem with the design that a guess by name has, and the rest of that; None where it has
+    nothing else."""
+    if not isinstance(guess, Mapping) or set(problem.design).isdisjoint(by_name(guess, "guess")):
+        return problem, guess
+    guess, values = by_name(guess, "guess"), problem.design_values.copy()
     for i, name in enumerate(problem.design):
         if name in guess:
             low, high = problem.design_bounds[i]
@@ -95,7 +94,7 @@ def _designed(problem: Problem, guess: dict[str, Any]) -> tuple[Problem, dict[st
                     f"guess: {name} = {values[i]:g} lies outside its range {low:g} to {high:g}: "
                     "expected a value within."
                 )
-    return problem.designed(values), guess
+    return problem.designed(values), guess or None
 
 
 def along(problem: Problem, courses: Sequence[Courses], automatic: Array) -> Array:

@@ -87,6 +87,7 @@ def _random_motions(
 def _shaken(problem: Problem, guess: Array, rng: np.random.Generator) -> Array:
     """A guess with waves, other durations and less of its inputs."""
     lay, x = Layout.of(problem), guess.copy()
+    x[lay.index_design] = problem.design_values
     size = SMALLEST * (LARGEST / SMALLEST) ** rng.random()
     m = np.pi * np.arange(1, WAVES + 1)
     waves = rng.standard_normal((WAVES, lay.nq)) * size * problem.reach / (m / np.pi)[:, None]
@@ -270,7 +271,7 @@ def _along(drawn: _Drawn, i: int, s: Array) -> tuple[Array, Array, Array]:
 def _unknowns(problem: Problem, drawn: _Drawn) -> Array:
     lay = Layout.of(problem)
     count = len(drawn.durations)
-    x = np.zeros((count, lay.size))
+    x = np.tile(lay.zeros(problem), (count, 1))
     x[:, lay.index_h] = drawn.durations / np.array(lay.steps)
     begin = np.cumsum(np.hstack([np.zeros((count, 1)), drawn.durations]), axis=1)
     inside, times = [], []

@@ -22,8 +22,8 @@ INSIDE = 1e-6
 
 @dataclass(frozen=True)
 class Piece:
-    """A phase to follow: times t of positions q and velocities v, times t_u of inputs u, and the
-    forces of its reactions by their kind, with their times."""
+    """A phase to follow: times t of positions q and velocities v, times t_u of inputs u, the forces
+    of its reactions by their kind, with their times, and parameters of its model."""
 
     t: Array
     q: Array
@@ -31,6 +31,7 @@ class Piece:
     t_u: Array
     u: Array
     forces: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     def followed_by(self, other: Piece) -> Piece:
         """Two pieces between which nothing happens as one, without forces."""
@@ -39,7 +40,7 @@ class Piece:
             for mine, theirs in ((self.t, other.t), (self.q, other.q), (self.v, other.v))
         )
         t_u, u = np.concatenate([self.t_u, other.t_u]), np.concatenate([self.u, other.u])
-        return Piece(t, q, v, t_u, u)
+        return Piece(t, q, v, t_u, u, parameters=self.parameters)
 
     def positions(self, t: Array) -> Array:
         """The cubics through the nodes, with their velocities, at times of shape (n,)."""
@@ -53,7 +54,15 @@ class Piece:
 
 def pieces_of(trajectory: Trajectory) -> list[Piece]:
     return [
-        Piece(p.t, p.q, p.v, times_of_inputs(trajectory.controls, p.t), p.u, p.forces)
+        Piece(
+            p.t,
+            p.q,
+            p.v,
+            times_of_inputs(trajectory.controls, p.t),
+            p.u,
+            p.forces,
+            trajectory.parameters,
+        )
         for p in trajectory.phases
     ]
 
@@ -75,8 +84,8 @@ def equally_long(pieces: Sequence[Piece]) -> list[Piece]:
 def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence[float]) -> Array:
     """Return x along the pieces, one for each phase of the problem: positions by cubic, inputs
     by linear interpolation."""
-    lay = Layout.of(problem)
-    x = np.zeros(lay.size)
+    lay, problem = Layout.of(problem), problem.designed_as(pieces[0].parameters)
+    x = lay.zeros(problem)
     nodes, inside, inputs, rates = [], [], [], []
     for piece, steps in zip(pieces, lay.steps, strict=True):
         t = np.linspace(piece.t[0], piece.t[-1], steps + 1)
@@ -140,7 +149,7 @@ def station_shares(lay: Layout, i: int) -> Array:
 def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
     """Unknowns of a problem from those x of the same problem with other steps."""
     lay = Layout.of(other)
-    problem = lay.problem_at(problem, x)
+    design = dict(zip(other.design, x[lay.index_design].tolist(), strict=True))
     t, q, h = lay.times(x), x[lay.index_q], x[lay.index_h]
     pieces = []
     for i in range(lay.phases):
@@ -149,7 +158,8 @@ def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
         v = np.gradient(nodes, h[i], axis=0)
         rows = slice(lay.row_u_k[first], lay.row_u_kp1[last - 1] + 1)
         times = times_of_inputs(lay.form.name, at)
-        pieces.append(Piece(at, nodes, v, times, x[lay.index_u][rows], _forces(lay, x, i)))
+        u = x[lay.index_u][rows]
+        pieces.append(Piece(at, nodes, v, times, u, _forces(lay, x, i), design))
     for index, side, k in ((lay.impact.v_a, pieces[:-1], -1), (lay.impact.v_c, pieces[1:], 0)):
         for velocity, piece in zip(x[index], side, strict=True):
             piece.v[k] = velocity

@@ -76,6 +76,12 @@ class Layout(Unknowns):
         """A problem with the design of the unknowns x."""
         return problem.designed(x[self.index_design])
 
+    def zeros(self, problem: Problem) -> Array:
+        """Unknowns that are zero, but for the design, which is that of a problem; shape (n,)."""
+        x = np.zeros(self.size)
+        x[self.index_design] = problem.design_values
+        return x
+
     def states(self, names: list[str]) -> dict[str, tuple[int, int]]:
         """Unknowns that are a state at the start and at the end, by name of the state."""
         states: dict[str, tuple[int, int]] = {}

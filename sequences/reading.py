@@ -90,7 +90,7 @@ def _hits(relaxed: Relaxed) -> list[int]:
     """Events of the program at which something is hit."""
     nlp, lay, x = relaxed.nlp, relaxed.nlp.layout, relaxed.x
     surfaces, t = lay.touch.surfaces, lay.times(x)
-    gaps = nlp.problem.model.gaps(x[lay.index_q], t)
+    gaps = lay.problem_at(nlp.problem, x).model.gaps(x[lay.index_q], t)
     return [
         i
         for i, (node, j) in enumerate(zip(lay.collision_nodes, surfaces, strict=True))
@@ -109,7 +109,7 @@ def _course(relaxed: Relaxed, i: int) -> Course | None:
     returns, tangent = contacts.returns(surface), contacts.supports.index(surface)
     hit = Passage(i, surface, tangent, False, (), (), returns=returns)
     state = x[lay.index_q[node]], x[lay.impact.v_a[i]], float(lay.times(x)[node])
-    return course_at(relaxed.nlp.problem, hit, state)
+    return course_at(lay.problem_at(relaxed.nlp.problem, x), hit, state)
 
 
 def _modes(relaxed: Relaxed) -> list[Mode]:
@@ -117,7 +117,8 @@ def _modes(relaxed: Relaxed) -> list[Mode]:
     larger, in its size: a contact is closed where it presses, and slides where its friction leaves
     the cone no room."""
     nlp, lay, x = relaxed.nlp, relaxed.nlp.layout, relaxed.x
-    model, s, steps, left_open = nlp.problem.model, nlp.scale, lay.total, lay.touch.open
+    problem = lay.problem_at(nlp.problem, x)
+    model, s, steps, left_open = problem.model, nlp.scale, lay.total, lay.touch.open
     q, t = x[lay.index_q], lay.times(x)
     P = np.where(lay.relaxed.P_r == NOWHERE, 0.0, x[lay.relaxed.P_r])[:-1] * steps
     T = np.where(lay.relaxed.T_r == NOWHERE, 0.0, x[lay.relaxed.T_r])[:-1] * steps
@@ -179,7 +180,8 @@ def _pieces(relaxed: Relaxed, cuts: Sequence[int]) -> tuple[Piece, ...]:
     """The motion between some nodes."""
     lay, x = relaxed.nlp.layout, relaxed.x
     t, q, u = lay.times(x), x[lay.index_q], x[lay.index_u]
-    ends, pieces = [0, *cuts, lay.total], []
+    ends, pieces, problem = [0, *cuts, lay.total], [], relaxed.nlp.problem
+    design = dict(zip(problem.design, x[lay.index_design].tolist(), strict=True))
     events = lay.collision_nodes.tolist()
     before, after = (dict(zip(events, x[v], strict=True)) for v in (lay.impact.v_a, lay.impact.v_c))
     for a, b in pairwise(ends):
@@ -187,5 +189,6 @@ def _pieces(relaxed: Relaxed, cuts: Sequence[int]) -> tuple[Piece, ...]:
         rows = slice(lay.row_u_k[a], lay.row_u_kp1[b - 1] + 1)
         v = np.gradient(nodes, at, axis=0)
         v[0], v[-1] = after.get(a, v[0]), before.get(b, v[-1])
-        pieces.append(Piece(at, nodes, v, times_of_inputs(lay.form.name, at), u[rows]))
+        times = times_of_inputs(lay.form.name, at)
+        pieces.append(Piece(at, nodes, v, times, u[rows], parameters=design))
     return tuple(pieces)

@@ -16,7 +16,7 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
-from dmoc.guess.keyframes import along, courses_of, is_given_by_name
+from dmoc.guess.keyframes import along, courses_of, is_given_by_name, with_design
 from dmoc.guess.transfer import Piece, pieces_of, unknowns_along
 from dmoc.problem.problem import Problem
 from dmoc.program.extraction import given_multipliers
@@ -63,12 +63,13 @@ def loaded(guess: InitialGuess) -> InitialGuess:
 def starts_of(problem: Problem, guess: InitialGuess, deadline: Deadline = ENDLESS) -> Starts:
     """Read a guess, or make the automatic ones until a deadline; what is no start of the problem is
     refused."""
+    problem, guess = with_design(problem, guess)
     if guess is None:
         return Starts(tuple(g.x for g in initial_guesses(problem, deadline)))
     if isinstance(guess, Solution):
         return _from_solution(problem, guess)
     if is_given_by_name(guess):
-        problem, courses = courses_of(problem, guess)
+        courses = courses_of(problem, guess)
         return Starts((along(problem, courses, initial_guesses(problem, deadline)[0].x),))
     return Starts((_given(problem, guess),))
 
@@ -81,7 +82,7 @@ def _from_solution(problem: Problem, guess: Solution) -> Starts:
             f"guess is a motion of {', '.join(theirs)}: expected one of the coordinates and inputs "
             f"{', '.join(names)}."
         )
-    problem, proposal = problem.designed_as(guess.trajectory.parameters), guess.proposal
+    proposal = guess.proposal
     if proposal is not None and proposal.sequence == problem.words:
         return Starts((restated(problem, guess),), True)
     if len(guess.phases) != problem.phases:

@@ -168,7 +168,7 @@ def _on(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
     """Solve on a mesh from a motion on another one."""
     motion = trajectory(coarse.nlp, coarse.outcome.x)
     impulses = [c.impulse for c in motion.collisions]
-    x = unknowns_along(mesh.designed_as(motion.parameters), pieces_of(motion), impulses)
+    x = unknowns_along(mesh, pieces_of(motion), impulses)
     scale, before = scale_of(mesh, x, True), coarse.nlp.scale
     if (scale.q < SAME * before.q).all():  # it stands still: rounding errors measure nothing
         scale = replace(before, h=scale.h)

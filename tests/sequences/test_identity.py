@@ -22,7 +22,7 @@ OTHER_FIELDS: dict[str, Any] = {
     "start": {"x": 0.1}, "goal": {"x": 0.2}, "steps": 21, "final_time": (None, 2.0),
     "bounds": {"F": (-26, 26)}, "parameters": {"m_c": 1.1}, "controls": "linear",
     "restitution": 0.5, "periodic": ("p_x",), "minimal_times": True, "contacts": ("left",),
-    "via": (), "ignored": ("left",),
+    "via": (), "ignored": ("left",), "design": {"m_c": (0.5, 2.0)},
 }  # fmt: skip
 OTHER_SETTINGS: dict[str, Any] = {
     "surfaces": ("left",), "events": ("left",), "starts": 1, "seed": 1, "method": "slsqp",
