@@ -13,6 +13,7 @@ from dmoc.base.discretisation import ORDERS_SHOWN
 from dmoc.base.errors import OutputError
 from dmoc.base.files import write_whole
 from dmoc.cli.console import out, print_text, written
+from dmoc.cli.option_values import read_names
 from dmoc.cli.shared_options import ModelArgument, out_option
 
 
@@ -58,6 +59,12 @@ def derive(
             help="Write out large systems and definitions, whose structure is shown otherwise.",
         ),
     ] = False,
+    design: Annotated[
+        str,
+        typer.Option(
+            metavar="NAMES", help="Parameters that a solver chooses, as k,l: kernels that know it."
+        ),
+    ] = "",
     target: Annotated[
         Path | None, out_option("Write to a file instead of standard output.")
     ] = None,
@@ -66,7 +73,8 @@ def derive(
     from dmoc.inspection.system_derivation import derive as derive_system
     from dmoc.models.registry import find
 
-    derivation = derive_system(find(model).system(), order, expanded=expanded)
+    chosen = read_names(design)
+    derivation = derive_system(find(model).system(), order, expanded=expanded, design=chosen)
     made = {
         TextFormat.text: derivation.__str__,
         TextFormat.latex: derivation.latex,

@@ -4,29 +4,31 @@ their numbers, on a page."""
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from dmoc.base.arguments import flag, place
+from dmoc.base.arguments import check_known, flag, names, place
 from dmoc.base.arguments import path as path_of
 from dmoc.base.errors import ModelError, OutputError, ProblemError
 from dmoc.base.files import write_whole
 from dmoc.base.html import page, paragraph, section, sparsity
+from dmoc.base.names import name_of
 from dmoc.base.table import Table, html_of
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.operation_counts import count_of
-from dmoc.codegen.system_kernels import build
+from dmoc.codegen.system_kernels import kernels_of
 from dmoc.inspection.kernel_check import checked
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Block
 from dmoc.program.transcription import Transcription
 from dmoc.symbolic.derivation import sections
-from dmoc.symbolic.derivation.document import Derivation
+from dmoc.symbolic.derivation.document import Derivation, Section
 from dmoc.symbolic.derivation.notebook import section_html, system_html
 from dmoc.symbolic.families import model_spec
+from dmoc.symbolic.kernel_family import DESIGN
 from dmoc.symbolic.system import MechanicalSystem
 
 STEPS = 3  # of each phase of the problem whose unknowns are shown
@@ -48,10 +50,13 @@ class SystemDerivation(Derivation):
     system : MechanicalSystem
     order : int
         Order of the discretisation.
+    design : tuple of str
+        Parameters that derivatives are by, too.
     """
 
     system: MechanicalSystem
     order: int
+    design: tuple[str, ...] = ()
 
     def html(self) -> str:
         """Return one page: system, derivation, unknowns and sparsity of a small problem, the work
@@ -81,7 +86,9 @@ class SystemDerivation(Derivation):
         return write_whole(target, made().encode())
 
 
-def derive(system: MechanicalSystem, order: int = 2, *, expanded: bool = False) -> SystemDerivation:
+def derive(
+    system: MechanicalSystem, order: int = 2, *, expanded: bool = False, design: Sequence[str] = ()
+) -> SystemDerivation:
     """Derive a system from its Lagrangian to the derivatives of its discrete equations, in the
     discretisation of the given order.
 
@@ -98,6 +105,8 @@ def derive(system: MechanicalSystem, order: int = 2, *, expanded: bool = False) 
         Write out what is shown by its structure otherwise: large systems and those with
         definitions, whose momenta, masses and forces are made of names for what they share.  Takes
         minutes where the system is large.
+    design : sequence of str
+        Parameters that a solver chooses: which kernels have derivatives by them.
 
     Returns
     -------
@@ -106,7 +115,8 @@ def derive(system: MechanicalSystem, order: int = 2, *, expanded: bool = False) 
     Raises
     ------
     ModelError
-        If there is no system, the order is another one, or ``expanded`` is not True or False.
+        If there is no system, the order is another one, ``expanded`` is not True or False, or
+        ``design`` has something that is no parameter or cannot be chosen.
 
     Examples
     --------
@@ -125,12 +135,36 @@ def derive(system: MechanicalSystem, order: int = 2, *, expanded: bool = False) 
     The sections follow equations :eq:`hamilton` to :eq:`law` of the theory.
     """
     stated = sections.derive(system, order, flag(expanded, "expanded", ModelError))
-    return SystemDerivation(stated.title, stated.sections, system, order)
+    chosen = _chosen(system, names(design, "design", "parameters", ModelError))
+    sections_of = (*stated.sections, *_by_design(system, order, chosen))
+    return SystemDerivation(stated.title, sections_of, system, order, chosen)
+
+
+def _chosen(system: MechanicalSystem, design: Sequence[str]) -> tuple[str, ...]:
+    """Names of parameters in the order of the system."""
+    known = [name_of(s) for s in system.parameters]
+    for name in design:
+        check_known(name, known, "parameter", "in design", ModelError)
+    return tuple(name for name in known if name in design)
+
+
+def _by_design(system: MechanicalSystem, order: int, design: tuple[str, ...]) -> list[Section]:
+    """Which kernels have derivatives by design parameters; nothing without these."""
+    if not design:
+        return []
+    end = f"{DESIGN}_jac"
+    kernels = [k.name for k in model_spec(system, order, design).kernels]
+    own = [name.removesuffix(end) for name in kernels if name.endswith(end)]
+    text = (
+        f"A solver chooses {', '.join(design)}. First and second derivatives of these kernels are "
+        f"by that, too: {', '.join(own)}."
+    )
+    return [Section("Design parameters", text, ())]
 
 
 def derivation_page(derivation: SystemDerivation) -> str:
     """The page of a derivation."""
-    kernels = build(derivation.system, order=derivation.order)
+    kernels = kernels_of(derivation.system, derivation.order, derivation.design)
     parts = [
         section("System", system_html(derivation.system)),
         section("Derivation", "".join(section_html(s) for s in derivation.sections)),
@@ -212,9 +246,8 @@ def _patterns(nlp: Transcription) -> str:
 
 def _work(derivation: SystemDerivation) -> str:
     """How much each kernel computes."""
-    counts = [
-        count_of(kernel) for kernel in model_spec(derivation.system, derivation.order).kernels
-    ]
+    spec = model_spec(derivation.system, derivation.order, derivation.design)
+    counts = [count_of(kernel) for kernel in spec.kernels]
     rows = tuple(
         (c.kernel, str(c.results), str(c.shared), str(c.operations), str(c.calls)) for c in counts
     )

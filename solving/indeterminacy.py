@@ -27,13 +27,15 @@ RESOLVED = 5.0
 
 
 def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = None) -> str:
-    """A sentence on what the problem leaves open of a minimum, among the durations and, where there
-    is a coarser mesh, the position that has changed most since; empty if it determines all that."""
+    """A sentence on what the problem leaves open of a minimum, among the durations, the design and,
+    where there is a coarser mesh, the position that has changed most since; empty if it determines
+    all that."""
     if any(c.grazes for c in fine.collisions):  # they are part of another program
         return ""
     nlp, duals = at_solution(problem, fine)
-    names = [f"the duration of phase {i}" for i in range(len(fine.phases))]
-    at, reach = nlp.layout.index_h, fine.final_time / np.array(fine.steps)
+    names = [f"the duration of phase {i}" for i in range(len(fine.phases))] + list(fine.design)
+    at = np.concatenate([nlp.layout.index_h, nlp.layout.index_design])
+    reach = np.append(fine.final_time / np.array(fine.steps), nlp.scale.design)
     x, units = nlp.scaled(fine.unknowns), nlp.physical(np.ones(nlp.n))
     if coarse is not None:
         node, j = _most_changed(coarse, fine)
@@ -51,12 +53,14 @@ def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = Non
 
 
 def left_open_along(nlp: Transcription, direction: Array) -> str:
-    """A sentence on what a direction without curvature leaves open: the durations that move, else
-    what moves most; empty where that is not seen or no more than the mesh resolves."""
+    """A sentence on what a direction without curvature leaves open: the durations and the design
+    that move, else what moves most; empty where that is not seen or no more than the mesh
+    resolves."""
     lay, size, most = nlp.layout, np.abs(direction), ("", 0.0)
-    if (size[lay.index_h] >= MOVES).any():
-        phases = np.flatnonzero(size[lay.index_h] >= MOVES)
-        return _sentence([f"the duration of phase {i}" for i in phases])
+    names = [f"the duration of phase {i}" for i in range(lay.phases)] + list(nlp.problem.design)
+    moving = size[np.concatenate([lay.index_h, lay.index_design])] >= MOVES
+    if moving.any():
+        return _sentence([name for name, moves in zip(names, moving, strict=True) if moves])
     resolved = min(RESOLVED / min(lay.steps), MOVES)
     for block in lay.unknowns:
         if not block.count or block.name == "s":  # no result shows the hidden ones

@@ -45,6 +45,7 @@ ORDER = (
     "pushed_block",
     "stance_hopper",
     "four_bar",
+    "hopper_spring",
     "jumper",
     "hopper",
     "hops",

@@ -24,7 +24,7 @@ LITTLE = 1e-3
 
 @dataclass(frozen=True)
 class Errors:
-    """Relative errors, or changes, of the cost, and of what moves: durations and positions."""
+    """Relative errors, or changes, of the cost, and of what moves: durations, positions, design."""
 
     cost: float
     motion: float
@@ -108,8 +108,8 @@ def _ratio(coarse: Solution, fine: Solution) -> int:
 
 
 def changes(coarse: Solution, fine: Solution) -> Errors:
-    """Relative difference of the cost, and the largest one of durations and of positions at common
-    nodes."""
+    """Relative difference of the cost, and the largest one of durations, of positions at common
+    nodes, and of the design in its sizes."""
     cost = abs(fine.cost - coarse.cost) / max(abs(fine.cost), _little(fine))
     pairs = list(zip(coarse.phases, fine.phases, strict=True))
     duration = max(abs(b.duration - a.duration) for a, b in pairs) / fine.final_time
@@ -121,7 +121,10 @@ def changes(coarse: Solution, fine: Solution) -> Errors:
         float((np.abs(b.q[::step] - a.q) / scale).max(initial=0.0))
         for (a, b), step in zip(pairs, _ratios(coarse, fine), strict=True)
     )
-    return Errors(float(cost), float(max(duration, place)))
+    design = [
+        abs(x - coarse.design[name]) / fine.scale.get(name, 1.0) for name, x in fine.design.items()
+    ]
+    return Errors(float(cost), float(max(duration, place, *design)))
 
 
 def compared(

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import compass_gait
 import numpy as np
 import pytest
 import sympy as sp
@@ -14,8 +15,9 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, unit_mass
 
 import dmoc
-from dmoc.base.errors import ProblemError
+from dmoc.base.errors import ModelError, ProblemError
 from dmoc.guess.random_motions import random_motions
+from dmoc.solving.mesh.error import changes
 from dmoc.solving.starts import starts_of
 
 G = 9.81
@@ -248,3 +250,57 @@ def test_files_tables_and_reports_have_the_design(tmp_path: Any) -> None:
     assert f"wall = {s.design['wall']:.6g}" in s.report(tmp_path / "wall.html").read_text()
     assert "wall: 0.5 to 2" in str(dict(wall_problem().summary().rows)["design"])
     assert s.verify(wall_problem(design={}).kernels).passed  # those of another build
+
+
+def test_what_is_not_determined_is_named() -> None:
+    """Two springs beside each other, of which the motion knows the sum."""
+    x, k, c = dynamicsymbols("x"), *sp.symbols("k c")
+    system = dmoc.MechanicalSystem(
+        "two_springs", [x], x.diff() ** 2 / 2 - (k + c) * x**2 / 2, {k: 20.0, c: 10.0}
+    )
+    problem = dmoc.Problem(
+        system, start={"x": 1.0}, goal={"x": -1.0}, steps=20, final_time=0.5,
+        design={"k": (0, 50), "c": (0, 50)},
+    )  # fmt: skip
+    s = dmoc.solve(problem, "ipm", starts=1)
+    assert s.solved
+    assert sum(s.design.values()) == pytest.approx((80 * np.tan(np.pi / 40)) ** 2, rel=1e-6)
+    assert "does not determine k and c" in s.message
+
+
+def test_the_error_of_a_mesh_is_that_of_the_design_too() -> None:
+    """Half a period without a price: the cost is 0 on every mesh, the stiffness is not the same."""
+    x, k = dynamicsymbols("x"), sp.Symbol("k")
+    system = dmoc.MechanicalSystem("half_swing", [x], x.diff() ** 2 / 2 - k * x**2 / 2, {k: 10.0})
+    problem = dmoc.Problem(
+        dmoc.build(system), start={"x": 1.0}, goal={"x": -1.0}, steps=8, final_time=0.5,
+        design={"k": (20, 60)},
+    )  # fmt: skip
+    s = dmoc.solve(problem, "ipm", tolerance=1e-3, starts=1)
+    assert s.solved
+    assert s.design["k"] == pytest.approx((2 * np.pi) ** 2, rel=2e-3)
+    coarse, fine = (dmoc.solve(problem.but(steps=n), "ipm", starts=1) for n in (20, 40))
+    changed = abs(fine.design["k"] - coarse.design["k"]) / fine.scale["k"]
+    assert changes(coarse, fine).motion >= changed > 1e-3
+
+
+def test_a_derivation_lists_the_kernels() -> None:
+    *_, last = dmoc.derive(block_system(), design=["wall"]).sections
+    assert last.title == "Design parameters"
+    assert last.text.endswith("are by that, too: surface, gap_work.")
+    assert dmoc.derive(block_system()).sections[-1].title != "Design parameters"
+    with pytest.raises(
+        ModelError, match="unknown parameter 'u' in design: expected one of m, wall"
+    ):
+        dmoc.derive(block_system(), design=["u"])
+
+
+@pytest.mark.slow
+def test_the_slope_on_which_a_passive_walker_has_a_given_period() -> None:
+    """The compass gait of Goswami, Thuilot and Espiau: 3 degrees have the period 0.734346391 s, by
+    integration to 1e-12 (see :mod:`tests.gaits`); at order 2 the period is right to 1.2e-4."""
+    gait = dmoc.solve(compass_gait.problem(), "ipm")
+    problem = compass_gait.problem().but(design={"slope": (0.01, 0.1)}, final_time=0.734346391)
+    s = dmoc.solve(problem, "ipm", guess=gait)
+    assert s.solved
+    assert s.design["slope"] == pytest.approx(np.radians(3), rel=3e-3)

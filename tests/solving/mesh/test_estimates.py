@@ -25,7 +25,7 @@ def meshed(n: int, order: float, error: float = 1e-3, **fields: Any) -> Any:
     stated = {
         "phases": (SimpleNamespace(steps=n, duration=2.0, q=np.linspace(0, 1, n + 1)[:, None]),),
         "cost": 1 + error / n**order, "final_time": 2.0, "scale": {"cost": 1.0, "x": 1.0},
-        "trajectory": SimpleNamespace(coordinates=("x",)), "active_bounds": (),
+        "trajectory": SimpleNamespace(coordinates=("x",)), "active_bounds": (), "design": {},
         "duality_gap": 0.0, "minimum": True,
     }  # fmt: skip
     return SimpleNamespace(**(stated | fields))
