@@ -120,7 +120,7 @@ if __name__ == "__main__":
 # %%
 # How to read it
 # --------------
-# The best spring is a little stiffer than that of a hopper without a foot. In flight the foot swings
-# on it, and comes down so softly that the landing takes hardly any momentum. The force works where
-# the foot leaves and lands, and keeps the floor from pulling. A spring that is a fifth softer costs
-# more than twice as much, one that is a fifth stiffer more than twenty times.
+# The best spring is a little stiffer than that of a hopper without a foot. In flight the foot
+# swings on it, and comes down so softly that the landing takes hardly any momentum. The force works
+# where the foot leaves and lands, and keeps the floor from pulling. A spring that is a fifth softer
+# costs more than twice as much, one that is a fifth stiffer more than twenty times.

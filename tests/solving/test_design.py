@@ -264,7 +264,7 @@ def test_what_is_not_determined_is_named() -> None:
     )  # fmt: skip
     s = dmoc.solve(problem, "ipm", starts=1)
     assert s.solved
-    assert sum(s.design.values()) == pytest.approx((80 * np.tan(np.pi / 40)) ** 2, rel=1e-6)
+    assert sum(s.design.values()) == pytest.approx((80 * np.tan(np.pi / 40)) ** 2, rel=1e-5)
     assert "does not determine k and c" in s.message
 
 
@@ -298,7 +298,8 @@ def test_a_derivation_lists_the_kernels() -> None:
 @pytest.mark.slow
 def test_the_slope_on_which_a_passive_walker_has_a_given_period() -> None:
     """The compass gait of Goswami, Thuilot and Espiau: 3 degrees have the period 0.734346391 s, by
-    integration to 1e-12 (see :mod:`tests.gaits`); at order 2 the period is right to 1.2e-4."""
+    event-driven integration to 1e-12 (docs/known_answers.md); at order 2 the period is right to
+    1.2e-4."""
     gait = dmoc.solve(compass_gait.problem(), "ipm")
     problem = compass_gait.problem().but(design={"slope": (0.01, 0.1)}, final_time=0.734346391)
     s = dmoc.solve(problem, "ipm", guess=gait)
