@@ -167,6 +167,13 @@ class Motion:
             forces("reaction", phase.joints),
         )
 
+    def friction(self, i: int) -> Array:
+        """Coefficients of friction at the places of phase i, with the inputs before each and after
+        it, shape (2, n, nt)."""
+        at, model = self.places[i], self.model
+        sides = [model.with_friction_at(at.q, at.v, u, at.t).friction for u in at.inputs]
+        return np.stack([np.broadcast_to(mu, (len(at.t), model.nt)) for mu in sides])
+
     @cached_property
     def watched(self) -> NDArray[np.bool_]:
         """Surfaces that are not ignored, shape (nc,)."""

@@ -8,6 +8,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
+from dmoc.base.tolerances import ROUNDING
 from dmoc.check.checked_motion import Motion, Places
 from dmoc.check.findings import Findings, largest
 from dmoc.check.plan import DRIFT, OFF
@@ -40,7 +41,7 @@ def forces(motion: Motion, i: int) -> Reaction:
     planned = np.hstack([at.normal, _sticking(motion, i, at), at.reaction])
     reactions = [
         nearest(
-            motion.model,
+            motion.model.with_friction_at(q, at.v, u, at.t),
             mode,
             motion.flow.integrator.reaction(mode, y, u, at.t),
             q,
@@ -75,6 +76,7 @@ def force_errors(motion: Motion) -> tuple[Findings, tuple[Array, Array, Array]]:
         if mode == FREE:
             continue
         sentences += _off(motion, i)
+        sentences += _negative(motion, i)
         sentences += _paradoxes(motion, i)
         sentences += _pulling(motion, i, flow, normal)
         sentences += _slipping(motion, i, flow, tangential)
@@ -118,7 +120,7 @@ def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
         others = tuple(pair for pair in mode.sliding if pair[0] != k)
         kept = replace(mode, sticking=(*mode.sticking, k), sliding=others)
         reaction = motion.flow.integrator.reaction(kept, np.hstack([q, v]), u[: len(t)], t)
-        bears = model.bearing(reaction.normal)[:, k]
+        bears = model.with_friction_at(q, v, u[: len(t)], t).bearing(reaction.normal)[:, k]
         spare = bears - np.abs(reaction.tangential[:, k])
         if (spare > PRESSED * size[k]).all():
             yield (
@@ -133,11 +135,11 @@ def left_out(motion: Motion) -> list[str]:
     kernels, sentences = motion.model.kernels, []
     for phase in motion.trajectory.phases:
         span = f"from {phase.t[0]:.4g} to {phase.t[-1]:.4g} s"
-        for name, j, mu in zip(
-            kernels.tangents, motion.model.supports, motion.model.friction, strict=True
+        for name, j, rubs in zip(
+            kernels.tangents, motion.model.supports, motion.model.has_friction, strict=True
         ):
             touches = j == RAIL or kernels.surfaces[j] in phase.closed
-            if mu > 0 and touches and name not in phase.rubbing:
+            if rubs and touches and name not in phase.rubbing:
                 sentences.append(f"the friction of {name!r} is left out {span}")
             elif not touches and name in phase.rubbing:
                 sentences.append(f"{name!r} rubs {span} where its contact is open")
@@ -155,7 +157,9 @@ def _sizes(motion: Motion, flows: list[Reaction]) -> tuple[Array, Array, Array]:
     q, t = np.vstack([p.q for p in phases]), np.concatenate([p.t for p in phases])
     normal = np.maximum(normal, pushes(model, motion.sizes, q, t, model.gap_slopes(q, t)))
     smooth = SMOOTH * pushes(model, motion.sizes, q, t, model.tangent_slopes(q, t))
-    friction = np.maximum.reduce([model.bearing(normal), BEARABLE * taken, smooth])
+    most = np.max([f.max(axis=(0, 1)) for f in map(motion.friction, range(len(phases)))], axis=0)
+    bearing = model.with_coefficients(most).bearing(normal)
+    friction = np.maximum.reduce([bearing, BEARABLE * taken, smooth])
     joint = np.maximum(joint, pushes(model, motion.sizes, q, t, model.joint_slopes(q, t)))
     return (*(np.maximum(size, NOTHING) for size in (normal, friction, joint)),)
 
@@ -206,13 +210,30 @@ def _off(motion: Motion, i: int) -> Iterator[str]:
                 )
 
 
+def _negative(motion: Motion, i: int) -> Iterator[str]:
+    """Friction with a negative coefficient."""
+    at, coefficients, model = motion.places[i], motion.friction(i), motion.model
+    for k in motion.modes[i].rubbing:
+        least = coefficients[..., k].min(axis=0)
+        row, most = int(np.argmin(least)), float(np.abs(coefficients[..., k]).max())
+        if not least[row] >= -ROUNDING * most:
+            place = zip(model.kernels.coordinates, at.q[row], strict=True)
+            shown = ", ".join(f"{name} = {x:.4g}" for name, x in place)
+            yield (
+                f"the friction of {model.kernels.tangents[k]} is {least[row]:.4g} at "
+                f"{at.t[row]:.4g} s, {shown}, which no friction is"
+            )
+
+
 def _paradoxes(motion: Motion, i: int) -> Iterator[str]:
     """Sliding contacts whose force would press them together (Painleve's paradox)."""
     phase, model, mode = motion.trajectory.phases[i], motion.model, motion.modes[i]
     if not mode.sliding:
         return
     rails_alone = Mode(mode.closed, (), mode.sliding)
-    c = conditions(model, rails_alone, phase.q, phase.t)
+    inputs = np.vstack([motion.steps[i].u0, motion.steps[i].u1[-1:]])
+    there = model.with_friction_at(phase.q, phase.v, inputs, phase.t)
+    c = conditions(there, rails_alone, phase.q, phase.t)
     for place, j in enumerate(mode.closed):
         pushed = model.responses(phase.q, c.B[:, place], phase.t)
         wrong = np.flatnonzero(~((c.C[:, place] * pushed).sum(axis=1) < 0))
@@ -236,8 +257,9 @@ def _pulling(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[st
 def _slipping(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[str]:
     """Friction beyond what its contact or rail holds."""
     at, model = motion.places[i], motion.model
+    there = model.with_coefficients(motion.friction(i))
     for j in motion.modes[i].sticking:
-        bears = model.bearing(flow.normal)[..., j]
+        bears = there.bearing(flow.normal)[..., j]
         needs = np.abs(flow.tangential[..., j])
         beyond = (needs - bears).max(axis=0)
         k = int(np.argmax(beyond))

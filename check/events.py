@@ -114,11 +114,12 @@ def _unbearable(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
             yield f"{name} would have to pull with an impulse of {-least:.4g} N s at {time:.4g} s"
         if j not in p.mode.closed and normal[j] > slack:
             yield f"{name} takes an impulse at {time:.4g} s without being hit or closed"
-    bearing = np.where(np.array(model.supports) == RAIL, 0.0, model.bearing(p.law.normal[0]))
+    there = model.with_friction_at(p.before.q[-1], t=time)
+    bearing = np.where(np.array(model.supports) == RAIL, 0.0, there.bearing(p.law.normal[0]))
     for k, name in enumerate(tangents):
-        held = np.inf if k == p.rubs and model.hit_friction[k] == np.inf else float(bearing[k])
+        held = np.inf if k == p.rubs and there.hit_friction[k] == np.inf else float(bearing[k])
         needed = max(abs(float(p.law.tangential[0, k])), abs(tangential[k]))
-        if needed > held + slack * max(model.friction[k], 1.0):
+        if needed > held + slack * max(there.friction[k], 1.0):
             yield (
                 f"{name} would need an impulse of friction of {needed:.4g} N s at {time:.4g} s, "
                 f"where it holds {max(held, 0.0):.4g} N s"
@@ -133,7 +134,9 @@ def _turned(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
     """Contacts whose sliding turns in an impact that presses them, or stops in one with a course or
     a restitution: how much of their friction acts before and after, the law does not say."""
     model, released = p.model, p.hit is not None and not p.lands and p.restitution[p.hit] != 0
-    sigma = model.slide_rates(p.before.q[-1], p.before.v[-1], p.c.time)
+    q, time = p.before.q[-1], p.c.time
+    sigma = model.slide_rates(q, p.before.v[-1], time)
+    friction = model.with_friction_at(q, t=time).friction
     slid = np.sign(sigma) * (np.abs(sigma) > TURNED * sizes.slide)  # of what lands
     for k, s in p.mode.rubbing.items():
         if k == p.rubs:
@@ -141,7 +144,7 @@ def _turned(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
         name, pressed = model.kernels.tangents[k], float(p.law.normal[0, model.supports[k]])
         was = p.before.rubbing.get(name, int(slid[k]))
         turns, stops = s * was < 0, was != s == 0 and (released or p.rubs is not None)
-        if (turns or stops) and model.friction[k] * pressed > slack:
+        if (turns or stops) and friction[k] * pressed > slack:
             yield (
                 f"{name} {'turns round' if turns else 'stops sliding'} in the impact at "
                 f"{p.c.time:.4g} s, which presses it with {pressed:.4g} N s: that is known only of "

@@ -98,7 +98,8 @@ class EventPassage:
 
     def after_law(self, q: Array, v: Array, late: Array | float = 0.0) -> ImpactResult:
         """What the law makes of rows of states before the event, at times so much later."""
-        model, mode, t = self.model, self.mode, np.full(len(q), self.c.time) + late
+        mode, t = self.mode, np.full(len(q), self.c.time) + late
+        model = self.model.with_friction_at(q, t=t)
         if not mode.closed:
             return ImpactResult(v, np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt)))
         if self.rubs is not None and self.hit is not None:
@@ -143,7 +144,7 @@ class EventPassage:
         k, mode = self.rubs, self.mode
         return Mode(
             tuple(j for j in mode.closed if j != self.hit),
-            tuple(i for i in mode.sticking if i != k and self.model.friction[i] > 0),
+            tuple(i for i in mode.sticking if i != k and self.model.has_friction[i]),
             tuple((i, s) for i, s in mode.sliding if i != k),
         )
 

@@ -54,8 +54,9 @@ def jams(problem: Problem, x: Array) -> tuple[str, ...]:
     for p in lay.hit.passages:
         s = p.friction[p.moments.index(END) if END in p.moments else -1]
         node = lay.collision_nodes[p.event]
-        A = response(problem, p, x[lay.index_q[node]], float(t[node]))
-        if s and A[0, 0] <= s * problem.model.friction[p.tangent] * A[0, 1]:
+        q, time = x[lay.index_q[node]], float(t[node])
+        A, mu = response(problem, p, q, time), friction_of(problem, p, q, time)
+        if s and A[0, 0] <= s * mu * A[0, 1]:
             name = problem.kernels.surfaces[p.surface]
             sentences.append(
                 f"sliding as {FRICTION_WORDS[s]} presses {name} together at event {p.event + 1} "
@@ -63,6 +64,11 @@ def jams(problem: Problem, x: Array) -> tuple[str, ...]:
                 "ends"
             )
     return tuple(sentences)
+
+
+def friction_of(problem: Problem, p: Passage, q: Array, t: float) -> float:
+    """The coefficient of friction of an impact."""
+    return float(problem.model.with_friction_at(q, t=t).hit_friction[p.tangent])
 
 
 def response(problem: Problem, p: Passage, q: Array, t: float) -> Array:
@@ -99,7 +105,7 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     pushed, normal, tangential = held_responses(model, p.holding, q, D, t)
     rates, A = _rates(problem, p, (q, v, t)), D @ pushed
     e = float(model.coefficients(problem.restitution_values, q, v, t)[p.surface])
-    mu = float(model.hit_friction[p.tangent])
+    mu = friction_of(problem, p, q, t)
     lam = _impulses(p, rates, A, (e, mu))
     if p.returns:
         hit = returned(rates, A, mu, e, float(model.tangential_restitution[p.tangent]))

@@ -77,7 +77,10 @@ class ReferenceValues:
             return [_real(row[j]) for j, row in enumerate(values)]
 
         self.coefficients = coefficients
-        self.tau, self.mu, self.e_t = numbers(f.tau), numbers(f.mu), numbers(f.e_t)
+        self.tau, self.e_t = numbers(f.tau), numbers(f.e_t)
+        varies = [bool(mu.free_symbols & {*f.q, *f.v, *f.u, f.t, *f.x}) for mu in f.mu]
+        self.constant = numbers([0 * mu if v else mu for mu, v in zip(f.mu, varies, strict=True)])
+        self.varying = numbers([mu if v else 0 * mu for mu, v in zip(f.mu, varies, strict=True)])
 
     @cached_property
     def families(self) -> dict[str, Function]:
@@ -119,6 +122,19 @@ class ReferenceValues:
             forces = x[2 * n : -2]
             return {"W_tau": [T * (b - a) for T, a, b in zip(forces, early, late, strict=True)]}
 
+        def bears(x: Vector) -> Vector:  # (q, v, u_k, u_kp1, c, N, t)
+            before, after = x[2 * n : 2 * n + m], x[2 * n + m : 2 * (n + m)]
+            c, *N = x[2 * (n + m) : -1]
+            u = [(1 - c) * a + c * b for a, b in zip(before, after, strict=True)]
+            values = self.varying([*x[: 2 * n], *u, x[-1]])
+            return [a * b for a, b in zip(N, values, strict=True)]
+
+        def bearing_work(x: Vector) -> dict[str, Vector]:  # the same, q_k, q_kp1, t_k, t_kp1
+            rest, (q_k, q_kp1, t_k, t_kp1) = x[: -2 * n - 2], _ends_in(x[-2 * n - 2 :], n)
+            early, late = (self.tau(place([*q, t])) for q, t in ((q_k, t_k), (q_kp1, t_kp1)))
+            parts = zip(bears(rest), early, late, strict=True)
+            return {"W_mu": [a * (after - before) for a, before, after in parts]}
+
         return {
             "step": self._step,
             "impact": self._energies,
@@ -153,7 +169,9 @@ class ReferenceValues:
             "slide_rate": lambda x: {"sigma": self._rates(self.tau, state(x))},
             "slip_work": slip_work,
             "traction": lambda x: {"s": pushed(self.tau, self.nt)(x)},
-            "friction": lambda _: {"mu": self.mu([mp.mpf(0)] * (2 * n + m + 1))},
+            "friction": lambda _: {"mu": self.constant([mp.mpf(0)] * (2 * n + m + 1))},
+            "bearing": lambda x: {"bears": bears(x)},
+            "bearing_work": bearing_work,
             "tangential": lambda _: {"e_t": self.e_t([mp.mpf(0)] * (2 * n + m + 1))},
             "terminal_cost": lambda x: {"Phi": self.Phi(state(x))},
         }
@@ -337,3 +355,8 @@ def _real(value: Any) -> Any:
             raise ValueError
         number = number.real
     return number
+
+
+def _ends_in(x: Vector, n: int) -> tuple[Vector, Vector, Any, Any]:
+    """(q_k, q_kp1, t_k, t_kp1) side by side."""
+    return x[:n], x[n : 2 * n], x[-2], x[-1]

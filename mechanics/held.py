@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from dmoc.codegen.kernels import Array
@@ -17,6 +19,7 @@ def held_responses(
 ) -> tuple[Array, Array, Array]:
     """Changes of the velocity (nq, m) by impulses B (m, nq) at a position, where what is closed and
     what sticks hold, and the impulses beside them of surfaces (m, nc) and tangents (m, nt)."""
+    model = model.with_friction_at(q, t=t)
     pushed, count = model.responses(q, B, t), len(holding.closed)
     normal, tangential = np.zeros((len(B), model.nc)), np.zeros((len(B), model.nt))
     if not count:
@@ -40,3 +43,14 @@ def held_responses(
     for k, s in holding.sliding:
         tangential[:, k] = -s * model.friction[k] * normal[:, model.supports[k]]
     return pushed + response[:, len(C) :] @ impulses, normal, tangential
+
+
+def unknown_in_impacts(model: Model, tangents: Iterable[int]) -> str:
+    """Why friction of some tangents has no part in an impact; empty where it has."""
+    for k in tangents:
+        if k in model.varying_friction and model.varying_friction[k]["inputs"]:
+            return (
+                f"the friction of {model.kernels.tangents[k]!r} depends on inputs, which have no "
+                "value of their own in an impact, where they may jump"
+            )
+    return ""

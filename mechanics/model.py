@@ -25,11 +25,11 @@ from numpy.typing import ArrayLike
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import columns, solved
-from dmoc.mechanics.bound_kernels import BoundKernels, Index, as_column, as_rows
-from dmoc.mechanics.contacts import RAIL
+from dmoc.mechanics.bound_kernels import as_column, as_rows
+from dmoc.mechanics.friction import FrictionModel
 
 
-class Model(BoundKernels):
+class Model(FrictionModel):
     """Kernels bound to parameter values, as functions of states and steps."""
 
     # Equations of motion --------------------------------------------------------------------------
@@ -171,60 +171,6 @@ class Model(BoundKernels):
         return np.where(by_law, own, restitution)
 
     # Friction -------------------------------------------------------------------------------------
-
-    @cached_property
-    def friction(self) -> Array:
-        """Coefficients mu of surfaces and largest forces of rails, in the order of the tangents,
-        shape (nt,)."""
-        return self.kernels.call("friction", self.par)[0][0] if self.nt else np.zeros(0)
-
-    @cached_property
-    def rough(self) -> dict[int, int]:
-        """The tangent of each surface with friction."""
-        return {j: k for k, j in enumerate(self.supports) if j != RAIL and self.friction[k] > 0}
-
-    @cached_property
-    def tangential_restitution(self) -> Array:
-        """Coefficients e_t of tangents, -1 where the model states none, shape (nt,)."""
-        if not self.kernels.has("tangential"):
-            return np.full(self.nt, -1.0)
-        return np.asarray(self.kernels.call("tangential", self.par)[0][0])
-
-    @cached_property
-    def hit_friction(self) -> Array:
-        """Coefficients of friction in hits, shape (nt,): without end where a tangent has tangential
-        restitution alone."""
-        names, without = self.kernels.tangents, self.contacts.frictionless
-        return np.array(
-            [np.inf if t in without else mu for t, mu in zip(names, self.friction, strict=True)]
-        )
-
-    @cached_property
-    def rubs_in_hits(self) -> dict[int, int]:
-        """The tangent of each surface whose hits have a tangential impulse."""
-        return {j: k for k, j in enumerate(self.supports) if j != RAIL and self.hit_friction[k] > 0}
-
-    @cached_property
-    def tangential(self) -> dict[int, int]:
-        """Those of them that have tangential restitution."""
-        stated = self.kernels.manifest.get("tangential_restitution", ())
-        return {j: k for j, k in self.rubs_in_hits.items() if self.kernels.surfaces[j] in stated}
-
-    def bearing(self, normal: Array) -> Array:
-        """What friction can hold at most beside contact forces (..., nc): mu N of surfaces, and the
-        largest force of rails, shape (..., nt)."""
-        on, rails = self._pressed
-        if rails is None:
-            return np.asarray(self.friction * normal[..., on])
-        pressed = np.append(normal, np.ones((*normal.shape[:-1], 1)), axis=-1)
-        return np.asarray(self.friction * pressed[..., rails])
-
-    @cached_property
-    def _pressed(self) -> tuple[Index, Index | None]:
-        """The surface of each tangent, and where there are rails the same with one surface more,
-        the last, for these."""
-        on = np.array(self.supports, dtype=np.intp)
-        return on, np.where(on == RAIL, self.nc, on) if (on == RAIL).any() else None
 
     def tangents(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Tangential positions tau, shape (..., nt)."""

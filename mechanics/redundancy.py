@@ -66,7 +66,7 @@ def redundancy(
 ) -> Redundancy:
     """What follows of the conditions of a mode, of whose closed surfaces some come ``first``."""
     closed = sorted(mode.closed, key=lambda j: (j not in first, j))
-    stuck = sorted(mode.sticking, key=lambda k: (not model.friction[k] > 0, k))
+    stuck = sorted(mode.sticking, key=lambda k: (not model.has_friction[k], k))
     if model.nj + len(closed) + len(stuck) < 2:
         return Redundancy()
     names = [*model.kernels.joints, *model.contacts.named(closed)]
@@ -147,6 +147,7 @@ def _with_friction(
     """Directions in which units of the forces push, with the friction of what slides, each of the
     length 1."""
     pushes, along = slopes.copy(), model.tangent_slopes(q)[:, :-1] * reach
+    model = model.with_friction_at(q)
     for k, s in mode.sliding:
         if model.supports[k] != RAIL:
             row = model.nj + list(closed).index(model.supports[k])

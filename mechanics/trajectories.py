@@ -36,6 +36,9 @@ def motion_along(
     if kernels.quantities:
         form = FORMS[controls]
         phases = [replace(p, quantities=_quantities(model, p, form)) for p in phases]
+    if model.varying_friction:
+        form = FORMS[controls]
+        phases = [replace(p, coefficients=_coefficients(model, p, form)) for p in phases]
     free = tuple(np.tile([-np.inf, np.inf], (n, 1)) for n in (model.nu, model.nq))
     input_bounds, coordinate_bounds = bounds or free
     return Trajectory(
@@ -55,7 +58,10 @@ def motion_along(
         },
         order=int(kernels.manifest["order"]),
         ignored=tuple(ignored),
-        friction=dict(zip(kernels.tangents, model.friction.tolist(), strict=True)),
+        friction={
+            name: None if np.isnan(mu) else float(mu)
+            for name, mu in zip(kernels.tangents, model.friction, strict=True)
+        },
         tangential_restitution={
             kernels.surfaces[j]: float(model.tangential_restitution[k])
             for j, k in model.tangential.items()
@@ -78,3 +84,13 @@ def _quantities(model: Model, phase: Phase, form: InputForm) -> Array:
         u = first + share * (last - first)
         parts.append(model.quantities(q, v, u, phase.t[:-1] + share * h))
     return np.stack(parts, axis=1).reshape(PARTS * phase.steps, -1)
+
+
+def _coefficients(model: Model, phase: Phase, form: InputForm) -> Array:
+    """Coefficients of friction of what rubs at the nodes of a phase, the mean of both sides where
+    inputs jump."""
+    at = form.starts(phase.steps)
+    before, after = phase.u[at + form.width], phase.u[at]
+    u = np.vstack([after[:1], (before[:-1] + after[1:]) / 2, before[-1:]])
+    mu = model.with_friction_at(phase.q, phase.v, u, phase.t).friction
+    return np.ascontiguousarray(mu[:, [model.tangent_numbers[name] for name in phase.rubbing]])

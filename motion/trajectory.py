@@ -66,6 +66,9 @@ class Phase:
         both sides.
     quantities : array of shape (3 N, nz)
         Quantities of the model at the start, in the middle and at the end of each step.
+    coefficients : array of shape (N + 1, len(rubbing))
+        Where the friction of the model varies, that of what rubs at the nodes, as in
+        :attr:`Trajectory.friction`; none otherwise.
     """
 
     t: Array
@@ -85,6 +88,7 @@ class Phase:
     tangential_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
     reaction_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
     quantities: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    coefficients: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def steps(self) -> int:
@@ -221,8 +225,9 @@ class Trajectory:
         Order of the discretisation that the motion comes from.
     ignored : tuple of str
         Surfaces that hold nothing back where no event names them.
-    friction : mapping of str to float
-        Coefficient mu of each surface with friction, largest force in newton of each rail.
+    friction : mapping of str to float or None
+        Coefficient mu of each surface with friction, largest force in newton of each rail; None
+        where it varies along the motion.
     units : mapping of str to str
         Units of coordinates and inputs, where the model names them.
     scene : Scene or None
@@ -250,7 +255,7 @@ class Trajectory:
     restitution: Mapping[str, float | None]
     order: int
     ignored: tuple[str, ...] = ()
-    friction: Mapping[str, float] = field(default_factory=dict)
+    friction: Mapping[str, float | None] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scene: Scene | None = None
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -271,8 +276,11 @@ class Trajectory:
         """Largest friction forces at the nodes of a phase, mu N of contacts and those of rails,
         shape (N + 1, len(rubbing)); NaN where the coefficient is not known."""
         normal = dict(zip(phase.closed, phase.normal.T, strict=True))
-        one = np.ones(len(phase.t))
-        limits = [self.friction.get(t, np.nan) * normal.get(t, one) for t in phase.rubbing]
+        one, mu = np.ones(len(phase.t)), phase.coefficients.T
+        if not mu.size:
+            numbers = [self.friction.get(t) for t in phase.rubbing]
+            mu = np.array([np.nan * one if x is None else x * one for x in numbers])
+        limits = [a * normal.get(t, one) for a, t in zip(mu, phase.rubbing, strict=True)]
         return np.array(limits).reshape(len(limits), len(one)).T
 
     def input_ends(self, phase: Phase) -> tuple[Array, Array]:

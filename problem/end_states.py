@@ -13,8 +13,12 @@ from dmoc.base.tolerances import KEPT, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import is_positive
 from dmoc.mechanics.contact_mode import STICK
+from dmoc.mechanics.held import unknown_in_impacts
 from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import FRICTION_WORDS
+
+# An input without a bound, where the sign of friction is looked at.
+FAR = 1e6
 
 if TYPE_CHECKING:
     from dmoc.mechanics.contact_mode import Mode
@@ -125,11 +129,12 @@ def check_contacts(problem: Problem) -> None:
     start that is off them."""
     model, kernels = problem.model, problem.kernels
     for name, value in zip(kernels.tangents, model.friction, strict=True):
-        if not value >= 0:
+        if value < 0:
             raise ProblemError(
                 f"the friction of {name!r} is {value:g}: expected 0 or a positive number; check "
                 "the parameters."
             )
+    _check_varying_friction(problem)
     check_coefficients(model, ProblemError)
     if not problem.held:
         return
@@ -139,6 +144,31 @@ def check_contacts(problem: Problem) -> None:
     _check_start_in_contact(problem)
     for i, mode in enumerate(problem.touch.modes):
         _check_independent(problem, i, mode)
+
+
+def _check_varying_friction(problem: Problem) -> None:
+    """Refuse friction that inputs within their bounds make negative, and impacts in which it would
+    depend on them."""
+    model, touch = problem.model, problem.touch
+    names, bounds = problem.kernels.inputs, problem.input_bounds
+    for k, row in model.varying_friction.items():
+        for j, side in np.ndindex(bounds.shape) if row["inputs"] else ():
+            u = np.clip(np.zeros(model.nu), *bounds.T)
+            u[j] = np.clip(bounds[j, side], -FAR, FAR)
+            value = float(model.with_friction_at(problem.start_position, u=u).friction[k])
+            if value < 0:
+                raise ProblemError(
+                    f"the friction of {row['name']!r} is {value:g} where the input {names[j]} is "
+                    f"{u[j]:g}, which its bounds allow: expected 0 or a positive number; give "
+                    f"{names[j]} bounds where it is, as bounds={{{names[j]!r}: (0, 10)}}."
+                )
+    for i in np.flatnonzero(touch.impacts):
+        rubbing = np.flatnonzero(touch.rubs_in_impact[i] | touch.passes[i])
+        if unknown := unknown_in_impacts(model, rubbing.tolist()):
+            raise ProblemError(
+                f"{unknown}: event {i + 1} ({problem.words[i]}) is one; give it friction "
+                "without inputs, or leave the impact out."
+            )
 
 
 def _check_joined(problem: Problem, end: str, boundary: Boundary) -> None:

@@ -3,7 +3,7 @@
 Values, first and second derivatives are three passes over elements.  An element is n rows of one
 kernel, whose arguments are collected from one vector, the pool::
 
-    pool = (x | y | sigma | 0 | parameters)
+    pool = (x | y | sigma | 0 | parameters | shares of a step)
 
 with the unknowns x, the multipliers y of (c | d) and the weight sigma of the cost, each multiplied
 by its unit.  Results times their factors are added to slots of the target.
@@ -55,7 +55,7 @@ class ProgramData:
     # What x, y and sigma are multiplied by (n + m + 1,): the sizes of the unknowns, the inverse
     # sizes of the constraints and that of the cost.
     unit: Array
-    pool: Array  # as it is before the first evaluation: zeros, and the parameters
+    pool: Array  # as it is before the first evaluation: zeros, parameters, and shares
     values: PassData  # to (f | c | d)
     slopes: PassData  # to the gradient of f, dense, and the entries of d(c | d)/dx
     curvatures: PassData  # to the upper triangle of the Hessian of sigma f + y . (c | d)

@@ -59,6 +59,7 @@ class Numbers:
     """The numbers of one problem."""
 
     parameters: Array  # (npar,)
+    shares: Array  # of a step, which terms may take as arguments
     constants: Array  # of all rows, (m,)
     lower: Array  # bounds of the scaled unknowns, (n,)
     upper: Array
@@ -215,7 +216,7 @@ def assembled(structure: Structure, numbers: Numbers) -> Assembled:
         lower=numbers.lower,
         upper=numbers.upper,
         unit=np.concatenate([numbers.unit, inverse[1:], inverse[:1]]),
-        pool=np.concatenate([np.zeros(n + m + 2), numbers.parameters]),
+        pool=np.concatenate([np.zeros(n + m + 2), numbers.parameters, numbers.shares]),
         values=values,
         slopes=PassData(constant, none, none, np.zeros(0), slopes),
         curvatures=PassData(zeros, none, none, np.zeros(0), curvatures),

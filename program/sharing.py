@@ -65,7 +65,7 @@ def _pushes(model: Model, mode: Mode, q: Array, t: Array) -> Array:
     normal = -model.gap_slopes(q, t)[..., :-1]
     for k, s in mode.sliding:
         if model.supports[k] != RAIL:
-            normal[:, model.supports[k]] -= s * model.friction[k] * along[:, k]
+            normal[:, model.supports[k]] -= s * model.friction[..., k, None] * along[:, k]
     held = along[:, list(mode.sticking)], model.joint_slopes(q, t)[..., :-1]
     return np.concatenate([normal[:, list(mode.closed)], *held], axis=1)
 
@@ -78,7 +78,7 @@ def _spread(model: Model, mode: Mode, change: Array) -> Forces:
     tangential[:, list(mode.sticking)] = change[:, held[0] : held[1]]
     for k, s in mode.sliding:
         if model.supports[k] != RAIL:
-            tangential[:, k] = -s * model.friction[k] * normal[:, model.supports[k]]
+            tangential[:, k] = -s * model.friction[..., k] * normal[:, model.supports[k]]
     return Forces(normal, tangential, change[:, held[1] :])
 
 

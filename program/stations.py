@@ -53,6 +53,11 @@ class Stations:
         return rows % (self.scheme.degree + 1) if self.own else np.zeros_like(rows)
 
     @cached_property
+    def within(self) -> Array:
+        """The place of each in its step, from 0 to 1."""
+        return np.asarray(np.sort(self.scheme.nodes)[self._number])
+
+    @cached_property
     def place(self) -> Index:
         return self.step * self.scheme.degree + self._number if self.own else self._shared
 

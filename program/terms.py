@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dmoc.base.discretisation import Discretisation
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.layout import Layout
@@ -49,11 +50,17 @@ class Term:
 @dataclass(frozen=True, eq=False)
 class Places:
     """Positions of arguments in the pool; ``zero`` is that of a zero, ``nc`` the number of
-    surfaces."""
+    surfaces, ``constants`` the position of the first of the shares of a step."""
 
     lay: Layout
     zero: int
     nc: int
+    constants: int
+
+    def number(self, shares: Array) -> Index:
+        """Positions of numbers that are among the shares of a step."""
+        off = np.abs(shares_of(self.lay.scheme)[:, None] - shares.ravel())
+        return np.asarray(self.constants + off.argmin(axis=0).reshape(shares.shape))
 
     def step(self, steps: Index) -> tuple[Index, ...]:
         """(q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of some steps."""
@@ -81,6 +88,11 @@ class Places:
     def known(self, index: Index) -> Index:
         """Unknowns where there are some, zeros elsewhere."""
         return np.where(index == NOWHERE, self.zero, index)
+
+
+def shares_of(scheme: Discretisation) -> Array:
+    """Places in a step that are numbers in the pool: its nodes, and the middle."""
+    return np.append(scheme.nodes, 0.5)
 
 
 def like(rows: Index) -> Index:

@@ -35,7 +35,7 @@ from dmoc.program.laws.laws import Laws, laws_of, rows_follow_from
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.structure_cache import Recent, Structures
-from dmoc.program.terms import Places
+from dmoc.program.terms import Places, shares_of
 
 # Unknowns of a program whose structure is remembered.
 MOST_SHARED = 20_000
@@ -122,8 +122,8 @@ class Transcription(Evaluator):
             for row, constant in law.constants():
                 constants[row] = constant
         numbers = Numbers(
-            self.par[0], constants, self.lower, self.upper, self.unit, self.row_unit[:m],
-            self.scale.cost,
+            self.par[0], shares_of(self.layout.scheme), constants, self.lower, self.upper,
+            self.unit, self.row_unit[:m], self.scale.cost,
         )  # fmt: skip
         return assembled(self.structure, numbers)
 
@@ -131,7 +131,9 @@ class Transcription(Evaluator):
         laws, kernels, m = self.laws, self.kernels, self.laws.n_eq + self.laws.n_in
         entries = chain.from_iterable(law.entries(laws) for law in laws)
         linear = Linear(*(np.concatenate(part) for part in zip(*entries, strict=True)))
-        places = Places(self.layout, self.n + m + 1, len(kernels.surfaces))
+        places = Places(
+            self.layout, self.n + m + 1, len(kernels.surfaces), self.n + m + 2 + self.par.shape[1]
+        )
         terms = chain.from_iterable(law.terms(places, laws) for law in laws)
         entering = [term for term in terms if kernels.has(term.kernel) and term.enters]
         unknowns = dict(zip(self.problem.design, self.layout.index_design.tolist(), strict=True))

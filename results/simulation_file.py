@@ -43,7 +43,8 @@ class Together:
         together |= {
             name: np.concatenate([np.ravel(getattr(p, name)) for p in value]) for name in FORCES
         }
-        together["quantities"] = np.concatenate([p.quantities.ravel() for p in value])
+        for name in ("quantities", "coefficients"):
+            together[name] = np.concatenate([getattr(p, name).ravel() for p in value])
         modes = {name: [getattr(p, name) for p in value] for name in FORCES.values()}
         return PHASES.write(together | modes | {"nodes": [len(p.t) for p in value]}, where, put)
 
@@ -62,7 +63,13 @@ class Together:
         rows["quantities"] = [
             a.reshape(PARTS * (n - 1), -1) for a, n in zip(parts, nodes, strict=True)
         ]
-        names = (*ROWS, *FORCES.values(), *FORCES, "quantities")
+        rows["coefficients"] = [np.zeros((0, 0))] * len(nodes)
+        if table["coefficients"].size:
+            widths = np.array([len(mode) for mode in table["rubbing"]], dtype=int)
+            parts = np.split(table["coefficients"], np.cumsum(nodes * widths)[:-1])
+            shapes = zip(parts, nodes, widths, strict=True)
+            rows["coefficients"] = [a.reshape(n, w) for a, n, w in shapes]
+        names = (*ROWS, *FORCES.values(), *FORCES, "quantities", "coefficients")
         columns = (rows.get(name, table.get(name)) for name in names)
         return tuple(
             Phase(**dict(zip(names, fields, strict=True))) for fields in zip(*columns, strict=True)
@@ -82,6 +89,8 @@ def _wrong_phases(rows: dict[str, Any]) -> str | None:
         widths = map(len, rows[modes])
         if sum(n * width for n, width in zip(nodes, widths, strict=True)) != len(rows[name]):
             return f"its phases have other {name} forces than declared"
+    if len(rows["coefficients"]) not in (0, len(rows["tangential"])):
+        return "its phases have other coefficients of friction than declared"
     return None
 
 
@@ -110,6 +119,7 @@ PHASES = Record(
         "joints": Listed(Listed(Name())),
         "reaction": Stored(None),
         "quantities": Stored(None),
+        "coefficients": Stored(None),
     },
     _wrong_phases,
 )
@@ -142,7 +152,7 @@ SIMULATION = Record(
     },
     _wrong,
 )
-FORMAT, OLDEST = 6, 4  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 7, 4  # the format that is written, and the oldest that is read
 
 
 def _as_now(header: Any) -> Any:
@@ -155,7 +165,7 @@ def _as_now(header: Any) -> Any:
             lacking: dict[str, Any] = {
                 "limits": {}, "quantities": [], "totals": {}, "tangential_restitution": {},
             }  # fmt: skip
-            parts = {"phases": {"quantities": [0], **phases}}
+            parts = {"phases": {"quantities": [0], "coefficients": [0], **phases}}
             now = {**rest, "trajectory": lacking | motion | parts}
             return {**header, "simulation_format": FORMAT, "simulation": now}
     return header

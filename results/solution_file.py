@@ -39,7 +39,7 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import Status
 
-FORMAT, OLDEST = 15, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 16, 6  # the format that is written, and the oldest that is read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 # What files of older formats lack, with the values there: of a solution, of its motion, of phases
 # and collisions.
@@ -49,7 +49,8 @@ LACKING: Mapping[str, Any] = {
     "tangential_restitution": {},
 }  # fmt: skip
 LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
-    "phases": {f"{name}_inside": [0, 0] for name in INSIDE} | {"quantities": [0, 0]},
+    "phases": {f"{name}_inside": [0, 0] for name in INSIDE}
+    | {"quantities": [0, 0], "coefficients": [0, 0]},
     "collisions": {"course": ""},
 }
 
@@ -160,6 +161,8 @@ def _wrong_contacts(phase: Phase) -> str | None:
             none = {(0, 0)} if not (names and places) else set()
             if rows.shape not in {(places, len(names))} | none:
                 return f"a phase has forces of shape {rows.shape} for {len(names)} contacts"
+    if phase.coefficients.shape not in {(0, 0), (len(phase.t), len(phase.rubbing))}:
+        return f"a phase has coefficients of friction of shape {phase.coefficients.shape}"
     return None
 
 
@@ -180,6 +183,7 @@ PHASE = Record(
         "reaction": Stored(None, None),
         **{f"{name}_inside": Stored(None, None) for name in INSIDE},
         "quantities": Stored(None, None),
+        "coefficients": Stored(None, None),
     },
     _wrong_contacts,
 )
@@ -238,7 +242,7 @@ TRAJECTORY = Record(
         "restitution": Mapped(Either(Nothing(), Number(0.0, 1.0)), names=Name()),
         "order": Choice(ORDERS),
         "ignored": Listed(Name()),
-        "friction": Mapped(Number(0.0), names=Name()),
+        "friction": Mapped(Either(Nothing(), Number(0.0)), names=Name()),
         "tangential_restitution": Mapped(Number(-1.0, 1.0), names=Name()),
         "units": Mapped(Text(), names=Name()),
         "scene": Either(Nothing(), SCENE),

@@ -90,7 +90,12 @@ def _stated(motion: Trajectory) -> Iterator[tuple[Cell, ...]]:
     yield "restitution", restitution or "no surfaces"
     for what in ("friction", "tangential restitution"):
         if values := getattr(motion, what.replace(" ", "_")):
-            yield what, ", ".join(f"{name} {x:g}" for name, x in values.items())
+            yield (
+                what,
+                ", ".join(
+                    f"{name} varies" if x is None else f"{name} {x:g}" for name, x in values.items()
+                ),
+            )
     if motion.ignored:
         yield "ignored", ", ".join(motion.ignored)
     steps = " + ".join(str(phase.steps) for phase in motion.phases)

@@ -126,9 +126,10 @@ def _modes(relaxed: Relaxed) -> list[Mode]:
     closed = P / s.lam > away / s.gap
     slid = np.diff(model.tangents(q, t), axis=0) * steps / (s.slide * s.time)
     bears = np.zeros_like(T)
-    h = x[lay.index_h][lay.phase_of_step] * steps
+    h, u = x[lay.index_h][lay.phase_of_step] * steps, x[lay.index_u[lay.row_u_k]]
+    mu = model.with_friction_at(q[:-1], u=u, t=t[:-1]).friction
     for k, j in enumerate(lay.touch.contacts.supports):
-        bears[:, k] = model.friction[k] * (h if j == RAIL else P[:, j])
+        bears[:, k] = mu[..., k] * (h if j == RAIL else P[:, j])
     room = (bears - np.abs(T)) / s.friction
     signs = np.where(np.abs(slid) > room, np.sign(slid), STICK).astype(int)
     modes = []

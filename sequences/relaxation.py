@@ -80,12 +80,16 @@ class Relaxation:
         """What no sequence says: surfaces with restitution are hit, others close; where the model
         has tangents, or something is closed at the start, all surfaces may close.  Beside what is
         closed at the start surfaces with friction are feet, which land."""
-        contacts, mode, mu = problem.touch.contacts, problem.touch.modes[0], problem.model.friction
+        contacts, mode, rubs = (
+            problem.touch.contacts,
+            problem.touch.modes[0],
+            problem.model.has_friction,
+        )
         lasts, e = bool(contacts.tangents) or not mode.free, problem.restitution_values
         can = [contacts.surface_numbers[s] for s in settings.surfaces if s not in problem.ignored]
         closing = tuple(j for j in can if lasts or e[j] == 0)  # a law is no number
         on = (RAIL, *closing)
-        rubbing = tuple(k for k, j in enumerate(contacts.supports) if j in on and mu[k] > 0)
+        rubbing = tuple(k for k, j in enumerate(contacts.supports) if j in on and rubs[k])
         feet = (*mode.closed, *problem.model.rough) if mode.closed else ()
         mirrors = tuple(j for j in can if e[j] != 0 and j not in feet)
         return cls(problem, Open(closing, rubbing, mode.closed), mirrors)

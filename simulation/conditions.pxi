@@ -13,17 +13,20 @@ cdef class Conditions:
     cdef object kernels
     cdef bint ready  # for joints, and modes with contacts or friction
     cdef ptrdiff_t nq, nu, nc, nt, nj, capacity
-    cdef Rows surface, tangent, gap_rate, slide_rate
+    cdef Rows surface, tangent, gap_rate, slide_rate, bearing
     cdef Rows gap_rate_jac, slide_rate_jac, joint, joint_rate, joint_rate_jac
-    cdef double[::1] par, t
+    cdef double[::1] par, t, u
     cdef ptrdiff_t[::1] pivot  # of the masses at one state
     # Conditions of the mode, those of closed contacts, of what sticks and of joints: their number,
-    # their gradients C and the directions B of their pushes at one state, what sliding tangents
-    # push by, and the places of surfaces and tangents; joints are the last.
+    # their gradients C and the directions B of their pushes at one state, and the places of
+    # surfaces and tangents; joints are the last.
     cdef ptrdiff_t m, closed, sticking, sliding
     cdef ptrdiff_t[::1] closed_at, sticks_at, slides_at, presses, support, exchange
     cdef ptrdiff_t[::1] gamma_row, gamma_column, sigma_row, sigma_column, phi_row, phi_column
-    cdef double[::1] mu, push, gamma_D, sigma_D, phi_D, g, tau, phi, C, B, along, bent, lam, change
+    # Coefficients of friction of rows of states, and which of them vary; directions of sliding.
+    cdef double[::1] mu, varied, pressed, way
+    cdef ptrdiff_t[::1] varies
+    cdef double[::1] gamma_D, sigma_D, phi_D, g, tau, phi, C, B, along, bent, lam, change
     cdef double[::1] responses, A, scaled, V, unit, wanted, spare
 
     def __init__(self, kernels, par):
@@ -58,7 +61,12 @@ cdef class Conditions:
             places = kernels.pattern("slide_rate_jac", "sigma_D")
             self.sigma_row, self.sigma_column = map(np.array, places)
             par = np.asarray(self.par)[None, : self.par.shape[0] - 1]
-            self.mu = np.array(kernels.call("friction", np.array(par))[0][0])
+            mu = np.array(kernels.call("friction", np.array(par))[0][0])
+            self.mu, self.varied = np.tile(mu, rows), _space(rows * self.nt)
+            varying = kernels.manifest.get("varying_friction", ())
+            names = [contacts.tangent_numbers[row["name"]] for row in varying]
+            self.varies, self.pressed = np.array(names, dtype=np.intp), np.ones(self.nt)
+            self.bearing = Rows(kernels, "bearing") if names else None
         if self.nj:
             self.joint, self.joint_rate, self.joint_rate_jac = (
                 Rows(kernels, name) for name in ("joint", "joint_rate", "joint_rate_jac")
@@ -74,7 +82,7 @@ cdef class Conditions:
         self.responses = _space(2 * most * nq)
         self.A, self.scaled, self.V = (_space(most * most) for _ in range(3))
         self.bent, self.wanted, self.unit, self.spare = (_space(most) for _ in range(4))
-        self.change, self.push = _space(nq), _space(self.nt)
+        self.change, self.way = _space(nq), _space(self.nt)
         self.closed_at, self.sticks_at, self.slides_at, self.presses, self.exchange = (
             np.zeros(n + 1, dtype=np.intp) for n in (self.nc, self.nt, self.nt, self.nt, most)
         )
@@ -101,7 +109,7 @@ cdef class Conditions:
         for i, k in enumerate(sticking):
             self.sticks_at[k] = self.closed + i
         for i, (k, s) in enumerate(sliding):
-            self.slides_at[k], self.push[i] = i, -s * self.mu[k]
+            self.slides_at[k], self.way[i] = i, s
             self.presses[i] = self.closed_at[self.support[k]] if self.support[k] >= 0 else -1
             if self.presses[i] < 0 <= self.support[k]:
                 raise ValueError("expected closed surfaces under what slides")
@@ -111,6 +119,8 @@ cdef class Conditions:
         cdef const double *args[DMOC_MOST]
         cdef ptrdiff_t stride[DMOC_MOST]
         cdef double *results[DMOC_MOST]
+        if (self.sticking or self.sliding) and self.varies.shape[0]:
+            self.rub(n, width, y)
         args[0], args[1], args[2], args[3] = y, y + self.nq, &self.t[0], &self.par[0]
         stride[0], stride[1], stride[2], stride[3] = width, width, 1, 0
         if self.closed:
@@ -122,6 +132,24 @@ cdef class Conditions:
         if self.nj:
             results[0] = &self.phi_D[0]
             self.joint_rate_jac.run(n, args, stride, results)
+        return 0
+
+    cdef int rub(self, ptrdiff_t n, ptrdiff_t width, const double *y) except -1 nogil:
+        """Evaluate the coefficients of friction that vary, at n rows with the inputs u."""
+        cdef const double *args[DMOC_MOST]
+        cdef ptrdiff_t stride[DMOC_MOST]
+        cdef double *results[DMOC_MOST]
+        cdef double between = 0.0
+        cdef ptrdiff_t i, k
+        args[0], args[1], args[2], args[3] = y, y + self.nq, &self.u[0], &self.u[0]
+        args[4], args[5], args[6], args[7] = &between, &self.pressed[0], &self.t[0], &self.par[0]
+        stride[0], stride[1], stride[2], stride[3] = width, width, self.nu, self.nu
+        stride[4], stride[5], stride[6], stride[7] = 0, 0, 1, 0
+        results[0] = &self.varied[0]
+        self.bearing.run(n, args, stride, results)
+        for k in range(self.varies.shape[0]):
+            for i in range(n):
+                self.mu[i * self.nt + self.varies[k]] = self.varied[i * self.nt + self.varies[k]]
         return 0
 
     cdef void conditions(self, ptrdiff_t i, const double *v, double *F) noexcept nogil:
@@ -151,12 +179,18 @@ cdef class Conditions:
             self.enter(p, self.phi_column[e], self.phi_D[i * self.phi_row.shape[0] + e], v)
         for e in range(self.m * nq):
             self.B[e] = -self.C[e] if e < self.closed * nq else self.C[e]
-        for p in range(self.sliding):
-            for c in range(nq):
+        for e in range(self.nt if self.sliding else 0):
+            p = self.slides_at[e]
+            for c in range(nq if p >= 0 else 0):
                 if self.presses[p] >= 0:
-                    self.B[self.presses[p] * nq + c] += self.push[p] * self.along[p * nq + c]
+                    self.B[self.presses[p] * nq + c] -= self.drag(i, e) * self.along[p * nq + c]
                 elif F != NULL:
-                    F[c] += self.push[p] * self.along[p * nq + c]
+                    F[c] -= self.drag(i, e) * self.along[p * nq + c]
+
+    cdef double drag(self, ptrdiff_t i, ptrdiff_t tangent) noexcept nogil:
+        """Friction against the direction of a tangent that slides in row i, of what a unit of
+        force presses."""
+        return self.way[self.slides_at[tangent]] * self.mu[i * self.nt + tangent]
 
     cdef void enter(self, ptrdiff_t p, ptrdiff_t c, double x, const double *v) noexcept nogil:
         """A derivative of the rate of condition p by entry c of (q, v, t)."""
@@ -223,14 +257,15 @@ cdef class Conditions:
 
     cdef double contact_power(self, ptrdiff_t i, const double *v) noexcept nogil:
         """Power of contact and friction forces of row i, whose conditions were the last."""
-        cdef ptrdiff_t p, c
+        cdef ptrdiff_t p, c, k
         cdef double power = 0.0
         for c in range(self.nq):
             for p in range(self.m):
                 power += self.lam[i * self.m + p] * self.B[p * self.nq + c] * v[c]
-            for p in range(self.sliding):
-                if self.presses[p] < 0:
-                    power += self.push[p] * self.along[p * self.nq + c] * v[c]
+            for k in range(self.nt if self.sliding else 0):
+                p = self.slides_at[k]
+                if p >= 0 and self.presses[p] < 0:
+                    power -= self.drag(i, k) * self.along[p * self.nq + c] * v[c]
         return power
 
     cdef void spread(self, ptrdiff_t i, double *normal, double *tangential) noexcept nogil:
@@ -246,4 +281,4 @@ cdef class Conditions:
                 tangential[j] = lam[self.sticks_at[j]]
             elif self.slides_at[j] >= 0:
                 p = self.presses[self.slides_at[j]]
-                tangential[j] = self.push[self.slides_at[j]] * (lam[p] if p >= 0 else 1.0)
+                tangential[j] = -self.drag(i, j) * (lam[p] if p >= 0 else 1.0)

@@ -14,6 +14,7 @@ from dmoc.base.errors import SimulationError
 from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, STICK, Mode
+from dmoc.mechanics.held import unknown_in_impacts
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import Reaction, conditions
 from dmoc.simulation.hit_coefficients import hit_coefficients, several_by_law
@@ -50,6 +51,11 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
     q, v = at.y[:nq], at.y[nq : 2 * nq]
     rates = model.gap_rates(q, v, at.t)
     on = [int(j) for j in np.flatnonzero(model.gaps(q, at.t) >= -at.small.gap)]
+    if unknown := unknown_in_impacts(model, (model.rough[j] for j in on if j in model.rough)):
+        raise SimulationError(
+            f"{unknown}: there is one at t = {at.t:.6g} s; stop before it, or give the surface "
+            "friction without inputs."
+        )
     hit = [j for j in on if rates[j] > at.small.rate[j]]
     e, dies = _effective(model, at, reaction, restitution, h)
     if returning := [j for j in hit if j in model.tangential and not dies[j]]:

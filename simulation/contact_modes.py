@@ -64,7 +64,7 @@ def conditions(model: Model, mode: Mode, q: Array, t: Array) -> Conditions:
     pushes = -normals[:, closed]
     for k, s in mode.sliding:
         if at[k] != RAIL:
-            pushes[:, closed.index(at[k])] -= s * model.friction[k] * along[:, k]
+            pushes[:, closed.index(at[k])] -= s * model.friction[..., k, None] * along[:, k]
     held = along[:, list(mode.sticking)], model.joint_slopes(q, t)[..., :-1]
     return Conditions(
         np.concatenate([normals[:, closed], *held], axis=1),
@@ -229,7 +229,7 @@ def limits(
     :func:`kept`; ``react`` is the reaction of an integrator."""
     nq, (y, u, t) = model.nq, rows
     q, v = (np.ascontiguousarray(y[:, i * nq : (i + 1) * nq]) for i in (0, 1))
-    reaction = react(mode, y, u, t)
+    reaction, model = react(mode, y, u, t), model.with_friction_at(q, v, u, t)
     return kept(model, mode, borne(model, mode, reaction, q, t), q, v, t)
 
 

@@ -23,7 +23,7 @@ from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import FRICTION_WORDS, Collision
 from dmoc.simulation.contact_impacts import struck
 from dmoc.simulation.contact_modes import borne, limits, slack
-from dmoc.simulation.mode_choice import Hints, Place, Setting, mode_at
+from dmoc.simulation.mode_choice import Hints, Place, Setting, mode_at, with_friction
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.tolerances import Reach, reached, tolerances
 
@@ -122,8 +122,10 @@ def nodes(
 def node(setting: Setting, mode: Mode, y: Array, u: Array, t: float) -> ContactState:
     """A state with the forces of its mode."""
     model, times = setting.model, np.array([t])
+    q, v = np.split(y[None, : 2 * model.nq], 2, axis=1)
     reaction = setting.integrator.reaction(mode, y[None], u[None], times)
-    reaction = borne(model, mode, reaction, y[None, : model.nq], times)
+    there = model.with_friction_at(q, v, u[None], times)
+    reaction = borne(there, mode, reaction, q, times)
     return ContactState(t, y, reaction.normal[0], reaction.tangential[0])
 
 
@@ -316,6 +318,7 @@ class _ContactFlow:
         """The limits of the mode at states at later times."""
         setting = self.setting
         u = np.repeat(self.place.u[None], len(times), axis=0)
+        with_friction(setting.model, rows, u, times, self.mode.closed)
         return limits(setting.model, setting.integrator.reaction, self.mode, (rows, u, times))
 
     def first(self, end: float, rows: Array) -> tuple[float, int] | None:

@@ -3,7 +3,7 @@
 cdef class Dynamics(Conditions):
     """The equations of motion of one model in a mode."""
     cdef Rows dynamics, force, residual_jac
-    cdef double[::1] at, rates, u, mass, f, Q, power, R_D, G
+    cdef double[::1] at, rates, mass, f, Q, power, R_D, G
     cdef ptrdiff_t[::1] pivots, R_row, R_column
     # Places (n, nt) that what sticks keeps, and which of them are those of the rows.
     cdef const double[:, ::1] held

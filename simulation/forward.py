@@ -109,7 +109,7 @@ def simulate(
     run = _SimulationTask(model, u, h, every)
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
         _check_start(model, q, v)
-        if model.friction.any() or model.tangential or model.nj:
+        if model.has_friction.any() or model.tangential or model.nj:
             states = run.recorded(q, model.momentum(q, v))
             journal = _through_contacts(run, e, q, v, 0, states)
         else:
@@ -136,7 +136,9 @@ def _notes(model: Model, marks: list[ModeChange]) -> Iterator[str]:
     """What the laws of contact and friction do not determine, each mode once."""
     for mode, mark in {mark.mode: mark for mark in reversed(marks)}.items():
         at = mark.after
-        closed, stuck = names_without_effect(model, mode, at.y[: model.nq], at.t)
+        q = at.y[: model.nq]
+        there = model.with_friction_at(q[None], t=at.t)
+        closed, stuck = names_without_effect(there, mode, q, at.t)
         forces = [
             f"{what} of {' and '.join(map(repr, names))}"
             for what, names in (("the contact forces", closed), ("the friction", stuck))

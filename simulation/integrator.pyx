@@ -167,10 +167,12 @@ cdef class Integrator(Method):
                 rest = 1.0
                 if self.sticks_at[j] >= 0:
                     p = self.closed_at[self.support[j]] if self.support[j] >= 0 else -1
-                    rest = self.mu[j] * (self.lam[i * self.m + p] if p >= 0 else 1.0)
+                    rest = self.mu[i * self.nt + j] * (self.lam[i * self.m + p] if p >= 0 else 1.0)
                     rest -= fabs(self.lam[i * self.m + self.sticks_at[j]])
                 elif self.slides_at[j] >= 0:
-                    rest = -self.push[self.slides_at[j]] * self.tau[i * self.nt + j]
+                    rest = self.way[self.slides_at[j]] * self.tau[i * self.nt + j]
+                    if self.mu[i * self.nt + j] < 0:
+                        return False
                 if not rest > 0:
                     return False
         return True

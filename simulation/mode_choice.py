@@ -72,6 +72,30 @@ class Hints:
     slipping: tuple[tuple[int, int], ...] = ()
 
 
+def with_friction(model: Model, y: Array, u: Array, t: Array, on: Sequence[int]) -> Model:
+    """The model with its friction at rows of states (q | v).
+
+    Raises
+    ------
+    SimulationError
+        If that of a rail, or of a surface that is touched, is negative or not a number.
+    """
+    q, v = (np.ascontiguousarray(part) for part in np.split(y[:, : 2 * model.nq], 2, axis=1))
+    model = model.with_friction_at(q, v, u, t)
+    for k in model.varying_friction:
+        row = int(np.argmin(model.friction[:, k]))
+        value = model.friction[row, k]
+        if not value >= 0 and model.supports[k] in (RAIL, *on):
+            place = zip(model.kernels.coordinates, q[row], strict=True)
+            shown = ", ".join(f"{name} = {x:.6g}" for name, x in place)
+            raise SimulationError(
+                f"the friction of {model.kernels.tangents[k]!r} is {value:.6g} at t = "
+                f"{t[row]:.6g} s, {shown}: expected 0 or a positive number; state an expression "
+                "that stays there, or change inputs and parameters."
+            )
+    return model
+
+
 Trial = Callable[[Mode, tuple[int, ...]], bool]
 
 
@@ -92,9 +116,10 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
     SimulationError
         If none obeys the laws of contact and friction.
     """
-    model, integrator, nq = setting.model, setting.integrator, setting.model.nq
-    on = touched(model, at)
+    integrator, nq = setting.integrator, setting.model.nq
+    on = touched(setting.model, at)
     q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
+    model = with_friction(setting.model, at.y[None], at.u[None], t, on)
     bends = model.gap_accelerations(q, v, t)[0], model.slide_accelerations(q, v, t)[0]
     slopes = model.gap_slopes(q, t)[0, :, :-1], model.tangent_slopes(q, t)[0, :, :-1]
     sigma = model.slide_rates(q, v, t)[0]
@@ -165,7 +190,7 @@ def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow |
     times their rates, and the others plastic; None where no combination obeys the laws."""
     nq = model.nq
     q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
-    M = model.mass(q, t)
+    model, M = model.with_friction_at(q, t=t), model.mass(q, t)
     rates, sigma = model.gap_rates(q, v, t)[0], model.slide_rates(q, v, t)[0]
     wanted = -(1 + e * (rates > at.small.rate)) * rates
     slopes = model.gap_slopes(q, t)[0, :, :-1], model.tangent_slopes(q, t)[0, :, :-1]
@@ -198,7 +223,7 @@ def _borne(
 ) -> bool:
     """Whether no contact pulls and all that sticks is held."""
     normal, tangential = forces
-    bears = model.bearing(normal)
+    bears = model.bearing(normal).reshape(model.nt)
     return bool((normal >= -small).all()) and all(
         abs(tangential[k]) <= bears[k] + slack[k] for k in mode.sticking
     )
@@ -210,7 +235,7 @@ def _first(
 ) -> Mode | None:  # fmt: skip
     """The first combination that holds; those of the hints come first, then what sticks."""
     at = model.supports
-    rubs = [k for k, j in enumerate(at) if rails and j == RAIL and model.friction[k] > 0]
+    rubs = [k for k, j in enumerate(at) if rails and j == RAIL and model.has_friction[k]]
     options = [_options(j, model.rough.get(j), sigma, small, hints) for j in on]
     options += [_signs(k, sigma, small, hints) for k in rubs]
     keys = [*[model.rough.get(j, RAIL) for j in on], *rubs]

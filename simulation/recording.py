@@ -162,7 +162,8 @@ def _joint_forces(run: Run, mode: Mode, y: Array, u: Array, t: Array) -> Array:
         return np.zeros((0, 0))
     integrator = Setting(run.model, run.restitution, run.step_size).integrator
     reaction = integrator.reaction(mode, y, u, t)
-    return borne(run.model, mode, reaction, np.ascontiguousarray(y[:, : run.model.nq]), t).joint
+    q, v = (np.ascontiguousarray(part) for part in np.split(y, 2, axis=1))
+    return borne(run.model.with_friction_at(q, v, u, t), mode, reaction, q, t).joint
 
 
 def _inputs(run: Run, t: Array) -> Array:

@@ -81,7 +81,7 @@ def _completed(
 def _may_touch(problem: Problem) -> bool:
     """Whether something may touch of which a problem without a sequence says nothing."""
     open_ones = {*problem.kernels.surfaces} - {*problem.ignored}
-    return not problem.sequence and bool(open_ones or (problem.model.friction > 0).any())
+    return not problem.sequence and bool(open_ones or problem.model.has_friction.any())
 
 
 def _refined(problem: Problem, guess: InitialGuess, request: Request, first: Solution) -> Solution:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.guess.hits import response
+from dmoc.guess.hits import friction_of, response
 from dmoc.mechanics.contact_mode import STICK
 from dmoc.program.blocks import Index
 from dmoc.program.hit_stages import STOP, Passage
@@ -86,7 +86,7 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
         elif passage.friction[-1] == STICK:  # no touch is next to it: some sliding comes back
             return []
         else:
-            mu = float(model.friction[passage.tangent])
+            mu = friction_of(nlp.problem, passage, q, t)
             inertia = _closing(response(nlp.problem, passage, q, t), mu, passage.friction[-1])
         row = nlp.laws.impact.energy.index[i]
         return [e * float(duals.y[row]) * size / nlp.row_unit[row] + by_impulse * size / inertia]
@@ -102,7 +102,7 @@ def _by_poisson(
 ) -> list[float]:
     """Slopes for a hit with friction; none where the law lets no hit go this way."""
     (by_impulse, by_unknown), (q, t, e) = slope, impact
-    A, mu = response(nlp.problem, p, q, t), float(nlp.problem.model.friction[p.tangent])
+    A, mu = response(nlp.problem, p, q, t), friction_of(nlp.problem, p, q, t)
     first, last = (_closing(A, mu, friction) for friction in (p.friction[0], p.friction[-1]))
     size = float(nlp.scale.rate[p.surface])
     if STOP not in p.moments:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from dmoc.symbolic.continuous import (
@@ -83,13 +84,70 @@ def tangent_kernels(f: Continuous) -> list[KernelSpec]:
             {"W_tau": [a * (late - early) for a, early, late in slipped]},
             par,
         ),
+        *_friction_kernels(f),
+    ]
+
+
+def _friction_kernels(f: Continuous) -> list[KernelSpec]:
+    """Kernels of the coefficients of friction: of all that are constant along a motion, and, where
+    some are not, of what they bear at a state.
+
+    ``c`` is the place between two inputs, in [0, 1]; N what each tangent is pressed with.
+    """
+    q, v, _, t, par = state_inputs(f)
+    graph = f.L.graph
+    constant = [graph.zero if varies(f, mu) else mu for mu in f.mu]
+    kernels = [
         KernelSpec(
             "friction",
-            "Coefficients of friction of surfaces, largest forces of rails.",
+            "Coefficients of friction of surfaces, largest forces of rails; 0 where they vary.",
             (par,),
-            (Output.vector("mu", f.mu),),
+            (Output.vector("mu", constant),),
+        )
+    ]
+    if not any(varies(f, mu) for mu in f.mu):
+        return kernels
+    (c,) = (place := Input.vector(graph, "c", 1)).symbols
+    sides = [Input.vector(graph, f"u_{k}", len(f.u)) for k in ("k", "kp1")]
+    between = {
+        s: (1 - c) * a + c * b
+        for s, a, b in zip(f.u, *(side.symbols for side in sides), strict=True)
+    }
+    N, bears = Input.vector(graph, "N", len(f.tau)), []
+    for load, mu in zip(N.symbols, f.mu, strict=True):
+        bears.append(load * mu.subs(between) if varies(f, mu) else graph.zero)
+    ends = _ends_of_step(f)
+    moved = [_at(f, tau, ends[1]) - _at(f, tau, ends[0]) for tau in f.tau]
+    state = (q, v, *sides, place, N, t)
+    step = (ends[0][0], ends[1][0], ends[0][1], ends[1][1])
+    return [
+        *kernels,
+        *family(
+            "bearing",
+            "What friction holds whose coefficients vary, mu_j N_j.",
+            state,
+            {"bears": bears},
+            par,
+        ),
+        *family(
+            "bearing_work",
+            "The same times how far their tangents slide in a step.",
+            (*state, *step),
+            {"W_mu": [a * b for a, b in zip(bears, moved, strict=True)]},
+            par,
         ),
     ]
+
+
+def varying(f: Continuous, tangents: Sequence[str]) -> tuple[list[str], list[Any]]:
+    """The tangents whose friction varies, and their coefficients."""
+    pairs = [(name, mu) for name, mu in zip(tangents, f.mu, strict=True) if varies(f, mu)]
+    return [name for name, _ in pairs], [mu for _, mu in pairs]
+
+
+def varies(f: Continuous, mu: Any) -> bool:
+    """Whether a coefficient of friction varies along a motion."""
+    return bool(mu.free_symbols & {*f.q, *f.v, *f.u, f.t})
 
 
 def joint_kernels(f: Continuous) -> list[KernelSpec]:

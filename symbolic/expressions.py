@@ -157,7 +157,6 @@ REMEDIES = {
     ("surface", "inputs"): "; a limit of an input is a bound or a path constraint",
     ("Lagrangian", "inputs"): "; inputs enter through `forces`",
     ("restitution", "velocities"): "; the speed of the hit is dmoc.approach_speed",
-    ("friction", ""): "; friction that changes along the way is a smooth expression in `forces`",
 }
 
 

@@ -16,7 +16,7 @@ import sympy as sp
 
 from dmoc.base.discretisation import DISCRETISATIONS, known_order
 from dmoc.base.names import name_of
-from dmoc.symbolic.contact_kernels import joint_kernels, surface_kernels, tangent_kernels
+from dmoc.symbolic.contact_kernels import joint_kernels, surface_kernels, tangent_kernels, varying
 from dmoc.symbolic.continuous import (
     Continuous,
     dot,
@@ -48,7 +48,7 @@ from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 from dmoc.symbolic.traversal import operations
 
-FORMAT = 15  # of the facts and the kernel list
+FORMAT = 16  # of the facts and the kernel list
 # Operations of the second derivatives of a Lagrangian at all points of a step, and elsewhere, from
 # which on it is a function of its own.
 LARGE_STEP, LARGE = 500, 600
@@ -162,13 +162,14 @@ def _facts(
     }
     without = [name for name in system.tangents if name not in system.friction]
     more = {"without_friction": without, "quantities": path_rows(f, list(system.quantities), f.z)}
+    more["varying_friction"] = path_rows(f, *varying(f, list(system.tangents)))
     facts = {
         "format": FORMAT,
         "key": model_key(system, order),
         "order": order,
         "explicit_time": any(
             f.t in e.free_symbols
-            for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.phi, *f.e, *f.z, *f.c)
+            for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.mu, *f.phi, *f.e, *f.z, *f.c)
         ),
         "title": _title(system),
         "coordinates": [name_of(q) for q in system.coordinates],

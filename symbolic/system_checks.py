@@ -184,7 +184,8 @@ def _check_symbols(system: MechanicalSystem) -> None:
             raise ModelError(
                 f"parameter {symbol} is used nowhere in model {system.name!r}: remove it or use it."
             )
-    in_forces: set[Any] = set().union(*(atoms_of(e) for e in system.forces.values()))
+    acts = (*system.forces.values(), *system.friction.values())
+    in_forces: set[Any] = set().union(*map(atoms_of, acts))
     for u in system.inputs:
         if u not in in_forces:
             raise ModelError(
@@ -207,7 +208,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("path constraint {!r}", system.path_functions, KINDS),
         ("constraint {!r}", system.constraints, PLACE),
         ("the tangent of {!r}", system.tangents, PLACE),
-        ("the friction of {!r}", system.friction, ("parameters",)),
+        ("the friction of {!r}", system.friction, (*PLACE, "inputs")),
         ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),
         ("quantity {!r}", system.quantities, KINDS),
         ("the tangential restitution of {!r}", system.tangential_restitution, ("parameters",)),
@@ -229,6 +230,8 @@ def _check_kinks(system: MechanicalSystem) -> None:
         check_smooth(place, f"constraint {name!r}", kinks=True)
     for name, value in system.quantities.items():
         check_smooth(value, f"quantity {name!r}", kinks=True)
+    for name, mu in system.friction.items():
+        check_smooth(mu, f"the friction of {name!r}", kinks=True)
     for q, force in system.forces.items():
         check_smooth(force, f"the force on {name_of(q)}")
     split(system)

@@ -632,4 +632,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 27}),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "0b62463c6336136663d6a35cb0732344bbcdaf6044b5229f98ec2bebe1aa9499", 37, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "064f12f4e2d85b428a6dd939eb49f6c9ce1df72506a42e0de1f383276c94c37b", 37, entries};

@@ -529,4 +529,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 34}),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "7e3fa6815dc7cea2c317db70e5bed458a5a4cd8b8776e08607259c9f17633c4c", 37, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "ff1a0defd965faa3a6bce7aa416f4d585fd3b440fb6dc506188a796faeddc279", 37, entries};

@@ -44,6 +44,7 @@ from dmoc.program.blocks import (
     sizes_of,
     two_sided,
 )
+from dmoc.program.coefficients import Product, at_nodes, entries_of, terms_of
 from dmoc.program.laws.law import INPUT, Law, Pivot, key
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
@@ -65,7 +66,8 @@ class ComplementarityLaw(Law):
     ----------
     lay : Layout
     mu : array, shape (nt,)
-        Coefficients of friction of surfaces, largest forces of rails.
+        Coefficients of friction of surfaces, largest forces of rails; not a number where they
+        vary.
     e : array, shape (nc,)
         Coefficients of restitution, not a number where the law of the model says them.
     eps : float
@@ -193,6 +195,7 @@ class ComplementarityLaw(Law):
             Term("surface", (lay.index_q[:1], t[:1]), (self.closed.index,)),
             Term("gap_work", (lay.index_q[late], P, t_late), (self.pressing.index,)),
             *self._slides(places, T),
+            *terms_of(self.mu, self._holding, at_nodes(lay), places),
             *self._hits(places),
         ]
 
@@ -220,30 +223,46 @@ class ComplementarityLaw(Law):
         lay, late, rows = self.lay, self._next, self.dissipation.index
         ends = lay.index_q[late - 1], lay.index_q[late]
         when = places.times(late - 1), places.times(late)
+        *state, at = at_nodes(lay)(np.arange(lay.total + 1), places)
         for side, sign in enumerate((1.0, -1.0)):
             yield Term("slip_work", (*ends, T, *when), (rows[:, :, side],), -1.0)
             for t in self._open.tangents:
-                for limit, factor in self._bearing(t):
+                for limit, factor in self._pressed(t):
                     alone = np.full(T.shape, places.zero)
                     alone[:, t] = places.known(limit)
                     own = np.full(T.shape, NOWHERE)
                     own[:, t] = rows[:, t, side]
-                    yield Term("slip_work", (*ends, alone, *when), (own,), -sign * factor[:, None])
+                    factors = -sign * factor[:, None]
+                    if np.isnan(self.mu[t]):
+                        arguments = (*state, alone, at, *ends, *when)
+                        yield Term("bearing_work", arguments, (own,), factors)
+                    else:
+                        factors = self.mu[t] * factors
+                        yield Term("slip_work", (*ends, alone, *when), (own,), factors)
 
-    def _bearing(self, t: int) -> Iterator[tuple[Index, Array]]:
-        """What friction can hold at the nodes: unknowns and their factors."""
-        lay, surface, mu = self.lay, self.lay.touch.contacts.supports[t], float(self.mu[t])
+    @property
+    def _holding(self) -> Iterator[Product]:
+        """What friction holds, in the rows of cones."""
+        at = np.arange(self.lay.total + 1)
+        for t in self._open.tangents:
+            for side in range(2):
+                for limit, factor in self._pressed(t):
+                    yield Product(t, at, self.cone.index[:, t, side], limit, factor)
+
+    def _pressed(self, t: int) -> Iterator[tuple[Index, Array]]:
+        """What presses a tangent at the nodes: unknowns and their factors."""
+        lay, surface = self.lay, self.lay.touch.contacts.supports[t]
         if surface != RAIL:
             struck, of = np.full(lay.total + 1, NOWHERE), lay.touch.surfaces == surface
             struck[lay.collision_nodes[of]] = lay.impact.lam[of]
             for impulses in (lay.relaxed.P_r[:, surface], struck):
-                yield impulses, np.full(lay.total + 1, mu)
+                yield impulses, np.ones(lay.total + 1)
             return
         h, none = lay.index_h[lay.phase_of_step], np.full(1, NOWHERE)
         before, after = np.concatenate([none, h]), np.concatenate([h, none])
         same = before == after  # one unknown, which a row has once
-        yield np.where(same, NOWHERE, before), np.full(lay.total + 1, mu / 2)
-        yield after, np.where(same, mu, mu / 2)
+        yield np.where(same, NOWHERE, before), np.full(lay.total + 1, 0.5)
+        yield after, np.where(same, 1.0, 0.5)
 
     # Linear rows and pivots -----------------------------------------------------------------------
 
@@ -258,12 +277,10 @@ class ComplementarityLaw(Law):
         for t in self._open.tangents:
             for side, sign in enumerate((1.0, -1.0)):
                 rows = self.cone.index[:, t, side]
-                own = self.lay.relaxed.T_r[:, t], np.full(len(rows), sign)
-                parts = [own, *self._bearing(t)]
-                for unknowns, factor in parts:
-                    at = (rows != NOWHERE) & (unknowns != NOWHERE)
-                    entries.append((rows[at], unknowns[at], factor[at]))
-        return entries
+                at = rows != NOWHERE
+                T = self.lay.relaxed.T_r[at, t]
+                entries.append((rows[at], T, np.full(int(at.sum()), sign)))
+        return [*entries, *entries_of(self.mu, self._holding)]
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
         """Impulses belong to their nodes, as inputs do."""

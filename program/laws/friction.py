@@ -47,6 +47,7 @@ from dmoc.program.blocks import (
     two_sided,
 )
 from dmoc.program.bound_kinds import BoundKind
+from dmoc.program.coefficients import Product, at_events, at_stations, entries_of, terms_of
 from dmoc.program.hit_stages import STOP
 from dmoc.program.interior import bound_once
 from dmoc.program.laws.contact import ContactLaw
@@ -70,7 +71,8 @@ class FrictionLaw(Law):
     contact : ContactLaw
         The law of the contacts at which it rubs.
     mu : array, shape (nt,)
-        Coefficients of friction of surfaces, largest forces of rails.
+        Coefficients of friction of surfaces, largest forces of rails; not a number where they
+        vary.
     """
 
     contact: ContactLaw
@@ -214,7 +216,7 @@ class FrictionLaw(Law):
     def _grips(self) -> Bools:
         """Tangents that stick with friction, shape (phases, nt): the cone of those without has no
         interior, and bounds say T = 0."""
-        return np.asarray(self.touch.sticks & (self.mu > 0))
+        return np.asarray(self.touch.sticks & (self.mu != 0))
 
     @property
     def _slides_freely(self) -> Bools:
@@ -244,6 +246,8 @@ class FrictionLaw(Law):
             *self._at_ends(places),
             *self._at_nodes(places),
             *self._directions(places),
+            *terms_of(self.mu, self._along, at_stations(self.lay), places),
+            *terms_of(self.mu, self._in_impacts, at_events(self.lay), places),
         ]
 
     def _at_events(self, places: Places, momentum: Index) -> Iterator[Term]:
@@ -298,43 +302,46 @@ class FrictionLaw(Law):
 
     def entries(self, laws: Laws) -> list[Entries]:
         """Entries of the rows that say how large friction is: sliding, and cones."""
-        lay, touch = self.lay, self.touch
-        if touch.free:
+        lay = self.lay
+        if self.touch.free:
             return []
-        entries: list[Entries] = []
-        phase, sides = self.along.at.phase, np.array([1.0, -1.0])
-        share = self.along.at.share
-        events = touch.rubs_in_impact
-        for t, surface in enumerate(touch.contacts.supports):
-            along = np.flatnonzero(touch.rubs[phase, t])
-            if surface == RAIL:
-                limit, factor = lay.index_h[phase[along]], self.mu[t] * share[along]
-            else:
-                limit = lay.contact.P[along, surface]
-                factor = np.full(len(along), self.mu[t])
-            signs = touch.signs[phase[along], t]
-            entries += _friction(
-                (lay.contact.T[along, t], limit, factor, signs),
-                (self.sliding.index[along, t], self.cone.index[along, t]),
-                sides,
-            )
-            if surface == RAIL:
-                continue
-            at = np.flatnonzero(events[:, t])
-            normal = np.where(
-                lay.touch.surfaces[at] == surface, lay.impact.lam[at], lay.contact.P_c[at, surface]
-            )
-            entries += _friction(
-                (
-                    lay.contact.T_c[at, t],
-                    normal,
-                    np.full(len(at), self.mu[t]),
-                    touch.signs[at + 1, t],
-                ),
-                (self.slides.index[at, t], self.cone_of_impact.index[at, t]),
-                sides,
-            )
-        return entries
+        of_T: list[Entries] = []
+        for T, slides, cone in (
+            (lay.contact.T, self.sliding.index, self.cone.index),
+            (lay.contact.T_c, self.slides.index, self.cone_of_impact.index),
+        ):
+            for rows, sign in ((slides, 1.0), (cone[..., 0], -1.0), (cone[..., 1], 1.0)):
+                there = rows != NOWHERE
+                of_T.append((rows[there], T[there], np.full(int(there.sum()), sign)))
+        return [*of_T, *entries_of(self.mu, (*self._along, *self._in_impacts))]
+
+    @property
+    def _along(self) -> Iterator[Product]:
+        """What friction holds along phases, in the rows of sliding and of cones."""
+        lay, phase, share = self.lay, self.along.at.phase, self.along.at.share
+        at = np.arange(len(phase))
+        for k, surface in enumerate(self.touch.contacts.supports):
+            rail = surface == RAIL
+            limit = lay.index_h[phase] if rail else lay.contact.P[:, surface]
+            factor = share if rail else np.ones(len(at))
+            signs = self.touch.signs[phase, k]
+            yield Product(k, at, self.sliding.index[:, k], limit, signs * factor)
+            for side in range(2):
+                yield Product(k, at, self.cone.index[:, k, side], limit, factor)
+
+    @property
+    def _in_impacts(self) -> Iterator[Product]:
+        """The same in impacts."""
+        lay, touch = self.lay, self.touch
+        at = np.arange(len(touch.events))
+        for k, surface in enumerate(touch.contacts.supports):
+            if surface != RAIL and len(at):
+                hit = touch.surfaces == surface
+                normal = np.where(hit, lay.impact.lam, lay.contact.P_c[:, surface])
+                yield Product(k, at, self.slides.index[:, k], normal, touch.signs[1:, k])
+                for side in range(2):
+                    cone = self.cone_of_impact.index[:, k, side]
+                    yield Product(k, at, cone, normal, np.ones(len(at)))
 
     # Edges and pivots -----------------------------------------------------------------------------
 
@@ -370,23 +377,3 @@ class FrictionLaw(Law):
         if not self.touch.free:
             unknowns = self.lay.contact
             yield from self.along.loose(unknowns.T, unknowns.T_c, self.settled.sticks)
-
-
-def _friction(
-    law: tuple[Index, Index, Array, Array], rows: tuple[Index, Index], sides: Array
-) -> list[Entries]:
-    """T + s factor limit = 0 in rows of sliding, factor limit -+ T >= 0 in the two rows of a
-    cone."""
-    (T, limit, factor, signs), (sliding, cone) = law, rows
-    slides = sliding != NOWHERE
-    entries = [
-        (sliding[slides], T[slides], np.ones(int(slides.sum()))),
-        (sliding[slides], limit[slides], (signs * factor)[slides]),
-    ]
-    for side, sign in enumerate(sides):
-        sticks = cone[:, side] != NOWHERE
-        entries += [
-            (cone[sticks, side], T[sticks], np.full(int(sticks.sum()), -sign)),
-            (cone[sticks, side], limit[sticks], factor[sticks]),
-        ]
-    return entries

@@ -26,7 +26,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contacts import RAIL
 from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Index, Numbering, two_sided
+from dmoc.program.coefficients import Product, at_events, entries_of, terms_of
 from dmoc.program.hit_stages import MOMENTS, STOP, HeldUnknowns, moment
 from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
@@ -164,36 +166,48 @@ class HeldLaw(Law):
                 q, t = lay.index_q[nodes[here]], places.times(nodes[here])
                 state = q, lay.hit.v_h[here, STOP], t
                 terms.append(Term("slide_rate", state, (rows[here],), sign))
-        return terms
+        return [*terms, *terms_of(self.mu, self._holding, at_events(lay), places)]
 
     def entries(self, laws: Laws) -> list[Entries]:
         """Entries of the linear rows: friction of what slides, and how impulses grow until sliding
         stops, and after it."""
         if not self.lay.hit.passages:
             return []
-        contact, held = self.lay.contact, self.unknowns
-        P, T = (held.P_b[:, STOP], contact.P_c), (held.T_b[:, STOP], contact.T_c)
-        on = np.array(self.lay.touch.contacts.supports, dtype=np.intp)
-        rubs = self.mu * self.lay.touch.signs[1:]
-        rows = self.drags.index
+        rows, T_b = self.drags.index, self.unknowns.T_b
         there = rows != NOWHERE
-        entries: list[Entries] = [
-            (rows[there], held.T_b[there], np.ones(int(there.sum()))),
-            (
-                rows[there],
-                held.P_b[:, :, on][there],
-                np.broadcast_to(rubs[:, None], rows.shape)[there],
-            ),
-        ]
+        entries: list[Entries] = [(rows[there], T_b[there], np.ones(int(there.sum())))]
         for of in range(len(PARTS)):
-            rows, ones = self.presses.index[:, of], np.ones_like(self.presses.index[:, of])
-            entries += _growth(rows, P, of, ones.astype(float))
-            for side, sign in enumerate((-1.0, 1.0)):
-                rows = self.grips.index[:, of, :, side]
-                mu = np.broadcast_to(self.mu, rows.shape)
-                entries += _growth(rows, tuple(p[:, on] for p in P), of, mu)
-                entries += _growth(rows, T, of, np.full(rows.shape, sign))
-        return entries
+            for rows, unknown, sign in _growth(self.presses.index[:, of], self._P, of):
+                there = (rows != NOWHERE) & (unknown != NOWHERE)
+                entries.append((rows[there], unknown[there], np.full(int(there.sum()), sign)))
+            for side, way in enumerate((-1.0, 1.0)):
+                T = self.unknowns.T_b[:, STOP], self.lay.contact.T_c
+                for rows, unknown, sign in _growth(self.grips.index[:, of, :, side], T, of):
+                    there = (rows != NOWHERE) & (unknown != NOWHERE)
+                    factors = np.full(int(there.sum()), way * sign)
+                    entries.append((rows[there], unknown[there], factors))
+        return [*entries, *entries_of(self.mu, self._holding)]
+
+    @property
+    def _P(self) -> tuple[Index, Index]:
+        """Normal impulses until sliding stops, and of the whole impact, shape (events, nc)."""
+        return self.unknowns.P_b[:, STOP], self.lay.contact.P_c
+
+    @property
+    def _holding(self) -> Iterator[Product]:
+        """What friction holds: mu P_b of what slides, and mu dP in the rows of cones."""
+        at = np.arange(len(self.lay.touch.events))
+        for k, j in enumerate(self.lay.touch.contacts.supports):
+            if j == RAIL or not self.lay.hit.passages:
+                continue
+            signs = self.lay.touch.signs[1:, k]
+            for m in range(len(MOMENTS)):
+                yield Product(k, at, self.drags.index[:, m, k], self.unknowns.P_b[:, m, j], signs)
+            P = tuple(impulses[:, j] for impulses in self._P)
+            for of in range(len(PARTS)):
+                for side in range(2):
+                    for rows, unknown, sign in _growth(self.grips.index[:, of, k, side], P, of):
+                        yield Product(k, at, rows, unknown, np.full(len(at), sign))
 
     # Pivots ---------------------------------------------------------------------------------------
 
@@ -214,10 +228,10 @@ class HeldLaw(Law):
 
 
 def _growth(
-    rows: Index, impulses: tuple[Index, ...], part: int, factor: Array
-) -> Iterator[Entries]:
-    """Entries of what impulses, until sliding stops and in all, grow by in one of the parts."""
+    rows: Index, impulses: tuple[Index, ...], part: int
+) -> Iterator[tuple[Index, Index, float]]:
+    """Rows, unknowns and signs of what impulses, until sliding stops and in all, grow by in one of
+    the parts."""
     at_stop, whole = impulses
     for unknown, sign in ((at_stop, -1.0), (whole, 1.0)) if part else ((at_stop, 1.0),):
-        there = (rows != NOWHERE) & (unknown != NOWHERE)
-        yield rows[there], unknown[there], sign * factor[there]
+        yield rows, unknown, sign

@@ -43,7 +43,18 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import STICK
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import LAW, NOWHERE, Block, Bools, Entries, Missed, Numbering, in_columns
+from dmoc.program.blocks import (
+    LAW,
+    NOWHERE,
+    Block,
+    Bools,
+    Entries,
+    Index,
+    Missed,
+    Numbering,
+    in_columns,
+)
+from dmoc.program.coefficients import Product, at_events, entries_of, terms_of
 from dmoc.program.hit_stages import END, MOMENTS, STAGES, STOP, Passage, moment
 from dmoc.program.laws.impact import ImpactLaw, restitution_of
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
@@ -240,7 +251,7 @@ class HitLaw(Law):
                 rows = np.where(signs[:, side] == sign, self.heads.index[:, side], NOWHERE)
                 place = in_columns(rows, rubbed, len(self.mu))
                 terms.append(Term("slide_rate", (q, v, t), (place,), sign))
-        return terms
+        return [*terms, *terms_of(self.mu, self._holding, at_events(lay), places)]
 
     @property
     def _by_event(self) -> list[Passage | None]:
@@ -264,32 +275,42 @@ class HitLaw(Law):
                         np.array([1.0 if np.isnan(self.e[i]) else 1 + self.e[i], -1.0]),
                     )
                 )
-            entries += self._of_stages(p)
-        return entries
+            P, T = self._impulses(p)
+            for k in range(len(p.friction)):
+                bears = self.bears.index[i, k]
+                for row, at, sign in (
+                    (self.slips.index[i, k], T, 1.0),
+                    (self.share.index[i, k], P, 1.0),
+                    (bears[0], T, -1.0),
+                    (bears[1], T, 1.0),
+                ):
+                    ends = at[[k + 1, k]]
+                    there = (ends != NOWHERE) & (row != NOWHERE)
+                    factors = sign * np.array([1.0, -1.0])[there]
+                    entries.append((np.full(int(there.sum()), row), ends[there], factors))
+        return [*entries, *entries_of(self.mu, self._holding)]
 
-    def _of_stages(self, p: Passage) -> Iterator[Entries]:
-        """Entries of the rows that say how large the impulses of stages are."""
-        i, lay, mu = p.event, self.lay, float(self.mu[p.tangent])
-        P = [NOWHERE, *lay.hit.P_h[i, list(p.moments)], lay.impact.lam[i]]
-        T = [NOWHERE, *lay.hit.T_h[i, list(p.moments)], lay.contact.T_c[i, p.tangent]]
-        for k, s in enumerate(p.friction):
-            dP = [(P[k + 1], 1.0), (P[k], -1.0)]
-            dT = [(T[k + 1], 1.0), (T[k], -1.0)]
-            rows = [
-                (self.slips.index[i, k], 1.0, s * mu),
-                (self.share.index[i, k], 0.0, 1.0),
-                (self.bears.index[i, k, 0], -1.0, mu),
-                (self.bears.index[i, k, 1], 1.0, mu),
-            ]
-            for number, by_T, by_P in rows:
-                parts = [(at, f * by_P) for at, f in dP] + [(at, f * by_T) for at, f in dT if by_T]
-                used = [(at, f) for at, f in parts if at != NOWHERE]
-                if number != NOWHERE:
-                    yield (
-                        np.full(len(used), number),
-                        np.array([at for at, _ in used]),
-                        np.array([f for _, f in used]),
-                    )
+    def _impulses(self, p: Passage) -> tuple[Index, Index]:
+        """Impulses P and T until each moment and of the whole impact, nowhere at its begin."""
+        i, lay, moments = p.event, self.lay, list(p.moments)
+        P = [NOWHERE, *lay.hit.P_h[i, moments], lay.impact.lam[i]]
+        return np.array(P), np.array(
+            [NOWHERE, *lay.hit.T_h[i, moments], lay.contact.T_c[i, p.tangent]]
+        )
+
+    @property
+    def _holding(self) -> Iterator[Product]:
+        """What friction holds in stages: mu dP in the rows of sliding and of cones."""
+        for p in self.passages:
+            i, (P, _) = p.event, self._impulses(p)
+            for k, s in enumerate(p.friction):
+                for row, sign in (
+                    (self.slips.index[i, k], float(s)), (self.bears.index[i, k, 0], 1.0),
+                    (self.bears.index[i, k, 1], 1.0),
+                ):  # fmt: skip
+                    rows, at = np.full(2, row), np.full(2, i)
+                    factors = sign * np.array([1.0, -1.0])
+                    yield Product(p.tangent, at, rows, P[[k + 1, k]], factors)
 
     # Pivots ---------------------------------------------------------------------------------------
 

@@ -30,6 +30,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import STICK
 from dmoc.program.blocks import LAW, NOWHERE, Block, Bools, Entries, Missed, Numbering, in_columns
+from dmoc.program.coefficients import Product, at_events, entries_of, terms_of
 from dmoc.program.hit_stages import END, Passage
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
 from dmoc.program.layout import Layout
@@ -107,7 +108,7 @@ class TangentialLaw(Law):
     def inequalities(self, block: Numbering) -> None:
         """The last axis of ``holds`` are the two sides of the cone."""
         rubbed, tangents = self.lay.hit.rubbed, self.lay.touch.contacts.tangents
-        limited = [p for p in self.passages if self.mu[p.tangent] < np.inf]
+        limited = [p for p in self.passages if self.mu[p.tangent] != np.inf]
         holds = self._mask(p for p in limited if p.friction[-1] == STICK) & ~self.touching
         slides = self._mask(p for p in limited if p.friction[-1] != STICK)
         self.holds = block(
@@ -132,26 +133,40 @@ class TangentialLaw(Law):
         at = lay.index_q[nodes], places.known(lay.hit.v_h[:, END]), places.times(nodes)
         gap = in_columns(self.stops.index[:, GAP], lay.hit.hit, places.nc)
         slide = in_columns(self.stops.index[:, SLIDE], lay.hit.rubbed, len(self.mu))
-        return [Term("gap_rate", at, (gap,)), Term("slide_rate", at, (slide,))]
+        rubs = terms_of(self.mu, self._holding, at_events(lay), places)
+        return [Term("gap_rate", at, (gap,)), Term("slide_rate", at, (slide,)), *rubs]
 
     def entries(self, laws: Laws) -> list[Entries]:
-        return [row for p in self.passages for row in self._of_hit(p)]
+        own = [row for p in self.passages for row in self._of_hit(p)]
+        return [*own, *entries_of(self.mu, self._holding)]
 
     def _of_hit(self, p: Passage) -> Iterator[Entries]:
-        """Entries of the rows of one hit, all of which are linear in its impulses."""
-        i, mu, s = p.event, float(self.mu[p.tangent]), p.friction[-1]
-        lam, T_c = self.lay.impact.lam[i], self.lay.contact.T_c[i, p.tangent]
-        T_h, back = self.lay.hit.T_h[i, END], 1 + float(self.e_t[p.tangent])
-        rows = {int(self.returns.index[i]): [(T_c, 1.0), (lam, s * mu) if s else (T_h, -back)]}
-        if self.touching[i]:
-            rows = {int(self.returns.index[i]): [(T_c, 1.0)]}
-        for side, sign in enumerate((-1.0, 1.0)):
-            rows[int(self.holds.index[i, side])] = [(T_c, sign), (lam, mu)]
-        rows[int(self.slides.index[i])] = [(T_h, -s * back), (lam, -mu)]
-        for row, parts in rows.items():
+        """Entries of the tangential impulses of one hit."""
+        i, s = p.event, p.friction[-1]
+        T_c, T_h = self.lay.contact.T_c[i, p.tangent], self.lay.hit.T_h[i, END]
+        back = 1 + float(self.e_t[p.tangent])
+        sticks = not (s or self.touching[i])
+        for row, unknown, factor in (
+            (self.returns.index[i], T_c, 1.0),
+            (self.returns.index[i] if sticks else NOWHERE, T_h, -back),
+            (self.holds.index[i, 0], T_c, -1.0),
+            (self.holds.index[i, 1], T_c, 1.0),
+            (self.slides.index[i], T_h, -s * back),
+        ):
             if row != NOWHERE:
-                unknowns, factors = zip(*parts, strict=True)
-                yield np.full(len(parts), row), np.array(unknowns), np.array(factors)
+                yield np.array([row]), np.array([unknown]), np.array([factor])
+
+    @property
+    def _holding(self) -> Iterator[Product]:
+        """What friction holds, mu lam, in the rows of hits that it limits."""
+        for p in self.passages:
+            i, s = p.event, float(p.friction[-1])
+            if self.mu[p.tangent] == np.inf:
+                continue
+            slides = self.returns.index[i] if s and not self.touching[i] else NOWHERE
+            rows = np.array([slides, *self.holds.index[i], self.slides.index[i]])
+            at, lam = np.full(4, i), np.full(4, self.lay.impact.lam[i])
+            yield Product(p.tangent, at, rows, lam, np.array([s, 1.0, 1.0, -1.0]))
 
     # Pivots ---------------------------------------------------------------------------------------
 

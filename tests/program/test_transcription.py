@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
-from systems import driven_system, landing_system, rod_system
+from systems import driven_system, landing_system, rod_system, slippery_rod_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -66,7 +66,9 @@ def driven_problem(order: int, controls: str | None = None) -> dmoc.Problem:
     )  # fmt: skip
 
 
-def rod_problem(periodic: bool, order: int = 2) -> dmoc.Problem:
+def rod_problem(
+    periodic: bool, order: int = 2, system: dmoc.MechanicalSystem | None = None
+) -> dmoc.Problem:
     """Contacts that land, stay, leave, stick, slide and turn, a hit beside them, several at once; a
     start that is known and one that is not."""
     sequence = [
@@ -80,7 +82,7 @@ def rod_problem(periodic: bool, order: int = 2) -> dmoc.Problem:
         sequence = ["right:stick rail:slip+", "-right", "+right +left:slip-"]
         start = {"s": 0.1, "x": 0.0, "a": None}
     return dmoc.Problem(
-        dmoc.build(rod_system(), order=order), start=start,
+        dmoc.build(system or rod_system(), order=order), start=start,
         contacts=["right:slip+"] if periodic else ["left", "rail:slip+"], sequence=sequence,
         goal={} if periodic else {"x": 0.2, "s_dot": 0.0},
         via=None if periodic else [{"y": (0.0, 2.0)}, None, {"x": 0.1}, None],
@@ -107,7 +109,7 @@ def joint_problem(periodic: bool, order: int = 2) -> dmoc.Problem:
     )  # fmt: skip
 
 
-def hit_problem(order: int) -> dmoc.Problem:
+def hit_problem(order: int, system: dmoc.MechanicalSystem | None = None) -> dmoc.Problem:
     """Hits with friction in all ways, and landings that turn and stop, of a rod with a rail, also
     while its other end holds; of a puck without anything that lasts."""
     if order != 2:
@@ -117,7 +119,7 @@ def hit_problem(order: int) -> dmoc.Problem:
             final_time=(0.5, 2.0), restitution=0.5,
         )  # fmt: skip
     return dmoc.Problem(
-        dmoc.build(rod_system()),
+        dmoc.build(system or rod_system()),
         start={"x": 0.0, "y": 1.0, "a": (0.1, 1.0), "s": 0.0, "x_dot": None},
         sequence=[
             "left:slip+:stick rail:slip+", "right:slip-:slip+:late", "left:slip-",
@@ -128,10 +130,12 @@ def hit_problem(order: int) -> dmoc.Problem:
     )  # fmt: skip
 
 
-def tangential_problem() -> dmoc.Problem:
+def tangential_problem(slippery: bool = False) -> dmoc.Problem:
     """Hits with tangential restitution that stick, with friction or without, and slide."""
     system = landing_system()
     x, y, *_ = system.coordinates
+    if slippery:
+        system = replace(system, friction={"floor": system.friction["floor"] * (2 + sp.sin(x))})
     system = replace(
         system,
         surfaces={**system.surfaces, "wall": x <= 2},
@@ -185,6 +189,8 @@ def rebound_problem() -> dmoc.Problem:
         *("driven, design", "driven, design, order 4", "driven, design, scaled"),
         *("contacts, design", "contacts, design, order 4", "joints, periodic, design"),
         *("relaxed, moving, design", "rebound, design"),
+        *(f"slippery contacts, order {order}" for order in (2, 4, 6)),
+        *("slippery hits", "slippery tangential", "slippery relaxed"),
     ],
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
@@ -202,18 +208,20 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
     if request.param.startswith("relaxed, moving"):
         moving = driven_problem(2).but(design=design)
         return Transcription(relaxed(moving, Open((0, 1)), ["side"], 3, 0.5))
-    if request.param.startswith("relaxed"):
-        rod = rod_problem("periodic" in request.param)
+    slippery = slippery_rod_system() if "slippery" in request.param else None
+    if "relaxed" in request.param:
+        rod = rod_problem("periodic" in request.param, system=slippery)
         return Transcription(relaxed(rod, Open((0, 1), (0, 1, 2), (1,)), ["wall"], 3, 0.5))
     order = int(request.param[-1]) if "order" in request.param else 2
-    if request.param.startswith("contacts"):
-        return Transcription(rod_problem("periodic" in request.param, order).but(design=design))
+    if "contacts" in request.param:
+        rod = rod_problem("periodic" in request.param, order, slippery)
+        return Transcription(rod.but(design=design))
     if request.param.startswith("joints"):
         return Transcription(joint_problem("periodic" in request.param, order).but(design=design))
-    if request.param == "tangential":
-        return Transcription(tangential_problem())
-    if request.param.startswith("hits"):
-        return Transcription(hit_problem(4 if "4" in request.param else 2))
+    if "tangential" in request.param:
+        return Transcription(tangential_problem(bool(slippery)))
+    if "hits" in request.param:
+        return Transcription(hit_problem(4 if "4" in request.param else 2, slippery))
     if "4" in request.param:
         return Transcription(small(dmoc.load("cart_pendulum", order=4), None))
     return Transcription(

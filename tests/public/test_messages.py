@@ -99,7 +99,7 @@ ModelError: rubbing(...)
     tangents={"rail": X} | has a tangent but no friction
     tangents={"rail": F}, friction={"rail": F} | contains no coordinate
     tangents={"rail": X}, friction={"rail": -1} | expected 0 or a positive
-    tangents={"rail": X}, friction={"rail": X} | the friction of 'rail' contains
+    tangents={"rail": X}, friction={"rail": X.diff()} | the friction of 'rail' contains
 ProblemError: back(...)
     sequence=["floor:slip+:stick:late"], restitution=0 | leave out ':late'
     sequence=["floor:stick"], parameters={"mu": 0} | the friction of 'floor' is 0

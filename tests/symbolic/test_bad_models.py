@@ -241,13 +241,7 @@ ALONE = "coordinates, the time and parameters alone"
         (
             {"tangents": {"r": x}, "friction": {"r": 1 + sp.exp(-(V**2))}},
             "the friction of 'r' contains Derivative(x(t), t), one of the velocities: expected "
-            "parameters alone; friction that changes along the way is a smooth expression in "
-            "`forces`.",
-        ),
-        (
-            {"tangents": {"r": x}, "friction": {"r": 1 + x}},
-            "the friction of 'r' contains x(t), one of the coordinates: expected parameters "
-            "alone; friction that changes along the way is a smooth expression in `forces`.",
+            "coordinates, the time, parameters and inputs alone.",
         ),
         (
             {"lagrangian": m * V**2 / 2 + x * u},

@@ -65,6 +65,18 @@ def test_discrete_momenta_and_energies_are_those_of_the_motion() -> None:
     assert zero(of(e.e_minus) + energy.subs(t, 0))
 
 
+def test_a_brake_acts_at_a_node_as_a_force_of_its_inputs() -> None:
+    """{varying-friction}: -s mu h with the mean of the inputs of both steps, of a rail with the
+    largest force 2 u, is what the steps make of the force -2 s u."""
+    q, u = dynamicsymbols("q u")
+    system = dmoc.MechanicalSystem("braked", [q], q.diff() ** 2 / 2, inputs=[u], forces={q: -2 * u})
+    e = step_element(readable(system), 2, sp.Symbol, sp.sympify)
+    before, after = sp.symbols("u_before u_after")
+    at_end = e.fd_plus[0].subs(e.u_kp1[0], before)
+    at_start = e.fd_minus[0].subs(e.u_k[0], after)
+    assert zero(at_end + at_start + 2 * e.h * (before + after) / 2)
+
+
 def test_the_action_of_two_steps_is_stationary_where_their_momenta_agree() -> None:
     """{del}: the derivative of the sum of two actions in the node between, with its virtual
     work."""

@@ -1,0 +1,107 @@
+"""The friction of a model: its coefficients, which may vary along a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import copy
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.bound_kernels import BoundKernels, Index, as_column
+from dmoc.mechanics.contacts import RAIL
+
+
+class FrictionModel(BoundKernels):
+    """Kernels bound to parameter values, and coefficients of friction."""
+
+    @cached_property
+    def friction(self) -> Array:
+        """Coefficients mu of surfaces and largest forces of rails, in the order of the tangents,
+        shape (nt,); not a number where they vary, (..., nt) of :meth:`with_friction_at`."""
+        if not self.nt:
+            return np.zeros(0)
+        mu = np.array(self.kernels.call("friction", self.par)[0][0])
+        mu[list(self.varying_friction)] = np.nan
+        return mu
+
+    @cached_property
+    def varying_friction(self) -> dict[int, Mapping[str, Any]]:
+        """The tangents whose friction varies along a motion, and what it depends on."""
+        rows = self.kernels.manifest.get("varying_friction", ())
+        return {self.tangent_numbers[row["name"]]: row for row in rows}
+
+    def with_friction_at(
+        self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
+    ) -> Self:
+        """The same model with the friction that it has at a state, or at rows of states."""
+        if not self.varying_friction:
+            return self
+        u, one, varies = self._input(u), np.ones((1, self.nt)), list(self.varying_friction)
+        state = (self._state(v), u, u, np.zeros((1, 1)), one, as_column(t))
+        friction = np.broadcast_to(self.friction, (*q.shape[:-1], self.nt)).copy()
+        friction[..., varies] = self._at("bearing", q, *state)[0][..., varies]
+        return self.with_coefficients(friction)
+
+    def with_coefficients(self, friction: Array) -> Self:
+        """The same model with coefficients of friction, shape (..., nt)."""
+        there = copy(self)
+        there.__dict__ |= {"has_friction": self.has_friction, "friction": friction}
+        there.__dict__.pop("hit_friction", None)
+        return there
+
+    @cached_property
+    def has_friction(self) -> NDArray[np.bool_]:
+        """Which tangents have friction, shape (nt,): that which varies may be zero somewhere."""
+        return np.asarray(self.friction != 0)
+
+    @cached_property
+    def rough(self) -> dict[int, int]:
+        """The tangent of each surface with friction."""
+        return {j: k for k, j in enumerate(self.supports) if j != RAIL and self.has_friction[k]}
+
+    @cached_property
+    def tangential_restitution(self) -> Array:
+        """Coefficients e_t of tangents, -1 where the model states none, shape (nt,)."""
+        if not self.kernels.has("tangential"):
+            return np.full(self.nt, -1.0)
+        return np.asarray(self.kernels.call("tangential", self.par)[0][0])
+
+    @cached_property
+    def hit_friction(self) -> Array:
+        """Coefficients of friction in hits, shape (nt,): without end where a tangent has tangential
+        restitution alone."""
+        names, without = self.kernels.tangents, self.contacts.frictionless
+        return np.where([name in without for name in names], np.inf, self.friction)
+
+    @cached_property
+    def rubs_in_hits(self) -> dict[int, int]:
+        """The tangent of each surface whose hits have a tangential impulse."""
+        free = self.contacts.frictionless
+        rubs = [self.has_friction[k] or t in free for k, t in enumerate(self.kernels.tangents)]
+        return {j: k for k, j in enumerate(self.supports) if j != RAIL and rubs[k]}
+
+    @cached_property
+    def tangential(self) -> dict[int, int]:
+        """Those of them that have tangential restitution."""
+        stated = self.kernels.manifest.get("tangential_restitution", ())
+        return {j: k for j, k in self.rubs_in_hits.items() if self.kernels.surfaces[j] in stated}
+
+    def bearing(self, normal: Array) -> Array:
+        """What friction can hold at most beside contact forces (..., nc): mu N of surfaces, and the
+        largest force of rails, shape (..., nt)."""
+        on, rails = self._pressed
+        if rails is None:
+            return np.asarray(self.friction * normal[..., on])
+        pressed = np.append(normal, np.ones((*normal.shape[:-1], 1)), axis=-1)
+        return np.asarray(self.friction * pressed[..., rails])
+
+    @cached_property
+    def _pressed(self) -> tuple[Index, Index | None]:
+        """The surface of each tangent, and where there are rails the same with one surface more,
+        the last, for these."""
+        on = np.array(self.supports, dtype=np.intp)
+        return on, np.where(on == RAIL, self.nc, on) if (on == RAIL).any() else None
