@@ -22,14 +22,17 @@ def places_follow(problem: Problem, left: Sequence[int]) -> bool:
     return _decide(problem.model.joint_slopes(np.cos(1 + np.arange(problem.nq))), left)
 
 
-def following_rates(problem: Problem, position: Array, velocity: Array, left: list[int]) -> Array:
+def following_rates(
+    problem: Problem, position: Array, velocity: Array, still: list[int], left: Sequence[int]
+) -> Array:
     """The bounds of the velocities at the start, shape (nq, 2), as they are given and with those
-    that are left out: rest where all or nothing moves without them; else what the constraints make
-    of the others, free where that depends on the place or on
+    that are ``still`` to be said: zero, or what the constraints make of the others, where one of
+    these moves, and of coordinates that are left out; free where that depends on the place or on
     the design."""
     velocity = velocity.copy()
-    velocity[left] = 0.0
-    if not left or len(left) > problem.model.nj or not velocity.any():
+    velocity[still] = 0.0
+    left = still if velocity.any() else [i for i in still if i in left]
+    if not left or len(left) > problem.model.nj:
         return velocity
     fixed = position[:, 0] == position[:, 1]
     others = np.setdiff1d(np.arange(problem.nq), left)

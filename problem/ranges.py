@@ -175,7 +175,7 @@ def boundary_of(problem: Problem, end: str) -> Boundary:
             )
         rates = enumerate(zip(velocities, momenta, strict=True))
         still = [i for i, names in rates if not said & {*names}]
-        velocity = following_rates(problem, position, velocity, still)
+        velocity = following_rates(problem, position, velocity, still, left)
     for q, v, p in zip(coordinates, velocities, momenta, strict=True):
         if all(isinstance(state.get(n), (int, float, np.number)) for n in (v, p)):
             raise ProblemError(

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
 from answers import answer_of
-from joint_problems import X, Y, bob, double_pendulum, places
+from joint_problems import T, U, X, Y, bob, double_pendulum, places
 
 import dmoc
 from dmoc.base.errors import ProblemError
@@ -47,6 +48,20 @@ def test_a_coordinate_that_is_left_out_follows() -> None:
     first = solution.phases[0]
     np.testing.assert_allclose(first.q[0], [0.6, -0.8], atol=1e-12)
     np.testing.assert_allclose(first.v[0], [0.8, 0.6], atol=1e-12)
+
+
+def test_a_place_that_is_prescribed_needs_no_start() -> None:
+    """Position and velocity at the start are those of the drive, x = sin(2 t)/5."""
+    lagrangian = X.diff(T) ** 2 / 2 + Y.diff(T) ** 2 / 2 + X.diff(T) * Y.diff(T) / 2
+    driven = dmoc.MechanicalSystem(
+        "driven", [X, Y], lagrangian, {}, [U], {Y: U}, cost=U**2,
+        constraints={"drive": sp.Eq(X, sp.sin(2 * T) / 5)},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(driven), start={Y: 0}, goal={Y: 1, "y_dot": 0}, steps=10, final_time=1.0
+    )
+    first = answer_of(problem, "ipm", starts=1).phases[0]
+    np.testing.assert_allclose([first.q[0], first.v[0]], [[0, 0], [0.4, 0]], atol=1e-12)
 
 
 def test_no_more_may_be_left_out_than_constraints_decide() -> None:
