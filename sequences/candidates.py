@@ -4,7 +4,7 @@ propose."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from dmoc.guess.contacts import in_contact
 from dmoc.guess.folded import Folded
 from dmoc.guess.transfer import pieces_of
 from dmoc.problem.problem import Problem
-from dmoc.sequences.neighbours import neighbours, other_returns
+from dmoc.sequences.neighbours import neighbours, other_returns, shorter
 from dmoc.sequences.node_solve import Task
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.proposals import Proposals, Words
@@ -27,6 +27,9 @@ from dmoc.solving.multistart.exploration import coarse_of
 # relaxed motions of the known answers cost between three quarters and one and a tenth of what their
 # sequences cost.
 DEARER = 0.35
+# What an unconfirmed motion promises to save beside the best, at least, on the mesh of both: what
+# is less may be its mesh's error.
+WORTH = 0.01
 
 
 class Candidates(Tree):
@@ -42,6 +45,8 @@ class Candidates(Tree):
         self.again: set[Words] = set()  # to be solved from starts of their own
         self.hits: list[Words] = []  # neighbours of the best with other hits
         self.ways: dict[Words, Folded] = {}  # motions of the others, from that of the best
+        self.shortened = False  # whether proposals with one event less have joined
+        self.first: dict[Words, float] = {}  # costs on the mesh of the search
 
     def surrounded(self) -> Tree:
         """The tree of all sequences, which has what is known of these."""
@@ -52,8 +57,9 @@ class Candidates(Tree):
         return tree
 
     def rounds(self) -> Iterator[list[Words]]:
-        """The cheapest first, then the neighbours of the best, until it stays the best."""
-        while self.frontier or self._neighbours() or self._once_more():
+        """The cheapest first, then the neighbours of the best, until it stays the best; where none
+        is confirmed, those of others, after finer meshes have been tried."""
+        while self.frontier or self._more():
             self.frontier.sort(key=self._rank)
             least = self.least()
             least = self._cheapest(self.frontier[0]) if least == np.inf else least
@@ -69,6 +75,8 @@ class Candidates(Tree):
         other ways of what has no motion."""
         self.nodes[node.sequence] = node
         self.frontier.remove(node.sequence)
+        if node.cost is not None:
+            self.first.setdefault(node.sequence, node.cost)
         if node.verdict not in (Verdict.OPTIMAL, Verdict.FEASIBLE):
             self._other_ways(node.sequence)
         best = self.best()
@@ -90,6 +98,43 @@ class Candidates(Tree):
                 self.ways.setdefault(words, motion)
                 self._join(words)
 
+    def _more(self) -> bool:
+        """Fill the frontier; whether there is anything."""
+        if self._untried():
+            return False
+        return self._shorter() or self._neighbours() or self._once_more()
+
+    def doubtful(self) -> list[Node]:
+        """Those that promise to be the best by what is worth it."""
+        best = self.best()
+        if best is None:
+            return super().doubtful()
+        first = self.first[best.sequence]
+        most = first - WORTH * abs(first)
+        return [n for n in super().doubtful() if self.first[n.sequence] < most]
+
+    def _untried(self) -> bool:
+        """Whether none is confirmed, and some wait for a finer mesh."""
+        tried = {sequence for sequence, _ in self.refined}
+        return self.best() is None and any(n.sequence not in tried for n in self.doubtful())
+
+    def _shorter(self) -> bool:
+        """Put proposals with one event less into the frontier, once, where none is confirmed."""
+        if self.best() is not None or self.shortened:
+            return False
+        self.shortened = True
+        for words in (p.sequence for p in self.proposals.ranked()):
+            touch = self.problem_of(words).touch
+            self._join_moved(shorter(touch, self.proposals.motions[words]))
+        return bool(self.frontier)
+
+    def _join_moved(self, ways: Mapping[Words, Folded]) -> None:
+        """Those with a motion that a search may try, and has not, join the frontier."""
+        new = {s: way for s, way in ways.items() if self.proposals.fits(s)}
+        self.ways = new | self.ways
+        known = {*self.nodes, *self.frontier}
+        self.frontier += [s for s in new if s not in known]
+
     def _neighbours(self) -> bool:
         """Put what the motion of the best proposes into the frontier; whether there is anything."""
         sequence, way = self._center()
@@ -97,8 +142,11 @@ class Candidates(Tree):
             return False
         self.around.add(sequence)
         new = self.proposals.look_around(way, self.deadline)
-        beside = self._beside(sequence, way)
-        self.frontier += [s for s in dict.fromkeys((*new, *beside)) if s not in self.nodes]
+        touch, most = self.problem_of(sequence).touch, self.settings.max_collisions
+        ways = neighbours(touch, way, self.proposals.relaxation.left_open.surfaces)
+        self.hits = [s for s, way in ways.items() if way is None and len(s) <= most]
+        self.frontier += [s for s in dict.fromkeys((*new, *self.hits)) if s not in self.nodes]
+        self._join_moved({s: way for s, way in ways.items() if way is not None})
         return bool(self.frontier)
 
     def _center(self) -> tuple[Words, Folded | None]:
@@ -116,16 +164,6 @@ class Candidates(Tree):
         hits = ["" if c.surface in c.lands else c.surface for c in motion.collisions]
         impulses = [c.impulse for c in motion.collisions]
         return best.sequence, Folded(tuple(hits), tuple(pieces_of(motion)), tuple(impulses))
-
-    def _beside(self, sequence: Words, motion: Folded) -> list[Words]:
-        """The neighbours of a sequence that a search may try; those that have a motion from it may
-        have as many events more as proposals."""
-        touch, most = self.problem_of(sequence).touch, self.settings.max_collisions
-        ways = neighbours(touch, motion, self.proposals.relaxation.left_open.surfaces)
-        self.hits = [s for s, way in ways.items() if way is None and len(s) <= most]
-        moved = {s: way for s, way in ways.items() if way is not None and self.proposals.fits(s)}
-        self.ways = moved | self.ways
-        return [*self.hits, *moved]
 
     def _once_more(self) -> bool:
         """Put some that have failed into the frontier, to be solved from starts of their own: those

@@ -51,6 +51,11 @@ def neighbours(touch: Touch, motion: Folded, surfaces: Sequence[int]) -> dict[Wo
     return ways
 
 
+def shorter(touch: Touch, motion: Folded) -> dict[Words, Folded]:
+    """Those with one event less, with their motions."""
+    return dict(said(touch.contacts, other) for other in _less(_phases(touch, motion)))
+
+
 def said(contacts: Contacts, phases: Sequence[Phase]) -> tuple[Words, Folded]:
     """The words of phases, and their motion; those between which nothing happens are one."""
     words, names, impulses = list[str](), list[str](), list[float]()
