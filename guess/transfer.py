@@ -42,6 +42,14 @@ class Piece:
         t_u, u = np.concatenate([self.t_u, other.t_u]), np.concatenate([self.u, other.u])
         return Piece(t, q, v, t_u, u, parameters=self.parameters)
 
+    def with_node(self, k: int) -> Piece:
+        """The same with one node more, in the middle of step k."""
+        at = self.t[k : k + 2].mean()
+        v = (self.q[k + 1] - self.q[k]) / (self.t[k + 1] - self.t[k])
+        more = (self.t, at), (self.q, self.positions(at[None])), (self.v, v)
+        t, q, v = (np.insert(rows, k + 1, row, axis=0) for rows, row in more)
+        return replace(self, t=t, q=q, v=v)
+
     def positions(self, t: Array) -> Array:
         """The cubics through the nodes, with their velocities, at times of shape (n,)."""
         k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)

@@ -40,12 +40,14 @@ class Candidates(Tree):
         self.proposals, self.deadline = proposals, deadline
         self.refused = dict(proposals.refused)
         self.frontier = [p.sequence for p in proposals.ranked()] or [()]
+        self.cheapest = self._cheapest(self.frontier[0])
         self.left: list[Words] = []  # too dear to be solved
         self.around: set[Words] = set()  # those whose motions others were looked for from
         self.again: set[Words] = set()  # to be solved from starts of their own
         self.hits: list[Words] = []  # neighbours of the best with other hits
         self.ways: dict[Words, Folded] = {}  # motions of the others, from that of the best
-        self.shortened = False  # whether proposals with one event less have joined
+        # Whether proposals in detail, and those with one event less, have joined.
+        self.detailed = self.shortened = False
         self.first: dict[Words, float] = {}  # costs on the mesh of the search
 
     def surrounded(self) -> Tree:
@@ -62,11 +64,14 @@ class Candidates(Tree):
         while self.frontier or self._more():
             self.frontier.sort(key=self._rank)
             least = self.least()
-            least = self._cheapest(self.frontier[0]) if least == np.inf else least
+            if least == np.inf:
+                least = self.cheapest if self._untried() else self._cheapest(self.frontier[0])
             most = least + DEARER * abs(least) if np.isfinite(least) else np.inf
             near = [s for s in self.frontier if self._cheapest(s) <= most]
             if near:
                 yield near[:TOGETHER]
+            elif self.best() is None:
+                return
             else:
                 self.left, self.frontier = [*self.left, *self.frontier], []
 
@@ -102,7 +107,7 @@ class Candidates(Tree):
         """Fill the frontier; whether there is anything."""
         if self._untried():
             return False
-        return self._shorter() or self._neighbours() or self._once_more()
+        return self._otherwise() or self._neighbours() or self._once_more()
 
     def doubtful(self) -> list[Node]:
         """Those that promise to be the best by what is worth it."""
@@ -118,14 +123,19 @@ class Candidates(Tree):
         tried = {sequence for sequence, _ in self.refined}
         return self.best() is None and any(n.sequence not in tried for n in self.doubtful())
 
-    def _shorter(self) -> bool:
-        """Put proposals with one event less into the frontier, once, where none is confirmed."""
-        if self.best() is not None or self.shortened:
+    def _otherwise(self) -> bool:
+        """Put the proposals as they are read step by step into the frontier, or else with one event
+        less, each once, where none is confirmed."""
+        if self.best() is not None:
             return False
-        self.shortened = True
-        for words in (p.sequence for p in self.proposals.ranked()):
-            touch = self.problem_of(words).touch
-            self._join_moved(shorter(touch, self.proposals.motions[words]))
+        if not self.detailed:
+            self.detailed = True
+            self._join_moved(self.proposals.in_detail())
+        if not self.frontier and not self.shortened:
+            self.shortened = True
+            for words in (p.sequence for p in self.proposals.ranked()):
+                touch = self.problem_of(words).touch
+                self._join_moved(shorter(touch, self.proposals.motions[words]))
         return bool(self.frontier)
 
     def _join_moved(self, ways: Mapping[Words, Folded]) -> None:
@@ -191,6 +201,7 @@ class Candidates(Tree):
         return Task(
             problem, None, s.method, s.starts, s.seed, s.node_seconds,
             proposer=self.proposed.get(sequence), start=self._start(problem, sequence),
+            near=self.best() is not None and sequence not in self.proposals.motions,
         )  # fmt: skip
 
     def _start(self, problem: Problem, sequence: Words) -> Array | None:

@@ -76,8 +76,8 @@ class SearchKeywords:
     shortest_phase: float | None = option(
         None,
         "number",
-        "Shortest duration of a phase in seconds; a hundredth of the largest final time by "
-        "default.",
+        "Shortest duration of a phase beside an impact in seconds; a hundredth of the largest "
+        "final time by default.",
     )
     journal: str | os.PathLike[str] | None = elsewhere(
         None, "path", "Keep finished sequences in this file (SQLite)."

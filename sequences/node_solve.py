@@ -39,8 +39,9 @@ from dmoc.solving.starts import InitialGuess, restated
 # are tried where none of these has led to a minimum: on the 127 sequences of the cart-pendulum with
 # at most 6 collisions four of them, or a second guess, led to none that is better.
 GUESSES, MOST_REFINED = 1, 3
-# Iterations of a start.
-ITERATIONS = 300
+# Iterations of a start and of a finer mesh, and of a start from the motion of a sequence that
+# differs little: those that lead to a motion take fewer than a hundred.
+ITERATIONS, NEAR = 300, 100
 # What the simulation has found must fall to this share from mesh to mesh, or finer ones are not
 # tried: half is what an error of the first order does.
 FALLING = 0.7
@@ -49,8 +50,9 @@ FALLING = 0.7
 @dataclass(frozen=True)
 class Task:
     """One sequence to be solved: the problem, the parent's motion, further starts, method, limit
-    in seconds, a motion that proposes it, unknowns of the coarse mesh to start from; or a node that
-    is doubtful, to be looked at on meshes so many times finer."""
+    in seconds, a motion that proposes it, unknowns of the coarse mesh to start from, and whether
+    they are those of a sequence that differs little; or a node that is doubtful, to be looked at on
+    meshes so many times finer."""
 
     problem: Problem
     parent: Solution | None
@@ -61,6 +63,7 @@ class Task:
     attempts: int = 1
     proposer: Solution | None = None
     start: Array | None = None
+    near: bool = False
     doubtful: Node | None = None
     finer: tuple[int, ...] = ()
 
@@ -104,7 +107,7 @@ def _from_parent(task: Task) -> Node:
     if task.proposer is not None:
         guesses.insert(0, ("proposal", restated(task.problem, task.proposer)))
     for name, x in guesses:
-        s = _solved(task.problem, task.method, x, deadline)
+        s = _solved(task.problem, task.method, x, Options(deadline=deadline))
         starts.append(Start(name, s.status, s.cost if s.converged else None))
         if s.converged:
             return replace(_node(task, [s]), starts=tuple(starts))
@@ -135,7 +138,7 @@ def _explored(task: Task) -> Node:
         most_refined=MOST_REFINED,
         settles=False,
         widens=False,
-        iterations=ITERATIONS,
+        iterations=NEAR if task.near else ITERATIONS,
         guesses=GUESSES if task.start is None else 0,
         seed=task.seed,
     )
@@ -156,7 +159,7 @@ def _explored(task: Task) -> Node:
             return rest
         solutions = [rest]
     if task.method != solutions[0].method or not on_mesh_of(task.problem, solutions[0]):
-        driven = _solved(task.problem, task.method, solutions[0], deadline)
+        driven = _solved(task.problem, task.method, solutions[0], Options(deadline=deadline))
         solutions = [driven, *solutions[1:]] if driven.converged else solutions
     minima = sorted({s.cost for s in solutions} | {basin.cost for basin in exploration.coarse})
     return replace(_node(task, solutions), starts=starts, minima=tuple(minima))
@@ -171,7 +174,7 @@ def _on_finer_meshes(task: Task, node: Node) -> Node:
     errors = before.verification.excess
     for factor in task.finer:
         mesh = task.problem.meshed([min(factor * n, MOST_STEPS) for n in steps])
-        fine = _solved(mesh, task.method, before, deadline)
+        fine = _solved(mesh, task.method, before, Options(iterations=ITERATIONS, deadline=deadline))
         on_it = f"with {factor} times the steps"
         if not fine.converged or fine.verification is None:
             return _doubted(node, f"{on_it} no motion was found: {fine.message}")
@@ -211,10 +214,9 @@ def _late(task: Task, starts: Sequence[Start]) -> Node:
 
 
 def _solved(
-    problem: Problem, method: str, guess: InitialGuess, deadline: Deadline, verify: bool = True
+    problem: Problem, method: str, guess: InitialGuess, options: Options, verify: bool = True
 ) -> Solution:
-    """Solve until a deadline; Ctrl-C, which ends a solve with a status, ends the search too."""
-    options = Options(deadline=deadline)
+    """Solve within its limits; Ctrl-C, which ends a solve with a status, ends the search too."""
     request = Request(METHODS[method], options, verify=verify)
     s = solved_on_mesh(problem, guess, request)
     if s.status == Status.INTERRUPTED:
@@ -282,8 +284,9 @@ def _without_minimum(
     node = Node(task.sequence, Verdict.INFEASIBLE, starts=tuple(starts))
     whole = _least(coarse, deadline)
     if whole.violation <= INFEASIBLE:
-        on_coarse = _solved(coarse, "ipm", whole.x, deadline, verify=False)
-        fine = _solved(task.problem, "ipm", on_coarse, deadline)
+        options = Options(deadline=deadline)
+        on_coarse = _solved(coarse, "ipm", whole.x, options, verify=False)
+        fine = _solved(task.problem, "ipm", on_coarse, options)
         if fine.converged:
             return fine
         if deadline.passed:

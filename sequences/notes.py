@@ -75,8 +75,8 @@ def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str)
     if held:
         are, their = ("are", "their") if len(held) > 1 else ("is", "its")
         notes.append(
-            f"{_counted(len(held), 'motion')} {are} held by the shortest phase of "
-            f"{tree.settings.shortest_phase:g} s: {their} {noun}s would rather merge"
+            f"{_counted(len(held), 'motion')} {are} held by the shortest duration of a phase: "
+            f"{their} {noun}s would rather merge"
         )
     return tuple(notes)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 from dmoc.base.deadline import Deadline
@@ -16,7 +17,7 @@ from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.sequences.reading import Reading, Relaxed
 from dmoc.sequences.relaxation import Relaxation
-from dmoc.sequences.settings import BEYOND, Settings, refusal
+from dmoc.sequences.settings import BEYOND, Settings
 
 # So many starts that have led to the cheapest sequence are enough.
 OFTEN = 3
@@ -63,6 +64,8 @@ class Proposals:
         By sequence.
     motions : dict
         The cheapest motion of each.
+    relaxed : dict
+        The relaxed motion that it was read from.
     refused : dict
         Sequences that no problem can have, and why.
     """
@@ -73,6 +76,7 @@ class Proposals:
     starts: int = 0
     proposed: dict[Words, Proposed] = field(default_factory=dict)
     motions: dict[Words, Folded] = field(default_factory=dict)
+    relaxed: dict[Words, Relaxed] = field(default_factory=dict)
     refused: dict[Words, str] = field(default_factory=dict)
 
     @property
@@ -98,7 +102,7 @@ class Proposals:
             if before is None:
                 new.append(words)
             if before is None or motion.cost < before.cost:
-                self.motions[words] = way
+                self.motions[words], self.relaxed[words] = way, motion
                 before = Proposed(words, motion.cost, before.starts if before else 0)
             self.proposed[words] = replace(before, starts=before.starts + 1)
         return new
@@ -108,9 +112,14 @@ class Proposals:
         most = self.settings.max_collisions
         return self.take(self.relaxation.beside(motion, most, deadline))
 
+    def in_detail(self) -> dict[Words, Folded]:
+        """What their motions say step by step, the cheapest first."""
+        motions = (self.relaxed[p.sequence] for p in self.ranked())
+        return dict(self._in_the_problem(motion.in_detail) for motion in motions)
+
     def _in_the_problem(self, reading: Reading) -> tuple[Words, Folded]:
         """Words and motion of a reading, from the contacts with which the problem begins: where
-        these are others, they change after the first step."""
+        these are others, they change in the middle of the first step."""
         contacts, begins, way = (
             self.problem.touch.contacts,
             self.problem.touch.modes[0],
@@ -120,6 +129,7 @@ class Proposals:
         if not word:
             return reading.words, way
         first, *rest = way.pieces
+        first = first.with_node(0)
         split = [
             replace(first, t=first.t[part], q=first.q[part], v=first.v[part])
             for part in (slice(2), slice(1, None))
@@ -128,17 +138,21 @@ class Proposals:
         return (word, *reading.words), motion
 
     def fits(self, words: Words) -> bool:
-        """Whether a search may try them: its words, not many more than it is deep, and some that a
-        problem can have."""
+        """Whether a search may try them: its words, some that a problem can have, and not many more
+        at which contacts change than it is deep."""
         s = self.settings
-        if len(words) > s.max_collisions + BEYOND or words in self.refused:
-            return False
+        if words in self.proposed or words in self.refused:
+            return words in self.proposed
         if s.events is not None and not set(words) <= set(s.events):
             return False
-        if words not in self.proposed and (reason := refusal(self.problem, words)):
-            self.refused[words] = reason
+        try:
+            touch = self.problem.but(sequence=words, durations=None, via=None).touch
+        except ProblemError as error:
+            self.refused[words] = str(error)
             return False
-        return True
+        phases = zip(touch.events, pairwise(touch.modes), strict=True)
+        changes = sum(event.impact or a.closed != b.closed for event, (a, b) in phases)
+        return changes <= s.max_collisions + BEYOND
 
 
 def proposals_of(problem: Problem, settings: Settings, deadline: Deadline) -> Proposals:

@@ -58,45 +58,82 @@ class Relaxed:
 
     @cached_property
     def reading(self) -> Reading:
-        """What it says."""
-        return read(self)
+        """What it says, without what trembles."""
+        return read(self, FEWEST)
+
+    @property
+    def in_detail(self) -> Reading:
+        """What it says step by step."""
+        return read(self, 1)
 
 
-def read(relaxed: Relaxed) -> Reading:
-    """The sequence that a motion has, without what trembles."""
-    lay, hits = relaxed.nlp.layout, _hits(relaxed)
-    nodes = [int(lay.collision_nodes[i]) for i in hits]
-    modes = at_hits(cleaned(_modes(relaxed)), nodes)
+@dataclass(frozen=True)
+class Hit:
+    """A hit: its surface, its impulse, and its course where it has friction."""
+
+    surface: int
+    impulse: float
+    course: Course | None = None
+
+
+def read(relaxed: Relaxed, fewest: int) -> Reading:
+    """The sequence that a motion has, without modes that last for fewer steps."""
+    lay, (modes, hits) = relaxed.nlp.layout, _bumps(relaxed, _modes(relaxed))
+    hits |= _hits(relaxed)
+    modes = at_hits(cleaned(modes, fewest), list(hits))
     contacts, words, names = lay.touch.contacts, list[str](), list[str]()
     cuts, impulses = list[int](), list[float]()
-    struck = dict(zip(nodes, hits, strict=True))
     for k in range(1, lay.total):
-        before, after, event = modes[k - 1], modes[k], Event()
-        if k in struck:
-            surface = lay.touch.events[struck[k]].hit
-            lands = surface in after.closed and surface not in before.closed
-            event = event if lands else Event(hit=surface, course=_course(relaxed, struck[k]))
+        before, after, event, impulse = modes[k - 1], modes[k], Event(), 0.0
+        if hit := hits.get(k):
+            impulse = hit.impulse
+            if hit.surface not in after.closed or hit.surface in before.closed:
+                event = Event(hit=hit.surface, course=hit.course)
         word = word_between(contacts, before, after, event)
         if word:
             words.append(word)
             cuts.append(k)
-            impulses.append(float(relaxed.x[lay.impact.lam[struck[k]]]) if k in struck else 0.0)
+            impulses.append(impulse)
             names.append("" if event.hit == NOWHERE else contacts.surfaces[event.hit])
     motion = Folded(tuple(names), _pieces(relaxed, cuts), tuple(impulses))
     return Reading(modes[0], tuple(words), motion)
 
 
-def _hits(relaxed: Relaxed) -> list[int]:
-    """Events of the program at which something is hit."""
+def _hits(relaxed: Relaxed) -> dict[int, Hit]:
+    """The hits of the program, by their nodes, at which something is hit."""
     nlp, lay, x = relaxed.nlp, relaxed.nlp.layout, relaxed.x
     surfaces, t = lay.touch.surfaces, lay.times(x)
     gaps = lay.problem_at(nlp.problem, x).model.gaps(x[lay.index_q], t)
-    return [
-        i
+    lam = x[lay.impact.lam]
+    return {
+        int(node): Hit(int(j), float(lam[i]), _course(relaxed, i))
         for i, (node, j) in enumerate(zip(lay.collision_nodes, surfaces, strict=True))
-        if x[lay.impact.lam[i]] > NO_HIT * nlp.scale.lam[j]
-        and gaps[node, j] > -AWAY * nlp.scale.gap[j]
-    ]
+        if lam[i] > NO_HIT * nlp.scale.lam[j] and gaps[node, j] > -AWAY * nlp.scale.gap[j]
+    }
+
+
+def _bumps(relaxed: Relaxed, modes: Sequence[Mode]) -> tuple[list[Mode], dict[int, Hit]]:
+    """Modes without the stays of elastic smooth surfaces that are as short as a hit, and these
+    hits, by their nodes."""
+    lay, x, problem = relaxed.nlp.layout, relaxed.x, relaxed.nlp.problem
+    contacts, modes, hits = lay.touch.contacts, list(modes), dict[int, Hit]()
+    for j in map(int, np.flatnonzero(problem.restitution_values != 0)):
+        if contacts.rubs_on(j) is not None:
+            continue
+        for a, b in _stays(modes, j):
+            if a == 0 or b == len(modes) or b - a > FEWEST:
+                continue
+            P = x[lay.relaxed.P_r[a:b, j]]
+            hits[a + int(P.argmax())] = Hit(j, float(P.sum()))
+            modes[a:b] = [Mode.of({*m.closed} - {j}, dict(m.rubbing)) for m in modes[a:b]]
+    return modes, hits
+
+
+def _stays(modes: Sequence[Mode], j: int) -> list[tuple[int, int]]:
+    """First steps, and ones after the last, in which a surface is closed."""
+    closed = np.array([False, *(j in m.closed for m in modes), False])
+    edges = np.flatnonzero(closed[1:] != closed[:-1]).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def _course(relaxed: Relaxed, i: int) -> Course | None:
@@ -127,9 +164,10 @@ def _modes(relaxed: Relaxed) -> list[Mode]:
     slid = np.diff(model.tangents(q, t), axis=0) * steps / (s.slide * s.time)
     bears = np.zeros_like(T)
     h, u = x[lay.index_h][lay.phase_of_step] * steps, x[lay.index_u[lay.row_u_k]]
+    share = (h + np.append(0.0, h[:-1])) / 2
     mu = model.with_friction_at(q[:-1], u=u, t=t[:-1]).friction
     for k, j in enumerate(lay.touch.contacts.supports):
-        bears[:, k] = mu[..., k] * (h if j == RAIL else P[:, j])
+        bears[:, k] = mu[..., k] * (share if j == RAIL else P[:, j])
     room = (bears - np.abs(T)) / s.friction
     signs = np.where(np.abs(slid) > room, np.sign(slid), STICK).astype(int)
     modes = []
@@ -144,13 +182,13 @@ def _modes(relaxed: Relaxed) -> list[Mode]:
     return modes
 
 
-def cleaned(modes: Sequence[Mode]) -> list[Mode]:
-    """Modes of steps in which none trembles: one that lasts for a step becomes that of the longer
-    of its neighbours."""
+def cleaned(modes: Sequence[Mode], fewest: int = FEWEST) -> list[Mode]:
+    """Modes of steps in which none trembles: one that lasts for fewer steps becomes that of the
+    longer of its neighbours."""
     modes = list(modes)
     while True:
         runs = _runs(modes)
-        short = [r for r in runs if r[1] - r[0] < FEWEST]
+        short = [r for r in runs if r[1] - r[0] < fewest]
         if not short or len(runs) == 1:
             return modes
         a, b = min(short, key=lambda r: r[1] - r[0])

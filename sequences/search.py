@@ -205,7 +205,8 @@ def search(
         gets one, and no durations.
     max_collisions : int
         Depth of the tree.  Sequences that motions propose (see
-        :class:`~dmoc.results.proposal.Proposal`) may have up to four events more.
+        :class:`~dmoc.results.proposal.Proposal`) may have up to four events more, those of relaxed
+        motions four hits, landings and leavings more, and any changes of friction.
     surfaces : sequence of str, optional
         Surfaces that may be hit, land or leave; all by default.
     events : sequence of str, optional
@@ -239,8 +240,8 @@ def search(
         Time limit of a node; one that fails is tried once more.  None by default, so that verdicts
         do not depend on the speed of the machine.
     shortest_phase : float, optional
-        Shortest duration of a phase in seconds; by default a hundredth of the largest final time,
-        where that is bounded.
+        Shortest duration of a phase that begins or ends with an impact in seconds; by default a
+        hundredth of the largest final time, where that is bounded.  Others have that of a solve.
     journal : path, optional
         SQLite file of finished nodes.
     resume : bool

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -138,11 +139,13 @@ class Tree:
             self.frontier.append(child)
 
     def problem_of(self, sequence: tuple[str, ...]) -> Problem:
-        """The problem of a sequence, whose phases keep the shortest duration."""
-        shortest, durations = self.settings.shortest_phase, None
-        if shortest and sequence:
-            durations = [(shortest, None)] * (len(sequence) + 1)
-        return self.problem.but(sequence=sequence, durations=durations)
+        """The problem of a sequence, whose phases beside impacts keep the shortest duration."""
+        problem, shortest = self.problem.but(sequence=sequence), self.settings.shortest_phase
+        if not (shortest and sequence):
+            return problem
+        hit = [False, *problem.touch.impacts.tolist(), False]
+        beside = (before or after for before, after in pairwise(hit))
+        return problem.but(durations=[(shortest, None) if b else None for b in beside])
 
     def _task(self, sequence: tuple[str, ...]) -> Task:
         parent = self.nodes[sequence[:-1]].solution if sequence else None

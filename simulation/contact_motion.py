@@ -270,13 +270,17 @@ def _hints(setting: Setting, place: Place, mode: Mode, which: int) -> Hints:
 
 
 def _on_limit(setting: Setting, place: Place, mode: Mode, which: int) -> Array:
-    """The state moved to where the mode's conditions hold, and a sliding that has stopped rests."""
-    model = setting.model
+    """The state moved to where the mode's conditions hold, and a sliding that has stopped rests; so
+    does an open surface that is reached without a rate, or it would be reached at once again."""
+    model, nq = setting.model, setting.model.nq
+    rates = model.gap_rates(place.y[:nq], place.y[nq : 2 * nq], place.t)
+    met = which < model.nc and which not in mode.closed and rates[which] <= place.small.rate[which]
     stopped = (which - model.nc - model.nt,) if which >= model.nc + model.nt else ()
     sliding = tuple((k, s) for k, s in mode.sliding if k not in stopped)
-    resting = Mode(mode.closed, (*mode.sticking, *stopped), sliding)
+    closed = tuple(sorted({*mode.closed, which} if met else mode.closed))
+    resting = Mode(closed, (*mode.sticking, *stopped), sliding)
     t, y = np.array([place.t]), place.y[None].copy()
-    setting.integrator.settle(resting, y, t, model.tangents(y[:, : model.nq], t))
+    setting.integrator.settle(resting, y, t, model.tangents(y[:, :nq], t))
     return np.asarray(y[0])
 
 

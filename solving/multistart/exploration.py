@@ -33,8 +33,9 @@ COARSE_HELD = 12
 # So many minima of a coarse mesh at most are refined to see whether they are the same one, before
 # more starts are tried.
 FEW = 3
-# Iterations of a start at least, where contacts last or constraints hold: gaits take long.
-LASTING = 300
+# Iterations of a start, where one that takes more never led to the best minimum; and where contacts
+# last or constraints hold: gaits take long.
+USUAL, LASTING = 60, 300
 # Limits of inputs are widened by the first factor and tightened by the others where nothing else
 # has helped, with so many starts, of which so many minima are followed.
 WIDER = (4.0, 2.8, 2.0, 1.6, 1.3, 1.12, 1.0)
@@ -60,7 +61,7 @@ class Effort:
     most_refined: int = 16
     settles: bool = True  # minima that are not confirmed are looked at on a finer mesh
     widens: bool = True  # limits of inputs, to tighten them, where no start leads to a motion
-    iterations: int = 60  # of a start: one that takes more never led to the best minimum
+    iterations: int | None = None  # of a start; by default as many as it seems to take
     guesses: int | None = None  # automatic ones that are tried at most
     total: int | None = None  # all starts, where their number is given
     seed: int = 0
@@ -151,7 +152,7 @@ def _minima(
     room = effort.guesses if effort.total is None else effort.total - len(points)
     guesses = [g.x for g in initial_guesses(coarse, options.deadline)][:room]
     natural = natural_time(coarse)
-    most = max(effort.iterations, LASTING) if problem.held else effort.iterations
+    most = effort.iterations or (LASTING if problem.held else USUAL)
     few = replace(options, iterations=min(options.iterations, most))
     named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
     scale = scale_of(coarse, next(iter(named.values())))

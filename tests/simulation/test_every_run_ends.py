@@ -13,7 +13,10 @@ from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.simulation import contact_motion
+from dmoc.simulation.contact_motion import MotionRecord, through_step
+from dmoc.simulation.mode_choice import Setting
 from dmoc.simulation.poisson import impulses
+from dmoc.simulation.tolerances import Reach, reached
 
 T = dynamicsymbols._t
 x, y, a, b, u = dynamicsymbols("x y a b u")
@@ -121,6 +124,25 @@ def test_changes_at_one_moment_that_come_to_no_end_are_told(
     told = r"come to no end at t = .*, 50 in .*'floor' slip-, 'floor' closed and 'floor' slip\+:"
     with pytest.raises(SimulationError, match=told):
         dmoc.simulate(floor, [0.0, 0.0], [0.0, 0.0], step_size=0.1, steps=3, inputs=[0.0])
+
+
+@pytest.mark.parametrize("rate", [-5e-10, -9e-10])
+@pytest.mark.parametrize("h", [0.05, 0.2])
+def test_what_is_pulled_off_a_floor_that_it_hardly_approaches_leaves_it(
+    rate: float, h: float
+) -> None:
+    """By 1e-8 m/s^2, in a motion of 1 m/s along the floor, of which 1e-9 counts as no rate:
+    y = a h^2 / 2 after a rest, and less the way of the approach, which a rest leaves out."""
+    system = dmoc.MechanicalSystem(
+        "pulled_off", [x, y], PLANAR + x + 1e-8 * y, {}, surfaces={"floor": y >= 0}
+    )
+    stated = dmoc.Problem(system, start={x: 1, y: 0}, steps=2, final_time=1)
+    model, state = stated.model, [1, 0, 1, rate]
+    setting, at, none = Setting(model, np.zeros(1), h), np.array(state, dtype=float), np.zeros(0)
+    reach = reached(model, at, none, 0.0, h, Reach())
+    after, mode = through_step(setting, at, none, (0.0, h), (reach, MotionRecord()))
+    assert mode.free
+    assert after[1] == pytest.approx(1e-8 * h**2 / 2, rel=1e-2)
 
 
 def test_an_impact_without_a_mass_ends() -> None:
