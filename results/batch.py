@@ -66,6 +66,9 @@ class Batch(Shown, Saved):
     method : str
     total_seconds : float
         Time of all together.
+    design : mapping of str to array, shape (n,)
+        Parameters that the solver chose, by name; NaN where a problem has no such one, or no local
+        minimum was found.
     solutions : tuple of Solution or None
         Only with ``keep=True``; not part of files.
 
@@ -98,6 +101,7 @@ class Batch(Shown, Saved):
     seconds: Array
     method: str
     total_seconds: float
+    design: Mapping[str, Array] = field(default_factory=dict)
     solutions: tuple[Solution | None, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
@@ -143,6 +147,7 @@ class Batch(Shown, Saved):
         table: dict[str, Sequence[Any]] = {column_of(k): list(v) for k, v in self.given.items()}
         table |= {"status": self.status, "cost": list(self.cost)}
         table |= {"final_time": list(self.final_time), "collisions": self.collisions}
+        table |= {f"chosen {name}": list(values) for name, values in self.design.items()}
         for i in range(self.collision_times.shape[1]):
             table[f"time_{i + 1}"] = list(self.collision_times[:, i])
             table[f"impulse_{i + 1}"] = list(self.impulses[:, i])

@@ -25,6 +25,8 @@ from dmoc.results.schema import (
     Text,
 )
 
+FORMAT = 2
+
 
 @dataclass(frozen=True)
 class Repeated:
@@ -55,7 +57,7 @@ def _wrong(batch: Batch) -> str | None:
     """What of a batch does not fit together."""
     n = len(batch)
     columns = [batch.cost, batch.final_time, batch.collision_times, batch.impulses]
-    columns += [batch.iterations, batch.seconds, *batch.given.values()]
+    columns += [batch.iterations, batch.seconds, *batch.given.values(), *batch.design.values()]
     if {len(column) for column in columns} - {n}:
         return "its columns have different lengths"
     if not (batch.iterations == np.floor(np.abs(batch.iterations))).all():
@@ -80,14 +82,25 @@ BATCH = Record(
         "seconds": Stored("n", special=True),
         "method": Name(),
         "total_seconds": Number(),
+        "design": Mapped(Stored("n", special=True), names=Name()),
     },
     _wrong,
 )
+
+
+def _as_now(header: Any) -> Any:
+    """What a file of the first format says, which knows no design, in the format of now."""
+    match header:
+        case {"batch_format": 1, "batch": dict(batch)}:
+            return {**header, "batch_format": FORMAT, "batch": {"design": {}, **batch}}
+    return header
+
+
 FILE = ResultFile(
     "batch",
     BATCH,
     "batch_format",
-    1,
+    FORMAT,
     "file of a batch",
     "solve the problems again",
     "Batch.save",
@@ -95,4 +108,5 @@ FILE = ResultFile(
         f"the batch has {length} characters of messages, a file holds {LARGEST_TEXT}: write it "
         "with to_csv."
     ),
+    as_now=_as_now,
 )

@@ -25,7 +25,8 @@ def table_of_batch(batch: Batch) -> Table:
     times = [f"{batch.noun} {i + 1} [s]" for i in range(batch.collision_times.shape[1])]
     rows = []
     for i, status in enumerate(batch.status[:MOST_ROWS]):
-        numbers = [batch.cost[i], batch.final_time[i], *batch.collision_times[i]]
+        numbers = [batch.cost[i], batch.final_time[i]]
+        numbers += [*(values[i] for values in batch.design.values()), *batch.collision_times[i]]
         rows.append(
             (
                 *(f"{values[i]:.6g}" for values in batch.given.values()),
@@ -40,7 +41,9 @@ def table_of_batch(batch: Batch) -> Table:
     notes += [f"note: {message}" for message in list(dict.fromkeys(unsolved))[:MOST_NOTES]]
     rate = batch.tried / max(batch.total_seconds, 1e-9)
     notes.append(f"{counted(batch)}; in {batch.total_seconds:.1f} s ({rate:.1f} a second)")
-    head = (*map(column_of, batch.given), "status", "cost", "end [s]", *times, "iterations")
+    chosen = [f"chosen {name}" for name in batch.design]
+    given = map(column_of, batch.given)
+    head = (*given, "status", "cost", "end [s]", *chosen, *times, "iterations")
     return Table(tuple(rows), head, tuple(notes))
 
 

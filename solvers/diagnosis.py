@@ -179,7 +179,7 @@ def _kinds(blocks: Iterable[Block]) -> Iterator[tuple[Block, Index]]:
 
 def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
     """Phases whose estimated shortest time at full input exceeds what the bounds allow."""
-    problem, lay = nlp.problem, nlp.layout
+    problem, lay = nlp.layout.problem_at(nlp.problem, x * nlp.unit), nlp.layout
     if (
         not problem.nu
         or problem.held

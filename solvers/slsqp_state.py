@@ -91,7 +91,7 @@ class Descent:
         scale[lay.impact.lam] = np.maximum(np.abs(x[lay.impact.lam]), 1.0) / 3
         if lay.nu:
             q_k, _, u, _, h, t_k, _ = lay.step_inputs(nlp.physical(x))
-            curvature = nlp.problem.model.running_cost_curvatures(
+            curvature = nlp.designed(x).problem.model.running_cost_curvatures(
                 q_k, None, u[:, : lay.nu], t_k[:, 0]
             )
             curvature = h * curvature * nlp.scale.u**2 / nlp.scale.cost

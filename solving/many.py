@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -70,6 +70,7 @@ class Row:
     impulses: tuple[float, ...] = ()
     iterations: int = 0
     check: str = ""
+    design: Mapping[str, float] = field(default_factory=dict)
     seconds: float = 0.0
     solution: Solution | None = None
 
@@ -274,6 +275,7 @@ def _row(number: int, problem: Problem | DmocError, share: Share) -> Row:
         times=tuple(c.time for c in s.collisions),
         impulses=tuple(c.impulse for c in s.collisions),
         check="" if check is None else "passed" if check.passed else "failed",
+        design=dict(s.design),
     )
 
 
@@ -309,6 +311,7 @@ def _table(rows: Sequence[Row], varied: Mapping[str, Array], method: str, second
             line[: len(values)] = values
         return table
 
+    chosen = dict.fromkeys(name for row in rows for name in row.design)
     return Batch(
         given=varied,
         status=column("status"),
@@ -323,4 +326,5 @@ def _table(rows: Sequence[Row], varied: Mapping[str, Array], method: str, second
         seconds=numbers("seconds"),
         method=method,
         total_seconds=seconds,
+        design={n: np.array([row.design.get(n, np.nan) for row in rows]) for n in chosen},
     )

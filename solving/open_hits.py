@@ -18,6 +18,7 @@ from dmoc.guess.hit_course import courses_at, states_before
 from dmoc.mechanics.contact_mode import Course
 from dmoc.mechanics.contacts import NOWHERE
 from dmoc.problem.problem import Problem
+from dmoc.program.layout import Layout
 from dmoc.results.solution import Solution, saying
 from dmoc.solvers.outcome import Status
 from dmoc.solving.answer import answer_of
@@ -97,13 +98,15 @@ class _Tries:
         motion, those that it takes where they end."""
         way = first_way(self.problem)
         x = starts_of(way, self.guess).points[0]
-        words = _said(self.problem, courses_at(way, states_before(way, x)))
+        chosen = Layout.of(way).problem_at(way, x)
+        words = _said(self.problem, courses_at(chosen, states_before(way, x)))
         for _ in range(LAPS):
             if words in self.tried or self._try(words, STARTS) is not None or not self._goes_on:
                 return
             way, end = self.problem.but(sequence=words), self._alone(words)
             states = [(p.q[-1], p.v[-1], float(p.t[-1])) for p in end.phases[:-1]]
-            words = _said(self.problem, courses_at(way, states))
+            chosen = way.designed_as(end.trajectory.parameters)
+            words = _said(self.problem, courses_at(chosen, states))
 
     def change_single_ones(self) -> None:
         """Change the course of one hit after the other, as long as that costs less."""

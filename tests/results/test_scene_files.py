@@ -30,6 +30,7 @@ def test_files_of_older_formats_load_without_what_they_lack(solution: dmoc.Solut
     motion = header["solution"]["trajectory"]
     for name in ("scene", "units"):
         del motion[name]
+    del header["solution"]["design"]
     for phase in motion["phases"]:
         for name in ("q_inside", "p_inside"):
             del phase[name]
@@ -45,7 +46,7 @@ def test_files_of_older_formats_load_without_what_they_lack(solution: dmoc.Solut
     assert old.trajectory.scene is None and old.trajectory.units == {}
     assert old.verification is not None and old.verification.max_segment_defect == worst
     assert np.isnan([old.verification.path_excess, old.verification.phase_error]).all()
-    assert old.verify().passed
+    assert old.verify().passed and old.design == {}
     np.testing.assert_array_equal(old.unknowns, solution.unknowns)
     figure = old.plot()  # by its coordinates
     assert [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()][:1] == ["coordinates"]

@@ -229,11 +229,14 @@ def _fields(problem: dmoc.Problem) -> dict[str, Any]:
     return {name: getattr(problem, name) for name in names}
 
 
-def test_batches_and_searches_have_their_designs() -> None:
+def test_batches_and_searches_have_their_designs(tmp_path: Any) -> None:
     problem = wall_problem()
     ranges = [(0.5, 0.6), (0.5, 2.0)]
     batch = dmoc.sweep(problem, design={"wall": ranges}, method="ipm", keep=True)
     assert batch.given["design wall"].tolist() == [0.6, 2.0]
+    assert batch.design["wall"].tolist() == [s.design["wall"] for s in batch.solutions]
+    assert dmoc.Batch.load(batch.save(tmp_path / "b.npz")).columns() == batch.columns()
+    assert "chosen wall" in batch.columns() and "chosen wall" in batch.summary().head
     assert [s.design["wall"] for s in batch.solutions] == pytest.approx([0.6, 5 / 6], rel=2e-3)
     found = dmoc.search(problem.but(sequence=[]), max_collisions=1, method="ipm")
     by_word = {node.sequence: node.solution for node in found.nodes if node.solution}
@@ -305,3 +308,21 @@ def test_the_slope_on_which_a_passive_walker_has_a_given_period() -> None:
     s = dmoc.solve(problem, "ipm", guess=gait)
     assert s.solved
     assert s.design["slope"] == pytest.approx(np.radians(3), rel=3e-3)
+
+
+def test_the_stiffest_spring_is_the_soonest_at_order_6() -> None:
+    """Against the spring k <= 4 with a force of 1 at most: x = (5 cos(2 t) - 1) / 4 is -1 at
+    t = (pi - acos(3/5)) / 2."""
+    x, u, k = *dynamicsymbols("x u"), sp.Symbol("k")
+    system = dmoc.MechanicalSystem(
+        "launched", [x], x.diff() ** 2 / 2 - k * x**2 / 2, {k: 1.0}, [u], {x: u},
+        objective=dmoc.final_time,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=6), start={"x": 1.0}, goal={"x": -1.0}, steps=8,
+        bounds={"u": (-1, 1)}, final_time=(0.1, 10), design={"k": (0.1, 4)},
+    )  # fmt: skip
+    s = dmoc.solve(problem, "ipm", starts=1)
+    assert s.solved
+    assert "k <= 4" in map(str, s.active_bounds)
+    assert s.final_time == pytest.approx((np.pi - np.arccos(0.6)) / 2, rel=1e-6)
