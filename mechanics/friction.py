@@ -25,14 +25,33 @@ class FrictionModel(BoundKernels):
         if not self.nt:
             return np.zeros(0)
         mu = np.array(self.kernels.call("friction", self.par)[0][0])
+        if self._chosen:
+            mu[self._chosen] = self._bearing(self._rest[0], 0.0, None, None)[self._chosen]
         mu[list(self.varying_friction)] = np.nan
         return mu
 
     @cached_property
     def varying_friction(self) -> dict[int, Mapping[str, Any]]:
         """The tangents whose friction varies along a motion, and what it depends on."""
+        return {k: row for k, row in self._in_states.items() if k not in self._chosen}
+
+    @cached_property
+    def _in_states(self) -> dict[int, Mapping[str, Any]]:
+        """The tangents whose friction is a kernel of states, and what it depends on."""
         rows = self.kernels.manifest.get("varying_friction", ())
         return {self.tangent_numbers[row["name"]]: row for row in rows}
+
+    @cached_property
+    def _chosen(self) -> list[int]:
+        """Those of them whose friction varies with a design alone."""
+        parts = "coordinates", "velocities", "inputs", "time"
+        return [k for k, row in self._in_states.items() if not any(row[part] for part in parts)]
+
+    def _bearing(self, q: Array, t: ArrayLike, v: Array | None, u: Array | None) -> Array:
+        """Coefficients at states, of tangents whose friction is a kernel of these."""
+        u, one = self._input(u), np.ones((1, self.nt))
+        rows = self._state(v), u, u, np.zeros((1, 1)), one, as_column(t)
+        return self._at("bearing", q, *rows)[0]
 
     def with_friction_at(
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
@@ -40,10 +59,9 @@ class FrictionModel(BoundKernels):
         """The same model with the friction that it has at a state, or at rows of states."""
         if not self.varying_friction:
             return self
-        u, one, varies = self._input(u), np.ones((1, self.nt)), list(self.varying_friction)
-        state = (self._state(v), u, u, np.zeros((1, 1)), one, as_column(t))
+        varies = list(self.varying_friction)
         friction = np.broadcast_to(self.friction, (*q.shape[:-1], self.nt)).copy()
-        friction[..., varies] = self._at("bearing", q, *state)[0][..., varies]
+        friction[..., varies] = self._bearing(q, t, v, u)[..., varies]
         return self.with_coefficients(friction)
 
     def with_coefficients(self, friction: Array) -> Self:
@@ -56,7 +74,8 @@ class FrictionModel(BoundKernels):
     @cached_property
     def has_friction(self) -> NDArray[np.bool_]:
         """Which tangents have friction, shape (nt,): that which varies may be zero somewhere."""
-        return np.asarray(self.friction != 0)
+        in_states = np.isin(np.arange(self.nt), list(self._in_states))
+        return np.asarray(in_states | (self.friction != 0))
 
     @cached_property
     def rough(self) -> dict[int, int]:

@@ -128,12 +128,13 @@ def check_contacts(problem: Problem) -> None:
     """Refuse what contacts that last cannot be: redundant, with a negative friction, or closed at a
     start that is off them."""
     model, kernels = problem.model, problem.kernels
-    for name, value in zip(kernels.tangents, model.friction, strict=True):
-        if value < 0:
-            raise ProblemError(
-                f"the friction of {name!r} is {value:g}: expected 0 or a positive number; check "
-                "the parameters."
-            )
+    for where, at in {"": problem, **problem.design_ends}.items():
+        for name, value in zip(kernels.tangents, at.model.friction, strict=True):
+            if value < 0:
+                raise ProblemError(
+                    f"the friction of {name!r} is {value:g}{where.rstrip(',')}: expected 0 or a "
+                    f"positive number; {AWAY if where else 'check the parameters'}."
+                )
     _check_varying_friction(problem)
     check_coefficients(model, ProblemError)
     if not problem.held:

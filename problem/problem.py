@@ -382,6 +382,12 @@ class Problem(Shown):
         """The same problem with each of its design parameters at each of its bounds, in words."""
         return at_bounds(self)
 
+    @property
+    def friction(self) -> Array:
+        """Coefficients of friction, shape (nt,); not a number where they vary or are chosen."""
+        mu, chosen = self.model.friction, self.by_design("bearing")
+        return np.where(chosen, np.nan, mu) if len(chosen) else mu
+
     def by_design(self, kernel: str) -> NDArray[np.bool_]:
         """Which results of a kernel depend on the design."""
         return self.kernels.depends(kernel, list(self.design))

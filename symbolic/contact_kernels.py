@@ -146,8 +146,8 @@ def varying(f: Continuous, tangents: Sequence[str]) -> tuple[list[str], list[Any
 
 
 def varies(f: Continuous, mu: Any) -> bool:
-    """Whether a coefficient of friction varies along a motion."""
-    return bool(mu.free_symbols & {*f.q, *f.v, *f.u, f.t})
+    """Whether a coefficient of friction varies along a motion, or with what a solver chooses."""
+    return bool(mu.free_symbols & {*f.q, *f.v, *f.u, f.t, *f.design})
 
 
 def joint_kernels(f: Continuous) -> list[KernelSpec]:

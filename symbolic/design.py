@@ -12,9 +12,7 @@ from dmoc.symbolic.continuous import FUNCTIONS, Continuous, as_tuple
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
 
-# Functions of parameters alone, which enter programs as numbers, with what they are called, and
-# those that no motion depends on.
-NUMBERS = {"mu": "friction", "e_t": "tangential restitution"}
+# Functions that no motion depends on.
 SHOWN = ("looks",)
 
 
@@ -26,13 +24,12 @@ def check_design(system: MechanicalSystem, f: Continuous, names: Sequence[str]) 
     of = {name: as_tuple(getattr(f, name)) for name in FUNCTIONS if name not in SHOWN}
     for name in names:
         s = parameters[name]
-        for kind, what in NUMBERS.items():
-            for tangent, value in zip(system.tangents, of[kind], strict=False):
-                if s in value.free_symbols:
-                    raise ModelError(
-                        f"design parameter {name} is in the {what} of {tangent!r}, which the "
-                        "program takes as a number: give it a value in parameters."
-                    )
+        for tangent, value in zip(system.tangents, of["e_t"], strict=False):
+            if s in value.free_symbols:
+                raise ModelError(
+                    f"design parameter {name} is in the tangential restitution of {tangent!r}, "
+                    "which the program takes as a number: give it a value in parameters."
+                )
         free = set[object]().union(*(e.free_symbols for values in of.values() for e in values))
         if s not in free and symbols[name] not in system.objective.free_symbols:
             raise ModelError(

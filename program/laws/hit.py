@@ -101,7 +101,7 @@ class HitLaw(Law):
     @classmethod
     def of(cls, problem: Problem, lay: Layout, impact: ImpactLaw) -> HitLaw:
         names, e = tuple(problem.kernels.coordinates), restitution_of(problem, lay.touch.surfaces)
-        return cls(lay, names, problem.model.friction, e, impact.touching)
+        return cls(lay, names, problem.friction, e, impact.touching)
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         P_h = self.lay.hit.P_h

@@ -131,13 +131,12 @@ def laws_of(
         of_contacts = _untouched(lay)
     else:
         contact = ContactLaw(lay, pulling)
-        friction = FrictionLaw(contact, problem.model.friction)
+        friction = FrictionLaw(contact, problem.friction)
         hit = HitLaw.of(problem, lay, impact)
         model = problem.model
-        returning = TangentialLaw(
-            lay, model.hit_friction, model.tangential_restitution, impact.touching
-        )
-        held = HeldLaw(contact, model.friction, impact.touching)
+        in_hits = np.where(np.isinf(model.hit_friction), np.inf, problem.friction)
+        returning = TangentialLaw(lay, in_hits, model.tangential_restitution, impact.touching)
+        held = HeldLaw(contact, problem.friction, impact.touching)
         of_contacts = contact, friction, hit, returning, held
     return Laws(
         StepLaw(problem, lay), PathLaw.of(problem, lay), PathLaw.of_quantities(problem, lay),
@@ -147,7 +146,7 @@ def laws_of(
         EndsLaw(problem, lay, tuple(goals)), *of_contacts,
         JointLaw(lay, tuple(problem.kernels.manifest["bent_joints"])),
         ComplementarityLaw(
-            lay, problem.model.friction, problem.restitution_values, problem.relaxation, scale
+            lay, problem.friction, problem.restitution_values, problem.relaxation, scale
         ),
     )  # fmt: skip
 

@@ -188,14 +188,16 @@ def rebound_problem() -> dmoc.Problem:
         *("joints, order 6", "joints, periodic, order 4"),
         *("driven, design", "driven, design, order 4", "driven, design, scaled"),
         *("contacts, design", "contacts, design, order 4", "joints, periodic, design"),
-        *("relaxed, moving, design", "rebound, design"),
+        *("relaxed, moving, design", "relaxed, design", "rebound, design"),
+        *("hits with friction, design", "hits with friction, design, order 4"),
         *(f"slippery contacts, order {order}" for order in (2, 4, 6)),
         *("slippery hits", "slippery tangential", "slippery relaxed"),
     ],
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
     ways = {"driven": ("m", "l", "amplitude"), "relaxed": ("l", "amplitude")}
-    names = ways.get(request.param.split(",")[0], ("l", "rise", "k"))
+    ways["relaxed"] = ways["relaxed"] if "moving" in request.param else ("l", "mu", "rub")
+    names = ways.get(request.param.split(",")[0], ("l", "rise", "k", "mu", "rub"))
     design = dict.fromkeys(names, (0.3, 2.0)) if "design" in request.param else {}
     if request.param.startswith("rebound"):
         return Transcription(rebound_problem())
@@ -210,7 +212,7 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
         return Transcription(relaxed(moving, Open((0, 1)), ["side"], 3, 0.5))
     slippery = slippery_rod_system() if "slippery" in request.param else None
     if "relaxed" in request.param:
-        rod = rod_problem("periodic" in request.param, system=slippery)
+        rod = rod_problem("periodic" in request.param, system=slippery).but(design=design)
         return Transcription(relaxed(rod, Open((0, 1), (0, 1, 2), (1,)), ["wall"], 3, 0.5))
     order = int(request.param[-1]) if "order" in request.param else 2
     if "contacts" in request.param:
@@ -221,7 +223,8 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
     if "tangential" in request.param:
         return Transcription(tangential_problem(bool(slippery)))
     if "hits" in request.param:
-        return Transcription(hit_problem(4 if "4" in request.param else 2, slippery))
+        hits = hit_problem(4 if "4" in request.param else 2, slippery)
+        return Transcription(hits.but(design={"mu": (0.1, 1)} if design else {}))
     if "4" in request.param:
         return Transcription(small(dmoc.load("cart_pendulum", order=4), None))
     return Transcription(

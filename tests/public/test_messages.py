@@ -133,9 +133,9 @@ ProblemError: walled(...)
         bound of its design
     design={"m": (-1, None)} | where m = -1, a bound of its design
     design={"wall": (1, 2)}, minimal_times=True | minimal_times are estimated at fixed parameters
-ModelError: on_floor(...)
-    design={"mu": (0, 1)} | design parameter mu is in the friction of 'floor', which the program
-        takes as a number
+ProblemError: on_floor(...)
+    design={"mu": (-0.1, 1)} | the friction of 'floor' is -0.1 where mu = -0.1, a bound of its
+        design
 SimulationError: simulate(...)
     kernels=None | expected a MechanicalSystem, or the kernels
     kernels="ball" | expected a MechanicalSystem, or the kernels

@@ -326,3 +326,27 @@ def test_the_stiffest_spring_is_the_soonest_at_order_6() -> None:
     assert s.solved
     assert "k <= 4" in map(str, s.active_bounds)
     assert s.final_time == pytest.approx((np.pi - np.arccos(0.6)) / 2, rel=1e-6)
+
+
+@ORDERS
+def test_the_friction_of_a_rail_that_is_cheap_to_hold(order: int) -> None:
+    """A block is pushed by 1 m in 4 s with the least int u^2 / 2, which is (2/3) sqrt(6 f^3) with
+    the friction f of its rail; with -2 f beside it, f = 2/3 and -4/9 are best."""
+    x, u, f = *dynamicsymbols("x u"), sp.Symbol("f")
+    system = unit_mass(
+        "chosen_rail", parameters={f: 1.0}, tangents={"rail": x}, friction={"rail": f},
+        cost=u**2 / 2, terminal_cost=-2 * f,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=order), start={"x": 0}, goal={"x": 1, "x_dot": 0},
+        sequence=["rail:slip+", "rail:stick"], steps=20, final_time=4, design={"f": (0.2, 2)},
+    )  # fmt: skip
+    s = dmoc.solve(problem, "ipm", starts=10)
+    assert s.solved, s.message
+    assert s.design["f"] == pytest.approx(2 / 3, rel=5e-3 if order == 2 else 1e-4)
+    assert s.cost == pytest.approx(-4 / 9, rel=5e-3 if order == 2 else 1e-4)
+    assert s.trajectory.friction["rail"] == pytest.approx(s.design["f"], rel=1e-12)
+    plain = dmoc.build(system, order=order)
+    assert s.verify(plain).passed
+    change = dmoc.sensitivities(problem, s)["bounds"]
+    assert change["f <="] == pytest.approx(0, abs=1e-6)
