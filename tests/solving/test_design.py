@@ -12,7 +12,7 @@ import sympy as sp
 from scipy.optimize import minimize
 from scipy.special import ellipk
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system, unit_mass
+from systems import block_system, landing_problem, landing_system, unit_mass
 
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError
@@ -350,3 +350,17 @@ def test_the_friction_of_a_rail_that_is_cheap_to_hold(order: int) -> None:
     assert s.verify(plain).passed
     change = dmoc.sensitivities(problem, s)["bounds"]
     assert change["f <="] == pytest.approx(0, abs=1e-6)
+
+
+@ORDERS
+def test_the_friction_on_which_a_puck_that_has_landed_stops_at_a_place(order: int) -> None:
+    """It lands after 0.2 s and 0.2 m with 2 N s, which leave (1 - 2 mu) m/s, and slides 0.3 m with
+    10 mu m/s^2: (1 - 2 mu)^2 = 6 mu."""
+    stated = landing_problem(20)
+    problem = dmoc.Problem(
+        dmoc.build(landing_system(), order=order), start=stated.start, goal=stated.goal,
+        sequence=stated.sequence, steps=20, final_time=1.5, design={"mu": (0.0, 0.5)},
+    )  # fmt: skip
+    s = dmoc.solve(problem, "ipm", starts=6)
+    assert s.solved, s.message
+    assert s.design["mu"] == pytest.approx((10 - np.sqrt(84)) / 8, rel=1e-7)
