@@ -14,6 +14,7 @@ from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.names import velocity_name
 from dmoc.check.checked_motion import Motion
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.simulation.flow import PLACES, Steps
 
 # Share of the largest terms of a constraint by which it counts at least, where they all vanish.
@@ -91,15 +92,25 @@ def path_excess(motion: Motion, courses: Sequence[IntegratedSteps]) -> tuple[Exc
     )
 
 
+def _pushed(motion: Motion, mode: Mode, q: Array, v: Array, u: Array, t: Array) -> Array:
+    """Accelerations and forces of the flow at states of a mode, (n, ny)."""
+    if not motion.model.ny:
+        return np.zeros((len(q), 0))
+    r = motion.flow.integrator.reaction(mode, np.hstack([q, v]), u, t)
+    return np.hstack([r.acceleration, r.normal, r.tangential, r.joint])
+
+
 @dataclass(frozen=True)
 class _Path:
-    """States of a motion at n places, and which ones are quadrature points."""
+    """States of a motion at n places, with the accelerations and forces of the flow there, if
+    quantities contain any, and which ones are quadrature points."""
 
     motion: Motion
     q: Array
     v: Array
     u: Array
     t: Array
+    y: Array
     at_points: NDArray[np.bool_]
 
     @classmethod
@@ -107,11 +118,12 @@ class _Path:
         points = DISCRETISATIONS[motion.trajectory.order].places
         parts, at_points = [], []
         for share in (*PLACES, *points):
-            for course in courses:
-                parts.append(course.at(share))
+            for piece, course in zip(motion.pieces, courses, strict=True):
+                state = course.at(share)
+                parts.append((*state, _pushed(motion, piece.mode, *state)))
                 at_points.append(np.full(len(course.steps), bool(np.isin(share, points))))
-        q, v, u, t = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return cls(motion, q, v, u, t, np.concatenate(at_points))
+        q, v, u, t, y = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return cls(motion, q, v, u, t, y, np.concatenate(at_points))
 
     def constraints(self) -> tuple[Array, Array]:
         """Excesses of the path constraints as shares of their sizes, and what they count, shape
@@ -128,7 +140,8 @@ class _Path:
             i = rates.index(name)
             value, row, moved = self.v[:, i], none, self.motion.sizes.v[i]
         else:
-            j, state = model.kernels.quantities.index(name), (self.q, self.v, self.u, self.t)
+            j = model.kernels.quantities.index(name)
+            state = self.q, self.v, self.u, self.t, self.y
             value, row = model.quantities(*state)[:, j], model.kernels.quantity_rows[j]
             moved = self._moved(model.quantity_slopes(*state))[j]
         excess = np.maximum(low - value, value - high)
@@ -138,12 +151,14 @@ class _Path:
         return (excess / np.where(sizes > 0, sizes, 1.0))[:, None], self._weights([row])
 
     def _moved(self, slopes: Array) -> Array:
-        """What coordinates, velocities and inputs of their sizes, and the time, could move
-        functions by, from their slopes (n, rows, 2 nq + nu + 1)."""
+        """What coordinates, velocities, inputs, accelerations and forces of their sizes, and the
+        time, could move functions by, from their slopes (n, rows, size of all)."""
         sizes, needed = self.motion.sizes, self.motion.needed_inputs
         used = np.abs(self.u).max(axis=0, initial=0.0)
         inputs = np.maximum(used, np.where(np.isfinite(needed), needed, 0.0))
-        ways = np.concatenate([sizes.q, sizes.v, inputs, [sizes.time]])
+        forces = np.abs(self.y).max(axis=0, initial=0.0)
+        ways = np.concatenate([sizes.q, sizes.v, inputs, [sizes.time], forces])
+        ways = ways[: slopes.shape[2]]  # path constraints contain no forces
         return np.asarray(np.nan_to_num(np.abs(slopes) @ ways, posinf=0.0).max(axis=0))
 
     def _weights(self, rows: Sequence[Mapping[str, Any]]) -> Array:

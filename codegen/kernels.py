@@ -130,6 +130,11 @@ class Kernels(Shown):
         return [row["name"] for row in self.quantity_rows]
 
     @property
+    def has_forces(self) -> bool:
+        """Whether quantities contain forces of contacts or constraints."""
+        return any(row.get("forces") for row in self.quantity_rows)
+
+    @property
     def integrals(self) -> list[str]:
         return [n for n in self.manifest.get("totals", ()) if n != "final_time"]
 

@@ -25,6 +25,7 @@ from dmoc.guess.tracking import Choice, March, Planner, resting
 from dmoc.guess.transfer import on_mesh
 from dmoc.guess.waypoints import Plan, end_velocity
 from dmoc.problem.problem import Problem
+from dmoc.program.force_values import quantity_inputs
 from dmoc.program.layout import Layout
 from dmoc.program.scaling import cost_of, scale_of
 from dmoc.program.transcription import Transcription
@@ -154,7 +155,8 @@ def _excess(problem: Problem, lay: Layout, x: Array) -> float:
     step, box = lay.step_inputs(x), [problem.velocity_bounds, problem.total_bounds]
     values = [np.diff(x[lay.index_q], axis=0) / step[4], x[lay.index_totals]]
     if problem.kernels.quantities:
-        values.append(problem.model.path(step, "quantity").reshape(-1, problem.model.nz))
+        z = problem.model.path(quantity_inputs(problem, lay, x), "quantity")
+        values.append(z.reshape(-1, problem.model.nz))
         box.append(problem.quantity_bounds)
     most = 0.0
     for value, (low, high) in zip(values, (b.T for b in box), strict=True):

@@ -13,6 +13,7 @@ from dmoc.mechanics.projection import onto
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import midpoints
 from dmoc.program.blocks import NOWHERE
+from dmoc.program.force_values import with_forces
 from dmoc.program.layout import Layout
 
 
@@ -61,7 +62,7 @@ def in_contact(problem: Problem, x: Array) -> Array:
     _put_onto(problem, lay, x)
     _pass_nodes(lay, x)
     _balance(problem, lay, x)
-    return x
+    return with_forces(problem, lay, x)
 
 
 def _put_onto(problem: Problem, lay: Layout, x: Array) -> None:

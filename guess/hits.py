@@ -10,6 +10,7 @@ from dmoc.mechanics.held import held_responses
 from dmoc.mechanics.tangential import returned
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
+from dmoc.program.force_values import quantity_inputs, with_forces
 from dmoc.program.hit_stages import END, STOP, Passage
 from dmoc.program.layout import Layout
 
@@ -29,12 +30,13 @@ def through_hits(problem: Problem, lay: Layout, x: Array) -> Array:
 
 def with_hidden(problem: Problem, lay: Layout, x: Array) -> Array:
     """Unknowns with the hidden ones, that are in the place of functions with kinks, on these, and
-    with totals and peaks as they are."""
+    with totals, peaks and forces as they are."""
     problem = lay.problem_at(problem, x)
     if lay.index_totals.size or lay.index_peaks.size:
         x, step = x.copy(), lay.step_inputs(x)
         x[lay.index_totals] = problem.model.totals(step)
-        x[lay.index_peaks] = problem.model.peaks(step)
+        x[lay.index_peaks] = problem.model.peaks(quantity_inputs(problem, lay, x))
+    x = with_forces(problem, lay, x)
     if not lay.index_s.size:
         return x
     x, k = x.copy(), lay.step_of_input

@@ -121,6 +121,12 @@ class BoundKernels:
         """Number of hidden unknowns."""
         return len(self.kernels.manifest["hidden"])
 
+    @cached_property
+    def ny(self) -> int:
+        """Number of accelerations and forces y = (a | N | T | R) that kernels of quantities take:
+        none where no quantity contains forces."""
+        return (self.nq + self.nc + self.nt + self.nj) * self.kernels.has_forces
+
     def _at(self, kernel: str, q: Array, *rows: Array) -> tuple[Array, ...]:
         """Results of a kernel at rows of states, or at a single one without the leading axis."""
         results = self.kernels.call(kernel, as_rows(q), *rows, self.par)

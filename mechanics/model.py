@@ -285,11 +285,12 @@ class Model(FrictionModel):
 
     def path(self, step: Sequence[Array], kind: str = "path") -> Array:
         """Path constraints of steps, or the "quantity" there, shape (n, nr), those of one place
-        within the step after the other."""
+        within the step after the other.  Behind x_k of a quantity come the forces at its points, if
+        quantities contain any."""
         return self.kernels.call(kind, *step, self.par)[0]
 
     def path_slopes(self, step: Sequence[Array], kind: str = "path") -> Array:
-        """Their derivatives with respect to x_k, shape (n, nr, size of x_k)."""
+        """Their derivatives with respect to the step, shape (n, nr, its size)."""
         (slopes,) = self.kernels.call(f"{kind}_jac", *step, self.par)
         return self._full({"path": "r_d_D", "quantity": "z_d_D"}[kind], slopes)
 
@@ -314,14 +315,27 @@ class Model(FrictionModel):
         """Number of quantities."""
         return len(self.kernels.quantities)
 
-    def quantities(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
-        """Quantities of states, shape (..., nz)."""
-        return self._values("quantity_value", self.nz, q, as_rows(v), as_rows(u), as_column(t))
+    def quantities(
+        self, q: Array, v: Array, u: Array, t: ArrayLike, y: Array | None = None
+    ) -> Array:
+        """Quantities of states with accelerations and forces y (..., ny), shape (..., nz)."""
+        rows = as_rows(v), as_rows(u), as_column(t), *self._pushed(y)
+        return self._values("quantity_value", self.nz, q, *rows)
 
-    def quantity_slopes(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
-        """Their derivatives with respect to (q, v, u, t), shape (..., nz, 2 nq + nu + 1)."""
-        shape = self.nz, 2 * self.nq + self.nu + 1
-        return self._matrix("z_s_D", shape, q, as_rows(v), as_rows(u), as_column(t))
+    def quantity_slopes(
+        self, q: Array, v: Array, u: Array, t: ArrayLike, y: Array | None = None
+    ) -> Array:
+        """Their derivatives with respect to (q, v, u, t, y), shape (..., nz, 2 nq + nu + 1 +
+        ny)."""
+        shape = self.nz, 2 * self.nq + self.nu + 1 + self.ny
+        rows = as_rows(v), as_rows(u), as_column(t), *self._pushed(y)
+        return self._matrix("z_s_D", shape, q, *rows)
+
+    def _pushed(self, y: Array | None) -> tuple[Array, ...]:
+        """Accelerations and forces as kernels of quantities take them; none are zero."""
+        if not self.ny:
+            return ()
+        return (np.zeros((1, self.ny)) if y is None else as_rows(y),)
 
     # Totals, objective ---------------------------------------------------------------------------
 

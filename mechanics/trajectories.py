@@ -9,6 +9,8 @@ import numpy as np
 
 from dmoc.base.discretisation import FORMS, InputForm
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_forces import accelerations_and_forces
+from dmoc.mechanics.contact_mode import mode_by_names
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.scenes import scene_of
 from dmoc.motion.states import PARTS, positions
@@ -77,12 +79,15 @@ def motion_along(
 def _quantities(model: Model, phase: Phase, form: InputForm) -> Array:
     """Quantities at the start, in the middle and at the end of each step of a phase."""
     k, h, at = np.arange(phase.steps), np.diff(phase.t), form.starts(phase.steps)
+    mode = mode_by_names(model.contacts, phase.closed, phase.rubbing)
     first, last = phase.u[at], phase.u[at + form.width]
     parts = []
     for share in np.linspace(0, 1, PARTS):
         q, v = positions(phase, k, np.full(phase.steps, share), h)
         u = first + share * (last - first)
-        parts.append(model.quantities(q, v, u, phase.t[:-1] + share * h))
+        state = q, v, u, phase.t[:-1] + share * h
+        y = accelerations_and_forces(model, mode, state) if model.ny else None
+        parts.append(model.quantities(*state, y))
     return np.stack(parts, axis=1).reshape(PARTS * phase.steps, -1)
 
 

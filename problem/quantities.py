@@ -48,8 +48,8 @@ def quantity_ranges(problem: Problem) -> QuantityRanges:
         for row, limits in zip(rows, ranges, strict=True):
             if np.isfinite(limits).any() and (row["velocities"] or row["inputs"]):
                 raise ProblemError(
-                    f"via of event {i + 1}: quantity {row['name']!r} contains velocities or "
-                    "inputs, which jump there: expected one of places."
+                    f"via of event {i + 1}: quantity {row['name']!r} contains velocities, inputs "
+                    "or forces, which jump there: expected one of places."
                 )
     start = _ranges(problem, problem.start, "start")
     if problem.start_bounds.is_state:

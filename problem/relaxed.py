@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
+
+import numpy as np
 
 from dmoc.mechanics.contact_mode import FREE, Event
 from dmoc.mechanics.touch import Open, Touch
@@ -15,7 +17,7 @@ def relaxed(
 ) -> Problem:
     """The same problem without a sequence: what may touch is left open, in phases of so many steps
     between hits of some surfaces, which may be none, and complementarity is relaxed by ``eps``
-    (:mod:`dmoc.program.laws.complementarity`)."""
+    (:mod:`dmoc.program.laws.complementarity`).  What is said of forces is left out."""
     contacts = problem.touch.contacts
     events = tuple(Event(contacts.surface_numbers[name]) for name in hits)
     touch = Touch(contacts, (FREE,) * (len(hits) + 1), events, left_open)
@@ -26,4 +28,12 @@ def relaxed(
         durations=None, minimal_times=False, touch=touch, open_hits={}, by_rates=True,
         relaxation=eps, model=problem.model,
     )  # fmt: skip
+    pushed = [bool(row.get("forces")) for row in problem.kernels.quantity_rows]
+    if any(pushed):
+        said = other.quantity_ranges
+        bounds, start, goal = problem.quantity_bounds.copy(), said.start.copy(), said.goal.copy()
+        for rows in (bounds, start, goal):
+            rows[pushed] = -np.inf, np.inf
+        ranges = replace(said, start=start, goal=goal)
+        other.__dict__.update(quantity_bounds=bounds, quantity_ranges=ranges)
     return other

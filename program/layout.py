@@ -15,6 +15,7 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Index
+from dmoc.program.force_unknowns import Wanted
 from dmoc.program.reactions import EventImpulses, PhaseReaction
 from dmoc.program.stations import Stations
 from dmoc.program.unknowns import Kind, Unknowns, first_rows, steps_of_rows
@@ -49,8 +50,10 @@ class Layout(Unknowns):
         for j, _ in problem.model.peaks_of:
             row = kernels.quantity_rows[j]
             at_start, at_goal = at_start or row["velocities"], at_goal or row["velocities"]
+        shared = FORMS[problem.control_form].shared
         for row in (*kernels.manifest["path_rows"], *along):
-            if row["velocities"] and (FORMS[problem.control_form].shared or not row["inputs"]):
+            pushed = row.get("forces") and problem.scheme.inside
+            if row["velocities"] and (shared or pushed or not row["inputs"]):
                 at_start |= row["inputs"] or not problem.start_bounds.is_state
                 at_goal = True
         kind = Kind(
@@ -69,6 +72,7 @@ class Layout(Unknowns):
             tuple(problem.model.totals_of),
             tuple(peak_names(problem)),
             tuple(problem.design),
+            _wanted_forces(problem, turning),
         )
         return (_shared if sum(kind.steps) <= MOST_SHARED else cls.numbered)(kind)
 
@@ -253,6 +257,30 @@ def _said(problem: Problem, ranges: Array) -> list[Mapping[str, Any]]:
     """What the quantities depend on of which some ranges, shape (nz, 2), say something."""
     rows = problem.kernels.quantity_rows
     return [rows[j] for j in np.flatnonzero(np.isfinite(ranges).any(axis=1))]
+
+
+def _wanted_forces(problem: Problem, turning: set[str]) -> Wanted:
+    """Where the forces of quantities are unknowns; those that the motion does not determine are
+    refused."""
+    rows = problem.kernels.quantity_rows
+    on = np.array([bool(row.get("forces")) for row in rows], dtype=bool)
+    if not on.any():
+        return Wanted()
+    ranges, peaks = problem.quantity_ranges, {j for j, _ in problem.model.peaks_of}
+    named = np.array([row["name"] in turning for row in rows])
+    along = np.isfinite(problem.quantity_bounds).any(axis=1) | np.isin(np.arange(len(on)), [*peaks])
+    start, goal = (np.isfinite(r).any(axis=1) | named for r in (ranges.start, ranges.goal))
+    wanted = Wanted(True, *(bool((on & part).any()) for part in (along, start, goal)))
+    asked = on & (along | start | goal)
+    for i, follows in enumerate(problem.redundant if asked.any() else ()):
+        if follows.pressing or follows.rubbing:
+            name = rows[int(np.argmax(asked))]["name"]
+            raise ProblemError(
+                f"quantity {name!r} contains forces, and the motion determines only sums of those "
+                f"of {', '.join((*follows.pressing, *follows.rubbing))} in phase {i}: remove its "
+                "bound, or what holds the motion twice."
+            )
+    return wanted
 
 
 def _check_courses(problem: Problem) -> None:

@@ -14,6 +14,8 @@ import numpy as np
 from dmoc.base.tolerances import BALANCED, ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
+from dmoc.program.force_unknowns import sizes as pushing
+from dmoc.program.force_values import quantity_inputs
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 
@@ -85,7 +87,10 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         )
         sizes = lay.units(scale)
         cost = _cost(problem, lay, x, sizes, size_v) / (MINIMUM_COST if minimum else FIRST_COST)
-        path, quantity = (_path(problem, lay, x, sizes, kind) for kind in ("path", "quantity"))
+        path = _path(problem, lay.step_inputs(x), local := _local(lay, sizes), "path")
+        pushed = np.tile(pushing(scale)[: model.ny], (lay.total, lay.scheme.points))
+        local = np.hstack([local, pushed])
+        quantity = _path(problem, quantity_inputs(problem, lay, x), local, "quantity")
         at = [j for j, _ in model.peaks_of]
         return replace(
             scale, cost=cost, path=path, quantity=quantity, peaks=quantity[at],
@@ -194,7 +199,7 @@ def cost_of(problem: Problem, lay: Layout, x: Array) -> float:
     """The cost of unknowns, with the objective."""
     model, step = lay.problem_at(problem, x).model, lay.step_inputs(x)
     start, end = end_of(lay, x, 0), end_of(lay, x, -1)
-    shared = model.totals(step), model.peaks(step)
+    shared = model.totals(step), model.peaks(quantity_inputs(problem, lay, x))
     value = model.step_costs(step).sum() + model.terminal_cost(*end)
     return float(value + model.objective(*shared, start[:2], end[:2]))
 
@@ -203,7 +208,7 @@ def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) 
     """Size of the cost: its value, at least a small share of what its slopes and curvatures make
     of the sizes of the unknowns."""
     model, step = problem.model, lay.step_inputs(x)
-    local = np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
+    local = _local(lay, sizes)
     slope = np.abs(model.step_cost_slopes(step) * local).sum()
     bend = np.abs(model.step_cost_curvatures(step) * local**2).sum() / 2
     end = end_of(lay, x, -1)
@@ -216,15 +221,18 @@ def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) 
     return size if np.isfinite(size) and size > 0 else 1.0
 
 
-def _path(problem: Problem, lay: Layout, x: Array, sizes: Array, kind: str) -> Array:
+def _local(lay: Layout, sizes: Array) -> Array:
+    """Sizes of the unknowns of all steps."""
+    return np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
+
+
+def _path(problem: Problem, step: list[Array], local: Array, kind: str) -> Array:
     """Sizes of the path constraints, or of the quantities: the largest change that an unknown of
-    its size makes in any step."""
+    its ``local`` size makes in any step."""
     kernels = problem.kernels
     count = len(kernels.quantities if kind == "quantity" else kernels.manifest["path_rows"])
     if not count:
         return np.ones(0)
-    step = lay.step_inputs(x)
-    local = np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
     changes = _finite(np.abs(problem.model.path_slopes(step, kind) * local[:, None]), 0.0).max(
         axis=(0, 2)
     )

@@ -77,6 +77,11 @@ class Places:
         u = lay.of_kernels[lay.row_u_kp1[-1] if last else lay.row_u_k[0]]
         return lay.index_q[node], self.known(v[None]), u[None], self.times(node)
 
+    def quantities_at_end(self, last: bool) -> tuple[Index, ...]:
+        """The same as quantities take it, with the forces behind, if they contain any."""
+        state, y = self.at_end(last), self.known(self.lay.force.y_ends[[-last]])
+        return (*state, y) if self.lay.force.count else state
+
     def times(self, nodes: Index) -> Index:
         """Times of nodes; one zero in a model without explicit time."""
         return self.lay.time_columns[nodes] if self.lay.timed else np.full((1, 1), self.zero)

@@ -8,8 +8,9 @@ momenta at both ends; v_B, v_E: velocities at both ends, only where the problem 
 of the nodes, only where the model depends on them; q_i: coordinates of the nodes inside the steps;
 s: hidden unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), in the rows of the inputs.
 Behind those of laws are w, velocities at the nodes inside phases, and t_i, times of the nodes
-inside steps, both only where something pushes along steps with nodes inside, and behind these
-totals and peaks of an objective, and design parameters.
+inside steps, both only where something pushes along steps with nodes inside, then accelerations
+and forces that quantities contain (:mod:`dmoc.program.force_unknowns`), and behind these totals and
+peaks of an objective, and design parameters.
 Laws that push have tables of their own: :class:`~dmoc.program.impacts.ImpactUnknowns` (lam, v_a,
 v_c, in these places because files keep multipliers in this order),
 :class:`~dmoc.program.contact_table.ContactUnknowns`,
@@ -33,6 +34,7 @@ from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Block, Bools, Counted, Index, Numbering
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.contact_table import ContactUnknowns
+from dmoc.program.force_unknowns import ForceUnknowns, Wanted
 from dmoc.program.hit_stages import HeldUnknowns, HitUnknowns
 from dmoc.program.impacts import ImpactUnknowns, impulses, names_of_events, velocities
 from dmoc.program.joints import JointUnknowns
@@ -61,6 +63,7 @@ class Kind:
     totals: tuple[str, ...]
     peaks: tuple[str, ...]
     design: tuple[str, ...]
+    forces: Wanted
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +105,7 @@ class Unknowns:
     held: HeldUnknowns
     joint: JointUnknowns
     relaxed: RelaxedUnknowns
+    force: ForceUnknowns
 
     @classmethod
     def numbered(cls, kind: Kind) -> Self:
@@ -200,6 +204,7 @@ class Unknowns:
             lambda k, i: f"time {place_inside(i)} step {k}",
             lambda s: s.time,
         ).index
+        force = ForceUnknowns.of(block, kind.forces, form, stations, (names, kind.joints), touch)
         totals, peaks, design = (
             block("totals", (len(kind.totals),), lambda i: kind.totals[i], lambda s: s.totals),
             block("peaks", (len(kind.peaks),), lambda i: kind.peaks[i], lambda s: s.peaks),
@@ -210,6 +215,7 @@ class Unknowns:
             **indices, index_w=index_w, index_t_i=index_t_i,
             index_totals=totals.index, index_peaks=peaks.index, index_design=design.index,
             impact=impact, contact=contact, hit=hit, held=held, joint=joint, relaxed=relaxed,
+            force=force,
         )  # fmt: skip
 
     @cached_property

@@ -15,6 +15,7 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.names import name_of, velocity_name
+from dmoc.symbolic.contact_references import forces_of
 from dmoc.symbolic.conversion import plain_nodes, to_nodes
 from dmoc.symbolic.definitions import rate_of, rate_symbol, symbols_of
 from dmoc.symbolic.drawing import values_of
@@ -33,7 +34,8 @@ class Continuous:
     looks: the values of the drawing; coefficients of restitution e_j, of all surfaces or none, and
     of tangential restitution e_t, of all tangents or none; quantities z, integrands c; symbols x of
     definitions with their rates x_dot and their values x_of, and the dissipation R of which Q lacks
-    the forces.  Nodes have neither.  Kernels have derivatives by the parameters ``design``, too."""
+    the forces.  Nodes have neither.  Kernels have derivatives by the parameters ``design``, too.
+    Accelerations and forces y, where quantities contain forces."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -59,6 +61,7 @@ class Continuous:
     x_dot: tuple[Any, ...] = ()
     x_of: tuple[Any, ...] = ()
     design: tuple[Any, ...] = ()
+    y: tuple[Any, ...] = ()
 
     @classmethod
     def of(
@@ -71,10 +74,12 @@ class Continuous:
         par: Sequence[Any],
         x: Sequence[Any] = (),
         x_dot: Sequence[Any] = (),
+        y: Sequence[Any] = (),
     ) -> Continuous:
         """Rewrite the functions of ``system`` in the given SymPy symbols; ``x`` and ``x_dot`` are
-        those of its definitions and their rates."""
+        those of its definitions and their rates, ``y`` accelerations and forces."""
         table = _table(system, q, v, u, t, par, x, x_dot)
+        table |= dict(zip(forces_of(system), y[len(q) :], strict=False))
         forces, R = system.force_vector, sp.S.Zero
         if atoms_of(system.dissipation) & symbols_of(system.definitions):
             forces = tuple(system.forces.get(s, sp.S.Zero) for s in system.coordinates)
@@ -109,6 +114,7 @@ class Continuous:
             tuple(x),
             tuple(x_dot),
             tuple(rewrite(e) for e in system.definitions.values()),
+            y=tuple(y),
         )
 
     def smooth(self, system: MechanicalSystem, hidden: Sequence[Any]) -> Continuous:
@@ -137,7 +143,7 @@ class Continuous:
     ) -> list[Node]:
         """More functions in these symbols as nodes, and those of some constants, which are exact
         then."""
-        symbols = (*self.q, *self.v, *self.u, self.t, *self.par, approach_speed)
+        symbols = (*self.q, *self.v, *self.u, self.t, *self.par, approach_speed, *self.y)
         table = {s: graph.symbol(s.name) for s in symbols} | dict(constants or {})
         rates = dict(zip((table[q] for q in self.q), (table[v] for v in self.v), strict=True))
         rates[table[self.t]] = graph.one
@@ -154,14 +160,15 @@ class Continuous:
         def each(values: Any) -> Any:
             return tuple(next(nodes) for _ in values) if isinstance(values, tuple) else next(nodes)
 
-        q, v, u, par = (
-            tuple(graph.symbol(s.name) for s in part) for part in (self.q, self.v, self.u, self.par)
+        q, v, u, par, y = (
+            tuple(graph.symbol(s.name) for s in part)
+            for part in (self.q, self.v, self.u, self.par, self.y)
         )
         made = {name: each(getattr(self, name)) for name in FUNCTIONS}
         damping = gradient(made["R"], v)
         made["Q"] = tuple(force - slope for force, slope in zip(made["Q"], damping, strict=True))
         made["R"] = graph.zero
-        return Continuous(q, v, u, graph.symbol(self.t.name), par, **made)
+        return Continuous(q, v, u, graph.symbol(self.t.name), par, **made, y=y)
 
 
 # The functions of a Continuous, which are one expression or several.
@@ -202,6 +209,7 @@ def readable(system: MechanicalSystem) -> Continuous:
         list(system.parameters),
         sp.symbols(defined, real=True),
         sp.symbols([velocity_name(n) for n in defined], real=True),
+        sp.symbols([*(f"a_{n}" for n in names), *forces_of(system).values()], real=True),
     )
 
 

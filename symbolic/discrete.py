@@ -263,10 +263,7 @@ def step_element(
         if len(places) == 1:
             start, end = _with_inputs(here, u_k), _with_inputs(here, u_kp1)
         else:
-            between = tuple(
-                exact(1 - c) * a + exact(c) * b for a, b in zip(u_k, u_kp1, strict=True)
-            )
-            start = end = _with_inputs(here, between)
+            start = end = _with_inputs(here, _between(u_k, u_kp1, c, exact))
         points.append(_point(nodes, c, exact, start, end, b))
     q_i = vector("q_i", n * (len(nodes) - 2))
     return StepElement(
@@ -278,12 +275,20 @@ def at_ends(
     f: Continuous, e: StepElement, make: Callable[[str], Any], exact: Callable[[Any], Any]
 ) -> StepElement:
     """The element with the ends of the step instead of its quadrature points, at which the inputs
-    have their values."""
+    have their values; with all of its nodes, in the order of time, where there are forces."""
     nodes, points = lobatto_nodes(e.inside + 1), []
-    for i, (c, u) in enumerate(((sp.S.Zero, e.u_k), (sp.S.One, e.u_kp1))):
+    for i, c in enumerate(sorted(nodes, key=float) if f.y else nodes[:2]):
+        u = {sp.S.Zero: e.u_k, sp.S.One: e.u_kp1}.get(c) or _between(e.u_k, e.u_kp1, c, exact)
         side = _with_inputs(_renamed(f, i + 1, make), u)
         points.append(_point(nodes, c, exact, side, side))
     return replace(e, points=tuple(points))
+
+
+def _between(
+    start: tuple[Any, ...], end: tuple[Any, ...], c: Any, exact: Callable[[Any], Any]
+) -> tuple[Any, ...]:
+    """Inputs at the place c of a step in which they are linear."""
+    return tuple(exact(1 - c) * a + exact(c) * b for a, b in zip(start, end, strict=True))
 
 
 def _point(
@@ -328,13 +333,14 @@ def _shapes(nodes: Sequence[Any], c: Any, derivative: int = 0) -> list[Any]:
 
 def _renamed(f: Continuous, number: int, make: Callable[[str], Any]) -> Continuous:
     """The functions in symbols of their own for one quadrature point."""
-    old = (*f.q, *f.v, f.t, *f.x, *f.x_dot)
+    old = (*f.q, *f.v, f.t, *f.x, *f.x_dot, *f.y)
     table = {s: make(f"{s}_{number}") for s in old}
     return replace(
         _substituted(f, table),
         q=tuple(table[s] for s in f.q),
         v=tuple(table[s] for s in f.v),
         t=table[f.t],
+        y=tuple(table[s] for s in f.y),
     )
 
 
@@ -347,4 +353,5 @@ def _substituted(f: Continuous, table: dict[Any, Any]) -> Continuous:
         return tuple(v.subs(table) if table else v for v in values)
 
     L, C = each((f.L, f.C))
-    return replace(f, L=L, Q=each(f.Q), C=C, r=each(f.r), z=each(f.z), c=each(f.c))
+    own = {name: each(getattr(f, name)) for name in ("Q", "r", "z", "c", "mu")}
+    return replace(f, L=L, C=C, **own)

@@ -92,6 +92,15 @@ def expression_in(value: Any, what: str) -> Any:
     return expression
 
 
+def reference(kind: str, name: Any, what: str, example: str) -> Any:
+    """An expression that stands for something of the model by its name, as total(effort)."""
+    if not isinstance(name, str) or not name.isidentifier():
+        raise ModelError(
+            f'{kind}({shown(name)}): expected the name of {what}, such as "{example}".'
+        )
+    return sp.Function(kind)(sp.Symbol(name))
+
+
 def _number(value: Any) -> Any:
     """A real number as one of SymPy, exactly; nothing that the number says of itself is asked."""
     if isinstance(value, sp.Expr):
@@ -157,6 +166,7 @@ REMEDIES = {
     ("surface", "inputs"): "; a limit of an input is a bound or a path constraint",
     ("Lagrangian", "inputs"): "; inputs enter through `forces`",
     ("restitution", "velocities"): "; the speed of the hit is dmoc.approach_speed",
+    ("", "forces"): "; forces of contacts and constraints stand in `quantities`",
 }
 
 
@@ -171,7 +181,8 @@ def unknown_symbol(
             subjects = ("surface", "Lagrangian", "friction", "restitution")
             about = next((word for word in subjects if word in where), "")
             own = "velocities" if "velocities" in kind else kind
-            remedy = REMEDIES.get((about, own)) or REMEDIES.get((about, ""), "")
+            ways = ((about, own), (about, ""), ("", own))
+            remedy = next((REMEDIES[way] for way in ways if way in REMEDIES), "")
             return f"{where} contains {symbol}, one of the {kind}: expected {only} alone{remedy}."
     if isinstance(symbol, sp.Derivative) and symbol.expr in kinds["definitions of velocities"]:
         return (

@@ -16,7 +16,9 @@ import sympy as sp
 
 from dmoc.base.discretisation import DISCRETISATIONS, known_order
 from dmoc.base.names import name_of
+from dmoc.symbolic.contact_forces import residual
 from dmoc.symbolic.contact_kernels import joint_kernels, surface_kernels, tangent_kernels, varying
+from dmoc.symbolic.contact_references import symbols_of_forces
 from dmoc.symbolic.continuous import (
     Continuous,
     dot,
@@ -31,7 +33,7 @@ from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
 from dmoc.symbolic.expressions import atoms_of
 from dmoc.symbolic.graph import Graph, Node, gradient, reverse
-from dmoc.symbolic.kernel_family import contracted, family, parameters, state_inputs
+from dmoc.symbolic.kernel_family import family, parameters, state_inputs
 from dmoc.symbolic.kinks import split
 from dmoc.symbolic.objectives import objective_facts, objective_kernels
 from dmoc.symbolic.path_constraints import (
@@ -39,6 +41,7 @@ from dmoc.symbolic.path_constraints import (
     path_limits,
     path_rows,
     quantity_kernels,
+    quantity_rows,
     quantity_values,
     terms_of,
 )
@@ -48,7 +51,7 @@ from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 from dmoc.symbolic.traversal import operations
 
-FORMAT = 16  # of the facts and the kernel list
+FORMAT = 17  # of the facts and the kernel list
 # Operations of the second derivatives of a Lagrangian at all points of a step, and elsewhere, from
 # which on it is a function of its own.
 LARGE_STEP, LARGE = 500, 600
@@ -71,7 +74,7 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
     u = symbols("u", nu + len(parts.unknowns))
     plain = Continuous.of(
         system, symbols("q", nq), symbols("v", nq), u[:nu], t, symbols("par", npar),
-        symbols("x", nx), symbols("x_dot", nx),
+        symbols("x", nx), symbols("x_dot", nx), symbols_of_forces(system, "y"),
     )  # fmt: skip
     graph = Graph()
     f, smooth = plain.to_nodes(graph), plain.smooth(system, u[nu:]).to_nodes(graph)
@@ -161,7 +164,7 @@ def _facts(
         for name, g in zip(system.surfaces, f.g, strict=True)
     }
     without = [name for name in system.tangents if name not in system.friction]
-    more = {"without_friction": without, "quantities": path_rows(f, list(system.quantities), f.z)}
+    more = {"without_friction": without, "quantities": quantity_rows(f, list(system.quantities))}
     more["varying_friction"] = path_rows(f, *varying(f, list(system.tangents)))
     facts = {
         "format": FORMAT,
@@ -231,6 +234,8 @@ def _step_kernels(
     step = {"r_minus": e.r_minus, "r_plus": e.r_plus, "C_d": [e.C_d], "r_i": e.r_i}
     energies = {"e_plus": [at_events.e_plus], "e_minus": [at_events.e_minus]}
     par, ways = parameters(f), (e.chain, e.spread, e.definitions)
+    numbers = {name: j for j, name in enumerate(system.surfaces)}
+    supports = [numbers.get(name) for name in system.tangents]
     return [
         *family(
             "step",
@@ -249,7 +254,7 @@ def _step_kernels(
             *ways,
         ),
         *path_kernels(f, e, inputs),
-        *quantity_kernels(f, e, inputs),
+        *quantity_kernels(f, e, inputs, supports),
         *objective_kernels(system, plain, f, e, inputs),
     ]
 
@@ -296,19 +301,6 @@ def _state_kernels(f: Continuous, light: Continuous) -> list[KernelSpec]:
                 Output.vector("C_DD_u", [f.C.diff(s).diff(s) for s in f.u]),
             ),
         ),
-    ]
-
-
-def residual(f: Continuous, a: Sequence[Any]) -> list[Any]:
-    """dL/dq - d(dL/dv)/dt + Q at accelerations a; d/dt is the derivative along (v, a, 1)."""
-    g = f.L.graph
-    places = [*f.q, *f.v, f.t]
-    along = Input.vector(g, "along", len(places)).symbols
-    moved = gradient(contracted(dot(along, gradient(f.L, places))), f.v)
-    values = dict(zip(along, (*f.v, *a, g.one), strict=True))
-    return [
-        slope - rate.subs(values) + force
-        for slope, rate, force in zip(gradient(f.L, f.q), moved, f.Q, strict=True)
     ]
 
 

@@ -71,7 +71,7 @@ def family(
     specs += _derivatives(specs[0], outputs, ways, size, f"({listed})", second)
     free = set[Node]().union(*(e.free_symbols for v in outputs.values() for e in v))
     if second and free & set(par.design):
-        wider = {way: _with(way, par.design) for way in ways}
+        wider = {way: with_more(way, par.design) for way in ways}
         both, size = (wider[ways[0]], wider[ways[1]]), size + len(par.design)
         listed = f"({listed}) and the design parameters"
         for spec in _derivatives(specs[0], outputs, both, size, listed, second):
@@ -79,7 +79,7 @@ def family(
     return specs
 
 
-def _with(way: Chain, more: Sequence[Node]) -> Chain:
+def with_more(way: Chain, more: Sequence[Node]) -> Chain:
     """Derivatives by some more symbols behind the others."""
     return lambda partial: [*way(partial), *partial(more)]
 

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
-from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
 from dmoc.symbolic.continuous import Continuous
 from dmoc.symbolic.conversion import to_nodes
 from dmoc.symbolic.discrete import StepElement
-from dmoc.symbolic.expressions import atoms_of, expression_in, final_time
+from dmoc.symbolic.expressions import atoms_of, expression_in, final_time, reference
 from dmoc.symbolic.kernel_family import family, parameters
 from dmoc.symbolic.kinks import check_smooth
 from dmoc.symbolic.spec import Input, KernelSpec
@@ -48,7 +47,7 @@ def total(name: str) -> Any:
     >>> dmoc.total("effort") / dmoc.final_time
     total(effort)/final_time
     """
-    return _reference(TOTAL, name, "an integral")
+    return reference(TOTAL, name, "an integral", "effort")
 
 
 def peak(name: str) -> Any:
@@ -75,7 +74,7 @@ def peak(name: str) -> Any:
     >>> 2 * dmoc.peak("push")
     2*peak(push)
     """
-    return _reference(PEAK, name, "a quantity")
+    return reference(PEAK, name, "a quantity", "effort")
 
 
 def largest(name: str) -> Any:
@@ -102,7 +101,7 @@ def largest(name: str) -> Any:
     >>> dmoc.largest("push") ** 2
     largest(push)**2
     """
-    return _reference(LARGEST, name, "a quantity")
+    return reference(LARGEST, name, "a quantity", "effort")
 
 
 def at_start(expression: Any) -> Any:
@@ -159,12 +158,6 @@ def at_end(expression: Any) -> Any:
     1/at_end(x(t))
     """
     return sp.Function(END)(expression_in(expression, "at_end"))
-
-
-def _reference(kind: str, name: Any, what: str) -> Any:
-    if not isinstance(name, str) or not name.isidentifier():
-        raise ModelError(f'{kind}({shown(name)}): expected the name of {what}, such as "effort".')
-    return sp.Function(kind)(sp.Symbol(name))
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import sympy as sp
 
+from dmoc.symbolic.contact_forces import equations_of_forces, forces_input
 from dmoc.symbolic.continuous import Continuous, dot
 from dmoc.symbolic.discrete import StepElement, at_ends
 from dmoc.symbolic.graph import Node
-from dmoc.symbolic.kernel_family import family, parameters, state_inputs
+from dmoc.symbolic.kernel_family import family, parameters, state_inputs, with_more
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 
@@ -38,19 +40,50 @@ def path_rows(
     ]
 
 
+def quantity_rows(f: Continuous, names: Sequence[str]) -> list[dict[str, Any]]:
+    """The same of the quantities; those that contain forces depend on all of a state."""
+    every = {"coordinates": list(range(len(f.q))), "velocities": True, "inputs": True}
+    return [
+        row | every | {"forces": True} if z.free_symbols & set(f.y) else row
+        for row, z in zip(path_rows(f, names, f.z), f.z, strict=True)
+    ]
+
+
 def path_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list[KernelSpec]:
     """All kernels of the path constraints; ``step`` are the arguments of a step."""
-    return _along("path", "r", "Path constraints {} >= 0", f, e, step)
+    without = _put(f, e, lambda f: f.r, forces=False)
+    return _along("path", "r", "Path constraints {} >= 0", *without, step)
 
 
-def quantity_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list[KernelSpec]:
-    """The same kernels of the quantities."""
-    g = replace(f, r=f.z)
-    points = tuple(
-        replace(p, start=replace(p.start, r=p.start.z), end=replace(p.end, r=p.end.z))
+def quantity_kernels(
+    f: Continuous, e: StepElement, step: tuple[Input, ...], supports: Sequence[int | None]
+) -> list[KernelSpec]:
+    """The same kernels of the quantities, and of the equations of the forces that they contain;
+    ``supports`` are the surfaces of the tangents, None of rails."""
+    kernels = _along("quantity", "z", "Quantities {}", *_put(f, e, lambda f: f.z), step)
+    if not f.y:
+        return kernels
+    text = "Equations of the accelerations and forces {} = 0"
+    own = replace(e, points=()) if e.inside else e
+    equations = partial(equations_of_forces, supports=supports)
+    return kernels + _along("forces", "e", text, *_put(f, own, equations), step)
+
+
+def _put(
+    f: Continuous, e: StepElement, functions: Callable[[Continuous], Sequence[Any]],
+    forces: bool = True,
+) -> tuple[Continuous, StepElement]:  # fmt: skip
+    """A system and its element with other functions in the place of the path constraints, with
+    forces or without."""
+
+    def put(f: Continuous) -> Continuous:
+        return replace(f, r=tuple(functions(f)), y=f.y if forces else ())
+
+    points = (
+        replace(p, start=put(p.start), end=p.start if p.end is p.start else put(p.end))
         for p in e.points
     )
-    return _along("quantity", "z", "Quantities {}", g, replace(e, points=points), step)
+    return put(f), replace(e, points=tuple(points))
 
 
 def _along(
@@ -61,10 +94,11 @@ def _along(
         return []
     par = parameters(f)
     state = (Input("q", f.q), Input("v", f.v), Input("u", f.u), Input("t", (f.t,)))
-    kernels = [
-        *_of_step(name, f"{text.format(f'{a}_d')} of a step.", f"{a}_d", e, step, par),
-        *family(f"{name}_point", f"{text.format(a)} at a state.", state, {a: f.r}, par),
-    ]
+    at_state = (*state, *forces_input([f]))
+    kernels = family(f"{name}_point", f"{text.format(a)} at a state.", at_state, {a: f.r}, par)
+    if e.points:
+        of_step = f"{text.format(f'{a}_d')} of a step."
+        kernels = [*_of_step(name, of_step, f"{a}_d", e, step, par), *kernels]
     if not e.inside:
         return kernels + _at_node(name, a, text, f, par)
     ends = at_ends(f, e, f.L.graph.symbol, float)
@@ -77,6 +111,7 @@ def quantity_values(f: Continuous) -> list[KernelSpec]:
     if not f.z:
         return []
     *state, par = state_inputs(f)
+    state = [*state, *forces_input([f])]
     return family("quantity_value", "Quantities z.", tuple(state), {"z_s": f.z}, par, second=False)
 
 
@@ -101,7 +136,10 @@ def path_limits(f: Continuous, terms: Sequence[Node]) -> list[KernelSpec]:
 def _of_step(
     name: str, text: str, output: str, e: StepElement, step: tuple[Input, ...], par: Input
 ) -> list[KernelSpec]:
-    return family(name, text, step, {output: e.r_d}, par, e.chain, e.spread, e.definitions)
+    own = forces_input([p.start for p in e.points])
+    symbols = [s for i in own for s in i.symbols]
+    chain, spread = (with_more(way, symbols) for way in (e.chain, e.spread))
+    return family(name, text, (*step, *own), {output: e.r_d}, par, chain, spread, e.definitions)
 
 
 def _at_node(name: str, a: str, text: str, f: Continuous, par: Input) -> list[KernelSpec]:
@@ -110,14 +148,15 @@ def _at_node(name: str, a: str, text: str, f: Continuous, par: Input) -> list[Ke
     h = g.symbol("h")
     before, after = (Input.vector(g, name, n) for name in ("q_km1", "q_kp1"))
     inputs = (before, Input("q_k", f.q), after, Input("u_k", f.u), Input("h", (h,)),
-              Input("t_k", (f.t,)))  # fmt: skip
+              Input("t_k", (f.t,)), *forces_input([f]))  # fmt: skip
 
     def chain(partial: Callable[[Sequence[Node]], list[Node]]) -> list[Node]:
-        by = dict(zip(symbols := (*f.q, *f.v, *f.u, h, f.t), partial(symbols), strict=True))
+        symbols = (*f.q, *f.v, *f.u, h, f.t, *f.y)
+        by = dict(zip(symbols, partial(symbols), strict=True))
         rates = [by[v] / (2 * h) for v in f.v]
         slowed = by[h] - dot(f.v, [by[v] for v in f.v]) / h
         return [*(-r for r in rates), *(by[q] for q in f.q), *rates, *(by[u] for u in f.u), slowed,
-                by[f.t]]  # fmt: skip
+                by[f.t], *(by[s] for s in f.y)]  # fmt: skip
 
     central = tuple(
         (v, (right - left) / (2 * h))

@@ -14,6 +14,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from dmoc.base.arguments import shown
 from dmoc.base.errors import GenerationError, ModelError
 from dmoc.base.names import check_name, momentum_name, name_of, velocity_name
+from dmoc.symbolic.contact_references import check_forces, forces_of
 from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.definitions import atoms_below, check_definitions, kinds_of
 from dmoc.symbolic.drawing import values_of
@@ -44,6 +45,7 @@ def check(system: MechanicalSystem) -> None:
     check_definitions(system)
     check_restitution(system)
     check_tangential_restitution(system)
+    check_forces(system)
     check_objective(system)
     _check_friction(system)
     _check_symbols(system)
@@ -165,6 +167,7 @@ def _check_symbols(system: MechanicalSystem) -> None:
         "the time": {dynamicsymbols._t},
         "parameters": set(system.parameters),
         "the approach speed": {approach_speed} if system.restitution else set(),
+        "forces": set(forces_of(system)),
     } | kinds_of(system)
     used: set[Any] = set(system.objective.free_symbols)
     for where, expression, allowed in _expressions(system):
@@ -210,7 +213,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("the tangent of {!r}", system.tangents, PLACE),
         ("the friction of {!r}", system.friction, (*PLACE, "inputs")),
         ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),
-        ("quantity {!r}", system.quantities, KINDS),
+        ("quantity {!r}", system.quantities, (*KINDS, "forces")),
         ("the tangential restitution of {!r}", system.tangential_restitution, ("parameters",)),
         ("integral {!r}", system.integrals, KINDS),
     ):

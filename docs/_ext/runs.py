@@ -46,6 +46,7 @@ ORDER = (
     "stance_hopper",
     "four_bar",
     "hopper_spring",
+    "soft_landing",
     "jumper",
     "hopper",
     "hops",

@@ -409,4 +409,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 14}),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "ad9f691dcd12f3f7cf2dd21f951bfde88d5cce8bd468e0bbbfc1a469e9c14fc9", 37, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "b9acc9947100a8b251915eaf4467f7c247089f9781b0b2b6fdbe582089eaa688", 37, entries};

@@ -632,4 +632,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 27}),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "064f12f4e2d85b428a6dd939eb49f6c9ce1df72506a42e0de1f383276c94c37b", 37, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "2f44024f949815418a9013c835fdc0568d9079a84b90a5ac9e03c4d0150fb608", 37, entries};

@@ -529,4 +529,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 34}),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "ff1a0defd965faa3a6bce7aa416f4d585fd3b440fb6dc506188a796faeddc279", 37, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "e323764cfd557ff2bfc2d3df6e4ba0a5c6a24a9e2a88537643cd32dcca9f09c1", 37, entries};

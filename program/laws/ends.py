@@ -252,7 +252,8 @@ class EndsLaw(Law):
                 if name in names:
                     rows = np.full((1, len(names)), NOWHERE)
                     rows[0, names.index(name)] = row
-                    yield Term("quantity_point", places.at_end(last), (rows,), sign * factor)
+                    at = places.quantities_at_end(last)
+                    yield Term("quantity_point", at, (rows,), sign * factor)
 
     def _lines(self) -> Iterator[Line]:
         lay, (low, high), one = self.lay, self.problem.final_time_bounds, np.ones(1)

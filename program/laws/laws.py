@@ -20,6 +20,7 @@ from dmoc.program.elements import Structure
 from dmoc.program.laws.complementarity import ComplementarityLaw
 from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.ends import EndsLaw, Goal
+from dmoc.program.laws.force import ForceLaw
 from dmoc.program.laws.friction import FrictionLaw
 from dmoc.program.laws.held import HeldLaw
 from dmoc.program.laws.hit import HitLaw
@@ -53,6 +54,7 @@ class Laws:
     quantity: QuantityLaw
     velocity: VelocityLaw
     peak: PathLaw
+    force: ForceLaw
     objective: ObjectiveLaw
     impact: ImpactLaw
     ends: EndsLaw
@@ -77,7 +79,7 @@ class Laws:
 
     def __iter__(self) -> Iterator[Law]:
         first = self.step, self.path, self.bound, self.quantity, self.velocity, self.peak
-        last = self.joint, self.complementarity
+        last = self.joint, self.complementarity, self.force
         return iter((*first, self.impact, self.ends, *self.of_contacts, *last, self.objective))
 
     @property
@@ -142,7 +144,8 @@ def laws_of(
         StepLaw(problem, lay), PathLaw.of(problem, lay), PathLaw.of_quantities(problem, lay),
         QuantityLaw(problem, lay),
         VelocityLaw(lay, tuple(problem.kernels.coordinates), problem.velocity_bounds),
-        PathLaw.of_peaks(problem, lay), ObjectiveLaw(lay, tuple(problem.model.totals_of)), impact,
+        PathLaw.of_peaks(problem, lay), ForceLaw(lay),
+        ObjectiveLaw(lay, tuple(problem.model.totals_of)), impact,
         EndsLaw(problem, lay, tuple(goals)), *of_contacts,
         JointLaw(lay, tuple(problem.kernels.manifest["bent_joints"])),
         ComplementarityLaw(

@@ -8,6 +8,7 @@ phase, which no point reaches.  One with inputs stands where the inputs have val
     linear between nodes     at every node, those at the ends of phases with the inputs of each side
     linear in a step         at both ends of every step, and at the quadrature points
 
+One with forces stands where these are unknowns (:mod:`dmoc.program.force_unknowns`).
 Of steps with nodes inside, a constraint that contains velocities and no inputs stands at both ends
 too: a polynomial that keeps it at its points may exceed it beside them.  A limit of inputs alone
 that holds at both ends of a step holds in between, and has no other rows.  At the ends of phases
@@ -30,6 +31,7 @@ from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Entries, Index, Numbering
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.laws.law import Law
+from dmoc.program.laws.sites import arguments_along, nodes_of_ends
 from dmoc.program.layout import Layout
 from dmoc.program.terms import Places, Term
 
@@ -131,6 +133,11 @@ class PathLaw(Law):
         """Which ones contain velocities and no inputs."""
         return self._which(lambda row: row["velocities"] and not row["inputs"])
 
+    @cached_property
+    def on_forces(self) -> Bools:
+        """Which ones contain forces."""
+        return self._which(lambda row: row.get("forces"))
+
     @property
     def idle(self) -> bool:
         """Whether there are no rows."""
@@ -146,7 +153,8 @@ class PathLaw(Law):
     @property
     def _at_points(self) -> Bools:
         form = self.lay.form
-        return ~self.on_inputs | (form.width == 0) | (self.on_states & form.jumps)
+        there = ~self.on_inputs | (form.width == 0) | (self.on_states & form.jumps)
+        return there & ~(self.on_forces & bool(self.lay.inside))
 
     # Rows -----------------------------------------------------------------------------------------
 
@@ -158,18 +166,21 @@ class PathLaw(Law):
         names = [nouns[self.name] + n if n else "limit of a hidden unknown" for n in self.names]
         kind = KINDS[self.name]
         counted = partial(Counted, kind, self.names)
-        steps, points = np.arange(lay.total), lay.scheme.points
-        inner, ends = ~np.isin(np.arange(lay.total + 1), lay.ends), _nodes_of_ends(lay)
+        scheme, steps, points = lay.scheme, np.arange(lay.total), lay.scheme.points
+        inner, ends = ~np.isin(np.arange(lay.total + 1), lay.ends), nodes_of_ends(lay)
         by_node = self.on_inputs & bool(lay.form.shared)
-        by_step = np.tile(self.on_inputs & lay.form.jumps, (lay.total, 2))
+        # Forces stand at all nodes of steps with nodes inside, other functions at their ends.
+        per = scheme.degree + 1 if self.kernel == "quantity" and lay.force.count else 2
+        by_step = np.zeros((lay.total, per, count), dtype=bool)
+        by_step[:, [0, -1]] = self.on_inputs & lay.form.jumps & ~self.on_forces
         if (
             lay.inside
         ):  # a velocity that keeps its limit between its points may exceed it beside them
-            rates = np.tile(self.on_rates, (lay.total, 2))
-            rates[lay.ends[:-1], :count] = (
-                False  # of the ends of phases, where velocities are known
-            )
-            rates[lay.ends[1:] - 1, count:] = False
+            rates = np.zeros_like(by_step)
+            rates[:, [0, -1]] = self.on_rates
+            rates |= self.on_forces
+            rates[lay.ends[:-1], 0] = False  # of the ends of phases, where velocities are known
+            rates[lay.ends[1:] - 1, -1] = False
             by_step |= rates
 
         # The first of the three nodes that a row at a node depends on.
@@ -197,7 +208,9 @@ class PathLaw(Law):
         at_points = np.tile(self._at_points, (lay.total, points))
         self.at_points = made("", at_points, label("in step {}"), steps)
         self.at_nodes = made("at nodes", inner[:, None] & by_node, label("at node {}"), first)
-        self.at_ends_of_steps = made("at ends of steps", by_step, label("in step {}"), steps)
+        self.at_ends_of_steps = made(
+            "at ends of steps", by_step.reshape(lay.total, -1), label("in step {}"), steps
+        )
         self.at_ends_of_phases = made("at ends", self.at_ends, at_end, ends)
 
     # Terms ----------------------------------------------------------------------------------------
@@ -210,25 +223,19 @@ class PathLaw(Law):
         if self.idle:
             return []
         lay = self.lay
-        step = places.step(np.arange(lay.total))
-        at = _nodes_of_ends(lay)
-        inputs = np.stack([lay.row_u_k[lay.ends[:-1]], lay.row_u_kp1[lay.ends[1:] - 1]], axis=1)
-        state = (lay.index_q[at], places.known(_velocities(lay)), lay.of_kernels[inputs.ravel()])
         k = np.flatnonzero((self.at_nodes.index != NOWHERE).any(axis=1))
-        u, h = lay.of_kernels[lay.row_u_k[k]], lay.index_h[lay.phase_of_step[k]][:, None]
-        q = lay.index_q
-        around = (q[k - 1], q[k], q[k + 1], u, h, places.times(k)) if len(k) else ()
-        terms = []
-        for name, arguments, block, own in (
-            ("", step, self.at_points, slice(None)),
-            ("_ends", step, self.at_ends_of_steps, slice(None)),
-            ("_node", around, self.at_nodes, k),
-            ("_point", (*state, places.times(at)), self.at_ends_of_phases, slice(None)),
-        ):
-            for side, rows in zip(self.sides, self._by_side(block), strict=True):
-                if arguments:
-                    terms.append(Term(self.kernel + name, arguments, (rows[own],), side.sign))
-        return terms
+        at = arguments_along(lay, places, k, self.kernel == "quantity")
+        return [
+            Term(self.kernel + name, at[name], (rows[own],), side.sign)
+            for name, block, own in (
+                ("", self.at_points, slice(None)),
+                ("_ends", self.at_ends_of_steps, slice(None)),
+                ("_node", self.at_nodes, k),
+                ("_point", self.at_ends_of_phases, slice(None)),
+            )
+            for side, rows in zip(self.sides, self._by_side(block), strict=True)
+            if name in at
+        ]
 
     @property
     def _members(self) -> Iterator[tuple[Side, Index, Index]]:
@@ -276,29 +283,13 @@ def _sides(problem: Problem) -> tuple[Side, ...]:
     )
 
 
-def _nodes_of_ends(lay: Layout) -> Index:
-    """Nodes at the start and at the end of each phase, shape (2 phases,)."""
-    return np.stack([lay.ends[:-1], lay.ends[1:]], axis=1).ravel()
-
-
-def _velocities(lay: Layout) -> Index:
-    """Unknown velocities at the start and at the end of each phase, shape (2 phases, nq); nowhere
-    where they are not needed."""
-    velocities = np.full((2 * lay.phases, lay.nq), NOWHERE)
-    velocities[1:-1:2], velocities[2::2] = lay.impact.v_a, lay.impact.v_c
-    for row, index in ((0, lay.index_v_B), (-1, lay.index_v_E)):
-        if len(index):
-            velocities[row] = index
-    return velocities
-
-
 def _ends(
     problem: Problem, lay: Layout, rows: Sequence[Mapping[str, Any]], fixed: Bools,
     known: tuple[bool, Bools],
 ) -> Bools:  # fmt: skip
     """Which path constraints stand at the start and at the end of each phase; ``known`` says
     whether contacts fix coordinates, and which rows depend on the design."""
-    nodes = _nodes_of_ends(lay)
+    nodes = nodes_of_ends(lay)
     velocity = np.zeros(len(nodes), dtype=bool)
     for at, p, v in ((0, lay.index_p_B, lay.index_v_B), (-1, lay.index_p_E, lay.index_v_E)):
         at_rest = bool(fixed[lay.index_q[nodes[at]]].all() and fixed[p].all())
@@ -309,7 +300,7 @@ def _ends(
         place = list(row["coordinates"])
         for end, node in enumerate(nodes):
             if row["inputs"]:
-                stands[end, j] = bool(lay.form.shared)
+                stands[end, j] = bool(lay.form.shared or (row.get("forces") and lay.inside))
                 continue
             # The same place as at the end of the phase before.
             again = end > 0 and end % 2 == 0 and not row["velocities"]

@@ -106,7 +106,12 @@ class QuantityLaw(Law):
             np.full((len(nodes), size), places.zero) for size in (lay.nq, lay.of_kernels.shape[1])
         )
         at_events = lay.index_q[nodes], still, idle, places.times(nodes)
-        parts = (0, places.at_end(False)), (1, places.at_end(True)), (slice(2, None), at_events)
+        pushed = np.full((1, lay.force.count), places.zero)
+        parts: list[tuple[int | slice, tuple[Index, ...]]] = [
+            (0, places.quantities_at_end(False)),
+            (1, places.quantities_at_end(True)),
+            (slice(2, None), (*at_events, pushed) if lay.force.count else at_events),
+        ]
         return [
             Term("quantity_point", at, (np.atleast_2d(rows[part]),), sign)
             for sign, rows, _ in self._sides

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from dmoc.solving.sweep import sweep as sweep
     from dmoc.symbolic import planar as planar
     from dmoc.symbolic import spatial as spatial
+    from dmoc.symbolic.contact_references import normal as normal
+    from dmoc.symbolic.contact_references import reaction as reaction
+    from dmoc.symbolic.contact_references import traction as traction
     from dmoc.symbolic.drawing import Box as Box
     from dmoc.symbolic.drawing import Contact as Contact
     from dmoc.symbolic.drawing import Disc as Disc
@@ -67,6 +70,9 @@ _PLACES = {
     "build": "dmoc.models.registry",
     "final_time": "dmoc.symbolic.expressions",
     "largest": "dmoc.symbolic.objectives",
+    "normal": "dmoc.symbolic.contact_references",
+    "reaction": "dmoc.symbolic.contact_references",
+    "traction": "dmoc.symbolic.contact_references",
     "peak": "dmoc.symbolic.objectives",
     "total": "dmoc.symbolic.objectives",
     "derive": "dmoc.inspection.system_derivation",

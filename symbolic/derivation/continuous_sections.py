@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import sympy as sp
 
+from dmoc.symbolic.contact_references import has_forces
 from dmoc.symbolic.continuous import (
     Continuous,
     dot,
@@ -28,6 +29,13 @@ from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
 from dmoc.symbolic.families import approach, first_root
 from dmoc.symbolic.graph import gradient
 from dmoc.symbolic.system import MechanicalSystem
+
+QUANTITIES = "z, which have names as states do."
+FORCES = (
+    " Normal forces N, friction T and forces R of constraints obey M q'' = dL/dq - (d2L/dq'dq) q' +"
+    " Q - sum N grad g + sum T grad tau + sum R grad phi, with g'' = 0, phi'' = 0, and tau'' = 0 of"
+    " what sticks or T = -s mu N of what slides."
+)
 
 
 def continuous_sections(
@@ -83,7 +91,7 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
     if f.z:
         named = zip(system.quantities, f.z, strict=True)
         values = tuple(definition(own, f"z_{n}", f"z_{upright(n)}", z) for n, z in named)
-        yield Section("Quantities", "z, which have names as states do.", values)
+        yield Section("Quantities", QUANTITIES + FORCES * has_forces(system), values)
     if f.c:
         named = zip(system.integrals, f.c, strict=True)
         values = tuple(definition(own, f"I_{n}", f"I_{upright(n)}", c) for n, c in named)

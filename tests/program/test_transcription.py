@@ -109,6 +109,31 @@ def joint_problem(periodic: bool, order: int = 2) -> dmoc.Problem:
     )  # fmt: skip
 
 
+def force_problem(
+    order: int, controls: str, system: dmoc.MechanicalSystem | None = None
+) -> dmoc.Problem:
+    """Bounds, peaks, ends and periods of quantities that contain forces of what slides, sticks,
+    lands and is held by a constraint."""
+    rod = system or rod_system()
+    x, _, a, s = rod.coordinates
+    load = dmoc.normal("left") + 2 * dmoc.normal("right")
+    grip = dmoc.traction("rail") * dmoc.normal("right") / 7 + dmoc.traction("left") * s.diff()
+    system = replace(
+        rod, name="pushed_rod", constraints={"guide": x - s - sp.sin(2 * dynamicsymbols._t) / 3},
+        quantities={"load": load, "grip": grip, "pull": dmoc.reaction("guide") * sp.cos(a)},
+        objective=dmoc.largest("grip") + dmoc.peak("load") ** 2,
+    )  # fmt: skip
+    return dmoc.Problem(
+        dmoc.build(system, order=order),
+        start={"x": 0.0, "y": 2.0, "a": 0.0, "s": 0.0, "x_dot": 2 / 3, "grip": (-3, 3)},
+        contacts=["rail:slip+"],
+        sequence=["+right:slip-", "wall rail:stick", "+left -right rail:slip-"],
+        goal={"x": 0.2, "load": 4.0}, steps=[3, 2, 3, 2], bounds={"pull": (-9, 9)},
+        periodic={"load": "load", "y_dot": "y_dot"}, final_time=(0.5, 2.0), restitution=0.5,
+        controls=controls if controls in ("constant", "linear") else None,
+    )  # fmt: skip
+
+
 def hit_problem(order: int, system: dmoc.MechanicalSystem | None = None) -> dmoc.Problem:
     """Hits with friction in all ways, and landings that turn and stop, of a rod with a rail, also
     while its other end holds; of a puck without anything that lasts."""
@@ -192,6 +217,9 @@ def rebound_problem() -> dmoc.Problem:
         *("hits with friction, design", "hits with friction, design, order 4"),
         *(f"slippery contacts, order {order}" for order in (2, 4, 6)),
         *("slippery hits", "slippery tangential", "slippery relaxed"),
+        *("forces, constant", "forces, linear", "forces, order 4", "forces, order 6"),
+        *("forces, linear, design", "forces, design, order 4"),
+        *("forces, linear, slippery", "forces, slippery, order 4"),
     ],
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
@@ -220,6 +248,9 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
         return Transcription(rod.but(design=design))
     if request.param.startswith("joints"):
         return Transcription(joint_problem("periodic" in request.param, order).but(design=design))
+    if request.param.startswith("forces"):
+        forced = force_problem(order, request.param.split(", ")[1], slippery)
+        return Transcription(forced.but(design=design))
     if "tangential" in request.param:
         return Transcription(tangential_problem(bool(slippery)))
     if "hits" in request.param:
@@ -294,11 +325,13 @@ def test_unknowns_have_the_order_of_files_and_those_of_laws_tables(nlp: Transcri
         "T_r",
         "w",
         "t_i",
+        "y",
+        "y_ends",
         "totals",
         "peaks",
         "design",
     ]
-    parts = lay, lay.impact, lay.contact, lay.hit, lay.joint, lay.held, lay.relaxed
+    parts = lay, lay.impact, lay.contact, lay.hit, lay.joint, lay.held, lay.relaxed, lay.force
     tables = {name: table for part in parts for name, table in vars(part).items()}
     for block in lay.unknowns:
         held = [name for name in (block.name, f"index_{block.name}") if name in tables]
@@ -362,6 +395,7 @@ def test_rows_say_what_it_costs_to_miss_them_and_in_what_words(nlp: Transcriptio
         "momentum", "inside", "time", "passing", "time inside", "arrival", "departure", "energy",
         "start velocity",
         "goal velocity", "within", "restitution", "slips", "stops all", "returns", "total",
+        "force", "force at ends",
     } & set(prices)  # fmt: skip
     assert {name for name, price in prices.items() if price == GOAL} == {
         "goal", "periodic", "quantity fixed", "quantity within",

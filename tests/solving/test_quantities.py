@@ -259,7 +259,9 @@ def test_what_cannot_be_said_of_quantities_is_refused(arms, case):
 
 
 def test_a_quantity_of_velocities_is_none_of_an_event():
-    with pytest.raises(ProblemError, match="contains velocities or inputs, which jump there"):
+    with pytest.raises(
+        ProblemError, match="contains velocities, inputs or forces, which jump there"
+    ):
         dmoc.Problem(
             plane(), {"x": 0, "y": 0}, {}, ["wall"], steps=4, final_time=1, via=[{"turn": 0}]
         )

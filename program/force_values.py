@@ -1,0 +1,63 @@
+"""First values of the unknown forces, from the states along a motion, and forces in its steps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_forces import accelerations_and_forces
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import NOWHERE, Index
+from dmoc.program.layout import Layout
+
+
+def with_forces(problem: Problem, lay: Layout, x: Array) -> Array:
+    """Unknowns with the accelerations and forces that their states and inputs have."""
+    force = lay.force
+    if not (np.append(force.y, force.y_ends, axis=0) != NOWHERE).any():
+        return x
+    x, steps, problem = x.copy(), np.array([0, lay.total - 1]), lay.problem_at(problem, x)
+    for index, step, share in (
+        (force.y, force.step, force.share),
+        (force.y_ends, steps, np.array([0.0, 1.0])),
+    ):
+        y, there = _forces(problem, lay, x, step, share), index != NOWHERE
+        x[index[there]] = y[there]
+    return x
+
+
+def quantity_inputs(problem: Problem, lay: Layout, x: Array) -> list[Array]:
+    """Steps as kernels of quantities take them, with the forces of their middles at all points if
+    quantities contain any."""
+    step = lay.step_inputs(x)
+    if not lay.force.count:
+        return step
+    middles = np.arange(lay.total), np.full(lay.total, 0.5)
+    y = _forces(lay.problem_at(problem, x), lay, x, *middles)
+    return [*step, np.tile(y, (1, lay.scheme.points))]
+
+
+def _forces(problem: Problem, lay: Layout, x: Array, step: Index, share: Array) -> Array:
+    """Accelerations and forces at shares of steps, shape (n, ny); zero where they are none."""
+    t, d, model = lay.place_times(x), lay.scheme.degree, problem.model
+    y = np.zeros((len(step), lay.force.count))
+    u = x[lay.index_u]
+    first, last = u[lay.row_u_k[step]], u[lay.row_u_kp1[step]]
+    inputs = first + share[:, None] * (last - first)
+    for i, mode in enumerate(lay.touch.modes):
+        at = np.flatnonzero(lay.phase_of_step[step] == i)
+        if not len(at) or not lay.reactions(i):
+            continue
+        places = np.arange(len(t))[lay.places_of_phase(i)]
+        q, times = x[lay.index_places[places]], t[places]
+        v = np.gradient(q, times, axis=0)
+        begin = t[d * step[at]]
+        now = begin + share[at] * (t[d * (step[at] + 1)] - begin)
+        state = _between(now, times, q), _between(now, times, v), inputs[at], now
+        y[at] = accelerations_and_forces(model, mode, state)
+    return np.where(np.isfinite(y), y, 0.0)
+
+
+def _between(now: Array, times: Array, rows: Array) -> Array:
+    """Rows at times between theirs."""
+    return np.stack([np.interp(now, times, column) for column in rows.T], axis=1)

@@ -1,0 +1,69 @@
+"""The places along a motion at which functions of states stand, as arguments of their kernels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dmoc.program.blocks import NOWHERE, Index
+from dmoc.program.layout import Layout
+from dmoc.program.terms import Places
+
+
+def nodes_of_ends(lay: Layout) -> Index:
+    """Nodes at the start and at the end of each phase, shape (2 phases,)."""
+    return np.stack([lay.ends[:-1], lay.ends[1:]], axis=1).ravel()
+
+
+def inputs_of_ends(lay: Layout) -> Index:
+    """Rows of u there."""
+    rows = np.stack([lay.row_u_k[lay.ends[:-1]], lay.row_u_kp1[lay.ends[1:] - 1]], axis=1)
+    return rows.ravel()
+
+
+def forces_of_ends(lay: Layout) -> Index:
+    """Rows of the unknown forces there; none where these stand in the middle of steps."""
+    if lay.inside:
+        d = lay.scheme.degree
+        first, last = (d + 1) * lay.ends[:-1], (d + 1) * lay.ends[1:] - 1
+        return np.stack([first, last], axis=1).ravel()
+    return inputs_of_ends(lay) if lay.form.width else np.zeros(0, dtype=np.intp)
+
+
+def arguments_along(
+    lay: Layout, places: Places, nodes: Index, forces: bool
+) -> dict[str, tuple[Index, ...]]:
+    """Arguments of kernels by the ends of their names: in all steps, at their ends, at some nodes
+    inside phases, and at the ends of phases; with ``forces`` behind them, where quantities of the
+    model contain any."""
+    step, at, k = places.step(np.arange(lay.total)), nodes_of_ends(lay), nodes
+    q, u = lay.index_q, lay.of_kernels
+    state = q[at], places.known(_velocities(lay)), u[inputs_of_ends(lay)], places.times(at)
+    found = {"": step, "_ends": step, "_point": state}
+    if len(k):
+        h = lay.index_h[lay.phase_of_step[k]][:, None]
+        found["_node"] = q[k - 1], q[k], q[k + 1], u[lay.row_u_k[k]], h, places.times(k)
+    if not (forces and lay.force.count):
+        return found
+    y, per = places.known(lay.force.y), lay.force.count
+    idle = np.full((1, per), places.zero)
+    ends = forces_of_ends(lay)
+    own = {"": np.repeat(idle, lay.scheme.points, axis=1), "_ends": idle, "_node": idle}
+    if lay.inside:
+        own["_ends"] = y.reshape(lay.total, -1)
+    elif lay.form.width:
+        own["_node"] = y[lay.row_u_k[k]]
+    else:
+        own[""] = y
+    own["_point"] = y[ends] if len(ends) else idle
+    return {suffix: (*arguments, own[suffix]) for suffix, arguments in found.items()}
+
+
+def _velocities(lay: Layout) -> Index:
+    """Unknown velocities at the start and at the end of each phase, shape (2 phases, nq); nowhere
+    where they are not needed."""
+    velocities = np.full((2 * lay.phases, lay.nq), NOWHERE)
+    velocities[1:-1:2], velocities[2::2] = lay.impact.v_a, lay.impact.v_c
+    for row, index in ((0, lay.index_v_B), (-1, lay.index_v_E)):
+        if len(index):
+            velocities[row] = index
+    return velocities

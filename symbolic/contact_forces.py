@@ -1,0 +1,57 @@
+"""Forces of contacts and constraints in quantities, and the equations that determine them.
+
+Along a phase, accelerations a and forces y = (a | N | T | R) obey at each state, :eq:`reaction`::
+
+    M a - F + sum N grad g - sum T grad tau - sum R grad phi = 0
+    g'' = 0, tau'' = 0, phi'' = 0    of what is closed, of what sticks, and of constraints
+    T + mu N = 0, T - mu N = 0       of what slides forth and back; of rails with 1 for N
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from dmoc.symbolic.continuous import Continuous, dot, rates, total
+from dmoc.symbolic.graph import gradient
+from dmoc.symbolic.kernel_family import contracted
+from dmoc.symbolic.spec import Input
+
+
+def forces_input(points: Sequence[Continuous]) -> tuple[Input, ...]:
+    """The input y of a kernel at some places, if there is one."""
+    own = tuple(s for f in points for s in f.y)
+    return (Input("y", own),) if own else ()
+
+
+def residual(f: Continuous, a: Sequence[Any]) -> list[Any]:
+    """dL/dq - d(dL/dv)/dt + Q at accelerations a; d/dt is the derivative along (v, a, 1)."""
+    g = f.L.graph
+    places = [*f.q, *f.v, f.t]
+    along = Input.vector(g, "along", len(places)).symbols
+    moved = gradient(contracted(dot(along, gradient(f.L, places))), f.v)
+    values = dict(zip(along, (*f.v, *a, g.one), strict=True))
+    return [
+        slope - rate.subs(values) + force
+        for slope, rate, force in zip(gradient(f.L, f.q), moved, f.Q, strict=True)
+    ]
+
+
+def equations_of_forces(f: Continuous, supports: Sequence[int | None]) -> list[Any]:
+    """The left sides of the equations above at a state, in the order of y, and behind them those of
+    all tangents that slide forth and of all that slide back; ``supports`` are the surfaces of the
+    tangents, None of rails."""
+    n, places = len(f.q), (*f.g, *f.tau, *f.phi)
+    a, forces = f.y[:n], f.y[n:]
+    signs = [-1] * len(f.g) + [1] * (len(f.tau) + len(f.phi))
+    pushed = gradient(
+        total(s * force * p for s, force, p in zip(signs, forces, places, strict=True)), f.q
+    )
+    bent = [
+        dot(gradient(r, f.q), f.v) + dot(gradient(r, f.v), a) + r.diff(f.t)
+        for r in rates(f, places)
+    ]
+    T, one = forces[len(f.g) : len(f.g) + len(f.tau)], f.L.graph.one
+    bears = [mu * (one if j is None else forces[j]) for mu, j in zip(f.mu, supports, strict=True)]
+    slides = [a + s * b for s in (1, -1) for a, b in zip(T, bears, strict=True)]
+    return [*(r + p for r, p in zip(residual(f, a), pushed, strict=True)), *bent, *slides]
