@@ -144,6 +144,8 @@ def _judged(problem: dmoc.Problem, claim: Claim, claimed: float | None) -> Judge
             which = "largest end of a window"
     end = np.full(2 * nq, np.nan) if end is None else end
     cost += _terminal(problem, end, float(claim.t[-1]))
+    if problem.model.has_objective:
+        notes.append("the objective is not recomputed: the cost is that of integrand and end alone")
     off = missed(problem, problem.goal_bounds, *np.hsplit(end, 2), float(claim.t[-1]))
     broken = violations(problem, replay)
     return Judgement(

@@ -3,7 +3,7 @@ that its changes of momentum take, its impacts, its energy."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,11 +56,19 @@ def violations(problem: dmoc.Problem, replay: Replay) -> list[Violation]:
 
 def _ends(problem: dmoc.Problem, claim: Claim, replay: Replay) -> Iterator[Violation]:
     """Start and goal, what is periodic, and the final time."""
-    for what, bounds, row in (
-        ("start", problem.start_bounds, 0), ("goal", problem.goal_bounds, -1),
-    ):  # fmt: skip
+    names, ranges, (z, _) = (
+        problem.kernels.quantities,
+        problem.quantity_ranges,
+        _along(problem, claim),
+    )
+    for what, bounds, own, row in (
+        ("start", problem.start_bounds, ranges.start, 0),
+        ("goal", problem.goal_bounds, ranges.goal, -1),
+    ):
         v = None if claim.v is None else claim.v[row]
-        for name, by in missed(problem, bounds, claim.q[row], v, float(claim.t[row])).items():
+        off = missed(problem, bounds, claim.q[row], v, float(claim.t[row]))
+        off |= {} if v is None else _outside(names, own, z[row])
+        for name, by in off.items():
             yield Violation(
                 what, name, by, float(claim.t[row]), f"{what}: {name} is missed by {by:.3g}"
             )
@@ -71,8 +79,13 @@ def _ends(problem: dmoc.Problem, claim: Claim, replay: Replay) -> Iterator[Viola
             "final time", "t", by, float(claim.t[-1]), f"the final time is off by {by:.3g} s"
         )
     if claim.v is not None and problem.relations:
-        states = [_named(problem, claim.q[r], claim.v[r], float(claim.t[r])) for r in (0, -1)]
+        states = [
+            _named(problem, claim.q[r], claim.v[r], float(claim.t[r]))
+            | dict(zip(names, z[r].tolist(), strict=True))
+            for r in (0, -1)
+        ]
         sizes = dict(zip(problem.states, [*replay.sizes.q, *replay.sizes.v], strict=False))
+        sizes |= dict(zip(names, np.ptp(z, axis=0), strict=True))
         for r in problem.relations:
             difference = states[1][r.end] - sum(f * states[0][name] for name, f in r.terms)
             by = max(r.low - difference, difference - r.high)
@@ -110,30 +123,53 @@ def missed(
         if not bounds.by_velocity:
             p = problem.model.momentum(q, v, t)
             parts.append((list(map(momentum_name, names)), bounds.momentum, p))
+    return {label: by for part in parts for label, by in _outside(*part).items()}
+
+
+def _outside(names: Sequence[str], box: Array, values: Array) -> dict[str, float]:
+    """By how much values are outside of their ranges, where they are."""
     off = {}
-    for labels, box, values in parts:
-        for label, (low, high), value in zip(labels, box, values, strict=True):
-            by = float(max(low - value, value - high))
-            if by > LIMIT * max(1.0, abs(value), *(abs(b) for b in (low, high) if np.isfinite(b))):
-                off[label] = by
+    for name, (low, high), value in zip(names, box, values, strict=True):
+        by = float(max(low - value, value - high))
+        if by > LIMIT * max(1.0, abs(value), *(abs(b) for b in (low, high) if np.isfinite(b))):
+            off[name] = by
     return off
 
 
+def _along(problem: dmoc.Problem, claim: Claim) -> tuple[Array, Array]:
+    """Quantities at the ends of all intervals, and their times."""
+    t = np.concatenate([claim.t[:-1], claim.t[1:]])
+    u = np.vstack([claim.u0, claim.u1])
+    if claim.v is None:
+        return np.zeros((len(t), problem.model.nz)), t
+    q, v = (np.vstack([a[:-1], a[1:]]) for a in (claim.q, claim.v))
+    return problem.model.quantities(q, v, u, t), t
+
+
 def _limits(problem: dmoc.Problem, claim: Claim) -> Iterator[Violation]:
-    """Bounds of inputs and coordinates, and path constraints at the rows."""
+    """Bounds of inputs and states, and path constraints at the rows."""
     kernels, steps = problem.kernels, claim.steps
     u = np.vstack([claim.u0[steps], claim.u1[steps]])
     t = np.concatenate([claim.t[steps], claim.t[steps + 1]])
-    for kind, names, boxes, values, times in (
+    boxes_of = [
         ("input", kernels.inputs, problem.input_bounds, u, t),
         ("coordinate", kernels.coordinates, problem.coordinate_bounds, claim.q, claim.t),
-    ):
+    ]
+    if claim.v is not None:
+        rates = [velocity_name(name) for name in kernels.coordinates]
+        boxes_of.append(("velocity", rates, problem.velocity_bounds, claim.v, claim.t))
+        own = kernels.quantities, problem.quantity_bounds, *_along(problem, claim)
+        boxes_of.append(("quantity", *own))
+    for kind, names, boxes, values, times in boxes_of:
         for j, name in enumerate(names):
             low, high = boxes[j]
             over = np.maximum(low - values[:, j], values[:, j] - high)
             k = int(over.argmax())
             size = np.abs([b for b in (low, high) if np.isfinite(b)]).max(initial=0.0)
-            if over[k] > LIMIT * max(size, 1e-100):
+            share = LIMIT
+            if kind in ("velocity", "quantity"):
+                size, share = max(size, np.abs(values[:, j]).max()), DEEP
+            if over[k] > share * max(size, 1e-100):
                 text = f"{name} exceeds its bounds by {over[k]:.3g} at {times[k]:.5g} s"
                 yield Violation(kind, name, float(over[k]), float(times[k]), text)
     if kernels.manifest["path_constraints"] and claim.v is not None:

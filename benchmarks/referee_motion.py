@@ -86,7 +86,7 @@ def _columns(path: Path, rows: list[list[str]], problem: dmoc.Problem) -> dict[s
     kernels = problem.kernels
     rates = [velocity_name(name) for name in kernels.coordinates]
     used = ["t", CLOCK, *kernels.coordinates, *rates, *kernels.inputs]
-    other = [OWN, *map(momentum_name, kernels.coordinates)]
+    other = [OWN, *map(momentum_name, kernels.coordinates), *kernels.quantities]
     other += [f"{kind}_{name}" for kind, names in (
         ("N", kernels.surfaces), ("T", kernels.tangents), ("R", kernels.joints),
     ) for name in names]  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import contact_problems
@@ -128,6 +129,38 @@ def test_limits_and_goals_that_are_missed_are_named(wall: dmoc.Problem, judged: 
         ("goal", "x"): 0.375, ("goal", "x_dot"): 0.5, ("input", "u"): 1.0, ("final time", "t"): 0.5,
     })  # fmt: skip
     assert judgement.goal_missed == pytest.approx({"x": 0.375, "x_dot": 0.5})
+
+
+@pytest.fixture(scope="module")
+def measured() -> dmoc.Problem:
+    """The mass with two quantities, twice its place and its power, and an objective."""
+    x, u = dynamicsymbols("x u")
+    lead = x - 1.5 * dynamicsymbols._t
+    system = replace(
+        block_system("measured"),
+        quantities={"lead": lead, "double": 2 * x, "power": u * x.diff()},
+        objective=dmoc.final_time,
+    )
+    return dmoc.Problem(dmoc.build(system), start={"x": 0.0, "x_dot": (None, None), "double": 0.0})
+
+
+def test_quantities_at_ends_and_along_the_way_are_judged(
+    measured: dmoc.Problem, judged: Judge
+) -> None:
+    """x = 1.5 t^2 until 0.5 s: 2 x is 0.75, x - 1.5 t is -0.375, power 9 t, velocity 3 t."""
+    motion = {"t": T, "x": 1.5 * T**2, "x_dot": 3 * T, "u": 3 + 0 * T}
+    free = judged(measured, **motion, double=3 * T**2)
+    assert free.agrees and any("objective is not recomputed" in note for note in free.notes)
+    problem = measured.but(
+        goal={"double": 0.5},
+        periodic=["lead"],
+        bounds={"power": (None, 4.0), "x_dot": (None, 1.25)},
+    )
+    amounts = {(v.kind, v.name): v.amount for v in judged(problem, **motion).violations}
+    assert amounts == pytest.approx({
+        ("goal", "double"): 0.25, ("periodic", "lead"): 0.375, ("quantity", "power"): 0.5,
+        ("velocity", "x_dot"): 0.25,
+    })  # fmt: skip
 
 
 def test_frozen_time_is_cut_out_and_its_cost_is_told(wall: dmoc.Problem, judged: Judge) -> None:
