@@ -97,7 +97,9 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
         values = tuple(definition(own, f"I_{n}", f"I_{upright(n)}", c) for n, c in named)
         yield Section("Integrals", "Integrands over the motion.", values)
     if system.objective != 0:
-        value = Equation("J", "J", system.objective)
+        places = (*system.coordinates, *system.velocities), (*f.q, *f.v)
+        shown = system.objective.xreplace(dict(zip(*places, strict=True)))
+        value = Equation("J", "J", shown)
         yield Section("Objective", "What is minimised beside the cost.", (value,))
     if f.phi:
         named = zip(system.constraints, f.phi, strict=True)

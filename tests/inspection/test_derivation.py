@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.dom.minidom import parseString
@@ -102,3 +103,11 @@ def test_a_function_that_is_nowhere_real_is_told() -> None:
 def test_small_problems_go_through_a_collision_where_there_is_one() -> None:
     problem = small_problem(dmoc.build(block_system()))
     assert problem is not None and problem.sequence == ("wall",)
+
+
+def test_an_objective_names_states_at_ends_as_everywhere_else():
+    x = dynamicsymbols("x")
+    system = replace(block_system("ends"), objective=dmoc.at_end(x.diff()) ** 2 + dmoc.at_start(x))
+    (section,) = [s for s in dmoc.derive(system).sections if s.title == "Objective"]
+    (equation,) = section.equations
+    assert str(equation.right) == "at_end(x_dot)**2 + at_start(x)"
