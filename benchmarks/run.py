@@ -74,7 +74,8 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "batches": batches.compare,
         "search": searching.compare,
         "twenty": lambda quick: twenty.compare(quick, folder),
-        "walker": walking_casadi.compare,
+        "walker": walking_casadi.walk,
+        "transport": walking_casadi.transported,
     }
 
 
