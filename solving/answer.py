@@ -17,7 +17,7 @@ from dmoc.solving.mesh.refinement import refined
 from dmoc.solving.request import Request
 from dmoc.solving.sliding_reversals import naming_turns
 from dmoc.solving.starts import InitialGuess
-from dmoc.solving.unbounded_cost import bounded
+from dmoc.solving.unbounded_cost import bounded, ended
 
 # Starts of another sequence, of which it is asked whether it leads to a motion.
 FEW = 16
@@ -56,11 +56,17 @@ def _completed(
     def solve(verify: bool, problem: Problem, motion: Solution) -> Solution:
         return solved_from(problem, motion, replace(further, verify=verify))
 
-    answer = bounded(problem, best, partial(solve, False))
+    def few(problem: Problem) -> Solution:
+        return best_on_mesh(problem, None, replace(request.compiled(), starts=FEW))
+
+    def kept(answer: Solution) -> Solution:
+        return ended(problem, answer, partial(solve, False), few)
+
+    answer = kept(bounded(problem, best, partial(solve, False)))
     if tolerance is None:
         answer = naming_steps(problem, answer, partial(solve, True))
     elif answer is best:
-        answer = _refined(problem, guess, of_mesh, best)
+        answer = kept(_refined(problem, guess, of_mesh, best))
     if answer.minimum and problem.lasting and problem.phases > 1:
         sentence = undetermined(problem.meshed(answer.steps), answer)
         answer = replace(answer, message=telling(answer.message, sentence))
@@ -68,10 +74,6 @@ def _completed(
     answer = saying(answer, forces) if forces else answer
     if answer.starts:
         answer = saying(answer, _starts_in_words(answer))
-
-    def few(problem: Problem) -> Solution:
-        return best_on_mesh(problem, None, replace(request.compiled(), starts=FEW))
-
     answer = naming_turns(problem, answer, few, request.options.deadline)
     if answer.status is Status.INFEASIBLE and _may_touch(problem):
         answer = saying(answer, NO_EVENT)
