@@ -388,6 +388,11 @@ class Problem(Shown):
         mu, chosen = self.model.friction, self.by_design("bearing")
         return np.where(chosen, np.nan, mu) if len(chosen) else mu
 
+    def moves_by_design(self, boundary: Boundary) -> bool:
+        """Whether the velocity at an end depends on the design, of a momentum that is given."""
+        given = boundary.momentum[np.isfinite(boundary.momentum)]
+        return bool(given.any() and self.by_design("momentum").any())
+
     def by_design(self, kernel: str) -> NDArray[np.bool_]:
         """Which results of a kernel depend on the design."""
         return self.kernels.depends(kernel, list(self.design))

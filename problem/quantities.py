@@ -88,6 +88,8 @@ def _decided(problem: Problem, ranges: Array) -> Array:
         v = model.velocity(q, problem.start_bounds.momentum[:, 0])
     values = model.quantities(q, v, np.zeros(problem.nu), 0.0)
     chosen = problem.by_design("quantity_point")
+    if problem.moves_by_design(problem.start_bounds):
+        chosen = chosen | [row["velocities"] for row in rows]
     for j, row in enumerate(rows):
         if row["inputs"] or chosen[j]:
             left[j] = ranges[j]

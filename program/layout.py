@@ -36,10 +36,12 @@ class Layout(Unknowns):
         turns = bool(turning & {*map(velocity_name, kernels.coordinates), *moving})
         joined = bool(kernels.joints)
         free = [mode.free and not joined for mode in problem.touch.modes]
-        at_start = turns or not (free[0] or problem.start_bounds.is_state)
+        start = problem.start_bounds
+        known = start.is_state and not problem.moves_by_design(start)
+        at_start = turns or not (free[0] or known)
         at_goal = turns or not free[-1] or bool(kernels.manifest["terminal_velocity"])
         if np.isfinite(problem.velocity_bounds).any():
-            at_start |= not problem.start_bounds.is_state
+            at_start |= not known
             at_goal = True
         rates = kernels.manifest.get("objective_velocities", (False, False))
         at_start, at_goal = at_start or rates[0], at_goal or rates[1]
@@ -54,7 +56,7 @@ class Layout(Unknowns):
         for row in (*kernels.manifest["path_rows"], *along):
             pushed = row.get("forces") and problem.scheme.inside
             if row["velocities"] and (shared or pushed or not row["inputs"]):
-                at_start |= row["inputs"] or not problem.start_bounds.is_state
+                at_start |= row["inputs"] or not known
                 at_goal = True
         kind = Kind(
             tuple(kernels.coordinates),

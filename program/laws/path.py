@@ -291,8 +291,10 @@ def _ends(
     whether contacts fix coordinates, and which rows depend on the design."""
     nodes = nodes_of_ends(lay)
     velocity = np.zeros(len(nodes), dtype=bool)
+    ends = problem.start_bounds, problem.goal_bounds
     for at, p, v in ((0, lay.index_p_B, lay.index_v_B), (-1, lay.index_p_E, lay.index_v_E)):
         at_rest = bool(fixed[lay.index_q[nodes[at]]].all() and fixed[p].all())
+        at_rest &= not problem.moves_by_design(ends[at])
         velocity[at] = at_rest or bool(len(v) and fixed[v].all())
     at_contact = _known_at_contacts(problem, lay) & known[0]
     stands = np.zeros((len(nodes), len(rows)), dtype=bool)

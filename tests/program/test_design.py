@@ -128,6 +128,21 @@ def test_a_velocity_at_the_start_is_none_of_a_mass_to_begin_with() -> None:
     assert s.phases[0].v[0, 0] == pytest.approx(1.0, rel=1e-9)
 
 
+def test_a_momentum_at_the_start_leaves_the_velocity_to_the_mass() -> None:
+    """A kilogram metre a second that begins with 2 m/s, or with 2 m/s at most, where that is the
+    limit at the start alone, of a mass that would rather be less than half a kilogram."""
+    m = sp.Symbol("m")
+    system = dmoc.MechanicalSystem(
+        "thrown_mass", [X], m * X.diff() ** 2 / 2, {m: 1.0}, quantities={"speed": X.diff()},
+        path_constraints={"slow": X.diff() <= 2 + 10 * X}, terminal_cost=m,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        system, start={"x": 0, "p_x": 1.0}, steps=5, final_time=1.0, design={"m": (0.1, 5)}
+    )
+    for stated in (problem.but(start={"x": 0, "p_x": 1.0, "speed": 2.0}), problem):
+        assert solved(stated).design["m"] == pytest.approx(0.5, rel=1e-6)
+
+
 def test_what_cannot_be_chosen_is_named() -> None:
     """A parameter of the drawing alone, one of the tangential restitution, one without a value in a
     range without a middle, and kernels that do not know their system."""
