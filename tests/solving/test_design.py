@@ -259,7 +259,7 @@ def test_what_is_not_determined_is_named() -> None:
     """Two springs beside each other, of which the motion knows the sum."""
     x, k, c = dynamicsymbols("x"), *sp.symbols("k c")
     system = dmoc.MechanicalSystem(
-        "two_springs", [x], x.diff() ** 2 / 2 - (k + c) * x**2 / 2, {k: 20.0, c: 10.0}
+        "two_springs", [x], x.diff() ** 2 / 2 - (k + c) * x**2 / 2, {k: 20.0, c: 20.0}
     )
     problem = dmoc.Problem(
         system, start={"x": 1.0}, goal={"x": -1.0}, steps=20, final_time=0.5,
