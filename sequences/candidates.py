@@ -18,9 +18,10 @@ from dmoc.problem.problem import Problem
 from dmoc.sequences.neighbours import neighbours, other_returns, shorter
 from dmoc.sequences.node_solve import Task
 from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.pool import Workers
 from dmoc.sequences.proposals import Proposals, Words
-from dmoc.sequences.settings import proposed
-from dmoc.sequences.tree import TOGETHER, Tree
+from dmoc.sequences.settings import BEYOND, proposed
+from dmoc.sequences.tree import FINER, FINEST, TOGETHER, Tree
 from dmoc.solving.multistart.exploration import coarse_of
 
 # A proposal that costs so much more than the best, relative to it, is not solved: on their mesh
@@ -118,6 +119,12 @@ class Candidates(Tree):
         most = first - WORTH * abs(first)
         return [n for n in super().doubtful() if self.first[n.sequence] < most]
 
+    def refine(self, workers: Workers, deadline: Deadline) -> Iterator[Node]:
+        """Look at doubtful nodes on the finest meshes too, also beside a best one: there are few,
+        and they promise much."""
+        for factors in (FINER, FINEST):
+            yield from self._refined(factors, workers, deadline)
+
     def _untried(self) -> bool:
         """Whether none is confirmed, and some wait for a finer mesh."""
         tried = {sequence for sequence, _ in self.refined}
@@ -153,10 +160,11 @@ class Candidates(Tree):
         self.around.add(sequence)
         new = self.proposals.look_around(way, self.deadline)
         touch, most = self.problem_of(sequence).touch, self.settings.max_collisions
+        longest = max(most + BEYOND, len(sequence))
         ways = neighbours(touch, way, self.proposals.relaxation.left_open.surfaces)
         self.hits = [s for s, way in ways.items() if way is None and len(s) <= most]
         self.frontier += [s for s in dict.fromkeys((*new, *self.hits)) if s not in self.nodes]
-        self._join_moved({s: way for s, way in ways.items() if way is not None})
+        self._join_moved({s: w for s, w in ways.items() if w is not None and len(s) <= longest})
         return bool(self.frontier)
 
     def _center(self) -> tuple[Words, Folded | None]:
