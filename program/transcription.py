@@ -11,6 +11,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import replace
 from functools import cached_property
 from itertools import chain
 from typing import Self
@@ -172,6 +173,15 @@ class Transcription(Evaluator):
         y = self.physical(x)
         model = self.layout.problem_at(self.problem, y).model
         return model.step_momenta(self.layout.step_inputs(y))
+
+    def relaxed_by(self, eps: float) -> Self:
+        """The same program whose contacts are relaxed by another eps."""
+        other, law = copy(self), copy(self.laws.complementarity)
+        law.eps = eps
+        other.laws = replace(self.laws, complementarity=law)
+        for name in ("assembled", "program", "analyses", "_memory"):
+            other.__dict__.pop(name, None)
+        return other
 
     def designed(self, x: Array) -> Self:
         """The same program, whose problem has the design of the scaled unknowns x."""

@@ -58,6 +58,8 @@ ITERATIONS, FURTHER = 400, 800
 # and on fewer steps, where some cost so much that, measured by it, that of a minimum is nothing.
 TYPICAL, LOWER = 0.7, 0.4
 
+Point = tuple[tuple[str, ...], Array]
+
 
 @dataclass
 class Relaxation:
@@ -71,7 +73,7 @@ class Relaxation:
     mirrors: tuple[int, ...]
     cost: float = 0.0  # a size of it, that of the starts
     steps: int = STEPS
-    _problems: dict[tuple[tuple[str, ...], float], Problem] = field(default_factory=dict)
+    _problems: dict[tuple[str, ...], Problem] = field(default_factory=dict)
     _scales: dict[tuple[str, ...], Scale] = field(default_factory=dict)
     _made: dict[tuple[int, tuple[str, ...]], list[Transcription]] = field(default_factory=dict)
 
@@ -111,21 +113,21 @@ class Relaxation:
             some = list(islice(starts, MOTIONS))
             if not some or deadline.passed:
                 return
+            points = [self._begun(start) for start in some]
             if not self.cost:
-                costs = [scale_of(p, x).cost for p, x in map(self._begun, some)]
+                costs = [scale_of(self._relaxed(hits), x).cost for hits, x in points]
                 share = TYPICAL if self.steps == STEPS else LOWER
                 self.cost = sorted(costs)[int(share * len(costs))]
-            motions = self._solved(some, deadline)
+            motions = self._solved(points, deadline)
             yield motions
             if not any(motions) and self.steps == STEPS:
                 self.steps, self.cost = COARSER, 0.0
                 for kept in (self._problems, self._scales, self._made):
                     kept.clear()
 
-    def _begun(self, start: Folded) -> tuple[Problem, Array]:
-        """The program of a start for the first eps, and its unknowns."""
-        problem = self._relaxed(start.hits, 1.0)
-        return problem, start.unknowns(problem)
+    def _begun(self, start: Folded) -> Point:
+        """The hits of a start, and its unknowns."""
+        return start.hits, start.unknowns(self._relaxed(start.hits))
 
     def beside(self, motion: Folded, most: int, deadline: Deadline) -> list[Relaxed | None]:
         """Motions from one that is bent to one hit more, of each surface in each of its phases, and
@@ -134,7 +136,8 @@ class Relaxation:
         more = self.mirrors if len(motion.hits) < most else ()
         places = product(range(len(motion.pieces)), more)
         bent = [motion.hitting(self.problem, i, j) for i, j in places]
-        return self._solved([*([motion] if self._closes else []), *bent], deadline)
+        starts = [*([motion] if self._closes else []), *bent]
+        return self._solved([self._begun(start) for start in starts], deadline)
 
     @property
     def _closes(self) -> bool:
@@ -144,7 +147,7 @@ class Relaxation:
     def _starts(self, most: int, seed: int) -> Iterator[Folded]:
         """Those with hits; every other one has none where contacts close as well, else the first
         alone."""
-        plain = self._relaxed((), 1.0)
+        plain = self._relaxed(())
         for k in range(0, DRAWN, 2 * MOTIONS):
             numbers = range(k, k + 2 * MOTIONS)
             folded = folded_motions(plain, self.mirrors, numbers, seed)
@@ -165,19 +168,17 @@ class Relaxation:
         bent = (m.hitting(self.problem, 0, j) for m, j in zip(others, cycle(self.mirrors)))
         return touching + list(islice(bent, max(BENT - len(touching), 0)))
 
-    def _relaxed(self, hits: tuple[str, ...], eps: float) -> Problem:
-        if (hits, eps) not in self._problems:
+    def _relaxed(self, hits: tuple[str, ...]) -> Problem:
+        if hits not in self._problems:
             steps = max(FEWEST, -(-self.steps // (len(hits) + 1)))
-            made = relaxed(self.problem, self.left_open, hits, steps, eps)
-            self._problems[hits, eps] = made
-        return self._problems[hits, eps]
+            self._problems[hits] = relaxed(self.problem, self.left_open, hits, steps, EVERY[0])
+        return self._problems[hits]
 
-    def _solved(self, starts: Sequence[Folded], deadline: Deadline) -> list[Relaxed | None]:
+    def _solved(self, points: Sequence[Point], deadline: Deadline) -> list[Relaxed | None]:
         """Solve from some starts, in threads."""
-        points = [(s.hits, self._begun(s)[1]) for s in starts]
         for hits, x in points:  # the same sizes in all threads, those of the first start
             if hits not in self._scales:
-                self._scales[hits] = self._scale(self._relaxed(hits, 1.0), x)
+                self._scales[hits] = self._scale(self._relaxed(hits), x)
         stopped, count = threading.Event(), max(1, min(free_threads(), len(points)))
         ends: list[Relaxed | None] = [None] * len(points)
 
@@ -227,9 +228,8 @@ class Relaxation:
             scale = self._scales[hits]
             near = bool(hits) or not self._closes
             every = [eps for eps in EVERY if eps <= OF_HITS] if near else EVERY
-            self._made[thread, hits] = [
-                Transcription(self._relaxed(hits, eps), scale) for eps in every
-            ]
+            first = Transcription(self._relaxed(hits), scale)
+            self._made[thread, hits] = [first.relaxed_by(eps) for eps in every]
         return self._made[thread, hits]
 
     def _scale(self, relaxed: Problem, x: Array) -> Scale:

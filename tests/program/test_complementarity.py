@@ -91,6 +91,9 @@ def test_programs_of_another_eps_share_their_structure() -> None:
     rows = law.dissipation.numbers - fine.n_eq
     assert coarse.inequality(x)[rows] == pytest.approx(1)
     assert fine.inequality(x)[rows] == pytest.approx(1e-3)
+    again = coarse.relaxed_by(1e-3)
+    assert (again.inequality(x) == fine.inequality(x)).all()
+    assert again.structure is fine.structure and coarse.inequality(x)[rows] == pytest.approx(1)
 
 
 def test_a_block_that_is_dropped_comes_to_rest_on_the_floor() -> None:

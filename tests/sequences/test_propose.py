@@ -254,7 +254,7 @@ def test_where_no_start_leads_to_a_motion_the_next_ones_have_fewer_steps(
     steps, costs = list[object](), list[float]()
 
     def none(_: object, starts: list[object], __: object) -> list[None]:
-        steps.append(some._relaxed((), 1.0).steps)
+        steps.append(some._relaxed(()).steps)
         costs.append(some.cost)
         return [None] * len(starts)
 
