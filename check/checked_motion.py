@@ -167,12 +167,15 @@ class Motion:
             forces("reaction", phase.joints),
         )
 
-    def friction(self, i: int) -> Array:
-        """Coefficients of friction at the places of phase i, with the inputs before each and after
-        it, shape (2, n, nt)."""
+    def rubbing(self, i: int) -> Model:
+        """The model with its friction at the places of phase i, with the inputs before each and
+        after it, shape (2, n, nt)."""
         at, model = self.places[i], self.model
-        sides = [model.with_friction_at(at.q, at.v, u, at.t).friction for u in at.inputs]
-        return np.stack([np.broadcast_to(mu, (len(at.t), model.nt)) for mu in sides])
+        sides = [model.with_friction_at(at.q, at.v, u, at.t) for u in at.inputs]
+        shape = 2, len(at.t), model.nt
+        kinds = ([s.friction for s in sides], [s.static_friction for s in sides])
+        by_place = [np.stack([np.broadcast_to(mu, shape[1:]) for mu in kind]) for kind in kinds]
+        return model.with_coefficients(*by_place)
 
     @cached_property
     def watched(self) -> NDArray[np.bool_]:

@@ -84,6 +84,7 @@ def force_errors(motion: Motion) -> tuple[Findings, tuple[Array, Array, Array]]:
     # What leaves or begins to slide would not, with the inputs after the event, kept as it was.
     for i in range(len(motion.trajectory.collisions)):
         sentences += _pressed(motion, i, normal)
+    for i in range(len(motion.modes)):
         sentences += _gripped(motion, i, tangential)
     return Findings({FORCE: worst}, tuple(sentences)), (normal, tangential, joint)
 
@@ -106,16 +107,16 @@ def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
 
 
 def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
-    """Contacts that begin to slide while friction holds them."""
-    model, mode = motion.model, motion.modes[i + 1]
-    c, after = motion.trajectory.collisions[i], motion.trajectory.phases[i + 1]
-    if c.surface:
+    """Contacts that begin to slide in phase i while friction holds them."""
+    model, mode, after = motion.model, motion.modes[i], motion.trajectory.phases[i]
+    if i and motion.trajectory.collisions[i - 1].surface:
         return  # an impact may set it off
-    soon = after.t[:-1] <= max(c.time + ON_TIME * after.duration, after.t[1])
-    q, v, t, u = after.q[:-1][soon], after.v[:-1][soon], after.t[:-1][soon], motion.steps[i + 1].u0
+    begin, slid = float(after.t[0]), motion.modes[i - 1].sliding if i else ()
+    soon = after.t[:-1] <= max(begin + ON_TIME * after.duration, after.t[1])
+    q, v, t, u = after.q[:-1][soon], after.v[:-1][soon], after.t[:-1][soon], motion.steps[i].u0
     fast = np.abs(model.slide_rates(after.q[:1], after.v[:1], after.t[:1])[0])
-    for k in dict(mode.sliding):
-        if k not in motion.modes[i].sticking or fast[k] > DRIFT * motion.sizes.slide[k]:
+    for k, s in mode.sliding:
+        if (k, s) in slid or fast[k] > DRIFT * motion.sizes.slide[k]:
             continue
         others = tuple(pair for pair in mode.sliding if pair[0] != k)
         kept = replace(mode, sticking=(*mode.sticking, k), sliding=others)
@@ -124,7 +125,7 @@ def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
         spare = bears - np.abs(reaction.tangential[:, k])
         if (spare > PRESSED * size[k]).all():
             yield (
-                f"{model.kernels.tangents[k]} begins to slide at {c.time:.4g} s, where friction "
+                f"{model.kernels.tangents[k]} begins to slide at {begin:.4g} s, where friction "
                 f"holds it: it has {bears[0]:.4g} N and needs "
                 f"{abs(reaction.tangential[0, k]):.4g} N"
             )
@@ -157,7 +158,8 @@ def _sizes(motion: Motion, flows: list[Reaction]) -> tuple[Array, Array, Array]:
     q, t = np.vstack([p.q for p in phases]), np.concatenate([p.t for p in phases])
     normal = np.maximum(normal, pushes(model, motion.sizes, q, t, model.gap_slopes(q, t)))
     smooth = SMOOTH * pushes(model, motion.sizes, q, t, model.tangent_slopes(q, t))
-    most = np.max([f.max(axis=(0, 1)) for f in map(motion.friction, range(len(phases)))], axis=0)
+    rubbing = [motion.rubbing(i).static_friction for i in range(len(phases))]
+    most = np.max([mu.max(axis=(0, 1)) for mu in rubbing], axis=0)
     bearing = model.with_coefficients(most).bearing(normal)
     friction = np.maximum.reduce([bearing, BEARABLE * taken, smooth])
     joint = np.maximum(joint, pushes(model, motion.sizes, q, t, model.joint_slopes(q, t)))
@@ -212,8 +214,11 @@ def _off(motion: Motion, i: int) -> Iterator[str]:
 
 def _negative(motion: Motion, i: int) -> Iterator[str]:
     """Friction with a negative coefficient."""
-    at, coefficients, model = motion.places[i], motion.friction(i), motion.model
-    for k in motion.modes[i].rubbing:
+    at, model = motion.places[i], motion.model
+    there = motion.rubbing(i)
+    for k, s in motion.modes[i].rubbing.items():
+        coefficients = there.friction if s else there.static_friction
+        coefficients = np.broadcast_to(coefficients, (2, len(at.t), model.nt))
         least = coefficients[..., k].min(axis=0)
         row, most = int(np.argmin(least)), float(np.abs(coefficients[..., k]).max())
         if not least[row] >= -ROUNDING * most:
@@ -257,7 +262,7 @@ def _pulling(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[st
 def _slipping(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[str]:
     """Friction beyond what its contact or rail holds."""
     at, model = motion.places[i], motion.model
-    there = model.with_coefficients(motion.friction(i))
+    there = motion.rubbing(i)
     for j in motion.modes[i].sticking:
         bears = there.bearing(flow.normal)[..., j]
         needs = np.abs(flow.tangential[..., j])

@@ -114,7 +114,7 @@ def _unbearable(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
             yield f"{name} would have to pull with an impulse of {-least:.4g} N s at {time:.4g} s"
         if j not in p.mode.closed and normal[j] > slack:
             yield f"{name} takes an impulse at {time:.4g} s without being hit or closed"
-    there = model.with_friction_at(p.before.q[-1], t=time)
+    there = model.in_impact_at(p.before.q[-1], time)
     bearing = np.where(np.array(model.supports) == RAIL, 0.0, there.bearing(p.law.normal[0]))
     for k, name in enumerate(tangents):
         held = np.inf if k == p.rubs and there.hit_friction[k] == np.inf else float(bearing[k])

@@ -99,7 +99,7 @@ class EventPassage:
     def after_law(self, q: Array, v: Array, late: Array | float = 0.0) -> ImpactResult:
         """What the law makes of rows of states before the event, at times so much later."""
         mode, t = self.mode, np.full(len(q), self.c.time) + late
-        model = self.model.with_friction_at(q, t=t)
+        model = self.model.in_impact_at(q, t)
         if not mode.closed:
             return ImpactResult(v, np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt)))
         if self.rubs is not None and self.hit is not None:

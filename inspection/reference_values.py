@@ -78,9 +78,18 @@ class ReferenceValues:
 
         self.coefficients = coefficients
         self.tau, self.e_t = numbers(f.tau), numbers(f.e_t)
-        varies = [bool(mu.free_symbols & {*f.q, *f.v, *f.u, f.t, *f.x}) for mu in f.mu]
-        self.constant = numbers([0 * mu if v else mu for mu, v in zip(f.mu, varies, strict=True)])
-        self.varying = numbers([mu if v else 0 * mu for mu, v in zip(f.mu, varies, strict=True)])
+        along, kinds = {*f.q, *f.v, *f.u, f.t, *f.x}, {"mu": f.mu, "mu_s": f.mu_s}
+
+        def varies(mu: Any) -> bool:
+            return bool(mu.free_symbols & along)
+
+        self.constant, self.varying = (
+            {
+                name: numbers([mu if varies(mu) is side else 0 * mu for mu in kind])
+                for name, kind in kinds.items()
+            }
+            for side in (False, True)
+        )
 
     @cached_property
     def families(self) -> dict[str, Function]:
@@ -122,11 +131,11 @@ class ReferenceValues:
             forces = x[2 * n : -2]
             return {"W_tau": [T * (b - a) for T, a, b in zip(forces, early, late, strict=True)]}
 
-        def bears(x: Vector) -> Vector:  # (q, v, u_k, u_kp1, c, N, t)
+        def bears(x: Vector, kind: str = "mu") -> Vector:  # (q, v, u_k, u_kp1, c, N, t)
             before, after = x[2 * n : 2 * n + m], x[2 * n + m : 2 * (n + m)]
             c, *N = x[2 * (n + m) : -1]
             u = [(1 - c) * a + c * b for a, b in zip(before, after, strict=True)]
-            values = self.varying([*x[: 2 * n], *u, x[-1]])
+            values = self.varying[kind]([*x[: 2 * n], *u, x[-1]])
             return [a * b for a, b in zip(N, values, strict=True)]
 
         def bearing_work(x: Vector) -> dict[str, Vector]:  # the same, q_k, q_kp1, t_k, t_kp1
@@ -169,8 +178,11 @@ class ReferenceValues:
             "slide_rate": lambda x: {"sigma": self._rates(self.tau, state(x))},
             "slip_work": slip_work,
             "traction": lambda x: {"s": pushed(self.tau, self.nt)(x)},
-            "friction": lambda _: {"mu": self.constant([mp.mpf(0)] * (2 * n + m + 1))},
+            "friction": lambda _: {
+                k: c([mp.mpf(0)] * (2 * n + m + 1)) for k, c in self.constant.items()
+            },
             "bearing": lambda x: {"bears": bears(x)},
+            "holding": lambda x: {"holds": bears(x, "mu_s")},
             "bearing_work": bearing_work,
             "tangential": lambda _: {"e_t": self.e_t([mp.mpf(0)] * (2 * n + m + 1))},
             "terminal_cost": lambda x: {"Phi": self.Phi(state(x))},

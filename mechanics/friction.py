@@ -20,15 +20,35 @@ class FrictionModel(BoundKernels):
 
     @cached_property
     def friction(self) -> Array:
-        """Coefficients mu of surfaces and largest forces of rails, in the order of the tangents,
-        shape (nt,); not a number where they vary, (..., nt) of :meth:`with_friction_at`."""
+        """Coefficients mu of surfaces that slide and largest forces of rails, in the order of the
+        tangents, shape (nt,); not a number where they vary, (..., nt) of
+        :meth:`with_friction_at`."""
+        return self._coefficients[0]
+
+    @cached_property
+    def static_friction(self) -> Array:
+        """The same of what sticks."""
+        return self._coefficients[-1]
+
+    @cached_property
+    def paired(self) -> NDArray[np.bool_]:
+        """Tangents whose static friction is not their kinetic one, shape (nt,)."""
+        names = self.kernels.manifest.get("static_friction", ())
+        return np.array([name in names for name in self.kernels.tangents], dtype=bool)
+
+    @cached_property
+    def _coefficients(self) -> list[Array]:
+        """Kinetic ones, and static ones where there are some."""
         if not self.nt:
-            return np.zeros(0)
-        mu = np.array(self.kernels.call("friction", self.par)[0][0])
+            return [np.zeros(0)]
+        kinds = [np.array(mu[0]) for mu in self.kernels.call("friction", self.par)]
         if self._chosen:
-            mu[self._chosen] = self._bearing(self._rest[0], 0.0, None, None)[self._chosen]
-        mu[list(self.varying_friction)] = np.nan
-        return mu
+            in_states = self._in_kernels(self._rest[0], 0.0, None, None)
+            for mu, values in zip(kinds, in_states, strict=True):
+                mu[self._chosen] = values[self._chosen]
+        for mu in kinds:
+            mu[list(self.varying_friction)] = np.nan
+        return kinds
 
     @cached_property
     def varying_friction(self) -> dict[int, Mapping[str, Any]]:
@@ -47,11 +67,12 @@ class FrictionModel(BoundKernels):
         parts = "coordinates", "velocities", "inputs", "time"
         return [k for k, row in self._in_states.items() if not any(row[part] for part in parts)]
 
-    def _bearing(self, q: Array, t: ArrayLike, v: Array | None, u: Array | None) -> Array:
+    def _in_kernels(self, q: Array, t: ArrayLike, v: Array | None, u: Array | None) -> list[Array]:
         """Coefficients at states, of tangents whose friction is a kernel of these."""
         u, one = self._input(u), np.ones((1, self.nt))
         rows = self._state(v), u, u, np.zeros((1, 1)), one, as_column(t)
-        return self._at("bearing", q, *rows)[0]
+        kernels = ("bearing", "holding")[: 1 + self.kernels.has("holding")]
+        return [self._at(kernel, q, *rows)[0] for kernel in kernels]
 
     def with_friction_at(
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
@@ -59,15 +80,23 @@ class FrictionModel(BoundKernels):
         """The same model with the friction that it has at a state, or at rows of states."""
         if not self.varying_friction:
             return self
-        varies = list(self.varying_friction)
-        friction = np.broadcast_to(self.friction, (*q.shape[:-1], self.nt)).copy()
-        friction[..., varies] = self._bearing(q, t, v, u)[..., varies]
-        return self.with_coefficients(friction)
+        varies, kinds = list(self.varying_friction), list[Array]()
+        for mu, values in zip(self._coefficients, self._in_kernels(q, t, v, u), strict=True):
+            kinds.append(np.broadcast_to(mu, (*q.shape[:-1], self.nt)).copy())
+            kinds[-1][..., varies] = values[..., varies]
+        return self.with_coefficients(*kinds)
 
-    def with_coefficients(self, friction: Array) -> Self:
-        """The same model with coefficients of friction, shape (..., nt)."""
+    def in_impact_at(self, q: Array, t: ArrayLike = 0.0) -> Self:
+        """The same at positions of impacts, in which what sticks has the kinetic friction too."""
+        there = self.with_friction_at(q, t=t)
+        return there.with_coefficients(there.friction) if self.paired.any() else there
+
+    def with_coefficients(self, *kinds: Array) -> Self:
+        """The same model with kinetic coefficients of friction, and static ones if others are
+        given, shape (..., nt)."""
         there = copy(self)
-        there.__dict__ |= {"has_friction": self.has_friction, "friction": friction}
+        there.__dict__ |= {"has_friction": self.has_friction, "friction": kinds[0]}
+        there.__dict__ |= {"static_friction": kinds[-1]}
         there.__dict__.pop("hit_friction", None)
         return there
 
@@ -75,7 +104,7 @@ class FrictionModel(BoundKernels):
     def has_friction(self) -> NDArray[np.bool_]:
         """Which tangents have friction, shape (nt,): that which varies may be zero somewhere."""
         in_states = np.isin(np.arange(self.nt), list(self._in_states))
-        return np.asarray(in_states | (self.friction != 0))
+        return np.asarray(in_states | (self.friction != 0) | (self.static_friction != 0))
 
     @cached_property
     def rough(self) -> dict[int, int]:
@@ -112,11 +141,18 @@ class FrictionModel(BoundKernels):
     def bearing(self, normal: Array) -> Array:
         """What friction can hold at most beside contact forces (..., nc): mu N of surfaces, and the
         largest force of rails, shape (..., nt)."""
+        return self._pressing(self.static_friction, normal)
+
+    def dragging(self, normal: Array) -> Array:
+        """What it takes where it slides."""
+        return self._pressing(self.friction, normal)
+
+    def _pressing(self, mu: Array, normal: Array) -> Array:
         on, rails = self._pressed
         if rails is None:
-            return np.asarray(self.friction * normal[..., on])
+            return np.asarray(mu * normal[..., on])
         pressed = np.append(normal, np.ones((*normal.shape[:-1], 1)), axis=-1)
-        return np.asarray(self.friction * pressed[..., rails])
+        return np.asarray(mu * pressed[..., rails])
 
     @cached_property
     def _pressed(self) -> tuple[Index, Index | None]:

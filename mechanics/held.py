@@ -19,7 +19,7 @@ def held_responses(
 ) -> tuple[Array, Array, Array]:
     """Changes of the velocity (nq, m) by impulses B (m, nq) at a position, where what is closed and
     what sticks hold, and the impulses beside them of surfaces (m, nc) and tangents (m, nt)."""
-    model = model.with_friction_at(q, t=t)
+    model = model.in_impact_at(q, t)
     pushed, count = model.responses(q, B, t), len(holding.closed)
     normal, tangential = np.zeros((len(B), model.nc)), np.zeros((len(B), model.nt))
     if not count:

@@ -19,6 +19,8 @@ from dmoc.motion.trajectory import FRICTION_WORDS
 
 # An input without a bound, where the sign of friction is looked at.
 FAR = 1e6
+# Forces at the end of a phase are known to h^2 from this order on.
+LEAST_ORDER_OF_PAIRS = 4
 
 if TYPE_CHECKING:
     from dmoc.mechanics.contact_mode import Mode
@@ -148,15 +150,30 @@ def check_contacts(problem: Problem) -> None:
 
 
 def _check_varying_friction(problem: Problem) -> None:
-    """Refuse friction that inputs within their bounds make negative, and impacts in which it would
-    depend on them."""
+    """Refuse pairs of coefficients at order 2 and the wrong way round, friction that inputs within
+    their bounds make negative, and impacts in which it would depend on them."""
     model, touch = problem.model, problem.touch
     names, bounds = problem.kernels.inputs, problem.input_bounds
+    for k in np.flatnonzero(model.paired).tolist():
+        static, kinetic = model.static_friction[k], model.friction[k]
+        name = problem.kernels.tangents[k]
+        if problem.order < LEAST_ORDER_OF_PAIRS:
+            raise ProblemError(
+                f"the friction of {name!r} is a pair (static, kinetic): the moment at which it "
+                f"breaks away asks for order {LEAST_ORDER_OF_PAIRS} or more; take the kernels of "
+                f"dmoc.build(system, order={LEAST_ORDER_OF_PAIRS})."
+            )
+        if static < kinetic:
+            raise ProblemError(
+                f"the static friction of {name!r} is {static:g}, below the kinetic one, "
+                f"{kinetic:g}: expected the larger one first; check the parameters."
+            )
     for k, row in model.varying_friction.items():
         for j, side in np.ndindex(bounds.shape) if row["inputs"] else ():
             u = np.clip(np.zeros(model.nu), *bounds.T)
             u[j] = np.clip(bounds[j, side], -FAR, FAR)
-            value = float(model.with_friction_at(problem.start_position, u=u).friction[k])
+            there = model.with_friction_at(problem.start_position, u=u)
+            value = float(min(there.friction[k], there.static_friction[k]))
             if value < 0:
                 raise ProblemError(
                     f"the friction of {row['name']!r} is {value:g} where the input {names[j]} is "

@@ -385,7 +385,15 @@ class Problem(Shown):
     @property
     def friction(self) -> Array:
         """Coefficients of friction, shape (nt,); not a number where they vary or are chosen."""
-        mu, chosen = self.model.friction, self.by_design("bearing")
+        return self._unchosen(self.model.friction, "bearing")
+
+    @property
+    def static_friction(self) -> Array:
+        """The same of what sticks."""
+        return self._unchosen(self.model.static_friction, "holding")
+
+    def _unchosen(self, mu: Array, kernel: str) -> Array:
+        chosen = self.by_design(kernel if self.kernels.has(kernel) else "bearing")
         return np.where(chosen, np.nan, mu) if len(chosen) else mu
 
     def moves_by_design(self, boundary: Boundary) -> bool:

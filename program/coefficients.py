@@ -43,15 +43,17 @@ def entries_of(mu: Array, products: Iterable[Product]) -> Iterator[Entries]:
             yield p.rows, p.unknowns, mu[p.tangent] * p.factors
 
 
-def terms_of(mu: Array, products: Iterable[Product], site: Site, places: Places) -> Iterator[Term]:
-    """Terms of the others."""
+def terms_of(
+    mu: Array, products: Iterable[Product], site: Site, places: Places, kernel: str = "bearing"
+) -> Iterator[Term]:
+    """Terms of the others, by the kernel of what slides or of what sticks."""
     for p in products:
         if np.isnan(mu[p.tangent]) and len((p := p.there).rows):
             pressed = np.full((len(p.rows), len(mu)), places.zero)
             rows = np.full_like(pressed, NOWHERE)
             pressed[:, p.tangent], rows[:, p.tangent] = p.unknowns, p.rows
             *state, t = site(p.at, places)
-            yield Term("bearing", (*state, pressed, t), (rows,), p.factors[:, None])
+            yield Term(kernel, (*state, pressed, t), (rows,), p.factors[:, None])
 
 
 def at_events(lay: Layout) -> Site:

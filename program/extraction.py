@@ -11,6 +11,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.contact_mode import Mode, names_of, without_rails
+from dmoc.mechanics.model import Model
 from dmoc.mechanics.touch import changes
 from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import FORCES, Collision, Phase, Trajectory
@@ -52,9 +53,15 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         of_nodes, of_inside = _forces(lay, x, i)
         if problem.redundant[i]:
             within = scheme.within(t[:-1], t[1:]).ravel()
-            of_nodes = _shared(problem, mode, (at, t), of_nodes)
+            u_k, u_kp1 = (u[rows[first:last]] for rows in (lay.row_u_k, lay.row_u_kp1))
+            mean = np.vstack([u_k[:1], (u_kp1[:-1] + u_k[1:]) / 2, u_kp1[-1:]])
+            rubbing = problem.model.with_friction_at(at, v, mean, t)
+            of_nodes = _shared(rubbing, mode, (at, t), of_nodes)
             if len(within):
-                of_inside = _shared(problem, mode, (inside[0], within), of_inside)
+                among = scheme.within(u_k, u_kp1).reshape(len(within), -1)
+                rates = problem.model.velocity(*inside[:2], within)
+                rubbing = problem.model.with_friction_at(inside[0], rates, among, within)
+                of_inside = _shared(rubbing, mode, (inside[0], within), of_inside)
         phases.append(
             Phase(
                 t,
@@ -202,10 +209,10 @@ def _as_held(nlp: Transcription, i: int, states: tuple[Array, Array, Array]) -> 
 
 
 def _shared(
-    problem: Problem, mode: Mode, at: tuple[Array, Array], forces: Mapping[str, Array]
+    model: Model, mode: Mode, at: tuple[Array, Array], forces: Mapping[str, Array]
 ) -> dict[str, Array]:
     """Forces by their kind at the nodes of a phase, with what its motion does not determine."""
-    model, n = problem.model, len(at[1])
+    n = len(at[1])
     columns = list(mode.closed), list(mode.rubbing), list(range(model.nj))
     every = Forces(*(np.zeros((n, size)) for size in (model.nc, model.nt, model.nj)))
     for kind, rows, places in zip(FORCES, every, columns, strict=True):
@@ -227,7 +234,8 @@ def _shared_in_impact(
         np.array([[impulses[kind].get(name, 0.0) for name in of]])
         for kind, of in zip(FORCES, names, strict=True)
     ]
-    same = shared(problem.model, mode, (at[0][None], np.array(at[1:])), Forces(*every))
+    rubbing, there = problem.model.in_impact_at(*at), (at[0][None], np.array(at[1:]))
+    same = shared(rubbing, mode, there, Forces(*every))
     return {
         kind: {n: x for n, x in zip(of, row[0].tolist(), strict=True) if n in impulses[kind]}
         for kind, of, row in zip(FORCES, names, same, strict=True)

@@ -13,7 +13,7 @@ cdef class Conditions:
     cdef object kernels
     cdef bint ready  # for joints, and modes with contacts or friction
     cdef ptrdiff_t nq, nu, nc, nt, nj, capacity
-    cdef Rows surface, tangent, gap_rate, slide_rate, bearing
+    cdef Rows surface, tangent, gap_rate, slide_rate, bearing, holding
     cdef Rows gap_rate_jac, slide_rate_jac, joint, joint_rate, joint_rate_jac
     cdef double[::1] par, t, u
     cdef ptrdiff_t[::1] pivot  # of the masses at one state
@@ -23,8 +23,10 @@ cdef class Conditions:
     cdef ptrdiff_t m, closed, sticking, sliding
     cdef ptrdiff_t[::1] closed_at, sticks_at, slides_at, presses, support, exchange
     cdef ptrdiff_t[::1] gamma_row, gamma_column, sigma_row, sigma_column, phi_row, phi_column
-    # Coefficients of friction of rows of states, and which of them vary; directions of sliding.
-    cdef double[::1] mu, varied, pressed, way
+    # Coefficients of friction of rows of states, of what slides and, where there are others, of
+    # what sticks, and which of them vary; directions of sliding.
+    cdef bint static_too
+    cdef double[::1] mu, mu_s, varied, pressed, way
     cdef ptrdiff_t[::1] varies
     cdef double[::1] gamma_D, sigma_D, phi_D, g, tau, phi, C, B, along, bent, lam, change
     cdef double[::1] responses, A, scaled, V, unit, wanted, spare
@@ -61,12 +63,14 @@ cdef class Conditions:
             places = kernels.pattern("slide_rate_jac", "sigma_D")
             self.sigma_row, self.sigma_column = map(np.array, places)
             par = np.asarray(self.par)[None, : self.par.shape[0] - 1]
-            mu = np.array(kernels.call("friction", np.array(par))[0][0])
-            self.mu, self.varied = np.tile(mu, rows), _space(rows * self.nt)
+            kinds = [np.tile(mu[0], rows) for mu in kernels.call("friction", np.array(par))]
+            self.mu, self.mu_s, self.static_too = kinds[0], kinds[len(kinds) - 1], len(kinds) > 1
+            self.varied = _space(rows * self.nt)
             varying = kernels.manifest.get("varying_friction", ())
             names = [contacts.tangent_numbers[row["name"]] for row in varying]
             self.varies, self.pressed = np.array(names, dtype=np.intp), np.ones(self.nt)
             self.bearing = Rows(kernels, "bearing") if names else None
+            self.holding = Rows(kernels, "holding") if names and self.static_too else None
         if self.nj:
             self.joint, self.joint_rate, self.joint_rate_jac = (
                 Rows(kernels, name) for name in ("joint", "joint_rate", "joint_rate_jac")
@@ -140,17 +144,24 @@ cdef class Conditions:
         cdef ptrdiff_t stride[DMOC_MOST]
         cdef double *results[DMOC_MOST]
         cdef double between = 0.0
-        cdef ptrdiff_t i, k
         args[0], args[1], args[2], args[3] = y, y + self.nq, &self.u[0], &self.u[0]
         args[4], args[5], args[6], args[7] = &between, &self.pressed[0], &self.t[0], &self.par[0]
         stride[0], stride[1], stride[2], stride[3] = width, width, self.nu, self.nu
         stride[4], stride[5], stride[6], stride[7] = 0, 0, 1, 0
         results[0] = &self.varied[0]
         self.bearing.run(n, args, stride, results)
+        self.take(n, self.mu)
+        if self.static_too:
+            self.holding.run(n, args, stride, results)
+            self.take(n, self.mu_s)
+        return 0
+
+    cdef void take(self, ptrdiff_t n, double[::1] mu) noexcept nogil:
+        """Put the coefficients that vary into those of n rows."""
+        cdef ptrdiff_t i, k
         for k in range(self.varies.shape[0]):
             for i in range(n):
-                self.mu[i * self.nt + self.varies[k]] = self.varied[i * self.nt + self.varies[k]]
-        return 0
+                mu[i * self.nt + self.varies[k]] = self.varied[i * self.nt + self.varies[k]]
 
     cdef void conditions(self, ptrdiff_t i, const double *v, double *F) noexcept nogil:
         """Gradients C of the conditions of row i, their second derivatives without acceleration,

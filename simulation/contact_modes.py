@@ -102,7 +102,7 @@ def spread(model: Model, mode: Mode, lam: Array) -> tuple[Array, Array, Array]:
     tangential[:, list(mode.sticking)] = lam[:, count:rest]
     if mode.sliding:
         slide, signs = map(list, zip(*mode.sliding, strict=True))
-        tangential[:, slide] = -np.array(signs) * model.bearing(normal)[:, slide]
+        tangential[:, slide] = -np.array(signs) * model.dragging(normal)[:, slide]
     return normal, tangential, lam[:, rest:]
 
 

@@ -167,7 +167,7 @@ cdef class Integrator(Method):
                 rest = 1.0
                 if self.sticks_at[j] >= 0:
                     p = self.closed_at[self.support[j]] if self.support[j] >= 0 else -1
-                    rest = self.mu[i * self.nt + j] * (self.lam[i * self.m + p] if p >= 0 else 1.0)
+                    rest = self.mu_s[i * self.nt + j] * (self.lam[i * self.m + p] if p >= 0 else 1.0)
                     rest -= fabs(self.lam[i * self.m + self.sticks_at[j]])
                 elif self.slides_at[j] >= 0:
                     rest = self.way[self.slides_at[j]] * self.tau[i * self.nt + j]

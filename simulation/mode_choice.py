@@ -82,9 +82,10 @@ def with_friction(model: Model, y: Array, u: Array, t: Array, on: Sequence[int])
     """
     q, v = (np.ascontiguousarray(part) for part in np.split(y[:, : 2 * model.nq], 2, axis=1))
     model = model.with_friction_at(q, v, u, t)
+    least = np.minimum(model.friction, model.static_friction)
     for k in model.varying_friction:
-        row = int(np.argmin(model.friction[:, k]))
-        value = model.friction[row, k]
+        row = int(np.argmin(least[:, k]))
+        value = least[row, k]
         if not value >= 0 and model.supports[k] in (RAIL, *on):
             place = zip(model.kernels.coordinates, q[row], strict=True)
             shown = ", ".join(f"{name} = {x:.6g}" for name, x in place)
@@ -190,7 +191,7 @@ def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow |
     times their rates, and the others plastic; None where no combination obeys the laws."""
     nq = model.nq
     q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
-    model, M = model.with_friction_at(q, t=t), model.mass(q, t)
+    model, M = model.in_impact_at(q, t), model.mass(q, t)
     rates, sigma = model.gap_rates(q, v, t)[0], model.slide_rates(q, v, t)[0]
     wanted = -(1 + e * (rates > at.small.rate)) * rates
     slopes = model.gap_slopes(q, t)[0, :, :-1], model.tangent_slopes(q, t)[0, :, :-1]

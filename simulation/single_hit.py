@@ -40,7 +40,7 @@ def single_hit(
     """The hit of a surface and its tangent in a state (q, v, t), with tangential restitution where
     ``e_t`` is its coefficient."""
     (j, k), (q, v, t) = contact, state
-    model = model.with_friction_at(q, t=t)
+    model = model.in_impact_at(q, t)
     rows, times, mu = q[None], np.array([t]), float(model.hit_friction[k])
     D = np.stack([-model.gap_slopes(q, t)[j, :-1], model.tangent_slopes(q, t)[k, :-1]])
     pushed, normal, tangential = held_responses(model, holding, q, D, t)

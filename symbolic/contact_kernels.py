@@ -95,17 +95,20 @@ def _friction_kernels(f: Continuous) -> list[KernelSpec]:
     ``c`` is the place between two inputs, in [0, 1]; N what each tangent is pressed with.
     """
     q, v, _, t, par = state_inputs(f)
-    graph = f.L.graph
-    constant = [graph.zero if varies(f, mu) else mu for mu in f.mu]
+    graph, stated = f.L.graph, {"mu": f.mu} | ({"mu_s": f.mu_s} if f.mu_s != f.mu else {})
+    constant = {
+        name: [graph.zero if varies(f, mu) else mu for mu in values]
+        for name, values in stated.items()
+    }
     kernels = [
         KernelSpec(
             "friction",
             "Coefficients of friction of surfaces, largest forces of rails; 0 where they vary.",
             (par,),
-            (Output.vector("mu", constant),),
+            tuple(Output.vector(name, values) for name, values in constant.items()),
         )
     ]
-    if not any(varies(f, mu) for mu in f.mu):
+    if not any(varies(f, mu) for values in stated.values() for mu in values):
         return kernels
     (c,) = (place := Input.vector(graph, "c", 1)).symbols
     sides = [Input.vector(graph, f"u_{k}", len(f.u)) for k in ("k", "kp1")]
@@ -113,35 +116,37 @@ def _friction_kernels(f: Continuous) -> list[KernelSpec]:
         s: (1 - c) * a + c * b
         for s, a, b in zip(f.u, *(side.symbols for side in sides), strict=True)
     }
-    N, bears = Input.vector(graph, "N", len(f.tau)), []
-    for load, mu in zip(N.symbols, f.mu, strict=True):
-        bears.append(load * mu.subs(between) if varies(f, mu) else graph.zero)
-    ends = _ends_of_step(f)
+    N = Input.vector(graph, "N", len(f.tau))
+    state, ends = (q, v, *sides, place, N, t), _ends_of_step(f)
+    bears = {
+        name: [
+            load * mu.subs(between) if varies(f, mu) else graph.zero
+            for load, mu in zip(N.symbols, values, strict=True)
+        ]
+        for name, values in stated.items()
+    }
+    text = "What friction holds whose coefficients vary, mu_j N_j"
+    kernels += family("bearing", f"{text}.", state, {"bears": bears["mu"]}, par)
+    if "mu_s" in bears:
+        kernels += family("holding", f"{text}, that sticks.", state, {"holds": bears["mu_s"]}, par)
     moved = [_at(f, tau, ends[1]) - _at(f, tau, ends[0]) for tau in f.tau]
-    state = (q, v, *sides, place, N, t)
     step = (ends[0][0], ends[1][0], ends[0][1], ends[1][1])
     return [
         *kernels,
         *family(
-            "bearing",
-            "What friction holds whose coefficients vary, mu_j N_j.",
-            state,
-            {"bears": bears},
-            par,
-        ),
-        *family(
             "bearing_work",
             "The same times how far their tangents slide in a step.",
             (*state, *step),
-            {"W_mu": [a * b for a, b in zip(bears, moved, strict=True)]},
+            {"W_mu": [a * b for a, b in zip(bears["mu"], moved, strict=True)]},
             par,
         ),
     ]
 
 
 def varying(f: Continuous, tangents: Sequence[str]) -> tuple[list[str], list[Any]]:
-    """The tangents whose friction varies, and their coefficients."""
-    pairs = [(name, mu) for name, mu in zip(tangents, f.mu, strict=True) if varies(f, mu)]
+    """The tangents whose friction varies, and what has the symbols of both coefficients."""
+    both = [(name, a * a + b * b) for name, a, b in zip(tangents, f.mu, f.mu_s, strict=True)]
+    pairs = [(name, mu) for name, mu in both if varies(f, mu)]
     return [name for name, _ in pairs], [mu for _, mu in pairs]
 
 

@@ -19,7 +19,7 @@ from dmoc.symbolic.contact_references import forces_of
 from dmoc.symbolic.conversion import plain_nodes, to_nodes
 from dmoc.symbolic.definitions import rate_of, rate_symbol, symbols_of
 from dmoc.symbolic.drawing import values_of
-from dmoc.symbolic.expressions import approach_speed, atoms_of
+from dmoc.symbolic.expressions import approach_speed, atoms_of, coefficients_of
 from dmoc.symbolic.graph import Graph, Node, gradient
 from dmoc.symbolic.kinks import split
 
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Continuous:
     """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
-    gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, constraints phi_j,
-    looks: the values of the drawing; coefficients of restitution e_j, of all surfaces or none, and
+    gaps g_j, path constraints r_j, tangents tau_j, their friction mu_j and mu_s_j where they stick,
+    constraints phi_j, looks: the values of the drawing; coefficients of restitution e_j, of all
+    surfaces or none, and
     of tangential restitution e_t, of all tangents or none; quantities z, integrands c; symbols x of
     definitions with their rates x_dot and their values x_of, and the dissipation R of which Q lacks
     the forces.  Nodes have neither.  Kernels have derivatives by the parameters ``design``, too.
@@ -62,6 +63,7 @@ class Continuous:
     x_of: tuple[Any, ...] = ()
     design: tuple[Any, ...] = ()
     y: tuple[Any, ...] = ()
+    mu_s: tuple[Any, ...] = ()
 
     @classmethod
     def of(
@@ -90,6 +92,8 @@ class Continuous:
             # a symbol of the model may look like a given one.
             return expression.xreplace(table)
 
+        coefficients = [coefficients_of(system.friction.get(n, sp.S.Zero)) for n in system.tangents]
+        static, kinetic = (tuple(rewrite(pair[i]) for pair in coefficients) for i in (0, 1))
         return cls(
             tuple(q),
             tuple(v),
@@ -103,7 +107,7 @@ class Continuous:
             tuple(rewrite(e) for e in system.gaps.values()),
             tuple(rewrite(e) for e in system.path_functions.values()),
             tuple(rewrite(e) for e in system.tangents.values()),
-            tuple(rewrite(system.friction.get(name, sp.S.Zero)) for name in system.tangents),
+            kinetic,
             tuple(rewrite(e) for e in system.constraints.values()),
             tuple(rewrite(e) for part in system.shapes for e in values_of(part)),
             tuple(rewrite(e) for e in system.coefficients_of_restitution),
@@ -115,6 +119,7 @@ class Continuous:
             tuple(x_dot),
             tuple(rewrite(e) for e in system.definitions.values()),
             y=tuple(y),
+            mu_s=static,
         )
 
     def smooth(self, system: MechanicalSystem, hidden: Sequence[Any]) -> Continuous:
@@ -173,7 +178,7 @@ class Continuous:
 
 # The functions of a Continuous, which are one expression or several.
 FUNCTIONS = (
-    "L", "Q", "C", "Phi", "g", "r", "tau", "mu", "phi", "looks", "e", "z", "e_t", "c", "R",
+    "L", "Q", "C", "Phi", "g", "r", "tau", "mu", "mu_s", "phi", "looks", "e", "z", "e_t", "c", "R",
 )  # fmt: skip
 
 

@@ -158,6 +158,11 @@ def atoms_of(expression: Any) -> set[Any]:
     )
 
 
+def coefficients_of(friction: Any) -> tuple[Any, Any]:
+    """The static and the kinetic coefficient of friction, which may be one."""
+    return tuple(friction) if isinstance(friction, sp.Tuple) else (friction, friction)
+
+
 # What expressions of a model may be made of, and what to do where something else was wanted.
 KINDS = ("coordinates", "velocities", "inputs", "the time", "parameters")
 REMEDIES = {

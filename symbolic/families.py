@@ -51,7 +51,7 @@ from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 from dmoc.symbolic.traversal import operations
 
-FORMAT = 17  # of the facts and the kernel list
+FORMAT = 18  # of the facts and the kernel list
 # Operations of the second derivatives of a Lagrangian at all points of a step, and elsewhere, from
 # which on it is a function of its own.
 LARGE_STEP, LARGE = 500, 600
@@ -165,6 +165,7 @@ def _facts(
     }
     without = [name for name in system.tangents if name not in system.friction]
     more = {"without_friction": without, "quantities": quantity_rows(f, list(system.quantities))}
+    more["static_friction"] = [n for n, e in system.friction.items() if isinstance(e, sp.Tuple)]
     more["varying_friction"] = path_rows(f, *varying(f, list(system.tangents)))
     facts = {
         "format": FORMAT,

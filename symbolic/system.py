@@ -53,12 +53,14 @@ class MechanicalSystem(Shown):
         Tangential positions tau(q, t) of what rubs, by name: ``{"floor": x}`` for the contact with
         the surface ``floor``, whose point slides with the velocity tau'; the time where the
         other side moves.  A name that is no surface is a rail or a joint with dry friction.
-    friction : mapping of str to Expr, optional
+    friction : mapping of str to Expr or pair of Expr, optional
         Of each tangent, as a smooth expression in q, u, t and parameters that is never negative:
         Coulomb's coefficient mu of a surface, or the largest friction force F in the direction of
         tau, in the unit of a force, of a rail or a joint.  ``{"rail": B}`` with an input B is a
-        brake.  mu is the ratio of the forces along grad tau and grad g, hence Coulomb's where the
-        gap and the tangent are lengths.  Equation :eq:`varying-friction` of the theory.
+        brake.  A pair ``{"floor": (0.5, 0.4)}`` has the static coefficient, up to which it sticks,
+        and the kinetic one of sliding and of impacts.  mu is the ratio of the forces along grad tau
+        and grad g, hence Coulomb's where the gap and the tangent are lengths.  Equations
+        :eq:`varying-friction` and :eq:`static-friction` of the theory.
     restitution : mapping of str to Expr, optional
         Coefficient of restitution e of surfaces, as an expression in ``dmoc.approach_speed``, the
         rate of the gap before the hit, q, t and parameters: ``{"wall": sp.exp(-v / v_0)}`` with

@@ -18,7 +18,14 @@ from dmoc.symbolic.contact_references import check_forces, forces_of
 from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.definitions import atoms_below, check_definitions, kinds_of
 from dmoc.symbolic.drawing import values_of
-from dmoc.symbolic.expressions import KINDS, approach_speed, atoms_of, final_time, unknown_symbol
+from dmoc.symbolic.expressions import (
+    KINDS,
+    approach_speed,
+    atoms_of,
+    coefficients_of,
+    final_time,
+    unknown_symbol,
+)
 from dmoc.symbolic.graph import Graph, Node, reverse
 from dmoc.symbolic.kinks import check_smooth, split
 from dmoc.symbolic.objectives import check_objective
@@ -151,10 +158,17 @@ def _check_friction(system: MechanicalSystem) -> None:
                 f"the tangent of {name!r} contains no coordinate: expected a position along "
                 f"the contact in {_listed(system.coordinates)}."
             )
-        value = system.friction.get(name, sp.S.Zero)
-        if value.is_number and value < 0:
+        values = coefficients_of(system.friction.get(name, sp.S.Zero))
+        for value in values:
+            if value.is_number and value < 0:
+                raise ModelError(
+                    f"the friction of {name!r} is {shown(value)}: expected 0 or a positive number."
+                )
+        static, kinetic = values
+        if static.is_number and kinetic.is_number and static < kinetic:
             raise ModelError(
-                f"the friction of {name!r} is {shown(value)}: expected 0 or a positive number."
+                f"the static friction of {name!r} is {shown(static)}, below the kinetic one, "
+                f"{shown(kinetic)}: expected a pair (static, kinetic) with the larger one first."
             )
 
 

@@ -61,7 +61,8 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
     read["definitions"] = {
         s: expression_in(e, f"definition {name_of(s)}") for s, e in system.definitions.items()
     }
-    for name in ("tangents", "friction", "restitution", "tangential_restitution"):
+    read["friction"] = {name: _friction(name, mu) for name, mu in system.friction.items()}
+    for name in ("tangents", "restitution", "tangential_restitution"):
         what = name.removesuffix("s").replace("_", " ")
         read[name] = {
             key: expression_in(e, f"the {what} of {key!r}")
@@ -152,6 +153,20 @@ def _units(system: MechanicalSystem) -> dict[str, str]:
             )
         units[name] = unit
     return units
+
+
+def _friction(name: str, value: Any) -> Any:
+    """A coefficient of friction, or the static and the kinetic one."""
+    if not isinstance(value, (tuple, list, sp.Tuple)):
+        return expression_in(value, f"the friction of {name!r}")
+    if len(value) != 2:
+        raise ModelError(
+            f"the friction of {name!r} has {len(value)} coefficients: expected one, or a pair "
+            "(static, kinetic)."
+        )
+    kinds = zip(("static", "kinetic"), value, strict=True)
+    both = [expression_in(e, f"the {kind} friction of {name!r}") for kind, e in kinds]
+    return both[0] if both[0] == both[1] else sp.Tuple(*both)
 
 
 def _forces(system: MechanicalSystem) -> dict[Any, Any]:

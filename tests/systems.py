@@ -186,14 +186,17 @@ def rod_system() -> dmoc.MechanicalSystem:
     )
 
 
-def slippery_rod_system() -> dmoc.MechanicalSystem:
-    """The rod on a floor that is slippery in places, and at times, with a brake on its rail."""
+def slippery_rod_system(static: int = 1) -> dmoc.MechanicalSystem:
+    """The rod on a floor that is slippery in places, and at times, with a brake on its rail; static
+    friction may be so many times the kinetic one."""
     rod = rod_system()
     x, y, _, s = rod.coordinates
     brake, mu = dynamicsymbols("brake"), rod.friction["left"]
     place = 1 + sp.sin(3 * x + y) / 4 + sp.cos(2 * dynamicsymbols._t) / 3
     rail = rod.friction["rail"] * (1 + brake**2 * sp.cos(s))
-    friction = rod.friction | {"left": mu * place, "rail": rail}
+    friction = rod.friction | {
+        "left": (static * mu * place, mu * place), "rail": (static * rail, rail)
+    }  # fmt: skip
     return replace(rod, name="slippery_rod", inputs=[*rod.inputs, brake], friction=friction)
 
 

@@ -409,4 +409,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 14}),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "b9acc9947100a8b251915eaf4467f7c247089f9781b0b2b6fdbe582089eaa688", 37, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "8c2db52ca1ccb4a30c1628e4c85c008b4e9a2316f0628273756b827848e7aea3", 37, entries};

@@ -529,4 +529,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 34}),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "e323764cfd557ff2bfc2d3df6e4ba0a5c6a24a9e2a88537643cd32dcca9f09c1", 37, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "79467455e5808cb3e24c790ea8f178a38bf6878d0d0a5bcb4b8b251a891ba96d", 37, entries};

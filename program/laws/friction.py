@@ -10,9 +10,12 @@ its contact (:mod:`dmoc.program.laws.contact`)::
                                                   where it stops sliding or turns
     sticks     sigma(q_c, v+) = 0                 after an impact, with impulses T_c
     slides     T_c + s mu P_c = 0                 in an impact
-    cone       mu P_k - |T_k| >= 0, mu P_c - |T_c| >= 0    where it sticks
+    cone       mu_s P_k - |T_k| >= 0, mu P_c - |T_c| >= 0    where it sticks
     direction  s (tau(q_kp1) - tau(q_k)) >= 0, s sigma >= 0 on both sides of an impact,
                at the ends of the motion, and at nodes whose velocities are unknowns
+
+Where static friction is another one, mu_s, what sticks breaks away by rows of its own
+(:mod:`dmoc.program.laws.breakaway`).
 
 A contact that slides the other way after an impact than before has s of either phase on either
 side.  Where the impact presses it, P_c > 0, its friction turns at a moment within, which these rows
@@ -73,10 +76,16 @@ class FrictionLaw(Law):
     mu : array, shape (nt,)
         Coefficients of friction of surfaces, largest forces of rails; not a number where they
         vary.
+    mu_s : array, shape (nt,)
+        The same of what sticks.
+    paired : array of bool, shape (nt,)
+        Tangents for which it is another one.
     """
 
     contact: ContactLaw
     mu: Array
+    mu_s: Array
+    paired: Bools
     stuck: Block = field(init=False)
     sliding: Block = field(init=False)
     stopped: Block = field(init=False)
@@ -110,9 +119,10 @@ class FrictionLaw(Law):
         if touch.free:
             return
         bound_once(problem, lay, box)
-        smooth = touch.sticks & (self.mu == 0)  # they hold nothing
+        smooth = touch.sticks & (self.mu_s == 0)  # they hold nothing
         box[unknowns.T[self.along.along(smooth)]] = 0.0
-        box[unknowns.T_c[smooth[1:] & touch.rubs_in_impact]] = 0.0
+        smooth = touch.sticks[1:] & (self.mu == 0)
+        box[unknowns.T_c[smooth & touch.rubs_in_impact]] = 0.0
 
     # Rows -----------------------------------------------------------------------------------------
 
@@ -164,9 +174,13 @@ class FrictionLaw(Law):
         def word(i: int, j: int) -> str:
             return FRICTION_WORDS[int(touch.signs[i, j])]
 
+        cone = two_sided(self.along.along(self._grips))
+        for i, k in np.argwhere(self.breaks).tolist():
+            # what says that it breaks away says more of its side
+            cone[self.last[i], k, int(touch.signs[i + 1, k] > 0)] = False
         self.cone = block(
             "cone",
-            two_sided(self.along.along(self._grips)),
+            cone,
             lambda r, j, _: f"friction cone of {names[j]} {at.label(r)}",
             lambda s: s.friction[:, None] / lay.total * at.size[:, :, None],
             at.step if at.own else at.place,
@@ -174,7 +188,7 @@ class FrictionLaw(Law):
         )
         self.cone_of_impact = block(
             "cone of an impact",
-            two_sided(touch.rubs_in_impact & self._grips[1:] & ~stops),
+            two_sided(touch.drags & touch.sticks[1:] & (self.mu != 0) & ~stops),
             lambda i, j, _: f"friction cone of {names[j]} at event {i + 1}",
             lambda s: s.friction[:, None],
         )
@@ -216,7 +230,24 @@ class FrictionLaw(Law):
     def _grips(self) -> Bools:
         """Tangents that stick with friction, shape (phases, nt): the cone of those without has no
         interior, and bounds say T = 0."""
-        return np.asarray(self.touch.sticks & (self.mu != 0))
+        return np.asarray(self.touch.sticks & (self.mu_s != 0))
+
+    @property
+    def static(self) -> str:
+        """The kernel of what sticks."""
+        return "holding" if self.paired.any() else "bearing"
+
+    @property
+    def last(self) -> Index:
+        """The station at the end of each phase."""
+        return np.flatnonzero(self.along.at.is_last)
+
+    @property
+    def breaks(self) -> Bools:
+        """Tangents that break away from another static friction at events, shape (events, nt)."""
+        touch = self.touch
+        begins = touch.sticks[:-1] & (touch.signs[1:] != 0) & ~touch.impacts[:, None]
+        return np.asarray(begins & self.paired)
 
     @property
     def _slides_freely(self) -> Bools:
@@ -234,7 +265,7 @@ class FrictionLaw(Law):
         if self.touch.free:
             return []
         q, t = along.state(places)
-        stuck = self.stuck.index
+        stuck, site = self.stuck.index, at_stations(self.lay)
         before = np.full_like(stuck, NOWHERE)
         before[:-1] = stuck[1:]
         return [
@@ -246,7 +277,8 @@ class FrictionLaw(Law):
             *self._at_ends(places),
             *self._at_nodes(places),
             *self._directions(places),
-            *terms_of(self.mu, self._along, at_stations(self.lay), places),
+            *terms_of(self.mu, self._sliding, site, places),
+            *terms_of(self.mu_s, self._sticking, site, places, self.static),
             *terms_of(self.mu, self._in_impacts, at_events(self.lay), places),
         ]
 
@@ -313,21 +345,32 @@ class FrictionLaw(Law):
             for rows, sign in ((slides, 1.0), (cone[..., 0], -1.0), (cone[..., 1], 1.0)):
                 there = rows != NOWHERE
                 of_T.append((rows[there], T[there], np.full(int(there.sum()), sign)))
-        return [*of_T, *entries_of(self.mu, (*self._along, *self._in_impacts))]
+        kinetic = *self._sliding, *self._in_impacts
+        return [*of_T, *entries_of(self.mu, kinetic), *entries_of(self.mu_s, self._sticking)]
 
     @property
-    def _along(self) -> Iterator[Product]:
-        """What friction holds along phases, in the rows of sliding and of cones."""
-        lay, phase, share = self.lay, self.along.at.phase, self.along.at.share
-        at = np.arange(len(phase))
-        for k, surface in enumerate(self.touch.contacts.supports):
-            rail = surface == RAIL
-            limit = lay.index_h[phase] if rail else lay.contact.P[:, surface]
-            factor = share if rail else np.ones(len(at))
+    def _sliding(self) -> Iterator[Product]:
+        """What friction holds along phases, in the rows of sliding."""
+        phase = self.along.at.phase
+        for k, (at, limit, factor) in enumerate(self.limits):
             signs = self.touch.signs[phase, k]
             yield Product(k, at, self.sliding.index[:, k], limit, signs * factor)
+
+    @property
+    def _sticking(self) -> Iterator[Product]:
+        """The same in the rows of cones."""
+        for k, (at, limit, factor) in enumerate(self.limits):
             for side in range(2):
                 yield Product(k, at, self.cone.index[:, k, side], limit, factor)
+
+    @property
+    def limits(self) -> Iterator[tuple[Index, Index, Array]]:
+        """Stations, and what presses each tangent there: unknowns and their factors."""
+        lay, phase, share = self.lay, self.along.at.phase, self.along.at.share
+        for surface in self.touch.contacts.supports:
+            rail = surface == RAIL
+            limit = lay.index_h[phase] if rail else lay.contact.P[:, surface]
+            yield np.arange(len(phase)), limit, share if rail else np.ones(len(phase))
 
     @property
     def _in_impacts(self) -> Iterator[Product]:
@@ -351,6 +394,8 @@ class FrictionLaw(Law):
         steps = slice(lay.ends[i], lay.ends[i + 1])
         for k, s in self.touch.modes[i].rubbing.items():
             name = self.touch.contacts.tangents[k]
+            if self.paired[k]:
+                continue  # friction jumps there
             if s == STICK:
                 gives = by_step(self.stuck.index[rows, k])
                 for side, way in enumerate((-1, 1)):

@@ -17,6 +17,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Block, Index, Numbering
 from dmoc.program.elements import Structure
+from dmoc.program.laws.breakaway import BreakawayLaw
 from dmoc.program.laws.complementarity import ComplementarityLaw
 from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.ends import EndsLaw, Goal
@@ -60,6 +61,7 @@ class Laws:
     ends: EndsLaw
     contact: ContactLaw
     friction: FrictionLaw
+    breakaway: BreakawayLaw
     hit: HitLaw
     tangential: TangentialLaw
     held: HeldLaw
@@ -84,7 +86,7 @@ class Laws:
 
     @property
     def of_contacts(self) -> tuple[Law, ...]:
-        return self.contact, self.friction, self.hit, self.tangential, self.held
+        return self.contact, self.friction, self.breakaway, self.hit, self.tangential, self.held
 
     def stating(self, problem: Problem) -> Laws:
         """The same rows with what another problem says of both ends: the numbers in their names
@@ -133,13 +135,13 @@ def laws_of(
         of_contacts = _untouched(lay)
     else:
         contact = ContactLaw(lay, pulling)
-        friction = FrictionLaw(contact, problem.friction)
+        model, mu, mu_s = problem.model, problem.friction, problem.static_friction
+        friction = FrictionLaw(contact, mu, mu_s, model.paired)
         hit = HitLaw.of(problem, lay, impact)
-        model = problem.model
-        in_hits = np.where(np.isinf(model.hit_friction), np.inf, problem.friction)
+        in_hits = np.where(np.isinf(model.hit_friction), np.inf, mu)
         returning = TangentialLaw(lay, in_hits, model.tangential_restitution, impact.touching)
-        held = HeldLaw(contact, problem.friction, impact.touching)
-        of_contacts = contact, friction, hit, returning, held
+        held = HeldLaw(contact, mu, impact.touching)
+        of_contacts = contact, friction, BreakawayLaw(friction), hit, returning, held
     return Laws(
         StepLaw(problem, lay), PathLaw.of(problem, lay), PathLaw.of_quantities(problem, lay),
         QuantityLaw(problem, lay),
@@ -192,17 +194,20 @@ def _is_untouched(lay: Layout) -> bool:
 
 
 @lru_cache(maxsize=SHARED)
-def _untouched(lay: Layout) -> tuple[ContactLaw, FrictionLaw, HitLaw, TangentialLaw, HeldLaw]:
+def _untouched(
+    lay: Layout,
+) -> tuple[ContactLaw, FrictionLaw, BreakawayLaw, HitLaw, TangentialLaw, HeldLaw]:
     """Laws of contacts where there are none: their blocks have no members, so that all programs of
     a layout share them."""
     mu, events = np.zeros(len(lay.touch.contacts.tangents)), len(lay.touch.surfaces)
     contact = ContactLaw(lay, False)
-    contact.settled, friction = Settled.nothing(lay), FrictionLaw(contact, mu)
+    contact.settled, friction = Settled.nothing(lay), FrictionLaw(contact, mu, mu, mu > 0)
     touching = np.zeros(events, dtype=bool)
     hit, held = HitLaw(lay, (), mu, np.zeros(events), touching), HeldLaw(contact, mu, touching)
     returning = TangentialLaw(lay, mu, mu, touching)
-    laws: tuple[Law, ...] = (contact, friction, hit, returning, held)
+    breakaway = BreakawayLaw(friction)
+    laws: tuple[Law, ...] = (contact, friction, breakaway, hit, returning, held)
     for law in laws:
         law.equations(Numbering())
         law.inequalities(Numbering())
-    return contact, friction, hit, returning, held
+    return contact, friction, breakaway, hit, returning, held

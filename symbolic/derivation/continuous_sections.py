@@ -114,6 +114,9 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
             letter, symbol = ("mu", r"\mu") if name in system.surfaces else ("F", "F")
             if name in system.friction:
                 equations.append(definition(own, f"{letter}_{name}", f"{symbol}_{tag}", mu))
+                if mu != f.mu_s[k]:
+                    static = f"{letter}_s_{name}", f"{symbol}_{{s,{tag}}}", f.mu_s[k]
+                    equations.append(definition(own, *static))
             if name in system.tangential_restitution:
                 equations.append(definition(own, f"e_t_{name}", f"e_{{t,{tag}}}", f.e_t[k]))
         text = (
@@ -121,6 +124,10 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
             "|T| <= mu P and P the normal one; one that slides with the sign s has T = -s mu P. A "
             "rail has the largest force F instead of mu P/h."
         )
+        if f.mu != f.mu_s:
+            text += (
+                " What sticks in a phase has mu_s, or F_s, which it has reached where it slides."
+            )
         if system.tangential_restitution:
             text += (
                 " A hit with the coefficient e_t of tangential restitution has T = (1 + e_t) T_0 "

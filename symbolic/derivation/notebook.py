@@ -95,12 +95,14 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
         if force != 0:
             yield f"Q_{name}", mathml.symbol(f"Q_{name}"), force
     laws = {
-        "mu": system.friction, "e": system.restitution, "e_t": system.tangential_restitution
+        "mu": system.friction, "e": system.restitution, "e_t": system.tangential_restitution,
+        "mu_s": [n for n, mu in system.friction.items() if isinstance(mu, sp.Tuple)],
     }  # fmt: skip
     for letter, owners, values in (
         ("g", system.surfaces, f.g),
         ("tau", system.tangents, f.tau),
         ("mu", system.tangents, f.mu),
+        ("mu_s", system.tangents, f.mu_s),
         ("e", system.surfaces if f.e else (), f.e),
         ("e_t", system.tangents if f.e_t else (), f.e_t),
         ("phi", system.constraints, f.phi),

@@ -238,7 +238,8 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
     if request.param.startswith("relaxed, moving"):
         moving = driven_problem(2).but(design=design)
         return Transcription(relaxed(moving, Open((0, 1)), ["side"], 3, 0.5))
-    slippery = slippery_rod_system() if "slippery" in request.param else None
+    static = 2 if request.param.endswith(("4", "6")) else 1
+    slippery = slippery_rod_system(static) if "slippery" in request.param else None
     if "relaxed" in request.param:
         rod = rod_problem("periodic" in request.param, system=slippery).but(design=design)
         return Transcription(relaxed(rod, Open((0, 1), (0, 1, 2), (1,)), ["wall"], 3, 0.5))
