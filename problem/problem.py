@@ -43,7 +43,7 @@ from dmoc.problem.ranges import (
 )
 from dmoc.problem.reach import onto_first, reach_of
 from dmoc.problem.reading import read
-from dmoc.problem.relations import Relation, relations_of
+from dmoc.problem.relations import Relation, carried, relations_of
 from dmoc.problem.statement import statement_in_short, table_of_problem
 
 if TYPE_CHECKING:
@@ -427,9 +427,9 @@ class Problem(Shown):
 
     @cached_property
     def goal_position(self) -> Array:
-        """The position at the goal: fixed values, middles of ranges, free ones as at the start;
-        moved to where the quantities are that the goal states."""
-        q = midpoints(self.goal_bounds.position, self.start_position)
+        """The position at the goal: fixed values, middles of ranges, free ones as ``periodic`` says
+        or as at the start; moved to where the quantities are that the goal states."""
+        q = midpoints(self.goal_bounds.position, carried(self, self.start_position))
         (at,) = onto_quantities(self, "goal", q[None])
         return np.asarray(at)
 

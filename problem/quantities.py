@@ -117,16 +117,23 @@ def onto_quantities(problem: Problem, end: str, q: Array) -> Array:
         j for j, row in enumerate(rows)
         if np.isfinite(own[j]).any() and not (row["velocities"] or row["inputs"])
     ]  # fmt: skip
+    first, last = problem.final_time_bounds
+    t = np.full(len(q), 0.0 if end == "start" else last if first == last else np.nan)
+    none = np.zeros((len(q), problem.nu))
+    # Those that depend on a time that is open say nothing of the place.
+    with np.errstate(all="ignore"):
+        timed = np.isnan(problem.model.quantities(q, np.zeros_like(q), none, t)).all(axis=0)
+    on = [j for j in on if not timed[j]]
     low, high = getattr(problem, f"{end}_bounds").position.T
     below, above = problem.coordinate_bounds.T
     low, high = np.maximum(low, below), np.minimum(high, above)
     if not on or (low == high).all():
         return q
     ease = np.where(low < high, 1 / np.abs(np.diagonal(problem.model.mass(q[0]))), 0.0)
-    none, at = np.zeros((len(q), problem.nu)), q.copy()
+    at = q.copy()
     with np.errstate(all="ignore"):
         for _ in range(NEWTON):
-            state = at, np.zeros_like(at), none, np.zeros(len(at))
+            state = at, np.zeros_like(at), none, t
             z = problem.model.quantities(*state)[:, on]
             off = z - np.clip(z, *own[on].T)
             J = problem.model.quantity_slopes(*state)[:, on, : problem.nq]

@@ -12,8 +12,9 @@ import numpy as np
 from dmoc.base.arguments import Range, check_known, interval, listed, number, shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import name_of
+from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
-from dmoc.problem.ranges import names_in
+from dmoc.problem.ranges import midpoints, names_in
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
@@ -66,6 +67,17 @@ def relations_of(problem: Problem) -> tuple[Relation, ...]:
     periodic = problem.periodic
     pairs = periodic.items() if isinstance(periodic, Mapping) else [(n, n) for n in periodic]
     return tuple(_relation(problem, str(end), value) for end, value in pairs)
+
+
+def carried(problem: Problem, q: Array) -> Array:
+    """A position at the end by ``periodic``, of one at the start: differences are middles of their
+    ranges, and as near to zero as they can be where these have one end."""
+    end, names = q.copy(), list(problem.kernels.coordinates)
+    for r in problem.relations:
+        if {r.end, *r.starts} <= {*names}:
+            (difference,) = midpoints(np.array([[r.low, r.high]]), np.zeros(1))
+            end[names.index(r.end)] = difference + sum(f * q[names.index(n)] for n, f in r.terms)
+    return end
 
 
 def periodic_of(problem: Problem) -> tuple[str, ...] | dict[str, Any]:

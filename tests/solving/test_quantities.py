@@ -279,3 +279,19 @@ def test_a_first_position_where_a_quantity_is_not_defined():
     np.testing.assert_allclose(solution.phases[0].q[0], [np.cos(0.5), np.sin(0.5)], rtol=1e-8)
     # from rest to a velocity that is free, over 2 sin(1/4): 3 d^2
     np.testing.assert_allclose(solution.cost, 12 * np.sin(0.25) ** 2, rtol=1e-2)
+
+
+def test_first_positions_at_the_goal_follow_time_and_what_is_periodic():
+    """x - 2 t is 0.5: x = 6.5 after 3 s, and open where the time is; one ends as minus the other
+    began, a step of 0.2 to 0.8 further."""
+    y = dynamicsymbols("y")
+    ahead = {"ahead": x - 2 * dynamicsymbols._t}
+    system = dmoc.MechanicalSystem(
+        "runners", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2, inputs=[u], forces={x: u},
+        quantities=ahead,
+    )  # fmt: skip
+    problem = dmoc.Problem(dmoc.build(system), {x: 1, y: None}, {"ahead": 0.5}, steps=4)
+    np.testing.assert_allclose(problem.but(final_time=3).goal_position, [6.5, 0])
+    np.testing.assert_allclose(problem.goal_position, [1, 0])
+    gait = problem.but(goal={}, periodic={x: (x, (0.2, 0.8)), y: (-x, (3, None))})
+    np.testing.assert_allclose(gait.goal_position, [1.5, 2])
