@@ -38,7 +38,7 @@ def motion_along(
     if kernels.quantities:
         form = FORMS[controls]
         phases = [replace(p, quantities=_quantities(model, p, form)) for p in phases]
-    if model.varying_friction:
+    if model.varying_friction or model.paired.any():
         form = FORMS[controls]
         phases = [replace(p, coefficients=_coefficients(model, p, form)) for p in phases]
     free = tuple(np.tile([-np.inf, np.inf], (n, 1)) for n in (model.nu, model.nq))
@@ -97,5 +97,7 @@ def _coefficients(model: Model, phase: Phase, form: InputForm) -> Array:
     at = form.starts(phase.steps)
     before, after = phase.u[at + form.width], phase.u[at]
     u = np.vstack([after[:1], (before[:-1] + after[1:]) / 2, before[-1:]])
-    mu = model.with_friction_at(phase.q, phase.v, u, phase.t).friction
-    return np.ascontiguousarray(mu[:, [model.tangent_numbers[name] for name in phase.rubbing]])
+    there, shape = model.with_friction_at(phase.q, phase.v, u, phase.t), (len(phase.t), model.nt)
+    kinds = [np.broadcast_to(mu, shape) for mu in (there.static_friction, there.friction)]
+    columns = [kinds[s != 0][:, model.tangent_numbers[name]] for name, s in phase.rubbing.items()]
+    return np.array(columns).reshape(len(columns), len(phase.t)).T.copy()

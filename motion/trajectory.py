@@ -67,8 +67,8 @@ class Phase:
     quantities : array of shape (3 N, nz)
         Quantities of the model at the start, in the middle and at the end of each step.
     coefficients : array of shape (N + 1, len(rubbing))
-        Where the friction of the model varies, that of what rubs at the nodes, as in
-        :attr:`Trajectory.friction`; none otherwise.
+        Where the friction of the model varies, or is another where it sticks, that of what rubs at
+        the nodes, as in :attr:`Trajectory.friction`; none otherwise.
     """
 
     t: Array
@@ -227,7 +227,7 @@ class Trajectory:
         Surfaces that hold nothing back where no event names them.
     friction : mapping of str to float or None
         Coefficient mu of each surface with friction, largest force in newton of each rail; None
-        where it varies along the motion.
+        where it varies along the motion.  The kinetic one where static friction is another.
     units : mapping of str to str
         Units of coordinates and inputs, where the model names them.
     scene : Scene or None

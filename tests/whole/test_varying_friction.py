@@ -243,6 +243,9 @@ def violin(static: Any = 2, kinetic: Any = 1) -> dmoc.MechanicalSystem:
 def test_a_block_sticks_and_slips_on_a_belt(more: Any) -> None:
     """More than nothing: coefficients that vary, by a billionth."""
     run = dmoc.simulate(violin(2 + more, 1 + more), {x: 0}, {x: 1}, step_size=0.01, steps=700)
+    first, second = run.trajectory.phases[:2]
+    assert first.coefficients == pytest.approx(2.0)
+    assert second.coefficients == pytest.approx(1.0)
     times = [s.end - s.begin for s in run.rubbing[:4]]
     assert [s.friction for s in run.rubbing[:4]] == [0, -1, 0, -1]
     assert times == pytest.approx([STICKS, SLIPS] * 2, abs=1e-6)
