@@ -218,13 +218,13 @@ def _final_times(planner: Planner) -> list[float]:
 def natural_time(problem: Problem) -> float:
     """Time that the reaches take at the speeds of the start, at the forces at rest, or at full
     input."""
-    expected = _expected_time(problem)
+    expected = expected_time(problem)
     if expected is not None:
         return expected
     return NO_TIME if problem.held else _cheapest_decade(Planner.of(problem))
 
 
-def _expected_time(problem: Problem) -> float | None:
+def expected_time(problem: Problem) -> float | None:
     """What the statement of a problem says of its time, if it does."""
     reach = problem.reach
     q = problem.start_position

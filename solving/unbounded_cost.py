@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.guess.automatic import initial_guesses, natural_time
+from dmoc.guess.automatic import NO_TIME, expected_time, initial_guesses
 from dmoc.problem.problem import Problem
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Solution
@@ -96,7 +96,7 @@ def _running(
         if np.isinf(box).any() and largest > FAR * scale.u[j]:
             yield name, partial(_with_input, problem, name, box), float(scale.u[j])
     low, high = problem.final_time_bounds
-    time = min(scale.time, natural_time(problem))
+    time = min(scale.time, expected_time(problem) or NO_TIME)
     if np.isinf(high) and answer.final_time > FAR * time:
         yield "final_time", lambda size: problem.but(final_time=(min(low, size), size)), time
 

@@ -34,6 +34,8 @@ ENDLESS = {
         sled({}, terminal_cost=-x, problem=FREE | {"bounds": {u: (-1, 1)}}), "final_time"),
     "effort and time, on meshes": (
         sled({}, 4, terminal_cost=-x, cost=u**2, problem=FREE | {"steps": None}), "final_time"),
+    "a long time": (
+        sled({x: 1}, objective=-dmoc.final_time, cost=u**2, problem=FREE), "final_time"),
     "effort and time": (sled({}, terminal_cost=-x, cost=u**2, problem=FREE), "final_time"),
 }  # fmt: skip
 
