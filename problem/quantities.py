@@ -122,7 +122,8 @@ def onto_quantities(problem: Problem, end: str, q: Array) -> Array:
     none = np.zeros((len(q), problem.nu))
     # Those that depend on a time that is open say nothing of the place.
     with np.errstate(all="ignore"):
-        timed = np.isnan(problem.model.quantities(q, np.zeros_like(q), none, t)).all(axis=0)
+        values = problem.model.quantities(q, np.zeros_like(q), none, t)
+        timed = np.asarray(np.isnan(values).all(axis=0))
     on = [j for j in on if not timed[j]]
     low, high = getattr(problem, f"{end}_bounds").position.T
     below, above = problem.coordinate_bounds.T
