@@ -49,6 +49,9 @@ def test_sizes_are_those_of_the_design_of_a_motion() -> None:
     scale = scale_of(chosen, np.append(x, 2.0))
     np.testing.assert_allclose(scale.p, scale_of(plain.but(parameters={"m": 2.0}), x).p)
     assert scale.design.tolist() == [2.0]
+    heavy = Transcription(plain.but(parameters={"m": 2.0}))
+    momenta = Transcription(chosen).momenta(np.append(x, 2.0))
+    np.testing.assert_allclose(momenta, heavy.momenta(x))
 
 
 def test_a_gap_at_a_fixed_end_is_a_constraint() -> None:
