@@ -190,6 +190,11 @@ def _nothing_proposed(problem: Problem) -> str:
             f"all are ({ignored}): relaxed motions would fall through them, which costs least; "
             "take strategy 'tree' with more starts (starts=64), or ignore less."
         )
+    if not problem.ignored:
+        return (
+            f"nothing can touch in this problem of {name!r}: no surface can be met, and nothing "
+            "rubs; solve it with dmoc.solve."
+        )
     return (
         f"nothing can touch in this problem of {name!r}: its surfaces are ignored, and nothing "
         "rubs; solve it with dmoc.solve, or take strategy 'tree', which lands on ignored surfaces "

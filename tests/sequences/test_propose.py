@@ -483,7 +483,7 @@ def test_where_nothing_can_touch_it_is_refused() -> None:
     with pytest.raises(SearchError, match="nothing can touch in this problem of 'cart_pendulum'"):
         dmoc.search(shipped("cart_pendulum", ignored=["left", "right"]), strategy="propose")
     smooth = pushed(20).but(sequence=(), parameters={"f": 0.0})
-    with pytest.raises(SearchError, match="nothing can touch"):
+    with pytest.raises(SearchError, match="no surface can be met, and nothing rubs"):
         dmoc.search(smooth, strategy="propose")
 
 
