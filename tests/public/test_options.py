@@ -50,7 +50,7 @@ def test_a_batch_takes_what_a_solve_does() -> None:
     left = defaults_of(dmoc.solve).keys() - OPTIONS - of_batch.keys()
     assert left == {"problem", "reference"}
     assert of_batch.keys() - {"problems"} == defaults_of(dmoc.sweep).keys() - {
-        "problem", "parameters", "start", "goal", "bounds",
+        "problem", "parameters", "start", "goal", "bounds", "design",
     }  # fmt: skip
 
 
