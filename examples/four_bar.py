@@ -13,6 +13,8 @@ three, the loop is closed by two equations,
    r \sin \alpha + c \sin \beta = s \sin \gamma ,
 
 which are stated as they are: two coordinates too many, and two forces that hold the loop together.
+Without :math:`\beta` they are the equation of F. Freudenstein, *An Analytical Approach to the
+Design of Four-Link Mechanisms*, Transactions of the ASME 76 (1954) 483-492.
 The hammer begins and ends at rest in the same place, strikes once with a coefficient of restitution
 of 0.3, and takes as little effort as it can, :math:`J = \int u^2 dt`.
 

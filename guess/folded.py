@@ -17,6 +17,7 @@ from dmoc.guess.extension import impulse_between, with_event
 from dmoc.guess.random_motions import inputs_for, random_motions
 from dmoc.guess.transfer import Piece, equally_long, unknowns_along
 from dmoc.mechanics.algebra import solved
+from dmoc.problem.design import designed_as
 from dmoc.problem.problem import Problem
 from dmoc.program.layout import Layout
 
@@ -54,7 +55,7 @@ class Folded:
     def hitting(self, problem: Problem, i: int, surface: int) -> Folded:
         """The same, bent to one hit more in its phase i, in phases that take equally long, because
         where it is cut tells little about when the hit shall be."""
-        problem = problem.designed_as(self.pieces[0].parameters)
+        problem = designed_as(problem, self.pieces[0].parameters)
         bent = with_event(problem, self.pieces, i, surface)
         if not problem.explicit_time:  # else the surface, too, is where it is at its time
             bent = equally_long(bent)

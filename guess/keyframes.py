@@ -30,6 +30,7 @@ from dmoc.guess.contacts import in_contact
 from dmoc.guess.tracking import reflected
 from dmoc.guess.transfer import times_of_inputs
 from dmoc.mechanics.model_values import by_name
+from dmoc.problem.design import designed
 from dmoc.problem.problem import Problem
 from dmoc.program.layout import Layout
 
@@ -94,7 +95,7 @@ def with_design(problem: Problem, guess: Any) -> tuple[Problem, Any]:
                     f"guess: {name} = {values[i]:g} lies outside its range {low:g} to {high:g}: "
                     "expected a value within."
                 )
-    return problem.designed(values), guess or None
+    return designed(problem, values), guess or None
 
 
 def along(problem: Problem, courses: Sequence[Courses], automatic: Array) -> Array:

@@ -22,7 +22,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import in_contact
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
-from dmoc.problem.design import drawn
+from dmoc.problem.design import designed, drawn
 from dmoc.problem.problem import Problem
 from dmoc.problem.quantities import onto_quantities
 from dmoc.problem.ranges import midpoints
@@ -64,7 +64,7 @@ def random_motions(
         draws = [drawn(problem, np.random.default_rng([seed, k])) for k in numbers]
         return np.vstack(
             [
-                _random_motions(problem.designed(own), guesses, natural, range(k, k + 1), seed)
+                _random_motions(designed(problem, own), guesses, natural, range(k, k + 1), seed)
                 for k, own in zip(numbers, draws, strict=True)
             ]
         )

@@ -11,6 +11,7 @@ from dmoc.base.discretisation import FORMS
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import through_hits, with_hidden
 from dmoc.motion.trajectory import Trajectory
+from dmoc.problem.design import designed_as
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE
 from dmoc.program.layout import Layout
@@ -92,7 +93,7 @@ def equally_long(pieces: Sequence[Piece]) -> list[Piece]:
 def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence[float]) -> Array:
     """Return x along the pieces, one for each phase of the problem: positions by cubic, inputs
     by linear interpolation."""
-    lay, problem = Layout.of(problem), problem.designed_as(pieces[0].parameters)
+    lay, problem = Layout.of(problem), designed_as(problem, pieces[0].parameters)
     x = lay.zeros(problem)
     nodes, inside, inputs, rates = [], [], [], []
     for piece, steps in zip(pieces, lay.steps, strict=True):

@@ -78,7 +78,8 @@ class ReferenceValues:
 
         self.coefficients = coefficients
         self.tau, self.e_t = numbers(f.tau), numbers(f.e_t)
-        along, kinds = {*f.q, *f.v, *f.u, f.t, *f.x}, {"mu": f.mu, "mu_s": f.mu_s}
+        along = {*f.q, *f.v, *f.u, f.t, *f.x}
+        kinds = {"mu": f.mu} | ({"mu_s": f.mu_s} if f.mu_s != f.mu else {})
 
         def varies(mu: Any) -> bool:
             return bool(mu.free_symbols & along)

@@ -9,6 +9,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import least_squares
+from dmoc.problem.design import by_design
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
@@ -36,7 +37,7 @@ def following_rates(
         return velocity
     fixed = position[:, 0] == position[:, 1]
     others = np.setdiff1d(np.arange(problem.nq), left)
-    chosen = bool(problem.design) and problem.by_design("joint").any()
+    chosen = bool(problem.design) and by_design(problem, "joint").any()
     known = not chosen and fixed.all() and (velocity[others, 0] == velocity[others, 1]).all()
     at = position[:, 0] if known else np.cos(1 + np.arange(problem.nq))
     slopes = problem.model.joint_slopes(at)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.arguments import Range, interval
 from dmoc.base.errors import ProblemError
@@ -13,9 +15,15 @@ from dmoc.mechanics.model_values import by_name
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
+    from dmoc.problem.ranges import Boundary
 
 # Random values of a design with which what holds at all of them holds for all: so many.
 SAMPLES = 3
+# What depends on the values of design parameters.
+OF_DESIGN = {
+    "design_values", "parameter_values", "model", "redundant", "start_position", "goal_position",
+    "inertia", "reach",
+}  # fmt: skip
 
 
 def design_of(values: Any) -> dict[str, Any]:
@@ -81,7 +89,7 @@ def at_bounds(problem: Problem) -> dict[str, Problem]:
         for bound in bounds[np.isfinite(bounds)].tolist():
             values = problem.design_values.copy()
             values[i] = bound
-            ends[f" where {name} = {bound:g}, a bound of its design,"] = problem.designed(values)
+            ends[f" where {name} = {bound:g}, a bound of its design,"] = designed(problem, values)
     return ends
 
 
@@ -102,4 +110,32 @@ def samples(problem: Problem) -> tuple[Problem, ...]:
     if not problem.design:
         return (problem,)
     draws = [np.random.default_rng(k) for k in range(SAMPLES)]
-    return tuple(problem.designed(drawn(problem, rng)) for rng in draws)
+    return tuple(designed(problem, drawn(problem, rng)) for rng in draws)
+
+
+def designed(problem: Problem, values: Array) -> Problem:
+    """The same problem, whose model has some values of its design parameters."""
+    if not problem.design or np.array_equal(values, problem.design_values):
+        return problem
+    other = object.__new__(type(problem))
+    kept = {k: v for k, v in problem.__dict__.items() if k not in OF_DESIGN}
+    other.__dict__.update(kept, design_values=np.array(values, dtype=float))
+    return other
+
+
+def designed_as(problem: Problem, parameters: Mapping[str, float]) -> Problem:
+    """The same with its design as near to parameters by name as its ranges allow."""
+    pairs = zip(problem.design, problem.design_values, strict=True)
+    values = [parameters.get(*own) for own in pairs]
+    return designed(problem, np.clip(values, *problem.design_bounds.T))
+
+
+def by_design(problem: Problem, kernel: str) -> NDArray[np.bool_]:
+    """Which results of a kernel depend on the design."""
+    return problem.kernels.depends(kernel, list(problem.design))
+
+
+def moves_by_design(problem: Problem, boundary: Boundary) -> bool:
+    """Whether the velocity at an end depends on the design, of a momentum that is given."""
+    given = boundary.momentum[np.isfinite(boundary.momentum)]
+    return bool(given.any() and by_design(problem, "momentum").any())

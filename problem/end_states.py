@@ -16,6 +16,7 @@ from dmoc.mechanics.contact_mode import STICK
 from dmoc.mechanics.held import unknown_in_impacts
 from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.problem.design import by_design
 
 # An input without a bound, where the sign of friction is looked at.
 FAR = 1e6
@@ -84,7 +85,7 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
         for b in (problem.start_bounds.position, problem.goal_bounds.position)
     ]
     rounding = np.max([problem.model.gap_rounding(q) for q in (at, *ends)], axis=0)
-    chosen = problem.by_design("surface")  # where they are is up to the solver
+    chosen = by_design(problem, "surface")  # where they are is up to the solver
     for j, surface in enumerate(problem.kernels.surfaces):
         if chosen[j] or (end == "goal" and j in problem.model.moving):
             continue
@@ -196,9 +197,9 @@ def _check_joined(problem: Problem, end: str, boundary: Boundary) -> None:
         return
     q = position[:, 0]
     off, sizes = model.joints(q), model.joint_sizes(q)
-    chosen = problem.by_design("joint")
-    for name, miss, size, by_design in zip(problem.kernels.joints, off, sizes, chosen, strict=True):
-        if not by_design and not abs(miss) <= KEPT * size:
+    chosen = by_design(problem, "joint")
+    for name, miss, size, free in zip(problem.kernels.joints, off, sizes, chosen, strict=True):
+        if not free and not abs(miss) <= KEPT * size:
             raise ProblemError(
                 f"constraint {name!r} does not hold at the {end}, where it is {miss:.3g} instead "
                 f"of 0: give a {end} that fits it."
@@ -207,11 +208,9 @@ def _check_joined(problem: Problem, end: str, boundary: Boundary) -> None:
     if v is None:
         return
     rates, slopes = model.joint_rates(q, v), model.joint_slopes(q)
-    chosen = problem.by_design("joint_rate")
-    for name, rate, slope, by_design in zip(
-        problem.kernels.joints, rates, slopes, chosen, strict=True
-    ):
-        if not by_design and abs(rate) > _kept(problem, slope, q, v):
+    chosen = by_design(problem, "joint_rate")
+    for name, rate, slope, free in zip(problem.kernels.joints, rates, slopes, chosen, strict=True):
+        if not free and abs(rate) > _kept(problem, slope, q, v):
             raise ProblemError(
                 f"constraint {name!r} does not allow the velocity at the {end}, which changes it "
                 f"by {rate:.3g} per second: give velocities along it."
@@ -224,7 +223,7 @@ def _check_start_in_contact(problem: Problem) -> None:
     position = problem.start_bounds.position
     fixed = position[:, 0] == position[:, 1]
     v = _fixed_velocity(problem.start_bounds, problem, q) if fixed.all() else None
-    gaps, sizes, chosen = model.gaps(q), model.gap_sizes(q), problem.by_design("surface")
+    gaps, sizes, chosen = model.gaps(q), model.gap_sizes(q), by_design(problem, "surface")
     for j in mode.closed:
         name = problem.kernels.surfaces[j]
         if chosen[j] or not fixed[model.surface_coordinates[j]].all():

@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dmoc.base.arguments import (
     Interval,
@@ -27,7 +26,7 @@ from dmoc.mechanics.modes import along, mode_of, words_along
 from dmoc.mechanics.possible_words import open_hits
 from dmoc.mechanics.redundancy import Redundancy, redundancy
 from dmoc.mechanics.touch import Touch
-from dmoc.problem.design import at_bounds, design_bounds, first_design
+from dmoc.problem.design import at_bounds, by_design, design_bounds, first_design
 from dmoc.problem.end_states import check_admissible, check_contacts, check_kinks, check_mass_matrix
 from dmoc.problem.quantities import QuantityRanges, onto_quantities, quantity_ranges
 from dmoc.problem.ranges import (
@@ -49,11 +48,6 @@ from dmoc.problem.statement import statement_in_short, table_of_problem
 if TYPE_CHECKING:
     from dmoc.codegen.system_kernels import GivenModel
 
-# What depends on the values of design parameters.
-OF_DESIGN = {
-    "design_values", "parameter_values", "model", "redundant", "start_position", "goal_position",
-    "inertia", "reach",
-}  # fmt: skip
 # Steps of a phase, times the degree of the discretisation, of the first mesh of a solve that
 # chooses its own.
 FIRST_MESH = 100
@@ -253,20 +247,6 @@ class Problem(Shown):
         check_size(other)
         return other
 
-    def designed(self, values: Array) -> Problem:
-        """Return the same problem, whose model has some values of its design parameters."""
-        if not self.design or np.array_equal(values, self.design_values):
-            return self
-        other = object.__new__(Problem)
-        kept = {k: v for k, v in self.__dict__.items() if k not in OF_DESIGN}
-        other.__dict__.update(kept, design_values=np.array(values, dtype=float))
-        return other
-
-    def designed_as(self, parameters: Mapping[str, float]) -> Problem:
-        """The same with its design as near to parameters by name as its ranges allow."""
-        values = [parameters.get(*own) for own in zip(self.design, self.design_values, strict=True)]
-        return self.designed(np.clip(values, *self.design_bounds.T))
-
     # Sizes ----------------------------------------------------------------------------------------
 
     @property
@@ -393,17 +373,8 @@ class Problem(Shown):
         return self._unchosen(self.model.static_friction, "holding")
 
     def _unchosen(self, mu: Array, kernel: str) -> Array:
-        chosen = self.by_design(kernel if self.kernels.has(kernel) else "bearing")
+        chosen = by_design(self, kernel if self.kernels.has(kernel) else "bearing")
         return np.where(chosen, np.nan, mu) if len(chosen) else mu
-
-    def moves_by_design(self, boundary: Boundary) -> bool:
-        """Whether the velocity at an end depends on the design, of a momentum that is given."""
-        given = boundary.momentum[np.isfinite(boundary.momentum)]
-        return bool(given.any() and self.by_design("momentum").any())
-
-    def by_design(self, kernel: str) -> NDArray[np.bool_]:
-        """Which results of a kernel depend on the design."""
-        return self.kernels.depends(kernel, list(self.design))
 
     @cached_property
     def model(self) -> Model:

@@ -12,6 +12,7 @@ from dmoc.base.arguments import interval
 from dmoc.base.errors import ProblemError
 from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
+from dmoc.problem.design import by_design, moves_by_design
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
@@ -87,8 +88,8 @@ def _decided(problem: Problem, ranges: Array) -> Array:
     if not np.isfinite(v).all():
         v = model.velocity(q, problem.start_bounds.momentum[:, 0])
     values = model.quantities(q, v, np.zeros(problem.nu), 0.0)
-    chosen = problem.by_design("quantity_point")
-    if problem.moves_by_design(problem.start_bounds):
+    chosen = by_design(problem, "quantity_point")
+    if moves_by_design(problem, problem.start_bounds):
         chosen = chosen | [row["velocities"] for row in rows]
     for j, row in enumerate(rows):
         if row["inputs"] or chosen[j]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.problem.design import by_design
 from dmoc.problem.problem import Problem
 from dmoc.problem.surfaces import near_surface
 from dmoc.program.blocks import Index
@@ -20,7 +21,7 @@ GIVES_WAY = 1e-3
 def give_way(problem: Problem, box: Array, scale: Scale, held: Iterable[tuple[Index, int]]) -> None:
     """Move bounds of a coordinate that a surface holds where they are; ``held`` are coordinates of
     places, shape (n, nq), and their surfaces."""
-    chosen = problem.by_design("surface")
+    chosen = by_design(problem, "surface")
     for coordinates, surface in held:
         involved = problem.model.surface_coordinates[surface]
         if len(involved) > 1 or surface in problem.model.moving or chosen[surface]:

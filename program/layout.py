@@ -13,6 +13,7 @@ from dmoc.base.discretisation import FORMS
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
+from dmoc.problem.design import designed, moves_by_design
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.force_unknowns import Wanted
@@ -37,7 +38,7 @@ class Layout(Unknowns):
         joined = bool(kernels.joints)
         free = [mode.free and not joined for mode in problem.touch.modes]
         start = problem.start_bounds
-        known = start.is_state and not problem.moves_by_design(start)
+        known = start.is_state and not moves_by_design(problem, start)
         at_start = turns or not (free[0] or known)
         at_goal = turns or not free[-1] or bool(kernels.manifest["terminal_velocity"])
         if np.isfinite(problem.velocity_bounds).any():
@@ -80,7 +81,7 @@ class Layout(Unknowns):
 
     def problem_at(self, problem: Problem, x: Array) -> Problem:
         """A problem with the design of the unknowns x."""
-        return problem.designed(x[self.index_design])
+        return designed(problem, x[self.index_design])
 
     def zeros(self, problem: Problem) -> Array:
         """Unknowns that are zero, but for the design, which is that of a problem; shape (n,)."""

@@ -19,6 +19,7 @@ from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.contacts import in_contact
 from dmoc.guess.extension import impulse_between, with_event
 from dmoc.guess.transfer import equally_long, pieces_of, unknowns_along
+from dmoc.problem.design import designed_as
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import MOST_STEPS
 from dmoc.program.bound_kinds import BoundKind
@@ -265,7 +266,7 @@ def extended(parent: Solution, problem: Problem) -> Array:
     """Unknowns of a motion with one more event: the parent's last phase, bent to touch the surface
     that is met where it comes closest to it, or cut in its middle where none is, and all phases
     equally long, because where it is cut tells little about when the event shall be."""
-    problem = problem.designed_as(parent.trajectory.parameters)
+    problem = designed_as(problem, parent.trajectory.parameters)
     surface, pieces = problem.touch.events[-1].surface, pieces_of(parent.trajectory)
     pieces = with_event(problem, pieces, len(pieces) - 1, surface)
     if not problem.explicit_time:  # else the surface, too, is where it is at its time

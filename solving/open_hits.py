@@ -17,6 +17,7 @@ from dmoc.base.deadline import Deadline
 from dmoc.guess.hit_course import courses_at, states_before
 from dmoc.mechanics.contact_mode import Course
 from dmoc.mechanics.contacts import NOWHERE
+from dmoc.problem.design import designed_as
 from dmoc.problem.problem import Problem
 from dmoc.program.layout import Layout
 from dmoc.results.solution import Solution, saying
@@ -105,7 +106,7 @@ class _Tries:
                 return
             way, end = self.problem.but(sequence=words), self._alone(words)
             states = [(p.q[-1], p.v[-1], float(p.t[-1])) for p in end.phases[:-1]]
-            chosen = way.designed_as(end.trajectory.parameters)
+            chosen = designed_as(way, end.trajectory.parameters)
             words = _said(self.problem, courses_at(chosen, states))
 
     def change_single_ones(self) -> None:

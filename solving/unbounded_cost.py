@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import NO_TIME, expected_time, initial_guesses
 from dmoc.problem.problem import Problem
@@ -29,7 +30,6 @@ LONGER, FALLS = 2.0, 0.01
 # there.  An input or a final time has run away that is so many times that of a first motion, if
 # limits of so many times these sizes let the cost fall by the factor from each to the next.
 TWICE, FAR, LIMITS = 2.0, 100.0, (10.0, 100.0, 1000.0)
-KEPT = 1e-6  # scaled violation of a motion that keeps all constraints
 
 
 def bounded(

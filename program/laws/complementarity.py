@@ -31,6 +31,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.touch import Open
+from dmoc.problem.design import by_design
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import (
     NOWHERE,
@@ -106,7 +107,7 @@ class ComplementarityLaw(Law):
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
         fixed = (limits[0] == limits[1])[self.lay.index_q[0]]
-        on, chosen = problem.model.surface_coordinates, problem.by_design("surface")
+        on, chosen = problem.model.surface_coordinates, by_design(problem, "surface")
         known = [bool(fixed[list(q)].all()) for q in on]
         self.settled = np.array(known, dtype=bool) & ~chosen
 

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.problem.design import by_design, moves_by_design
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Entries, Index, Numbering
 from dmoc.program.bound_kinds import BoundKind
@@ -147,7 +148,7 @@ class PathLaw(Law):
         if not self.idle:
             peaks = self.name == "peak"  # may be above what is fixed
             fixed = np.zeros(self.lay.size, dtype=bool) if peaks else limits[0] == limits[1]
-            chosen = problem.by_design(f"{self.kernel}_point")
+            chosen = by_design(problem, f"{self.kernel}_point")
             self.at_ends = _ends(problem, self.lay, self.rows, fixed, (not peaks, chosen))
 
     @property
@@ -294,7 +295,7 @@ def _ends(
     ends = problem.start_bounds, problem.goal_bounds
     for at, p, v in ((0, lay.index_p_B, lay.index_v_B), (-1, lay.index_p_E, lay.index_v_E)):
         at_rest = bool(fixed[lay.index_q[nodes[at]]].all() and fixed[p].all())
-        at_rest &= not problem.moves_by_design(ends[at])
+        at_rest &= not moves_by_design(problem, ends[at])
         velocity[at] = at_rest or bool(len(v) and fixed[v].all())
     at_contact = _known_at_contacts(problem, lay) & known[0]
     stands = np.zeros((len(nodes), len(rows)), dtype=bool)
@@ -315,7 +316,7 @@ def _ends(
 
 def _known_at_contacts(problem: Problem, lay: Layout) -> Bools:
     """Coordinates that the contact of a collision fixes at the ends of the phases beside it."""
-    model, chosen = problem.model, problem.by_design("surface")
+    model, chosen = problem.model, by_design(problem, "surface")
     fixed = np.zeros((2 * lay.phases, lay.nq), dtype=bool)
     for i, event in enumerate(problem.touch.events):
         on = model.surface_coordinates[event.surface] if event.impact else []

@@ -22,6 +22,7 @@ import numpy as np
 
 from dmoc.base.names import momentum_name, unit_of, velocity_name
 from dmoc.codegen.kernels import Array
+from dmoc.problem.design import by_design
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import (
     LAW,
@@ -160,7 +161,7 @@ class StepLaw(Law):
             keep[lay.ends[i] : lay.ends[i + 1] + 1, list(mode.closed)] = False
         for node, event in zip(lay.collision_nodes, lay.touch.events, strict=True):
             keep[node, list(event.lands)] = False
-        chosen = problem.by_design("surface")
+        chosen = by_design(problem, "surface")
         for j, on in enumerate(model.surface_coordinates):
             keep[0, j] &= bool(chosen[j] or free[0][on].any())
             keep[-1, j] &= j in model.moving or bool(chosen[j] or free[1][on].any())

@@ -31,9 +31,9 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
     found = json.loads(out)
     assert code == 0
     keys = (
-        "model method status message cost final_time totals active_bounds phases collisions "
-        "largest_forces max_violation optimality iterations seconds verification conflicts scale "
-        "starts found others proposal"
+        "model method status message cost final_time totals design active_bounds phases "
+        "collisions largest_forces max_violation optimality iterations seconds verification "
+        "conflicts scale starts found others proposal"
     )
     assert " ".join(found) == keys
     assert found["cost"] == pytest.approx(129.6024, rel=1e-5)

@@ -145,7 +145,7 @@ def test_every_node_has_evidence(found: SearchResult) -> None:
         assert node.evidence and node.starts and node.seconds > 0 and node.attempts == 1
         assert node.cost in node.minima and len(node.phases) == len(node.sequence) + 1
     assert sum(found.counts.values()) == len(found.nodes)
-    assert any("shortest phase" in note for note in found.notes)
+    assert any("shortest duration of a phase" in note for note in found.notes)
     text = json.dumps(found.to_dict())
     assert json.loads(text)["best"] == ["east", "north", "west"]
 
