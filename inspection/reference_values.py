@@ -81,12 +81,13 @@ class ReferenceValues:
         along = {*f.q, *f.v, *f.u, f.t, *f.x}
         kinds = {"mu": f.mu} | ({"mu_s": f.mu_s} if f.mu_s != f.mu else {})
 
-        def varies(mu: Any) -> bool:
-            return bool(mu.free_symbols & along)
-
+        pairs = zip(f.mu, f.mu_s, strict=True)
+        varies = [bool((mu.free_symbols | mu_s.free_symbols) & along) for mu, mu_s in pairs]
         self.constant, self.varying = (
             {
-                name: numbers([mu if varies(mu) is side else 0 * mu for mu in kind])
+                name: numbers(
+                    [m if v is side else 0 * m for m, v in zip(kind, varies, strict=True)]
+                )
                 for name, kind in kinds.items()
             }
             for side in (False, True)

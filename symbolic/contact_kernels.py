@@ -96,8 +96,9 @@ def _friction_kernels(f: Continuous) -> list[KernelSpec]:
     """
     q, v, _, t, par = state_inputs(f)
     graph, stated = f.L.graph, {"mu": f.mu} | ({"mu_s": f.mu_s} if f.mu_s != f.mu else {})
+    moving = [varies(f, mu) or varies(f, mu_s) for mu, mu_s in zip(f.mu, f.mu_s, strict=True)]
     constant = {
-        name: [graph.zero if varies(f, mu) else mu for mu in values]
+        name: [graph.zero if moves else mu for mu, moves in zip(values, moving, strict=True)]
         for name, values in stated.items()
     }
     kernels = [
@@ -108,7 +109,7 @@ def _friction_kernels(f: Continuous) -> list[KernelSpec]:
             tuple(Output.vector(name, values) for name, values in constant.items()),
         )
     ]
-    if not any(varies(f, mu) for values in stated.values() for mu in values):
+    if not any(moving):
         return kernels
     (c,) = (place := Input.vector(graph, "c", 1)).symbols
     sides = [Input.vector(graph, f"u_{k}", len(f.u)) for k in ("k", "kp1")]
@@ -120,8 +121,8 @@ def _friction_kernels(f: Continuous) -> list[KernelSpec]:
     state, ends = (q, v, *sides, place, N, t), _ends_of_step(f)
     bears = {
         name: [
-            load * mu.subs(between) if varies(f, mu) else graph.zero
-            for load, mu in zip(N.symbols, values, strict=True)
+            load * mu.subs(between) if moves else graph.zero
+            for load, mu, moves in zip(N.symbols, values, moving, strict=True)
         ]
         for name, values in stated.items()
     }

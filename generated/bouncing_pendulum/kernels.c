@@ -409,4 +409,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 14}),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "8c2db52ca1ccb4a30c1628e4c85c008b4e9a2316f0628273756b827848e7aea3", 37, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "47461b6bbfcbf8861ff9e7967401ba1ab165937eaaa2a869e2584dc8fc9727bd", 37, entries};

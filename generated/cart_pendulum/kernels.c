@@ -632,4 +632,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 27}),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "25a74ba0702bdfe99b32b7f6e2c4c592d1790219833feefb8c43b99e6b8e46cd", 37, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "4b10dd76e56468796e2eb3c63a653a25f95ac97df6348df1eeeab42d4f7f8118", 37, entries};

@@ -529,4 +529,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 34}),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "79467455e5808cb3e24c790ea8f178a38bf6878d0d0a5bcb4b8b251a891ba96d", 37, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "6f535a549fbd9e127a0a2b834ab270b60ee93e2bc6f37d2b46c48f862b66961a", 37, entries};
