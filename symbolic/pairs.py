@@ -81,7 +81,8 @@ def share_pairs(
             for other in shared(own):
                 enter(owner, new, other)
             own.append(new)
-        if node not in parts:
+        # Where a sum holds a part of its own, the other may cancel all but a symbol, say.
+        if node not in parts and node.kind == next(iter(having)).kind:
             parts[node] = [(a, 1.0 / weight), (b, ratio / weight)]
         owners[key] = {node}
 
