@@ -20,7 +20,9 @@ from dmoc.symbolic.contact_forces import residual
 from dmoc.symbolic.contact_kernels import joint_kernels, surface_kernels, tangent_kernels, varying
 from dmoc.symbolic.contact_references import symbols_of_forces
 from dmoc.symbolic.continuous import (
+    FUNCTIONS,
     Continuous,
+    as_tuple,
     dot,
     energy,
     input_matrix,
@@ -28,7 +30,7 @@ from dmoc.symbolic.continuous import (
     momenta,
     right_hand_side,
 )
-from dmoc.symbolic.design import check_design
+from dmoc.symbolic.design import SHOWN, check_design
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
 from dmoc.symbolic.expressions import atoms_of
@@ -51,7 +53,7 @@ from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 from dmoc.symbolic.traversal import operations
 
-FORMAT = 19  # of the facts and the kernel list
+FORMAT = 20  # of the facts and the kernel list
 # Operations of the second derivatives of a Lagrangian at all points of a step, and elsewhere, from
 # which on it is a function of its own.
 LARGE_STEP, LARGE = 500, 600
@@ -173,7 +175,9 @@ def _facts(
         "order": order,
         "explicit_time": any(
             f.t in e.free_symbols
-            for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.mu, *f.phi, *f.e, *f.z, *f.c)
+            for name in FUNCTIONS
+            if name not in SHOWN
+            for e in as_tuple(getattr(f, name))
         ),
         "title": _title(system),
         "coordinates": [name_of(q) for q in system.coordinates],

@@ -409,4 +409,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 14}),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "47461b6bbfcbf8861ff9e7967401ba1ab165937eaaa2a869e2584dc8fc9727bd", 37, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "1256ecacb08f60b6c489f524fb77e5d25f3abf3652dfecdecbad6ddea00bc83f", 37, entries};

@@ -632,4 +632,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 27}),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "4b10dd76e56468796e2eb3c63a653a25f95ac97df6348df1eeeab42d4f7f8118", 37, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "b7969a0d93de6d7e36adb4c09b683d69c0eb132f141755c2cdc64a5242461854", 37, entries};

@@ -529,4 +529,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 34}),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "6f535a549fbd9e127a0a2b834ab270b60ee93e2bc6f37d2b46c48f862b66961a", 37, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "e15f41bad08b1163f637e6dd70048dc6aa15ea5e54e232a30e751a12fd8b6167", 37, entries};

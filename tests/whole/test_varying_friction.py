@@ -291,6 +291,13 @@ def test_a_push_begins_with_the_static_force_and_goes_on_with_the_kinetic_one() 
     assert "begins to slide at 0 s, where friction" in dmoc.solve(slow, starts=1).message
 
 
+def test_static_friction_that_depends_on_the_time_alone_makes_the_model_depend_on_it() -> None:
+    pair = 2 + sp.sin(dynamicsymbols._t), 1
+    system = dmoc.MechanicalSystem("grips", [x], x.diff() ** 2, tangents={"rail": x},
+                                   friction={"rail": pair})  # fmt: skip
+    assert dmoc.build(system, order=4, backend="numpy").manifest["explicit_time"]
+
+
 def test_an_impact_has_the_kinetic_coefficient() -> None:
     """A block that falls from 0.2 m lands with 2 N s and, at 0.5 m/s, could be stopped by static
     friction, 0.6 * 2 > 0.5, and not by kinetic friction, 0.2 * 2 < 0.5."""
