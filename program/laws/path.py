@@ -2,15 +2,16 @@
 upper - z >= 0: where they stand, their rows and terms.
 
 A constraint without inputs stands at the quadrature points of every step, and at both ends of every
-phase, which no point reaches.  One with inputs stands where the inputs have values of their own::
+phase, which no point reaches; at order 2 one in coordinates and the time stands at every node
+instead.  One with inputs stands where the inputs have values of their own::
 
     constant in a step       at the quadrature points
     linear between nodes     at every node, those at the ends of phases with the inputs of each side
     linear in a step         at both ends of every step, and at the quadrature points
 
 One with forces stands where these are unknowns (:mod:`dmoc.program.force_unknowns`).
-Of steps with nodes inside, a constraint that contains velocities and no inputs stands at both ends
-too: a polynomial that keeps it at its points may exceed it beside them.  A limit of inputs alone
+Of steps with nodes inside, a constraint without inputs stands at both ends too: a polynomial that
+keeps it at its points may exceed it beside them.  A limit of inputs alone
 that holds at both ends of a step holds in between, and has no other rows.  At the ends of phases
 velocities are those before and after the collision; what the problem fixes there has no row, which
 could not move.
@@ -135,6 +136,11 @@ class PathLaw(Law):
         return self._which(lambda row: row["velocities"] and not row["inputs"])
 
     @cached_property
+    def on_places(self) -> Bools:
+        """Which ones contain coordinates and the time alone."""
+        return ~self.on_inputs & ~self.on_rates & ~self.on_forces
+
+    @cached_property
     def on_forces(self) -> Bools:
         """Which ones contain forces."""
         return self._which(lambda row: row.get("forces"))
@@ -155,7 +161,8 @@ class PathLaw(Law):
     def _at_points(self) -> Bools:
         form = self.lay.form
         there = ~self.on_inputs | (form.width == 0) | (self.on_states & form.jumps)
-        return there & ~(self.on_forces & bool(self.lay.inside))
+        there &= ~(self.on_forces & bool(self.lay.inside))
+        return there & (~self.on_places | bool(self.lay.inside))
 
     # Rows -----------------------------------------------------------------------------------------
 
@@ -169,16 +176,17 @@ class PathLaw(Law):
         counted = partial(Counted, kind, self.names)
         scheme, steps, points = lay.scheme, np.arange(lay.total), lay.scheme.points
         inner, ends = ~np.isin(np.arange(lay.total + 1), lay.ends), nodes_of_ends(lay)
-        by_node = self.on_inputs & bool(lay.form.shared)
+        by_node = (self.on_inputs & bool(lay.form.shared)) | (self.on_places & (not lay.inside))
         # Forces stand at all nodes of steps with nodes inside, other functions at their ends.
         per = scheme.degree + 1 if self.kernel == "quantity" and lay.force.count else 2
         by_step = np.zeros((lay.total, per, count), dtype=bool)
         by_step[:, [0, -1]] = self.on_inputs & lay.form.jumps & ~self.on_forces
         if (
             lay.inside
-        ):  # a velocity that keeps its limit between its points may exceed it beside them
+        ):  # what keeps its limit at the points of a polynomial may exceed it beside them
             rates = np.zeros_like(by_step)
             rates[:, [0, -1]] = self.on_rates
+            rates[:, -1] |= self.on_places
             rates |= self.on_forces
             rates[lay.ends[:-1], 0] = False  # of the ends of phases, where velocities are known
             rates[lay.ends[1:] - 1, -1] = False

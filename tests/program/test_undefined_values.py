@@ -28,7 +28,7 @@ def nlp() -> Transcription:
         (1.0, 1.0, ""),
         (1.0, 0.0, "the derivative of the cost in u in step 1"),
         (1.0, -1.0, "the cost"),
-        (-2.0, 1.0, "the row 'path constraint log in step 0'"),
+        (-2.0, 1.0, "the row 'path constraint log at node 1'"),
         (np.nan, 1.0, ""),
     ],
 )

@@ -209,3 +209,21 @@ def test_the_same_structure_serves_problems_that_fix_other_things() -> None:
     )
     assert known.cost == pytest.approx(-0.5, abs=1e-9) == free.cost
     assert free.trajectory.phases[0].v.max() <= 0.5 + 1e-6
+
+
+@pytest.mark.parametrize("order", list(DISCRETISATIONS))
+def test_a_limit_of_places_holds_at_every_node(order: int) -> None:
+    """Round a disc of radius 1 from one side to the other: no node lies within it."""
+    y, w = dynamicsymbols("y w")
+    system = dmoc.MechanicalSystem(
+        "round", [X, y], (v**2 + y.diff() ** 2) / 2, inputs=[U, w], forces={X: U, y: w},
+        cost=U**2 + w**2, path_constraints={"disc": X**2 + y**2 >= 1},
+    )  # fmt: skip
+    rest = {"x_dot": 0.0, "y_dot": 0.0}
+    problem = dmoc.Problem(
+        dmoc.build(system, order=order), {"x": -1.5, "y": 0.3} | rest,
+        {"x": 1.5, "y": 0.3} | rest, steps=12, final_time=2.0,
+    )  # fmt: skip
+    solution = answer_of(problem, "ipm", starts=8)
+    q = solution.trajectory.phases[0].q
+    assert np.hypot(*q.T).min() == pytest.approx(1, abs=1e-9)
