@@ -11,6 +11,7 @@ from dmoc.mechanics.tangential import returned
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.force_values import quantity_inputs, with_forces
+from dmoc.program.hidden_values import hidden_values, lifted
 from dmoc.program.hit_stages import END, STOP, Passage
 from dmoc.program.layout import Layout
 
@@ -33,17 +34,14 @@ def with_hidden(problem: Problem, lay: Layout, x: Array) -> Array:
     with totals, peaks and forces as they are."""
     problem = lay.problem_at(problem, x)
     if lay.index_totals.size or lay.index_peaks.size:
-        x, step = x.copy(), lay.step_inputs(x)
+        x, step = x.copy(), lifted(problem, lay, lay.step_inputs(x))
         x[lay.index_totals] = problem.model.totals(step)
         x[lay.index_peaks] = problem.model.peaks(quantity_inputs(problem, lay, x))
     x = with_forces(problem, lay, x)
     if not lay.index_s.size:
         return x
-    x, k = x.copy(), lay.step_of_input
-    q, t = x[lay.index_q], lay.times(x)
-    rates = np.diff(q, axis=0) / np.diff(t)[:, None]
-    middle, now = (q[k] + q[k + 1]) / 2, (t[k] + t[k + 1]) / 2
-    x[lay.index_s] = problem.model.hidden(middle, rates[k], x[lay.index_u], now)
+    x = x.copy()
+    x[lay.index_s] = hidden_values(problem, lay, lay.step_inputs(x))
     return x
 
 

@@ -22,7 +22,7 @@ from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.kinks import split
 from dmoc.symbolic.system import MechanicalSystem
 
-# Kernels of steps, which take hidden unknowns behind the inputs.
+# Kernels of steps, whose costs and path constraints have no kinks.
 OF_STEPS = ("step", "impact", "path", "path_node", "path_ends", "path_point")
 # Differences of what is zero everywhere leave less.
 NOTHING = 1e-30
@@ -68,13 +68,47 @@ def _at_random(
 
 
 def _families(system: MechanicalSystem, kernels: Kernels, values: Array) -> dict[str, Function]:
-    """What the kernels compute; those of steps have hidden unknowns in the place of kinks."""
-    f, unknowns = readable(system), split(system).unknowns
-    smooth = f.smooth(system, [sp.Dummy(real=True) for _ in unknowns])
-    kinks = replace(f, r=tuple(f.rewritten(system, [kink for _, kink in unknowns])))
-    plain, of_steps, hidden = (ReferenceValues(g, kernels, values) for g in (f, smooth, kinks))
+    """What the kernels compute; in those of steps hidden unknowns are in the place of kinks."""
+    f, parts = readable(system), split(system)
+    s = [sp.Dummy(real=True) for _ in parts.unknowns]
+    smooth = f.smooth(system, s)
+    kinks = tuple(f.rewritten(system, [own.kink for own in parts.unknowns]))
+    plain, of_steps, hidden = (
+        ReferenceValues(g, kernels, values) for g in (f, smooth, replace(f, r=kinks))
+    )
     families = plain.families | {name: of_steps.families[name] for name in OF_STEPS}
-    return families | {"hidden": lambda x: {"s": hidden.r(x)}}
+    # The same functions with the hidden unknowns behind the inputs.
+    at_point = replace(smooth, u=(*smooth.u, *s), C=smooth.C_s, r=smooth.l)
+    lifted = ReferenceValues(at_point, kernels, values)
+    timed = [mp.mpf(1)] if "final_time" in kernels.manifest.get("totals", ()) else []
+
+    def over(step: Vector, value: Function) -> list[tuple[Any, Vector]]:
+        """Weights and values at the points of a step on both sides, each with its own s."""
+        x, own = (step[: len(step) - sides * len(s)], step[len(step) - sides * len(s) :])
+        h = x[2 * of_steps.nq + 2 * of_steps.nu]
+        places = [(y, h * p[3] / per) for p in of_steps.points(x) for y in p[:per]]
+        own_of = [own[i * len(s) : (i + 1) * len(s)] for i in range(sides)]
+        return [
+            (weight, value([*y[:-1], *at, y[-1]]))
+            for (y, weight), at in zip(places, own_of, strict=True)
+        ]
+
+    per = 2 if of_steps.scheme.points == 1 else 1
+    sides = per * of_steps.scheme.points
+
+    def summed(step: Vector, value: Function) -> Vector:
+        parts = over(step, value)
+        return [mp.fsum(w * v[j] for w, v in parts) for j in range(len(parts[0][1]))]
+
+    return families | {
+        "hidden": lambda x: {"s": hidden.r(x)},
+        "lifted": lambda x: {
+            "C_s_d": summed(x, lifted.C),
+            "l_d": [r for _, v in over(x, lifted.r) for r in v],
+        },
+        "integral": lambda x: {"I_d": summed(x, lambda y: [*lifted.c(y), *timed])},
+        "integrand": lambda x: {"c": plain.c(x)},
+    }
 
 
 def _compared(

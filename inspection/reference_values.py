@@ -61,7 +61,7 @@ class ReferenceValues:
             return values
 
         self.L, self.C, self.Phi = numbers([f.L]), numbers([f.C]), numbers([f.Phi])
-        self.g, self.r = numbers(f.g), numbers(f.r)
+        self.g, self.r, self.c = numbers(f.g), numbers(f.r), numbers(f.c)
         forces, R = numbers(f.Q), numbers([f.R])
 
         def damped(y: Vector) -> Vector:
@@ -149,7 +149,7 @@ class ReferenceValues:
         return {
             "step": self._step,
             "impact": self._energies,
-            "path": lambda x: {"r_d": [r for y, *_ in self._points(x) for r in self.r(y)]},
+            "path": lambda x: {"r_d": [r for y, *_ in self.points(x) for r in self.r(y)]},
             "path_point": lambda x: {"r": self.r(x)},
             "path_limit": lambda x: {"r_s": self.r(x)},
             "path_node": lambda x: {"r_k": self.r(self._node(x))},
@@ -279,7 +279,7 @@ class ReferenceValues:
         h, t_k, q_i = x[2 * n + 2 * m], x[2 * n + 2 * m + 1], x[2 * n + 2 * m + 2 :]
         return [q_k, q_kp1, *(q_i[a : a + n] for a in range(0, len(q_i), n))], (u_k, u_kp1), h, t_k
 
-    def _points(self, x: Vector) -> list[tuple[Vector, Vector, Any, Any, Vector]]:
+    def points(self, x: Vector) -> list[tuple[Vector, Vector, Any, Any, Vector]]:
         """States (q, v, u, t) at the quadrature points of a step with the input of the start side
         and of the end side, places, weights, and the shape functions there."""
         ways, (u_k, u_kp1), h, t_k = self._parts(x)
@@ -326,12 +326,12 @@ class ReferenceValues:
     def _action(self, x: Vector) -> Vector:
         """The discrete Lagrangian L_d."""
         h = x[2 * self.nq + 2 * self.nu]
-        return [h * mp.fsum(b * self.L(start)[0] for start, _, _, b, _ in self._points(x))]
+        return [h * mp.fsum(b * self.L(start)[0] for start, _, _, b, _ in self.points(x))]
 
     def _step(self, x: Vector) -> dict[str, Vector]:
         n, h = self.nq, x[2 * self.nq + 2 * self.nu]
         inner = 2 * n + 2 * self.nu + 2
-        points = self._points(x)
+        points = self.points(x)
         inside = range(2, self.scheme.degree + 1)
         nodes = [(0, 0), (1, n), *((a, inner + (a - 2) * n) for a in inside)]
         rows = []
@@ -347,7 +347,7 @@ class ReferenceValues:
         """Derivatives of L_d with respect to h at a fixed start and at a fixed end, with the work
         of the forces."""
         n, at = self.nq, 2 * self.nq + 2 * self.nu
-        h, points = x[at], self._points(x)
+        h, points = x[at], self.points(x)
 
         def work(side: int, share: Callable[[Any], Any]) -> Any:
             powers = ((p[3] * share(p[2]), self.Q(p[side]), p[side][n : 2 * n]) for p in points)

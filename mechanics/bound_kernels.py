@@ -28,6 +28,7 @@ MATRICES = {
     "z_s_D": "quantity_value_jac",
     "r_s_D": "path_limit_jac",
     "s_D": "hidden_jac",
+    "C_s_d_D": "lifted_jac",
     "Phi_D": "terminal_cost_jac",
     "T_min_D": "min_time_jac",
 }

@@ -345,13 +345,19 @@ class Model(FrictionModel):
         it."""
         return list(self.kernels.manifest.get("totals", ()))
 
+    def integrands(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
+        """Integrands of the integrals as they were stated, shape (..., number)."""
+        number = len(self.kernels.integrals)
+        return self._values("integrand", number, q, as_rows(v), as_rows(u), as_column(t))
+
     @cached_property
     def peaks_of(self) -> list[tuple[int, bool]]:
         """Quantities whose peaks the objective has, and whether of both signs."""
         return [(int(j), bool(both)) for j, both in self.kernels.manifest.get("peaks", ())]
 
     def integrals(self, step: Sequence[Array]) -> Array:
-        """What each step adds to the totals, shape (n, number)."""
+        """What each step, with its hidden unknowns behind x_k, adds to the totals, shape (n,
+        number)."""
         if not self.totals_of:
             return np.zeros((len(step[0]), 0))
         return self.kernels.call("integral", *step, self.par)[0]
@@ -386,6 +392,16 @@ class Model(FrictionModel):
     def hidden(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """What the hidden unknowns are at a minimum, shape (..., ns)."""
         return self._values("hidden", self.ns, q, as_rows(v), as_rows(u), as_column(t))
+
+    def lifted_costs(self, step: Sequence[Array]) -> Array:
+        """What hidden unknowns, which stand behind x_k, add to the costs of steps, shape (n,)."""
+        if not self.ns:
+            return np.zeros(len(step[0]))
+        return self.kernels.call("lifted", *step, self.par)[0][:, 0]
+
+    def lifted_cost_slopes(self, step: Sequence[Array]) -> Array:
+        """Derivatives of these with respect to the step, shape (n, size of the step)."""
+        return self._full("C_s_d_D", self.kernels.call("lifted_jac", *step, self.par)[0])[:, 0]
 
     def hidden_slopes(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Their derivatives with respect to (q, v, u, t), shape (..., ns, 2 nq + nu + 1)."""

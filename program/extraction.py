@@ -17,6 +17,7 @@ from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import FORCES, Collision, Phase, Trajectory
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block
+from dmoc.program.hidden_values import lifted
 from dmoc.program.layout import Layout, peak_names
 from dmoc.program.sharing import Forces, shared
 from dmoc.program.transcription import Transcription
@@ -121,7 +122,8 @@ def _totals(nlp: Transcription, x: Array) -> dict[str, float]:
     """Integrals of the model, and the largest values of the quantities whose peaks the objective
     has; a peak without a price lies anywhere above."""
     model, lay = nlp.problem.model, nlp.layout
-    totals = dict(zip(model.totals_of, model.totals(lay.step_inputs(x)).tolist(), strict=True))
+    step = lifted(nlp.problem, lay, lay.step_inputs(x))
+    totals = dict(zip(model.totals_of, model.totals(step).tolist(), strict=True))
     totals.pop("final_time", None)
     peaks = x[lay.index_peaks] - loose_peaks(nlp, x / nlp.unit) * nlp.scale.peaks
     return totals | dict(zip(peak_names(nlp.problem), peaks.tolist(), strict=True))

@@ -210,8 +210,8 @@ class Layout(Unknowns):
             [
                 self.index_q[:-1],
                 self.index_q[1:],
-                self.of_kernels[self.row_u_k],
-                self.of_kernels[self.row_u_kp1],
+                self.index_u[self.row_u_k],
+                self.index_u[self.row_u_kp1],
                 self.index_h[self.phase_of_step][:, None],
                 self.time_columns[:-1],
                 self.index_q_i,
@@ -219,9 +219,11 @@ class Layout(Unknowns):
         )
 
     @cached_property
-    def of_kernels(self) -> Index:
-        """Rows of u with the hidden unknowns behind them, as kernels of steps take them."""
-        return np.hstack([self.index_u, self.index_s])
+    def hidden_of_kernels(self) -> Index:
+        """The hidden unknowns of each step as kernels take them: where both sides of a point have
+        the same inputs, once for each."""
+        both = 2 if self.scheme.points == 1 and not self.form.width else 1
+        return np.tile(self.index_s, (1, both))
 
     @cached_property
     def time_columns(self) -> Index:
@@ -236,8 +238,7 @@ class Layout(Unknowns):
 
     def split(self, x_k: Index) -> list[Index]:
         """Split the unknowns of steps into q_k, q_kp1, u_k, u_kp1, h, t_k and q_i."""
-        u = self.of_kernels.shape[1]
-        sizes = (self.nq, self.nq, u, u, 1, 1)
+        sizes = (self.nq, self.nq, self.nu, self.nu, 1, 1)
         ends = list(accumulate(sizes))  # np.split takes ten times as long
         return [x_k[:, a:b] for a, b in zip([0, *ends], [*ends, x_k.shape[1]], strict=True)]
 

@@ -16,6 +16,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.force_unknowns import sizes as pushing
 from dmoc.program.force_values import quantity_inputs
+from dmoc.program.hidden_values import lifted
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 
@@ -103,10 +104,11 @@ def _totals(problem: Problem, lay: Layout, x: Array, scale: Scale) -> Array:
     signs, in the motion and in one whose velocities and inputs are of their sizes."""
     model, step = problem.model, lay.step_inputs(x)
     q, u, h = step[0], step[2].copy(), step[4]
-    u[:, : model.nu], end = scale.u, q + h * scale.v
+    u[:], end = scale.u, q + h * scale.v
     inside = lay.scheme.within(q, end).reshape(lay.total, -1)
-    sized = q, end, u, u, h, step[5], inside
-    parts = [np.abs(_finite(model.integrals(s), 0.0)).sum(axis=0) for s in (step, sized)]
+    sized = [q, end, u, u, h, step[5], inside]
+    both = (lifted(problem, lay, s) for s in (step, sized))
+    parts = [np.abs(_finite(model.integrals(s), 0.0)).sum(axis=0) for s in both]
     bounds = np.where(np.isfinite(problem.total_bounds), np.abs(problem.total_bounds), 0.0)
     size = np.maximum(np.max(parts, axis=0), bounds.max(axis=1, initial=0.0))
     return np.where(size > 0, size, 1.0)
@@ -197,10 +199,12 @@ def end_of(lay: Layout, x: Array, node: int) -> tuple[Array, Array, Array]:
 
 def cost_of(problem: Problem, lay: Layout, x: Array) -> float:
     """The cost of unknowns, with the objective."""
-    model, step = lay.problem_at(problem, x).model, lay.step_inputs(x)
+    chosen = lay.problem_at(problem, x)
+    model, step = chosen.model, lifted(chosen, lay, lay.step_inputs(x))
     start, end = end_of(lay, x, 0), end_of(lay, x, -1)
     shared = model.totals(step), model.peaks(quantity_inputs(problem, lay, x))
-    value = model.step_costs(step).sum() + model.terminal_cost(*end)
+    value = model.step_costs(step[:7]).sum() + model.lifted_costs(step).sum()
+    value += model.terminal_cost(*end)
     return float(value + model.objective(*shared, start[:2], end[:2]))
 
 
@@ -211,6 +215,9 @@ def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) 
     local = _local(lay, sizes)
     slope = np.abs(model.step_cost_slopes(step) * local).sum()
     bend = np.abs(model.step_cost_curvatures(step) * local**2).sum() / 2
+    if model.ns:
+        every = np.hstack([local, sizes[lay.hidden_of_kernels]])
+        slope += np.abs(model.lifted_cost_slopes(lifted(problem, lay, step)) * every).sum()
     end = end_of(lay, x, -1)
     value = cost_of(problem, lay, x)
     duration = float(np.sum(x[lay.index_h] * lay.steps))

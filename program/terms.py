@@ -74,7 +74,7 @@ class Places:
         lay = self.lay
         node, v = np.array([lay.total * last]), lay.index_v_E if last else lay.index_v_B
         v = v if len(v) else np.full(lay.nq, NOWHERE)
-        u = lay.of_kernels[lay.row_u_kp1[-1] if last else lay.row_u_k[0]]
+        u = lay.index_u[lay.row_u_kp1[-1] if last else lay.row_u_k[0]]
         return lay.index_q[node], self.known(v[None]), u[None], self.times(node)
 
     def quantities_at_end(self, last: bool) -> tuple[Index, ...]:

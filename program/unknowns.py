@@ -6,7 +6,7 @@ h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared
 u: inputs, in the rows of their form (:class:`~dmoc.base.discretisation.InputForm`); p_B, p_E:
 momenta at both ends; v_B, v_E: velocities at both ends, only where the problem needs them; t: times
 of the nodes, only where the model depends on them; q_i: coordinates of the nodes inside the steps;
-s: hidden unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), in the rows of the inputs.
+s: hidden unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), at the points of steps.
 Behind those of laws are w, velocities at the nodes inside phases, and t_i, times of the nodes
 inside steps, both only where something pushes along steps with nodes inside, then accelerations
 and forces that quantities contain (:mod:`dmoc.program.force_unknowns`), and behind these totals and
@@ -127,6 +127,7 @@ class Unknowns:
         def place_inside(j: int) -> str:
             return f"at inner node {j} of" if scheme.inside > 1 else "inside"
 
+        places = hidden_places(form, scheme)
         block = Numbering()
         of_steps = (
             block("h", (phases,), lambda i: f"step size of phase {i}", lambda s: s.h),
@@ -178,9 +179,9 @@ class Unknowns:
             ),
             block(
                 "s",
-                (len(row_steps), len(kind.hidden)),
-                lambda k, i: f"{kind.hidden[i]} {place_of_input(k)}",
-                lambda s: s.s,
+                (total, places * len(kind.hidden)),
+                lambda k, i: f"{kind.hidden[i % len(kind.hidden)]} in step {k}",
+                lambda s: np.tile(s.s, places),
             ),
         )
         indices = {f"index_{b.name}": b.index for b in (*of_steps, *of_ends, *inner)}
@@ -230,6 +231,12 @@ class Unknowns:
     def units(self, scale: Scale) -> Array:
         """Typical sizes of all unknowns, in the order of x."""
         return np.concatenate([b.sizes(scale) for b in self.unknowns if b.count])
+
+
+def hidden_places(form: InputForm, scheme: Discretisation) -> int:
+    """How many values a hidden unknown has in a step: one at each point, or one for the inputs of
+    each side of the one point."""
+    return max(scheme.points, 1 + (form.width > 0 and scheme.points == 1))
 
 
 def first_rows(form: InputForm, steps: tuple[int, ...]) -> Index:

@@ -46,7 +46,7 @@ cdef void _solve_factored(double[:, ::1] L, double[::1] b, int n) noexcept nogil
 
 cdef class Leg:
     """A leg of one model with given parameters, from (q_a, p) at the time t."""
-    cdef readonly int nq, nu, nc, ni, width
+    cdef readonly int nq, nu, nc, ni
     cdef readonly list collisions
     cdef readonly tuple held
     cdef object names, model
@@ -81,12 +81,9 @@ cdef class Leg:
             results = tuple(block(len(o["rows"]) if "rows" in o else o["shape"][0]) for o in outputs)
             return Call(kernels, kernel, tuple(map(np.asarray, inputs)), results), *results
 
-        # Behind the inputs stand hidden unknowns of the cost, which move nothing.
-        self.width = nu + len(kernels.manifest["hidden"])
-        u = block(self.width)
-        self.q_a, self.q_b, self.u, self.h = block(nq), block(nq), u[:, :nu], block(1)
+        self.q_a, self.q_b, self.u, self.h = block(nq), block(nq), block(nu), block(1)
         self.t, self.now, self.q_i, self.q_g, self.v_g = block(1), block(1), block(ni), block(nq), block(nq)
-        leg = self.q_a, self.q_b, u, u, self.h, self.t, self.q_i, par
+        leg = self.q_a, self.q_b, self.u, self.u, self.h, self.t, self.q_i, par
         self.step, self.r_minus, self.r_plus, _, self.r_i = bound("step", *leg)
         self.step_jac, self.r_minus_z, _, _, self.r_i_z = bound("step_jac", *leg)
         self.impact, self.e_plus, self.e_minus = bound("impact", *leg)
@@ -213,7 +210,7 @@ cdef class Leg:
 
     cdef int column(self, ptrdiff_t z) noexcept nogil:
         """Position among the unknowns (q_b, q_i) of a leg of a position z in x_k = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i); -1 for none."""
-        cdef ptrdiff_t n = self.nq, inside = 2 * (self.nq + self.width) + 2
+        cdef ptrdiff_t n = self.nq, inside = 2 * (self.nq + self.nu) + 2
         if n <= z < 2 * n:
             return <int>(z - n)
         return <int>(n + z - inside) if z >= inside else -1

@@ -73,8 +73,8 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
         if block.nodes is not None:
             node = block.nodes[np.nonzero(block.index != NOWHERE)[0]]
             single(n + block.numbers, key(node - 1, INEQUALITY))
-    for index in (lay.index_s, lay.index_u):
-        single(index.ravel(), np.repeat(key(lay.step_of_input, INPUT), index.shape[1]))
+    for index, step in ((lay.index_s, np.arange(lay.total)), (lay.index_u, lay.step_of_input)):
+        single(index.ravel(), np.repeat(key(step, INPUT), index.shape[1]))
     for law in nlp.laws:
         for pivot in law.pivots(nlp.laws):
             pair(*pivot)

@@ -36,7 +36,9 @@ class Continuous:
     of tangential restitution e_t, of all tangents or none; quantities z, integrands c; symbols x of
     definitions with their rates x_dot and their values x_of, and the dissipation R of which Q lacks
     the forces.  Nodes have neither.  Kernels have derivatives by the parameters ``design``, too.
-    Accelerations and forces y, where quantities contain forces."""
+    Accelerations and forces y, where quantities contain forces.  Where cost or integrands are split
+    at kinks: hidden unknowns s, their limits l >= 0, and the terms C_s of the cost that contain
+    them."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -64,6 +66,9 @@ class Continuous:
     design: tuple[Any, ...] = ()
     y: tuple[Any, ...] = ()
     mu_s: tuple[Any, ...] = ()
+    s: tuple[Any, ...] = ()
+    l: tuple[Any, ...] = ()
+    C_s: Any = sp.S.Zero
 
     @classmethod
     def of(
@@ -123,16 +128,23 @@ class Continuous:
         )
 
     def smooth(self, system: MechanicalSystem, hidden: Sequence[Any]) -> Continuous:
-        """The same system with hidden unknowns behind its inputs, and a smooth cost and smooth path
+        """The same system with hidden unknowns, a smooth cost, smooth integrands and smooth path
         constraints."""
         parts = split(system)
         table = self._table(system)
-        table |= dict(zip((s for s, _ in parts.unknowns), hidden, strict=True))
+        table |= dict(zip((own.symbol for own in parts.unknowns), hidden, strict=True))
+
+        def each(expressions: Iterable[Any]) -> tuple[Any, ...]:
+            return tuple(e.xreplace(table) for e in expressions)
+
         return replace(
             self,
-            u=(*self.u, *hidden),
             C=parts.cost.xreplace(table),
-            r=tuple(r.xreplace(table) for _, r in parts.rows),
+            c=each(parts.integrals.values()),
+            r=each(r for _, r in parts.rows),
+            s=tuple(hidden),
+            l=each(limit for own in parts.unknowns for limit in own.limits),
+            C_s=parts.lifted.xreplace(table),
         )
 
     def rewritten(self, system: MechanicalSystem, functions: Sequence[Any]) -> list[Any]:
@@ -148,7 +160,7 @@ class Continuous:
     ) -> list[Node]:
         """More functions in these symbols as nodes, and those of some constants, which are exact
         then."""
-        symbols = (*self.q, *self.v, *self.u, self.t, *self.par, approach_speed, *self.y)
+        symbols = (*self.q, *self.v, *self.u, self.t, *self.par, approach_speed, *self.y, *self.s)
         table = {s: graph.symbol(s.name) for s in symbols} | dict(constants or {})
         rates = dict(zip((table[q] for q in self.q), (table[v] for v in self.v), strict=True))
         rates[table[self.t]] = graph.one
@@ -165,20 +177,21 @@ class Continuous:
         def each(values: Any) -> Any:
             return tuple(next(nodes) for _ in values) if isinstance(values, tuple) else next(nodes)
 
-        q, v, u, par, y = (
+        q, v, u, par, y, s = (
             tuple(graph.symbol(s.name) for s in part)
-            for part in (self.q, self.v, self.u, self.par, self.y)
+            for part in (self.q, self.v, self.u, self.par, self.y, self.s)
         )
         made = {name: each(getattr(self, name)) for name in FUNCTIONS}
         damping = gradient(made["R"], v)
         made["Q"] = tuple(force - slope for force, slope in zip(made["Q"], damping, strict=True))
         made["R"] = graph.zero
-        return Continuous(q, v, u, graph.symbol(self.t.name), par, **made, y=y)
+        return Continuous(q, v, u, graph.symbol(self.t.name), par, **made, y=y, s=s)
 
 
 # The functions of a Continuous, which are one expression or several.
 FUNCTIONS = (
     "L", "Q", "C", "Phi", "g", "r", "tau", "mu", "mu_s", "phi", "looks", "e", "z", "e_t", "c", "R",
+    "l", "C_s",
 )  # fmt: skip
 
 

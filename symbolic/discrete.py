@@ -13,6 +13,8 @@ shape functions phi_a of the nodes a::
     e_minus = D_h L_d + h sum_i b_i (1 - c_i) Q_i . v_i    at fixed t_k + h:  -(energy) at the start
     C_d = h sum_i b_i C_i
 
+Hidden unknowns in the place of kinks have a value at every point, s_i.
+
 d = 1 with one point is the midpoint rule (Kern & Gross 2018), of order 2; its forces and cost take
 the input u_k at the start and u_kp1 at the end of the step, fd_minus = h/2 Q(u_k), fd_plus = h/2
 Q(u_kp1), C_d = h/2 (C(u_k) + C(u_kp1)), so that inputs linear in a step have no null space.  d = 2
@@ -233,9 +235,30 @@ class StepElement:
         at_fixed_end = self._slopes[self.at_h] - self._slopes[self.at_h + 1]
         return at_fixed_end + self._sum(lambda p: (1 - p.c) * dot(p.start.Q, p.start.v))
 
+    def integral(self, value: Callable[[Continuous], Any]) -> Any:
+        """The integral of a function of the system over the step."""
+        return self._sum(lambda p: p.mean(value))
+
     @cached_property
     def C_d(self) -> Any:
-        return self._sum(lambda p: p.mean(lambda f: f.C))
+        return self.integral(lambda f: f.C)
+
+    @property
+    def sides(self) -> list[Continuous]:
+        """The system at all points, on both sides where their inputs differ."""
+        return [
+            f for p in self.points for f in ((p.start,) if p.start is p.end else (p.start, p.end))
+        ]
+
+    @property
+    def s(self) -> tuple[Any, ...]:
+        """Hidden unknowns of the step: those of one side of a point after those of another."""
+        return tuple(s for f in self.sides for s in f.s)
+
+    @property
+    def l_d(self) -> list[Any]:
+        """Limits of the hidden unknowns, in the same order."""
+        return [limit for f in self.sides for limit in f.l]
 
     @property
     def r_d(self) -> list[Any]:
@@ -261,8 +284,12 @@ def step_element(
     for i, (c, b) in enumerate(zip(places, weights, strict=True)):
         here = f if len(places) == 1 else _renamed(f, i + 1, make)
         if len(places) == 1:
-            start, end = _with_inputs(here, u_k), _with_inputs(here, u_kp1)
+            start, end = (
+                _with_inputs(_with_hidden(here, side, make), u)
+                for side, u in enumerate((u_k, u_kp1))
+            )
         else:
+            here = _with_hidden(here, i, make)
             start = end = _with_inputs(here, _between(u_k, u_kp1, c, exact))
         points.append(_point(nodes, c, exact, start, end, b))
     q_i = vector("q_i", n * (len(nodes) - 2))
@@ -348,10 +375,16 @@ def _with_inputs(f: Continuous, u: tuple[Any, ...]) -> Continuous:
     return replace(_substituted(f, dict(zip(f.u, u, strict=True))), u=u)
 
 
+def _with_hidden(f: Continuous, place: int, make: Callable[[str], Any]) -> Continuous:
+    """The functions with hidden unknowns of their own at one place."""
+    own = tuple(make(f"s_{place * len(f.s) + j}") for j in range(len(f.s)))
+    return replace(_substituted(f, dict(zip(f.s, own, strict=True))), s=own)
+
+
 def _substituted(f: Continuous, table: dict[Any, Any]) -> Continuous:
     def each(values: Sequence[Any]) -> tuple[Any, ...]:
         return tuple(v.subs(table) if table else v for v in values)
 
-    L, C = each((f.L, f.C))
-    own = {name: each(getattr(f, name)) for name in ("Q", "r", "z", "c", "mu")}
-    return replace(f, L=L, C=C, **own)
+    L, C, C_s = each((f.L, f.C, f.C_s))
+    own = {name: each(getattr(f, name)) for name in ("Q", "r", "z", "c", "mu", "l")}
+    return replace(f, L=L, C=C, C_s=C_s, **own)

@@ -33,11 +33,11 @@ from dmoc.symbolic.continuous import (
 from dmoc.symbolic.design import SHOWN, check_design
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
-from dmoc.symbolic.expressions import atoms_of
 from dmoc.symbolic.graph import Graph, Node, gradient, reverse
+from dmoc.symbolic.hidden import hidden_facts, hidden_kernels, hidden_names
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
 from dmoc.symbolic.kinks import split
-from dmoc.symbolic.objectives import objective_facts, objective_kernels
+from dmoc.symbolic.objectives import integrand_kernels, objective_facts, objective_kernels
 from dmoc.symbolic.path_constraints import (
     path_kernels,
     path_limits,
@@ -53,7 +53,7 @@ from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 from dmoc.symbolic.traversal import operations
 
-FORMAT = 20  # of the facts and the kernel list
+FORMAT = 21  # of the facts and the kernel list
 # Operations of the second derivatives of a Lagrangian at all points of a step, and elsewhere, from
 # which on it is a function of its own.
 LARGE_STEP, LARGE = 500, 600
@@ -72,14 +72,13 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
         return tuple(sp.Symbol(f"{name}_{i}", real=True) for i in range(size))
 
     t = sp.Symbol("t", real=True)
-    parts = split(system)
-    u = symbols("u", nu + len(parts.unknowns))
+    hidden = symbols("s", len(split(system).unknowns))
     plain = Continuous.of(
-        system, symbols("q", nq), symbols("v", nq), u[:nu], t, symbols("par", npar),
+        system, symbols("q", nq), symbols("v", nq), symbols("u", nu), t, symbols("par", npar),
         symbols("x", nx), symbols("x_dot", nx), symbols_of_forces(system, "y"),
     )  # fmt: skip
     graph = Graph()
-    f, smooth = plain.to_nodes(graph), plain.smooth(system, u[nu:]).to_nodes(graph)
+    f, smooth = plain.to_nodes(graph), plain.smooth(system, hidden).to_nodes(graph)
     check_design(system, f, design)
     names = [name_of(s) for s in system.parameters]
     chosen = tuple(f.par[names.index(name)] for name in design)
@@ -98,8 +97,8 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
         ),
         *path_limits(f, plain.as_nodes([t for own in terms for t in own], graph)),
         *quantity_values(f),
-        *_hidden_kernels(system, plain, f),
         *_state_kernels(f, _light(f, LARGE)),
+        *integrand_kernels(f),
         *surface_kernels(f),
         *rebound_kernels(f),
         *tangent_kernels(f),
@@ -197,7 +196,7 @@ def _facts(
             )
         ],
         "kink_signs": {name_of(s): parts.signs[s] for s in system.parameters if s in parts.signs},
-        "hidden": [f"the unknown for {sp.sstr(_plain(kink))}" for _, kink in parts.unknowns],
+        "hidden": hidden_names(system),
         "tangents": list(system.tangents),
         "tangent_coordinates": {
             name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
@@ -220,7 +219,7 @@ def _facts(
         "terminal_velocity": bool(f.Phi.free_symbols & set(f.v)),
     }
     more = {key: values for key, values in more.items() if values}
-    return facts | laws_in_words(system) | more | objective_facts(system)
+    return facts | laws_in_words(system) | more | objective_facts(system) | hidden_facts(system)
 
 
 def _step_kernels(
@@ -261,6 +260,7 @@ def _step_kernels(
         *path_kernels(f, e, inputs),
         *quantity_kernels(f, e, inputs, supports),
         *objective_kernels(system, plain, f, e, inputs),
+        *hidden_kernels(system, plain, f, e, inputs),
     ]
 
 
@@ -307,28 +307,6 @@ def _state_kernels(f: Continuous, light: Continuous) -> list[KernelSpec]:
             ),
         ),
     ]
-
-
-def _plain(e: Any) -> Any:
-    """An expression with names instead of functions of time and their derivatives."""
-    return e.xreplace({s: sp.Symbol(name_of(s)) for s in atoms_of(e)})
-
-
-def _hidden_kernels(system: MechanicalSystem, f: Continuous, nodes: Continuous) -> list[KernelSpec]:
-    """What the hidden unknowns are at a minimum."""
-    kinks = [kink for _, kink in split(system).unknowns]
-    if not kinks:
-        return []
-    q, v, u, t, par = state_inputs(nodes)
-    text = "What the hidden unknowns are at a minimum."
-    return family(
-        "hidden",
-        text,
-        (q, v, u, t),
-        {"s": f.as_nodes(f.rewritten(system, kinks), nodes.L.graph)},
-        par,
-        second=False,
-    )
 
 
 def _terminal_kernels(f: Continuous) -> list[KernelSpec]:

@@ -1,10 +1,11 @@
-"""Functions with kinks in the cost and in path constraints, split into smooth ones.
+"""Functions with kinks in the cost, in integrals and in path constraints, split into smooth ones.
 
 A cost that contains abs(a) or Max(a, b) with a positive factor gets a hidden unknown s in its
 place, with s >= a and s >= -a, or s >= b; one with Min(a, b) and a negative factor gets s <= a and
-s <= b.  The minimum puts s onto the function.  A path constraint that contains them with the other
-sign holds if it holds for each of their branches.  Where the sign is that of a parameter, made as
-Symbol(..., positive=True), the split is right for values of that sign alone.
+s <= b.  The minimum puts s onto the function.  An integral is split in the same way, or in the
+opposite one: then it is one that is to be large.  A path constraint that contains kinks with the
+other sign holds if it holds for each of their branches.  Where the sign is that of a parameter,
+made as Symbol(..., positive=True), the split is right for values of that sign alone.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from operator import mul
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
@@ -30,47 +31,96 @@ KINKS = (*SPLIT, *JUMPS, sp.Piecewise)
 SMOOTH = "use a smooth function, such as sqrt(x**2 + e**2) for abs(x) or tanh(x/e) for sign(x)"
 
 
+COST = ""  # what hidden unknowns of the cost belong to, in the place of an integral
+
+
+class Hidden(NamedTuple):
+    """A hidden unknown: its symbol, the function that it is at a minimum, the integral that it
+    belongs to or COST, and functions >= 0 that limit it."""
+
+    symbol: Any
+    kink: Any
+    of: str
+    limits: tuple[Any, ...]
+
+    def mapped(self, table: Mapping[Any, Any]) -> Hidden:
+        """The same in other symbols."""
+        limits = tuple(limit.xreplace(table) for limit in self.limits)
+        return self._replace(kink=self.kink.xreplace(table), limits=limits)
+
+
 @dataclass(frozen=True)
 class Split:
-    """The smooth cost and path constraints of a system.
+    """The smooth cost, integrals and path constraints of a system.
 
     Attributes
     ----------
     cost : Expr
-    rows : tuple of (str or None, Expr)
-        Functions >= 0 with the name of their path constraint; None for those of hidden unknowns.
-    unknowns : tuple of (Symbol, Expr)
-        Hidden unknowns, with the functions that they are at a minimum.
+        The terms of the cost without kinks.
+    lifted : Expr
+        The other ones, with hidden unknowns.
+    integrals : mapping of str to Expr
+    senses : mapping from names of integrals with kinks to int
+        1 where hidden unknowns may be too large, -1 where they may make the integral too small.
+    rows : tuple of (str, Expr)
+        Functions >= 0 with the name of their path constraint.
+    unknowns : tuple of Hidden
     signs : mapping from Symbol to int
         Parameters whose values must not be negative (1), or not positive (-1), for the split to be
         right.
     """
 
     cost: Any
-    rows: tuple[tuple[str | None, Any], ...]
-    unknowns: tuple[tuple[Any, Any], ...]
+    lifted: Any
+    integrals: Mapping[str, Any]
+    senses: Mapping[str, int]
+    rows: tuple[tuple[str, Any], ...]
+    unknowns: tuple[Hidden, ...]
     signs: Mapping[Any, int]
 
 
 def split(system: MechanicalSystem) -> Split:
-    """Split the cost and the path constraints of a system; raise ModelError for what cannot be
-    split."""
+    """Split the cost, integrals and path constraints of a system; raise ModelError for what cannot
+    be split."""
     real, back = _real(system)
     signs: dict[Any, int] = {}
-    lifted = _Lifted("the cost", signs)
-    cost = system.cost
-    if _has_kinks(cost.xreplace(real)):
-        cost = lifted.over(cost.xreplace(real), 1).xreplace(back)
-    rows: list[tuple[str | None, Any]] = []
+    of_cost = _Lifted(COST, "the cost", signs, 0)
+    terms = [(e, e.xreplace(real)) for e in sp.Add.make_args(system.cost)]
+    cost = sp.Add(*(e for e, own in terms if not _has_kinks(own)))
+    lifted = sp.Add(*(of_cost.over(own, 1) for _, own in terms if _has_kinks(own)))
+    unknowns, senses, integrals = of_cost.unknowns, {}, dict(system.integrals)
+    for name, value in system.integrals.items():
+        if _has_kinks(value.xreplace(real)):
+            smooth, senses[name], own = _either(name, value.xreplace(real), signs, len(unknowns))
+            integrals[name] = smooth.xreplace(back)
+            signs |= own.signs
+            unknowns = [*unknowns, *own.unknowns]
+    rows: list[tuple[str, Any]] = []
     for name, r in system.path_functions.items():
         if not _has_kinks(r.xreplace(real)):
             rows.append((name, r))
             continue
         parts = _branches(r.xreplace(real), f"path constraint {name!r}", signs)
         rows += [(name, part.xreplace(back)) for part in parts]
-    rows += [(None, part.xreplace(back)) for part in lifted.rows]
-    unknowns = tuple((s, kink.xreplace(back)) for s, kink in lifted.unknowns)
-    return Split(cost, tuple(rows), unknowns, {back[s]: sign for s, sign in signs.items()})
+    return Split(
+        cost, lifted.xreplace(back), integrals, senses, tuple(rows),
+        tuple(hidden.mapped(back) for hidden in unknowns), {back[s]: n for s, n in signs.items()},
+    )  # fmt: skip
+
+
+def _either(
+    name: str, value: Any, signs: Mapping[Any, int], first: int
+) -> tuple[Any, int, _Lifted]:
+    """An integrand with hidden unknowns, with which sign it can be split, and these."""
+
+    def with_sign(sense: int) -> tuple[Any, int, _Lifted]:
+        lifted = _Lifted(name, f"integral {name!r}", dict(signs), first)
+        return lifted.over(value, sense), sense, lifted
+
+    try:
+        return with_sign(1)
+    except ModelError:
+        return with_sign(-1)
 
 
 def check_smooth(expression: Any, where: str, kinks: bool = False) -> None:
@@ -85,12 +135,11 @@ def check_smooth(expression: Any, where: str, kinks: bool = False) -> None:
 
 
 class _Lifted:
-    """Hidden unknowns for the kinks of a function that is minimised."""
+    """Hidden unknowns for the kinks of a function that is minimised, numbered from one on."""
 
-    def __init__(self, where: str, signs: dict[Any, int]) -> None:
-        self.where, self.signs = where, signs
-        self.rows: list[Any] = []
-        self.unknowns: list[tuple[Any, Any]] = []
+    def __init__(self, of: str, where: str, signs: dict[Any, int], first: int) -> None:
+        self.of, self.where, self.signs, self.first = of, where, signs, first
+        self.unknowns: list[Hidden] = []
 
     def over(self, e: Any, sign: int) -> Any:
         """The function with hidden unknowns for its kinks; ``sign`` is that with which it
@@ -113,13 +162,16 @@ class _Lifted:
         raise _refused(e, self.where)
 
     def _unknown(self, kink: Any, sign: int) -> Any:
-        same = [s for s, other in self.unknowns if other == kink]
+        same = [hidden.symbol for hidden in self.unknowns if hidden.kink == kink]
         if same:
             return same[0]
-        s = sp.Dummy(f"s_{len(self.unknowns)}", real=True)
-        self.unknowns.append((s, kink))
-        for value in _values(kink):
-            self.rows += _branches(sign * (s - value), self.where, self.signs)
+        s = sp.Dummy(f"s_{self.first + len(self.unknowns)}", real=True)
+        limits = [
+            limit
+            for value in _values(kink)
+            for limit in _branches(sign * (s - value), self.where, self.signs)
+        ]
+        self.unknowns.append(Hidden(s, kink, self.of, tuple(limits)))
         return s
 
 
@@ -205,6 +257,11 @@ def _refused(e: Any, where: str) -> ModelError:
         why = "which cannot be split into smooth functions"
     elif where == "the cost":
         why = "where it cannot be split: abs and Max must raise a cost, Min must lower it"
+    elif where.startswith("integral"):
+        why = (
+            "where it cannot be split: abs and Max must all raise an integral and Min lower it, or "
+            "the other way round"
+        )
     else:
         why = "where it cannot be split: abs and Max must be limited from above, Min from below"
     return ModelError(f"{where} contains {_shown(kink)}, {why}; {SMOOTH}.")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
@@ -14,9 +15,10 @@ from dmoc.symbolic.continuous import Continuous
 from dmoc.symbolic.conversion import to_nodes
 from dmoc.symbolic.discrete import StepElement
 from dmoc.symbolic.expressions import atoms_of, expression_in, final_time, reference
-from dmoc.symbolic.kernel_family import family, parameters
-from dmoc.symbolic.kinks import check_smooth
-from dmoc.symbolic.spec import Input, KernelSpec
+from dmoc.symbolic.hidden import with_hidden
+from dmoc.symbolic.kernel_family import family, parameters, state_inputs
+from dmoc.symbolic.kinks import check_smooth, split
+from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -195,7 +197,7 @@ def objective_of(system: MechanicalSystem) -> Objective:
 def check_objective(system: MechanicalSystem) -> None:
     """Refuse an objective of what it cannot be made of."""
     for name, value in system.integrals.items():
-        check_smooth(value, f"integral {name!r}", kinks=True)
+        check_smooth(value, f"integral {name!r}")
     parts = objective_of(system)
     check_smooth(parts.value, "the objective", kinks=True)
     known = {TOTAL: system.integrals, PEAK: system.quantities, LARGEST: system.quantities}
@@ -233,6 +235,14 @@ def check_objective(system: MechanicalSystem) -> None:
                 f"the objective falls with {of}: it has no minimum, since nothing bounds a peak "
                 "from above; give it a positive factor."
             )
+    for name, sense in split(system).senses.items():
+        slope = parts.value.diff(total(name))
+        if slope.is_number and sense * slope < 0:
+            ways = ("falls", "above", "positive") if sense > 0 else ("rises", "below", "negative")
+            raise ModelError(
+                f"the objective {ways[0]} with {total(name)}, whose integrand has kinks: the "
+                f"unknowns in their place are not held from {ways[1]}; give it a {ways[2]} factor."
+            )
 
 
 def objective_facts(system: MechanicalSystem) -> dict[str, Any]:
@@ -244,8 +254,10 @@ def objective_facts(system: MechanicalSystem) -> dict[str, Any]:
     def rates(own: Sequence[Any]) -> bool:
         return any(part.has(v) for part in own for v in system.velocities)
 
+    priced = [name for name in system.integrals if parts.value.has(total(name))]
     return {
         "totals": list(parts.totals),
+        "priced": priced,
         "peaks": [[list(system.quantities).index(name), both] for name, both in parts.peaks],
         "objective": parts.value != 0,
         "objective_velocities": [rates(parts.starts), rates(parts.ends)],
@@ -260,18 +272,10 @@ def objective_kernels(
     parts, par, graph = objective_of(system), parameters(f), f.L.graph
     kernels = []
     if parts.totals:
-        values = []
-        for number in range(len(parts.totals)):
-            # The final time is the integral of one.
-            points = tuple(
-                replace(p, start=_integrand(p.start, number), end=_integrand(p.end, number))
-                for p in e.points
-            )
-            values.append(replace(e, points=points).C_d)
+        # The final time is the integral of one.
+        values = [e.integral(partial(_integrand, n)) for n in range(len(parts.totals))]
         text = "Integrals of the model over a step."
-        kernels += family(
-            "integral", text, step, {"I_d": values}, par, e.chain, e.spread, e.definitions
-        )
+        kernels += with_hidden("integral", text, step, {"I_d": values}, e, par)
     if parts.value == 0:
         return kernels
     n = len(f.q)
@@ -304,6 +308,14 @@ def objective_kernels(
     return kernels
 
 
-def _integrand(f: Continuous, number: int) -> Continuous:
-    """The system with an integrand in the place of its cost; one behind the last."""
-    return replace(f, C=f.c[number] if number < len(f.c) else f.L.graph.one)
+def integrand_kernels(f: Continuous) -> list[KernelSpec]:
+    """Integrands as they were stated, for the check."""
+    if not f.c:
+        return []
+    text = "Integrands c as they were stated."
+    return [KernelSpec("integrand", text, state_inputs(f), (Output.vector("c", f.c),))]
+
+
+def _integrand(number: int, f: Continuous) -> Any:
+    """An integrand of the system; one behind the last."""
+    return f.c[number] if number < len(f.c) else f.L.graph.one

@@ -24,10 +24,10 @@ from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 
 def path_rows(
-    f: Continuous, names: Sequence[str | None], functions: Sequence[Node]
+    f: Continuous, names: Sequence[str], functions: Sequence[Node]
 ) -> list[dict[str, Any]]:
     """What each path constraint, or other function, depends on: numbers of the coordinates,
-    whether on velocities, inputs and the time.  Those of hidden unknowns have no name."""
+    whether on velocities, inputs and the time."""
     return [
         {
             "name": name,
@@ -107,7 +107,7 @@ def _along(
 
 
 def quantity_values(f: Continuous) -> list[KernelSpec]:
-    """Kernels of the quantities at states, without the hidden unknowns."""
+    """Kernels of the quantities at states."""
     if not f.z:
         return []
     *state, par = state_inputs(f)

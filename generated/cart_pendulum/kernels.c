@@ -632,4 +632,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 27}),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "b7969a0d93de6d7e36adb4c09b683d69c0eb132f141755c2cdc64a5242461854", 37, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "68b2b9dee67423bf70eabf05ea6c124b491cf10023850af1f933dea5a439bab8", 37, entries};

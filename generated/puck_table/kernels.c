@@ -529,4 +529,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 34}),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "e15f41bad08b1163f637e6dd70048dc6aa15ea5e54e232a30e751a12fd8b6167", 37, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "ed59da3b6df6ba303c93e804a03163796d0f978760bf1142c04eff3011c2e4d3", 37, entries};

@@ -27,6 +27,7 @@ from dmoc.program.laws.held import HeldLaw
 from dmoc.program.laws.hit import HitLaw
 from dmoc.program.laws.impact import ImpactLaw
 from dmoc.program.laws.joint import JointLaw
+from dmoc.program.laws.kink import KinkLaw
 from dmoc.program.laws.law import Law
 from dmoc.program.laws.objective import ObjectiveLaw
 from dmoc.program.laws.path import PathLaw
@@ -67,6 +68,7 @@ class Laws:
     held: HeldLaw
     joint: JointLaw
     complementarity: ComplementarityLaw
+    kink: KinkLaw
     equalities: tuple[Block, ...] = ()
     inequalities: tuple[Block, ...] = ()
     remembered: Remembered = field(default_factory=Remembered)
@@ -81,8 +83,8 @@ class Laws:
 
     def __iter__(self) -> Iterator[Law]:
         first = self.step, self.path, self.bound, self.quantity, self.velocity, self.peak
-        last = self.joint, self.complementarity, self.force
-        return iter((*first, self.impact, self.ends, *self.of_contacts, *last, self.objective))
+        last = self.joint, self.complementarity, self.force, self.objective, self.kink
+        return iter((*first, self.impact, self.ends, *self.of_contacts, *last))
 
     @property
     def of_contacts(self) -> tuple[Law, ...]:
@@ -153,6 +155,7 @@ def laws_of(
         ComplementarityLaw(
             lay, problem.friction, problem.restitution_values, problem.relaxation, scale
         ),
+        KinkLaw(problem, lay),
     )  # fmt: skip
 
 

@@ -58,8 +58,12 @@ class ObjectiveLaw(Law):
     def terms(self, places: Places, laws: Laws) -> list[Term]:
         lay, terms = self.lay, []
         if self.names:
-            rows = np.tile(self.total.numbers, (lay.total, 1))
-            terms.append(Term("integral", places.step(np.arange(lay.total)), (rows,), -1.0))
+            rows, step = (
+                np.tile(self.total.numbers, (lay.total, 1)),
+                places.step(np.arange(lay.total)),
+            )
+            at = (*step, lay.hidden_of_kernels) if lay.index_s.size else step
+            terms.append(Term("integral", at, (rows,), -1.0))
         shared = lay.index_totals[None], lay.index_peaks[None]
         ends = *places.at_end(False)[:2], *places.at_end(True)[:2]
         return [*terms, Term("objective", (*shared, *ends), (np.full((1, 1), COST),))]

@@ -114,8 +114,8 @@ class PathLaw(Law):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the functions; empty for limits of hidden unknowns."""
-        return tuple(row["name"] or "" for row in self.rows)
+        """Of the functions."""
+        return tuple(row["name"] for row in self.rows)
 
     def _which(self, kind: Callable[[Mapping[str, Any]], Any]) -> Bools:
         return np.array([bool(kind(row)) for row in self.rows], dtype=bool)
@@ -171,7 +171,7 @@ class PathLaw(Law):
             return
         lay, count, kernel = self.lay, len(self.rows), self.kernel
         nouns = {"path": "path constraint ", "quantity": "bound of ", "peak": "peak of "}
-        names = [nouns[self.name] + n if n else "limit of a hidden unknown" for n in self.names]
+        names = [nouns[self.name] + n for n in self.names]
         kind = KINDS[self.name]
         counted = partial(Counted, kind, self.names)
         scheme, steps, points = lay.scheme, np.arange(lay.total), lay.scheme.points

@@ -102,9 +102,7 @@ class QuantityLaw(Law):
         if self.idle:
             return []
         lay, nodes = self.lay, self.lay.collision_nodes
-        still, idle = (
-            np.full((len(nodes), size), places.zero) for size in (lay.nq, lay.of_kernels.shape[1])
-        )
+        still, idle = (np.full((len(nodes), size), places.zero) for size in (lay.nq, lay.nu))
         at_events = lay.index_q[nodes], still, idle, places.times(nodes)
         pushed = np.full((1, lay.force.count), places.zero)
         parts: list[tuple[int | slice, tuple[Index, ...]]] = [

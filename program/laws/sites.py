@@ -36,7 +36,7 @@ def arguments_along(
     inside phases, and at the ends of phases; with ``forces`` behind them, where quantities of the
     model contain any."""
     step, at, k = places.step(np.arange(lay.total)), nodes_of_ends(lay), nodes
-    q, u = lay.index_q, lay.of_kernels
+    q, u = lay.index_q, lay.index_u
     state = q[at], places.known(_velocities(lay)), u[inputs_of_ends(lay)], places.times(at)
     found = {"": step, "_ends": step, "_point": state}
     if len(k):
