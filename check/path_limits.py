@@ -14,6 +14,7 @@ from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.names import velocity_name
 from dmoc.check.checked_motion import Motion
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.simulation.flow import PLACES, Steps
 
@@ -37,10 +38,16 @@ class IntegratedSteps:
     ends: Array
     stop: Array
 
-    def at(self, share: float) -> tuple[Array, Array, Array, Array]:
-        """q, v, u and t at a share of every step: the polynomial of degree 5."""
+    def part(self, which: Index) -> IntegratedSteps:
+        """Some of them."""
+        ends = (a[which] for a in (self.start, self.ends, self.stop))
+        return IntegratedSteps(self.steps.part(which), *ends)
+
+    def at(self, share: float | Array) -> tuple[Array, Array, Array, Array]:
+        """q, v, u and t at a share of every step, one for all or one for each: the polynomial of
+        degree 5."""
         nq = self.ends.shape[2]
-        h, s = self.steps.h[:, None], share
+        h, s = self.steps.h[:, None], np.reshape(share, (-1, 1))
         q, v, a = self.start[:, :nq], h * self.start[:, nq : 2 * nq], h**2 * self.ends[:, 0]
         d = self.stop[:, :nq] - q - v - a / 2
         e = h * self.stop[:, nq : 2 * nq] - v - a
@@ -49,7 +56,7 @@ class IntegratedSteps:
         place = q + s * (v + s * (a / 2 + s * (c3 + s * (c4 + s * c5))))
         rate = v + s * (a + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))
         u = self.steps.u0 + s * (self.steps.u1 - self.steps.u0)
-        return place, rate / h, u, self.steps.t + s * self.steps.h
+        return place, rate / h, u, self.steps.t + s[:, 0] * self.steps.h
 
 
 @dataclass(frozen=True)
@@ -76,7 +83,8 @@ def path_excess(motion: Motion, courses: Sequence[IntegratedSteps]) -> tuple[Exc
     how far the ranges of the motion move it.  The terms of a bound are the value and the bound.
     """
     names = motion.model.kernels.manifest["path_constraints"]
-    limits = motion.trajectory.limits
+    integrals = motion.model.kernels.integrals
+    limits = {n: box for n, box in motion.trajectory.limits.items() if n not in integrals}
     if not names and not limits:
         return ()
     path = _Path.of(motion, courses)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
 from dmoc.check.findings import Findings, infinite_where_none, largest
+from dmoc.check.integrals import integral_errors
 from dmoc.check.path_limits import Excess, IntegratedSteps, path_excess
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
@@ -58,7 +59,8 @@ def _errors(motion: Motion, mode: Mode, y: Array, nodes: Sequence[Array]) -> tup
 @dataclass(frozen=True)
 class StepErrors:
     """Every step integrated from its first node: the largest errors at its end and at the nodes
-    inside, and between nodes, the work of each phase, and the excesses of path constraints."""
+    inside, and between nodes, the work of each phase, and the excesses of path constraints and of
+    bounds of integrals."""
 
     findings: Findings
     work: tuple[float, ...]
@@ -72,7 +74,8 @@ def step_errors(motion: Motion) -> StepErrors:
     measured = [part.findings.measured for part in parts]
     worst = {name: max(errors[name] for errors in measured) for name in measured[0]}
     work = tuple(work for part in parts for work in part.work)
-    return StepErrors(Findings(worst), work, path_excess(motion, courses))
+    worst["error of an integral"], integrals = integral_errors(motion, courses)
+    return StepErrors(Findings(worst), work, (*path_excess(motion, courses), *integrals))
 
 
 def _course(motion: Motion, piece: ModeSpan) -> IntegratedSteps:

@@ -8,7 +8,7 @@ random directions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -73,40 +73,37 @@ def _families(system: MechanicalSystem, kernels: Kernels, values: Array) -> dict
     s = [sp.Dummy(real=True) for _ in parts.unknowns]
     smooth = f.smooth(system, s)
     kinks = tuple(f.rewritten(system, [own.kink for own in parts.unknowns]))
-    plain, of_steps, hidden = (
-        ReferenceValues(g, kernels, values) for g in (f, smooth, replace(f, r=kinks))
-    )
+    # The split functions with the hidden unknowns behind the inputs.
+    split_up = replace(smooth, u=(*smooth.u, *s), C=smooth.C_s, r=smooth.l)
+    systems = f, smooth, replace(f, r=kinks), split_up
+    plain, of_steps, hidden, lifted = (ReferenceValues(g, kernels, values) for g in systems)
     families = plain.families | {name: of_steps.families[name] for name in OF_STEPS}
-    # The same functions with the hidden unknowns behind the inputs.
-    at_point = replace(smooth, u=(*smooth.u, *s), C=smooth.C_s, r=smooth.l)
-    lifted = ReferenceValues(at_point, kernels, values)
-    timed = [mp.mpf(1)] if "final_time" in kernels.manifest.get("totals", ()) else []
+    ones = [mp.mpf(1)] * ("final_time" in kernels.manifest.get("totals", ()))
 
-    def over(step: Vector, value: Function) -> list[tuple[Any, Vector]]:
-        """Weights and values at the points of a step on both sides, each with its own s."""
-        x, own = (step[: len(step) - sides * len(s)], step[len(step) - sides * len(s) :])
-        h = x[2 * of_steps.nq + 2 * of_steps.nu]
-        places = [(y, h * p[3] / per) for p in of_steps.points(x) for y in p[:per]]
-        own_of = [own[i * len(s) : (i + 1) * len(s)] for i in range(sides)]
-        return [
-            (weight, value([*y[:-1], *at, y[-1]]))
-            for (y, weight), at in zip(places, own_of, strict=True)
-        ]
+    def over(x: Vector, value: Callable[[Vector], Vector]) -> list[Vector]:
+        """Values at the points of a step on both sides, each with its own s, and their weights
+        behind."""
+        points = of_steps.points(x)
+        per = 2 if len(points) == 1 else 1
+        own = x[len(x) - len(s) * per * len(points) :]
+        h = x[2 * (of_steps.nq + of_steps.nu)]
+        rows = []
+        for i, (y, weight) in enumerate((y, h * p[3] / per) for p in points for y in p[:per]):
+            rows.append([*value([*y[:-1], *own[i * len(s) : (i + 1) * len(s)], y[-1]]), weight])
+        return rows
 
-    per = 2 if of_steps.scheme.points == 1 else 1
-    sides = per * of_steps.scheme.points
-
-    def summed(step: Vector, value: Function) -> Vector:
-        parts = over(step, value)
-        return [mp.fsum(w * v[j] for w, v in parts) for j in range(len(parts[0][1]))]
+    def summed(x: Vector, value: Callable[[Vector], Vector]) -> Vector:
+        columns = zip(*over(x, value), strict=True)
+        *values, weights = (list(column) for column in columns)
+        return [mp.fdot(zip(column, weights, strict=True)) for column in values]
 
     return families | {
         "hidden": lambda x: {"s": hidden.r(x)},
         "lifted": lambda x: {
             "C_s_d": summed(x, lifted.C),
-            "l_d": [r for _, v in over(x, lifted.r) for r in v],
+            "l_d": [limit for row in over(x, lifted.r) for limit in row[:-1]],
         },
-        "integral": lambda x: {"I_d": summed(x, lambda y: [*lifted.c(y), *timed])},
+        "integral": lambda x: {"I_d": summed(x, lambda y: [*lifted.c(y), *ones])},
         "integrand": lambda x: {"c": plain.c(x)},
     }
 

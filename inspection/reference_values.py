@@ -277,6 +277,7 @@ class ReferenceValues:
         q_k, q_kp1 = x[:n], x[n : 2 * n]
         u_k, u_kp1 = x[2 * n : 2 * n + m], x[2 * n + m : 2 * n + 2 * m]
         h, t_k, q_i = x[2 * n + 2 * m], x[2 * n + 2 * m + 1], x[2 * n + 2 * m + 2 :]
+        q_i = q_i[: self.scheme.inside * n]  # hidden unknowns may stand behind
         return [q_k, q_kp1, *(q_i[a : a + n] for a in range(0, len(q_i), n))], (u_k, u_kp1), h, t_k
 
     def points(self, x: Vector) -> list[tuple[Vector, Vector, Any, Any, Vector]]:

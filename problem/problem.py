@@ -13,7 +13,6 @@ import numpy as np
 from dmoc.base.arguments import (
     Interval,
     Range,
-    interval,
 )
 from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.base.names import momentum_name, velocity_name
@@ -44,6 +43,7 @@ from dmoc.problem.reach import onto_first, reach_of
 from dmoc.problem.reading import read
 from dmoc.problem.relations import Relation, carried, relations_of
 from dmoc.problem.statement import statement_in_short, table_of_problem
+from dmoc.problem.totals import total_bounds
 
 if TYPE_CHECKING:
     from dmoc.codegen.system_kernels import GivenModel
@@ -464,8 +464,13 @@ class Problem(Shown):
     @cached_property
     def total_bounds(self) -> Array:
         """Bounds of the totals at the goal, shape (number, 2)."""
-        named = [(name, self.goal.get(name)) for name in self.model.totals_of]
-        return np.array([interval(v, f"goal of {n}") for n, v in named], dtype=float).reshape(-1, 2)
+        return total_bounds(self)
+
+    @property
+    def total_limits(self) -> dict[str, Range]:
+        """Bounds of the integrals that have some, by name."""
+        named = zip(self.model.totals_of, self.total_bounds.tolist(), strict=True)
+        return {name: (low, high) for name, (low, high) in named if low > -np.inf or high < np.inf}
 
     @cached_property
     def quantity_ranges(self) -> QuantityRanges:

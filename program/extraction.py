@@ -113,7 +113,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         controls=problem.control_form,
         bounds=(problem.input_bounds, problem.coordinate_bounds),
         ignored=problem.ignored,
-        limits=problem.limits,
+        limits=problem.limits | problem.total_limits,
         totals=_totals(nlp, x),
     )
 
@@ -134,6 +134,15 @@ def loose_peaks(nlp: Transcription, x: Array) -> Array:
     if not nlp.layout.index_peaks.size:
         return np.zeros(0)
     return nlp.laws.peak.above(nlp.values(x)[1:])
+
+
+def loose_totals(nlp: Transcription, x: Array) -> Array:
+    """By how much totals at the scaled unknowns x lie above those of their integrands, in their
+    sizes."""
+    lay, at = nlp.layout, nlp.physical(x)
+    problem = lay.problem_at(nlp.problem, at)
+    totals = problem.model.totals(lifted(problem, lay, lay.step_inputs(at)))
+    return np.asarray((at[lay.index_totals] - totals) / nlp.scale.totals)
 
 
 def _inside(nlp: Transcription, t: Array, q: Array, v: Array, q_i: Array) -> tuple[Array, Array]:

@@ -7,20 +7,24 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 
+import numpy as np
+
 from dmoc.base.deadline import ENDLESS, Deadline
 from dmoc.motion.trajectory import Trajectory
 from dmoc.program.active_constraints import active_bounds
-from dmoc.program.extraction import loose_peaks, named_multipliers, trajectory
+from dmoc.program.extraction import loose_peaks, loose_totals, named_multipliers, trajectory
 from dmoc.program.layout import peak_names
 from dmoc.program.undefined_values import singular_at, undefined_at
 from dmoc.results.solution import Solution
 from dmoc.solvers.kkt import duality_gap
 from dmoc.solvers.outcome import Status
-from dmoc.solving.attempts import Attempt
+from dmoc.solving.attempts import UNDECIDED, Attempt
 from dmoc.solving.mode_edges import proposal_of
 
 # A peak that lies further above its quantity, in sizes of this, is not held by it.
 FAR_ABOVE = 1.0
+# An integral with kinks that is so far off that of its integrand, in its size, is not held by it.
+OFF = 1e-3
 
 
 def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> Solution:
@@ -31,13 +35,9 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
     proposal = proposal_of(nlp, outcome) if status is Status.SOLVED else None
     if status is Status.SOLVED and any(c.grazes for c in motion.collisions):
         status, message = Status.GRAZES, f"{message}; {without_effect(motion)}"
-    rising = _rising(attempt)
-    if rising and status in (Status.SOLVED, Status.STALLED):
-        status, proposal = Status.STALLED, None
-        message = (
-            f"the cost has no minimum, it falls as {rising} rises, which nothing bounds from "
-            "above: give it a positive factor"
-        )
+    loose, optimality = _loose(attempt), outcome.left.optimality
+    if loose and status in (Status.SOLVED, *UNDECIDED):  # there is none, whatever is left
+        status, proposal, message, optimality = Status.STALLED, None, loose, np.inf
     return Solution(
         status=status,
         message=message,
@@ -47,7 +47,7 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
         multipliers=named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z),
         active_bounds=active_bounds(nlp, outcome.x, outcome.duals.w, outcome.duals.z),
         max_violation=outcome.left.violation,
-        optimality=outcome.left.optimality,
+        optimality=optimality,
         iterations=outcome.iterations,
         seconds=seconds,
         unknowns=nlp.physical(outcome.x),
@@ -61,12 +61,28 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
     )
 
 
-def _rising(attempt: Attempt) -> str:
-    """The name of a peak that the objective falls with, if it has left its quantity."""
+def _loose(attempt: Attempt) -> str:
+    """What is said of a peak that the objective falls with, if it has left its quantity, and of an
+    integral with kinks that it falls with, if it has left its integrand; nothing of others."""
     nlp, x = attempt.nlp, attempt.outcome.x
-    far = loose_peaks(nlp, x) > FAR_ABOVE
-    falls = nlp.cost_gradient(x)[nlp.layout.index_peaks] < 0
-    return next((n for n, i in zip(peak_names(nlp.problem), far & falls, strict=True) if i), "")
+    lay, slopes = nlp.layout, nlp.cost_gradient(x)
+    peaks = (loose_peaks(nlp, x) > FAR_ABOVE) & (slopes[lay.index_peaks] < 0)
+    for name, loose in zip(peak_names(nlp.problem), peaks, strict=True):
+        if loose:
+            return (
+                f"the cost has no minimum, it falls as {name} rises, which nothing bounds from "
+                "above: give it a positive factor"
+            )
+    off = loose_totals(nlp, x)
+    for name, sense in nlp.kernels.manifest.get("senses", {}).items():
+        i = nlp.problem.model.totals_of.index(name)
+        ways = ("rises", "positive") if sense > 0 else ("falls", "negative")
+        if sense * off[i] > OFF and sense * slopes[lay.index_totals[i]] < 0:
+            return (
+                f"the cost falls as {name} {ways[0]}, which unknowns in the place of kinks do "
+                f"without end: give it a {ways[1]} factor"
+            )
+    return ""
 
 
 def _message(attempt: Attempt) -> str:

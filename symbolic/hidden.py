@@ -33,8 +33,8 @@ def with_hidden(
 ) -> list[KernelSpec]:  # fmt: skip
     """Kernels of functions of a step and of its hidden unknowns, if there are any."""
     inputs = (*step, Input("s", e.s)) if e.s else step
-    ways = (with_more(way, e.s) for way in (e.chain, e.spread))
-    return family(name, text, inputs, outputs, par, *ways, e.definitions)
+    chain, spread = (with_more(way, e.s) for way in (e.chain, e.spread))
+    return family(name, text, inputs, outputs, par, chain, spread, e.definitions)
 
 
 def hidden_kernels(
@@ -57,9 +57,9 @@ def hidden_kernels(
 
 
 def hidden_facts(system: MechanicalSystem) -> dict[str, Any]:
-    """What programs need to know of hidden unknowns: the numbers of their limits, the integrals that
-    they belong to, empty for the cost, and in which sense these are split; nothing where there are
-    none."""
+    """What programs need to know of hidden unknowns: the numbers of their limits, the integrals
+    that they belong to, empty for the cost, and in which sense these are split; nothing where there
+    are none."""
     parts = split(system)
     if not parts.unknowns:
         return {}

@@ -19,6 +19,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
+from dmoc.problem.totals import held_integrals
 from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Index, Numbering
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.laws.law import Law
@@ -83,11 +84,3 @@ class KinkLaw(Law):
         )
         rows = np.full((lay.total, 1), COST), np.hstack([limits, again])
         return [Term("lifted", (*places.step(np.arange(lay.total)), s), rows)]
-
-
-def held_integrals(problem: Problem) -> set[str]:
-    """What holds hidden unknowns: the cost, which has no name, and integrals that are bounded or
-    priced."""
-    bounded = np.isfinite(problem.total_bounds).any(axis=1)
-    names = np.array(problem.model.totals_of)[bounded].tolist()
-    return {"", *names, *problem.kernels.manifest.get("priced", ())}

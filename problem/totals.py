@@ -1,0 +1,42 @@
+"""Bounds of the integrals of a model at the goal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.base.arguments import interval, shown
+from dmoc.base.errors import ProblemError
+from dmoc.codegen.kernels import Array
+
+if TYPE_CHECKING:
+    from dmoc.problem.problem import Problem
+
+
+def total_bounds(problem: Problem) -> Array:
+    """Bounds of the totals, shape (number, 2); one on the side from which nothing holds what stands
+    in the place of kinks is refused."""
+    senses = problem.kernels.manifest.get("senses", {})
+    bounds = []
+    for name in problem.model.totals_of:
+        stated = problem.goal.get(name)
+        low, high = interval(stated, f"goal of {name}")
+        sense = senses.get(name, 0)
+        if (sense > 0 and low > -np.inf) or (sense < 0 and high < np.inf):
+            wanted, least = (
+                ("(None, upper)", "too large") if sense > 0 else ("(lower, None)", "too small")
+            )
+            raise ProblemError(
+                f"goal of {name} = {shown(stated)}: expected {wanted}, because its integrand has "
+                f"kinks, in whose place stand unknowns that may be {least}."
+            )
+        bounds.append((low, high))
+    return np.array(bounds, dtype=float).reshape(-1, 2)
+
+
+def held_integrals(problem: Problem) -> set[str]:
+    """What holds unknowns in the place of kinks: the cost, which has no name, and integrals that
+    are bounded or priced."""
+    priced = problem.kernels.manifest.get("priced", ())
+    return {"", *problem.total_limits, *priced}
