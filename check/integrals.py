@@ -40,7 +40,7 @@ def integral_errors(
         bound = low if low - value > value - high else high
         excess = max(low - value, value - high) / max(size, abs(value) + abs(bound))
         if excess > 0:
-            what = f"the bound of {name}, which is {value:.6g}"
+            what = f"the bound of {name} ({value:.6g})"
             excesses.append(Excess(excess, excess, what, motion.trajectory.final_time))
     return error, tuple(excesses)
 

@@ -60,7 +60,7 @@ class Descent:
 
     def _always(self) -> None:
         """Inequalities that shape the problem from the start: beside collisions, on the times,
-        and on steps and impulses."""
+        on steps and impulses, and what alone holds hidden unknowns."""
         nlp, lay = self.nlp, self.nlp.layout
         laws, impact = nlp.laws, nlp.laws.impact
         for c, s in zip(lay.collision_nodes, lay.touch.surfaces, strict=True):
@@ -68,7 +68,8 @@ class Descent:
                 continue
             rows = laws.step.gap.index[max(c - 2, 0) : c + 3, s]
             self.watched_rows[rows[rows != NOWHERE] - nlp.n_eq] = True
-        for block in (laws.ends.earliest, laws.ends.latest, impact.approach, impact.separation):
+        ends = laws.ends.earliest, laws.ends.latest
+        for block in (*ends, impact.approach, impact.separation, laws.kink.limit):
             self.watched_rows[block.numbers - nlp.n_eq] = True
         self.watched_rows[nlp.minimal_times] = True
         for index in (lay.index_h, lay.impact.lam):

@@ -198,6 +198,10 @@ ModelError: forced(...)
     "f(q)" | neither a coordinate nor an input
     "I*q" | contains the imaginary unit
 ModelError: kinked(...)
+    integrals={"i": sp.Abs(U)}, objective=-dmoc.total("i") | the objective falls with total(i),
+        whose integrand has kinks: the unknowns in their place are not held from above; give it a
+    integrals={"i": sp.Abs(U) + sp.Min(U, 0)} | integral 'i' contains Abs(u), where it cannot be
+        split: abs and Max must all raise an integral and Min lower it, or the other way round; use
     cost=sp.Min(U, 0) | the cost contains Min(0, u), where it cannot be split: abs and Max must
         raise a cost, Min must lower it; use a smooth
     cost=-sp.Abs(U) | the cost contains Abs(u), where it cannot be split: abs and Max must raise a

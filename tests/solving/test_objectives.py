@@ -231,7 +231,6 @@ REFUSED = {
     "a falling peak": ({"quantities": {"push": u}, "objective": -dmoc.peak("push")},
                        "falls with peak"),
     "an unknown parameter": ({"objective": k * dmoc.final_time}, "objective contains k"),
-    "an integrand with a kink": ({"integrals": {"work": abs(u)}}, "integral 'work' contains Abs"),
     "an integral named like the final time": (
         {"integrals": {"final_time": u**2}}, "has the name of the final time"
     ),
