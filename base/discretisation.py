@@ -121,6 +121,20 @@ class Discretisation:
 
         return np.asarray(np.linalg.inv(np.vander(self.nodes, increasing=True)).T.copy())
 
+    def slopes(self, places: Array) -> Array:
+        """Slopes of the shape functions at some places, shape (places, degree + 1)."""
+        import numpy as np
+
+        powers, x = np.arange(self.degree + 1), np.asarray(places)[:, None]
+        return np.asarray((powers * x ** np.maximum(powers - 1, 0)) @ self.shapes.T)
+
+    @cached_property
+    def slopes_of_nodes(self) -> Array:
+        """The same at the nodes, rows and columns in the order of time."""
+        import numpy as np
+
+        return self.slopes(np.sort(self.nodes))[:, np.argsort(self.nodes)]
+
     @cached_property
     def weights(self) -> Array:
         """Weights of the nodes in the order of time, for integrals over [0, 1] (Lobatto

@@ -158,8 +158,9 @@ def _sizes(motion: Motion, flows: list[Reaction]) -> tuple[Array, Array, Array]:
     q, t = np.vstack([p.q for p in phases]), np.concatenate([p.t for p in phases])
     normal = np.maximum(normal, pushes(model, motion.sizes, q, t, model.gap_slopes(q, t)))
     smooth = SMOOTH * pushes(model, motion.sizes, q, t, model.tangent_slopes(q, t))
-    rubbing = [motion.rubbing(i).static_friction for i in range(len(phases))]
-    most = np.max([mu.max(axis=(0, 1)) for mu in rubbing], axis=0)
+    rubbing = [motion.rubbing(i) for i in range(len(phases))]
+    kinds = [mu for there in rubbing for mu in (there.static_friction, there.friction)]
+    most = np.max([mu.max(axis=(0, 1)) for mu in kinds], axis=0)
     bearing = model.with_coefficients(most).bearing(normal)
     friction = np.maximum.reduce([bearing, BEARABLE * taken, smooth])
     joint = np.maximum(joint, pushes(model, motion.sizes, q, t, model.joint_slopes(q, t)))

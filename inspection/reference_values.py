@@ -13,7 +13,7 @@ import sympy as sp
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.symbolic.continuous import Continuous
-from dmoc.symbolic.expressions import approach_speed
+from dmoc.symbolic.expressions import approach_speed, sliding_speed
 
 # Digits of the numbers, and the step of differences: two of them leave 1e-30 of the third
 # derivative, rounding errors less.
@@ -78,14 +78,32 @@ class ReferenceValues:
 
         self.coefficients = coefficients
         self.tau, self.e_t = numbers(f.tau), numbers(f.e_t)
-        along = {*f.q, *f.v, *f.u, f.t, *f.x}
+        along = {*f.q, *f.v, *f.u, f.t, *f.x, sliding_speed}
         kinds = {"mu": f.mu} | ({"mu_s": f.mu_s} if f.mu_s != f.mu else {})
 
         pairs = zip(f.mu, f.mu_s, strict=True)
         varies = [bool((mu.free_symbols | mu_s.free_symbols) & along) for mu, mu_s in pairs]
+
+        def frictions(chosen: Sequence[Any]) -> Callable[[Vector, Vector], Vector]:
+            mu = compiled(chosen, (*f.x, *f.x_dot, sliding_speed))
+
+            def at_speeds(y: Vector, speeds: Vector) -> Vector:
+                defined = [*places(y), *self._rates(places, y)] if f.x else []
+
+                def at(j: int, speed: Any) -> Any:
+                    return _real(mu(*y, *par, *defined, speed)[j])
+
+                def along(j: int, speed: Any) -> Any:
+                    slope = (at(j, STEP) - at(j, -STEP)) / (2 * STEP)
+                    return at(j, speed) if speed >= 0 else at(j, 0) + slope * speed
+
+                return [along(j, speed) for j, speed in enumerate(speeds)]
+
+            return at_speeds
+
         self.constant, self.varying = (
             {
-                name: numbers(
+                name: frictions(
                     [m if v is side else 0 * m for m, v in zip(kind, varies, strict=True)]
                 )
                 for name, kind in kinds.items()
@@ -133,12 +151,25 @@ class ReferenceValues:
             forces = x[2 * n : -2]
             return {"W_tau": [T * (b - a) for T, a, b in zip(forces, early, late, strict=True)]}
 
-        def bears(x: Vector, kind: str = "mu") -> Vector:  # (q, v, u_k, u_kp1, c, N, t)
-            before, after = x[2 * n : 2 * n + m], x[2 * n + m : 2 * (n + m)]
-            c, *N = x[2 * (n + m) : -1]
-            u = [(1 - c) * a + c * b for a, b in zip(before, after, strict=True)]
-            values = self.varying[kind]([*x[: 2 * n], *u, x[-1]])
+        def between(x: Vector) -> tuple[Vector, Vector]:  # u and N of (u_k, u_kp1, c, N)
+            c, *N = x[2 * m :]
+            return [(1 - c) * a + c * b for a, b in zip(x[:m], x[m : 2 * m], strict=True)], N
+
+        def bears(x: Vector, kind: str = "mu") -> Vector:  # (q, sigma, u_k, u_kp1, c, N, t)
+            u, N = between(x[n + self.nt : -1])
+            values = self.varying[kind]([*x[:n], *rest, *u, x[-1]], x[n : n + self.nt])
             return [a * b for a, b in zip(N, values, strict=True)]
+
+        def drags(x: Vector) -> dict[str, Vector]:  # (q, around, d, h, s, u_k, u_kp1, c, N, t)
+            count = max(self.scheme.degree, 2) + 1
+            around, more = x[n : (count + 1) * n], x[(count + 1) * n :]
+            d, h, s = more[:count], more[count], more[count + 1 : count + 1 + self.nt]
+            u, N = between(more[count + 1 + self.nt : -1])
+            v = [mp.fdot(zip(d, around[i::n], strict=True)) / h for i in range(n)]
+            rates = self._rates(self.tau, y := [*x[:n], *v, *u, x[-1]])
+            speeds = [a * b for a, b in zip(s, rates, strict=True)]
+            values = self.varying["mu"](y, speeds)
+            return {"drags": [a * b for a, b in zip(N, values, strict=True)]}
 
         def bearing_work(x: Vector) -> dict[str, Vector]:  # the same, q_k, q_kp1, t_k, t_kp1
             rest, (q_k, q_kp1, t_k, t_kp1) = x[: -2 * n - 2], _ends_in(x[-2 * n - 2 :], n)
@@ -181,10 +212,12 @@ class ReferenceValues:
             "slip_work": slip_work,
             "traction": lambda x: {"s": pushed(self.tau, self.nt)(x)},
             "friction": lambda _: {
-                k: c([mp.mpf(0)] * (2 * n + m + 1)) for k, c in self.constant.items()
+                k: c([mp.mpf(0)] * (2 * n + m + 1), [mp.mpf(0)] * self.nt)
+                for k, c in self.constant.items()
             },
             "bearing": lambda x: {"bears": bears(x)},
             "holding": lambda x: {"holds": bears(x, "mu_s")},
+            "dragging": drags,
             "bearing_work": bearing_work,
             "tangential": lambda _: {"e_t": self.e_t([mp.mpf(0)] * (2 * n + m + 1))},
             "terminal_cost": lambda x: {"Phi": self.Phi(state(x))},

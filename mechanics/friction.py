@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.bound_kernels import BoundKernels, Index, as_column
+from dmoc.mechanics.bound_kernels import BoundKernels, Index, as_column, as_rows
 from dmoc.mechanics.contacts import RAIL
 
 
@@ -70,9 +70,17 @@ class FrictionModel(BoundKernels):
     def _in_kernels(self, q: Array, t: ArrayLike, v: Array | None, u: Array | None) -> list[Array]:
         """Coefficients at states, of tangents whose friction is a kernel of these."""
         u, one = self._input(u), np.ones((1, self.nt))
-        rows = self._state(v), u, u, np.zeros((1, 1)), one, as_column(t)
+        speeds = 0 * one
+        if self.slows and v is not None:
+            speeds = as_rows(np.abs(self.slide_rates(q, v, t)))
+        rows = speeds, u, u, np.zeros((1, 1)), one, as_column(t)
         kernels = ("bearing", "holding")[: 1 + self.kernels.has("holding")]
         return [self._at(kernel, q, *rows)[0] for kernel in kernels]
+
+    @cached_property
+    def slows(self) -> bool:
+        """Whether some friction depends on the sliding speed."""
+        return self.kernels.has("dragging")
 
     def with_friction_at(
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
@@ -99,6 +107,10 @@ class FrictionModel(BoundKernels):
         there.__dict__ |= {"static_friction": kinds[-1]}
         there.__dict__.pop("hit_friction", None)
         return there
+
+    def slide_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
+        """Sliding velocities sigma, shape (..., nt)."""
+        return self._values("slide_rate", self.nt, q, as_rows(v), as_column(t))
 
     @cached_property
     def has_friction(self) -> NDArray[np.bool_]:

@@ -48,9 +48,15 @@ def held_responses(
 def unknown_in_impacts(model: Model, tangents: Iterable[int]) -> str:
     """Why friction of some tangents has no part in an impact; empty where it has."""
     for k in tangents:
-        if k in model.varying_friction and model.varying_friction[k]["inputs"]:
+        row, name = model.varying_friction.get(k, {}), model.kernels.tangents[k]
+        if row.get("inputs"):
             return (
-                f"the friction of {model.kernels.tangents[k]!r} depends on inputs, which have no "
-                "value of their own in an impact, where they may jump"
+                f"the friction of {name!r} depends on inputs, which have no value of their own in "
+                "an impact, where they may jump"
+            )
+        if row.get("velocities"):
+            return (
+                f"the friction of {name!r} depends on the sliding speed, which changes within an "
+                "impact"
             )
     return ""

@@ -181,10 +181,6 @@ class Model(FrictionModel):
         1)."""
         return self._matrix("tau_D", (self.nt, self.nq + 1), q, as_column(t))
 
-    def slide_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
-        """Sliding velocities sigma, shape (..., nt)."""
-        return self._values("slide_rate", self.nt, q, as_rows(v), as_column(t))
-
     def slide_accelerations(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Second derivatives of the tangential positions along a motion without acceleration, shape
         (..., nt)."""

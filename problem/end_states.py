@@ -186,7 +186,7 @@ def _check_varying_friction(problem: Problem) -> None:
         if unknown := unknown_in_impacts(model, rubbing.tolist()):
             raise ProblemError(
                 f"{unknown}: event {i + 1} ({problem.words[i]}) is one; give it friction "
-                "without inputs, or leave the impact out."
+                "without them, or leave the impact out."
             )
 
 

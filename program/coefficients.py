@@ -11,7 +11,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import NOWHERE, Entries, Index
 from dmoc.program.layout import Layout
-from dmoc.program.terms import Places, Term
+from dmoc.program.terms import PARABOLA, Places, Term
 
 
 class Product(NamedTuple):
@@ -57,14 +57,20 @@ def terms_of(
 
 
 def at_events(lay: Layout) -> Site:
-    """The arguments at events, by their numbers: an impact has neither velocity nor inputs."""
+    """The arguments at events, by their numbers: an impact has no inputs."""
 
     def site(events: Index, places: Places) -> tuple[Index, ...]:
-        nodes, none = lay.collision_nodes[events], places.zero
-        v, u = (np.full((len(nodes), n), none) for n in (lay.nq, lay.index_u.shape[1]))
-        return lay.index_q[nodes], v, u, u, np.full((1, 1), none), places.times(nodes)
+        nodes = lay.collision_nodes[events]
+        u = np.full((len(nodes), lay.index_u.shape[1]), places.zero)
+        c = np.full((1, 1), places.zero)
+        return lay.index_q[nodes], _at_rest(lay, len(u), places), u, u, c, places.times(nodes)
 
     return site
+
+
+def _at_rest(lay: Layout, count: int, places: Places) -> Index:
+    """Sliding speeds of what does not slide."""
+    return np.full((count, len(lay.touch.contacts.tangents)), places.zero)
 
 
 def at_stations(lay: Layout) -> Site:
@@ -74,12 +80,43 @@ def at_stations(lay: Layout) -> Site:
 
     def site(rows: Index, places: Places) -> tuple[Index, ...]:
         place = at.place[rows]
-        first, last, share = _inputs(lay, rows)
-        v, c = np.full((len(rows), lay.nq), places.zero), places.number(share)
-        q = lay.index_places[place]
-        return q, v, lay.index_u[first], lay.index_u[last], c[:, None], places.times_of(place)
+        q, speeds = lay.index_places[place], _at_rest(lay, len(rows), places)
+        return q, speeds, *_between(lay, rows, places), places.times_of(place)
 
     return site
+
+
+def where_it_slides(lay: Layout) -> Site:
+    """The arguments of :func:`at_stations` of what slides with a friction of its rate.  The
+    velocity is that of the step's polynomial, which keeps the order of the step; at nodes that
+    steps share that of the parabola through the three nodes of the phase next to them."""
+
+    def site(rows: Index, places: Places) -> tuple[Index, ...]:
+        at = lay.stations
+        place, phase = at.place[rows], at.phase[rows]
+        around, slopes = _in_steps(lay, rows) if at.own else _in_phases(lay, rows)
+        return (
+            lay.index_places[place], lay.index_places[around].reshape(len(rows), -1),
+            places.number(slopes), lay.index_h[phase][:, None],
+            places.number(lay.touch.signs[phase]), *_between(lay, rows, places),
+            places.times_of(place),
+        )  # fmt: skip
+
+    return site
+
+
+def _in_steps(lay: Layout, rows: Index) -> tuple[Index, Array]:
+    """The places of the step of stations, and the slopes there of what is one at one of them."""
+    at, d = lay.stations, lay.scheme.degree
+    return d * at.step[rows, None] + np.arange(d + 1), lay.scheme.slopes_of_nodes[at.number[rows]]
+
+
+def _in_phases(lay: Layout, rows: Index) -> tuple[Index, Array]:
+    """The same of three nodes of the phase of stations, which has two steps at least."""
+    at, node = lay.stations, lay.stations.place[rows]
+    first, last = lay.ends[at.phase[rows]], lay.ends[at.phase[rows] + 1]
+    begin = np.maximum(np.minimum(node - 1, last - 2), first)
+    return begin[:, None] + np.arange(3), PARABOLA[node - begin]
 
 
 def at_nodes(lay: Layout) -> Site:
@@ -88,21 +125,22 @@ def at_nodes(lay: Layout) -> Site:
     def site(nodes: Index, places: Places) -> tuple[Index, ...]:
         before, after = np.maximum(nodes - 1, 0), np.minimum(nodes, lay.total - 1)
         u = lay.index_u[lay.row_u_kp1[before]], lay.index_u[lay.row_u_k[after]]
-        v = np.full((len(nodes), lay.nq), places.zero)
         c = places.number(np.full((1, 1), 0.5))
-        return lay.index_q[nodes], v, *u, c, places.times(nodes)
+        rest = _at_rest(lay, len(nodes), places)
+        return lay.index_q[nodes], rest, *u, c, places.times(nodes)
 
     return site
 
 
-def _inputs(lay: Layout, rows: Index) -> tuple[Index, Index, Array]:
-    """Rows of u on both sides of stations, and the place between them."""
+def _between(lay: Layout, rows: Index, places: Places) -> tuple[Index, Index, Index]:
+    """Inputs on both sides of stations, and the place between them."""
     at = lay.stations
     step = at.step[rows]
     if at.own:
-        return lay.row_u_k[step], lay.row_u_kp1[step], at.within[rows]
+        share = places.number(at.within[rows])
+        return lay.index_u[lay.row_u_k[step]], lay.index_u[lay.row_u_kp1[step]], share[:, None]
     inner = ~(at.is_first | at.is_last)[rows]
     before = np.where(inner, lay.row_u_kp1[step - 1], lay.row_u_kp1[step])
     first = np.where(at.is_first[rows], lay.row_u_k[step], before)
     last = np.where(at.is_last[rows], lay.row_u_kp1[step], lay.row_u_k[step])
-    return first, last, np.full(len(rows), 0.5)
+    return lay.index_u[first], lay.index_u[last], places.number(np.full((1, 1), 0.5))

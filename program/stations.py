@@ -47,7 +47,7 @@ class Stations:
         return np.repeat(np.arange(len(self.steps)), self._counts)
 
     @cached_property
-    def _number(self) -> Index:
+    def number(self) -> Index:
         """The place of each in its step, from 0 to d; 0 where steps share them."""
         rows = np.arange(len(self.phase))
         return rows % (self.scheme.degree + 1) if self.own else np.zeros_like(rows)
@@ -55,11 +55,11 @@ class Stations:
     @cached_property
     def within(self) -> Array:
         """The place of each in its step, from 0 to 1."""
-        return np.asarray(np.sort(self.scheme.nodes)[self._number])
+        return np.asarray(np.sort(self.scheme.nodes)[self.number])
 
     @cached_property
     def place(self) -> Index:
-        return self.step * self.scheme.degree + self._number if self.own else self._shared
+        return self.step * self.scheme.degree + self.number if self.own else self._shared
 
     @cached_property
     def _shared(self) -> Index:
@@ -87,18 +87,18 @@ class Stations:
     @cached_property
     def begins(self) -> Bools:
         """Those at the place where something has ended before: a phase, or the step before."""
-        return self._number == 0 if self.own else self.is_first
+        return self.number == 0 if self.own else self.is_first
 
     @cached_property
     def ends(self) -> Bools:
         """Those at which a step ends that has impulses of its own, or a phase."""
-        return self._number == self.scheme.degree if self.own else self.is_last
+        return self.number == self.scheme.degree if self.own else self.is_last
 
     @cached_property
     def share(self) -> Array:
         """What each stands for, in steps."""
         if self.own:
-            return np.asarray(self.scheme.weights[self._number])
+            return np.asarray(self.scheme.weights[self.number])
         return np.where(self.is_first | self.is_last, 0.5, 1.0)
 
     @cached_property
@@ -108,7 +108,7 @@ class Stations:
 
     def label(self, row: int) -> str:
         """The place of a row in words."""
-        number, step = int(self._number[row]), int(self.step[row])
+        number, step = int(self.number[row]), int(self.step[row])
         if not self.own:
             return f"at node {self.place[row]} in phase {self.phase[row]}"
         if self.begins[row] or self.ends[row]:

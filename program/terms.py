@@ -12,11 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dmoc.base.discretisation import Discretisation
+from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.layout import Layout
 
+# Slopes of a parabola at three nodes of distance 1, from its values there.
+PARABOLA = DISCRETISATIONS[4].slopes_of_nodes / 2
 # The row of the cost.
 COST = -2
 
@@ -58,7 +60,7 @@ class Places:
     constants: int
 
     def number(self, shares: Array) -> Index:
-        """Positions of numbers that are among the shares of a step."""
+        """Positions of numbers that are among those of a step."""
         off = np.abs(shares_of(self.lay.scheme)[:, None] - shares.ravel())
         return np.asarray(self.constants + off.argmin(axis=0).reshape(shares.shape))
 
@@ -96,8 +98,10 @@ class Places:
 
 
 def shares_of(scheme: Discretisation) -> Array:
-    """Places in a step that are numbers in the pool: its nodes, and the middle."""
-    return np.append(scheme.nodes, 0.5)
+    """Numbers in the pool: places in a step, its nodes and the middle, slopes of polynomials at
+    their nodes, and signs."""
+    slopes = scheme.slopes_of_nodes, PARABOLA
+    return np.concatenate([scheme.nodes, [0.5], *map(np.ravel, slopes), [-1.0, 0.0, 1.0]])
 
 
 def like(rows: Index) -> Index:

@@ -25,8 +25,8 @@ cdef class Conditions:
     cdef ptrdiff_t[::1] gamma_row, gamma_column, sigma_row, sigma_column, phi_row, phi_column
     # Coefficients of friction of rows of states, of what slides and, where there are others, of
     # what sticks, and which of them vary; directions of sliding.
-    cdef bint static_too
-    cdef double[::1] mu, mu_s, varied, pressed, way
+    cdef bint static_too, slows
+    cdef double[::1] mu, mu_s, varied, pressed, way, speed
     cdef ptrdiff_t[::1] varies
     cdef double[::1] gamma_D, sigma_D, phi_D, g, tau, phi, C, B, along, bent, lam, change
     cdef double[::1] responses, A, scaled, V, unit, wanted, spare
@@ -65,7 +65,8 @@ cdef class Conditions:
             par = np.asarray(self.par)[None, : self.par.shape[0] - 1]
             kinds = [np.tile(mu[0], rows) for mu in kernels.call("friction", np.array(par))]
             self.mu, self.mu_s, self.static_too = kinds[0], kinds[len(kinds) - 1], len(kinds) > 1
-            self.varied = _space(rows * self.nt)
+            self.varied, self.speed = _space(rows * self.nt), _space(rows * self.nt)
+            self.slows = kernels.has("dragging")
             varying = kernels.manifest.get("varying_friction", ())
             names = [contacts.tangent_numbers[row["name"]] for row in varying]
             self.varies, self.pressed = np.array(names, dtype=np.intp), np.ones(self.nt)
@@ -144,9 +145,11 @@ cdef class Conditions:
         cdef ptrdiff_t stride[DMOC_MOST]
         cdef double *results[DMOC_MOST]
         cdef double between = 0.0
-        args[0], args[1], args[2], args[3] = y, y + self.nq, &self.u[0], &self.u[0]
+        if self.slows:
+            self.slide(n, width, y)
+        args[0], args[1], args[2], args[3] = y, &self.speed[0], &self.u[0], &self.u[0]
         args[4], args[5], args[6], args[7] = &between, &self.pressed[0], &self.t[0], &self.par[0]
-        stride[0], stride[1], stride[2], stride[3] = width, width, self.nu, self.nu
+        stride[0], stride[1], stride[2], stride[3] = width, self.nt, self.nu, self.nu
         stride[4], stride[5], stride[6], stride[7] = 0, 0, 1, 0
         results[0] = &self.varied[0]
         self.bearing.run(n, args, stride, results)
@@ -154,6 +157,23 @@ cdef class Conditions:
         if self.static_too:
             self.holding.run(n, args, stride, results)
             self.take(n, self.mu_s)
+        return 0
+
+    cdef int slide(self, ptrdiff_t n, ptrdiff_t width, const double *y) except -1 nogil:
+        """Evaluate the sliding speeds of n rows, zero of what does not slide in the mode."""
+        cdef const double *args[DMOC_MOST]
+        cdef ptrdiff_t stride[DMOC_MOST]
+        cdef double *results[DMOC_MOST]
+        cdef ptrdiff_t i, k
+        args[0], args[1], args[2], args[3] = y, y + self.nq, &self.t[0], &self.par[0]
+        stride[0], stride[1], stride[2], stride[3] = width, width, 1, 0
+        results[0] = &self.speed[0]
+        self.slide_rate.run(n, args, stride, results)
+        for k in range(self.nt):
+            for i in range(n):
+                self.speed[i * self.nt + k] *= (
+                    self.way[self.slides_at[k]] if self.slides_at[k] >= 0 else 0.0
+                )
         return 0
 
     cdef void take(self, ptrdiff_t n, double[::1] mu) noexcept nogil:

@@ -54,7 +54,7 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
     if unknown := unknown_in_impacts(model, (model.rough[j] for j in on if j in model.rough)):
         raise SimulationError(
             f"{unknown}: there is one at t = {at.t:.6g} s; stop before it, or give the surface "
-            "friction without inputs."
+            "friction without them."
         )
     hit = [j for j in on if rates[j] > at.small.rate[j]]
     e, dies = _effective(model, at, reaction, restitution, h)

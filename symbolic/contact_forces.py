@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from dmoc.symbolic.contact_kernels import at_speeds
 from dmoc.symbolic.continuous import Continuous, dot, rates, total
 from dmoc.symbolic.graph import gradient
 from dmoc.symbolic.kernel_family import contracted
@@ -52,6 +53,12 @@ def equations_of_forces(f: Continuous, supports: Sequence[int | None]) -> list[A
         for r in rates(f, places)
     ]
     T, one = forces[len(f.g) : len(f.g) + len(f.tau)], f.L.graph.one
-    bears = [mu * (one if j is None else forces[j]) for mu, j in zip(f.mu, supports, strict=True)]
-    slides = [a + s * b for s in (1, -1) for a, b in zip(T, bears, strict=True)]
+    presses = [one if j is None else forces[j] for j in supports]
+    slides = [
+        a + s * mu * N
+        for s in (1, -1)
+        for a, mu, N in zip(
+            T, at_speeds(f, f.mu, [s * r for r in rates(f, f.tau)]), presses, strict=True
+        )
+    ]
     return [*(r + p for r, p in zip(residual(f, a), pushed, strict=True)), *bent, *slides]

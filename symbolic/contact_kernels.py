@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from dmoc.symbolic.continuous import (
@@ -14,7 +14,8 @@ from dmoc.symbolic.continuous import (
     rates,
     total,
 )
-from dmoc.symbolic.graph import gradient
+from dmoc.symbolic.expressions import sliding_speed
+from dmoc.symbolic.graph import RELATION, Node, gradient
 from dmoc.symbolic.kernel_family import family, state_inputs
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
@@ -58,9 +59,9 @@ def surface_kernels(f: Continuous) -> list[KernelSpec]:
     ]
 
 
-def tangent_kernels(f: Continuous) -> list[KernelSpec]:
+def tangent_kernels(f: Continuous, degree: int) -> list[KernelSpec]:
     """Kernels of the tangential positions tau(q, t), of the tangential impulse T . grad tau, and
-    of the coefficients of friction."""
+    of the coefficients of friction, with steps of a degree."""
     if not f.tau:
         return []
     q, v, _, t, par = state_inputs(f)
@@ -84,17 +85,18 @@ def tangent_kernels(f: Continuous) -> list[KernelSpec]:
             {"W_tau": [a * (late - early) for a, early, late in slipped]},
             par,
         ),
-        *_friction_kernels(f),
+        *_friction_kernels(f, degree),
     ]
 
 
-def _friction_kernels(f: Continuous) -> list[KernelSpec]:
+def _friction_kernels(f: Continuous, degree: int) -> list[KernelSpec]:
     """Kernels of the coefficients of friction: of all that are constant along a motion, and, where
     some are not, of what they bear at a state.
 
-    ``c`` is the place between two inputs, in [0, 1]; N what each tangent is pressed with.
+    ``c`` is the place between two inputs, in [0, 1]; sigma the sliding speed of each tangent; N
+    what it is pressed with.
     """
-    q, v, _, t, par = state_inputs(f)
+    q, _, _, t, par = state_inputs(f)
     graph, stated = f.L.graph, {"mu": f.mu} | ({"mu_s": f.mu_s} if f.mu_s != f.mu else {})
     moving = [varies(f, mu) or varies(f, mu_s) for mu, mu_s in zip(f.mu, f.mu_s, strict=True)]
     constant = {
@@ -117,19 +119,22 @@ def _friction_kernels(f: Continuous) -> list[KernelSpec]:
         s: (1 - c) * a + c * b
         for s, a, b in zip(f.u, *(side.symbols for side in sides), strict=True)
     }
-    N = Input.vector(graph, "N", len(f.tau))
-    state, ends = (q, v, *sides, place, N, t), _ends_of_step(f)
-    bears = {
-        name: [
-            load * mu.subs(between) if moves else graph.zero
-            for load, mu, moves in zip(N.symbols, values, moving, strict=True)
-        ]
-        for name, values in stated.items()
-    }
+    sigma, N = (Input.vector(graph, name, len(f.tau)) for name in ("sigma", "N"))
+    state, ends = (q, sigma, *sides, place, N, t), _ends_of_step(f)
+
+    def borne(values: Sequence[Any], speeds: Sequence[Any]) -> list[Any]:
+        rows = zip(N.symbols, at_speeds(f, values, speeds), moving, strict=True)
+        return [load * mu.subs(between) if moves else graph.zero for load, mu, moves in rows]
+
+    bears = {name: borne(values, sigma.symbols) for name, values in stated.items()}
     text = "What friction holds whose coefficients vary, mu_j N_j"
     kernels += family("bearing", f"{text}.", state, {"bears": bears["mu"]}, par)
     if "mu_s" in bears:
         kernels += family("holding", f"{text}, that sticks.", state, {"holds": bears["mu_s"]}, par)
+    if any(sliding(f) in mu.free_symbols for mu in f.mu):
+        ways = Input.vector(graph, "ways", len(f.tau))
+        speeds = [s * rate for s, rate in zip(ways.symbols, rates(f, f.tau), strict=True)]
+        kernels += _dragging(f, degree, (ways, *sides, place), N, borne(f.mu, speeds))
     moved = [_at(f, tau, ends[1]) - _at(f, tau, ends[0]) for tau in f.tau]
     step = (ends[0][0], ends[1][0], ends[0][1], ends[1][1])
     return [
@@ -144,16 +149,68 @@ def _friction_kernels(f: Continuous) -> list[KernelSpec]:
     ]
 
 
+def _dragging(
+    f: Continuous, degree: int, more: tuple[Input, ...], N: Input, drags: list[Any]
+) -> list[KernelSpec]:
+    """The kernel of what friction holds at a place whose velocity is sum_a d_a q_a / h, of the
+    coordinates q_a of other places; it slides with the signs s."""
+    graph, n, places = f.L.graph, len(f.q), max(degree, 2) + 1
+    around, slopes = (
+        Input.vector(graph, name, size) for name, size in (("around", places * n), ("d", places))
+    )
+    (h,) = (length := Input("h", (graph.symbol("h"),))).symbols
+    q, _, _, t, par = state_inputs(f)
+    inputs = (q, around, slopes, length, *more, N, t)
+    rates = tuple((v, dot(slopes.symbols, around.symbols[i::n]) / h) for i, v in enumerate(f.v))
+
+    def chain(partial: Callable[[Sequence[Node]], list[Node]]) -> list[Node]:
+        own = [s for i in inputs for s in i.symbols]
+        by = dict(zip(own, (every := partial([*own, *f.v])), strict=False))
+        pulls = [slope / h for slope in every[len(own) :]]
+        by[h] = by[h] - dot(f.v, pulls)
+        for a, d in enumerate(slopes.symbols):
+            place = around.symbols[a * n : (a + 1) * n]
+            by[d] = by[d] + dot(place, pulls)
+            by |= {s: by[s] + d * pull for s, pull in zip(place, pulls, strict=True)}
+        return [by[s] for s in own]
+
+    text = "What friction holds of what slides, mu_j N_j, at the rates of a step."
+    return family("dragging", text, inputs, {"drags": drags}, par, chain, definitions=rates)
+
+
+def sliding(f: Continuous) -> Any:
+    """The symbol of the sliding speed."""
+    return f.L.graph.symbol(sliding_speed.name)
+
+
+def at_speeds(f: Continuous, values: Sequence[Any], speeds: Sequence[Any]) -> list[Any]:
+    """Coefficients of friction at the sliding speeds of their tangents.  A negative one, as on the
+    way of a solver, has the tangent of the coefficient at rest: the coefficient itself may grow
+    without bounds there."""
+    pairs = zip(values, speeds, strict=True)
+    return [_at_speed(sliding(f), mu, speed) for mu, speed in pairs]
+
+
+def _at_speed(symbol: Any, mu: Any, speed: Any) -> Any:
+    if symbol not in mu.free_symbols:
+        return mu
+    graph = mu.graph
+    rest, slope = (a.subs({symbol: graph.zero}) for a in (mu, mu.diff(symbol)))
+    forth = graph.make(RELATION, ">=", (speed, graph.zero))
+    return graph.choice([mu.subs({symbol: speed}), forth, rest + slope * speed])
+
+
 def varying(f: Continuous, tangents: Sequence[str]) -> tuple[list[str], list[Any]]:
     """The tangents whose friction varies, and what has the symbols of both coefficients."""
-    both = [(name, a * a + b * b) for name, a, b in zip(tangents, f.mu, f.mu_s, strict=True)]
+    mu = at_speeds(f, f.mu, rates(f, f.tau))
+    both = [(name, a * a + b * b) for name, a, b in zip(tangents, mu, f.mu_s, strict=True)]
     pairs = [(name, mu) for name, mu in both if varies(f, mu)]
     return [name for name, _ in pairs], [mu for _, mu in pairs]
 
 
 def varies(f: Continuous, mu: Any) -> bool:
     """Whether a coefficient of friction varies along a motion, or with what a solver chooses."""
-    return bool(mu.free_symbols & {*f.q, *f.v, *f.u, f.t, *f.design})
+    return bool(mu.free_symbols & {*f.q, *f.v, *f.u, f.t, sliding(f), *f.design})
 
 
 def joint_kernels(f: Continuous) -> list[KernelSpec]:

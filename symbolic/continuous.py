@@ -19,7 +19,7 @@ from dmoc.symbolic.contact_references import forces_of
 from dmoc.symbolic.conversion import plain_nodes, to_nodes
 from dmoc.symbolic.definitions import rate_of, rate_symbol, symbols_of
 from dmoc.symbolic.drawing import values_of
-from dmoc.symbolic.expressions import approach_speed, atoms_of, coefficients_of
+from dmoc.symbolic.expressions import approach_speed, atoms_of, coefficients_of, sliding_speed
 from dmoc.symbolic.graph import Graph, Node, gradient
 from dmoc.symbolic.kinks import split
 
@@ -160,7 +160,8 @@ class Continuous:
     ) -> list[Node]:
         """More functions in these symbols as nodes, and those of some constants, which are exact
         then."""
-        symbols = (*self.q, *self.v, *self.u, self.t, *self.par, approach_speed, *self.y, *self.s)
+        speeds = approach_speed, sliding_speed
+        symbols = (*self.q, *self.v, *self.u, self.t, *self.par, *speeds, *self.y, *self.s)
         table = {s: graph.symbol(s.name) for s in symbols} | dict(constants or {})
         rates = dict(zip((table[q] for q in self.q), (table[v] for v in self.v), strict=True))
         rates[table[self.t]] = graph.one

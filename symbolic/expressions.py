@@ -42,6 +42,34 @@ class ApproachSpeed(sp.Symbol):  # type: ignore[misc]  # SymPy has no types
 approach_speed = ApproachSpeed("approach_speed", nonnegative=True)
 
 
+class SlidingSpeed(sp.Symbol):  # type: ignore[misc]  # SymPy has no types
+    """The magnitude of the rate of a tangent, in which a model may state its friction.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from sympy.physics.mechanics import dynamicsymbols
+    >>> import dmoc
+    >>> x = dynamicsymbols("x")
+    >>> block = dmoc.MechanicalSystem(
+    ...     "block",
+    ...     coordinates=[x],
+    ...     lagrangian=x.diff() ** 2 / 2,
+    ...     tangents={"rail": x},
+    ...     friction={"rail": 1 + sp.exp(-dmoc.sliding_speed / 0.1)},
+    ... )
+    >>> run = dmoc.simulate(block, {"x": 0}, {"x": 1}, step_size=0.01, steps=100)
+    >>> round(run.rubbing[0].end, 4)
+    0.9318
+    """
+
+    def _latex(self, _: Any) -> str:
+        return r"|\sigma|"
+
+
+sliding_speed = SlidingSpeed("sliding_speed", nonnegative=True)
+
+
 class FinalTime(sp.Symbol):  # type: ignore[misc]  # SymPy has no types
     """The final time of a motion in seconds, in an objective.
 
@@ -159,8 +187,11 @@ def atoms_of(expression: Any) -> set[Any]:
 
 
 def coefficients_of(friction: Any) -> tuple[Any, Any]:
-    """The static and the kinetic coefficient of friction, which may be one."""
-    return tuple(friction) if isinstance(friction, sp.Tuple) else (friction, friction)
+    """The static and the kinetic coefficient of friction; where one is stated, the static one is
+    its value at rest."""
+    if isinstance(friction, sp.Tuple):
+        return tuple(friction)
+    return friction.subs(sliding_speed, 0), friction
 
 
 # What expressions of a model may be made of, and what to do where something else was wanted.
@@ -171,6 +202,7 @@ REMEDIES = {
     ("surface", "inputs"): "; a limit of an input is a bound or a path constraint",
     ("Lagrangian", "inputs"): "; inputs enter through `forces`",
     ("restitution", "velocities"): "; the speed of the hit is dmoc.approach_speed",
+    ("friction", "velocities"): "; the magnitude of the rate of its tangent is dmoc.sliding_speed",
     ("", "forces"): "; forces of contacts and constraints stand in `quantities`",
 }
 
@@ -181,6 +213,16 @@ def unknown_symbol(
     """What is wrong with a symbol that does not belong where it stands; ``kinds`` are the symbols
     of the model."""
     only = ", ".join(allowed[:-1]) + " and " * (len(allowed) > 1) + allowed[-1]
+    if symbol == approach_speed:
+        return (
+            f"{where} contains dmoc.approach_speed, which is known in a hit alone: expected it in "
+            "`restitution`."
+        )
+    if symbol == sliding_speed:
+        return (
+            f"{where} contains dmoc.sliding_speed, which is known of what slides alone: expected "
+            "it in `friction`, of a pair in the kinetic coefficient."
+        )
     for kind, symbols in kinds.items():
         if symbol in symbols:
             subjects = ("surface", "Lagrangian", "friction", "restitution")
@@ -209,11 +251,6 @@ def unknown_symbol(
         return (
             f"{where} contains {symbol}, which is neither a coordinate nor an input: declare it or "
             "remove it."
-        )
-    if symbol == approach_speed:
-        return (
-            f"{where} contains dmoc.approach_speed, which is known in a hit alone: expected it in "
-            "`restitution`."
         )
     if symbol.name == "t":
         return (

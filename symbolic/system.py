@@ -54,11 +54,13 @@ class MechanicalSystem(Shown):
         the surface ``floor``, whose point slides with the velocity tau'; the time where the
         other side moves.  A name that is no surface is a rail or a joint with dry friction.
     friction : mapping of str to Expr or pair of Expr, optional
-        Of each tangent, as a smooth expression in q, u, t and parameters that is never negative:
+        Of each tangent, as a smooth expression in q, u, t, parameters and ``dmoc.sliding_speed``,
+        the magnitude of the tangent's rate, that is never negative:
         Coulomb's coefficient mu of a surface, or the largest friction force F in the direction of
         tau, in the unit of a force, of a rail or a joint.  ``{"rail": B}`` with an input B is a
         brake.  A pair ``{"floor": (0.5, 0.4)}`` has the static coefficient, up to which it sticks,
-        and the kinetic one of sliding and of impacts.  mu is the ratio of the forces along grad tau
+        and the kinetic one of sliding and of impacts; what sticks has a single one at the speed 0.
+        mu is the ratio of the forces along grad tau
         and grad g, hence Coulomb's where the gap and the tangent are lengths.  Equations
         :eq:`varying-friction` and :eq:`static-friction` of the theory.
     restitution : mapping of str to Expr, optional

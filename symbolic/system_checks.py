@@ -24,6 +24,7 @@ from dmoc.symbolic.expressions import (
     atoms_of,
     coefficients_of,
     final_time,
+    sliding_speed,
     unknown_symbol,
 )
 from dmoc.symbolic.graph import Graph, Node, reverse
@@ -93,6 +94,11 @@ def check_names(system: MechanicalSystem) -> None:
                 raise ModelError(
                     f"the {role} {name!r} has the name of the speed of a hit: choose another name."
                 )
+            if name == sliding_speed.name and system.tangents:
+                raise ModelError(
+                    f"the {role} {name!r} has the name of the speed in friction: choose another "
+                    "name."
+                )
             if name == "t":
                 raise ModelError(f"the {role} 't' has the name of the time: choose another name.")
             if name == final_time.name and role == "integral":
@@ -158,17 +164,29 @@ def _check_friction(system: MechanicalSystem) -> None:
                 f"the tangent of {name!r} contains no coordinate: expected a position along "
                 f"the contact in {_listed(system.coordinates)}."
             )
-        values = coefficients_of(system.friction.get(name, sp.S.Zero))
-        for value in values:
+        static, kinetic = coefficients_of(system.friction.get(name, sp.S.Zero))
+        if static.free_symbols & {sliding_speed}:
+            raise ModelError(
+                f"the static friction of {name!r} contains dmoc.sliding_speed, which is 0 where it "
+                "sticks: expected it in the second of the pair alone."
+            )
+        at_rest, slope = (e.subs(sliding_speed, 0) for e in (kinetic, kinetic.diff(sliding_speed)))
+        for what, value in (("value", at_rest), ("slope", slope)):
+            if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
+                raise ModelError(
+                    f"the friction of {name!r}, {shown(kinetic)}, has no finite {what} at a "
+                    "sliding speed of 0, from which it begins to slide: state an expression that "
+                    "has one."
+                )
+        for value in (static, at_rest):
             if value.is_number and value < 0:
                 raise ModelError(
                     f"the friction of {name!r} is {shown(value)}: expected 0 or a positive number."
                 )
-        static, kinetic = values
-        if static.is_number and kinetic.is_number and static < kinetic:
+        if static.is_number and at_rest.is_number and static < at_rest:
             raise ModelError(
                 f"the static friction of {name!r} is {shown(static)}, below the kinetic one, "
-                f"{shown(kinetic)}: expected a pair (static, kinetic) with the larger one first."
+                f"{shown(at_rest)}: expected a pair (static, kinetic) with the larger one first."
             )
 
 
@@ -181,6 +199,7 @@ def _check_symbols(system: MechanicalSystem) -> None:
         "the time": {dynamicsymbols._t},
         "parameters": set(system.parameters),
         "the approach speed": {approach_speed} if system.restitution else set(),
+        "the sliding speed": {sliding_speed} if system.friction else set(),
         "forces": set(forces_of(system)),
     } | kinds_of(system)
     used: set[Any] = set(system.objective.free_symbols)
@@ -225,7 +244,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("path constraint {!r}", system.path_functions, KINDS),
         ("constraint {!r}", system.constraints, PLACE),
         ("the tangent of {!r}", system.tangents, PLACE),
-        ("the friction of {!r}", system.friction, (*PLACE, "inputs")),
+        ("the friction of {!r}", system.friction, (*PLACE, "inputs", "the sliding speed")),
         ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),
         ("quantity {!r}", system.quantities, (*KINDS, "forces")),
         ("the tangential restitution of {!r}", system.tangential_restitution, ("parameters",)),

@@ -50,7 +50,14 @@ from dmoc.program.blocks import (
     two_sided,
 )
 from dmoc.program.bound_kinds import BoundKind
-from dmoc.program.coefficients import Product, at_events, at_stations, entries_of, terms_of
+from dmoc.program.coefficients import (
+    Product,
+    at_events,
+    at_stations,
+    entries_of,
+    terms_of,
+    where_it_slides,
+)
 from dmoc.program.hit_stages import STOP
 from dmoc.program.interior import bound_once
 from dmoc.program.laws.contact import ContactLaw
@@ -80,12 +87,15 @@ class FrictionLaw(Law):
         The same of what sticks.
     paired : array of bool, shape (nt,)
         Tangents for which it is another one.
+    slows : bool
+        Whether some friction depends on the sliding speed.
     """
 
     contact: ContactLaw
     mu: Array
     mu_s: Array
     paired: Bools
+    slows: bool
     stuck: Block = field(init=False)
     sliding: Block = field(init=False)
     stopped: Block = field(init=False)
@@ -235,7 +245,7 @@ class FrictionLaw(Law):
     @property
     def static(self) -> str:
         """The kernel of what sticks."""
-        return "holding" if self.paired.any() else "bearing"
+        return "holding" if self.paired.any() or self.slows else "bearing"
 
     @property
     def last(self) -> Index:
@@ -266,6 +276,7 @@ class FrictionLaw(Law):
             return []
         q, t = along.state(places)
         stuck, site = self.stuck.index, at_stations(self.lay)
+        slides = ("dragging", where_it_slides(self.lay)) if self.slows else ("bearing", site)
         before = np.full_like(stuck, NOWHERE)
         before[:-1] = stuck[1:]
         return [
@@ -277,7 +288,7 @@ class FrictionLaw(Law):
             *self._at_ends(places),
             *self._at_nodes(places),
             *self._directions(places),
-            *terms_of(self.mu, self._sliding, site, places),
+            *terms_of(self.mu, self._sliding, slides[1], places, slides[0]),
             *terms_of(self.mu_s, self._sticking, site, places, self.static),
             *terms_of(self.mu, self._in_impacts, at_events(self.lay), places),
         ]

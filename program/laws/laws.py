@@ -138,7 +138,7 @@ def laws_of(
     else:
         contact = ContactLaw(lay, pulling)
         model, mu, mu_s = problem.model, problem.friction, problem.static_friction
-        friction = FrictionLaw(contact, mu, mu_s, model.paired)
+        friction = FrictionLaw(contact, mu, mu_s, model.paired, model.slows)
         hit = HitLaw.of(problem, lay, impact)
         in_hits = np.where(np.isinf(model.hit_friction), np.inf, mu)
         returning = TangentialLaw(lay, in_hits, model.tangential_restitution, impact.touching)
@@ -204,7 +204,7 @@ def _untouched(
     a layout share them."""
     mu, events = np.zeros(len(lay.touch.contacts.tangents)), len(lay.touch.surfaces)
     contact = ContactLaw(lay, False)
-    contact.settled, friction = Settled.nothing(lay), FrictionLaw(contact, mu, mu, mu > 0)
+    contact.settled, friction = Settled.nothing(lay), FrictionLaw(contact, mu, mu, mu > 0, False)
     touching = np.zeros(events, dtype=bool)
     hit, held = HitLaw(lay, (), mu, np.zeros(events), touching), HeldLaw(contact, mu, touching)
     returning = TangentialLaw(lay, mu, mu, touching)

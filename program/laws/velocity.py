@@ -52,14 +52,6 @@ class VelocityLaw(Law):
             return np.array([0.5])
         return np.sort(DISCRETISATIONS[2 * (degree - 1)].nodes)
 
-    @cached_property
-    def slopes(self) -> Array:
-        """Slopes of the shape functions of the nodes at these places, shape (places, degree +
-        1)."""
-        powers = np.arange(self.lay.scheme.degree + 1)
-        x = self.places[:, None]
-        return np.asarray((powers * x ** np.maximum(powers - 1, 0)) @ self.lay.scheme.shapes.T)
-
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         if self.bounded:
             for index in (self.lay.impact.v_a, self.lay.impact.v_c, self.lay.index_w):
@@ -95,7 +87,7 @@ class VelocityLaw(Law):
         within = lay.index_q_i.reshape(lay.total, -1, lay.nq)
         q = np.concatenate([lay.index_q[:-1, None], lay.index_q[1:, None], within], axis=1)
         entries = []
-        for place, slopes in enumerate(self.slopes):
+        for place, slopes in enumerate(lay.scheme.slopes(self.places)):
             for side, sign in enumerate((1.0, -1.0)):
                 row = rows[:, place, side]
                 there: Bools = row >= 0

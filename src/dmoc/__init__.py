@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from dmoc.symbolic.drawing import Wall as Wall
     from dmoc.symbolic.expressions import approach_speed as approach_speed
     from dmoc.symbolic.expressions import final_time as final_time
+    from dmoc.symbolic.expressions import sliding_speed as sliding_speed
     from dmoc.symbolic.objectives import at_end as at_end
     from dmoc.symbolic.objectives import at_start as at_start
     from dmoc.symbolic.objectives import largest as largest
@@ -80,6 +81,7 @@ _PLACES = {
     "search": "dmoc.sequences.search",
     "sensitivities": "dmoc.solving.sensitivity",
     "simulate": "dmoc.results.simulation",
+    "sliding_speed": "dmoc.symbolic.expressions",
     "solve": "dmoc.solving.solve",
     "solve_many": "dmoc.solving.many",
     "sweep": "dmoc.solving.sweep",

@@ -26,6 +26,7 @@ from dmoc.symbolic.derivation.document import (
     upright,
 )
 from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
+from dmoc.symbolic.expressions import sliding_speed
 from dmoc.symbolic.families import approach, first_root
 from dmoc.symbolic.graph import gradient
 from dmoc.symbolic.system import MechanicalSystem
@@ -124,9 +125,14 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
             "|T| <= mu P and P the normal one; one that slides with the sign s has T = -s mu P. A "
             "rail has the largest force F instead of mu P/h."
         )
-        if f.mu != f.mu_s:
+        if any(isinstance(mu, sp.Tuple) for mu in system.friction.values()):
             text += (
                 " What sticks in a phase has mu_s, or F_s, which it has reached where it slides."
+            )
+        if sliding_speed in set().union(*(mu.free_symbols for mu in f.mu)):
+            text += (
+                " sliding_speed is |sigma|, sigma the rate of tau; a single coefficient has its "
+                "value at rest, mu_s or F_s, where it sticks."
             )
         if system.tangential_restitution:
             text += (

@@ -134,6 +134,25 @@ def force_problem(
     )  # fmt: skip
 
 
+def slowed_problem(order: int) -> dmoc.Problem:
+    """Friction of the sliding speed, of a contact, of one on a belt and of a rail, that slide in
+    either way and stick, and a bound of their forces."""
+    rod = slippery_rod_system()
+    mu, s = dmoc.sliding_speed, rod.coordinates[3]
+    slows = 1 + sp.exp(-2 * mu) + mu**2 / 5
+    friction = {name: e * slows for name, e in rod.friction.items()}
+    if order != 2:
+        friction["right"] = 2 * rod.friction["right"], rod.friction["right"] / (1 + mu)
+    grip = dmoc.traction("rail") + dmoc.traction("left") * s.diff() + dmoc.traction("right")
+    system = replace(rod, name="slowed_rod", friction=friction, quantities={"grip": grip})
+    return dmoc.Problem(
+        dmoc.build(system, order=order), start={"x": 0.0, "y": 1.0, "a": (0.1, 1.0), "s": 0.0},
+        contacts=["left:slip+" if order == 2 else "right:slip-", "rail:slip+"],
+        sequence=["rail:stick", *(["left:stick rail:slip-"] if order == 2 else ["right:stick"])],
+        steps=[3, 3, 4], bounds={"grip": (-9, 9)}, final_time=(0.5, 2.0),
+    )  # fmt: skip
+
+
 def hit_problem(order: int, system: dmoc.MechanicalSystem | None = None) -> dmoc.Problem:
     """Hits with friction in all ways, and landings that turn and stop, of a rod with a rail, also
     while its other end holds; of a puck without anything that lasts."""
@@ -220,6 +239,8 @@ def rebound_problem() -> dmoc.Problem:
         *("forces, constant", "forces, linear", "forces, order 4", "forces, order 6"),
         *("forces, linear, design", "forces, design, order 4"),
         *("forces, linear, slippery", "forces, slippery, order 4"),
+        *(f"slowed, order {order}" for order in (2, 4, 6)),
+        *("slowed, design, order 2", "slowed, design, order 4"),
     ],
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
@@ -244,6 +265,8 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
         rod = rod_problem("periodic" in request.param, system=slippery).but(design=design)
         return Transcription(relaxed(rod, Open((0, 1), (0, 1, 2), (1,)), ["wall"], 3, 0.5))
     order = int(request.param[-1]) if "order" in request.param else 2
+    if "slowed" in request.param:
+        return Transcription(slowed_problem(order).but(design=design))
     if "contacts" in request.param:
         rod = rod_problem("periodic" in request.param, order, slippery)
         return Transcription(rod.but(design=design))

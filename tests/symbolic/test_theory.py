@@ -77,6 +77,25 @@ def test_a_brake_acts_at_a_node_as_a_force_of_its_inputs() -> None:
     assert zero(at_end + at_start + 2 * e.h * (before + after) / 2)
 
 
+@pytest.mark.parametrize("m", [1, 2, 3])
+def test_errors_of_rates_at_the_nodes_of_a_step_cancel(m: int) -> None:
+    """{sliding-rates}: with Lobatto's weights, times polynomials below the degree of the step."""
+    x = sp.Symbol("x")
+    roots = sp.Poly(sp.legendre(m, 2 * x - 1).diff(x), x).nroots(n=30) if m > 1 else []
+    nodes = [sp.S.Zero, *sorted(roots), sp.S.One]
+    shapes = [sp.interpolate([(c, sp.Integer(c == b)) for c in nodes], x) for b in nodes]
+    weights = [sp.integrate(shape, (x, 0, 1)) for shape in shapes]
+    for power in range(m):
+        errors = [
+            sum(l.diff(x).subs(x, a) * b ** (m + 1) for l, b in zip(shapes, nodes, strict=True))
+            - (m + 1) * a**m
+            for a in nodes
+        ]
+        assert max(map(abs, errors)) > 0.1
+        moment = sum(w * a**power * e for w, a, e in zip(weights, nodes, errors, strict=True))
+        assert abs(moment) < 1e-20
+
+
 def test_the_action_of_two_steps_is_stationary_where_their_momenta_agree() -> None:
     """{del}: the derivative of the sum of two actions in the node between, with its virtual
     work."""
