@@ -123,7 +123,7 @@ def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
     }  # fmt: skip
     # Made by functions alone; an error is given its text.
     results = {"Batch", "Simulation", "Solution", "DmocError"}
-    builders = {"planar", "spatial", "approach_speed", "final_time"}
+    builders = {"planar", "spatial", "approach_speed", "sliding_speed", "final_time"}
     assert set(functions) | results | builders == set(dmoc.__all__)
     made = {name: (getattr(dmoc, name), given) for name, given in functions.items()}
     for module in (dmoc.planar, dmoc.spatial):
