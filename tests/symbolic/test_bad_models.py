@@ -241,7 +241,8 @@ ALONE = "coordinates, the time and parameters alone"
         (
             {"tangents": {"r": x}, "friction": {"r": 1 + sp.exp(-(V**2))}},
             "the friction of 'r' contains Derivative(x(t), t), one of the velocities: expected "
-            "coordinates, the time, parameters and inputs alone.",
+            "coordinates, the time, parameters, inputs and the sliding speed alone; the magnitude "
+            "of the rate of its tangent is dmoc.sliding_speed.",
         ),
         (
             {"lagrangian": m * V**2 / 2 + x * u},
