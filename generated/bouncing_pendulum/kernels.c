@@ -409,4 +409,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 14}),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "c8f24b0d2d3623edcd9c6782684ec1b3d25f60dd99680784935ed52d4d70e3ab", 37, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "2f4d8a56b4555fa881182050fe991698ea0bc6ef896bd119d3473440486c0aa1", 37, entries};

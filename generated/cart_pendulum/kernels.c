@@ -632,4 +632,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 27}),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "68b2b9dee67423bf70eabf05ea6c124b491cf10023850af1f933dea5a439bab8", 37, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "3a4786da2fbaf7409a7f31d709e141a487bb56eb4798fd923f6a042b9682c961", 37, entries};

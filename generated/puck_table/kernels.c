@@ -529,4 +529,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 34}),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "ed59da3b6df6ba303c93e804a03163796d0f978760bf1142c04eff3011c2e4d3", 37, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "26d34b8489325db223bb231fd7096e3c9247a5a28f8414ddc9850451bda29626", 37, entries};
