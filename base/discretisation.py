@@ -31,7 +31,7 @@ class InputForm:
     """How the rows of the inputs u of a phase stand for its steps.
 
     Row ``stride`` k is the input at the start of step k, ``width`` rows later that at its end; a
-    phase has ``shared`` rows more than the steps need alone.
+    phase with steps has ``shared`` rows more than these need alone.
     """
 
     name: str
@@ -41,7 +41,7 @@ class InputForm:
 
     def rows(self, steps: int) -> int:
         """Number of rows of a phase."""
-        return self.stride * steps + self.shared
+        return self.stride * steps + (self.shared if steps else 0)
 
     def starts(self, steps: int) -> Index:
         """Row of u at the start of each step of a phase, shape (steps,)."""

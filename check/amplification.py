@@ -24,17 +24,14 @@ class Carried:
     """What the linearised flow makes of errors on the way, in sizes of positions and velocities:
     the largest ratio of an error at the end to one at a segment's start, by how much an
     open-loop run leaves the motion at the end of each segment (n, 2 nq), as the errors of the
-    segments until there predict, and the largest error at the end of a phase that is followed from
-    its own first node, divided by its amplification beyond the steady one."""
+    segments until there predict, the largest error at the end of a phase that is followed from its
+    own first node, divided by its amplification beyond the steady one, and the predicted deviation
+    at the end of the motion."""
 
     amplification: float
     deviations: Array
     phase_error: float
-
-    @property
-    def end(self) -> float:
-        """The predicted deviation at the end of the motion."""
-        return largest(self.deviations[-1])
+    end: float
 
 
 def carried(motion: Motion, segments: Sequence[Segment]) -> Carried:
@@ -48,13 +45,17 @@ def carried(motion: Motion, segments: Sequence[Segment]) -> Carried:
         event_slope(motion, one.phase, unit) if one.phase < other.phase else None
         for one, other in pairwise(segments)
     ]
-    for k, (slope, event) in enumerate(zip(slopes, [*events, None], strict=True)):
+    last = motion.stepped - 1
+    strikes = last < len(motion.trajectory.collisions)  # the motion ends with its last event
+    events.append(event_slope(motion, last, unit) if strikes else None)
+    for k, (slope, event) in enumerate(zip(slopes, events, strict=True)):
         errors[:, :k] = slope @ errors[:, :k]
         errors[:, k] = own[k]
         np.abs(errors[:, : k + 1]).sum(axis=1, out=deviations[k])
         if event is not None:
             errors[:, : k + 1] = event @ errors[:, : k + 1]
-    for slope, event in zip(reversed(slopes), [None, *reversed(events)], strict=True):
+    end = np.abs(errors).sum(axis=1)
+    for slope, event in zip(reversed(slopes), reversed(events), strict=True):
         product = (product if event is None else product @ event) @ slope
         products.append(product)
     finite = np.isfinite(products).all()
@@ -62,9 +63,9 @@ def carried(motion: Motion, segments: Sequence[Segment]) -> Carried:
     pairs = list(zip(segments, slopes, strict=True))
     phases = [
         _phase_error([pair for pair in pairs if pair[0].phase == i], unit)
-        for i in range(len(motion.steps))
+        for i in range(motion.stepped)
     ]
-    return Carried(float(most), deviations, max(phases))
+    return Carried(float(most), deviations, max(phases), largest(end))
 
 
 def _phase_error(parts: Sequence[tuple[Segment, Array]], unit: Array) -> float:
@@ -93,7 +94,8 @@ def event_slope(motion: Motion, i: int, unit: Array) -> Array:
         if p.c.grazes or not p.rates[0, j] > 0:
             return np.eye(2 * nq)
         late = -((q - p.before.q[-1]) @ p.normals[j])[:, None] / p.rates[0, j]
-        sides = (p.before, -1, motion.steps[i].u1[-1]), (p.after, 0, motion.steps[i + 1].u0[0])
+        after = motion.trajectory.input_sides(p.after)[1][0]
+        sides = (p.before, -1, motion.steps[i].u1[-1]), (p.after, 0, after)
         a = np.array([model.acceleration(x.q[k], x.v[k], u, p.c.time) for x, k, u in sides])
     q, v = q + late * v, v + late * a[0]
     v = p.after_law(q, v, late[:, 0]).velocity

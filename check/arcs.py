@@ -42,6 +42,8 @@ def arcs_of(trajectory: Trajectory, model: Model, sizes: Sizes) -> list[Arc]:
         if c.surface and not c.grazes
     ]
     for phase in trajectory.phases:
+        if not phase.steps:
+            continue
         on, h = model.gaps(phase.q, phase.t) >= -ON_ARC * sizes.gap, phase.step_size
         local = gap_sizes_at(model, sizes, phase.q, phase.t)
         on[:, [model.surface_numbers[name] for name in phase.closed]] = False

@@ -150,6 +150,7 @@ class Motion:
         for a, share in enumerate(shares):
             inputs[:, a] = steps.inputs(share)
         u = inputs.reshape(len(t), self.model.nu)
+        before, after = self.trajectory.input_sides(phase)
         v = self.model.velocity(q, phase.p_inside.reshape(-1, nq), t) if len(q) else q
 
         def forces(kind: str, names: Sized) -> Array:
@@ -161,7 +162,7 @@ class Motion:
             np.vstack([phase.q, q]),
             np.vstack([phase.v, v]),
             np.concatenate([phase.t, t]),
-            (np.vstack([steps.u0[:1], steps.u1, u]), np.vstack([steps.u0, steps.u1[-1:], u])),
+            (np.vstack([before, u]), np.vstack([after, u])),
             forces("normal", phase.closed),
             forces("tangential", phase.rubbing),
             forces("reaction", phase.joints),
@@ -200,9 +201,14 @@ class Motion:
         )
 
     @cached_property
+    def stepped(self) -> int:
+        """Number of phases that have steps: all, or all but the last."""
+        return sum(phase.steps > 0 for phase in self.trajectory.phases)
+
+    @cached_property
     def pieces(self) -> tuple[ModeSpan, ...]:
-        """The phases, those one after the other in the same mode together."""
-        together = groupby(range(len(self.modes)), key=self.modes.__getitem__)
+        """The phases that have steps, those one after the other in the same mode together."""
+        together = groupby(range(self.stepped), key=self.modes.__getitem__)
         return tuple(self._piece(mode, list(numbers)) for mode, numbers in together)
 
     def _piece(self, mode: Mode, numbers: list[int]) -> ModeSpan:
@@ -229,7 +235,12 @@ def _check_shapes(trajectory: Trajectory) -> None:
             f"the motion has {phases} phases and {events} events: expected an event between any "
             "two phases."
         )
-    for phase in trajectory.phases:
+    for i, phase in enumerate(trajectory.phases):
+        if not phase.steps and not 0 < i == events:
+            raise SimulationError(
+                f"phase {i} of the motion has no steps: expected some, but in the last of several "
+                "phases."
+            )
         rows = trajectory.input_form.rows(phase.steps)
         inside = DISCRETISATIONS[trajectory.order].inside * phase.steps
         nq = len(trajectory.coordinates)

@@ -68,10 +68,10 @@ def force_errors(motion: Motion) -> tuple[Findings, tuple[Array, Array, Array]]:
     model = motion.model
     if not (motion.has_modes or model.nj):
         return Findings({FORCE: 0.0}), (np.zeros(model.nc), np.zeros(model.nt), np.zeros(0))
-    flows = [forces(motion, i) for i in range(len(motion.modes))]
+    flows = [forces(motion, i) for i in range(motion.stepped)]
     normal, tangential, joint = _sizes(motion, flows)
     worst, sentences = 0.0, left_out(motion)
-    for i, (mode, flow) in enumerate(zip(motion.modes, flows, strict=True)):
+    for i, (mode, flow) in enumerate(zip(motion.modes, flows, strict=False)):
         worst = max(worst, _difference(motion, i, flow, (normal, tangential, joint)))
         if mode == FREE:
             continue
@@ -81,10 +81,12 @@ def force_errors(motion: Motion) -> tuple[Findings, tuple[Array, Array, Array]]:
         sentences += _pulling(motion, i, flow, normal)
         sentences += _slipping(motion, i, flow, tangential)
         sentences += _turning(motion, i)
+    for i in range(motion.stepped, len(motion.modes)):  # after an event at the end
+        sentences += [*_off(motion, i), *_turning(motion, i)]
     # What leaves or begins to slide would not, with the inputs after the event, kept as it was.
-    for i in range(len(motion.trajectory.collisions)):
+    for i in range(motion.stepped - 1):
         sentences += _pressed(motion, i, normal)
-    for i in range(len(motion.modes)):
+    for i in range(motion.stepped):
         sentences += _gripped(motion, i, tangential)
     return Findings({FORCE: worst}, tuple(sentences)), (normal, tangential, joint)
 
@@ -158,7 +160,7 @@ def _sizes(motion: Motion, flows: list[Reaction]) -> tuple[Array, Array, Array]:
     q, t = np.vstack([p.q for p in phases]), np.concatenate([p.t for p in phases])
     normal = np.maximum(normal, pushes(model, motion.sizes, q, t, model.gap_slopes(q, t)))
     smooth = SMOOTH * pushes(model, motion.sizes, q, t, model.tangent_slopes(q, t))
-    rubbing = [motion.rubbing(i) for i in range(len(phases))]
+    rubbing = [motion.rubbing(i) for i in range(motion.stepped)]
     kinds = [mu for there in rubbing for mu in (there.static_friction, there.friction)]
     most = np.max([mu.max(axis=(0, 1)) for mu in kinds], axis=0)
     bearing = model.with_coefficients(most).bearing(normal)

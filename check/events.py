@@ -40,7 +40,7 @@ def _imbalance(motion: Motion, work: tuple[float, ...]) -> float:
     """Largest difference of the change of energy in a phase and the work, friction's too, relative
     to the energy that the motion exchanges."""
     differences, ends = [], [0, -1]
-    for phase, done in zip(motion.trajectory.phases, work, strict=True):
+    for phase, done in zip(motion.trajectory.phases[: motion.stepped], work, strict=True):
         first, last = motion.model.energy(phase.q[ends], phase.v[ends], phase.t[ends])
         differences.append(abs(last - first - done))
     return float(np.max(differences)) / motion.sizes.exchanged

@@ -111,7 +111,8 @@ def _pushed(motion: Motion, mode: Mode, q: Array, v: Array, u: Array, t: Array) 
 @dataclass(frozen=True)
 class _Path:
     """States of a motion at n places, with the accelerations and forces of the flow there, if
-    quantities contain any, and which ones are quadrature points."""
+    quantities contain any, which ones are quadrature points, and which one is the state after an
+    event that ends the motion, where no inputs act."""
 
     motion: Motion
     q: Array
@@ -120,6 +121,7 @@ class _Path:
     t: Array
     y: Array
     at_points: NDArray[np.bool_]
+    after: NDArray[np.bool_]
 
     @classmethod
     def of(cls, motion: Motion, courses: Sequence[IntegratedSteps]) -> _Path:
@@ -130,8 +132,14 @@ class _Path:
                 state = course.at(share)
                 parts.append((*state, _pushed(motion, piece.mode, *state)))
                 at_points.append(np.full(len(course.steps), bool(np.isin(share, points))))
+        for phase, mode in zip(motion.trajectory.phases, motion.modes, strict=True):
+            if not phase.steps:
+                state = phase.q, phase.v, motion.trajectory.last_inputs[None], phase.t
+                parts.append((*state, _pushed(motion, mode, *state)))
         q, v, u, t, y = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return cls(motion, q, v, u, t, y, np.concatenate(at_points))
+        along, after = np.concatenate(at_points), np.zeros(len(t), dtype=bool)
+        after[len(along) :] = True
+        return cls(motion, q, v, u, t, y, np.append(along, after[len(along) :]), after)
 
     def constraints(self) -> tuple[Array, Array]:
         """Excesses of the path constraints as shares of their sizes, and what they count, shape
@@ -174,7 +182,8 @@ class _Path:
         constant = self.motion.trajectory.input_form.width == 0
         varies = [r["inputs"] and (bool(r["coordinates"]) or r["velocities"]) for r in rows]
         little = ~self.at_points[:, None] & np.array(varies, dtype=bool) & constant
-        return np.where(little, VARYING, 1.0)
+        acts = np.array([r["inputs"] or bool(r.get("forces")) for r in rows], dtype=bool)
+        return np.where(self.after[:, None] & acts, 0.0, np.where(little, VARYING, 1.0))
 
     def _sizes(self) -> Array:
         """Sizes of the path constraints, shape (n, nr)."""

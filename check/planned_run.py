@@ -39,7 +39,7 @@ def planned_run(motion: Motion, sizes: tuple[Array, ...]) -> WholeRun:
     slack = BEARABLE * sizes[0], BEARABLE * sizes[1], TURNED * motion.sizes.slide
     met, ends = left(motion, np.concatenate(slack))
     missed, early = list[Collision](), list[str]()
-    for i in range(len(motion.modes)):
+    for i in range(motion.stepped):
         if motion.trajectory.phases[i].free:
             contacts = contacts_of_phase(motion, i)
             planned = [c for c in contacts if is_planned(motion, i, c)]
@@ -59,7 +59,8 @@ def _terminal_error(motion: Motion) -> float:
     y = np.hstack([phases[0].q[:1], phases[0].v[:1]])
     for i, (phase, mode) in enumerate(zip(phases, motion.modes, strict=True)):
         y, held = put(motion, mode, y, phase.t[:1])
-        motion.flow.advance(y, motion.steps[i], FIRST, np.array([phase.steps]), mode, held)
+        if phase.steps:
+            motion.flow.advance(y, motion.steps[i], FIRST, np.array([phase.steps]), mode, held)
         if i + 1 < len(phases):
             q, v = (np.ascontiguousarray(a) for a in np.split(y, [nq], axis=1))
             y = np.hstack([q, motion.passages[i].after_law(q, v).velocity])
@@ -120,7 +121,7 @@ def left(motion: Motion, slack: Array) -> tuple[list[SurfaceContact], list[str]]
     what ends a mode elsewhere than planned, in sentences; ``slack`` are the contact forces,
     friction and sliding velocities (nc + 2 nt) that errors of discretisation explain."""
     met, sentences = list[SurfaceContact](), list[str]()
-    for i in range(len(motion.steps)):
+    for i in range(motion.stepped):
         if not motion.trajectory.phases[i].free:
             stages = list(_stages(motion, i))
             met += [contact for stage in stages for contact in _met(motion, i, stage.course)]

@@ -67,6 +67,7 @@ def open_loop(motion: Motion) -> tuple[float, list[SurfaceContact]]:
     contacts."""
     flow, sizes, nq = motion.flow, motion.sizes, motion.model.nq
     first, last = motion.trajectory.phases[0], motion.trajectory.phases[-1]
+    strikes = motion.stepped - 1
     y, contacts = np.concatenate([first.q[0], first.v[0]]), list[SurfaceContact]()
     far = ASTRAY * sizes.q
     try:
@@ -83,13 +84,17 @@ def open_loop(motion: Motion) -> tuple[float, list[SurfaceContact]]:
                     return float((np.abs(y[:nq] - wanted[k]) / sizes.q).max()), contacts
     except Lost:
         return np.inf, contacts
+    if not last.steps and not any(is_planned(motion, strikes, c) for c in contacts):
+        # It comes late: the end is that before the event, whose contact is to come.
+        contacts += _late(motion, strikes, y, float(last.t[0]), [])
+        last = motion.trajectory.phases[strikes]
     return float(motion.error(y[None], last.t[-1:], last.q[-1:], last.p[-1:])[0]), contacts
 
 
 def on_the_way(motion: Motion) -> list[SurfaceContact]:
     """Contacts met in segments, each simulated from the motion's own state; one that ends in
     a planned collision meets it a little early or late."""
-    phases = range(len(motion.trajectory.phases))
+    phases = range(motion.stepped)
     return [contact for i in phases for contact in contacts_of_phase(motion, i)]
 
 

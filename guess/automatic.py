@@ -77,7 +77,7 @@ def initial_guesses(problem: Problem, deadline: Deadline = ENDLESS) -> tuple[Gue
         if problem.held:
             x = standing(problem, natural_time(problem))
             lay = Layout.of(problem)
-            return (Guess(x, float(x[lay.index_h] @ np.array(lay.steps)), (), 0, 0.0),)
+            return (Guess(x, float(lay.durations(x).sum()), (), 0, 0.0),)
         return _without_drift(problem, _guesses(problem, deadline))
 
 
@@ -246,10 +246,10 @@ def expected_time(problem: Problem) -> float | None:
 def _cheapest_decade(planner: Planner) -> float:
     """The final time, by powers of ten, whose motion along splines keeps its bounds best and costs
     least: all that a cost of time and effort says."""
-    every = tuple(range(planner.problem.nq))
+    every, steps = tuple(range(planner.problem.nq)), planner.problem.phase_steps
 
     def cost(final_time: float) -> tuple[float, float]:
-        trial = _trial(planner, every, final_time, (FEWEST_STEPS,) * planner.problem.phases)
+        trial = _trial(planner, every, final_time, tuple(np.minimum(FEWEST_STEPS, steps)))
         if trial is None or not np.isfinite(trial[1]):
             return np.inf, np.inf
         return max(trial[0], WITHIN), trial[1]
@@ -270,7 +270,7 @@ def _cheapest_decade(planner: Planner) -> float:
 def _unknowns(problem: Problem, plan: Plan, motion: March) -> Array:
     lay = Layout.of(problem)
     x = lay.zeros(problem)
-    x[lay.index_h] = plan.durations / np.array(problem.phase_steps)
+    x[lay.index_h] = lay.step_sizes(plan.durations)
     x[lay.index_q] = motion.q
     u = _to_nodes(motion.u, problem.phase_steps) if lay.form.shared else motion.u[lay.step_of_input]
     x[lay.index_u] = np.clip(u, *problem.input_bounds.T)

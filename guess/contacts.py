@@ -22,13 +22,16 @@ def standing(problem: Problem, natural: float) -> Array:
     lay = Layout.of(problem)
     low, high = problem.final_time_bounds
     time = float(np.clip(natural, low, high))
-    durations = np.clip(np.full(lay.phases, time / lay.phases), *problem.duration_bounds.T)
+    durations = np.clip(np.full(lay.phases, time / lay.stepped), *problem.duration_bounds.T)
     start, goal = problem.start_position, problem.goal_position
     share = np.concatenate(
-        [[0.0], *((i + np.arange(1, n + 1) / n) / lay.phases for i, n in enumerate(lay.steps))]
+        [
+            [0.0],
+            *((i + np.arange(1, n + 1) / n) / lay.stepped for i, n in enumerate(lay.steps) if n),
+        ]
     )
     x = lay.zeros(problem)
-    x[lay.index_h] = durations / np.array(lay.steps)
+    x[lay.index_h] = lay.step_sizes(durations)
     x[lay.index_q] = start + share[:, None] * (goal - start)
     x[lay.index_u] = midpoints(problem.input_bounds, np.zeros(problem.nu))
     v = np.tile((goal - start) / durations.sum(), (lay.phases - 1, 1))
@@ -79,7 +82,7 @@ def _put_onto(problem: Problem, lay: Layout, x: Array) -> None:
         held = np.ones(at.shape)
         if i == 0:
             held[0] = ~fixed[0]
-        if i == lay.phases - 1:
+        if i >= lay.stepped - 1:
             held[-1] = ~fixed[1]
         x[at] = _onto(problem, lay, i, x[at], t[places], held)
 
@@ -114,7 +117,7 @@ def _balance(problem: Problem, lay: Layout, x: Array) -> None:
     left = np.full((len(lay.index_places), lay.nq), np.nan)
     left[:: lay.scheme.degree][1:-1] = ends[:-1] - starts[1:]
     left[:-1].reshape(lay.total, -1, lay.nq)[:, 1:] = inside
-    for i in range(lay.phases):
+    for i in range(lay.stepped):
         reactions = lay.reactions(i)
         if not reactions:
             continue

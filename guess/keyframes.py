@@ -62,15 +62,16 @@ def is_given_by_name(guess: object) -> bool:
 def courses_of(problem: Problem, guess: Any) -> tuple[Courses, ...]:
     """Read a guess by name; unknown names, what is no course, and parts that are not one for each
     phase are refused."""
+    phases = int(np.count_nonzero(problem.phase_steps))
     if isinstance(guess, Mapping):
-        courses = [_read(problem, guess, 0, problem.phases, "guess")]
-    elif len(guess) == problem.phases:
+        courses = [_read(problem, guess, 0, phases, "guess")]
+    elif len(guess) == phases:
         parts = enumerate(guess)
         courses = [_read(problem, p, i, i + 1, f"guess of phase {i}") for i, p in parts]
     else:
         raise ProblemError(
             f"guess has {len(guess)} parts: expected one mapping, or one for each of the "
-            f"{problem.phases} phases."
+            f"{phases} phases{' that have steps' if problem.ends_with_event else ''}."
         )
     if not any(part.named or part.durations for part in courses):
         raise ProblemError(
@@ -109,8 +110,9 @@ def along(problem: Problem, courses: Sequence[Courses], automatic: Array) -> Arr
     lay, x = Layout.of(problem), automatic.copy()
     for part in courses:
         if part.durations is not None:
-            phases = slice(part.first, part.end)
-            x[lay.index_h[phases]] = np.array(part.durations) / lay.steps[phases]
+            durations = lay.durations(x)
+            durations[part.first : part.end] = part.durations
+            x[lay.index_h] = lay.step_sizes(durations)
     q, u, t = x[lay.index_q], x[lay.index_u], lay.times(x)
     for part in reversed(courses):
         first, last = int(lay.ends[part.first]), int(lay.ends[part.end])
@@ -221,14 +223,16 @@ def _completed(problem: Problem, lay: Layout, x: Array) -> Array:
     lay.put_times(x)
     x[lay.index_q_i] = lay.scheme.within(q[:-1], q[1:]).reshape(lay.total, -1)
     for i, (node, event) in enumerate(zip(lay.collision_nodes, problem.touch.events, strict=True)):
-        v, after, impulse = rates[node - 1], rates[node], 0.0
+        v, after, impulse = rates[node - 1], rates[min(node, lay.total - 1)], 0.0
         if event.impact:
             lands, at = bool(event.lands), float(t[node])
             after, impulse = reflected(problem, q[node], v, event.surface, at, lands=lands)
         x[lay.impact.v_a[i]], x[lay.impact.v_c[i]], x[lay.impact.lam[i]] = v, after, impulse
-    ends = ((0, 0, lay.index_p_B, lay.index_v_B), (-1, -1, lay.index_p_E, lay.index_v_E))
-    for node, step, index_p, index_v in ends:
-        x[index_p] = problem.model.momentum(q[node], rates[step], t[node])
+    last = x[lay.index_v_E] if lay.ends_with_event else rates[-1]
+    for node, v, index_p, index_v in (
+        (0, rates[0], lay.index_p_B, lay.index_v_B), (-1, last, lay.index_p_E, lay.index_v_E),
+    ):  # fmt: skip
+        x[index_p] = problem.model.momentum(q[node], v, t[node])
         if len(index_v):
-            x[index_v] = rates[step]
+            x[index_v] = v
     return in_contact(problem, x)

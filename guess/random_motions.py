@@ -95,11 +95,11 @@ def _shaken(problem: Problem, guess: Array, rng: np.random.Generator) -> Array:
     x[lay.index_q] += np.sin(np.outer(s, m)) @ waves
     inside = lay.scheme.within(s[:-1, None], s[1:, None]).reshape(-1, 1)
     x[lay.index_q_i] += (np.sin(inside * m) @ waves).reshape(lay.total, -1)
-    durations = guess[lay.index_h] * lay.steps * np.exp(SHAKE * rng.standard_normal(lay.phases))
+    durations = lay.durations(guess) * np.exp(SHAKE * rng.standard_normal(lay.phases))
     low, high = problem.final_time_bounds
     total = float(durations.sum())
     durations *= min(max(total, low), high) / total
-    x[lay.index_h] = np.clip(durations, *problem.duration_bounds.T) / lay.steps
+    x[lay.index_h] = lay.step_sizes(np.clip(durations, *problem.duration_bounds.T))
     lay.put_times(x)
     x[lay.index_u] *= rng.uniform(-1, 1)
     return x
@@ -140,23 +140,33 @@ class _Drawn:
         loose = kind == LOOSE
         whole = np.where(loose[:, None, None], waves[:, 0], 0.0)
         waves[loose] = 0.0
-        legs = np.diff(points, axis=1) / durations[:, :, None]
+        legs = np.diff(points, axis=1) / np.where(durations > 0, durations, 1.0)[:, :, None]
         v_first, v_last, lam = _velocities(problem, durations, points, legs)
         return cls(durations, points, v_first, v_last, waves, whole, lam, kind == DRIVEN)
 
 
 def _durations(problem: Problem, natural: float, uniform: Array, shares: Array) -> Array:
-    """Final times between their bounds, evenly by the logarithm, split into random shares."""
+    """Final times between their bounds, evenly by the logarithm, split into random shares; none for
+    a last phase without steps."""
+    if problem.ends_with_event:
+        every = _durations_of(
+            problem, natural, uniform, shares[:, :-1], problem.duration_bounds[:-1]
+        )
+        return np.hstack([every, np.zeros((len(every), 1))])
+    return _durations_of(problem, natural, uniform, shares, problem.duration_bounds)
+
+
+def _durations_of(
+    problem: Problem, natural: float, uniform: Array, shares: Array, each: Array
+) -> Array:
+    """Those of phases with bounds ``each``, shape (phases, 2)."""
     low, high = problem.final_time_bounds
-    each = problem.duration_bounds
     low, high = max(low, each[:, 0].sum()), min(high, each[:, 1].sum())
     high = high if np.isfinite(high) else max(TIMES**0.5 * natural, low * TIMES)
     low = max(low, high / TIMES**2 if high < natural else min(natural, high) / TIMES)
     total = low * (high / low) ** np.sqrt(uniform) if high > low else np.full(len(uniform), high)
     parts = np.exp(SHARES * (shares - shares.mean(axis=1, keepdims=True)))
-    durations = np.clip(
-        total[:, None] * parts / parts.sum(axis=1, keepdims=True), *problem.duration_bounds.T
-    )
+    durations = np.clip(total[:, None] * parts / parts.sum(axis=1, keepdims=True), *each.T)
     return np.asarray(durations)
 
 
@@ -182,6 +192,8 @@ def _points(problem: Problem, durations: Array, uniform: Array, away: Array) -> 
         j = event.surface
         around = points[:, i + 1] + away[:, i + 1] * reach
         points[:, i + 1] = _onto(problem, around, times[:, i], j)
+    if problem.ends_with_event:
+        points[:, -1] = points[:, -2]
     return points
 
 
@@ -230,7 +242,7 @@ def _velocities(
         inertia = np.where(inertia > 0, inertia, np.inf)[:, None]
         after = (n * legs[:, i + 1]).sum(axis=1, keepdims=True)
         mirrored = legs[:, i + 1] - 2 * after / inertia * response
-        v = (legs[:, i] + mirrored) / 2
+        v = (legs[:, i] + mirrored) / 2 if durations[0, i + 1] else legs[:, i]
         rate = (n * v).sum(axis=1) + moving
         least = APPROACH * np.abs(n * legs[:, i]).sum(axis=1)
         v = v + (np.maximum(rate, least) - rate)[:, None] / inertia * response
@@ -238,6 +250,8 @@ def _velocities(
         e = problem.model.coefficients(problem.restitution_values, q, v, t)[:, j]
         lam[:, i] = (1 + (e if event.hit == j else 0.0)) * rate / inertia[:, 0]
         v_last[:, i], v_first[:, i + 1] = v, v - lam[:, i, None] * response
+    if problem.ends_with_event:
+        v_last[:, -1] = v_first[:, -1]
     return v_first, v_last, lam
 
 
@@ -272,10 +286,10 @@ def _unknowns(problem: Problem, drawn: _Drawn) -> Array:
     lay = Layout.of(problem)
     count = len(drawn.durations)
     x = np.tile(lay.zeros(problem), (count, 1))
-    x[:, lay.index_h] = drawn.durations / np.array(lay.steps)
+    x[:, lay.index_h] = lay.step_sizes(drawn.durations)
     begin = np.cumsum(np.hstack([np.zeros((count, 1)), drawn.durations]), axis=1)
     inside, times = [], []
-    for i, n in enumerate(lay.steps):
+    for i, n in enumerate(lay.steps[: lay.stepped]):
         first = lay.ends[i]
         nodes = np.linspace(0, 1, n + 1)
         x[:, lay.index_q[first : first + n + 1]] = _along(drawn, i, nodes)[0]
@@ -306,7 +320,7 @@ def _inputs(problem: Problem, lay: Layout, drawn: _Drawn, begin: Array) -> Array
     if not nu:
         return np.zeros((count, len(lay.step_of_input), 0))
     inputs = []
-    for i, n in enumerate(lay.steps):
+    for i, n in enumerate(lay.steps[: lay.stepped]):
         middle = (np.arange(n) + 0.5) / n
         q, v, a = (part.reshape(-1, lay.nq) for part in _along(drawn, i, middle))
         t = (begin[:, i, None] + drawn.durations[:, i, None] * middle).reshape(-1)

@@ -51,8 +51,17 @@ class Piece:
         t, q, v = (np.insert(rows, k + 1, row, axis=0) for rows, row in more)
         return replace(self, t=t, q=q, v=v)
 
+    @property
+    def first(self) -> Piece:
+        """Its first node."""
+        rows = (self.t, self.q, self.v)
+        t, q, v = (part[:1] for part in rows)
+        return Piece(t, q, v, self.t_u[:0], self.u[:0], parameters=self.parameters)
+
     def positions(self, t: Array) -> Array:
         """The cubics through the nodes, with their velocities, at times of shape (n,)."""
+        if len(self.t) == 1:
+            return np.repeat(self.q, len(t), axis=0)
         k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
         h = (self.t[k + 1] - self.t[k])[:, None]
         s = (t - self.t[k])[:, None] / h
@@ -94,18 +103,20 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
     """Return x along the pieces, one for each phase of the problem: positions by cubic, inputs
     by linear interpolation."""
     lay, problem = Layout.of(problem), designed_as(problem, pieces[0].parameters)
+    if lay.ends_with_event:
+        pieces = [*pieces[:-1], pieces[-1].first]
     x = lay.zeros(problem)
     nodes, inside, inputs, rates = [], [], [], []
     for piece, steps in zip(pieces, lay.steps, strict=True):
         t = np.linspace(piece.t[0], piece.t[-1], steps + 1)
         nodes.append(piece.positions(t))
         within = lay.scheme.within(t[:-1], t[1:])
-        inside.append(piece.positions(within.ravel()).reshape(steps, -1))
+        inside.append(piece.positions(within.ravel()).reshape(steps, lay.inside * lay.nq))
         rates.append(np.stack([np.interp(t, piece.t, v) for v in piece.v.T], axis=1))
         at = times_of_inputs(lay.form.name, t)
-        columns = [np.interp(at, piece.t_u, u) for u in piece.u.T]
-        inputs.append(np.stack(columns, axis=1) if columns else np.zeros((len(at), 0)))
-    x[lay.index_h] = [(p.t[-1] - p.t[0]) / n for p, n in zip(pieces, lay.steps, strict=True)]
+        columns = [np.interp(at, piece.t_u, u) for u in piece.u.T] if steps else []
+        inputs.append(np.stack(columns, axis=1) if columns else np.zeros((len(at), lay.nu)))
+    x[lay.index_h] = lay.step_sizes(np.array([p.t[-1] - p.t[0] for p in pieces]))
     x[lay.index_q] = np.vstack([*(part[:-1] for part in nodes), nodes[-1][-1:]])
     x[lay.index_u] = np.vstack(inputs)
     x[lay.impact.lam] = impulses
@@ -131,7 +142,7 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
 def _push(lay: Layout, pieces: Sequence[Piece], x: Array) -> None:
     """Impulses of reactions from the forces of the pieces; where a piece has none of the phase's
     they stay zero."""
-    for i, piece in enumerate(pieces):
+    for i, piece in enumerate(pieces[: lay.stepped]):
         weight = x[lay.index_h[i]] * lay.stations.share[lay.stations.rows(i)]
         share = station_shares(lay, i)
         for reaction in lay.reactions(i):
@@ -161,7 +172,7 @@ def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
     design = dict(zip(other.design, x[lay.index_design].tolist(), strict=True))
     t, q, h = lay.times(x), x[lay.index_q], x[lay.index_h]
     pieces = []
-    for i in range(lay.phases):
+    for i in range(lay.stepped):
         first, last = int(lay.ends[i]), int(lay.ends[i + 1])
         nodes, at = np.ascontiguousarray(q[first : last + 1]), t[first : last + 1]
         v = np.gradient(nodes, h[i], axis=0)
@@ -169,6 +180,9 @@ def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
         times = times_of_inputs(lay.form.name, at)
         u = x[lay.index_u][rows]
         pieces.append(Piece(at, nodes, v, times, u, _forces(lay, x, i), design))
+    if lay.ends_with_event:
+        end = np.zeros((0, lay.nu))
+        pieces.append(Piece(t[-1:], q[-1:], q[-1:].copy(), t[:0], end, parameters=design))
     for index, side, k in ((lay.impact.v_a, pieces[:-1], -1), (lay.impact.v_c, pieces[1:], 0)):
         for velocity, piece in zip(x[index], side, strict=True):
             piece.v[k] = velocity

@@ -43,7 +43,8 @@ class Normal:
 class Route:
     """What plans have in common: points at the start, the collisions and the goal, shape (phases +
     1, nq), the mass matrix and the velocity at the start, the velocity at the goal if momenta fix
-    it, the surfaces at the collisions, and the length of the reach.
+    it, the surfaces at the collisions, the length of the reach, and whether the last point is that
+    of the last event.
 
     Where a surface of the sequence moves, points depend on the final time, and there are no
     ``normals``.
@@ -55,17 +56,21 @@ class Route:
     goal: Array | None
     normals: tuple[Normal, ...] | None
     reach: float
+    ends_with_event: bool
 
 
 def route_of(problem: Problem, final_time: float) -> Route:
     """The collisions are spread over the time."""
     goal = problem.goal_position
-    share = np.linspace(0.0, 1.0, problem.phases + 1)
+    last = problem.ends_with_event
+    share = np.append(np.linspace(0.0, 1.0, problem.phases + 1 - last), np.ones(int(last)))
     points = (1 - share[:, None]) * problem.start_position + share[:, None] * goal
     surfaces = [event.hit for event in problem.touch.events]
     for i, surface in enumerate(surfaces):
         t = float(share[i + 1]) * final_time
         points[i + 1] = contact_point(problem, points[i + 1], points[i], surface, t)
+    if last:
+        points[-1] = points[-2]
     start = end_velocity(problem, problem.start_bounds, points[0], np.zeros(problem.nq))
     normals = None
     if not any(surface in problem.model.moving for surface in surfaces):
@@ -73,7 +78,7 @@ def route_of(problem: Problem, final_time: float) -> Route:
     end = _by_momentum(problem, problem.goal_bounds, points[-1])
     mass = problem.model.mass(points[0])
     reach = float(np.sqrt(problem.reach @ mass @ problem.reach))
-    return Route(points, mass, start, end, normals, reach)
+    return Route(points, mass, start, end, normals, reach, last)
 
 
 def _normal(problem: Problem, q: Array, collision: int, t: float) -> Normal:
@@ -106,10 +111,12 @@ def shares_of(route: Route, prescribed: tuple[int, ...], even: bool) -> Shares:
     # Between two collisions with one surface the motion leaves and returns: such a phase gets an
     # average share.
     flights = lengths <= 1e-6 * whole
+    flights[len(lengths) - route.ends_with_event :] = False
     average = whole / max(len(flights) - flights.sum(), 1)
     lengths = np.where(flights, average or route.reach or 1.0, lengths)
     whole = float(lengths.sum())
     shares = np.ones(len(lengths)) if even else np.maximum(lengths / whole, SHORTEST_SHARE)
+    shares[len(lengths) - route.ends_with_event :] = 0.0
     return Shares(legs, whole, shares / shares.sum())
 
 
@@ -118,17 +125,19 @@ def plan_of(problem: Problem, route: Route, shares: Shares, final_time: float) -
     behind each surface."""
     points = route.points
     durations = np.clip(final_time * shares.times, *problem.duration_bounds.T)
-    speeds = shares.legs / durations[:, None]
+    speeds = shares.legs / np.where(durations > 0, durations, 1.0)[:, None]
     velocities = np.zeros_like(points)
     velocities[0] = route.start
     for i in range(len(points) - 2):
+        # The way to an event that ends the motion says its velocity alone.
+        weights = durations[i : i + 2] if durations[i + 1] else np.array([0.0, 1.0])
         normal = (
             _normal(problem, points[i + 1], i, float(durations[: i + 1].sum()))
             if route.normals is None
             else route.normals[i]
         )
         slowest = shares.whole / final_time / 2
-        velocities[i + 1] = _through(normal, speeds[i : i + 2], durations[i : i + 2], slowest)
+        velocities[i + 1] = _through(normal, speeds[i : i + 2], weights, slowest)
     if route.goal is None:
         natural = 1.5 * speeds[-1] - 0.5 * velocities[-2] if problem.phases == 1 else speeds[-1]
         velocities[-1] = _by_velocity(problem.goal_bounds, natural)

@@ -14,7 +14,7 @@ from dmoc.mechanics.contact_mode import mode_by_names
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.scenes import scene_of
 from dmoc.motion.states import PARTS, positions
-from dmoc.motion.trajectory import Collision, Phase, Trajectory
+from dmoc.motion.trajectory import Collision, Phase, Trajectory, last_inputs
 
 
 def motion_along(
@@ -34,13 +34,13 @@ def motion_along(
     not a number where the law of the model says it;
     ``bounds`` are those of inputs and coordinates, ``limits`` those of velocities by name, none
     unless they are given."""
-    kernels = model.kernels
+    kernels, form = model.kernels, FORMS[controls]
     if kernels.quantities:
-        form = FORMS[controls]
-        phases = [replace(p, quantities=_quantities(model, p, form)) for p in phases]
+        last = last_inputs(phases, form)
+        phases = [replace(p, quantities=_quantities(model, p, form, last)) for p in phases]
     if model.varying_friction or model.paired.any():
-        form = FORMS[controls]
-        phases = [replace(p, coefficients=_coefficients(model, p, form)) for p in phases]
+        last = last_inputs(phases, form)
+        phases = [replace(p, coefficients=_coefficients(model, p, form, last)) for p in phases]
     free = tuple(np.tile([-np.inf, np.inf], (n, 1)) for n in (model.nu, model.nq))
     input_bounds, coordinate_bounds = bounds or free
     return Trajectory(
@@ -76,8 +76,15 @@ def motion_along(
     )
 
 
-def _quantities(model: Model, phase: Phase, form: InputForm) -> Array:
-    """Quantities at the start, in the middle and at the end of each step of a phase."""
+def _quantities(model: Model, phase: Phase, form: InputForm, last: Array) -> Array:
+    """Quantities at the start, in the middle and at the end of each step of a phase, or at its
+    node, with the ``last`` inputs."""
+    if not phase.steps:
+        mode = mode_by_names(model.contacts, phase.closed, phase.rubbing)
+        node = phase.q, phase.v, last[None], phase.t
+        return model.quantities(
+            *node, accelerations_and_forces(model, mode, node) if model.ny else None
+        )
     k, h, at = np.arange(phase.steps), np.diff(phase.t), form.starts(phase.steps)
     mode = mode_by_names(model.contacts, phase.closed, phase.rubbing)
     first, last = phase.u[at], phase.u[at + form.width]
@@ -91,12 +98,16 @@ def _quantities(model: Model, phase: Phase, form: InputForm) -> Array:
     return np.stack(parts, axis=1).reshape(PARTS * phase.steps, -1)
 
 
-def _coefficients(model: Model, phase: Phase, form: InputForm) -> Array:
+def _coefficients(model: Model, phase: Phase, form: InputForm, last: Array) -> Array:
     """Coefficients of friction of what rubs at the nodes of a phase, the mean of both sides where
-    inputs jump."""
+    inputs jump; with the ``last`` inputs where it has no steps."""
     at = form.starts(phase.steps)
     before, after = phase.u[at + form.width], phase.u[at]
-    u = np.vstack([after[:1], (before[:-1] + after[1:]) / 2, before[-1:]])
+    u = (
+        np.vstack([after[:1], (before[:-1] + after[1:]) / 2, before[-1:]])
+        if len(at)
+        else last[None]
+    )
     there, shape = model.with_friction_at(phase.q, phase.v, u, phase.t), (len(phase.t), model.nt)
     kinds = [np.broadcast_to(mu, shape) for mu in (there.static_friction, there.friction)]
     columns = [kinds[s != 0][:, model.tangent_numbers[name]] for name, s in phase.rubbing.items()]

@@ -48,15 +48,18 @@ def columns(motion: Trajectory) -> dict[str, Array]:
 
 def _rows(motion: Trajectory, phase: Phase, number: int) -> dict[str, Array]:
     """The rows of a phase, by the fields of a state."""
-    n, form = phase.steps, motion.input_form
-    if form.jumps:
+    n, form, u = phase.steps, motion.input_form, phase.u
+    if not n:
+        node = begins = np.zeros(1, dtype=np.intp)
+        u = motion.last_inputs[None]
+    elif form.jumps:
         node, begins = np.repeat(np.arange(n + 1), 2)[1:-1], np.arange(2 * n)
     else:
         node, begins = np.arange(n + 1), np.minimum(np.arange(n + 1), len(phase.u) - 1)
     normal, tangential, reaction = phase_forces(motion, phase)
     return {
         "t": phase.t[node], "phase": np.full(len(node), number), "q": phase.q[node],
-        "v": phase.v[node], "p": phase.p[node], "u": phase.u[begins], "normal": normal[node],
+        "v": phase.v[node], "p": phase.p[node], "u": u[begins], "normal": normal[node],
         "tangential": tangential[node], "reaction": reaction[node],
         "quantities": _quantities(phase, form.jumps),
     }  # fmt: skip
@@ -64,6 +67,8 @@ def _rows(motion: Trajectory, phase: Phase, number: int) -> dict[str, Array]:
 
 def _quantities(phase: Phase, jumps: bool) -> Array:
     """Those at the nodes, or on both sides of them."""
+    if not phase.steps:
+        return phase.quantities.reshape(1, -1)
     ends = phase.quantities.reshape(phase.steps, PARTS, -1)[:, [0, -1]]
     return ends.reshape(2 * phase.steps, -1) if jumps else np.vstack([ends[:, 0], ends[-1:, 1]])
 

@@ -74,6 +74,8 @@ class Scene:
 def resampled(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
     """Times (n,) and positions (n, nq) of a phase finely enough to be drawn: cubics between its
     nodes, with the velocities there; or some of the nodes if those are more than FINEST."""
+    if len(t) == 1:
+        return t, q
     if len(t) > FINEST + 1:
         chosen = np.linspace(0, len(t) - 1, FINEST + 1).round().astype(int)
         return t[chosen], q[chosen]
@@ -107,8 +109,9 @@ def wrong_scene(scene: Scene) -> str | None:
         start += shape.size
     if len(scene.times) != len(scene.values):
         return "the scene has times and values of different phases"
-    for t, values in zip(scene.times, scene.values, strict=True):
-        if len(t) < 2 or not (np.diff(t) > 0).all():
+    for i, (t, values) in enumerate(zip(scene.times, scene.values, strict=True)):
+        least = 1 if 0 < i == len(scene.times) - 1 else 2  # the motion may end with an event
+        if len(t) < least or not (np.diff(t) > 0).all():
             return "the times of the scene do not increase"
         if values.shape != (len(t), start):
             return "the scene has values of the wrong shape"

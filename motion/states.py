@@ -199,6 +199,12 @@ def _found(nodes: Array, t: Array, side: str) -> NDArray[np.intp]:
 
 def _in_phase(motion: Trajectory, phase: Phase, t: Array, side: str) -> tuple[Array, ...]:
     """q, v, p, u, N, T, R and quantities at times of a phase, shape (n, size) each."""
+    if not phase.steps:
+        node = np.zeros(len(t), dtype=np.intp)
+        u = np.tile(motion.last_inputs, (len(t), 1))
+        held = [rows[node] for _, rows in _all_forces(motion, phase)]
+        quantities = phase.quantities.reshape(len(phase.t), len(motion.quantities))
+        return phase.q[node], phase.v[node], phase.p[node], u, *held, quantities[node]
     k = np.clip(_found(phase.t, t, side) - 1, 0, phase.steps - 1)
     h = phase.t[k + 1] - phase.t[k]
     share = np.clip((t - phase.t[k]) / h, 0.0, 1.0)
@@ -257,7 +263,8 @@ def _interpolated(nodes: Array, t: Array, rows: Array) -> Array:
 def phase_forces(motion: Trajectory, phase: Phase) -> tuple[Array, ...]:
     """Contact forces (N + 1, nc) of all surfaces, friction (N + 1, nt) of all tangents and forces
     of joints (N + 1, nj) at the nodes of a phase, zero where one is open."""
-    return tuple(rows[:: (len(rows) - 1) // phase.steps] for _, rows in _all_forces(motion, phase))
+    every = [rows for _, rows in _all_forces(motion, phase)]
+    return tuple(rows[:: max((len(rows) - 1) // max(phase.steps, 1), 1)] for rows in every)
 
 
 def _all_forces(motion: Trajectory, phase: Phase) -> Iterator[tuple[Array, Array]]:

@@ -35,7 +35,8 @@ COURSES = (
 
 @dataclass(frozen=True, repr=False)
 class Phase:
-    """A phase of N steps.
+    """A phase of N steps; the last one of a motion that ends with an event has none, and one node,
+    with the state after the event.
 
     Attributes
     ----------
@@ -45,13 +46,15 @@ class Phase:
         Coordinates, momenta and velocities at the nodes; at a collision those of this phase's side.
     u : array of shape (N, nu), (N + 1, nu) or (2 N, nu)
         Inputs of the steps (constant), at the nodes (linear), or at the two ends of each step,
-        where they may jump (stages).
+        where they may jump (stages); without rows where there are no steps.
     closed : tuple of str
         Surfaces in lasting contact.
     rubbing : mapping of str to int
         Friction of the tangents that rub: 0 sticks, 1 and -1 slide with that sign of tau'.
     normal : array of shape (N + 1, len(closed))
-        Contact forces N >= 0 at the nodes in newton: -N grad g acts on the coordinates.
+        Contact forces N >= 0 at the nodes in newton: -N grad g acts on the coordinates.  Those of a
+        phase without steps, and T and R, are what its state and the last inputs of the motion ask
+        for.
     tangential : array of shape (N + 1, len(rubbing))
         Friction forces T at the nodes: T grad tau acts on the coordinates.
     joints : tuple of str
@@ -65,7 +68,8 @@ class Phase:
         Forces N, T and R there.  Where inputs jump at a node, those at the node are the mean of
         both sides.
     quantities : array of shape (3 N, nz)
-        Quantities of the model at the start, in the middle and at the end of each step.
+        Quantities of the model at the start, in the middle and at the end of each step; of a phase
+        without steps at its node, with the last inputs of the motion, (1, nz).
     coefficients : array of shape (N + 1, len(rubbing))
         Where the friction of the model varies, or is another where it sticks, that of what rubs at
         the nodes, as in :attr:`Trajectory.friction`; none otherwise.
@@ -117,7 +121,7 @@ class Phase:
     def _along(self, nodes: Array, inside: Array | int) -> Array:
         """Rows of the nodes and of those inside steps in the order of time; of the times, where
         the number of those inside stands for them."""
-        count = (inside if isinstance(inside, int) else len(inside)) // self.steps
+        count = (inside if isinstance(inside, int) else len(inside)) // max(self.steps, 1)
         if not count:
             return nodes
         scheme = DISCRETISATIONS[2 * (count + 1)]
@@ -132,13 +136,15 @@ class Phase:
 
     @property
     def step_size(self) -> float:
-        return self.duration / self.steps
+        return self.duration / max(self.steps, 1)
 
     @property
     def duration(self) -> float:
         return float(self.t[-1] - self.t[0])
 
     def __repr__(self) -> str:
+        if not self.steps:
+            return f"<State after the last event at {self.t[0]:.6g} s, {self.mode}>"
         times = f"{self.t[0]:.6g} to {self.t[-1]:.6g} s"
         return f"<Phase of {self.steps} steps from {times}, {self.mode}>"
 
@@ -289,6 +295,18 @@ class Trajectory:
         at = self.input_form.starts(phase.steps)
         return phase.u[at], phase.u[at + self.input_form.width]
 
+    def input_sides(self, phase: Phase) -> tuple[Array, Array]:
+        """Inputs before and after each node of a phase, shape (N + 1, nu) each."""
+        if not phase.steps:
+            return self.last_inputs[None], self.last_inputs[None]
+        u0, u1 = self.input_ends(phase)
+        return np.vstack([u0[:1], u1]), np.vstack([u0, u1[-1:]])
+
+    @property
+    def last_inputs(self) -> Array:
+        """Inputs that the motion ends with, shape (nu,)."""
+        return last_inputs(self.phases, self.input_form)
+
     def input_times(self, phase: Phase) -> Array:
         """Times that the rows of u of a phase stand for."""
         return self.input_form.times(phase.t)
@@ -300,6 +318,12 @@ class Trajectory:
     @property
     def final_time(self) -> float:
         return float(self.phases[-1].t[-1])
+
+
+def last_inputs(phases: Sequence[Phase], form: InputForm) -> Array:
+    """Inputs at the end of the last step of some phases, shape (nu,)."""
+    last = [phase for phase in phases if phase.steps][-1]
+    return np.asarray(last.u[form.starts(last.steps)[-1] + form.width])
 
 
 @dataclass(frozen=True)
@@ -315,9 +339,11 @@ class LargestForce:
 
 def largest_forces(motion: Trajectory) -> list[LargestForce]:
     """The largest normal force and the largest friction of each contact, and the largest force of
-    each constraint, at its first time."""
+    each constraint, at its first time, along phases that have steps."""
     largest: dict[tuple[str, str], LargestForce] = {}
     for phase in motion.phases:
+        if not phase.steps:
+            continue
         rows = (
             (kind, name, row)
             for kind, names, forces in (

@@ -32,9 +32,11 @@ from dmoc.problem.ranges import (
     Boundary,
     boundary_of,
     boxes_of,
+    check_last_event,
     check_size,
     duration,
     durations_of,
+    ends_with_event,
     midpoints,
     steps_of,
     via_of,
@@ -87,7 +89,9 @@ class Problem(Shown):
     final_time : number or pair, optional
         Final time t_E in seconds, or its bounds (None for no bound).
     durations : sequence of pairs, optional
-        Bounds of the duration T_i of each phase in seconds.
+        Bounds of the duration T_i of each phase in seconds.  The last may be 0: the motion ends
+        with its last event, a hit or a landing.  Goal, periodic states and the objective speak of
+        the state after it, and the last phase has one node and no steps.
     bounds : mapping, optional
         Bounds (lower, upper) of inputs, coordinates, velocities and quantities by name, at all
         times; None for no bound.
@@ -203,6 +207,7 @@ class Problem(Shown):
         _ = self.design_bounds, self.parameter_values, self.restitution_values
         _ = self.input_bounds, self.coordinate_bounds, self.velocity_bounds, self.quantity_bounds
         _ = self.final_time_bounds, self.duration_bounds
+        check_last_event(self)
         _ = self.start_bounds, self.goal_bounds, self.quantity_ranges, self.total_bounds
         for where, at in {"": self, **self.design_ends}.items():
             check_kinks(at)
@@ -491,11 +496,16 @@ class Problem(Shown):
     @property
     def phase_steps(self) -> tuple[int, ...]:
         """Steps N_i of each phase; those of the first mesh where they are not given."""
-        if self.steps is None:
-            return (FIRST_MESH // self.scheme.degree,) * self.phases
-        return (
-            tuple(self.steps) if isinstance(self.steps, Sequence) else (self.steps,) * self.phases
-        )
+        if isinstance(self.steps, Sequence):
+            return tuple(self.steps)
+        steps = FIRST_MESH // self.scheme.degree if self.steps is None else self.steps
+        with_steps = self.phases - self.ends_with_event
+        return (steps,) * with_steps + (0,) * self.ends_with_event
+
+    @property
+    def ends_with_event(self) -> bool:
+        """Whether the motion ends with its last event: the phase after it has no steps."""
+        return ends_with_event(self)
 
     @property
     def states(self) -> list[str]:

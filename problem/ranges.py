@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dmoc.base.arguments import Range, check_known, interval, limits, listed, shown, whole
+from dmoc.base.arguments import (
+    Range,
+    check_known,
+    interval,
+    is_number,
+    limits,
+    listed,
+    shown,
+    whole,
+)
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
@@ -81,6 +90,25 @@ def via_of(problem: Problem) -> Array:
     return bounds
 
 
+def ends_with_event(problem: Problem) -> bool:
+    """Whether the duration of the last phase is given as zero."""
+    durations: Sequence[Any] = problem.durations or ()
+    if not problem.sequence or len(durations) != problem.phases:
+        return False
+    pair = isinstance(durations[-1], (tuple, list, np.ndarray)) and np.shape(durations[-1]) == (2,)
+    return all(is_number(x) and float(x) == 0 for x in (durations[-1] if pair else durations[-1:]))
+
+
+def check_last_event(problem: Problem) -> None:
+    """Refuse a motion that ends with an event at which nothing is hit or lands."""
+    if problem.ends_with_event and not problem.touch.impacts[-1]:
+        word = f"event {len(problem.sequence)} ({problem.sequence[-1]})"
+        raise ProblemError(
+            f"the motion ends with {word}, at which nothing is hit or lands, so that its state is "
+            "the same before and after it: leave the event out, or give the last phase a duration."
+        )
+
+
 def durations_of(problem: Problem) -> Array:
     """Bounds of the durations T_i, shape (I + 1, 2)."""
     if problem.durations is None:
@@ -90,9 +118,21 @@ def durations_of(problem: Problem) -> Array:
             f"durations has {len(problem.durations)} entries: expected one for each of the "
             f"{problem.phases} phases."
         )
+    last = len(problem.sequence) if problem.ends_with_event else None
     return np.array(
-        [duration(d, f"durations of phase {i}") for i, d in enumerate(problem.durations)]
+        [(0.0, 0.0) if i == last else _of_phase(d, i) for i, d in enumerate(problem.durations)]
     )
+
+
+def _of_phase(value: Any, i: int) -> Range:
+    """Bounds of the duration of a phase that has steps."""
+    if is_number(value) and float(value) == 0:
+        last = "only the last of several phases may have the duration 0, which ends the motion with"
+        raise ProblemError(
+            f"durations of phase {i} = 0: expected a positive time; {last} its last event, and "
+            "what happens at one instant is one event, as '+right -left'."
+        )
+    return duration(value, f"durations of phase {i}")
 
 
 def steps_of(problem: Problem) -> int | tuple[int, ...] | None:
@@ -101,17 +141,26 @@ def steps_of(problem: Problem) -> int | tuple[int, ...] | None:
     if steps is None:
         return None
     if isinstance(steps, (Sequence, np.ndarray)) and not isinstance(steps, (str, bytes)):
-        values = tuple(
-            whole(n, f"steps of phase {i}", 2, MOST_STEPS, unit=IN_PHASE)
-            for i, n in enumerate(listed(steps, "steps", "numbers"))
-        )
-        if len(values) != problem.phases:
+        given = listed(steps, "steps", "numbers")
+        if len(given) != problem.phases:
             raise ProblemError(
                 f"steps = {shown(steps)}: expected one number, or one for each of the "
                 f"{problem.phases} phases."
             )
-        return values
+        return tuple(_steps_of_phase(problem, n, i) for i, n in enumerate(given))
     return whole(steps, "steps", 2, MOST_STEPS, unit=IN_PHASE)
+
+
+def _steps_of_phase(problem: Problem, value: Any, i: int) -> int:
+    """Steps of one phase: none of the last one of a motion that ends with its last event."""
+    if not (problem.ends_with_event and i == len(problem.sequence)):
+        return whole(value, f"steps of phase {i}", 2, MOST_STEPS, unit=IN_PHASE)
+    if not (is_number(value) and float(value) == 0):
+        raise ProblemError(
+            f"steps of phase {i} = {shown(value)}: expected 0, because its duration is 0; one "
+            "number for all phases leaves it out."
+        )
+    return 0
 
 
 def check_size(problem: Problem) -> None:

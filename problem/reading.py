@@ -47,11 +47,11 @@ def read(problem: Problem) -> None:
         check_known(name, p.kernels.surfaces, "surface", "in ignored")
     put(minimal_times=flag(p.minimal_times, "minimal_times"))
     check_design(p)
+    if p.durations is not None:
+        put(durations=tuple(listed(p.durations, "durations", "ranges, one for each phase")))
     put(steps=steps_of(p))
     check_size(p)
     put(periodic=periodic_of(p))
-    if p.durations is not None:
-        put(durations=tuple(listed(p.durations, "durations", "ranges, one for each phase")))
     if p.via is not None:
         put(via=tuple(listed(p.via, "via", "mappings, one for each event")))
 

@@ -36,7 +36,10 @@ def _rows(p: Problem) -> Iterator[tuple[str, str]]:
     low, high = p.final_time_bounds
     yield "final time", _range(low, high, " s") or "free"
     for i, (low, high) in enumerate(p.duration_bounds if p.durations is not None else ()):
-        yield f"phase {i}", _range(low, high, " s") or "free"
+        yield (
+            f"phase {i}",
+            "ends with its event" if high == 0 else _range(low, high, " s") or "free",
+        )
     yield "bounds", ", ".join(f"{name}: {_said(value)}" for name, value in p.bounds.items())
     yield "parameters", ", ".join(f"{name} = {value:g}" for name, value in p.parameters.items())
     yield "design", ", ".join(f"{name}: {_said(value)}" for name, value in p.design.items())

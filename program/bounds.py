@@ -45,7 +45,7 @@ def limits(
     """Lower and upper bounds of x; ``goals`` are constraints and bound nothing."""
     box = np.tile((-np.inf, np.inf), (lay.size, 1))
     box[lay.index_h] = np.maximum(
-        _durations(problem) / np.array(lay.steps)[:, None], SMALLEST_STEP * scale.time
+        lay.step_sizes(_durations(problem).T).T, SMALLEST_STEP * scale.time
     )
     box[lay.index_q] = problem.coordinate_bounds
     box[lay.index_u] = problem.input_bounds

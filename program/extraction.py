@@ -10,6 +10,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.contact_forces import accelerations_and_forces
 from dmoc.mechanics.contact_mode import Mode, names_of, without_rails
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.touch import changes
@@ -40,9 +41,9 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
     x = nlp.physical(x)
     h, q, u = x[lay.index_h], x[lay.index_q], x[lay.index_u]
     q_i = x[lay.index_q_i].reshape(lay.total, -1)
-    phases, collisions = [], []
+    phases, collisions = list[Phase](), list[Collision]()
     begin, largest = 0.0, np.maximum(np.abs(p_start).max(axis=0), np.abs(p_end).max(axis=0))
-    for i, steps in enumerate(lay.steps):
+    for i, steps in enumerate(lay.steps[: lay.stepped]):
         first, last = int(lay.ends[i]), int(lay.ends[i + 1])
         t = begin + h[i] * np.arange(steps + 1)
         at = np.ascontiguousarray(q[first : last + 1])
@@ -80,6 +81,8 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
             )
         )
         begin = float(t[-1])
+    if lay.ends_with_event:
+        phases.append(_after_event(nlp, x, begin, u[lay.row_u_kp1[-1:]]))
     for i, (before, after) in enumerate(pairwise(phases)):
         arriving, leaving = before.p[-1], after.p[0]
         event, t, at = lay.touch.events[i], float(after.t[0]), before.q[-1]
@@ -116,6 +119,23 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         limits=problem.limits | problem.total_limits,
         totals=_totals(nlp, x),
     )
+
+
+def _after_event(nlp: Transcription, x: Array, end: float, u: Array) -> Phase:
+    """The phase of one node after the event that ends the motion, whose last inputs are u (1, nu):
+    its contacts have no impulses, but forces by its state."""
+    lay, model, mode = nlp.layout, nlp.problem.model, nlp.layout.touch.modes[-1]
+    q, p, t = x[lay.index_q[-1:]], x[lay.index_p_E[None]], np.array([end])
+    v = model.velocity(q, p, t)
+    y = accelerations_and_forces(model, mode, (q, v, u, t))
+    _, N, T, R = np.split(y, np.cumsum([model.nq, model.nc, model.nt]), axis=1)
+    none = np.zeros((0, model.nq))
+    closed, rubbing = names_of(lay.touch.contacts, mode)
+    rubs = T[:, list(mode.rubbing)]
+    return Phase(
+        t, q, p, v, u[:0], closed, rubbing, N[:, list(mode.closed)], rubs,
+        none, none, lay.joint.names, R,
+    )  # fmt: skip
 
 
 def _totals(nlp: Transcription, x: Array) -> dict[str, float]:

@@ -69,7 +69,7 @@ class Layout(Unknowns):
             problem.explicit_time,
             tuple(problem.sequence),
             problem.start_bounds.needs_velocity or at_start,
-            problem.goal_bounds.needs_velocity or at_goal,
+            (problem.goal_bounds.needs_velocity or at_goal) and not problem.ends_with_event,
             problem.touch,
             tuple(kernels.joints),
             tuple(problem.model.totals_of),
@@ -104,6 +104,16 @@ class Layout(Unknowns):
     @property
     def phases(self) -> int:
         return len(self.steps)
+
+    @property
+    def stepped(self) -> int:
+        """Number of phases that have steps: all, or all but the last."""
+        return len(self.index_h)
+
+    @property
+    def ends_with_event(self) -> bool:
+        """Whether the last phase has no steps."""
+        return self.stepped < self.phases
 
     @property
     def total(self) -> int:
@@ -155,10 +165,10 @@ class Layout(Unknowns):
         """Unknown velocities at the nodes, at events those before them, shape (total + 1, nq);
         nowhere where they are no unknowns."""
         velocities = self.index_w.copy()
-        velocities[self.collision_nodes] = self.impact.v_a
         for node, index in ((0, self.index_v_B), (-1, self.index_v_E)):
             if len(index):
                 velocities[node] = index
+        velocities[self.collision_nodes] = self.impact.v_a
         return velocities
 
     def put_times(self, x: Array) -> None:
@@ -230,6 +240,14 @@ class Layout(Unknowns):
         """Unknown t of each node, shape (total + 1, 1); nowhere in a model without explicit
         time."""
         return self.index_t[:, None] if self.timed else np.full((self.total + 1, 1), NOWHERE)
+
+    def durations(self, x: Array) -> Array:
+        """Durations of the phases, shape (phases,)."""
+        return np.append(x[self.index_h], np.zeros(self.phases - self.stepped)) * self.steps
+
+    def step_sizes(self, durations: Array) -> Array:
+        """Step sizes of the phases that have steps, from durations of all, shape (..., phases)."""
+        return np.asarray(durations[..., : self.stepped] / np.array(self.steps[: self.stepped]))
 
     def times(self, x: Array) -> Array:
         """Times of the nodes, shape (total + 1,)."""

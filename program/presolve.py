@@ -96,12 +96,18 @@ def _settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Sett
     if problem.relations:
         back, end = _returned(problem, *ends), ends[1]
         closed, sticks = touch.is_closed[[0, -1]], touch.sticks[[0, -1]]
+        if lay.ends_with_event:  # its surface has rows at the end, whatever there is at the start
+            closed[0] = sticks[0] = True
+        met = closed.copy()
+        met[1, touch.surfaces[-1:]] |= lay.ends_with_event
         for rows, values, last in (
-            (places, _gaps, closed), (rates, _gap_rates, closed), (slides, _slide_rates, sticks),
+            (places, _gaps, met), (rates, _gap_rates, closed), (slides, _slide_rates, sticks),
         ):  # fmt: skip
             _relate(rows, _alike(values(problem, back), values(problem, end)), last)
         same = _alike(_tangents(problem, back), _tangents(problem, end)).diagonal()
-        stuck[-1] |= same & touch.sticks.all(axis=0)
+        stuck[lay.stepped - 1] |= same & touch.sticks.all(axis=0)
+    if lay.ends_with_event:  # it has the place of the end
+        places[-2] |= places[-1]
     return Settled(places, stuck, rates, slides, *_redundant(problem, touch))
 
 
@@ -143,6 +149,8 @@ def _joints_settled(
         back, every = _returned(problem, *ends), np.ones_like(rates)
         for rows, values in ((places, _joints), (rates, _joint_rates)):
             _relate(rows, _alike(values(problem, back), values(problem, ends[1])), every)
+    if lay.ends_with_event:
+        places[-2] |= places[-1]
     return places, rates
 
 

@@ -39,7 +39,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
     lay = Layout.of(problem)
     problem = lay.problem_at(problem, x)
     model, h = problem.model, x[lay.index_h]
-    time = float(h @ np.array(lay.steps))
+    time = float(lay.durations(x).sum())
     q, t = x[lay.index_q], lay.times(x)
     steps = h[lay.phase_of_step][:, None]
     rates = np.diff(q, axis=0) / steps
@@ -220,7 +220,7 @@ def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) 
         slope += np.abs(model.lifted_cost_slopes(lifted(problem, lay, step)) * every).sum()
     end = end_of(lay, x, -1)
     value = cost_of(problem, lay, x)
-    duration = float(np.sum(x[lay.index_h] * lay.steps))
+    duration = float(lay.durations(x).sum())
     around = np.concatenate([sizes[lay.index_q[-1]], speeds, [duration]])
     slope += np.abs(model.terminal_cost_slopes(*end) * around).sum()
     flat = FLAT * float(slope + bend)

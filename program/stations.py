@@ -14,7 +14,8 @@ from dmoc.program.blocks import Bools, Index
 
 @dataclass(frozen=True)
 class Stations:
-    """The stations of impulses along phases, one row each, in the order of time.
+    """The stations of impulses along phases, one row each, in the order of time; a phase without
+    steps has none.
 
     With steps of degree 1 they are the nodes of each phase; those that two phases share come twice.
     With steps of degree d > 1 they are the d + 1 nodes of each step, its start, those inside it and
@@ -35,7 +36,7 @@ class Stations:
     @property
     def _counts(self) -> list[int]:
         """Rows of each phase."""
-        return [n * (self.scheme.degree + 1) if self.own else n + 1 for n in self.steps]
+        return [n * (self.scheme.degree + 1) if self.own else n + (n > 0) for n in self.steps]
 
     def rows(self, i: int) -> slice:
         """Those of phase i."""

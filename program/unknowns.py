@@ -2,15 +2,17 @@
 
     x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_a | v_c | t | q_i | s | those of laws)
 
-h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared by its two phases;
-u: inputs, in the rows of their form (:class:`~dmoc.base.discretisation.InputForm`); p_B, p_E:
-momenta at both ends; v_B, v_E: velocities at both ends, only where the problem needs them; t: times
-of the nodes, only where the model depends on them; q_i: coordinates of the nodes inside the steps;
-s: hidden unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), at the points of steps.
-Behind those of laws are w, velocities at the nodes inside phases, and t_i, times of the nodes
-inside steps, both only where something pushes along steps with nodes inside, then accelerations
-and forces that quantities contain (:mod:`dmoc.program.force_unknowns`), and behind these totals and
-peaks of an objective, and design parameters.
+h: step sizes, one a phase that has steps; q: coordinates at the nodes, a collision node shared by
+its two phases; u: inputs, in the rows of their form
+(:class:`~dmoc.base.discretisation.InputForm`); p_B, p_E: momenta at both ends; v_B, v_E: velocities
+at both ends, only where the problem needs them; t: times of the nodes, only where the model depends
+on them; q_i: coordinates of the nodes inside the steps; s: hidden unknowns for functions with kinks
+(:mod:`dmoc.symbolic.kinks`), at the points of steps.  Where a motion ends with an event, its
+last phase has no steps, p_E is the momentum after the event, and v_E is its v_c.  Behind those of
+laws are w, velocities at the nodes inside phases, and t_i, times of the nodes inside steps, both
+only where something pushes along steps with nodes inside, then accelerations and forces that
+quantities contain (:mod:`dmoc.program.force_unknowns`), and behind these totals and peaks of an
+objective, and design parameters.
 Laws that push have tables of their own: :class:`~dmoc.program.impacts.ImpactUnknowns` (lam, v_a,
 v_c, in these places because files keep multipliers in this order),
 :class:`~dmoc.program.contact_table.ContactUnknowns`,
@@ -115,7 +117,7 @@ class Unknowns:
         nq, total = len(names), sum(steps)
         touch = kind.touch
         p, v = [momentum_name(c) for c in names], [velocity_name(c) for c in names]
-        phases, at = len(steps), names_of_events(kind.sequence)
+        at = names_of_events(kind.sequence)
         row_steps = steps_of_rows(form, steps)
         rows_at_start = frozenset(first_rows(form, steps).tolist())
 
@@ -130,7 +132,12 @@ class Unknowns:
         places = hidden_places(form, scheme)
         block = Numbering()
         of_steps = (
-            block("h", (phases,), lambda i: f"step size of phase {i}", lambda s: s.h),
+            block(
+                "h",
+                (int(np.count_nonzero(steps)),),
+                lambda i: f"step size of phase {i}",
+                lambda s: s.h,
+            ),
             block(
                 "q",
                 (total + 1, nq),
@@ -185,6 +192,8 @@ class Unknowns:
             ),
         )
         indices = {f"index_{b.name}": b.index for b in (*of_steps, *of_ends, *inner)}
+        if not steps[-1]:
+            indices["index_v_E"] = v_c.index[-1]
         impact = ImpactUnknowns(touch, at, lam.index, v_a.index, v_c.index)
         stations = Stations(steps, scheme)
         contact = ContactUnknowns.of(block, stations, touch)

@@ -123,14 +123,16 @@ def _alike(a: Array, b: Array) -> bool:
 
 def _course(motion: Trajectory, phase: Phase, quantity: str) -> tuple[Array, Array]:
     """Times and values along a phase: coordinates are round between few nodes too, and steps of
-    constant inputs have both of their ends."""
+    constant inputs have both of their ends; a phase without steps has the last inputs."""
+    if quantity == "u" and not phase.steps:
+        return phase.t, motion.last_inputs[None]
     if quantity == "q" and np.isfinite(phase.v).all():
         return resampled(phase.t, phase.q, phase.v)
     if quantity == "u" and motion.input_form.width:
         return motion.input_times(phase), phase.u
     if quantity == "u":
         return np.repeat(phase.t, 2)[1:-1], np.repeat(phase.u, 2, axis=0)
-    if quantity == "quantities":
+    if quantity == "quantities" and phase.steps:
         h = np.diff(phase.t)[:, None]
         return (phase.t[:-1, None] + h * np.linspace(0, 1, PARTS)).ravel(), phase.quantities
     return phase.t, getattr(phase, quantity)
@@ -174,15 +176,15 @@ def _forces(motion: Trajectory) -> Iterator[Panel]:
 
 
 def _force(phase: Phase, letter: str, name: str) -> Array | None:
-    """The force of a contact along a phase."""
+    """The force of a contact along a phase that has steps."""
     values, names = (
         (phase.normal, phase.closed) if letter == "N" else (phase.tangential, tuple(phase.rubbing))
     )
-    return values[:, names.index(name)] if name in names else None
+    return values[:, names.index(name)] if name in names and phase.steps else None
 
 
 def _limit(motion: Trajectory, phase: Phase, name: str) -> Array | None:
     """What friction cannot exceed along a phase."""
-    if name not in phase.rubbing:
+    if name not in phase.rubbing or not phase.steps:
         return None
     return motion.friction_limits(phase)[:, list(phase.rubbing).index(name)]

@@ -104,7 +104,8 @@ class Take:
     @cached_property
     def largest(self) -> float:
         """What the longest arrow of a force stands for, in newton."""
-        forces = [f for phase in self.trajectory.phases for f in (phase.normal, phase.tangential)]
+        phases = [phase for phase in self.trajectory.phases if phase.steps]
+        forces = [f for phase in phases for f in (phase.normal, phase.tangential)]
         return max((float(np.abs(f).max(initial=0.0)) for f in forces), default=0.0)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from dmoc.motion.trajectory import Trajectory
+from dmoc.motion.trajectory import Phase, Trajectory
 from dmoc.report.canvas import LENGTH, SMALL
 from dmoc.report.style import Style
 
@@ -21,17 +21,22 @@ def strip_height(trajectory: Trajectory) -> float:
     contacts do not last."""
     if not trajectory.lasting:
         return 0.0
-    return HIGH * max(len(phase.mode.split()) for phase in trajectory.phases) + 0.1
+    return HIGH * max(len(phase.mode.split()) for phase in _phases(trajectory)) + 0.1
+
+
+def _phases(trajectory: Trajectory) -> list[Phase]:
+    """Those that take time."""
+    return [phase for phase in trajectory.phases if phase.steps]
 
 
 def mode_strip(axes: Axes, trajectory: Trajectory, style: Style) -> None:
     """Modes as colours, named where there is room and in a legend else."""
-    modes = list(dict.fromkeys(phase.mode for phase in trajectory.phases if not phase.free))
+    modes = list(dict.fromkeys(phase.mode for phase in _phases(trajectory) if not phase.free))
     tints = {mode: style.tints[i % len(style.tints)] for i, mode in enumerate(modes)}
     tints["free"] = style.free
     per_second = LENGTH / trajectory.final_time
     named = set()
-    for phase in trajectory.phases:
+    for phase in _phases(trajectory):
         axes.axvspan(phase.t[0], phase.t[-1], facecolor=tints[phase.mode], linewidth=0)
         words = phase.mode.split()
         if WIDE * max(map(len, words)) <= phase.duration * per_second:
@@ -46,7 +51,7 @@ def mode_strip(axes: Axes, trajectory: Trajectory, style: Style) -> None:
     axes.set_ylim(0.0, 1.0)
     axes.spines[:].set_visible(False)
     axes.tick_params(axis="x", length=0, labelbottom=False)
-    there = dict.fromkeys(phase.mode for phase in trajectory.phases)
+    there = dict.fromkeys(phase.mode for phase in _phases(trajectory))
     _legend_of_modes(axes, {mode: tints[mode] for mode in there if mode not in named}, style)
 
 

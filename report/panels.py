@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dmoc.base.tolerances import ROUNDING
-from dmoc.motion.trajectory import Collision, Trajectory
+from dmoc.motion.trajectory import Array, Collision, Trajectory
 from dmoc.report.canvas import SMALL, legend_beside, plain_axes
 from dmoc.report.curves import Panel, contacts_of
 from dmoc.report.style import DOTS, Style
@@ -55,7 +55,10 @@ def draw_curves(
     for place, curve in enumerate(panel.curves):
         stroke = style.stroke(curve.number, curve.number if curve.contact else place)
         parts = [(t, v) for t, v in zip(panel.times, curve.values, strict=True) if v is not None]
-        lines = [axes.plot(*part, **stroke, label=f"${curve.label.tex}$")[0] for part in parts]
+        lines = [
+            axes.plot(*part, **stroke, **_dot(panel, part[0]), label=f"${curve.label.tex}$")[0]
+            for part in parts
+        ]
         first.append(lines[0])
         for (t, before), (_, after) in pairwise(parts) if panel.quantity in "vp" else ():
             look = {"color": stroke["color"], "linestyle": DOTS, "lw": 1.2, "gid": "jump"}
@@ -65,6 +68,12 @@ def draw_curves(
     axes.set_ylabel(panel.axis)
     plain_axes(axes, style)
     return first
+
+
+def _dot(panel: Panel, times: Array) -> dict[str, Any]:
+    """How a state after the end is drawn, beside its stroke."""
+    jumps = panel.quantity in ("v", "p", "quantities") and len(times) == 1
+    return {"marker": "o", "markersize": 3.5, "clip_on": False, "zorder": 4} if jumps else {}
 
 
 def _dotted(style: Style, label: str) -> Artist:

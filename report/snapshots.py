@@ -49,9 +49,17 @@ class SnapshotGrid:
 
 def joined(scene: Scene) -> Scene:
     """The scene with a phase for each snapshot: its own, or one of all where they are many."""
+    scene = _taking_time(scene)
     if len(scene.times) <= MOST:
         return scene
     return Scene(scene.shapes, (np.concatenate(scene.times),), (np.vstack(scene.values),))
+
+
+def _taking_time(scene: Scene) -> Scene:
+    """The scene without the state after an event that ends the motion."""
+    if len(scene.times[-1]) > 1:
+        return scene
+    return Scene(scene.shapes, scene.times[:-1], scene.values[:-1])
 
 
 def layout_of(scene: Scene) -> SnapshotGrid:
@@ -78,7 +86,7 @@ def window_of(scenes: Sequence[Scene]) -> Room:
 def draw_snapshots(figure: Figure, place: SubplotSpec, take: Take, style: Style) -> None:
     """Draw all phases, each with what happens at its end."""
     layout, window, trajectory = layout_of(take.scene), window_of([take.scene]), take.trajectory
-    apart = len(take.scene.times) <= MOST
+    apart = len(_taking_time(take.scene).times) <= MOST
     scene = joined(take.scene)
     grid = place.subgridspec(layout.rows, layout.columns)
     first: Axes | None = None
@@ -104,8 +112,9 @@ def draw_motions(places: Sequence[Axes], takes: Sequence[Take], style: Style) ->
     window = window_of([take.scene for take in takes])
     for axes, take in zip(places, takes, strict=True):
         _look_through(axes, window)
-        for phase in range(len(take.scene.times)):
-            _phase(axes, take.scene, phase, style, max(window.sides))
+        scene = _taking_time(take.scene)
+        for phase in range(len(scene.times)):
+            _phase(axes, scene, phase, style, max(window.sides))
             _impulses(axes, take, phase, style, max(window.sides))
         _frame(axes, take.trajectory, style, None if axes is places[0] else places[0])
 

@@ -94,9 +94,11 @@ def _wrong_motion(motion: Trajectory) -> str | None:
     if not all(low <= high for low, high in motion.limits.values()):
         return "the motion has a lower limit above the upper one"
     for i, phase in enumerate(motion.phases):
-        if len(phase.t) < 2 or not (np.diff(phase.t) > 0).all():
+        last = 0 < i == len(motion.phases) - 1  # the motion may end with an event
+        if len(phase.t) < 2 - last or not (np.diff(phase.t) > 0).all():
             return f"the times of phase {i} do not increase"
-        if phase.quantities.size != PARTS * phase.steps * len(motion.quantities):
+        rows = PARTS * phase.steps if phase.steps else 1
+        if phase.quantities.size != rows * len(motion.quantities):
             return f"phase {i} has {len(phase.quantities)} rows of quantities"
         if len(phase.u) != len(motion.input_times(phase)):
             return f"phase {i} has {len(phase.u)} rows of inputs for {phase.steps} steps"

@@ -40,7 +40,8 @@ def _outcome(s: Solution) -> Iterator[tuple[Cell, ...]]:
 def _motion(s: Solution) -> Iterator[tuple[Cell, ...]]:
     for i, phase in enumerate(s.phases):
         mode = f", {phase.mode}" if s.trajectory.lasting else ""
-        yield f"phase {i}", f"{phase.duration:.6g} s in {phase.steps} steps{mode}"
+        took = f"{phase.duration:.6g} s in {phase.steps} steps"
+        yield f"phase {i}", (took if phase.steps else "the state after the last event") + mode
     yield "final time", f"{s.final_time:.6g} s"
     if s.design:
         yield "design", in_words(s.design)

@@ -121,13 +121,12 @@ def _nodes(trajectory: Trajectory, model: Model) -> _Nodes:
     phases = trajectory.phases
     q, v, p = (np.vstack([getattr(phase, name) for phase in phases]) for name in "qvp")
     t = np.concatenate([phase.t for phase in phases])
-    ends = [trajectory.input_ends(phase) for phase in phases]
-    before = np.vstack([np.vstack([u0[:1], u1]) for u0, u1 in ends])
-    after = np.vstack([np.vstack([u0, u1[-1:]]) for u0, u1 in ends])
+    sides = [trajectory.input_sides(phase) for phase in phases]
+    before, after = (np.vstack(part) for part in zip(*sides, strict=True))
     mass = model.mass(q, t)
     inertia = np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0)
     inertia = np.where(inertia > 0, inertia, inertia.max())
-    step = min(float(np.diff(phase.t).min()) for phase in phases)
+    step = min(float(np.diff(phase.t).min()) for phase in phases if phase.steps)
     return _Nodes(q, v, p, t, step, (before, after), mass, inertia)
 
 

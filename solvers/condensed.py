@@ -65,8 +65,11 @@ def partition(nlp: Transcription, segments: int) -> Partition:
                 part = np.hstack(columns).ravel()
                 parts.append(part[part != NOWHERE])
         if i < layout.phases - 1:  # the velocities beside the collision
-            gone_parts += [layout.impact.v_a[i], layout.impact.v_c[i]]
-            used_parts += [impact.arrival.index[i], impact.departure.index[i]]
+            gone_parts.append(layout.impact.v_a[i])
+            used_parts.append(impact.arrival.index[i])
+        if i < layout.stepped - 1:  # after the end there may be a goal
+            gone_parts.append(layout.impact.v_c[i])
+            used_parts.append(impact.departure.index[i])
     gone, used_rows = np.concatenate(gone_parts), np.concatenate(used_parts)
     free = np.ones(nlp.n, dtype=bool)
     free[gone] = False

@@ -124,7 +124,7 @@ def _pulls_of(name: str, lay: Layout, y: Array) -> Iterator[str]:
     """How strongly one contact pulls where it pulls most in a phase, and at events."""
     at, forces = lay.stations, []
     t = lay.place_times(y)[at.place]
-    for i in range(lay.phases):
+    for i in range(lay.stepped):
         rows = at.rows(i)
         for r in lay.reactions(i):
             if not r.pulls and name in r.names:

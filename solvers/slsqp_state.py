@@ -68,7 +68,7 @@ class Descent:
                 continue
             rows = laws.step.gap.index[max(c - 2, 0) : c + 3, s]
             self.watched_rows[rows[rows != NOWHERE] - nlp.n_eq] = True
-        ends = laws.ends.earliest, laws.ends.latest
+        ends = laws.ends.earliest, laws.ends.latest, laws.contact.opens
         for block in (*ends, impact.approach, impact.separation, laws.kink.limit):
             self.watched_rows[block.numbers - nlp.n_eq] = True
         self.watched_rows[nlp.minimal_times] = True

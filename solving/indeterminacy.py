@@ -33,9 +33,10 @@ def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = Non
     if any(c.grazes for c in fine.collisions):  # they are part of another program
         return ""
     nlp, duals = at_solution(problem, fine)
-    names = [f"the duration of phase {i}" for i in range(len(fine.phases))] + list(fine.design)
+    names = _names(nlp)
     at = np.concatenate([nlp.layout.index_h, nlp.layout.index_design])
-    reach = np.append(fine.final_time / np.array(fine.steps), nlp.scale.design)
+    steps = np.array(fine.steps[: nlp.layout.stepped])
+    reach = np.append(fine.final_time / steps, nlp.scale.design)
     x, units = nlp.scaled(fine.unknowns), nlp.physical(np.ones(nlp.n))
     if coarse is not None:
         node, j = _most_changed(coarse, fine)
@@ -57,11 +58,11 @@ def left_open_along(nlp: Transcription, direction: Array) -> str:
     that move, else what moves most; empty where that is not seen or no more than the mesh
     resolves."""
     lay, size, most = nlp.layout, np.abs(direction), ("", 0.0)
-    names = [f"the duration of phase {i}" for i in range(lay.phases)] + list(nlp.problem.design)
+    names = _names(nlp)
     moving = size[np.concatenate([lay.index_h, lay.index_design])] >= MOVES
     if moving.any():
         return _sentence([name for name, moves in zip(names, moving, strict=True) if moves])
-    resolved = min(RESOLVED / min(lay.steps), MOVES)
+    resolved = min(RESOLVED / min(lay.steps[: lay.stepped]), MOVES)
     for block in lay.unknowns:
         if not block.count or block.name == "s":  # no result shows the hidden ones
             continue
@@ -71,6 +72,12 @@ def left_open_along(nlp: Transcription, direction: Array) -> str:
         if open_share > resolved and moved.max() > most[1]:
             most = block.name_of(int(moved.argmax())), float(moved.max())
     return _sentence([most[0]]) if most[0] else ""
+
+
+def _names(nlp: Transcription) -> list[str]:
+    """Durations and design in words."""
+    phases = range(nlp.layout.stepped)
+    return [f"the duration of phase {i}" for i in phases] + list(nlp.problem.design)
 
 
 def _sentence(names: list[str]) -> str:
@@ -93,7 +100,7 @@ def _most_changed(coarse: Solution, fine: Solution) -> tuple[int, int]:
     spread = np.where(spread > 0, spread, np.inf)
     best, at, first = -1.0, (0, 0), 0
     for a, b in zip(coarse.phases, fine.phases, strict=True):
-        ratio = b.steps // a.steps
+        ratio = b.steps // a.steps if a.steps else 1
         change = np.abs(b.q[::ratio] - a.q) / spread
         k, j = np.unravel_index(int(change.argmax()), change.shape)
         if change[k, j] > best:

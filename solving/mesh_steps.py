@@ -11,7 +11,7 @@ SHORTER = 16.0
 
 def finer(durations: Sequence[float], steps: Sequence[int], wanted: Sequence[int]) -> list[int]:
     """The steps that are wanted of each phase, those that there are of phases that have shrunk."""
-    h = [duration / n for duration, n in zip(durations, steps, strict=True)]
+    h = [duration / max(n, 1) for duration, n in zip(durations, steps, strict=True)]
     return [
         n if SHORTER * h_i < max(h) else more for h_i, n, more in zip(h, steps, wanted, strict=True)
     ]

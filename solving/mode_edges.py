@@ -58,7 +58,7 @@ def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
             stays.append(Stay(i, edge.name, begin, end, *states))
             for k in steps:
                 in_steps[k] = _beyond(edge, in_steps[k], names.supports)
-        if i and problem.touch.events[i - 1].course and mode.closed:
+        if i and in_steps and problem.touch.events[i - 1].course and mode.closed:
             in_steps[0] = mode  # what the impact ends with
         modes.append(in_steps)
     if not stays:
@@ -98,6 +98,9 @@ def _events(
         word = word_between(problem.model.contacts, before, after, event)
         if word:
             yield word, float(t[k])
+    if not modes[-1]:  # the event that ends the motion
+        last = problem.touch.modes[-1], problem.touch.events[-1]
+        yield word_between(problem.model.contacts, of_step[-1], *last), float(t[-1])
 
 
 @dataclass(frozen=True)
@@ -111,7 +114,10 @@ class _Edges:
     def of_phase(self, i: int) -> Iterator[tuple[Edge, range]]:
         """Edges of phase i at which contacts stay where the mode beyond would cost less, with the
         steps of the phase."""
-        last = i == self.nlp.layout.phases - 1
+        lay = self.nlp.layout
+        if not lay.steps[i]:
+            return
+        last = i == lay.phases - 1
         for edge in chain.from_iterable(law.edges(i) for law in self.nlp.laws):
             saved = self._saved(edge)
             free_end = last and edge.gives[-1, -1] != NOWHERE

@@ -14,7 +14,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import friction_of, response
 from dmoc.mechanics.contact_mode import STICK
-from dmoc.program.blocks import Index
+from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.hit_stages import STOP, Passage
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt import cost_size
@@ -89,7 +89,9 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
             mu = friction_of(nlp.problem, passage, q, t)
             inertia = _closing(response(nlp.problem, passage, q, t), mu, passage.friction[-1])
         row = nlp.laws.impact.energy.index[i]
-        return [e * float(duals.y[row]) * size / nlp.row_unit[row] + by_impulse * size / inertia]
+        # Fixed values at the goal may say it.
+        by_rate = 0.0 if row == NOWHERE else float(duals.y[row]) / nlp.row_unit[row]
+        return [e * by_rate * size + by_impulse * size / inertia]
     return _by_poisson(nlp, outcome, passage, (by_impulse, slope), (q, t, e))
 
 

@@ -63,7 +63,8 @@ class BreakawayLaw(Law):
         T = lay.contact.T[law.last[i], k]
         entries: list[Entries] = [(self.breaks.index[i, k], T, np.ones(len(i)))]
         nodes, there = lay.collision_nodes, self.goes_on.index != NOWHERE
-        for side, sign in ((lay.row_u_kp1[nodes - 1], 1.0), (lay.row_u_k[nodes], -1.0)):
+        after = lay.row_u_k[np.minimum(nodes, lay.total - 1)]
+        for side, sign in ((lay.row_u_kp1[nodes - 1], 1.0), (after, -1.0)):
             u = lay.index_u[side][there]
             entries.append((self.goes_on.index[there], u, np.full(len(u), sign)))
         return [*entries, *entries_of(law.mu_s, self._holding)]
@@ -71,7 +72,8 @@ class BreakawayLaw(Law):
     @property
     def _holding(self) -> Iterator[Product]:
         """What static friction holds at the ends of phases."""
-        law, last = self.friction, self.friction.last[:-1]
+        law, events = self.friction, len(self.friction.touch.events)
+        last = law.last[:events]
         for k, (_, limit, factor) in enumerate(law.limits):
             signs = law.touch.signs[1:, k]
             yield Product(k, last, self.breaks.index[:, k], limit[last], signs * factor[last])

@@ -9,6 +9,7 @@ theory); what rubs at them is the law of friction (:mod:`dmoc.program.laws.frict
     at rest    gamma(q_N, v-) = 0                 at the end of the phase
     lands      g(q_c) = 0                         of what lands beside the first one
     stays      gamma(q_c, v+) = 0                 after an impact, with impulses P_c
+    opens      -gamma(q_c, v+) >= 0               of what leaves with an event that ends the motion
 
 This is the scheme RATTLE with the momenta of the step element.  Steps with nodes inside have an
 impulse of their own at each of their nodes, keep the places of all of them, and the rates at their
@@ -29,6 +30,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Index, Numbering
 from dmoc.program.interior import give_way
+from dmoc.program.laws.impact import ends_motion
 from dmoc.program.laws.law import AT_REST, Edge, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases
 from dmoc.program.layout import Layout
@@ -58,6 +60,7 @@ class ContactLaw(Law):
     settled: Settled = field(init=False)
     closed: Block = field(init=False)
     at_rest: Block = field(init=False)
+    opens: Block = field(init=False)
     lands: Block = field(init=False)
     stays: Block = field(init=False)
 
@@ -88,6 +91,7 @@ class ContactLaw(Law):
         closed, beside = touch.is_closed & ~self.settled.closed, ~self.settled.closed[1:]
         for i, event in enumerate(touch.events):
             landing[i, list(event.lands[1:])] = True
+        at_end = ends_motion(lay)[:, None]
         self.closed = block(
             "closed",
             along.places(closed, self.settled.places),
@@ -102,14 +106,27 @@ class ContactLaw(Law):
         )
         self.lands = block(
             "lands",
-            landing & beside,
+            landing & beside & ~(at_end & self.settled.places[-1]),
             lambda i, j: f"landing of {names[j]} at event {i + 1}",
             lambda s: s.gap,
         )
         self.stays = block(
             "stays",
-            touch.beside & beside,
+            touch.beside & beside & ~(at_end & self.settled.rates[-1]),
             lambda i, j: f"rate of {names[j]} after event {i + 1}",
+            lambda s: s.rate,
+        )
+
+    def inequalities(self, block: Numbering) -> None:
+        """Contacts that leave with an event at the end, where no gap says that they open."""
+        touch, names = self.lay.touch, self.lay.touch.contacts.surfaces
+        leaving = np.zeros_like(touch.beside)
+        for i in np.flatnonzero(ends_motion(self.lay)):
+            leaving[i, list(touch.events[i].leaves)] = True
+        self.opens = block(
+            "opens",
+            leaving,
+            lambda i, j: f"opening of {names[j]} at event {i + 1}",
             lambda s: s.rate,
         )
 
@@ -128,6 +145,7 @@ class ContactLaw(Law):
                 Term("normal", (q, P_c, t), (laws.step.momentum.index[nodes],), -1.0),
                 Term("surface", (q, t), (self.lands.index,)),
                 Term("gap_rate", (q, lay.impact.v_c, t), (self.stays.index,)),
+                Term("gap_rate", (q, lay.impact.v_c, t), (self.opens.index,), -1.0),
             ]
         return terms
 

@@ -2,7 +2,9 @@
 
 ::
 
-    velocity    p_B - dL/dv(q_0, v_B) = 0, p_E - dL/dv(q_N, v_E) = 0    where velocities are needed
+    velocity    p_B - dL/dv(q_0, v_B) = 0, p_E - dL/dv(q_N, v_E) = 0    where velocities are needed,
+                                                        the latter not of a motion that ends with an
+                                                        event, which says it (impact.py)
     final time  t_E - value = 0, t_E - lower >= 0, upper - t_E >= 0
     periodic    state at the end - sum of factors * states at the start - difference = 0, or
                 within a range
@@ -139,7 +141,7 @@ class EndsLaw(Law):
         )
         self.goal_velocity = block(
             "goal velocity",
-            lay.index_v_E.shape,
+            (0 if lay.ends_with_event else len(lay.index_v_E),),
             lambda i: f"{p[i]} at the goal",
             lambda s: s.p[: len(lay.index_v_E)],
             missed=fits("goal"),
@@ -257,7 +259,7 @@ class EndsLaw(Law):
 
     def _lines(self) -> Iterator[Line]:
         lay, (low, high), one = self.lay, self.problem.final_time_bounds, np.ones(1)
-        steps = np.array(lay.steps, dtype=float)
+        steps = np.array(lay.steps[: lay.stepped], dtype=float)
         for r in (*self.final_time.numbers, *self.earliest.numbers):
             yield Line(r, lay.index_h, steps, -low)
         for r in self.latest.numbers:

@@ -103,7 +103,9 @@ class ForceLaw(Law):
             inner = np.setdiff1d(np.arange(lay.total), lay.ends)
             at, ends = arguments_along(lay, places, inner, forces=True), forces_of_ends(lay)
             if len(ends):
-                terms.append(Term("forces_point", at["_point"], (rows[ends],)))
+                own = np.full((len(at["_point"][0]), rows.shape[1]), NOWHERE)
+                own[: len(ends)] = rows[ends]
+                terms.append(Term("forces_point", at["_point"], (own,)))
                 rows[ends] = NOWHERE
             if lay.inside:
                 terms.append(Term("forces_ends", at["_ends"], (rows.reshape(lay.total, -1),)))

@@ -61,6 +61,7 @@ from dmoc.program.coefficients import (
 from dmoc.program.hit_stages import STOP
 from dmoc.program.interior import bound_once
 from dmoc.program.laws.contact import ContactLaw
+from dmoc.program.laws.impact import ends_motion
 from dmoc.program.laws.law import AT_REST, INPUT, Edge, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases
 from dmoc.program.layout import Layout
@@ -161,7 +162,7 @@ class FrictionLaw(Law):
         )
         self.sticks = block(
             "sticks",
-            touch.rubs_in_impact & sticks[1:],
+            touch.rubs_in_impact & sticks[1:] & ~(ends_motion(lay)[:, None] & settled.slides[-1]),
             lambda i, j: f"sliding velocity of {names[j]} after event {i + 1}",
             lambda s: s.slide,
         )
@@ -266,6 +267,8 @@ class FrictionLaw(Law):
         lay, signs = self.lay, self.touch.signs
         unknown = np.array([len(lay.index_v_B) > 0, len(lay.index_v_E) > 0]) & (not lay.touch.free)
         slides = (signs[[0, -1]] != 0) & ~self.settled.slides
+        for i in np.flatnonzero(ends_motion(lay)):
+            slides[-1] &= ~(self.touch.rubs_in_impact[i] | self.touch.passes[i])  # said there
         return np.asarray(slides & unknown[:, None])
 
     # Terms ----------------------------------------------------------------------------------------
@@ -422,8 +425,9 @@ class FrictionLaw(Law):
         if touch.free:
             return
         yield Pivot(unknowns.T, self.sliding.index, key(along.at.step, INPUT))
-        stopped, ends = self.stopped.index.copy(), self.lay.ends[1:]
-        stopped[ends] = np.where(touch.sticks, stopped[ends], NOWHERE)
+        stopped, count = self.stopped.index.copy(), self.lay.stepped
+        ends = self.lay.ends[1 : count + 1]
+        stopped[ends] = np.where(touch.sticks[:count], stopped[ends], NOWHERE)
         yield from along.pivots(unknowns.T, self.stuck.index, stopped)
         events = self.lay.collision_nodes
         yield Pivot(unknowns.T_c, self.sticks.index, key(events, AT_REST))

@@ -6,10 +6,10 @@ gamma+ = -e gamma- (equations :eq:`impact` to :eq:`approach` of the theory)::
 
     momentum    r_plus(before) + r_minus(after) = lam grad g(q_c)
     arrival     r_plus(last step before) - dL/dv(q_c, v_a) = 0
-    departure   r_minus(first step after) + dL/dv(q_c, v_c) = 0
+    departure   r_minus(first step after) + dL/dv(q_c, v_c) = 0, with -p_E where the motion ends
     energy      e (e_plus(before) - e_minus(after) - W_t) - (1 - e)/2 W_gamma = 0
                 gamma(q_c, v_c) + e gamma(q_c, v_a) = 0    where e = 0, where a collision only
-                touches, and where the law is stated in the rates
+                touches, where the motion ends with it, and where the law is stated in the rates
     contact     g(q_c) = 0
     approach    gamma(q_c, v_a) >= 0                       but for touches, whose rate is known
     separation  -gamma(q_c, v_c) >= 0                      where the law does not fix that rate
@@ -39,6 +39,7 @@ from dmoc.program.blocks import (
     NOWHERE,
     Block,
     Bools,
+    Entries,
     Index,
     Missed,
     Numbering,
@@ -48,6 +49,7 @@ from dmoc.program.blocks import (
 from dmoc.program.interior import give_way
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
 from dmoc.program.layout import Layout
+from dmoc.program.presolve import settled
 from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term, like
 
@@ -88,6 +90,7 @@ class ImpactLaw(Law):
     rough: Bools
     arrival: Block = field(init=False)
     departure: Block = field(init=False)
+    settled: Bools = field(init=False)
     energy: Block = field(init=False)
     contact: Block = field(init=False)
     approach: Block = field(init=False)
@@ -105,7 +108,8 @@ class ImpactLaw(Law):
         rough = np.zeros(len(lay.touch.surfaces), dtype=bool)
         rough[[p.event for p in lay.hit.passages if not (p.lands or p.returns)]] = True
         returns = np.isin(np.arange(len(rough)), [p.event for p in lay.hit.passages if p.returns])
-        stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough | by_law | returns
+        last = ends_motion(lay)
+        stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough | by_law | returns | last
         return cls(problem, lay, e, by_law, touches, landing, stated, rough)
 
     @property
@@ -140,6 +144,15 @@ class ImpactLaw(Law):
         at = lay.index_q[lay.collision_nodes[hits], None]
         give_way(problem, box, scale, zip(at, self.surfaces[hits].tolist(), strict=True))
 
+    def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
+        """Fixed values at the goal may say of the event that ends a motion where it is, and how
+        fast its surface is left."""
+        self.settled = np.zeros((2, len(self.surfaces)), dtype=bool)
+        if self.lay.ends_with_event:
+            at_end, j = settled(problem, self.lay, limits), self.surfaces[-1]
+            stops = self.e[-1] == 0 and not self.rough[-1]
+            self.settled[:, -1] = at_end.places[-1, j], at_end.rates[-1, j] and stops
+
     def equations(self, block: Numbering) -> None:
         at, hit, n = self.lay.impact.names, self.surfaces, len(self.surfaces)
         v = [velocity_name(q) for q in self.problem.kernels.coordinates]
@@ -164,7 +177,7 @@ class ImpactLaw(Law):
         )
         self.energy = block(
             "energy",
-            self.sure,
+            self.sure & ~self.settled[1],
             lambda k: f"energy at {at[k]}",
             lambda s: np.where(plain, sizes_of(s.rate, hit), s.energy),
             missed=Missed(
@@ -175,7 +188,7 @@ class ImpactLaw(Law):
         )
         self.contact = block(
             "contact",
-            self.sure,
+            self.sure & ~self.settled[0],
             lambda k: f"contact at {at[k]}",
             lambda s: sizes_of(s.gap, hit),
             missed=Missed(
@@ -216,21 +229,23 @@ class ImpactLaw(Law):
         lam = self._by_surface(lay.impact.lam, places, places.zero)
         energy, e = self.energy.index[:, None], self.e[:, None]
         law = np.where(self.plain[:, None], NOWHERE, energy)
-        before, after = places.step(nodes - 1), places.step(nodes)
+        before, later = places.step(nodes - 1), slice(int(np.sum(nodes < lay.total)))
+        after = places.step(nodes[later])
         no_p, no_cost, no_inside = (
             like(q),
             like(energy),
             np.full((len(nodes), lay.inside * lay.nq), NOWHERE),
         )
+        no_after = [rows[later] for rows in (no_p, no_cost, no_inside)]
         terms = [
             Term("normal", (q, lam, t), (momentum[nodes],), -1.0),
             Term("surface", (q, t), (self._by_surface(self.contact.index, places),)),
             Term("impact", before, (law, like(law)), e),
-            Term("impact", after, (like(law), law), -e),
+            Term("impact", after, (like(law[later]), law[later]), -e[later]),
             Term("moving_work", (q, lam, t), (law,), -e),
             Term("rate_work", (q, lay.impact.v_c, lam, t), (law,), (e - 1) / 2),
             Term("step", before, (no_p, self.arrival.index, no_cost, no_inside)),
-            Term("step", after, (self.departure.index, no_p, no_cost, no_inside)),
+            Term("step", after, (self.departure.index[later], *no_after)),
             Term("momentum", (q, lay.impact.v_a, t), (self.arrival.index,), -1.0),
             Term("momentum", (q, lay.impact.v_c, t), (self.departure.index,)),
         ]
@@ -249,19 +264,29 @@ class ImpactLaw(Law):
             terms.append(Term("rebound", before, (rows, like(rows), like(rows[:, :1]))))
         return terms
 
+    def entries(self, laws: Laws) -> list[Entries]:
+        """The momentum after an event that ends the motion."""
+        rows = self.departure.index[ends_motion(self.lay)].ravel()
+        return [(rows, self.lay.index_p_E[: len(rows)], -np.ones(len(rows)))]
+
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
         """The momenta beside a collision determine the velocities, the contact the step size of the
         phase that ends in it, and the energy the impulse."""
         lay, hit, newton = self.lay, self.impact, self.impact & ~self.rough
         before, after = key(lay.collision_nodes - 1, COLLISION), key(lay.collision_nodes, COLLISION)
         yield Pivot(lay.impact.v_a, self.arrival.index, before)
-        yield Pivot(lay.index_h[:-1][hit], self.contact.index[hit], before[hit])
+        yield Pivot(lay.index_h[: len(hit)][hit], self.contact.index[hit], before[hit])
         yield Pivot(lay.impact.v_c, self.departure.index, after)
         yield Pivot(lay.impact.lam[newton], self.energy.index[newton], after[newton])
 
     def _by_surface(self, values: Index, places: Places, otherwise: int = NOWHERE) -> Index:
         """Values of the collisions in the columns of their surfaces, shape (collisions, nc)."""
         return in_columns(values, self.surfaces, places.nc, otherwise)
+
+
+def ends_motion(lay: Layout) -> Bools:
+    """Which event ends the motion, shape (events,)."""
+    return np.asarray(lay.collision_nodes == lay.total)
 
 
 def restitution_of(problem: Problem, surfaces: Index) -> Array:

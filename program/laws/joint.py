@@ -27,6 +27,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Numbering
+from dmoc.program.laws.impact import ends_motion
 from dmoc.program.laws.law import AT_REST, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase
 from dmoc.program.layout import Layout
@@ -93,7 +94,7 @@ class JointLaw(Law):
         )
         self.stays = block(
             "constraint stays",
-            lay.joint.R_c != NOWHERE,
+            (lay.joint.R_c != NOWHERE) & ~(ends_motion(lay)[:, None] & rates[-1]),
             lambda i, j: f"rate of constraint {names[j]} after event {i + 1}",
             lambda s: s.joint_rate,
         )

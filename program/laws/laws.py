@@ -176,7 +176,8 @@ def rows_follow_from(
     numbers share them.  None where they follow from more, as where fixed values settle rows of
     contacts and constraints."""
     manifest = problem.kernels.manifest
-    if not _is_untouched(lay) or lay.touch.open or problem.kernels.joints:
+    held = lay.touch.open or problem.kernels.joints
+    if not _is_untouched(lay) or held or lay.ends_with_event:
         return None
     kernels = problem.kernels
     model = manifest["fingerprint"], manifest.get("code"), kernels.backend, *kernels.design

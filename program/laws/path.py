@@ -68,7 +68,8 @@ class PathLaw(Law):
         What the functions depend on (:func:`~dmoc.symbolic.path_constraints.path_rows`).
     sides : tuple of Side
     at_ends : array of bool, shape (2 phases, nr)
-        Which ones stand at the start and at the end of each phase.
+        Which ones stand at the start and at the end of each phase; one without steps has a start
+        alone.
     """
 
     lay: Layout
@@ -188,8 +189,9 @@ class PathLaw(Law):
             rates[:, [0, -1]] = self.on_rates
             rates[:, -1] |= self.on_places
             rates |= self.on_forces
-            rates[lay.ends[:-1], 0] = False  # of the ends of phases, where velocities are known
-            rates[lay.ends[1:] - 1, -1] = False
+            # of the ends of phases, where velocities are known
+            rates[lay.ends[: lay.stepped], 0] = False
+            rates[lay.ends[1 : lay.stepped + 1] - 1, -1] = False
             by_step |= rates
 
         # The first of the three nodes that a row at a node depends on.
@@ -310,8 +312,9 @@ def _ends(
     for j, row in enumerate(rows):
         place = list(row["coordinates"])
         for end, node in enumerate(nodes):
-            if row["inputs"]:
-                stands[end, j] = bool(lay.form.shared or (row.get("forces") and lay.inside))
+            if row["inputs"] or (row.get("forces") and end == 2 * lay.stepped):
+                own = lay.form.shared or (row.get("forces") and lay.inside)
+                stands[end, j] = bool(own and end < 2 * lay.stepped)
                 continue
             # The same place as at the end of the phase before.
             again = end > 0 and end % 2 == 0 and not row["velocities"]
@@ -325,7 +328,7 @@ def _ends(
 def _known_at_contacts(problem: Problem, lay: Layout) -> Bools:
     """Coordinates that the contact of a collision fixes at the ends of the phases beside it."""
     model, chosen = problem.model, by_design(problem, "surface")
-    fixed = np.zeros((2 * lay.phases, lay.nq), dtype=bool)
+    fixed = np.zeros((lay.phases + lay.stepped, lay.nq), dtype=bool)
     for i, event in enumerate(problem.touch.events):
         on = model.surface_coordinates[event.surface] if event.impact else []
         if len(on) == 1 and not (event.surface in model.moving or chosen[event.surface]):

@@ -47,7 +47,7 @@ class PhaseNodes:
         held = self.along(of_phase) & ~self.at.begins[:, None]
         if len(held):
             held[0] = of_phase[0] & ~settled[0]
-            held[self.at.is_last] &= ~settled[1:]
+            held[self.at.is_last] &= ~settled[1 : self.lay.stepped + 1]
         return held
 
     def rates(self, of_phase: Bools, at_ends: Bools) -> Bools:
@@ -56,7 +56,8 @@ class PhaseNodes:
         lay = self.lay
         held = np.zeros((lay.total + 1, of_phase.shape[1]), dtype=bool)
         held[:-1] = of_phase[lay.phase_of_step] & (lay.index_w[:-1, :1] != NOWHERE)
-        held[lay.ends] = at_ends
+        own = slice(lay.stepped + 1)
+        held[lay.ends[own]] = at_ends[own]
         return held
 
     def in_a_step(self, rate: Array, s: Scale) -> Array:
@@ -70,14 +71,15 @@ class PhaseNodes:
         """Impulses in the equations of their places, and in those beside events."""
         lay, (q, t), impulse = self.lay, self.state(places), places.known(impulses)
         first, last = self.at.is_first.copy(), self.at.is_last.copy()
-        first[0] = last[-1] = False  # the ends of the motion have momenta of their own
+        first[0] = False  # the ends of the motion have momenta of their own
+        last[-1] = lay.ends_with_event
         for at, rows in (
             (np.ones(len(q), dtype=bool), self._equations(laws)),
             (last, laws.impact.arrival.index),
             (first, laws.impact.departure.index),
         ):
             when = t[at] if lay.timed else t
-            rows = rows if len(rows) == at.sum() else rows[at]
+            rows = rows[at] if len(rows) == len(at) else rows[: at.sum()]
             yield Term(kernel, (q[at], impulse[at], when), (rows,), sign)
 
     def _equations(self, laws: Laws) -> Index:
@@ -107,9 +109,15 @@ class PhaseNodes:
         following[:-1] = held[1:]
         following[at.ends] = NOWHERE
         yield Pivot(impulse, following, key(at.place // d, CONTACT))
-        (ends,) = np.nonzero(at.ends[:-1])
+        (ends,) = np.nonzero(at.ends[: len(at.ends) - self._left_over])
         nodes = at.place[ends] // d
         yield Pivot(impulse[ends], rest[nodes], key(nodes - 1, AT_REST))
+
+    @property
+    def _left_over(self) -> int:
+        """How many stations the final state determines: the last one, but where an event is there
+        and has a velocity before it."""
+        return 0 if self.lay.ends_with_event else 1
 
     def loose(
         self, impulse: Index, in_impacts: Index, follows: Bools
@@ -118,7 +126,7 @@ class PhaseNodes:
         impacts."""
         node = self.at.place // self.lay.scheme.degree
         at = np.where(self.at.ends, key(node - 1, AT_REST), key(node, CONTACT))
-        at[-1:] = NOWHERE
+        at[len(at) - self._left_over :] = NOWHERE
         chosen = self.along(follows) & (impulse != NOWHERE)
         yield impulse[chosen], np.broadcast_to(at[:, None], impulse.shape)[chosen]
         chosen = follows[1:] & (in_impacts != NOWHERE)

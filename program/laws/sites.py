@@ -10,23 +10,27 @@ from dmoc.program.terms import Places
 
 
 def nodes_of_ends(lay: Layout) -> Index:
-    """Nodes at the start and at the end of each phase, shape (2 phases,)."""
-    return np.stack([lay.ends[:-1], lay.ends[1:]], axis=1).ravel()
+    """Nodes at the start and at the end of each phase, shape (2 phases,); a phase without steps
+    has one."""
+    return np.stack([lay.ends[:-1], lay.ends[1:]], axis=1).ravel()[: lay.phases + lay.stepped]
 
 
 def inputs_of_ends(lay: Layout) -> Index:
-    """Rows of u there."""
-    rows = np.stack([lay.row_u_k[lay.ends[:-1]], lay.row_u_kp1[lay.ends[1:] - 1]], axis=1)
-    return rows.ravel()
+    """Rows of u there; after an event that ends the motion those before it."""
+    last = lay.row_u_kp1[lay.ends[1:] - 1]
+    first = np.append(lay.row_u_k, last[-1:])[lay.ends[:-1]]
+    return np.stack([first, last], axis=1).ravel()[: lay.phases + lay.stepped]
 
 
 def forces_of_ends(lay: Layout) -> Index:
-    """Rows of the unknown forces there; none where these stand in the middle of steps."""
+    """Rows of the unknown forces there, but after an event that ends the motion; none where these
+    stand in the middle of steps."""
     if lay.inside:
-        d = lay.scheme.degree
-        first, last = (d + 1) * lay.ends[:-1], (d + 1) * lay.ends[1:] - 1
+        d, ends = lay.scheme.degree, lay.ends[: lay.stepped + 1]
+        first, last = (d + 1) * ends[:-1], (d + 1) * ends[1:] - 1
         return np.stack([first, last], axis=1).ravel()
-    return inputs_of_ends(lay) if lay.form.width else np.zeros(0, dtype=np.intp)
+    rows = inputs_of_ends(lay) if lay.form.width else np.zeros(0, dtype=np.intp)
+    return rows[: 2 * lay.stepped]
 
 
 def arguments_along(
@@ -54,14 +58,13 @@ def arguments_along(
         own["_node"] = y[lay.row_u_k[k]]
     else:
         own[""] = y
-    own["_point"] = y[ends] if len(ends) else idle
+    own["_point"] = np.vstack([y[ends], idle])[: len(at)] if len(ends) else idle
     return {suffix: (*arguments, own[suffix]) for suffix, arguments in found.items()}
 
 
 def _velocities(lay: Layout) -> Index:
-    """Unknown velocities at the start and at the end of each phase, shape (2 phases, nq); nowhere
-    where they are not needed."""
-    velocities = np.full((2 * lay.phases, lay.nq), NOWHERE)
+    """Unknown velocities at those nodes, shape (nodes, nq); nowhere where they are not needed."""
+    velocities = np.full((lay.phases + lay.stepped, lay.nq), NOWHERE)
     velocities[1:-1:2], velocities[2::2] = lay.impact.v_a, lay.impact.v_c
     for row, index in ((0, lay.index_v_B), (-1, lay.index_v_E)):
         if len(index):

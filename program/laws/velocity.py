@@ -56,14 +56,17 @@ class VelocityLaw(Law):
         if self.bounded:
             for index in (self.lay.impact.v_a, self.lay.impact.v_c, self.lay.index_w):
                 there = index >= 0
-                box[index[there]] = np.broadcast_to(self.limits, (*index.shape, 2))[there]
+                limits = np.broadcast_to(self.limits, (*index.shape, 2))[there]
+                box[index[there], 0] = np.maximum(box[index[there], 0], limits[:, 0])
+                box[index[there], 1] = np.minimum(box[index[there], 1], limits[:, 1])
 
     def inequalities(self, block: Numbering) -> None:
         lay, nq, count = self.lay, self.lay.nq, len(self.places)
         stands = np.zeros((lay.total * self.bounded, count, 2, nq), dtype=bool)
         stands[:] = np.isfinite(self.limits).T
         if self.bounded and lay.inside:
-            stands[lay.ends[:-1], 0] = stands[lay.ends[1:] - 1, -1] = False
+            first, last = lay.ends[: lay.stepped], lay.ends[1 : lay.stepped + 1] - 1
+            stands[first, 0] = stands[last, -1] = False
         names = [velocity_name(q) for q in self.coordinates]
         steps = np.arange(len(stands))
 

@@ -99,7 +99,8 @@ def _order(quotient: float, first: float, second: float, order: int) -> float:
 
 def _ratios(coarse: Solution, fine: Solution) -> list[int]:
     """Steps of each phase on the fine mesh for one on the coarse one."""
-    return [b.steps // a.steps for a, b in zip(coarse.phases, fine.phases, strict=True)]
+    pairs = zip(coarse.phases, fine.phases, strict=True)
+    return [b.steps // a.steps if a.steps else 1 for a, b in pairs]
 
 
 def _ratio(coarse: Solution, fine: Solution) -> int:

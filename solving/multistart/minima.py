@@ -30,8 +30,7 @@ class Basin:
     @classmethod
     def of(cls, attempt: Attempt) -> Basin:
         nlp, x = attempt.nlp, attempt.outcome.x
-        h = nlp.physical(x)[nlp.layout.index_h]
-        return cls(attempt, cost_of(attempt), h * np.array(nlp.layout.steps))
+        return cls(attempt, cost_of(attempt), nlp.layout.durations(nlp.physical(x)))
 
     @property
     def problem(self) -> Problem:
