@@ -63,7 +63,7 @@ class Case:
 
 def _walker() -> dmoc.Problem:
     """The step of the walker with open durations."""
-    stated = walker.problem(20)
+    stated = walker.problem(20, 2)
     return stated.but(sequence=(), durations=None, final_time=walker.TIME)
 
 

@@ -71,7 +71,7 @@ def courses_of(problem: Problem, guess: Any) -> tuple[Courses, ...]:
     else:
         raise ProblemError(
             f"guess has {len(guess)} parts: expected one mapping, or one for each of the "
-            f"{phases} phases{' that have steps' if problem.ends_with_event else ''}."
+            f"{phases} phases{' before the last event' if problem.ends_with_event else ''}."
         )
     if not any(part.named or part.durations for part in courses):
         raise ProblemError(

@@ -230,7 +230,16 @@ def _arguments(form: Form, term: Term) -> tuple[Index, ...]:
     """Positions of the arguments in the pool, and of the parameters."""
     first, chosen = form.n + form.m + 2, form.parameters != NOWHERE
     at = np.where(chosen, form.parameters, np.arange(first, first + len(chosen)))
-    return (*term.arguments, np.repeat(at[None], len(term.rows[0]) if chosen.any() else 1, axis=0))
+    n = len(term.rows[0])
+    arguments = (*term.arguments, at[None])
+    return tuple(
+        a if len(a) == n or _consecutive(a[0]) else np.repeat(a, n, axis=0) for a in arguments
+    )
+
+
+def _consecutive(at: Index) -> bool:
+    """Whether positions of a row are next to each other, so that all rows may share it."""
+    return bool((np.diff(at) == 1).all())
 
 
 def _derivative(form: Form, term: Term, order: str) -> str:

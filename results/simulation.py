@@ -277,7 +277,7 @@ def _steps(motion: Trajectory, step_size: float | None, steps: int | None) -> in
         return whole(steps, "steps", 1, forward.MOST_STEPS, SimulationError)
     if step_size is None:
         mean = motion.final_time / sum(phase.steps for phase in motion.phases)
-        smallest = min(phase.step_size for phase in motion.phases)
+        smallest = min(phase.step_size for phase in motion.phases if phase.steps)
         step_size = max(smallest, mean / UNEVEN) / FINER
     size = positive(step_size, "step_size", "expected a time in seconds", SimulationError)
     return max(1, int(np.ceil(motion.final_time / size * (1 - SAME))))

@@ -163,6 +163,11 @@ def _check_problem(problem: Problem, s: Settings) -> None:
             f"steps = {problem.steps!r}: expected one number for every phase, because sequences "
             "differ in length."
         )
+    if problem.ends_with_event:
+        raise SearchError(
+            "the problem ends with its last event, and a search does not know which event is the "
+            "last: leave its durations out, or solve one sequence after the other."
+        )
     if problem.durations is not None:
         raise SearchError(
             "the problem bounds the durations of its phases, whose number differs in a search: use "

@@ -90,6 +90,11 @@ def _from_solution(problem: Problem, guess: Solution) -> Starts:
             f"guess has {len(guess.collisions)} collisions: expected a motion with "
             f"{problem.phases - 1}, as the problem has."
         )
+    if problem.phase_steps[-1] and not guess.steps[-1]:
+        raise ProblemError(
+            "guess ends with its last event: expected a motion that goes on after it, as the "
+            "problem has; give one, or courses by name."
+        )
     if not _same_mesh(problem, guess):
         impulses = [c.impulse for c in guess.collisions]
         return Starts((unknowns_along(problem, pieces_of(guess.trajectory), impulses),), True)

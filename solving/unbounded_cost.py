@@ -92,7 +92,7 @@ def _running(
     motion."""
     scale = scale_of(problem, initial_guesses(problem)[0].x)
     for j, (name, box) in enumerate(zip(problem.kernels.inputs, problem.input_bounds, strict=True)):
-        largest = max(float(np.abs(phase.u[:, j]).max()) for phase in answer.phases)
+        largest = max(float(np.abs(phase.u[:, j]).max(initial=0.0)) for phase in answer.phases)
         if np.isinf(box).any() and largest > FAR * scale.u[j]:
             yield name, partial(_with_input, problem, name, box), float(scale.u[j])
     low, high = problem.final_time_bounds

@@ -44,7 +44,7 @@ def puck_problem(kernels: Kernels) -> dmoc.Problem:
 def point(nlp: Transcription, rng: np.random.Generator) -> np.ndarray:
     x = rng.normal(size=nlp.n) * 0.3
     lay = nlp.layout
-    x[lay.index_h] = rng.uniform(0.05, 0.08, lay.phases)
+    x[lay.index_h] = rng.uniform(0.05, 0.08, lay.stepped)
     x[lay.impact.lam] = rng.uniform(1, 2, lay.phases - 1)
     x[lay.index_q[:, 0]] = np.linspace(0.45, 1.2, lay.total + 1)
     x[lay.index_design] = rng.uniform(0.4, 1.0, len(lay.index_design))
@@ -214,6 +214,16 @@ def rebound_problem() -> dmoc.Problem:
     )  # fmt: skip
 
 
+def ending(problem: dmoc.Problem) -> dmoc.Problem:
+    """The same motion until its last impact, with which it ends."""
+    count = int(np.flatnonzero(problem.touch.impacts)[-1]) + 1
+    return problem.but(
+        sequence=problem.sequence[:count], durations=[None] * count + [0],
+        steps=[*problem.phase_steps[:count], 0],
+        via=problem.via[:count] if problem.via is not None else None,
+    )  # fmt: skip
+
+
 @pytest.fixture(
     scope="module",
     params=[
@@ -241,50 +251,60 @@ def rebound_problem() -> dmoc.Problem:
         *("forces, linear, slippery", "forces, slippery, order 4"),
         *(f"slowed, order {order}" for order in (2, 4, 6)),
         *("slowed, design, order 2", "slowed, design, order 4"),
+        *("ending constant", "ending driven, linear", "ending driven, scaled"),
+        *("ending contacts", "ending contacts, periodic, order 4", "ending joints, order 6"),
+        *("ending joints, periodic", "ending hits with friction", "ending tangential"),
+        *("ending forces, linear", "ending forces, order 4", "ending rebound, design"),
+        *("ending slippery contacts, order 4", "ending forces, constant", "ending slowed, order 2"),
     ],
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
+    form = request.param.removeprefix("ending ")
+    stated = program_of(form, pendulum, puck)
+    return Transcription(ending(stated.problem)) if form != request.param else stated
+
+
+def program_of(form: str, pendulum: Kernels, puck: Kernels) -> Transcription:
+    """The programs of the fixture by the words of their forms."""
     ways = {"driven": ("m", "l", "amplitude"), "relaxed": ("l", "amplitude")}
-    ways["relaxed"] = ways["relaxed"] if "moving" in request.param else ("l", "mu", "rub")
-    names = ways.get(request.param.split(",")[0], ("l", "rise", "k", "mu", "rub"))
-    design = dict.fromkeys(names, (0.3, 2.0)) if "design" in request.param else {}
-    if request.param.startswith("rebound"):
+    ways["relaxed"] = ways["relaxed"] if "moving" in form else ("l", "mu", "rub")
+    names = ways.get(form.split(",")[0], ("l", "rise", "k", "mu", "rub"))
+    design = dict.fromkeys(names, (0.3, 2.0)) if "design" in form else {}
+    if form.startswith("rebound"):
         return Transcription(rebound_problem())
-    if request.param.startswith("driven"):
-        controls = "linear" if "linear" in request.param else None
-        problem = driven_problem(4 if "4" in request.param else 2, controls).but(design=design)
-        if "scaled" in request.param:
+    if form.startswith("driven"):
+        controls = "linear" if "linear" in form else None
+        problem = driven_problem(4 if "4" in form else 2, controls).but(design=design)
+        if "scaled" in form:
             return Transcription(problem, scale_of(problem, initial_guesses(problem)[0].x))
-        return Transcription(problem.in_rates() if "rates" in request.param else problem)
-    if request.param.startswith("relaxed, moving"):
+        return Transcription(problem.in_rates() if "rates" in form else problem)
+    if form.startswith("relaxed, moving"):
         moving = driven_problem(2).but(design=design)
         return Transcription(relaxed(moving, Open((0, 1)), ["side"], 3, 0.5))
-    static = 2 if request.param.endswith(("4", "6")) else 1
-    slippery = slippery_rod_system(static) if "slippery" in request.param else None
-    if "relaxed" in request.param:
-        rod = rod_problem("periodic" in request.param, system=slippery).but(design=design)
+    static = 2 if form.endswith(("4", "6")) else 1
+    slippery = slippery_rod_system(static) if "slippery" in form else None
+    if "relaxed" in form:
+        rod = rod_problem("periodic" in form, system=slippery).but(design=design)
         return Transcription(relaxed(rod, Open((0, 1), (0, 1, 2), (1,)), ["wall"], 3, 0.5))
-    order = int(request.param[-1]) if "order" in request.param else 2
-    if "slowed" in request.param:
+    order = int(form[-1]) if "order" in form else 2
+    if "slowed" in form:
         return Transcription(slowed_problem(order).but(design=design))
-    if "contacts" in request.param:
-        rod = rod_problem("periodic" in request.param, order, slippery)
+    if "contacts" in form:
+        rod = rod_problem("periodic" in form, order, slippery)
         return Transcription(rod.but(design=design))
-    if request.param.startswith("joints"):
-        return Transcription(joint_problem("periodic" in request.param, order).but(design=design))
-    if request.param.startswith("forces"):
-        forced = force_problem(order, request.param.split(", ")[1], slippery)
+    if form.startswith("joints"):
+        return Transcription(joint_problem("periodic" in form, order).but(design=design))
+    if form.startswith("forces"):
+        forced = force_problem(order, form.split(", ")[1], slippery)
         return Transcription(forced.but(design=design))
-    if "tangential" in request.param:
+    if "tangential" in form:
         return Transcription(tangential_problem(bool(slippery)))
-    if "hits" in request.param:
-        hits = hit_problem(4 if "4" in request.param else 2, slippery)
+    if "hits" in form:
+        hits = hit_problem(4 if "4" in form else 2, slippery)
         return Transcription(hits.but(design={"mu": (0.1, 1)} if design else {}))
-    if "4" in request.param:
+    if "4" in form:
         return Transcription(small(dmoc.load("cart_pendulum", order=4), None))
-    return Transcription(
-        puck_problem(puck) if request.param == "puck" else small(pendulum, request.param)
-    )
+    return Transcription(puck_problem(puck) if form == "puck" else small(pendulum, form))
 
 
 def test_velocities_beside_collisions_enter_their_rows_with_the_documented_signs(
@@ -358,6 +378,9 @@ def test_unknowns_have_the_order_of_files_and_those_of_laws_tables(nlp: Transcri
     parts = lay, lay.impact, lay.contact, lay.hit, lay.joint, lay.held, lay.relaxed, lay.force
     tables = {name: table for part in parts for name, table in vars(part).items()}
     for block in lay.unknowns:
+        if block.name == "v_E" and lay.ends_with_event:
+            assert not block.count and np.array_equal(lay.index_v_E, lay.impact.v_c[-1])
+            continue
         held = [name for name in (block.name, f"index_{block.name}") if name in tables]
         assert [np.array_equal(tables[name], block.index) for name in held] == [True]
     assert not {"index_lam", "index_v_a", "index_v_c"} & set(vars(lay))
@@ -406,6 +429,7 @@ def test_unknowns_and_rows_are_found_under_their_names(nlp: Transcription) -> No
         or "end of phase 0" in name
         or "start of phase 1" in name
         or name.startswith("total ")
+        or (lay.ends_with_event and name.endswith("at the goal"))
         for name in changed
     )
 

@@ -1,0 +1,429 @@
+"""Motions that end with an event: the last phase has no steps, and one node after the event."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from pytest import approx
+from sympy.physics.mechanics import dynamicsymbols
+from systems import block_on_floor, block_system, dropped_ball, landing_system, unit_mass
+
+import dmoc
+from dmoc.base.errors import ProblemError, SimulationError
+from dmoc.motion.trajectory import Trajectory
+from dmoc.solvers.outcome import Status
+
+G = 9.81
+EXAMPLES = str(Path(__file__).resolve().parents[2] / "examples")
+
+
+def against_wall(order: int = 4, **fields: Any) -> dmoc.Problem:
+    """A unit mass that shall leave the wall with 0.8 after one second, of least effort."""
+    stated: dict[str, Any] = {
+        "start": {"x": 0.0}, "goal": {"x_dot": -0.8}, "sequence": ["wall"], "durations": [1.0, 0],
+        "steps": 20, "restitution": 0.5,
+    }  # fmt: skip
+    return dmoc.Problem(dmoc.build(block_system(), order=order), **stated | fields)
+
+
+def thrown_block(order: int, word: str, **fields: Any) -> dmoc.Problem:
+    """A block that is thrown onto a floor with the friction 0.3; its force acts along the floor."""
+    stated: dict[str, Any] = {
+        "start": {"x": 0.0, "y": 1.0, "x_dot": 3.0}, "bounds": {"u": (-1e-9, 1e-9)}, "steps": 8,
+        "sequence": [word], "durations": [None, 0], "restitution": 0.5,
+    }  # fmt: skip
+    kernels = dmoc.build(block_on_floor("thrown", 1.0, G, 0.3), order=order)
+    return dmoc.Problem(kernels, **stated | fields)
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_a_ball_that_is_dropped_ends_with_its_bounce(order: int) -> None:
+    """It falls for sqrt(2 h/g) and leaves with e times its speed."""
+    ball = dmoc.build(dropped_ball(), order=order)
+    solution = dmoc.solve(
+        dmoc.Problem(
+            ball, start={"q": 1.0}, sequence=["floor"], durations=[None, 0], steps=10,
+            restitution=0.6,
+        )
+    )  # fmt: skip
+    fall = np.sqrt(2 / G)
+    assert solution.solved and solution.final_time == approx(fall, rel=1e-12)
+    (before, after), hit = solution.phases, solution.collisions[0]
+    assert (after.steps, after.duration, after.u.shape) == (0, 0.0, (0, 0))
+    assert after.t == approx([fall]) and hit.time == solution.final_time
+    assert before.v[-1, 0] == approx(-G * fall, rel=1e-12)
+    assert after.v[0, 0] == approx(0.6 * G * fall, rel=1e-12) == hit.momentum_after[0]
+    assert hit.impulse == approx(1.6 * G * fall, rel=1e-12)
+
+
+def cubic(speed: float) -> float:
+    """The least effort 1/2 int u^2 of a unit mass from rest at 0 to 1 with a speed, in one
+    second: that of the cubic through both."""
+    return 6 - 6 * speed + 2 * speed**2
+
+
+@pytest.mark.parametrize("method", ["ipm", "slsqp"])
+@pytest.mark.parametrize(("order", "controls", "error"), [
+    (2, "constant", 1e-3), (2, "linear", 2e-3), (4, "stages", 1e-9), (4, "constant", 1e-3),
+    (6, "stages", 1e-9),
+])  # fmt: skip
+def test_a_rebound_of_least_effort(order: int, controls: str, error: float, method: str) -> None:
+    """To leave with r the wall is met with r/e, whatever the goal says beside it."""
+    solution = dmoc.solve(against_wall(order, controls=controls), method)
+    assert solution.solved and solution.cost == approx(cubic(1.6), abs=error)
+    assert solution.phases[0].v[-1] == approx([1.6]) and solution.phases[1].v[0] == approx([-0.8])
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"goal": {"x": 1.0, "x_dot": -0.8}},
+        {"goal": {"p_x": -0.8}},
+        {"goal": {"x_dot": (-0.8, None)}},
+        {"goal": {"x_dot": (None, -0.8)}, "durations": [None, (0, 0)], "final_time": (None, 1.0)},
+        {"steps": [20, 0], "via": [{"x": 1.0}], "bounds": {"x_dot": (-2, 2)}},
+        {"steps": None},
+    ],
+    ids=str,
+)
+def test_a_goal_speaks_of_the_state_after_the_event(fields: dict[str, Any]) -> None:
+    """Speeds above 1.6 cost more, those below less, until 1.5."""
+    solution = dmoc.solve(against_wall(**fields))
+    least = cubic(1.5) if fields.get("goal") == {"x_dot": (-0.8, None)} else cubic(1.6)
+    assert solution.solved and solution.cost == approx(least, abs=1e-8)
+
+
+def test_the_hardest_stroke_of_a_hammer() -> None:
+    """With |u| <= 1 and two seconds the hammer first swings back for 2 - sqrt(3) s, and meets the
+    wall at 2 sqrt(3) - 2; the objective is the speed after the stroke."""
+    x = dynamicsymbols("x")
+    hammer = replace(block_system("hammer"), cost=0, objective=dmoc.at_end(x.diff()))
+    for order, error in ((2, 1e-2), (4, 2e-3)):
+        solution = dmoc.solve(
+            against_wall(order).but(
+                kernels=dmoc.build(hammer, order=order), goal={}, bounds={"u": (-1, 1)},
+                durations=[None, 0], final_time=(None, 2.0), steps=30,
+            )
+        )  # fmt: skip
+        assert solution.solved and solution.final_time == approx(2.0)
+        assert solution.cost == approx(-(np.sqrt(3) - 1), abs=error)
+        assert solution.collisions[0].impulse == approx(1.5 * 2 * (np.sqrt(3) - 1), abs=4 * error)
+
+
+@pytest.mark.parametrize("word", ["wall", "+wall"])
+@pytest.mark.parametrize("goal", [{}, {"x": 1.0}, {"x_dot": 0.0}, {"x": 1.0, "x_dot": 0.0}])
+def test_what_fixed_values_say_of_a_plastic_end_is_not_said_twice(
+    goal: dict[str, float], word: str
+) -> None:
+    """However much of the end is fixed: 3/(2 T^3) of least effort to the wall, whose speed is
+    free."""
+    solution = dmoc.solve(against_wall(goal=goal, sequence=[word], restitution=0.0))
+    assert solution.solved and solution.cost == approx(1.5, abs=1e-9)
+    assert solution.phases[-1].v[0] == approx([0.0], abs=1e-12)
+    assert solution.phases[-1].closed == (("wall",) if word == "+wall" else ())
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_bounce_that_repeats(order: int) -> None:
+    """Without losses a ball returns as often as it likes: gT/2, and no force; the place is fixed
+    at the start, by the period and by the floor."""
+    y, F = dynamicsymbols("y F")
+    bouncer = dmoc.MechanicalSystem(
+        "bouncer", [y], y.diff() ** 2 / 2 - G * y, {}, [F], {y: F}, surfaces={"floor": y >= 0},
+        cost=F**2 / 2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(bouncer, order=order), start={"y": 0.0, "y_dot": None}, steps=10,
+        periodic=["y", "y_dot"], sequence=["floor"], durations=[None, 0], final_time=1.0,
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    assert solution.solved and solution.cost == approx(0.0, abs=1e-12)
+    assert solution.phases[0].v[0] == approx([G / 2]) == solution.phases[1].v[0]
+    lossy = dmoc.solve(problem.but(restitution=0.7))
+    assert lossy.solved and lossy.phases[0].v[0] == approx(lossy.phases[1].v[0], abs=1e-9)
+    assert lossy.phases[1].v[0] == approx(-0.7 * lossy.phases[0].v[-1])
+
+
+FALL = np.sqrt(2 * G)  # the speed at the floor
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+@pytest.mark.parametrize(("word", "after"), [
+    ("floor:slip+", (3 - 0.3 * 1.5 * FALL, 0.5 * FALL)),  # the impulse is (1 + e) v
+    ("+floor:slip+", (3 - 0.3 * FALL, 0.0)),
+])  # fmt: skip
+def test_impacts_with_friction_end_a_motion(
+    word: str, after: tuple[float, float], order: int
+) -> None:
+    solution = dmoc.solve(thrown_block(order, word))
+    assert solution.solved and solution.final_time == approx(FALL / G)
+    assert solution.phases[-1].v[0] == approx(after, abs=1e-7)
+    assert solution.phases[-1].mode == ("floor:slip+" if word[0] == "+" else "free")
+
+
+def test_hits_with_tangential_restitution_and_what_sticks() -> None:
+    """A point that sticks in the hit leaves with -e_t of its sliding velocity."""
+    returning = replace(landing_system(), tangential_restitution={"floor": 0.4})
+    problem = dmoc.Problem(
+        dmoc.build(returning, order=4), start={"x": 0.0, "y": 1.0, "x_dot": 0.5}, steps=10,
+        goal={"x": 0.3}, sequence=["floor:stick"], durations=[None, 0], final_time=(0.2, 1.0),
+        restitution=0.6,
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    assert solution.solved
+    names, (before, after) = solution.trajectory.coordinates, solution.phases
+    slide = names.index("x")
+    assert after.v[0, slide] == approx(-0.4 * before.v[-1, slide])
+    stuck = dmoc.solve(thrown_block(4, "+floor", bounds={}, goal={"x": 1.5}))
+    assert stuck.solved and stuck.phases[-1].v[0] == approx([0.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_a_hit_while_something_slides(order: int) -> None:
+    """On the floor the wall is met with (v^2 - 2 mu g)^(1/2), and left with e of it."""
+    x, y = dynamicsymbols("x y")
+    walled = block_on_floor("walled", 1.0, G, 0.3, surfaces={"floor": y >= 0, "wall": x <= 1})
+    problem = dmoc.Problem(
+        dmoc.build(walled, order=order), start={"x": 0.0, "y": 0.0, "x_dot": 3.0}, steps=10,
+        contacts=["floor:slip+"], sequence=["wall floor:slip-"], durations=[None, 0],
+        restitution=0.5,
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    rate = np.sqrt(9 - 2 * 0.3 * G)
+    assert solution.solved and solution.phases[-1].mode == "floor:slip-"
+    assert solution.phases[-1].v[0] == approx([-0.5 * rate, 0.0], abs=1e-8)
+    assert solution.phases[-1].normal == approx(np.array([[G]]))
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_a_pendulum_of_a_constraint_ends_with_its_hit(order: int) -> None:
+    """On a circle the energy gives the speed at the wall, (2 g sqrt(1 - 1/4))^(1/2), and the law
+    of impact half of it back along the circle."""
+    x, y = dynamicsymbols("x y")
+    rod = dmoc.MechanicalSystem(
+        "rod_pendulum", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2 - G * y,
+        constraints={"rod": x**2 + y**2 - 1}, surfaces={"wall": x <= sp.Rational(1, 2)},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(rod, order=order), start={"x": -1.0, "y": 0.0}, sequence=["wall"], steps=20,
+        via=[{"y": (None, 0.0)}], durations=[None, 0], final_time=(None, 1.0), restitution=0.5,
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    speed = 0.5 * np.sqrt(2 * G * np.sqrt(0.75))
+    along = np.array([-np.sqrt(0.75), -0.5])
+    assert solution.solved
+    assert solution.phases[-1].v[0] == approx(speed * along, abs={2: 1e-2, 4: 1e-5, 6: 1e-8}[order])
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_wall_that_moves_ends_a_motion(order: int) -> None:
+    """Newton's law holds for the rates of the gap."""
+    x, t = dynamicsymbols("x"), dynamicsymbols._t
+    u = dynamicsymbols("u")
+    moving = unit_mass("moving_wall", surfaces={"wall": x <= 1 + sp.sin(t) / 4}, cost=u**2 / 2)
+    solution = dmoc.solve(
+        dmoc.Problem(
+            dmoc.build(moving, order=order), start={"x": 0.0}, goal={"x_dot": -0.5}, steps=20,
+            sequence=["wall"], durations=[None, 0], final_time=(0.5, 1.5), restitution=0.5,
+        )
+    )  # fmt: skip
+    wall = np.cos(solution.final_time) / 4
+    assert solution.solved
+    assert -0.5 - wall == approx(-0.5 * (solution.phases[0].v[-1, 0] - wall))
+
+
+def test_quantities_forces_and_integrals_at_the_end() -> None:
+    """After the landing the floor carries the weight, and the goal of the speed is that of then."""
+    x, u = dynamicsymbols("x u")
+    measured = block_on_floor(
+        "measured", 1.0, G, 0.3, quantities={"load": dmoc.normal("floor"), "speed": x.diff()},
+        integrals={"work": u * x.diff()},
+    )  # fmt: skip
+    problem = thrown_block(4, "+floor:slip+").but(
+        kernels=dmoc.build(measured, order=4), goal={"speed": 2.0, "load": (5, None)},
+        bounds={"speed": (0, 4), "load": (-1, 20)},
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    assert solution.solved
+    kinetic = [p.v[k, 0] ** 2 / 2 for p, k in zip(solution.phases[:1] * 2, (0, -1), strict=True)]
+    assert solution.trajectory.totals["work"] == approx(kinetic[1] - kinetic[0])
+    end = solution.at(solution.final_time)
+    assert (end["speed"], end["load"]) == (approx(2.0), approx(G))
+    assert solution.phases[-1].quantities == approx(np.array([[G, 2.0]]))
+    before = solution.at(solution.final_time, "left")
+    assert before["speed"] == approx(2 + 0.3 * FALL) and before["load"] == 0
+    assert end["u"] == before["u"] == solution.trajectory.last_inputs[0]
+
+
+def test_bounds_hold_after_the_event_too() -> None:
+    """A wall that is left with 0.8 breaks a bound of 0.7."""
+    problem = against_wall(goal={"x_dot": (None, -0.5)}, bounds={"x_dot": (-0.7, None)})
+    assert dmoc.solve(problem).phases[-1].v[0, 0] >= -0.7 - 1e-9
+    with pytest.raises(ProblemError, match="the goal of x_dot .* outside its bounds"):
+        against_wall(bounds={"x_dot": (-0.7, None)})
+
+
+# Meshes, guesses, batches, sensitivities ----------------------------------------------------------
+
+
+def test_a_solution_begins_another_one() -> None:
+    """On other meshes, in other orders and forms of the inputs, and after a phase that goes on."""
+    first = dmoc.solve(against_wall())
+    for problem, error in (
+        (against_wall(steps=40), 1e-9), (against_wall(2, steps=50), 2e-4),
+        (against_wall(6, steps=10, controls="constant"), 3e-3),
+    ):  # fmt: skip
+        again = dmoc.solve(problem, guess=first)
+        assert again.solved and again.cost == approx(1.52, abs=error)
+    longer = against_wall(durations=None, final_time=2.0)
+    assert dmoc.solve(against_wall(), guess=dmoc.solve(longer)).solved
+    with pytest.raises(ProblemError, match="guess ends with its last event"):
+        dmoc.solve(longer, guess=first)
+
+
+def test_courses_are_those_of_the_phases_before_the_event() -> None:
+    for guess in ({"x": [0, 0.3, 1], "durations": 0.9}, [{"x": [0, 0.3, 1], "u": 1.0}]):
+        assert dmoc.solve(against_wall(), guess=guess).cost == approx(1.52)
+    with pytest.raises(ProblemError, match="one for each of the 1 phases before the last"):
+        dmoc.solve(against_wall(), guess=[{"x": 1.0}, {"x": 1.0}])
+
+
+def test_refinement_finds_the_event_at_the_end() -> None:
+    refined = dmoc.solve(against_wall(2, steps=None), tolerance=1e-4)
+    assert refined.solved and refined.cost == approx(1.52, rel=1e-4)
+    assert [m.steps[-1] for m in refined.meshes] == [0] * len(refined.meshes)
+
+
+def test_sensitivities_and_batches() -> None:
+    """J = 6 - 6 r/e + 2 (r/e)^2 of a unit mass, and m^2 times as much of another one."""
+    problem = against_wall()
+    slopes = dmoc.sensitivities(problem, dmoc.solve(problem))
+    assert slopes["goal"]["x_dot"] == approx(-0.8) and slopes["parameters"]["m"] == approx(3.04)
+    assert slopes["restitution"]["wall"] == approx(-1.28)
+    masses = dmoc.sweep(problem, {"m": [1.0, 2.0]})
+    assert masses.cost == approx([1.52, 6.08])
+    goals = dmoc.solve_many([problem.but(goal={"x_dot": -r}) for r in (0.4, 0.6)])
+    assert goals.cost == approx([cubic(0.8), cubic(1.2)])
+
+
+# Results ------------------------------------------------------------------------------------------
+
+
+def test_results_show_the_state_after_the_end(tmp_path: Path) -> None:
+    solution = dmoc.solve(thrown_block(4, "+floor:slip+"))
+    again = dmoc.Solution.load(solution.save(tmp_path / "thrown.npz"))
+    assert (
+        again.phases[-1].v == approx(solution.phases[-1].v)
+        and again.verify(thrown_block(4, "floor:slip+").kernels).passed
+    )
+    assert repr(again.phases[-1]) == "<State after the last event at 0.451524 s, floor:slip+>"
+    rows = dict(row for row in again.summary().rows if len(row) == 2)
+    assert rows["phase 1"] == "the state after the last event, floor:slip+"
+    table = again.to_frame()
+    last = table.iloc[-2:]
+    assert list(last["phase"]) == [0, 1] and last["t"].nunique() == 1
+    assert last["x_dot"].to_list() == approx([3.0, 3 - 0.3 * FALL], abs=1e-7)
+    assert str(thrown_block(4, "+floor:slip+").summary()).count("ends with its event") == 1
+    for ending in ("html", "png", "gif"):
+        target = tmp_path / f"thrown.{ending}"
+        (again.plot if ending == "png" else again.animate)(target)
+        assert target.stat().st_size > 1000
+    again.report(tmp_path / "report.html")
+
+
+def spoilt(motion: Trajectory, **fields: Any) -> Trajectory:
+    """The motion with another state after its end."""
+    return replace(motion, phases=(*motion.phases[:-1], replace(motion.phases[-1], **fields)))
+
+
+@pytest.mark.parametrize(("word", "what"), [
+    ("floor:slip+", "law of impact"), ("+floor:slip+", "moves with|law of impact"),
+])  # fmt: skip
+def test_the_check_judges_the_state_after_the_event(word: str, what: str) -> None:
+    problem = thrown_block(4, word)
+    motion = dmoc.solve(problem).trajectory
+    assert dmoc.verify(motion, problem.kernels).passed
+    after, (along, up) = motion.phases[-1], 0.3 * np.eye(2)
+    for spoil, says in (
+        ({"v": after.v + up, "p": after.p + up}, f"momentum|{what}"),
+        ({"v": after.v + along, "p": after.p + along}, f"momentum|{what}"),
+        ({"q": after.q + up}, "y jumps by 0.3"),
+        ({"t": after.t + 0.1}, "the next begins at"),
+    ):
+        check = dmoc.verify(spoilt(motion, **spoil), problem.kernels)
+        assert not check.passed and re.search(says, check.message)
+
+
+def test_the_check_refuses_other_phases_without_steps() -> None:
+    problem = against_wall(sequence=["wall", "wall"], durations=[None, None, 0], final_time=2.0)
+    motion = dmoc.solve(problem).trajectory
+    first, _, last = motion.phases
+    with pytest.raises(SimulationError, match="phase 1 of the motion has no steps"):
+        dmoc.verify(replace(motion, phases=(first, last, last)), problem.kernels)
+
+
+def test_a_simulated_end_before_or_after_the_event_counts_as_it() -> None:
+    """The strike comes as early and as late as the errors of order 2 say."""
+    for steps in (6, 7, 8, 9):
+        solution = dmoc.solve(against_wall(2, steps=steps, controls="constant"))
+        assert solution.solved and not solution.verification.missed_contacts
+
+
+# Contacts that leave ------------------------------------------------------------------------------
+
+
+def beam(inertia: float) -> dmoc.Problem:
+    """A beam of unit mass stands on its left foot and falls onto the right one."""
+    y, a = dynamicsymbols("y a")
+    feet = {"left": y - a, "right": y + a}
+    system = dmoc.MechanicalSystem(
+        "beam", [y, a], y.diff() ** 2 / 2 + sp.Symbol("I") * a.diff() ** 2 / 2 - G * y,
+        {sp.Symbol("I"): inertia}, surfaces={name: foot >= 0 for name, foot in feet.items()},
+    )  # fmt: skip
+    return dmoc.Problem(
+        dmoc.build(system, order=4), start={"y": 0.2, "a": 0.2}, contacts=["left"],
+        sequence=["+right -left"], durations=[None, 0], steps=10,
+    )  # fmt: skip
+
+
+def test_what_leaves_with_the_last_event_opens() -> None:
+    """The impulse of the right foot changes the rate of the left one by 1 - 1/I of it."""
+    opens, enters = (dmoc.solve(beam(inertia)) for inertia in (2.0, 0.5))
+    assert opens.solved
+    after, impulse = opens.phases[-1].v[0], opens.collisions[0].impulse
+    assert after @ [1, 1] == approx(0.0, abs=1e-12)
+    assert after @ [1, -1] == approx(impulse / 2)
+    assert enters.status is Status.INFEASIBLE
+    assert "opening of left at event 1" in enters.message
+
+
+def test_a_gait_of_one_phase_is_the_one_that_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The period 0.734346391 s, and the rates after the landing, of an event-driven simulation."""
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import compass_gait
+
+    for order, steps, error in ((4, 80, 1e-8), (6, 20, 1e-9)):
+        solution = dmoc.solve(compass_gait.problem(steps, order=order), starts=50)
+        assert solution.solved and solution.final_time == approx(0.734346391, abs=error)
+        assert -solution.phases[-1].v[0, [3, 2]] == approx([1.09238359, 0.37737395], abs=1e-8)
+        assert solution.phases[-1].mode == "right:stick"
+
+
+@pytest.mark.slow
+def test_a_step_of_a_walker_costs_the_same_from_mid_stance_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With the exchange of the feet at the end, and between two equal halves of the motion."""
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import walker
+
+    whole = walker.problem(40)
+    halves = whole.but(steps=20, durations=[walker.TIME / 2] * 2)
+    costs = [dmoc.solve(problem, starts=3).cost for problem in (whole, halves)]
+    assert costs[0] == approx(costs[1], abs=1e-6) and costs[0] == approx(390.7905, abs=1e-3)
