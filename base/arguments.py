@@ -43,6 +43,11 @@ def is_number(value: Any) -> bool:
     return hasattr(type(value), "__float__") or hasattr(type(value), "__index__")
 
 
+def is_zero(value: Any) -> bool:
+    """Whether a value is the number zero."""
+    return is_number(value) and _float(value) == 0
+
+
 def number(value: Any, what: str, error: ErrorKind = ProblemError) -> float:
     """Read a finite number."""
     result = _float(value)

@@ -29,6 +29,11 @@ def read_steps(text: str) -> int | list[int]:
     return numbers[0] if len(numbers) == 1 else numbers
 
 
+def read_durations(text: str) -> list[Any]:
+    """Read durations of the phases, values or ranges with commas between them."""
+    return [read_value(part.strip(), "--durations") for part in text.split(",")]
+
+
 def read_periodic(text: str) -> tuple[str, ...] | dict[str, Any]:
     """Read states that end as they start, or END=START with a difference for some of them."""
     parts = read_names(text)

@@ -12,6 +12,7 @@ from dmoc.base.discretisation import ORDERS_SHOWN
 from dmoc.cli import completion
 from dmoc.cli.groups import STATED, Stated, stated
 from dmoc.cli.option_values import (
+    read_durations,
     read_names,
     read_pairs,
     read_periodic,
@@ -42,6 +43,12 @@ class CourseOptions:
     steps: str | None = stated(
         "Steps of each phase, one number or one for each phase, as 100,50.",
         Stated("steps", read_steps),
+    )
+    durations: str | None = stated(
+        "Durations of the phases in seconds, values or ranges LOW:HIGH with commas between them, "
+        "free for any; 0 for the last one ends the motion with its last event, as free,0.",
+        Stated("durations", read_durations),
+        metavar="SECONDS",
     )
     via: str | None = stated(
         "Coordinates at the events, values or ranges LOW:HIGH, with ';' between the events, as "

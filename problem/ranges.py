@@ -13,7 +13,7 @@ from dmoc.base.arguments import (
     Range,
     check_known,
     interval,
-    is_number,
+    is_zero,
     limits,
     listed,
     shown,
@@ -96,7 +96,7 @@ def ends_with_event(problem: Problem) -> bool:
     if not problem.sequence or len(durations) != problem.phases:
         return False
     pair = isinstance(durations[-1], (tuple, list, np.ndarray)) and np.shape(durations[-1]) == (2,)
-    return all(is_number(x) and float(x) == 0 for x in (durations[-1] if pair else durations[-1:]))
+    return all(map(is_zero, durations[-1] if pair else durations[-1:]))
 
 
 def check_last_event(problem: Problem) -> None:
@@ -126,7 +126,7 @@ def durations_of(problem: Problem) -> Array:
 
 def _of_phase(value: Any, i: int) -> Range:
     """Bounds of the duration of a phase that has steps."""
-    if is_number(value) and float(value) == 0:
+    if is_zero(value):
         last = "only the last of several phases may have the duration 0, which ends the motion with"
         raise ProblemError(
             f"durations of phase {i} = 0: expected a positive time; {last} its last event, and "
@@ -155,7 +155,7 @@ def _steps_of_phase(problem: Problem, value: Any, i: int) -> int:
     """Steps of one phase: none of the last one of a motion that ends with its last event."""
     if not (problem.ends_with_event and i == len(problem.sequence)):
         return whole(value, f"steps of phase {i}", 2, MOST_STEPS, unit=IN_PHASE)
-    if not (is_number(value) and float(value) == 0):
+    if not is_zero(value):
         raise ProblemError(
             f"steps of phase {i} = {shown(value)}: expected 0, because its duration is 0; one "
             "number for all phases leaves it out."

@@ -134,6 +134,17 @@ def test_contacts_places_and_ignored_surfaces_are_options(run: Run) -> None:
     assert found["phases"][0]["mode"] == "floor:stick"
 
 
+def test_a_motion_that_ends_with_its_event_is_an_option(run: Run) -> None:
+    """Thrown along the floor, the mass lands after the fall of sqrt(2/10) s."""
+    options = "--start x=0 --start y=1 --start x_dot=3 --sequence +floor:slip+ --durations free,0"
+    code, out, err = run(f"solve models.py:landing {options} --bound u=0:0 --starts 1 --json -")
+    assert code == 0, err
+    found = json.loads(out)
+    assert found["final_time"] == pytest.approx(0.2**0.5)
+    assert [phase["steps"] for phase in found["phases"]][1:] == [0]
+    assert found["phases"][1]["mode"] == "floor:slip+"
+
+
 def test_a_problem_in_a_file_holds_contacts(run: Run) -> None:
     code, out, err = run("solve models.py:problem --starts 1")
     assert code == 0, err

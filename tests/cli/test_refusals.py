@@ -39,6 +39,8 @@ solve cart_pendulum
     --sequence up | unknown surface 'up' in the sequence: expected one of left, right
     --sequence left,lef | did you mean 'left'
     --sequence left --via x=1,x=2 | --via x is given twice
+    --sequence left --durations 0,0 | durations of phase 0 = 0: expected a positive time
+    --sequence left --durations free,none | --durations = 'none': expected a number such as 0.5
     --steps 0 | expected a whole number of at least 2 steps
     --steps -5 | expected a whole number of at least 2 steps
     --steps 10,10,10 | one for each of the 2 phases

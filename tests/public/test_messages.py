@@ -92,6 +92,18 @@ ProblemError: on_floor(...)
     sequence=["+floor"], start={"x": 0, "y": 1}, via=[{"x": 9}], bounds={"x": (0, 1)} | via of event
         1: x = 9 lies outside its bounds 0 to 1
     contacts=["floor"], sequence=["+floor"] | floor is closed already
+    start={"x": 0, "y": 1}, durations=[0] | durations of phase 0 = 0: expected a positive time
+    start={"x": 0, "y": 1}, sequence=["+floor", "-floor"], durations=[None, 0, None] | durations of
+        phase 1 = 0: expected a positive time; only the last of several phases may have the duration
+        0, which ends the motion with its last event, and what happens at one instant is one event
+    contacts=["floor"], sequence=["-floor"], durations=[None, 0] | the motion ends with event 1
+        (-floor), at which nothing is hit or lands, so that its state is the same before and after
+        it: leave the event out, or give the last phase a duration
+    start={"x": 0, "y": 1}, sequence=["+floor"], durations=[None, 0], steps=[9, 9] | steps of phase
+        1 = 9: expected 0, because its duration is 0
+    start={"x": 0, "y": 1}, sequence=["+floor"], steps=[9, 0] | steps of phase 1 = 0: expected a
+        whole number of at least 2
+    start={"x": 0, "y": 1}, sequence=["+floor"], durations=[None, (None, 0)] | durations of phase 1
     contacts=["floor"], sequence=["floor:slide"] | expected stick, slip+ or slip-
     contacts=["floor", "floor:slip+"] | contacts names 'floor' twice
 ModelError: rubbing(...)
