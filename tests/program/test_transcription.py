@@ -255,7 +255,7 @@ def ending(problem: dmoc.Problem) -> dmoc.Problem:
         *("ending contacts", "ending contacts, periodic, order 4", "ending joints, order 6"),
         *("ending joints, periodic", "ending hits with friction", "ending tangential"),
         *("ending forces, linear", "ending forces, order 4", "ending rebound, design"),
-        *("ending slippery contacts, order 4", "ending forces, constant", "ending slowed, order 2"),
+        *("ending slippery contacts, order 4", "ending forces, constant"),
     ],
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
