@@ -20,6 +20,7 @@ class TemplateKind(StrEnum):
 
     collision = "collision"
     contact = "contact"
+    mechanism = "mechanism"
     smooth = "smooth"
 
 
@@ -31,7 +32,8 @@ def new(
         TemplateKind,
         typer.Option(
             help="A block that bounces off a wall; a block that rests and slides on a rough floor; "
-            "a pendulum that meets nothing."
+            "a hammer with a constraint, a quantity, an objective and a design; a pendulum that "
+            "meets nothing."
         ),
     ] = TemplateKind.collision,
     target: Annotated[Path, out_option("Folder of the file.", "DIR")] = Path(),

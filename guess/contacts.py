@@ -12,43 +12,56 @@ from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.projection import onto
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import midpoints
+from dmoc.problem.surfaces import contact_point
 from dmoc.program.blocks import NOWHERE
 from dmoc.program.force_values import with_forces
 from dmoc.program.layout import Layout
 
 
 def standing(problem: Problem, natural: float) -> Array:
-    """Unknowns along straight ways from the start to the goal, in phases of equal durations."""
+    """Unknowns along straight ways from the start through points of what is hit to the goal, in
+    phases of equal durations."""
     lay = Layout.of(problem)
     low, high = problem.final_time_bounds
     time = float(np.clip(natural, low, high))
     durations = np.clip(np.full(lay.phases, time / lay.stepped), *problem.duration_bounds.T)
-    start, goal = problem.start_position, problem.goal_position
-    share = np.concatenate(
-        [
-            [0.0],
-            *((i + np.arange(1, n + 1) / n) / lay.stepped for i, n in enumerate(lay.steps) if n),
-        ]
-    )
+    points = _points(problem, lay, durations)
+    legs = np.diff(points, axis=0)
+    speeds = legs[: lay.stepped] / durations[: lay.stepped, None]
+    speeds = np.vstack([speeds, *[speeds[-1:]] * (lay.phases - lay.stepped)])
     x = lay.zeros(problem)
     x[lay.index_h] = lay.step_sizes(durations)
-    x[lay.index_q] = start + share[:, None] * (goal - start)
+    ways = zip(points[:-1], legs, lay.steps, strict=True)
+    on = [a + np.arange(1, n + 1)[:, None] / n * leg for a, leg, n in ways if n]
+    x[lay.index_q] = np.vstack([points[:1], *on])
     x[lay.index_u] = midpoints(problem.input_bounds, np.zeros(problem.nu))
-    v = np.tile((goal - start) / durations.sum(), (lay.phases - 1, 1))
-    x[lay.impact.v_a] = x[lay.impact.v_c] = v
+    x[lay.impact.v_a], x[lay.impact.v_c] = speeds[:-1], speeds[1:]
     x[lay.index_q_i] = lay.scheme.within(x[lay.index_q[:-1]], x[lay.index_q[1:]]).reshape(
         lay.total, -1
     )
     lay.put_times(x)
-    for boundary, q, index_p, index_v in (
-        (problem.start_bounds, start, lay.index_p_B, lay.index_v_B),
-        (problem.goal_bounds, goal, lay.index_p_E, lay.index_v_E),
+    for boundary, q, mean, index_p, index_v in (
+        (problem.start_bounds, points[0], speeds[0], lay.index_p_B, lay.index_v_B),
+        (problem.goal_bounds, points[-1], speeds[-1], lay.index_p_E, lay.index_v_E),
     ):
-        at = end_velocity(problem, boundary, q, (goal - start) / durations.sum())
+        at = end_velocity(problem, boundary, q, mean)
         x[index_p] = problem.model.momentum(q, at)
         if len(index_v):
             x[index_v] = at
     return in_contact(problem, x)
+
+
+def _points(problem: Problem, lay: Layout, durations: Array) -> Array:
+    """Points of the straight way at the start, the events and the goal, those of hits on their
+    surfaces, shape (phases + 1, nq)."""
+    share = np.minimum(np.arange(lay.phases + 1) / lay.stepped, 1.0)[:, None]
+    points = (1 - share) * problem.start_position + share * problem.goal_position
+    for i, event in enumerate(problem.touch.events):
+        if event.hit != NOWHERE:
+            t = float(durations[: i + 1].sum())
+            points[i + 1] = contact_point(problem, points[i + 1], points[i], event.hit, t)
+    points[lay.stepped :] = points[lay.stepped]
+    return points
 
 
 def in_contact(problem: Problem, x: Array) -> Array:

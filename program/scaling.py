@@ -88,10 +88,13 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         )
         sizes = lay.units(scale)
         cost = _cost(problem, lay, x, sizes, size_v) / (MINIMUM_COST if minimum else FIRST_COST)
-        path = _path(problem, lay.step_inputs(x), local := _local(lay, sizes), "path")
+        sized, local = _sized(lay, x, scale), _local(lay, sizes)
+        path = _path(problem, (lay.step_inputs(x), sized), local, "path")
         pushed = np.tile(pushing(scale)[: model.ny], (lay.total, lay.scheme.points))
         local = np.hstack([local, pushed])
-        quantity = _path(problem, quantity_inputs(problem, lay, x), local, "quantity")
+        sized += [pushed] * bool(lay.force.count)
+        along = quantity_inputs(problem, lay, x), sized
+        quantity = _path(problem, along, local, "quantity")
         at = [j for j, _ in model.peaks_of]
         return replace(
             scale, cost=cost, path=path, quantity=quantity, peaks=quantity[at],
@@ -103,15 +106,19 @@ def _totals(problem: Problem, lay: Layout, x: Array, scale: Scale) -> Array:
     """Sizes of the totals: of what bounds them, or of what all steps add to them without their
     signs, in the motion and in one whose velocities and inputs are of their sizes."""
     model, step = problem.model, lay.step_inputs(x)
-    q, u, h = step[0], step[2].copy(), step[4]
-    u[:], end = scale.u, q + h * scale.v
-    inside = lay.scheme.within(q, end).reshape(lay.total, -1)
-    sized = [q, end, u, u, h, step[5], inside]
-    both = (lifted(problem, lay, s) for s in (step, sized))
+    both = (lifted(problem, lay, s) for s in (step, _sized(lay, x, scale)))
     parts = [np.abs(_finite(model.integrals(s), 0.0)).sum(axis=0) for s in both]
     bounds = np.where(np.isfinite(problem.total_bounds), np.abs(problem.total_bounds), 0.0)
     size = np.maximum(np.max(parts, axis=0), bounds.max(axis=1, initial=0.0))
     return np.where(size > 0, size, 1.0)
+
+
+def _sized(lay: Layout, x: Array, scale: Scale) -> list[Array]:
+    """Steps that begin as those of a motion do, with velocities and inputs of their sizes."""
+    q, _, u, _, h, t, *_ = lay.step_inputs(x)
+    u, end = u.copy(), q + h * scale.v
+    u[:] = scale.u
+    return [q, end, u, u, h, t, lay.scheme.within(q, end).reshape(lay.total, -1)]
 
 
 def _designs(problem: Problem) -> Array:
@@ -233,17 +240,17 @@ def _local(lay: Layout, sizes: Array) -> Array:
     return np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
 
 
-def _path(problem: Problem, step: list[Array], local: Array, kind: str) -> Array:
+def _path(problem: Problem, steps: tuple[list[Array], ...], local: Array, kind: str) -> Array:
     """Sizes of the path constraints, or of the quantities: the largest change that an unknown of
-    its ``local`` size makes in any step."""
+    its ``local`` size makes in any step; of what none changes, as a product where both factors
+    vanish, the largest value in these ``steps`` or in sized ones."""
     kernels = problem.kernels
     count = len(kernels.quantities if kind == "quantity" else kernels.manifest["path_rows"])
     if not count:
         return np.ones(0)
-    changes = _finite(np.abs(problem.model.path_slopes(step, kind) * local[:, None]), 0.0).max(
-        axis=(0, 2)
-    )
-    values = _finite(np.abs(problem.model.path(step, kind)), 0.0).max(axis=0)
-    size, at = (a.reshape(-1, count).max(axis=0) for a in (changes, values))
-    size = np.where(size > 0, size, at)
+    changes = _finite(np.abs(problem.model.path_slopes(steps[0], kind) * local[:, None]), 0.0)
+    size = changes.max(axis=(0, 2)).reshape(-1, count).max(axis=0)
+    for step in steps:
+        at = _finite(np.abs(problem.model.path(step, kind)), 0.0).max(axis=0)
+        size = np.where(size > 0, size, at.reshape(-1, count).max(axis=0))
     return np.where(size > 0, size, 1.0)

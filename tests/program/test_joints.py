@@ -212,3 +212,22 @@ def test_a_constraint_is_shown() -> None:
     assert "rod" in dmoc.build(system).summary().rows[5][1]
     assert "Constraints" in [section.title for section in dmoc.derive(system).sections]
     assert joint_problems.bob().fingerprint() == system.fingerprint()
+
+
+def test_a_bound_of_power_beside_a_rod_is_no_obstacle_to_a_blow() -> None:
+    """It comes back to where it began: a straight way from start to goal would not meet the wall,
+    and power is flat where nothing moves."""
+    task: dict[str, Any] = {"sequence": ["wall"], "final_time": 1.2, "restitution": 0.5}
+    power = U * (X * Y.diff(T) - Y * X.diff(T))
+    by_rod = dmoc.Problem(
+        bob(surfaces={"wall": X <= 0}, quantities={"power": power}), start={"x": -0.6, "y": -0.8},
+        goal={"x": -0.6, "x_dot": 0.0}, bounds={"power": (-40, 2)}, **task,
+    )  # fmt: skip
+    by_angle = dmoc.Problem(
+        pendulum(surfaces={"wall": A <= 0}, quantities={"power": U * A.diff(T)}),
+        start={"a": -np.arcsin(0.6)}, goal={"a": -np.arcsin(0.6), "a_dot": 0.0},
+        bounds={"power": (-40, 2)}, **task,
+    )  # fmt: skip
+    a, b = best(by_rod), best(by_angle)
+    assert a.cost == pytest.approx(b.cost, rel=1e-5)
+    assert a.active_bounds and b.active_bounds
