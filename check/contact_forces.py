@@ -109,28 +109,45 @@ def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
 
 
 def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
-    """Contacts that begin to slide in phase i while friction holds them."""
+    """Contacts that begin to slide in phase i while friction holds them, and would go on to for
+    longer than an event may be late.  Within steps what it spares is taken as linear."""
     model, mode, after = motion.model, motion.modes[i], motion.trajectory.phases[i]
     if i and motion.trajectory.collisions[i - 1].surface:
         return  # an impact may set it off
     begin, slid = float(after.t[0]), motion.modes[i - 1].sliding if i else ()
-    soon = after.t[:-1] <= max(begin + ON_TIME * after.duration, after.t[1])
-    q, v, t, u = after.q[:-1][soon], after.v[:-1][soon], after.t[:-1][soon], motion.steps[i].u0
+    late = ON_TIME * max(p.duration for p in motion.trajectory.phases[max(i - 1, 0) : i + 1])
+    soon = int((after.t[:-1] - begin < late).sum())
+
+    def sides(rows: Array, ends: Array) -> Array:
+        """Rows at the starts and at the ends of the first steps, one after the other."""
+        return np.stack([rows[:soon], ends[:soon]], axis=1).reshape(2 * soon, *rows.shape[1:])
+
+    q, v, t = (sides(rows[:-1], rows[1:]) for rows in (after.q, after.v, after.t))
+    u = sides(motion.steps[i].u0, motion.steps[i].u1)
     fast = np.abs(model.slide_rates(after.q[:1], after.v[:1], after.t[:1])[0])
     for k, s in mode.sliding:
         if (k, s) in slid or fast[k] > DRIFT * motion.sizes.slide[k]:
             continue
         others = tuple(pair for pair in mode.sliding if pair[0] != k)
         kept = replace(mode, sticking=(*mode.sticking, k), sliding=others)
-        reaction = motion.flow.integrator.reaction(kept, np.hstack([q, v]), u[: len(t)], t)
-        bears = model.with_friction_at(q, v, u[: len(t)], t).bearing(reaction.normal)[:, k]
-        spare = bears - np.abs(reaction.tangential[:, k])
-        if (spare > PRESSED * size[k]).all():
+        reaction = motion.flow.integrator.reaction(kept, np.hstack([q, v]), u, t)
+        bears = model.with_friction_at(q, v, u, t).bearing(reaction.normal)[:, k]
+        spare = bears - np.abs(reaction.tangential[:, k]) - PRESSED * size[k]
+        if _lost(t, spare) - begin > late:
             yield (
                 f"{model.kernels.tangents[k]} begins to slide at {begin:.4g} s, where friction "
                 f"holds it: it has {bears[0]:.4g} N and needs "
                 f"{abs(reaction.tangential[0, k]):.4g} N"
             )
+
+
+def _lost(t: Array, spare: Array) -> float:
+    """When a value that is linear between its times first falls to zero."""
+    below = np.flatnonzero(~(spare > 0))
+    if not len(below) or not below[0]:
+        return float(t[0]) if len(below) else np.inf
+    a, b = below[0] - 1, below[0]
+    return float(t[a] + (t[b] - t[a]) * spare[a] / (spare[a] - spare[b]))
 
 
 def left_out(motion: Motion) -> list[str]:

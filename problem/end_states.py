@@ -20,7 +20,8 @@ from dmoc.problem.design import by_design
 
 # An input without a bound, where the sign of friction is looked at.
 FAR = 1e6
-# Forces at the end of a phase are known to h^2 from this order on.
+# Forces at the end of a phase are known to h^2 from this order on: below, its last impulse is the
+# force half a step before.
 LEAST_ORDER_OF_PAIRS = 4
 
 if TYPE_CHECKING:

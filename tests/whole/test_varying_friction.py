@@ -291,6 +291,35 @@ def test_a_push_begins_with_the_static_force_and_goes_on_with_the_kinetic_one() 
     assert "begins to slide at 0 s, where friction" in dmoc.solve(slow, starts=1).message
 
 
+@pytest.mark.parametrize("steps", [10, 40])
+@pytest.mark.parametrize("turns", [False, True])
+def test_what_turns_is_held_until_the_static_force_is_reached(steps: int, turns: bool) -> None:
+    """Pulled back by 1.5 N it stops from 1 m/s at 0.2 m, after 0.4 s, and is held: it is pulled by
+    20 N more a second from then on, and passes 2.5 N after 0.05 s.  A motion that turns at once is
+    refused, also where the force passes the static one within the first step."""
+    t = dynamicsymbols._t
+    late = t - sp.S(2) / 5
+    pull = sp.S(3) / 2 + 20 * (late + sp.sqrt(late**2 + sp.Rational(1, 10**8))) / 2
+    system = dmoc.MechanicalSystem(
+        "turned", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, tangents={"rail": x},
+        friction={"rail": (sp.S(5) / 2, 1)}, cost=(u + pull) ** 2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=4), start={x: 0, "x_dot": 1}, goal={}, contacts=["rail:slip+"],
+        sequence=["rail:slip-"] if turns else ["rail:stick", "rail:slip-"], steps=steps,
+        final_time=1.0,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, starts=1)
+    assert solution.verification is not None
+    assert solution.verification.passed is not turns, solution.message
+    if turns:
+        assert "rail begins to slide at 0.4 s, where friction holds it" in solution.message
+        return
+    assert solution.phases[1].duration == pytest.approx(0.05, abs=2e-3)
+    far = quad(lambda at: (0.6 - at) * (0.5 + 20 * at), 0.05, 0.6)[0]
+    assert solution.phases[2].q[-1, 0] == pytest.approx(0.2 - far, abs=2e-3)
+
+
 def test_static_friction_that_depends_on_the_time_alone_makes_the_model_depend_on_it() -> None:
     pair = 2 + sp.sin(dynamicsymbols._t), 1
     system = dmoc.MechanicalSystem("grips", [x], x.diff() ** 2, tangents={"rail": x},
