@@ -1,15 +1,16 @@
-"""Costs that have no minimum, because they fall as long as the motion takes longer or inputs
-grow."""
+"""Costs that have no minimum, because they fall as long as the motion takes longer, or as inputs, a
+state at the start or a design parameter grow."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
+from dmoc.base.names import velocity_name
 from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import NO_TIME, expected_time, initial_guesses
@@ -27,9 +28,11 @@ NONE = 1e-17
 # tells nothing.
 LONGER, FALLS = 2.0, 0.01
 # A negative cost that falls by this factor where it is solved once more from its end had no minimum
-# there.  An input or a final time has run away that is so many times that of a first motion, if
-# limits of so many times these sizes let the cost fall by the factor from each to the next.
-TWICE, FAR, LIMITS = 2.0, 100.0, (10.0, 100.0, 1000.0)
+# there.  What is so many times that of a first motion has run away, if limits of so many times
+# these sizes let the cost fall more and more, by the factor.  Where it was not seen to go on, it
+# has to fall by this share of the line through two of them: at the minimum of a parabola it has
+# fallen by half of it.
+TWICE, FAR, LIMITS, STRAIGHT = 2.0, 100.0, (10.0, 100.0, 1000.0), 0.75
 
 
 def bounded(
@@ -61,48 +64,92 @@ def ended(
     solve: Callable[[Problem, Solution], Solution],
     afresh: Callable[[Problem], Solution],
 ) -> Solution:
-    """The answer; one whose cost falls without end, as an input or the final time grows, has
-    stalled.
+    """The answer; one whose cost falls without end, as an input, a state at the start, a design
+    parameter or the final time grows, has stalled.
 
     ``solve`` solves a problem from the motion of the answer, ``afresh`` from starts of its own.
     """
     if not (answer.cost < 0 and (answer.minimum or answer.status in UNDECIDED)):
         return answer
     running = list(_running(problem, answer))
-    if running and answer.minimum and not solve(problem, answer).cost < TWICE * answer.cost:
-        return answer
-    for name, limited, size in running:
+    again = solve(problem, answer) if running and answer.minimum else answer
+    ends_there = answer.minimum and not again.cost < TWICE * answer.cost
+    for name, limited, size, reached in running:
         ends = [afresh(limited(most * size)) for most in LIMITS]
         costs = [end.cost for end in ends]
-        falls = all(after < TWICE * before < 0 for before, after in pairwise(costs))
+        first, second = (before - after for before, after in pairwise(costs))
+        falls = second > TWICE * first > 0 > costs[-1]
+        falls &= not ends_there or _is_straight(answer.cost, costs, reached / size)
         if falls and all(end.max_violation <= KEPT for end in ends):
-            message = (
-                f"the cost has no minimum, it falls as {name} grows: "
-                f"{costs[1]:.3g} within {LIMITS[1] * size:.3g}, {costs[2]:.3g} within "
-                f"{LIMITS[2] * size:.3g}; bound {name}, or give it a price"
-            )
-            return replace(answer, status=Status.STALLED, message=message, verification=None)
+            most = [limit * size for limit in LIMITS]
+            return _running_away(answer, name, (costs[1], most[1]), (costs[2], most[2]))
+    if again.cost < FAR * answer.cost and again.max_violation <= KEPT:
+        farthest = {name: reached for name, _, _, reached in _running(problem, again)}
+        for name, _, _, reached in running:
+            if farthest.get(name, 0.0) > TWICE * reached:
+                beyond = again.cost, farthest[name]
+                return _running_away(answer, name, (answer.cost, reached), beyond)
     return answer
+
+
+def _is_straight(cost: float, costs: Sequence[float], reached: float) -> bool:
+    """Whether a cost where something reached so many times its size goes on to fall, by the costs
+    within the limits: on the line through two limits that are nearer, or beyond it."""
+    i = 2 if reached > TWICE * LIMITS[2] else 1
+    slope = (costs[i - 1] - costs[i]) / (LIMITS[i] - LIMITS[i - 1])
+    line = costs[i] - STRAIGHT * slope * (reached - LIMITS[i])
+    return costs[2] < TWICE * cost or (reached > TWICE * LIMITS[i] and cost < line)
+
+
+def _running_away(
+    answer: Solution, name: str, near: tuple[float, float], beyond: tuple[float, float]
+) -> Solution:
+    """The answer, which has stalled because its cost falls as something grows: costs within two
+    limits of it."""
+    costs = ", ".join(f"{cost:.3g} within {limit:.3g}" for cost, limit in (near, beyond))
+    message = (
+        f"the cost has no minimum, it falls as {name} grows: {costs}; bound {name}, or give it a "
+        "price"
+    )
+    return replace(answer, status=Status.STALLED, message=message, verification=None)
 
 
 def _running(
     problem: Problem, answer: Solution
-) -> Iterator[tuple[str, Callable[[float], Problem], float]]:
-    """What may have run away: its name, the problem with a limit of it, and its size in a first
-    motion."""
-    scale = scale_of(problem, initial_guesses(problem)[0].x)
-    for j, (name, box) in enumerate(zip(problem.kernels.inputs, problem.input_bounds, strict=True)):
-        largest = max(float(np.abs(phase.u[:, j]).max(initial=0.0)) for phase in answer.phases)
-        if np.isinf(box).any() and largest > FAR * scale.u[j]:
-            yield name, partial(_with_input, problem, name, box), float(scale.u[j])
+) -> Iterator[tuple[str, Callable[[float], Problem], float, float]]:
+    """What may have run away: its name, the problem with a limit of it, its size in a first motion,
+    and how far it is."""
+    scale, kernels = scale_of(problem, initial_guesses(problem)[0].x), problem.kernels
+    first, start = answer.phases[0], problem.start_bounds
+    inputs = np.max([np.abs(phase.u).max(axis=0) for phase in answer.phases], axis=0)
+    design = np.array([answer.design[name] for name in problem.design])
+    turning = np.isinf(start.momentum).any(axis=1, keepdims=True)
+    rates = np.where(turning, start.velocity, 0.0)
+    for field, names, boxes, sizes, reached in (
+        ("bounds", kernels.inputs, problem.input_bounds, scale.u, inputs),
+        ("start", kernels.coordinates, start.position, scale.q, first.q[0]),
+        ("start", [*map(velocity_name, kernels.coordinates)], rates, scale.v, first.v[0]),
+        ("design", problem.design, problem.design_bounds, scale.design, design),
+    ):
+        for name, box, size, far in zip(names, boxes, sizes, np.abs(reached), strict=True):
+            if np.isinf(box).any() and far > FAR * size:
+                where = f"{name} at the start" if field == "start" else name
+                yield where, partial(_within, problem, field, name, box), float(size), float(far)
     low, high = problem.final_time_bounds
     time = min(scale.time, expected_time(problem) or NO_TIME)
     if np.isinf(high) and answer.final_time > FAR * time:
-        yield "final_time", lambda size: problem.but(final_time=(min(low, size), size)), time
+        limited = partial(_in_time, problem, low)
+        yield "final_time", limited, time, answer.final_time
 
 
-def _with_input(problem: Problem, name: str, box: Array, size: float) -> Problem:
-    """The problem with an input within a size where it has no bounds."""
+def _within(problem: Problem, field: str, name: str, box: Array, size: float) -> Problem:
+    """The problem with something within a size where it has no bounds."""
     ends = zip((-size, size), box.tolist(), strict=True)
     low, high = (bound if np.isfinite(bound) else end for end, bound in ends)
-    return problem.but(bounds={**problem.bounds, name: (min(low, high), max(low, high))})
+    stated = {**getattr(problem, field), name: (min(low, high), max(low, high))}
+    return problem.but(**{field: stated})
+
+
+def _in_time(problem: Problem, low: float, size: float) -> Problem:
+    """The problem with a limit of the final time."""
+    return problem.but(final_time=(min(low, size), size))

@@ -5,24 +5,32 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 
 x, u = dynamicsymbols("x u")
+k = sp.Symbol("k")
 
 
 def sled(goal: dict[Any, Any], order: int = 2, **fields: Any) -> dmoc.Problem:
     """1 kg that is pushed for 1 s, or as long as it likes."""
     fields = dict(fields)
-    stated = {"final_time": 1, "steps": 20} | fields.pop("problem", {})
-    system = dmoc.MechanicalSystem("sled", [x], x.diff() ** 2 / 2, {}, [u], {x: u}, **fields)
-    return dmoc.Problem(dmoc.build(system, order=order), {x: 0}, goal, **stated)
+    stated = {"final_time": 1, "steps": 20, "start": {x: 0}} | fields.pop("problem", {})
+    fields = {"inputs": [u], "forces": {x: u}} | fields
+    system = dmoc.MechanicalSystem("sled", [x], x.diff() ** 2 / 2, **fields)
+    backend = stated.pop("backend", "auto")
+    kernels = dmoc.build(system, order=order, backend=backend)
+    return dmoc.Problem(kernels, stated.pop("start"), goal, **stated)
 
 
 STOP: dict[Any, Any] = {x: 1, "x_dot": 0}
 EFFORT = {"integrals": {"effort": u**2 / 2}, "objective": -dmoc.total("effort")}
 FREE = {"final_time": (None, None)}
+ROLLING = {"start": {x: 0, "x_dot": None}}
+CHOSEN = {"design": {"k": (0, None)}}
+PRICED: dict[str, Any] = {"cost": u**2, "terminal_cost": -k, "parameters": {k: 1.0}}
 ENDLESS = {
     "an effort that is earned": (sled(STOP, **EFFORT), "u"),
     "at order 4": (sled(STOP, 4, **EFFORT), "u"),
@@ -37,6 +45,17 @@ ENDLESS = {
     "a long time": (
         sled({x: 1}, objective=-dmoc.final_time, cost=u**2, problem=FREE), "final_time"),
     "effort and time": (sled({}, terminal_cost=-x, cost=u**2, problem=FREE), "final_time"),
+    "a speed at the start": (sled({}, terminal_cost=-x, cost=u**2, problem=ROLLING),
+                             "x_dot at the start"),
+    "a speed at the start, forth alone": (
+        sled({}, 4, terminal_cost=-x, cost=u**2, problem={"start": {x: 0, "x_dot": (0, None)}}),
+        "x_dot at the start"),
+    "a place at the start": (
+        sled({}, objective=-dmoc.at_start(x), cost=u**2, problem={"start": {x: None}}),
+        "x at the start"),
+    "a parameter": (sled(STOP, **PRICED, problem=CHOSEN), "k"),
+    "its square": (sled(STOP, cost=u**2, terminal_cost=-k**2, parameters={k: 1.0}, problem=CHOSEN),
+                   "k"),
 }  # fmt: skip
 
 
@@ -47,6 +66,36 @@ def test_what_runs_away_is_named(name: str) -> None:
     assert solution.status == "stalled" and solution.verification is None
     assert solution.message.startswith(f"the cost has no minimum, it falls as {runs} grows: -")
     assert f"; bound {runs}, or give it a price" in solution.message
+
+
+NUMPY = {"backend": "numpy", "steps": 6}
+WITHOUT_COMPILER = {
+    "an input": (sled({}, cost=-u, problem=NUMPY), "u"),
+    "a speed at the start": (sled({}, terminal_cost=-x, cost=u**2, problem=ROLLING | NUMPY),
+                             "x_dot at the start"),
+    "a parameter": (sled(STOP, **PRICED, problem=CHOSEN | NUMPY), "k"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WITHOUT_COMPILER)
+def test_it_is_named_without_a_compiler(name: str) -> None:
+    """SLSQP ends somewhere on the way, and calls it solved."""
+    problem, runs = WITHOUT_COMPILER[name]
+    solution = dmoc.solve(problem, "slsqp")
+    assert solution.status == "stalled"
+    assert solution.message.startswith(f"the cost has no minimum, it falls as {runs} grows: -")
+
+
+@pytest.mark.parametrize("fields", [{"start": {x: 0, "x_dot": None}}, {"design": {"k": (0, None)}}])
+@pytest.mark.parametrize("price", [10.0, 1e3, 1e5])
+def test_a_speed_or_a_parameter_that_is_far_away_is_one(price: float, fields: Any) -> None:
+    """v^2/2 - price v and k^2/2 - price k are -price^2/2 at the least."""
+    own, parameters = (k, {k: 1.0}) if "design" in fields else (x.diff(), {})
+    cost = u**2 + own**2 / 2 - price * own
+    problem = sled({}, cost=cost, parameters=parameters, problem=fields)
+    solution = dmoc.solve(problem)
+    assert solution.solved
+    assert solution.cost == pytest.approx(-(price**2) / 2, rel=1e-6)
 
 
 @pytest.mark.parametrize("price", [1.0, 1e3, 1e6])
