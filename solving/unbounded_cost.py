@@ -82,6 +82,9 @@ def ended(
         falls &= not ends_there or _is_straight(answer.cost, costs, reached / size)
         if falls and all(end.max_violation <= KEPT for end in ends):
             most = [limit * size for limit in LIMITS]
+            if answer.max_violation > KEPT:  # what diverges is no motion
+                told = {field: getattr(answer, field) for field in ("starts", "found", "others")}
+                answer = replace(ends[2], **told)
             return _running_away(answer, name, (costs[1], most[1]), (costs[2], most[2]))
     if again.cost < FAR * answer.cost and again.max_violation <= KEPT:
         farthest = {name: reached for name, _, _, reached in _running(problem, again)}

@@ -67,6 +67,9 @@ def test_what_runs_away_is_named(name: str) -> None:
     assert solution.status == "stalled" and solution.verification is None
     assert solution.message.startswith(f"the cost has no minimum, it falls as {runs} grows: -")
     assert f"; bound {runs}, or give it a price" in solution.message
+    assert solution.max_violation < 1e-6
+    latest = problem.final_time_bounds[1]
+    assert latest == float("inf") or solution.final_time == pytest.approx(latest, rel=1e-9)
 
 
 NUMPY = {"backend": "numpy", "steps": 6}
