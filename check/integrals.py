@@ -48,6 +48,8 @@ def integral_errors(
 def _integrals(motion: Motion, course: IntegratedSteps) -> Array:
     """Integrals over the steps of a mode, and those of the magnitudes, shape (2, number)."""
     steps = np.arange(len(course.steps))
+    if not len(steps):
+        return np.zeros((2, len(motion.model.kernels.integrals)))
     low, width = np.zeros(len(steps)), np.ones(len(steps))
     whole = _over(motion, course, steps, low, width)
     sums, enough = np.zeros(whole[:, 0].shape), AGREES * whole[1].sum(axis=0) / len(steps)

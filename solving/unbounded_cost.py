@@ -124,7 +124,7 @@ def _running(
     and how far it is."""
     scale, kernels = scale_of(problem, initial_guesses(problem)[0].x), problem.kernels
     first, start = answer.phases[0], problem.start_bounds
-    inputs = np.max([np.abs(phase.u).max(axis=0) for phase in answer.phases], axis=0)
+    inputs = np.max([np.abs(phase.u).max(axis=0, initial=0.0) for phase in answer.phases], axis=0)
     design = np.array([answer.design[name] for name in problem.design])
     turning = np.isinf(start.momentum).any(axis=1, keepdims=True)
     rates = np.where(turning, start.velocity, 0.0)
