@@ -14,6 +14,7 @@ from dmoc.motion.trajectory import Trajectory
 from dmoc.program.active_constraints import active_bounds
 from dmoc.program.extraction import loose_peaks, loose_totals, named_multipliers, trajectory
 from dmoc.program.layout import peak_names
+from dmoc.program.transcription import Transcription
 from dmoc.program.undefined_values import singular_at, undefined_at
 from dmoc.results.solution import Solution
 from dmoc.solvers.kkt import duality_gap
@@ -23,6 +24,9 @@ from dmoc.solving.mode_edges import proposal_of
 
 # A peak that lies further above its quantity, in sizes of this, is not held by it.
 FAR_ABOVE = 1.0
+# Momenta of a motion that are such a share of what the program expected come from its limits: an
+# impulse that is to be 0 is not quite.
+NO_MOTION = 1e-4
 # An integral with kinks that is so far off that of its integrand, in its size, is not held by it.
 OFF = 1e-3
 
@@ -33,7 +37,8 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
     problem = nlp.problem
     motion, status, message = trajectory(nlp, outcome.x), outcome.status, _message(attempt)
     proposal = proposal_of(nlp, outcome) if status is Status.SOLVED else None
-    if status is Status.SOLVED and any(c.grazes for c in motion.collisions):
+    grazes = any(c.grazes for c in motion.collisions) or _stands_still(nlp, motion)
+    if status is Status.SOLVED and grazes:
         status, message = Status.GRAZES, f"{message}; {without_effect(motion)}"
     loose, optimality = _loose(attempt), outcome.left.optimality
     if loose and status in (Status.SOLVED, *UNDECIDED):  # there is none, whatever is left
@@ -59,6 +64,13 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
         design={name: motion.parameters[name] for name in problem.design},
         kernels=problem.kernels,
     )
+
+
+def _stands_still(nlp: Transcription, motion: Trajectory) -> bool:
+    """Whether there are collisions and nothing moves, so that these have nothing to push."""
+    momenta = np.max([np.abs(phase.p).max(axis=0) for phase in motion.phases], axis=0)
+    hit = any(c.impulse > 0 for c in motion.collisions)
+    return hit and bool((momenta <= NO_MOTION * nlp.scale.p).all())
 
 
 def _loose(attempt: Attempt) -> str:
@@ -109,8 +121,10 @@ def _message(attempt: Attempt) -> str:
 
 
 def without_effect(motion: Trajectory) -> str:
-    """Name the collisions that have no effect."""
+    """Name the collisions that have no effect, of a motion in which some have none."""
     grazing = [f"{i + 1} ({c.surface})" for i, c in enumerate(motion.collisions) if c.grazes]
+    if not grazing:
+        return "the collisions have no effect: nothing moves"
     several = len(grazing) > 1
     return (
         f"collision{'s' if several else ''} {' and '.join(grazing)} {'have' if several else 'has'} "
