@@ -99,7 +99,8 @@ def _settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Sett
         if lay.ends_with_event:  # its surface has rows at the end, whatever there is at the start
             closed[0] = sticks[0] = True
         met = closed.copy()
-        met[1, touch.surfaces[-1:]] |= lay.ends_with_event
+        if lay.ends_with_event:
+            met[1, touch.surfaces[-1]] = True
         for rows, values, last in (
             (places, _gaps, met), (rates, _gap_rates, closed), (slides, _slide_rates, sticks),
         ):  # fmt: skip

@@ -157,6 +157,21 @@ def test_a_motion_slips_until_it_sticks(order: int, steps: int, error: float) ->
     assert durations[1] == pytest.approx(sticks, abs=sticks / steps)
 
 
+def test_the_limit_cycle_is_the_periodic_motion() -> None:
+    """Whose start nobody states: x and x' return, which the time in the belt does not."""
+    sticks, slips = stick_and_slip()
+    problem = dmoc.Problem(
+        dmoc.build(violin(), order=4), start={}, goal={}, contacts=["belt:slip-"],
+        sequence=["belt:stick"], steps=30, periodic=["x", "x_dot"],
+        final_time=(1, 6),
+    )  # fmt: skip
+    solution = dmoc.solve(problem, starts=4)
+    assert solution.verification is not None, solution.message
+    assert solution.verification.passed, solution.message
+    durations = [phase.duration for phase in solution.phases]
+    assert durations == pytest.approx([slips, sticks], abs=2e-2)
+
+
 def pulled(time: float) -> float:
     """The least integral of u^2 / 2 from rest to rest, 1 m ahead: x'' = u - f(x'), and
     u' = p + u f'(x') with a number p."""
