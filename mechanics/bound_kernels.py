@@ -118,6 +118,13 @@ class BoundKernels:
         return len(self.kernels.joints)
 
     @cached_property
+    def hidden_names(self) -> tuple[str, ...]:
+        """What hidden unknowns are called."""
+        facts = self.kernels.manifest
+        pairs = zip(facts["hidden"], facts.get("hidden_of", ()), strict=True)
+        return tuple(f"{name} in {of or 'the cost'}" for name, of in pairs)
+
+    @cached_property
     def ns(self) -> int:
         """Number of hidden unknowns."""
         return len(self.kernels.manifest["hidden"])

@@ -62,7 +62,7 @@ class Layout(Unknowns):
         kind = Kind(
             tuple(kernels.coordinates),
             tuple(kernels.inputs),
-            tuple(kernels.manifest["hidden"]),
+            problem.model.hidden_names,
             problem.phase_steps,
             problem.control_form,
             problem.order,

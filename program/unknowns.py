@@ -129,7 +129,7 @@ class Unknowns:
         def place_inside(j: int) -> str:
             return f"at inner node {j} of" if scheme.inside > 1 else "inside"
 
-        places = hidden_places(form, scheme)
+        places, ns = hidden_places(form, scheme), len(kind.hidden)
         block = Numbering()
         of_steps = (
             block(
@@ -186,8 +186,8 @@ class Unknowns:
             ),
             block(
                 "s",
-                (total, places * len(kind.hidden)),
-                lambda k, i: f"{kind.hidden[i % len(kind.hidden)]} in step {k}",
+                (total, places * ns),
+                lambda k, i: f"{kind.hidden[i % ns]} at point {i // ns} of step {k}",
                 lambda s: np.tile(s.s, places),
             ),
         )

@@ -62,8 +62,9 @@ class KinkLaw(Law):
         each = held.shape[1]
 
         def label(k: int, j: int) -> str:
-            name = self.problem.kernels.manifest["hidden"][self._of[j % len(self._of)]]
-            return f"limit of {name} in step {k}"
+            place, own = divmod(j, len(self._of))
+            name = self.problem.model.hidden_names[self._of[own]]
+            return f"limit {own} of {name} at point {place} of step {k}"
 
         self.limit = block(
             "kink",

@@ -214,6 +214,27 @@ def rebound_problem() -> dmoc.Problem:
     )  # fmt: skip
 
 
+def kinked_problem(order: int, controls: str | None, design: bool) -> dmoc.Problem:
+    """Kinks in the cost, also of the time, and in integrals: one is bounded, one is priced, one is
+    to be large, and nothing holds the last one."""
+    x, u, t = *dynamicsymbols("x u"), dynamicsymbols._t
+    m, c = sp.symbols("m c", positive=True)
+    v = x.diff()
+    system = dmoc.MechanicalSystem(
+        "kinked", [x], m * v**2 / 2, {m: 1.0, c: 2.0}, [u], {x: u - c * x},
+        surfaces={"wall": x <= 1}, restitution={"wall": 0.5},
+        cost=u**2 + sp.Abs(u * v) * c + sp.Max(u - t, 0) ** 2,
+        integrals={"fuel": sp.Max(c * u, v, x), "back": sp.Min(m * v, u), "work": sp.Abs(u * v),
+                   "idle": sp.Abs(u) * x**2},
+        objective=dmoc.total("work") ** 2 - c * dmoc.total("back"),
+    )  # fmt: skip
+    return dmoc.Problem(
+        dmoc.build(system, order=order), start={"x": 0.0}, goal={"x": 0.2, "fuel": (None, 3.0)},
+        sequence=["wall"], steps=3, final_time=1.0, controls=controls,
+        design=dict.fromkeys(("m", "c"), (0.2, 3)) if design else {},
+    )  # fmt: skip
+
+
 def ending(problem: dmoc.Problem) -> dmoc.Problem:
     """The same motion until its last impact, with which it ends."""
     count = int(np.flatnonzero(problem.touch.impacts)[-1]) + 1
@@ -251,6 +272,8 @@ def ending(problem: dmoc.Problem) -> dmoc.Problem:
         *("forces, linear, slippery", "forces, slippery, order 4"),
         *(f"slowed, order {order}" for order in (2, 4, 6)),
         *("slowed, design, order 2", "slowed, design, order 4"),
+        *("kinked", "kinked, linear", "kinked, order 4", "kinked, order 6", "kinked, design"),
+        *("kinked, constant, design, order 4", "ending kinked, order 4", "ending kinked, linear"),
         *("ending constant", "ending driven, linear", "ending driven, scaled"),
         *("ending contacts", "ending contacts, periodic, order 4", "ending joints, order 6"),
         *("ending joints, periodic", "ending hits with friction", "ending tangential"),
@@ -272,6 +295,10 @@ def program_of(form: str, pendulum: Kernels, puck: Kernels) -> Transcription:
     design = dict.fromkeys(names, (0.3, 2.0)) if "design" in form else {}
     if form.startswith("rebound"):
         return Transcription(rebound_problem())
+    if form.startswith("kinked"):
+        controls = next((own for own in ("linear", "constant") if own in form), None)
+        order = int(form[-1]) if "order" in form else 2
+        return Transcription(kinked_problem(order, controls, "design" in form))
     if form.startswith("driven"):
         controls = "linear" if "linear" in form else None
         problem = driven_problem(4 if "4" in form else 2, controls).but(design=design)
