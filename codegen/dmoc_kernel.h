@@ -52,8 +52,13 @@ static inline const dmoc_entry *dmoc_find(const dmoc_table *table, const char *n
 
 /* Of a kernel they have a function of one row, whose arguments are the inputs and outputs that it
  * needs, and KERNEL with their places: rows of the inputs, and outputs with their sizes. */
-#define IN const double *restrict
-#define OUT double *restrict
+#ifdef __cplusplus
+#define DMOC_ALONE __restrict
+#else
+#define DMOC_ALONE restrict
+#endif
+#define IN const double *DMOC_ALONE
+#define OUT double *DMOC_ALONE
 #define ROW(a) in[a] + row*stride[a]
 #define INTO(b, size) out[b] + row*size
 #define KERNEL(kernel, ...) \
@@ -71,9 +76,9 @@ static inline const dmoc_entry *dmoc_find(const dmoc_table *table, const char *n
     { \
         (void)rows, (void)in, (void)stride, (void)out; \
     }
-/* Its entry in the table, with all arrays. */
-#define ENTRY(kernel, inputs, outputs, ...) \
-    {#kernel, DMOC_NAME(kernel), inputs, outputs, (const dmoc_array[]){__VA_ARGS__}}
+/* All its arrays, and its entry in the table. */
+#define ARRAYS(kernel, ...) static const dmoc_array kernel##_arrays[] = {__VA_ARGS__};
+#define ENTRY(kernel, inputs, outputs) {#kernel, DMOC_NAME(kernel), inputs, outputs, kernel##_arrays}
 
 #endif
 

@@ -32,8 +32,9 @@ def c_files(model: ModelSpec) -> dict[str, str]:
         "name": model.name,
         "functions": [_c_function(f) for f in functions],
         "kernels": [
-            _c_kernel(k, functions) | {"entry": entry}
-            for k, entry in zip(model.kernels, entries, strict=True)
+            _c_kernel(k, functions)
+            | {"arrays": arrays, "inputs": len(k.inputs), "outputs": len(k.outputs)}
+            for k, arrays in zip(model.kernels, entries, strict=True)
         ],
         "inputs": inputs,
         "legend": _legend(model),
@@ -150,7 +151,7 @@ def _assignments(code: Listing) -> list[str]:
 
 
 def _entries(kernels: Sequence[KernelSpec]) -> tuple[dict[str, str], list[str]]:
-    """Words for inputs that several kernels begin with, and the entries of all in the table."""
+    """Words for inputs that several kernels begin with, and the arrays of all."""
     words: dict[tuple[Input, ...], str] = {}
     entries = []
     for k in kernels:
@@ -160,7 +161,7 @@ def _entries(kernels: Sequence[KernelSpec]) -> tuple[dict[str, str], list[str]]:
             words[k.inputs], shared = f"{k.name.upper()}_INPUTS", len(k.inputs)
         arrays = [words[k.inputs[:shared]]] if shared else []
         arrays += [*map(_array, k.inputs[shared:]), *map(_array, k.outputs)]
-        entries.append(f"{len(k.inputs)}, {len(k.outputs)}, {', '.join(arrays)}")
+        entries.append(", ".join(arrays))
     return {word: ", ".join(map(_array, own)) for own, word in words.items()}, entries
 
 
