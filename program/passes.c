@@ -26,7 +26,7 @@ static void add_element(const dmoc_element *element, const double *pool, double 
     const dmoc_entry *entry = element->entry;
     const dmoc_array *input = entry->array, *output = input + entry->inputs;
     for (ptrdiff_t first = 0; first < element->n; first += CHUNK) {
-        const ptrdiff_t rows = element->n - first < CHUNK ? element->n - first : CHUNK;
+        const ptrdiff_t rows = element->n - first < CHUNK ? element->n - first : (ptrdiff_t)CHUNK;
         const double *in[DMOC_MOST];
         double *out[DMOC_MOST];
         double *free = scratch;

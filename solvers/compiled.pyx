@@ -10,8 +10,21 @@ from passes cimport dmoc_program
 import numpy as np
 
 cdef extern from "ldl.h" nogil:
+    ctypedef struct dmoc_part:
+        int owner, from_ "from", at
     ctypedef struct dmoc_ldl:
-        int positive, negative, zero
+        int n, entries, pivots, chain, blocks, positive, negative, zero
+        int panel_size, work_size, product_at
+        const int *first
+        const int *block
+        const int *row_start
+        const int *row
+        const int *part_start
+        const dmoc_part *part
+        const int *target
+        const int *height
+        const int *panel_start
+        const int *place
     dmoc_ldl *dmoc_ldl_new(int n, int pivots, const int *first, const int *start, const int *row)
     void dmoc_ldl_free(dmoc_ldl *f)
     void dmoc_ldl_factor(dmoc_ldl *f, const double *values, double tiny)
@@ -25,6 +38,7 @@ cdef extern from "interior_point.h" nogil:
         double optimality, demanded, violation, least_cost, infeasible, mu, seconds
         int warm, iterations, least_violation
         const double *price
+        double (*clock)() noexcept nogil
         dmoc_report *report
         void *user
     ctypedef struct dmoc_kkt:
@@ -40,10 +54,11 @@ cdef extern from "interior_point.h" nogil:
         int status, iterations, restorations
         long factorisations
         double seconds_kernels, seconds_linear, seconds
-    dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt,
-                                    const dmoc_options *options, const double *size,
-                                    const double *stretch, double *x, double *y, double *z_lower,
-                                    double *z_upper)
+    size_t dmoc_interior_memory(const dmoc_program *program, const dmoc_kkt *kkt)
+    dmoc_result dmoc_interior_heap(const dmoc_program *program, const dmoc_kkt *kkt,
+                                   const dmoc_options *options, const double *size,
+                                   const double *stretch, double *x, double *y, double *z_lower,
+                                   double *z_upper)
 
 
 # Seconds of processor time between two looks at signals where nobody listens to every iteration:
@@ -138,17 +153,24 @@ def interior_point(
     options.optimality, options.demanded, options.violation = optimality, demanded, violation
     options.least_cost, options.infeasible, options.mu = least_cost, infeasible, mu
     options.warm, options.iterations, options.seconds = warm, iterations, seconds
-    options.least_violation = least_violation
+    options.least_violation, options.clock = least_violation, NULL
     options.price = NULL if price is None else _numbers(price, c.m, "price", &none)
     options.report, options.user = _report, <void *>&hearing
     with nogil:
-        result = dmoc_interior_point(c, &kkt, &options, sizes, stretches, unknowns, multipliers,
-                                     lower, upper)
+        result = dmoc_interior_heap(c, &kkt, &options, sizes, stretches, unknowns, multipliers,
+                                    lower, upper)
     if listener.raised is not None:
         raise listener.raised
     if result.status == DMOC_NO_MEMORY:
         raise MemoryError("the interior-point method has not enough memory")
     return result
+
+
+def interior_memory(program, layout):
+    """Bytes that a solve needs beside its arguments and the factorisation."""
+    cdef dmoc_program *c = <dmoc_program *>PyCapsule_GetPointer(program.capsule(), "dmoc_program")
+    cdef dmoc_kkt kkt = _layout(c, layout)
+    return dmoc_interior_memory(c, &kkt)
 
 
 def kkt_pattern(
@@ -228,6 +250,23 @@ cdef int[::1] _sorted(int[::1] digit, int[::1] order, int size):
     return found
 
 
+cdef _copied(const int *array, int size):
+    """A copy of an array of integers."""
+    return np.array(<const int[:size]>array) if size else np.zeros(0, np.intc)
+
+
+cdef int _targets(const dmoc_ldl *f):
+    """How many targets the last of the parts ends with."""
+    cdef int b, last = 0, parts = f.part_start[f.blocks]
+    if not parts:
+        return 0
+    for b in range(f.blocks):
+        if f.part_start[b + 1] == parts and f.part_start[b] < parts:
+            last = b
+    cdef const dmoc_part *part = &f.part[parts - 1]
+    return part.at + f.row_start[last + 1] - f.row_start[last] - part.from_
+
+
 cdef class Factorisation:
     """Factorises symmetric matrices K of one pattern, upper triangle by columns in elimination
     order, and solves with the last one."""
@@ -244,6 +283,24 @@ cdef class Factorisation:
 
     def __dealloc__(self):
         dmoc_ldl_free(self.f)
+
+    def analysis(self):
+        """The fields of ``dmoc_ldl`` that hold the analysis (ldl.h); parts as rows of integers."""
+        cdef const dmoc_ldl *f = self.f
+        return {
+            "n": f.n, "entries": f.entries, "pivots": f.pivots, "chain": f.chain,
+            "blocks": f.blocks, "panel_size": f.panel_size, "work_size": f.work_size,
+            "product_at": f.product_at,
+            "first": _copied(f.first, f.pivots + 1), "block": _copied(f.block, f.blocks + 1),
+            "row_start": _copied(f.row_start, f.blocks + 1),
+            "row": _copied(f.row, f.row_start[f.blocks]),
+            "part_start": _copied(f.part_start, f.blocks + 1),
+            "part": _copied(<const int *>f.part, 3 * f.part_start[f.blocks]),
+            "target": _copied(f.target, _targets(f)),
+            "height": _copied(f.height, f.blocks + 1),
+            "panel_start": _copied(f.panel_start, f.blocks + 2),
+            "place": _copied(f.place, f.entries),
+        }
 
     def factor(self, double[::1] values, double tiny=1e-20):
         """Factorise; returns the numbers of positive, negative and zero pivots."""

@@ -9,10 +9,10 @@ enum { TOGETHER = 4 };
 
 void ip_evaluate_values(solver *s, const double *x)
 {
-    const double t = ip_seconds();
+    const double t = ip_seconds(s);
     dmoc_put(s->program, x);
     dmoc_assemble(&s->program->values, s->program->pool, s->values);
-    s->result.seconds_kernels += ip_seconds() - t;
+    s->result.seconds_kernels += ip_seconds(s) - t;
 }
 
 /* Objective, residual, violation and barrier function of a point (WB (3a), and (30a) in the
@@ -69,10 +69,10 @@ double ip_violation(const solver *s)
 
 void ip_evaluate_slopes(solver *s)
 {
-    const double t = ip_seconds();
+    const double t = ip_seconds(s);
     dmoc_put(s->program, s->now.v);
     dmoc_assemble(&s->program->slopes, s->program->pool, s->slopes);
-    s->result.seconds_kernels += ip_seconds() - t;
+    s->result.seconds_kernels += ip_seconds(s) - t;
     double *jac = s->slopes + s->n;
     for (int r = 0; r < s->m; ++r)
         for (int e = s->program->row_start[r]; e < s->program->row_start[r + 1]; ++e)
@@ -87,7 +87,7 @@ void ip_evaluate_slopes(solver *s)
 
 void ip_evaluate_curvatures(solver *s)
 {
-    const double t = ip_seconds();
+    const double t = ip_seconds(s);
     double *pool = s->program->pool;
     const double *unit = s->program->unit;
     dmoc_put(s->program, s->now.v);
@@ -95,7 +95,7 @@ void ip_evaluate_curvatures(solver *s)
         pool[s->n + r] = unit[s->n + r]*s->fs_rows[r]*s->now.y[r];
     pool[s->n + s->m] = s->elastic ? 0 : unit[s->n + s->m]*s->fs;
     dmoc_assemble(&s->program->curvatures, pool, s->hess);
-    s->result.seconds_kernels += ip_seconds() - t;
+    s->result.seconds_kernels += ip_seconds(s) - t;
 }
 
 /* dual = gradient + A'y, without bound multipliers. */

@@ -6,7 +6,7 @@
 static const double S_MAX = 100; /* scaling by the size of the multipliers, WB (6) */
 
 /* Take the product of a bound with its multiplier into account. */
-static inline void take_bound(errors *e, double z, double distance)
+static inline void take_bound(error_parts *e, double z, double distance)
 {
     const double product = z*distance;
     e->least = min(e->least, product);
@@ -18,7 +18,7 @@ static inline void take_bound(errors *e, double z, double distance)
 /* The errors of the point now, whose dual is known. */
 void ip_measure(solver *s)
 {
-    errors e = {.least = INFINITY, .most = -INFINITY};
+    error_parts e = {0, 0, INFINITY, -INFINITY, 0, 0, 0};
     double sum_y = 0;
     for (int i = 0; i < s->n; ++i) {
         if (fixed(s, i))
@@ -49,7 +49,7 @@ void ip_measure(solver *s)
 }
 
 /* Largest distance of a product of a bound and its multiplier from mu. */
-static double complementarity(const errors *e, double mu)
+static double complementarity(const error_parts *e, double mu)
 {
     return e->bounds ? max(e->most - mu, mu - e->least) : 0;
 }
@@ -57,7 +57,7 @@ static double complementarity(const errors *e, double mu)
 /* E_mu of WB (5), in scaled terms. */
 double ip_barrier_error(const solver *s, double mu)
 {
-    const errors *e = &s->errors;
+    const error_parts *e = &s->errors;
     const double dual = e->dual/(max(S_MAX, e->mean_multiplier)/S_MAX);
     const double products = complementarity(e, mu)/(max(S_MAX, e->mean_z)/S_MAX);
     return max(e->residual, max(dual, products));
@@ -70,7 +70,7 @@ double ip_cost_size(const solver *s) { return max(fabs(s->values[0]), s->options
 /* Whether the point meets the tolerances: 2 the sharp one, 1 the demanded one, 0 none. */
 int ip_converged(const solver *s)
 {
-    const errors *e = &s->errors;
+    const error_parts *e = &s->errors;
     const double unit = s->elastic ? 1 : s->fs*ip_cost_size(s);
     const double fs = s->elastic ? 1 : s->fs;
     const double dual = e->dual/unit/(max(S_MAX, e->mean_multiplier/fs)/S_MAX);

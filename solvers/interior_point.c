@@ -1,31 +1,23 @@
-/* The iteration, WB algorithm A; memory and entry. */
-#define _POSIX_C_SOURCE 199309L
-
+/* The iteration, WB algorithm A; parts of the memory, and entry. */
 #include "interior_solver.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #ifdef __SANITIZE_ADDRESS__
 #include <sanitizer/asan_interface.h>
 #else
 #define ASAN_POISON_MEMORY_REGION(at, size) ((void)(at), (void)(size))
+#define ASAN_UNPOISON_MEMORY_REGION(at, size) ((void)(at), (void)(size))
 #endif
 
 /* Barrier parameter, WB (7), (8). */
 static const double KAPPA_EPS = 10, KAPPA_MU = 0.2, THETA_MU = 1.5, TAU_MIN = 0.99;
 enum { MOST_PATIENCE = 3 };
 
-double ip_seconds(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9*(double)t.tv_nsec;
-}
+double ip_seconds(const solver *s) { return s->options->clock ? s->options->clock() : 0; }
 
-int ip_late(const solver *s) { return ip_seconds() - s->begin > s->options->seconds; }
+int ip_late(const solver *s) { return ip_seconds(s) - s->begin > s->options->seconds; }
 
 void ip_set_barrier(solver *s, double mu)
 {
@@ -85,7 +77,11 @@ int ip_iterate(solver *s)
     return stop ? DMOC_INTERRUPTED : -1;
 }
 
-static int allocate(solver *s)
+/* Doubles that hold a solver, with which the memory begins. */
+enum { OWN = (sizeof(solver) + sizeof(double) - 1)/sizeof(double) };
+
+/* Share the memory out among the parts; returns how many doubles they take. */
+static size_t share_out(solver *s, double *memory)
 {
     const size_t n = (size_t)s->n, m = (size_t)s->m, most = (size_t)s->most;
     const size_t hess = (size_t)s->program->hess_start[n], jac = (size_t)s->program->row_start[m];
@@ -106,18 +102,31 @@ static int allocate(solver *s)
         {&s->reference, n}, {&s->weight, n}, {&s->rho, m},
     };
     size_t total = 0;
-    for (size_t i = 0; i < sizeof parts/sizeof *parts; ++i)
-        total += parts[i].count + 1;
-    s->memory = calloc(total, sizeof(double));
-    if (!s->memory)
-        return 0;
-    double *next = s->memory;
     for (size_t i = 0; i < sizeof parts/sizeof *parts; ++i) {
-        *parts[i].at = next;
-        next += parts[i].count + 1;
-        ASAN_POISON_MEMORY_REGION(next - 1, sizeof *next); /* between the parts */
+        if (memory) {
+            *parts[i].at = memory + total;
+            memset(memory + total, 0, sizeof(double)*parts[i].count);
+            ASAN_POISON_MEMORY_REGION(memory + total + parts[i].count, sizeof *memory);
+        }
+        total += parts[i].count + 1; /* one between the parts */
     }
-    return 1;
+    return total;
+}
+
+static void begin(solver *s, const dmoc_program *program, const dmoc_kkt *kkt)
+{
+    memset(s, 0, sizeof *s);
+    s->program = program, s->kkt = kkt;
+    s->n = (int)program->n, s->m = (int)program->m, s->eq = (int)program->equalities;
+    s->slacks = s->m - s->eq;
+    s->most = s->n + s->slacks + 2*s->m;
+}
+
+size_t dmoc_interior_memory(const dmoc_program *program, const dmoc_kkt *kkt)
+{
+    solver s;
+    begin(&s, program, kkt);
+    return sizeof(double)*(OWN + share_out(&s, NULL));
 }
 
 static int minimise(solver *s)
@@ -142,36 +151,27 @@ static int least_violation(solver *s)
 dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt,
                                 const dmoc_options *options, const double *size,
                                 const double *stretch, double *x, double *y, double *z_lower,
-                                double *z_upper)
+                                double *z_upper, dmoc_ldl *ldl, void *memory)
 {
-    solver *s = calloc(1, sizeof *s);
-    dmoc_result result = {.status = DMOC_NO_MEMORY};
-    if (!s)
-        return result;
-    s->begin = ip_seconds();
-    s->program = program, s->kkt = kkt, s->options = options, s->size = size, s->stretch = stretch;
-    s->n = (int)program->n, s->m = (int)program->m, s->eq = (int)program->equalities;
-    s->slacks = s->m - s->eq;
-    s->most = s->n + s->slacks + 2*s->m;
-    s->ldl = dmoc_ldl_new(kkt->size, kkt->pivots, kkt->first, kkt->start, kkt->row);
-    if (s->ldl && allocate(s)) {
-        ip_start(s, x, y, z_lower, z_upper);
-        s->result.status = options->least_violation ? least_violation(s) : minimise(s);
-        memcpy(x, s->now.v, sizeof(double)*(size_t)s->n);
-        /* Multipliers of the objective, or of the least violation: in the units of the problem. */
-        const int missed = options->least_violation || s->result.status == DMOC_INFEASIBLE;
-        const double unit = missed ? RHO : s->fs;
-        for (int r = 0; r < s->m; ++r)
-            y[r] = s->now.y[r]*s->fs_rows[r]/unit;
-        for (int i = 0; i < s->n; ++i) {
-            z_lower[i] = s->now.zl[i]/unit;
-            z_upper[i] = s->now.zu[i]/unit;
-        }
-        s->result.seconds = ip_seconds() - s->begin;
-        result = s->result;
+    solver *s = (solver *)memory;
+    double *parts = (double *)memory + OWN;
+    begin(s, program, kkt);
+    s->options = options, s->size = size, s->stretch = stretch, s->ldl = ldl;
+    s->begin = ip_seconds(s);
+    const size_t count = share_out(s, parts);
+    ip_start(s, x, y, z_lower, z_upper);
+    s->result.status = options->least_violation ? least_violation(s) : minimise(s);
+    memcpy(x, s->now.v, sizeof(double)*(size_t)s->n);
+    /* Multipliers of the objective, or of the least violation: in the units of the problem. */
+    const int missed = options->least_violation || s->result.status == DMOC_INFEASIBLE;
+    const double unit = missed ? RHO : s->fs;
+    for (int r = 0; r < s->m; ++r)
+        y[r] = s->now.y[r]*s->fs_rows[r]/unit;
+    for (int i = 0; i < s->n; ++i) {
+        z_lower[i] = s->now.zl[i]/unit;
+        z_upper[i] = s->now.zu[i]/unit;
     }
-    dmoc_ldl_free(s->ldl);
-    free(s->memory);
-    free(s);
-    return result;
+    s->result.seconds = ip_seconds(s) - s->begin;
+    ASAN_UNPOISON_MEMORY_REGION(parts, sizeof *parts*count);
+    return s->result;
 }

@@ -27,17 +27,9 @@
 #ifndef DMOC_INTERIOR_POINT_H
 #define DMOC_INTERIOR_POINT_H
 
+#include "interior_status.h"
 #include "ldl.h"
 #include "passes.h"
-
-enum {
-    DMOC_SOLVED, DMOC_INFEASIBLE, DMOC_ITERATION_LIMIT, DMOC_TIME_LIMIT, DMOC_STALLED,
-    DMOC_INTERRUPTED, DMOC_NO_MEMORY
-};
-
-/* Called after each iteration; a result other than 0 stops. */
-typedef int dmoc_report(void *user, int iteration, double cost, double violation, double mu,
-                        int restoring);
 
 typedef struct {
     double optimality;  /* stationarity and complementarity to aim at, scaled as in WB (5) */
@@ -51,7 +43,8 @@ typedef struct {
                             NULL for 1 on scaled rows */
     int least_violation; /* minimise the violation alone: solved where there is none */
     int iterations;
-    double seconds;
+    double seconds;      /* limit, by the clock */
+    double (*clock)(void); /* seconds since some time; NULL for no clock, and no limit */
     dmoc_report *report;
     void *user;
 } dmoc_options;
@@ -76,15 +69,25 @@ typedef struct {
     double seconds_kernels, seconds_linear, seconds; /* where the time went */
 } dmoc_result;
 
+/* Memory that a solve needs beside its arguments and the factorisation, in bytes. */
+size_t dmoc_interior_memory(const dmoc_program *program, const dmoc_kkt *kkt);
+
 /* x[n], y[m], z_lower[n], z_upper[n]: start and result; size[n]: typical changes of the unknowns;
  * stretch[n] > 1: the largest ratio of an unknown in two iterates, for unknowns that are positive,
  * INFINITY for the others. After a restoration without success the multipliers are those of the
  * least violation. L = f + y . (c | d) - z_lower . (x - lower) - z_upper . (upper - x), and y <= 0
- * on rows d.
+ * on rows d. memory is aligned as a double; ldl is an analysis of kkt. Neither allocates.
  */
 dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt,
                                 const dmoc_options *options, const double *size,
                                 const double *stretch, double *x, double *y, double *z_lower,
-                                double *z_upper);
+                                double *z_upper, dmoc_ldl *ldl, void *memory);
+
+/* The same with an analysis of its own, memory from the heap and, if the options have none, the
+ * clock of the system. */
+dmoc_result dmoc_interior_heap(const dmoc_program *program, const dmoc_kkt *kkt,
+                               const dmoc_options *options, const double *size,
+                               const double *stretch, double *x, double *y, double *z_lower,
+                               double *z_upper);
 
 #endif

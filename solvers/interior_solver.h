@@ -6,7 +6,8 @@
  *   interior_search.c       filter line search, WB 2.3, 2.4
  *   interior_start.c        first point, scaling, multipliers, WB 3.6, 3.8
  *   interior_restoration.c  restoration, WB 3.3
- *   interior_point.c        iteration, WB algorithm A; memory and entry
+ *   interior_point.c        iteration, WB algorithm A; parts of the memory, and entry
+ *   interior_heap.c         the same with memory from the heap and the clock of the system
  *
  * Constants have the letters and mostly the values of WB.
  */
@@ -38,7 +39,7 @@ typedef struct {
     double least, most;            /* products of bounds and their multipliers */
     double mean_multiplier, mean_z; /* mean sizes: of all multipliers, and of those of bounds */
     int bounds;
-} errors;
+} error_parts;
 
 typedef struct {
     double theta[MOST_FILTER], phi[MOST_FILTER];
@@ -54,7 +55,6 @@ typedef struct {
     dmoc_ldl *ldl;
     int n, m, eq, slacks, most; /* most: length of v with elastic variables */
     int elastic, nv;            /* restoration or not; length of v in use */
-    double *memory;
     double *lo, *up;            /* [most] bounds of v; none where v is fixed */
     double *open;               /* [most] 1 where it has a lower bound alone, -1 an upper one */
     double *below, *above;      /* [most] inverse distances of the point now from its bounds */
@@ -68,7 +68,7 @@ typedef struct {
     double *sigma, *pull;       /* [most] of the barrier: curvature and slope */
     double *right, *solution, *rest, *change;
     double delta_w, delta_c, last_delta_w;
-    errors errors;              /* of the point now */
+    error_parts errors;              /* of the point now */
     filter front;
     double mu, tau;
     int patience;               /* iterations in a row that met the demanded tolerance */
@@ -153,7 +153,7 @@ void ip_begin_restoration(solver *s);
 int ip_restore(solver *s);
 
 /* interior_point.c */
-double ip_seconds(void);
+double ip_seconds(const solver *s);
 int ip_late(const solver *s);
 void ip_set_barrier(solver *s, double mu);
 int ip_iterate(solver *s);

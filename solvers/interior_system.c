@@ -31,7 +31,7 @@ void ip_fill_K(solver *s, int with_hessian)
 static void factor(solver *s, double *base)
 {
     const dmoc_kkt *k = s->kkt;
-    const double t = ip_seconds();
+    const double t = ip_seconds(s);
     for (int r = 0; r < s->m; ++r)
         s->rest[r] = -s->delta_c;
     for (int i = s->n; i < s->nv; ++i)
@@ -47,7 +47,7 @@ static void factor(solver *s, double *base)
         s->K[k->diagonal[s->n + r]] = base[s->n + r] + s->rest[r];
     dmoc_ldl_factor(s->ldl, s->K, TINY_PIVOT);
     s->result.factorisations += 1;
-    s->result.seconds_linear += ip_seconds() - t;
+    s->result.seconds_linear += ip_seconds(s) - t;
 }
 
 /* right -= K x, both in elimination order. */
@@ -71,7 +71,7 @@ static void subtract_product(const solver *s, const double *x, double *right)
 double ip_solve_linear(solver *s)
 {
     const int size = s->kkt->size;
-    const double t = ip_seconds();
+    const double t = ip_seconds(s);
     memcpy(s->solution, s->right, sizeof(double)*(size_t)size);
     dmoc_ldl_solve(s->ldl, s->solution);
     double previous = INFINITY, ratio = INFINITY;
@@ -95,7 +95,7 @@ double ip_solve_linear(solver *s)
         for (int i = 0; i < size; ++i)
             s->solution[i] += s->change[i];
     }
-    s->result.seconds_linear += ip_seconds() - t;
+    s->result.seconds_linear += ip_seconds(s) - t;
     return isnan(ratio) ? INFINITY : ratio;
 }
 

@@ -29,22 +29,23 @@ typedef struct {
     int pivots, chain;    /* pivots, unknowns in pivots; the last n - chain unknowns are
                              the final group */
     int blocks;
-    int *first;           /* [pivots + 1] first unknown of each pivot */
-    int *block;           /* [blocks + 1] first pivot of each block */
-    int *row_start, *row; /* [blocks + 1] the unknowns below the pivots of each block, ascending */
-    int *part_start;      /* [blocks + 1] */
-    dmoc_part *part;
-    int *target;
-    int *height;      /* [blocks + 1] entries of a column of each panel: unknowns of the block, rows,
+    const int *first;     /* [pivots + 1] first unknown of each pivot */
+    const int *block;     /* [blocks + 1] first pivot of each block */
+    const int *row_start, *row; /* [blocks + 1] the unknowns below the pivots of each block, ascending */
+    const int *part_start; /* [blocks + 1] */
+    const dmoc_part *part;
+    const int *target;
+    const int *height; /* [blocks + 1] entries of a column of each panel: unknowns of the block, rows,
                          zeros up to a multiple of four */
-    int *panel_start; /* [blocks + 2] the panels by columns; the last one is the final group */
-    int *place;       /* [entries] position of each entry of K in the panels */
+    const int *panel_start; /* [blocks + 2] the panels by columns; the last one is the final group */
+    const int *place; /* [entries] position of each entry of K in the panels */
     double *panel;    /* K, then L; of the final group what ldl_dense.h says */
     double *D;        /* [3*pivots] inverse of each pivot: (1,1), (1,2), (2,2) */
     int *exchange;    /* [n - chain] see ldl_dense.h */
     double *work;     /* the columns of a block times D, then four columns of what it subtracts;
                          or the unknowns of one */
     double *product;  /* the second part of it */
+    int panel_size, work_size, product_at; /* doubles of panel and work; where the second part is */
     int positive, negative, zero; /* eigenvalues of D by sign after a factorisation; zero ones are
                                      counted twice, by the sign they are given */
 } dmoc_ldl;

@@ -33,6 +33,7 @@ typedef struct {
     int *below_start, *below, *entry; /* K by rows of its upper triangle: column and entry */
     int *child, *sibling;   /* [pivots] finished blocks by the pivot of their first row, -1 ends */
     int *block_mark, *pivot_mark; /* [n] the last block or pivot that the unknown is a row of */
+    int *first, *block, *row_start, *part_start, *height, *panel_start, *place; /* those of f */
     list rows;              /* of finished blocks */
     list current, next;     /* rows of the block that grows, and of the next pivot alone */
     list parts, target;
@@ -106,8 +107,8 @@ static int close_block(analysis *s, int p)
     for (int i = 0; i < l->count; ++i)
         if (!append(&s->rows, l->at[i]))
             return 0;
-    s->f->row_start[b + 1] = s->rows.count;
-    s->f->block[b + 1] = p;
+    s->row_start[b + 1] = s->rows.count;
+    s->block[b + 1] = p;
     const int parent = l->count ? s->owner[l->at[0]] : s->f->pivots;
     if (parent < s->f->pivots) {
         s->sibling[b] = s->child[parent];
@@ -195,20 +196,20 @@ static void lay_out(analysis *s)
     dmoc_ldl *f = s->f;
     int *position = s->pivot_mark;
     const int dense = f->n - f->chain;
-    f->panel_start[0] = 0;
+    s->panel_start[0] = 0;
     for (int b = 0; b <= f->blocks; ++b) {
         const int from = b < f->blocks ? f->first[s->f->block[b]] : f->chain;
         const int last = b < f->blocks ? f->first[s->f->block[b + 1]] : f->n;
         const int rows = b < f->blocks ? s->f->row_start[b + 1] - s->f->row_start[b] : 0;
         const int height = b < f->blocks ? (last - from + rows + FOUR - 1)/FOUR*FOUR : dense;
-        f->height[b] = height;
-        f->panel_start[b + 1] = f->panel_start[b] + height*(last - from);
+        s->height[b] = height;
+        s->panel_start[b + 1] = f->panel_start[b] + height*(last - from);
         for (int i = 0; i < rows; ++i)
             position[s->rows.at[s->f->row_start[b] + i]] = last - from + i;
         for (int i = from; i < last; ++i)
             for (int e = s->below_start[i]; e < s->below_start[i + 1]; ++e) {
                 const int j = s->below[e];
-                f->place[s->entry[e]] =
+                s->place[s->entry[e]] =
                     f->panel_start[b] + (i - from)*height + (j < last ? j - from : position[j]);
             }
     }
@@ -240,11 +241,11 @@ static int analyse(analysis *s)
         return 0;
     own(s, f->blocks, f->block);
     for (int b = 0; b < f->blocks; ++b) {
-        f->part_start[b] = s->parts.count/3;
+        s->part_start[b] = s->parts.count/3;
         if (!split_rows(s, b))
             return 0;
     }
-    f->part_start[f->blocks] = s->parts.count/3;
+    s->part_start[f->blocks] = s->parts.count/3;
     lay_out(s);
     return 1;
 }
@@ -260,14 +261,17 @@ static int finish(analysis *s)
         widest = width > widest ? width : widest;
     }
     const size_t columns = (size_t)(tallest + FOUR)*(size_t)widest;
-    f->panel = calloc((size_t)f->panel_start[f->blocks + 1] + FOUR, sizeof(double));
-    f->work = calloc(columns + (size_t)(tallest + FOUR)*FOUR, sizeof(double));
-    f->part = malloc(sizeof(int)*((size_t)s->parts.count + 3));
-    if (!f->panel || !f->work || !f->part)
+    f->panel_size = f->panel_start[f->blocks + 1] + FOUR;
+    f->product_at = (int)columns, f->work_size = (int)columns + (tallest + FOUR)*FOUR;
+    f->panel = calloc((size_t)f->panel_size, sizeof(double));
+    f->work = calloc((size_t)f->work_size, sizeof(double));
+    dmoc_part *part = malloc(sizeof(int)*((size_t)s->parts.count + 3));
+    f->part = part;
+    if (!f->panel || !f->work || !part)
         return 0;
     f->product = f->work + columns;
     if (s->parts.count)
-        memcpy(f->part, s->parts.at, sizeof(int)*(size_t)s->parts.count);
+        memcpy(part, s->parts.at, sizeof(int)*(size_t)s->parts.count);
     f->row = s->rows.at, f->target = s->target.at;
     s->rows.at = s->target.at = NULL;
     return 1;
@@ -286,8 +290,8 @@ dmoc_ldl *dmoc_ldl_new(int n, int pivots, const int *first, const int *start, co
         int **at;
         size_t count;
     } const lasting[] = {
-        {&f->first, many}, {&f->block, many}, {&f->row_start, many}, {&f->part_start, many},
-        {&f->height, many}, {&f->panel_start, many + 1}, {&f->place, entries},
+        {&s.first, many}, {&s.block, many}, {&s.row_start, many}, {&s.part_start, many},
+        {&s.height, many}, {&s.panel_start, many + 1}, {&s.place, entries},
         {&f->exchange, (size_t)(n - f->chain) + 1},
     }, passing[] = {
         {&s.owner, unknowns}, {&s.below_start, unknowns}, {&s.below, entries}, {&s.entry, entries},
@@ -303,10 +307,13 @@ dmoc_ldl *dmoc_ldl_new(int n, int pivots, const int *first, const int *start, co
     }
     for (size_t i = 0; ok && i < sizeof lasting/sizeof *lasting; ++i)
         ok = (*lasting[i].at = calloc(lasting[i].count, sizeof(int))) != NULL;
+    f->first = s.first, f->block = s.block, f->row_start = s.row_start;
+    f->part_start = s.part_start, f->height = s.height, f->panel_start = s.panel_start;
+    f->place = s.place;
     f->D = malloc(sizeof(double)*3*many);
     ok = ok && f->D;
     if (ok) {
-        memcpy(f->first, first, sizeof(int)*((size_t)pivots + 1));
+        memcpy(s.first, first, sizeof(int)*((size_t)pivots + 1));
         ok = analyse(&s) && finish(&s);
     }
     free(memory), free(s.rows.at), free(s.current.at), free(s.next.at);
@@ -322,8 +329,9 @@ void dmoc_ldl_free(dmoc_ldl *f)
 {
     if (!f)
         return;
-    free(f->first), free(f->block), free(f->row_start), free(f->row);
-    free(f->part_start), free(f->part), free(f->target), free(f->height), free(f->panel_start);
-    free(f->place), free(f->panel), free(f->D), free(f->exchange), free(f->work);
+    free((void *)f->first), free((void *)f->block), free((void *)f->row_start);
+    free((void *)f->row), free((void *)f->part_start), free((void *)f->part);
+    free((void *)f->target), free((void *)f->height), free((void *)f->panel_start);
+    free((void *)f->place), free(f->panel), free(f->D), free(f->exchange), free(f->work);
     free(f);
 }

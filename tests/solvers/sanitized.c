@@ -187,7 +187,7 @@ static int solve(void)
     const dmoc_options o = options(&heard);
     const double *size = numbers(), *stretch = numbers();
     double *x = numbers(), *y = numbers(), *z_lower = numbers(), *z_upper = numbers();
-    const dmoc_result r = dmoc_interior_point(&p, &k, &o, size, stretch, x, y, z_lower, z_upper);
+    const dmoc_result r = dmoc_interior_heap(&p, &k, &o, size, stretch, x, y, z_lower, z_upper);
     double *values = memory((size_t)p.m + 1, sizeof *values);
     dmoc_put(&p, x);
     dmoc_assemble(&p.values, p.pool, values);

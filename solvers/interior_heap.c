@@ -1,0 +1,33 @@
+/* The interior-point method with memory from the heap and the clock of the system. */
+#define _POSIX_C_SOURCE 199309L
+
+#include "interior_point.h"
+
+#include <stdlib.h>
+#include <time.h>
+
+static double seconds(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9*(double)t.tv_nsec;
+}
+
+dmoc_result dmoc_interior_heap(const dmoc_program *program, const dmoc_kkt *kkt,
+                               const dmoc_options *options, const double *size,
+                               const double *stretch, double *x, double *y, double *z_lower,
+                               double *z_upper)
+{
+    dmoc_options timed = *options;
+    dmoc_result result = {DMOC_NO_MEMORY, 0, 0, 0, 0, 0, 0};
+    if (!timed.clock)
+        timed.clock = seconds;
+    dmoc_ldl *ldl = dmoc_ldl_new(kkt->size, kkt->pivots, kkt->first, kkt->start, kkt->row);
+    void *memory = malloc(dmoc_interior_memory(program, kkt));
+    if (ldl && memory)
+        result = dmoc_interior_point(program, kkt, &timed, size, stretch, x, y, z_lower, z_upper,
+                                     ldl, memory);
+    dmoc_ldl_free(ldl);
+    free(memory);
+    return result;
+}
