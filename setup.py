@@ -23,6 +23,7 @@ LAYERS = (
     "inspection",
     "solving",
     "sequences",
+    "export",
     "cli",
 )
 INNER = (
@@ -127,6 +128,7 @@ setup(
         "dmoc": ["py.typed"],
         "dmoc.cli": ["templates/*.py", "*.md"],
         "dmoc.codegen": ["templates/*.jinja", "*.pyx", "*.pxd", "*.pxi", "*.pyi", "*.h"],
+        "dmoc.export": ["templates/*.jinja", "*.c", "*.h"],
         "dmoc.report.animation": ["player/*"],
         **{
             f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pxi", "*.pyi", "*.c", "*.h"]

@@ -97,8 +97,14 @@ def generate(
     order: Annotated[
         int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
     ] = 2,
+    solver: Annotated[
+        bool, typer.Option("--solver", help="A solver of the problem, with all that it needs.")
+    ] = False,
 ) -> None:
-    """Write the C sources of a model."""
+    """Write the C sources of a model, or of a solver of its problem."""
+    if solver:
+        _generate_solver(model, target, order)
+        return
     from dmoc.codegen.build import header, write_files
     from dmoc.codegen.text import c_files
     from dmoc.models.registry import find
@@ -113,6 +119,18 @@ def generate(
             f"{folder} cannot be written ({error.strerror}): choose a writable folder."
         ) from None
     for path in paths:
+        out.print(str(path), soft_wrap=True)
+
+
+def _generate_solver(model: str, target: Path | None, order: int) -> None:
+    from dmoc.export.solver import generate_solver
+    from dmoc.models.registry import find
+    from dmoc.problem.problem import Problem
+
+    reference = find(model)
+    kernels = reference.kernels(order, progress=True)
+    problem = Problem(kernels, **reference.defaults)
+    for path in generate_solver(problem, target or Path(f"{kernels.name}_solver")):
         out.print(str(path), soft_wrap=True)
 
 

@@ -58,6 +58,24 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     check_problem(problem)
     if not isinstance(solution, Solution):
         raise ProblemError(f"solution = {shown(solution)}: expected the Solution of the problem.")
+    problem = as_solved(problem, solution)
+    if not solution.converged:
+        raise ProblemError(
+            f"the solution has the status '{solution.status}': sensitivities need a minimum."
+        )
+    nlp, duals = at_solution(problem, solution)
+    left = residuals(nlp, nlp.scaled(solution.unknowns), duals)
+    if left.violation > OTHER_PROBLEM or left.optimality > OTHER_PROBLEM:
+        raise ProblemError(
+            f"the solution is no minimum of this problem (violation {left.violation:.1e}, "
+            f"optimality {left.optimality:.1e}): give the problem that was solved."
+        )
+    return cost_derivatives.sensitivities(problem, solution.unknowns, solution.multipliers)
+
+
+def as_solved(problem: Problem, solution: Solution) -> Problem:
+    """The problem on the mesh of its solution, with the courses of its hits; a solution of another
+    problem is refused."""
     steps = solution.steps
     sequence = tuple(c.word for c in solution.collisions)
     if problem.open_hits and len(sequence) == len(problem.sequence):
@@ -71,16 +89,5 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
             f"{list(problem.words)} with {list(problem.phase_steps)}: give the problem that was "
             "solved."
         )
-    if not solution.converged:
-        raise ProblemError(
-            f"the solution has the status '{solution.status}': sensitivities need a minimum."
-        )
     check_same_model(solution, problem.kernels)
-    nlp, duals = at_solution(problem, solution)
-    left = residuals(nlp, nlp.scaled(solution.unknowns), duals)
-    if left.violation > OTHER_PROBLEM or left.optimality > OTHER_PROBLEM:
-        raise ProblemError(
-            f"the solution is no minimum of this problem (violation {left.violation:.1e}, "
-            f"optimality {left.optimality:.1e}): give the problem that was solved."
-        )
-    return cost_derivatives.sensitivities(problem, solution.unknowns, solution.multipliers)
+    return problem

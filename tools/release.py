@@ -28,6 +28,8 @@ NEEDED = (
     "dmoc/cli/templates/collision.py",
     "dmoc/codegen/dmoc_kernel.h",
     "dmoc/codegen/templates/kernels.c.jinja",
+    "dmoc/export/dmoc_solver.c",
+    "dmoc/export/templates/header.h.jinja",
     "dmoc/generated/cart_pendulum/manifest.json",
 )
 LEFTOVERS = (".pyc", ".o", "~", ".orig")

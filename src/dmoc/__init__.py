@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dmoc.base.errors import DmocError as DmocError
     from dmoc.check.check import verify as verify
+    from dmoc.export.solver import generate_solver as generate_solver
     from dmoc.inspection.system_derivation import derive as derive
     from dmoc.models.registry import build as build
     from dmoc.models.registry import load as load
@@ -76,6 +77,7 @@ _PLACES = {
     "traction": "dmoc.symbolic.contact_references",
     "peak": "dmoc.symbolic.objectives",
     "total": "dmoc.symbolic.objectives",
+    "generate_solver": "dmoc.export.solver",
     "derive": "dmoc.inspection.system_derivation",
     "load": "dmoc.models.registry",
     "search": "dmoc.sequences.search",

@@ -1,0 +1,1 @@
+"""Solvers to carry away: a problem as C sources that need neither Python nor a heap."""

@@ -1,0 +1,104 @@
+/* A solver of one optimal control problem, without Python, heap or globals.
+ *
+ * The header of the problem, which includes this one, names its numbers (start, goal, final time,
+ * bounds, parameters) and its tables (unknowns), and says how much memory a solver takes:
+ *
+ *     static double memory[SWING_UP_MEMORY];
+ *     dmoc_solver *s = dmoc_solver_begin(&swing_up, memory, sizeof memory);
+ *     dmoc_solver_set(s, SWING_UP_START_ALPHA, 0.1);
+ *     if (dmoc_solver_solve(s, NULL) == DMOC_SOLVED)
+ *         ... dmoc_solver_table(s, SWING_UP_TABLE_Q, NULL, NULL) ...
+ *
+ * A solver lies in the caller's memory alone: several may work at the same time, each in its own.
+ * Nothing else is kept or written, and nothing needs to be given back. Units are those of the
+ * problem everywhere.
+ */
+#ifndef DMOC_SOLVER_H
+#define DMOC_SOLVER_H
+
+#include "interior_status.h"
+
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct dmoc_carried dmoc_carried; /* a problem, as constants */
+typedef struct dmoc_solver dmoc_solver;
+
+/* How a solve ends beside DMOC_SOLVED (a local minimum: the conditions of first order hold),
+ * DMOC_INFEASIBLE, DMOC_ITERATION_LIMIT, DMOC_TIME_LIMIT, DMOC_STALLED and DMOC_INTERRUPTED. */
+enum {
+    DMOC_BAD_NUMBER = DMOC_NO_MEMORY + 1, /* see dmoc_solver_wrong; nothing was solved */
+    DMOC_OUTSIDE /* the motion penetrates a surface, or leaves a contact or a constraint */
+};
+
+/* Limits and tolerances of a solve. */
+typedef struct {
+    int iterations;
+    double seconds;        /* by the clock */
+    double (*clock)(void); /* seconds since some time; NULL: no limit of the time */
+    double optimality;     /* largest stationarity and complementarity, relative to the cost */
+    double violation;      /* largest violation, relative to the size of the constraint */
+    dmoc_report *report;   /* NULL for none; its cost is in units of dmoc_solver_cost */
+    void *user;
+} dmoc_limits;
+
+/* What a solve leaves. */
+typedef struct {
+    double cost, optimality, violation;
+    int iterations, restorations;
+    long factorisations;
+} dmoc_end;
+
+/* Bytes of memory that a solver of a problem takes. */
+size_t dmoc_solver_memory(const dmoc_carried *problem);
+/* Make a solver in memory that is aligned as a double: it has the numbers of the day of export and
+ * starts from its answer. NULL where the memory is too small. */
+dmoc_solver *dmoc_solver_begin(const dmoc_carried *problem, void *memory, size_t bytes);
+
+/* Numbers: how many, the name of one, the one of a name (-1 for none), its value, a new value. A
+ * value that does not fit is told by the next solve. */
+int dmoc_solver_numbers(const dmoc_carried *problem);
+const char *dmoc_solver_number(const dmoc_carried *problem, int number);
+int dmoc_solver_find(const dmoc_carried *problem, const char *name);
+double dmoc_solver_get(const dmoc_solver *s, int number);
+void dmoc_solver_set(dmoc_solver *s, int number, double value);
+
+/* Where the next solve starts: by default where the last one ended, with its multipliers if that
+ * was a solution. Or from the answer of the day of export with its multipliers; without any, from
+ * the first motion that a solve had then, or from given unknowns [dmoc_solver_size]. */
+void dmoc_solver_from_answer(dmoc_solver *s);
+void dmoc_solver_from_first_motion(dmoc_solver *s);
+void dmoc_solver_from(dmoc_solver *s, const double *unknowns);
+
+/* The limits that the package has by default. */
+dmoc_limits dmoc_solver_limits(void);
+/* Solve; limits may be NULL for the default ones. Returns how it ended. */
+int dmoc_solver_solve(dmoc_solver *s, const dmoc_limits *limits);
+/* The sentence that belongs to an end. */
+const char *dmoc_solver_sentence(int status);
+dmoc_end dmoc_solver_end(const dmoc_solver *s);
+/* The number that a solve has refused, and what it expected of it; -1 and NULL for none. */
+int dmoc_solver_wrong(const dmoc_solver *s, const char **expected);
+
+/* The motion: all unknowns, and how many; a table of them, with rows and columns if they are
+ * asked for, by rows; the times of the nodes, of which there are as many as rows of q. */
+int dmoc_solver_size(const dmoc_carried *problem);
+const double *dmoc_solver_unknowns(const dmoc_solver *s);
+int dmoc_solver_tables(const dmoc_carried *problem);
+const char *dmoc_solver_table_name(const dmoc_carried *problem, int table);
+const double *dmoc_solver_table(const dmoc_solver *s, int table, int *rows, int *columns);
+const double *dmoc_solver_times(const dmoc_solver *s, int *count);
+
+/* Multipliers: of the rows (c | d) [dmoc_solver_rows] in L = f + y . (c | d) - z . x, y <= 0 on
+ * rows d >= 0, and of the bounds [dmoc_solver_size], z >= 0 at a lower one. */
+int dmoc_solver_rows(const dmoc_carried *problem);
+void dmoc_solver_multipliers(const dmoc_solver *s, double *y, double *z);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,293 @@
+"""Which numbers of a problem a solver of its own takes at run time, and which entries of the
+program each moves.
+
+A problem that differs in one number has a program that differs in some entries.  A number is taken
+where these are bounds, constants and linear coefficients that it moves in proportion, or its place
+among the parameters; others stay those of the day of export.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from dmoc.base.arguments import interval
+from dmoc.base.errors import ProblemError
+from dmoc.base.names import velocity_name
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import Boundary
+from dmoc.program.arrays import PassData, ProgramData
+from dmoc.program.blocks import Index
+from dmoc.program.bounds import limits
+from dmoc.program.layout import Layout
+from dmoc.program.transcription import Transcription
+
+# Relative change of a number, a power of two: differences have no rounding errors of their own.
+CHANGE = 2.0**-6
+# How far from in proportion the change of an entry may be, and that of all numbers together.
+PROPORTIONAL, TOGETHER = 1e-9, 1e-8
+NOT_ONE = -1
+SIDES, ENDS = ("low", "high"), ("start", "goal")
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of a problem: where it is stated, as the field and what leads on from there, its
+    side (0 lower, 1 upper) where that is a range, and its value.
+
+    ``pool`` is its place among the parameters, ``entries`` and ``slopes`` say what it moves in the
+    arrays of :func:`moved_arrays`, one after the other; ``way`` is the direction in which it was
+    tried.
+    """
+
+    path: tuple[str | int, ...]
+    value: float
+    side: int | None = None
+    pool: int = NOT_ONE
+    entries: Index = field(default_factory=lambda: np.zeros(0, np.intp))
+    slopes: Array = field(default_factory=lambda: np.zeros(0))
+    way: float = 1.0
+
+    @property
+    def name(self) -> str:
+        return ".".join(map(str, (*self.path, *(() if self.side is None else (SIDES[self.side],)))))
+
+    @property
+    def change(self) -> float:
+        """By how much it is changed where it is tried."""
+        return self.way * CHANGE * float(2.0 ** np.ceil(np.log2(max(abs(self.value), 1e-3))))
+
+    def changed(self, problem: Problem, steps: float) -> Problem:
+        """A problem with the number changed by some steps."""
+        first, *rest = self.path
+        value: Any = self.value + steps * self.change
+        if self.side is not None:
+            stated = getattr(problem, str(first))
+            for key in rest:
+                stated = stated[key]
+            ends = list(interval(stated, self.name))
+            ends[self.side] = value
+            value = tuple(None if np.isinf(end) else end for end in ends)
+        for k in range(len(rest), 0, -1):
+            value = _with(getattr(problem, str(first)), rest[: k - 1], rest[k - 1], value)
+        return problem.unchecked(**{str(first): value})
+
+
+def _with(whole: Any, way: Sequence[str | int], key: Any, value: Any) -> Any:
+    """What a field has at some place, with one member replaced."""
+    for step in way:
+        whole = whole[step]
+    if isinstance(whole, Mapping):
+        return {**whole, key: value}
+    return [value if i == key else other for i, other in enumerate(whole)]
+
+
+@dataclass(frozen=True)
+class State:
+    """A fixed state at one end: names of the numbers of q and v, "" where there is none; values;
+    the unknowns that are its momenta."""
+
+    names: tuple[str, ...]
+    values: Array
+    momenta: Index
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """What a solver takes, what it does not, and the states at both ends that are fixed."""
+
+    taken: tuple[Number, ...]
+    kept: tuple[str, ...]
+    states: tuple[State | None, State | None]
+
+
+def moved_arrays(data: ProgramData) -> list[Array]:
+    """The arrays that numbers move: lower and upper bounds, constants, coefficients, and constants
+    of the slopes."""
+    return [
+        data.lower, data.upper, data.values.constant, data.values.coefficients,
+        data.slopes.constant,
+    ]  # fmt: skip
+
+
+def numbers_of(nlp: Transcription) -> Numbers:
+    """Try all numbers of the problem of a program."""
+    problem, base = nlp.problem, nlp.assembled.data
+    states = _state(nlp, ENDS[0]), _state(nlp, ENDS[1])
+    none = np.zeros(0, dtype=np.intp)
+    fixed = np.concatenate([none, *(s.momenta for s in states if s is not None)])
+    taken, kept = list[Number](), list[str]()
+    for number in _stated(problem, states):
+        tried = _tried(nlp, base, number, fixed)
+        if tried is None:
+            kept.append(number.name)
+        else:
+            taken.append(tried)
+    if not _add_up(nlp, base, taken, fixed):
+        kept += [n.name for n in taken if n.pool != NOT_ONE and len(n.entries)]
+        taken = [n for n in taken if n.pool == NOT_ONE or not len(n.entries)]
+    return Numbers(tuple(taken), tuple(kept), states)
+
+
+def _stated(problem: Problem, states: Sequence[State | None]) -> Iterator[Number]:
+    """All numbers of a problem."""
+    values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
+    for j, (name, value) in enumerate(values.items()):
+        if name not in problem.design:
+            yield Number(("parameters", name), float(value), pool=j)
+    for end, state in zip(ENDS, states, strict=True):
+        still = [n.removeprefix(f"{end}.") for n in state.names if n] if state else []
+        for name, value in (dict.fromkeys(still, 0.0) | dict(getattr(problem, end))).items():
+            yield from _ends((end, name), value)
+    yield from _ends(("final_time",), problem.final_time)
+    for i, value in enumerate(problem.durations or ()):
+        yield from _ends(("durations", i), value)
+    for part in ("bounds", "design"):
+        for name, value in getattr(problem, part).items():
+            yield from _ends((part, name), value)
+    for i, places in enumerate(problem.via or ()):
+        for name, value in (places or {}).items():
+            yield from _ends(("via", i, name), value)
+
+
+def _ends(path: tuple[str | int, ...], value: Any) -> Iterator[Number]:
+    """The number of a value, or those of a range."""
+    low, high = interval(value, ".".join(map(str, path)))
+    if low == high:
+        yield Number(path, low)
+        return
+    for side, end in enumerate((low, high)):
+        if np.isfinite(end):
+            yield Number(path, end, side)
+
+
+def _state(nlp: Transcription, end: str) -> State | None:
+    """The state at an end, where position and velocity are fixed and momenta stand for them."""
+    problem, lay = nlp.problem, nlp.layout
+    boundary: Boundary = problem.start_bounds if end == "start" else problem.goal_bounds
+    place = boundary.position
+    if not boundary.by_velocity or problem.design or (place[:, 0] != place[:, 1]).any():
+        return None
+    stated, names = getattr(problem, end), problem.kernels.coordinates
+    p = lay.index_p_B if end == "start" else lay.index_p_E
+    velocities = [velocity_name(q) for q in names]
+    v = problem.model.velocity(place[:, 0], boundary.momentum[:, 0])
+    said = [stated.get(name) for name in velocities]
+    values = [x if isinstance(x, (int, float)) else y for x, y in zip(said, v, strict=True)]
+    if not any(said) and problem.kernels.joints:  # what the constraints make of it
+        velocities = ["" for _ in velocities]
+    given = [f"{end}.{q}" if stated.get(q) is not None else "" for q in names]
+    named = [f"{end}.{name}" if name else "" for name in velocities]
+    return State((*given, *named), np.array([*place[:, 0], *values], dtype=float), p)
+
+
+def _tried(nlp: Transcription, base: ProgramData, number: Number, fixed: Index) -> Number | None:
+    """A number with what it moves; None where it moves something else, or not in proportion."""
+    for way in (1.0, -1.0):
+        tried = replace(number, way=way)
+        try:
+            moved = [_moved(nlp, base, tried, k) for k in (1.0, 2.0)]
+        except (ProblemError, ValueError, FloatingPointError):
+            continue
+        if not all(_same_form(base, other) for other in moved):
+            continue
+        before, *after = (_flat(data, fixed) for data in (base, *moved))
+        if any((np.isfinite(a) != np.isfinite(before)).any() for a in after):
+            continue
+        with np.errstate(invalid="ignore"):
+            one, two = (np.where(np.isfinite(before), a - before, 0.0) for a in after)
+        error = PROPORTIONAL * np.abs(one) + 1e-13 * np.abs(np.nan_to_num(before, posinf=0.0))
+        if not (np.abs(two - 2 * one) <= error + 1e-300).all():
+            continue
+        pool = _pool(base, moved[0], number)
+        if pool is None:
+            continue
+        at = np.flatnonzero(one)
+        return replace(tried, pool=pool, entries=at, slopes=one[at] / tried.change)
+    return None
+
+
+def _pool(base: ProgramData, moved: ProgramData, number: Number) -> int | None:
+    """Where a parameter stands in the pool; NOT_ONE for another number, None if more differs."""
+    at = np.flatnonzero(base.pool != moved.pool)
+    first = base.n + base.m + 2
+    wanted = [first + number.pool] if number.pool != NOT_ONE else []
+    if at.tolist() != wanted:
+        return None
+    return wanted[0] if wanted else NOT_ONE
+
+
+def _moved(nlp: Transcription, base: ProgramData, number: Number, steps: float) -> ProgramData:
+    """The program with a number changed by some steps.
+
+    A state at an end is bounds alone.  Where constraints hold it, one number of it fits them with
+    others only: until these are changed, too, the program has rows for what does not fit.  The rows
+    are those of states that fit; a solver sees whether they do.
+    """
+    problem = number.changed(nlp.problem, steps)
+    moved = _data(nlp, problem)
+    states = number.path[0] in ENDS and number.path[-1] in problem.states
+    if moved.m == base.m or not states or Layout.of(problem).size != base.n:
+        return moved
+    bounds = limits(problem, nlp.layout, nlp.laws, nlp.scale, ())
+    lower, upper = (bound / nlp.unit for bound in bounds)
+    return replace(base, lower=lower, upper=upper)
+
+
+def _data(nlp: Transcription, problem: Problem) -> ProgramData:
+    """The program of another problem in the same sizes."""
+    with np.errstate(all="ignore"):
+        return Transcription(problem, nlp.scale).assembled.data
+
+
+def _flat(data: ProgramData, fixed: Index) -> Array:
+    """The arrays that numbers move, without the momenta that follow from states."""
+    arrays = [a.copy() for a in moved_arrays(data)]
+    arrays[0][fixed] = arrays[1][fixed] = 0.0
+    return np.concatenate(arrays)
+
+
+def _same_form(a: ProgramData, b: ProgramData) -> bool:
+    """Whether two programs differ in what numbers move alone."""
+    if (a.n, a.m, a.equalities) != (b.n, b.m, b.equalities):
+        return False
+    if not np.array_equal(a.lower == a.upper, b.lower == b.upper):
+        return False
+    patterns = zip((*a.jacobian, *a.hessian), (*b.jacobian, *b.hessian), strict=True)
+    passes = ((a.values, b.values), (a.slopes, b.slopes), (a.curvatures, b.curvatures))
+    same = np.array_equal(a.unit, b.unit) and all(np.array_equal(x, y) for x, y in patterns)
+    return same and all(_same_pass(x, y) for x, y in passes)
+
+
+def _same_pass(a: PassData, b: PassData) -> bool:
+    if len(a.elements) != len(b.elements):
+        return False
+    pairs = [(a.rows, b.rows), (a.columns, b.columns)]
+    for x, y in zip(a.elements, b.elements, strict=True):
+        if x.kernel != y.kernel:
+            return False
+        groups = ((x.arguments, y.arguments), (x.slots, y.slots), (x.factors, y.factors))
+        pairs += [pair for two in groups for pair in zip(*two, strict=True)]
+    return all(p is q or np.array_equal(p, q) for p, q in pairs)
+
+
+def _add_up(nlp: Transcription, base: ProgramData, numbers: Sequence[Number], fixed: Index) -> bool:
+    """Whether what the numbers move adds up where all are changed together."""
+    problem, expected = nlp.problem, _flat(base, fixed)
+    held = bool(problem.held)  # then states fit together or not at all
+    for number in numbers:
+        if held and number.path[0] in ENDS:
+            continue
+        problem = number.changed(problem, 1.0)
+        expected[number.entries] += number.slopes * number.change
+    try:
+        found = _flat(_data(nlp, problem), fixed)
+    except (ProblemError, ValueError):
+        return False
+    if found.shape != expected.shape:
+        return False
+    return bool(np.isclose(found, expected, rtol=TOGETHER, atol=TOGETHER).all())

@@ -1,0 +1,261 @@
+"""The constants of a carried problem as C (dmoc_carried.h)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array, Kernels
+from dmoc.export.numbers import ENDS, SIDES, Number, Numbers, State, moved_arrays
+from dmoc.mechanics.contact_mode import Mode
+from dmoc.program.arrays import ElementData, PassData, strided
+from dmoc.program.blocks import NOWHERE, Block, Index
+from dmoc.program.transcription import Transcription
+from dmoc.solvers.compiled import Factorisation
+from dmoc.solvers.kkt_layout import KKTLayout
+from dmoc.solvers.outcome import Duals
+
+WIDTH = 100
+# Of the kernels that a solver calls beside those of its passes.
+CHECKS = ("momentum", "surface", "gap_rate", "joint", "joint_rate")
+KKT = ("place", "start", "row", "first", "from_hess", "from_jac", "diagonal")
+LDL = ("first", "block", "row_start", "row", "part_start", "part", "target", "height")
+SIZES = ("n", "entries", "pivots", "chain", "blocks")
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What a solver is made of: the program with its analysis, the numbers it takes, the scaled
+    answer with its multipliers, and the scaled first motion."""
+
+    name: str
+    nlp: Transcription
+    layout: KKTLayout
+    numbers: Numbers
+    x: Array
+    duals: Duals
+    first: Array
+
+
+class Constants:
+    """Arrays of constants, each written once however often it is asked for."""
+
+    def __init__(self) -> None:
+        self.names: dict[tuple[str, bytes], str] = {}
+        self.lines: list[str] = []
+        self.size = 0  # bytes
+
+    def array(self, kind: str, values: Any) -> str:
+        """The name of an array of doubles, ints or ptrdiff_ts; NULL for none."""
+        flat = np.ascontiguousarray(values).ravel()
+        if not flat.size:
+            return "NULL"
+        key = kind, flat.tobytes()
+        if key not in self.names:
+            self.names[key] = f"{kind[0]}{len(self.names)}"
+            self._write(kind, self.names[key], len(flat), map(number, flat.tolist()))
+            self.size += len(flat) * (4 if kind == "int" else 8)
+        return self.names[key]
+
+    def structs(self, kind: str, name: str, rows: Sequence[str]) -> str:
+        """The name of an array of structs; NULL for none."""
+        if not rows:
+            return "NULL"
+        self.lines += [f"static const {kind} {name}[] = {{", *(f"    {r}," for r in rows), "};"]
+        return name
+
+    def _write(self, kind: str, name: str, size: int, values: Iterable[str]) -> None:
+        self.lines.append(f"static const {kind} {name}[{size}] = {{")
+        line = "   "
+        for value in values:
+            if len(line) + len(value) > WIDTH - 2:
+                self.lines.append(line)
+                line = "   "
+            line += f" {value},"
+        self.lines += [line, "};"]
+
+
+def number(value: float | int) -> str:
+    """A number in C."""
+    if isinstance(value, int):
+        return str(value)
+    if np.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return repr(value)
+
+
+def initial(*values: str | int) -> str:
+    """An initialiser of a struct."""
+    return f"{{{', '.join(map(str, values))}}}"
+
+
+def program_text(carried: Carried) -> tuple[list[str], int]:
+    """The lines of all constants, of which the last ones are the problem itself, and bytes."""
+    c, nlp, data = Constants(), carried.nlp, carried.nlp.assembled.data
+    kernels, numbers = nlp.kernels, carried.numbers
+    used = {e.kernel for p in (data.values, data.slopes, data.curvatures) for e in p.elements}
+    entries = _entries(c, kernels, sorted(used | {k for k in CHECKS if kernels.has(k)}))
+    passes = [
+        _pass(c, entries, name, p)
+        for name, p in (
+            ("values", data.values), ("slopes", data.slopes), ("curvatures", data.curvatures),
+        )
+    ]  # fmt: skip
+    program = initial(
+        data.n, data.m, data.equalities, c.array("double", data.lower),
+        c.array("double", data.upper), c.array("double", data.unit), "NULL", *passes,
+        *(c.array("int", a) for a in (*data.jacobian, *data.hessian)),
+    )  # fmt: skip
+    kkt = initial(
+        carried.layout.size, len(carried.layout.first) - 1,
+        *(c.array("int", getattr(carried.layout, name)) for name in KKT),
+    )  # fmt: skip
+    number_rows, change_rows = _number_rows(nlp, numbers)
+    places = _places(c, nlp, entries)
+    tables = [initial(f'"{b.name}"', int(b.numbers[0]), *shape_of(b)) for b in tables_of(nlp)]
+    fields = [
+        f'"{carried.name}"', program, kkt, _ldl(c, carried.layout),
+        c.array("double", data.pool), len(data.pool), len(data.values.coefficients),
+        len(numbers.taken), len(tables), nlp.layout.phases,
+        c.structs("dmoc_number", "numbers", number_rows),
+        c.structs("dmoc_change", "changes", change_rows),
+        c.structs("dmoc_table_of", "tables", tables),
+        initial(*(_state(c, s, numbers.taken) for s in numbers.states)), places,
+        c.array("int", np.array(nlp.layout.steps)), number(float(nlp.scale.cost)),
+        c.array("double", carried.x), c.array("double", carried.duals.rows),
+        c.array("double", carried.duals.z), c.array("double", carried.first),
+    ]  # fmt: skip
+    last = [f"const dmoc_carried {carried.name} = {{", *(f"    {f}," for f in fields), "};"]
+    return [*c.lines, "", *last], c.size
+
+
+def tables_of(nlp: Transcription) -> list[Block]:
+    """The blocks of unknowns that there are."""
+    return [block for block in nlp.layout.unknowns if block.count]
+
+
+def shape_of(block: Block) -> tuple[int, int]:
+    """Rows and columns of a table; one column where places of its shape are empty."""
+    if block.count < block.index.size or block.index.ndim == 1:
+        return block.count, 1
+    return len(block.index), block.count // len(block.index)
+
+
+def _entries(c: Constants, kernels: Kernels, names: Sequence[str]) -> Mapping[str, str]:
+    """Addresses of the entries of kernels, by name."""
+    rows = []
+    for name in names:
+        described = kernels.manifest["kernels"][name]
+        inputs = [(a, int(size)) for a, size in described["inputs"]]
+        outputs = [(o["name"], size_of(o)) for o in described["outputs"]]
+        arrays = [initial(f'"{a}"', size) for a, size in (*inputs, *outputs)]
+        c.structs("dmoc_array", f"{name}_arrays", arrays)
+        function = f"{kernels.name}_{name}"
+        rows.append(initial(f'"{name}"', function, len(inputs), len(outputs), f"{name}_arrays"))
+    c.structs("dmoc_entry", "kernels", rows)
+    return {name: f"&kernels[{i}]" for i, name in enumerate(names)} | {"": "NULL"}
+
+
+def _pass(c: Constants, entries: Mapping[str, str], name: str, data: PassData) -> str:
+    rows = [_element(c, entries, e) for e in data.elements]
+    at = c.structs("dmoc_element", f"{name}_elements", rows)
+    return initial(
+        len(data.constant), c.array("double", data.constant), len(data.coefficients),
+        c.array("ptrdiff_t", data.rows), c.array("ptrdiff_t", data.columns),
+        c.array("double", data.coefficients), len(rows),
+        f"(dmoc_element *){at}" if rows else "NULL", "NULL",
+    )  # fmt: skip
+
+
+def _element(c: Constants, entries: Mapping[str, str], data: ElementData) -> str:
+    base, stride, gather = list[int](), list[int](), list[str]()
+    for at in data.arguments:
+        evenly = strided(at)
+        first, apart = evenly or (0, at.shape[1])
+        base.append(first)
+        stride.append(apart)
+        gather.append("NULL" if evenly else c.array("ptrdiff_t", at))
+    slots, factors = list[str](), list[str]()
+    for slot, factor in zip(data.slots, data.factors, strict=True):
+        used = bool(slot.size) and slot.max() >= 0
+        slots.append(c.array("ptrdiff_t", slot) if used else "NULL")
+        factors.append(c.array("double", factor.astype(float)) if used else "NULL")
+    n = max(map(len, data.arguments))
+    lists = (initial(*row) for row in (base, stride, gather, slots, factors))
+    return initial(entries[data.kernel], n, *lists)
+
+
+def analysis_of(layout: KKTLayout) -> dict[str, Any]:
+    """The analysis of the factorisation."""
+    return Factorisation(layout.first, layout.start, layout.row).analysis()
+
+
+def size_of(output: Mapping[str, Any]) -> int:
+    """Values of one row of a kernel's output."""
+    return len(output["rows"]) if "rows" in output else int(np.prod(output["shape"]))
+
+
+def _ldl(c: Constants, layout: KKTLayout) -> str:
+    """The analysis of the factorisation, as it is without memory."""
+    a = analysis_of(layout)
+    parts = [initial(*row) for row in a["part"].reshape(-1, 3).tolist()]
+    part = c.structs("dmoc_part", "parts", parts)
+    arrays = [part if name == "part" else c.array("int", a[name]) for name in LDL]
+    arrays += [c.array("int", a[name]) for name in ("panel_start", "place")]
+    written = ["NULL"] * 5 + [a["panel_size"], a["work_size"], a["product_at"], 0, 0, 0]
+    return initial(*(a[name] for name in SIZES), *arrays, *written)
+
+
+def _number_rows(nlp: Transcription, numbers: Numbers) -> tuple[list[str], list[str]]:
+    """The numbers, and what they move."""
+    ends = np.cumsum([0, *(len(a) for a in moved_arrays(nlp.assembled.data))])
+    places = {n.name: i for i, n in enumerate(numbers.taken)}
+    rows, changes = list[str](), list[str]()
+    for n in numbers.taken:
+        limits = [places.get(f"bounds.{n.path[-1]}.{side}", -1) for side in SIDES]
+        limits = limits if n.path[0] in ENDS else [-1, -1]
+        first = len(changes)
+        for entry, slope in zip(n.entries.tolist(), n.slopes.tolist(), strict=True):
+            array = int(np.searchsorted(ends, entry, side="right")) - 1
+            changes.append(initial(array, entry - int(ends[array]), number(slope)))
+        count = len(changes) - first
+        rows.append(initial(f'"{n.name}"', number(n.value), n.pool, first, count, *limits))
+    return rows, changes
+
+
+def _state(c: Constants, state: State | None, taken: Sequence[Number]) -> str:
+    if state is None:
+        return initial(0, "NULL", "NULL", "NULL")
+    places = {n.name: i for i, n in enumerate(taken)}
+    at = np.array([places.get(name, -1) for name in state.names])
+    arrays = c.array("int", at), c.array("int", state.momenta), c.array("double", state.values)
+    return initial(1, *arrays)
+
+
+def _places(c: Constants, nlp: Transcription, entries: Mapping[str, str]) -> str:
+    """What positions must keep."""
+    kernels, lay, scale, problem = nlp.kernels, nlp.layout, nlp.scale, nlp.problem
+    touching, joined = bool(kernels.surfaces), bool(kernels.joints)
+    there = zip(CHECKS, (True, touching, touching, joined, joined), strict=True)
+    called = [entries[name] if is_there else "NULL" for name, is_there in there]
+    unknowns = dict(zip(problem.design, lay.index_design.tolist(), strict=True))
+    chosen = np.array([unknowns.get(name, NOWHERE) for name in kernels.parameters])
+    model, q = problem.model, problem.start_position
+    sizes = scale.gap, scale.rate, model.joint_sizes(q) if model.nj else (), scale.joint_rate
+    held = np.array([_held(nlp, mode) for mode in lay.touch.modes])
+    return initial(
+        *called, lay.nq, model.nc, model.nj, len(chosen), c.array("int", chosen),
+        *(c.array("double", np.asarray(s, dtype=float)) for s in sizes), c.array("int", held),
+        int(lay.index_q[0, 0]), int(lay.index_t[0]) if lay.timed else -1,
+    )  # fmt: skip
+
+
+def _held(nlp: Transcription, mode: Mode) -> Index:
+    """2 for closed surfaces, 1 for others, 0 for those that hold nothing back."""
+    held = np.ones(nlp.problem.model.nc, dtype=np.intp)
+    held[[nlp.kernels.surfaces.index(name) for name in nlp.problem.ignored]] = 0
+    held[list(mode.closed)] = 2
+    return held

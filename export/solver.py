@@ -1,0 +1,268 @@
+"""dmoc.generate_solver: a problem with its solver as a folder of C sources."""
+
+from __future__ import annotations
+
+import os
+import re
+from functools import cache
+from importlib import resources
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from dmoc.base.arguments import shown, whole
+from dmoc.base.errors import OutputError, ProblemError
+from dmoc.base.files import check_folder, write_whole
+from dmoc.base.messages import path as path_of
+from dmoc.base.messages import place
+from dmoc.base.tolerances import ITERATIONS
+from dmoc.codegen.build import header, sources
+from dmoc.codegen.kernels import Array
+from dmoc.export.numbers import moved_arrays, numbers_of
+from dmoc.export.program_text import (
+    Carried,
+    analysis_of,
+    program_text,
+    shape_of,
+    size_of,
+    tables_of,
+)
+from dmoc.problem.problem import Problem
+from dmoc.program.arrays import ElementData, strided
+from dmoc.program.transcription import Transcription
+from dmoc.results.solution import Solution
+from dmoc.solvers.compiled import interior_memory
+from dmoc.solvers.ipm import solve_ipm
+from dmoc.solvers.judge import judged
+from dmoc.solvers.kkt_layout import kkt_layout
+from dmoc.solvers.outcome import Duals, Options, Outcome, Status
+from dmoc.solving.programs import at_solution
+from dmoc.solving.request import check_problem
+from dmoc.solving.sensitivity import as_solved
+from dmoc.solving.solve import solve
+from dmoc.solving.starts import InitialGuess, starts_of
+
+# The sources that every solver has, by the package that they are those of.
+PARTS = {
+    "dmoc.program": ("passes.c", "passes.h"),
+    "dmoc.solvers": (
+        "interior_evaluation.c", "interior_optimality.c", "interior_point.c", "interior_point.h",
+        "interior_restoration.c", "interior_search.c", "interior_solver.h", "interior_start.c",
+        "interior_status.h", "interior_system.c", "ldl.c", "ldl.h", "ldl_dense.c", "ldl_dense.h",
+    ),
+    "dmoc.export": ("dmoc_carried.h", "dmoc_solver.c", "dmoc_solver.h"),
+}  # fmt: skip
+KERNELS = ("kernels.c", "kernels.h")
+# Doubles that hold a solver, without what it works with; rows that an element works on at a time
+# (passes.c).
+OF_SOLVER, ROWS = 160, 64
+# Words that cannot name the problem in C.
+TAKEN = re.compile(r"dmoc.*|main|test|memory|answer|numbers|changes|tables|parts|kernels|[dip]\d*")
+
+
+def generate_solver(
+    problem: Problem,
+    folder: str | os.PathLike[str],
+    *,
+    guess: InitialGuess = None,
+    most_bytes: int | None = None,
+) -> list[Path]:
+    """Write a solver of a problem in C, which needs neither Python nor a heap.
+
+    The folder holds the model's kernels, the program and the order of its pivots as constants, the
+    sources of the interior-point method, a header with the numbers and tables of the problem,
+    ``main.c``, ``test.c``, ``Makefile``, ``CMakeLists.txt`` and ``README.md``.  Steps and sequence
+    are fixed; start, goal, final time, bounds and parameters are set at run time.  The solver
+    starts from the answer of the day of export, from its first motion, or from given unknowns.
+
+    Parameters
+    ----------
+    problem : Problem
+    folder : path
+        A new or empty folder; its name is that of the problem in C.
+    guess : optional
+        Where the solve that gives the answer starts, as :func:`dmoc.solve` takes it; a solution of
+        the problem is taken as it is.
+    most_bytes : int, optional
+        Bytes of memory and constants that the machine has; a larger solver is refused.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    ProblemError
+        If the problem has no solution, its kernels are not compiled, or the solver is too large.
+    OutputError
+        If the folder is not empty, its name is none in C, or it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import dmoc
+    >>> from dmoc.models.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> problem = problem.but(sequence=["east"], steps=20)
+    >>> files = dmoc.generate_solver(problem, tempfile.mkdtemp(prefix="puck_"))
+    >>> {"main.c", "dmoc_solver.h", "README.md"} <= {file.name for file in files}
+    True
+    """
+    check_problem(problem)
+    name, target = _new_folder(folder)
+    most = None if most_bytes is None else whole(most_bytes, "most_bytes", 1, 2**62)
+    if not problem.kernels.compiled:
+        raise ProblemError(
+            f"the kernels of {problem.kernels.name!r} run on NumPy, and a solver in C needs "
+            "compiled ones: install a C compiler and build the model again."
+        )
+    solution = guess if isinstance(guess, Solution) else solve(problem, "ipm", guess=guess)
+    carried, iterations = carried_by(name, problem, solution)
+    texts = _texts(carried, iterations, most)
+    check_folder(target)
+    return [write_whole(target / file, text.encode()) for file, text in sorted(texts.items())]
+
+
+def _new_folder(folder: Any) -> tuple[str, Path]:
+    """The name of a solver and its folder, which has to be new or empty."""
+    target = path_of(folder)
+    name = target.resolve().name
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", name) or TAKEN.fullmatch(name):
+        raise OutputError(
+            f"{place(target)} names the solver {shown(name)}, which is no free name in C: expected "
+            "letters, digits and underscores, such as swing_up."
+        )
+    if target.exists() and not (target.is_dir() and not any(target.iterdir())):
+        raise OutputError(
+            f"{place(target)} exists and is not an empty folder: name a new one, nothing is "
+            "overwritten."
+        )
+    return name, target
+
+
+def carried_by(name: str, problem: Problem, solution: Solution) -> tuple[Carried, tuple[int, int]]:
+    """What a solver is made of, and the iterations that it takes from the first motion and from the
+    answer."""
+    if not solution.minimum:
+        raise ProblemError(
+            f"the problem has no solution to begin with ({solution.message}): a solver carries the "
+            "answer of the day of export, so give a guess that leads to one."
+        )
+    problem = as_solved(problem, solution)
+    nlp, duals = at_solution(problem, solution)
+    outcome = _solved(nlp, nlp.scaled(solution.unknowns), duals)
+    if outcome.status is not Status.SOLVED:
+        raise ProblemError(
+            f"the solution is no minimum of this problem ({outcome.status.sentence}, "
+            f"{outcome.detail}): give the problem that was solved."
+        )
+    nlp = Transcription(nlp.problem, nlp.scale)
+    first = nlp.scaled(starts_of(nlp.problem, None).points[0])
+    counts = _solved(nlp, first, None).iterations, _solved(nlp, outcome.x, outcome.duals).iterations
+    x = np.clip(outcome.x, nlp.lower, nlp.upper)
+    layout = kkt_layout(nlp)
+    return Carried(name, nlp, layout, numbers_of(nlp), x, outcome.duals, first), counts
+
+
+def _solved(nlp: Transcription, x: Array, duals: Duals | None) -> Outcome:
+    options = Options()
+    with np.errstate(all="ignore"):
+        return judged(nlp, solve_ipm(nlp, x, options, duals), options)
+
+
+def _texts(carried: Carried, counts: tuple[int, int], most: int | None) -> dict[str, str]:
+    """All files of a folder."""
+    kernels = sources(carried.nlp.kernels)
+    texts = dict(header()) | {name: kernels[name] for name in KERNELS}
+    for package, names in PARTS.items():
+        folder = resources.files(package)
+        texts |= {name: folder.joinpath(name).read_text(encoding="utf-8") for name in names}
+    lines, constants = program_text(carried)
+    doubles = memory_of(carried)
+    if most is not None and 8 * doubles + constants > most:
+        raise ProblemError(
+            f"the solver takes {8 * doubles} bytes of memory and {constants} bytes of constants, "
+            f"and most_bytes = {most}: take fewer steps, or a machine with more."
+        )
+    facts = _facts(carried, lines, counts)
+    facts |= {
+        "memory": doubles, "bytes": 8 * doubles, "constants": constants,
+        "sources": sorted([n for n in texts if n.endswith(".c")] + ["program.c"]),
+        "code": sum(len(text) for name, text in texts.items() if name.endswith(".c")),
+    }  # fmt: skip
+    files = {"header.h": f"{carried.name}.h"}
+    for name in ("program.c", "main.c", "test.c", "Makefile", "CMakeLists.txt", "README.md"):
+        files[name] = name
+    return texts | {file: _template(name).render(facts) for name, file in files.items()}
+
+
+def memory_of(carried: Carried) -> int:
+    """Doubles that a solver takes where pointers have eight bytes: dmoc_solver.c shares them out
+    so, with one more behind each part."""
+    nlp, layout, data = carried.nlp, carried.layout, carried.nlp.assembled.data
+    n, m, lay = data.n, data.m, carried.nlp.layout
+    model, ldl = nlp.problem.model, analysis_of(layout)
+    parts = [
+        *(len(a) for a in moved_arrays(data)), len(carried.numbers.taken), len(data.pool),
+        *[n] * 7, m, m + 1, len(data.slopes.constant), lay.total + 1,
+        3 * lay.nq + model.nc + model.nj + len(nlp.kernels.parameters) + 1, _scratch(nlp),
+        ldl["panel_size"], ldl["work_size"], 3 * (ldl["pivots"] + 2),
+        ldl["n"] - ldl["chain"] + 1, -(-interior_memory(nlp.program, layout) // 8),
+    ]  # fmt: skip
+    return OF_SOLVER + int(sum(parts)) + len(parts)
+
+
+def _scratch(nlp: Transcription) -> int:
+    """The most doubles that an element works on at a time."""
+    data, kernels = nlp.assembled.data, nlp.kernels.manifest["kernels"]
+
+    def of(element: ElementData) -> int:
+        gathered = sum(int(a.shape[1]) for a in element.arguments if strided(a) is None)
+        return gathered + sum(size_of(o) for o in kernels[element.kernel]["outputs"])
+
+    every = (e for p in (data.values, data.slopes, data.curvatures) for e in p.elements)
+    return ROWS * max(map(of, every), default=0)
+
+
+def _facts(carried: Carried, lines: list[str], counts: tuple[int, int]) -> dict[str, Any]:
+    """What the files say of a problem."""
+    nlp, name, upper = carried.nlp, carried.name, carried.name.upper()
+    tables = [
+        {
+            "word": f"{upper}_TABLE_{_word(b.name)}", "rows": shape_of(b)[0],
+            "columns": shape_of(b)[1], "what": b.name_of(0) + (", ..." if b.count > 1 else ""),
+        }
+        for b in tables_of(nlp)
+    ]  # fmt: skip
+    numbers = [
+        {"word": f"{upper}_{_word(n.name)}", "value": f"{n.value:.17g}"}
+        for n in carried.numbers.taken
+    ]
+    return {
+        "name": name, "upper": upper, "version": version("dmoc"), "lines": lines,
+        "statement": [line.rstrip() for line in str(nlp.problem).splitlines()],
+        "numbers": numbers, "tables": tables, "taken": [n.name for n in carried.numbers.taken],
+        "kept": list(carried.numbers.kept), "size": nlp.n, "rows": nlp.n_eq + nlp.n_in,
+        "cost": repr(nlp.cost(carried.x) * nlp.scale.cost), "cold": counts[0], "warm": counts[1],
+        "limit": ITERATIONS,
+    }  # fmt: skip
+
+
+def _word(name: str) -> str:
+    """A name as a part of one in C."""
+    return re.sub(r"\W", "_", name).upper()
+
+
+@cache
+def _template(name: str) -> jinja2.Template:
+    environment = jinja2.Environment(
+        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined, autoescape=False,
+    )  # fmt: skip
+    text = resources.files(__package__).joinpath("templates", f"{name}.jinja")
+    return environment.from_string(text.read_text(encoding="utf-8"))

@@ -1,0 +1,377 @@
+"""Solvers in C: what they solve is what the compiled method solves in Python, from the same start,
+with the numbers of the day of export and with others; nothing is wrong with their memory."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from contact_problems import against_wall_on_floor, two_masses
+from joint_problems import bob
+from systems import block_system
+
+import dmoc
+from dmoc.base.errors import OutputError, ProblemError
+from dmoc.export.solver import carried_by, memory_of
+from dmoc.models.registry import find
+from dmoc.program.transcription import Transcription
+from dmoc.solvers.ipm import solve_ipm
+from dmoc.solvers.judge import judged
+from dmoc.solvers.outcome import SENTENCES, Duals, Options, Outcome, Status
+
+WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
+C11 = ("-std=c11", "-ffp-contract=off")
+SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+CODES = ("solved", "infeasible", "iteration_limit", "time_limit", "stalled", "interrupted")
+BAD_NUMBER, OUTSIDE = 7, 8
+
+
+@dataclass(frozen=True)
+class Answer:
+    status: int
+    cost: float
+    iterations: int
+    x: np.ndarray
+
+
+def run(*command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+
+
+def compiled(folder: Path, main: str = "main.c", *flags: str) -> str:
+    """The program of a folder, or another one on its sources."""
+    others = [p.name for p in folder.glob("*.c") if p.name not in ("main.c", "test.c", main)]
+    target = f"./{Path(main).stem}"
+    done = run(
+        "gcc", *C11, *WARNINGS, *(flags or SANITIZED), *others, main, "-lm", "-o", target,
+        folder=folder,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return target
+
+
+def answered(program: str, folder: Path, *words: str) -> Answer:
+    done = run(program, *words, folder=folder)
+    assert done.returncode in (0, 1) and not done.stderr, done.stderr
+    lines = done.stdout.splitlines()
+    facts = dict(line.split(" ", 1) for line in lines[:5])
+    numbers = [float(x) for line in lines[5:] if not line[0].isalpha() for x in line.split()]
+    status = int(facts["status"].split(":")[0])
+    return Answer(status, float(facts["cost"]), int(facts["iterations"]), np.array(numbers))
+
+
+def in_python(nlp: Transcription, x: np.ndarray, duals: Duals | None) -> Outcome:
+    with np.errstate(all="ignore"):
+        return judged(nlp, solve_ipm(nlp, x, Options(), duals), Options())
+
+
+def cart(order: int, steps: int) -> dmoc.Problem:
+    reference = find("cart_pendulum")
+    return dmoc.Problem(dmoc.load("cart_pendulum", order=order), **reference.defaults).but(
+        steps=steps
+    )
+
+
+def linkage(order: int) -> dmoc.Problem:
+    """The bob on its rod, from below to the side."""
+    return dmoc.Problem(
+        dmoc.build(bob(), order=order), start={"x": 0, "y": -1}, goal={"x": 0.6, "y": -0.8},
+        steps=12, final_time=1.0, bounds={"u": (-30, 30)},
+    )  # fmt: skip
+
+
+def design() -> dmoc.Problem:
+    """The block that is thrown at a wall whose place is chosen, dearer the nearer it is."""
+    system = block_system("carried_wall")
+    wall = next(s for s in system.parameters if s.name == "wall")
+    chosen = replace(system, terminal_cost=-40 * wall)
+    return dmoc.Problem(
+        dmoc.build(chosen), start={"x": 0, "x_dot": 0}, goal={"x": 0, "x_dot": 0},
+        sequence=["wall"], steps=10, final_time=1.0, design={"wall": (0.5, 2)},
+    )  # fmt: skip
+
+
+# Problems with numbers that are set at run time, as the problem has them.
+CASES: dict[str, tuple[Any, dict[str, float], Any]] = {
+    "cart_2": (
+        lambda: cart(2, 15),
+        {
+            "start.alpha": 0.5, "goal.p_x": 0.1, "parameters.m_c": 1.05, "final_time.high": 1.1,
+            "bounds.F.high": 60.0, "start.x_dot": 0.2,
+        },
+        lambda p: p.but(
+            start={**p.start, "alpha": 0.5, "x_dot": 0.2}, goal={**p.goal, "p_x": 0.1},
+            parameters={"m_c": 1.05}, final_time=(None, 1.1),
+            bounds={**p.bounds, "F": (-200, 60)},
+        ),
+    ),
+    "cart_4": (
+        lambda: cart(4, 8), {"start.x": 0.1, "parameters.l": 0.52},
+        lambda p: p.but(start={**p.start, "x": 0.1}, parameters={"l": 0.52}),
+    ),
+    "floor": (
+        lambda: against_wall_on_floor(12, 0.1), {"goal.x": -0.1, "final_time": 1.1},
+        lambda p: p.but(goal={**p.goal, "x": -0.1}, final_time=1.1),
+    ),
+    "masses": (
+        lambda: two_masses(10), {"bounds.u.low": -4.2, "goal.b": 1.9, "parameters.f": 0.9},
+        lambda p: p.but(
+            bounds={"u": (-4.2, 4), "w": (-4, 4)}, goal={**p.goal, "b": 1.9}, parameters={"f": 0.9}
+        ),
+    ),
+    "linkage_2": (
+        lambda: linkage(2), {"goal.x": 0.8, "goal.y": -0.6, "final_time": 1.2},
+        lambda p: p.but(goal={"x": 0.8, "y": -0.6}, final_time=1.2),
+    ),
+    "linkage_4": (
+        lambda: linkage(4), {"bounds.u.high": 3.7},
+        lambda p: p.but(bounds={"u": (-30, 3.7)}),
+    ),
+    "design": (
+        design, {"goal.x": 0.1, "design.wall.high": 0.8},
+        lambda p: p.but(goal={**p.goal, "x": 0.1}, design={"wall": (0.5, 0.8)}),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_the_same_answers_as_in_python(case: str, tmp_path: Path) -> None:
+    """From the first motion digit by digit; with other numbers, from the same answer and its
+    multipliers, to 1e-9 of the sizes of the unknowns."""
+    made, numbers, stated = CASES[case]
+    problem, folder = made(), tmp_path / "carried"
+    solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    assert solution.status == "solved", solution.message
+    dmoc.generate_solver(problem, folder, guess=solution)
+    carried, counts = carried_by("carried", problem, solution)
+    nlp, program = carried.nlp, compiled(folder)
+    missing = set(numbers) - {n.name for n in carried.numbers.taken}
+    assert not missing, carried.numbers.kept
+    for words, x, duals in ((("first",), carried.first, None), ((), carried.x, carried.duals)):
+        here, there = in_python(nlp, x, duals), answered(program, folder, *words)
+        assert (there.status, there.iterations) == (CODES.index(here.status), here.iterations)
+        np.testing.assert_allclose(there.x / nlp.unit, here.x, rtol=0, atol=1e-12)
+    assert there.iterations == counts[1]
+    other = Transcription(stated(nlp.problem), nlp.scale)
+    here = in_python(other, carried.x, carried.duals)
+    words = [f"{name}={value!r}" for name, value in numbers.items()]
+    there = answered(program, folder, *words)
+    assert (CODES[there.status], here.status) == ("solved", "solved")
+    assert abs(there.cost - nlp.scale.cost * other.cost(here.x)) <= 1e-9 * (1 + abs(there.cost))
+    np.testing.assert_allclose(there.x / nlp.unit, here.x, rtol=0, atol=1e-9)
+    assert np.abs(there.x / nlp.unit - carried.x).max() > 1e-3
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The solver of the bob from below to the side."""
+    target = tmp_path_factory.mktemp("solver") / "bob"
+    problem = linkage(2)
+    dmoc.generate_solver(problem, target, guess=dmoc.solve(problem, "ipm", starts=1, verify=False))
+    return target
+
+
+@pytest.fixture(scope="module")
+def program(folder: Path) -> str:
+    return compiled(folder)
+
+
+def test_numbers_that_do_not_fit(folder: Path, program: str) -> None:
+    """What is no number, a bound above its own, a name that there is not: nothing is solved."""
+    for word, message in (
+        ("final_time=nan", "final_time: expected a finite number"),
+        ("bounds.u.high=-31", "bounds.u.high: expected bounds with room between them"),
+        ("goal.z=1", "goal.z=1: expected NAME=VALUE with one of these names:"),
+        ("goal.x", "goal.x: expected NAME=VALUE"),
+    ):
+        done = run(program, word, folder=folder)
+        assert done.returncode == 2
+        assert done.stderr.startswith(message), done.stderr
+
+
+def test_states_that_leave_a_constraint_are_no_answer(folder: Path, program: str) -> None:
+    """The rod has 1 m: fixed values settle its rows at the goal, which is looked at afterwards."""
+    done = run(program, "goal.x=0.9", folder=folder)
+    ends = f"status {OUTSIDE}", f"status {CODES.index('infeasible')}"
+    assert any(end in done.stdout for end in ends)
+    assert done.returncode == 1
+
+
+def test_positions_behind_a_surface_are_no_answer(tmp_path: Path) -> None:
+    """The block starts behind the wall at 1."""
+    problem = design().but(design={}, goal={"x": 0.5, "x_dot": 0})
+    target = tmp_path / "thrown"
+    dmoc.generate_solver(problem, target)
+    program = compiled(target)
+    assert answered(program, target, "start.x=0.2").status == 0
+    assert answered(program, target, "start.x=1.2").status in (1, OUTSIDE)
+
+
+def test_folders_that_are_refused(tmp_path: Path) -> None:
+    problem = linkage(2)
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "notes").write_text("mine")
+    with pytest.raises(OutputError, match="full exists and is not an empty folder: name a new one"):
+        dmoc.generate_solver(problem, tmp_path / "full")
+    for name in ("two words", "9lives", "dmoc_solver", "main"):
+        with pytest.raises(OutputError, match="no free name in C: expected letters"):
+            dmoc.generate_solver(problem, tmp_path / name)
+    assert [p.name for p in tmp_path.iterdir()] == ["full"]
+
+
+def test_problems_that_are_refused(tmp_path: Path) -> None:
+    problem = linkage(2)
+    solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    with pytest.raises(ProblemError, match=r"takes \d+ bytes of memory and \d+ bytes of constants"):
+        dmoc.generate_solver(problem, tmp_path / "small", guess=solution, most_bytes=10_000)
+    with pytest.raises(ProblemError, match="no solution to begin with"):
+        dmoc.generate_solver(problem.but(bounds={"u": (-0.1, 0.1)}), tmp_path / "weak")
+    numpy = dmoc.build(bob(), backend="numpy")
+    with pytest.raises(ProblemError, match="run on NumPy"):
+        dmoc.generate_solver(problem.but(kernels=numpy), tmp_path / "numpy")
+    assert not list(tmp_path.iterdir())
+
+
+DRIVER = r"""
+#include "bob.h"
+#include <stdio.h>
+#include <string.h>
+
+static double memory[2][BOB_MEMORY];
+
+static int stop(void *user, int iteration, double cost, double violation, double mu, int restoring)
+{
+    (void)cost, (void)violation, (void)mu, (void)restoring;
+    return ++*(int *)user, iteration >= 2;
+}
+
+static double seconds(void) { return 1e9; }
+
+int main(void)
+{
+    printf("%zu %d\n", dmoc_solver_memory(&bob)/sizeof(double), BOB_MEMORY);
+    printf("%d\n", dmoc_solver_begin(&bob, memory[0], dmoc_solver_memory(&bob) - 1) == NULL);
+    dmoc_solver *a = dmoc_solver_begin(&bob, memory[0], sizeof memory[0]);
+    dmoc_solver *b = dmoc_solver_begin(&bob, memory[1], sizeof memory[1]);
+    dmoc_limits limits = dmoc_solver_limits();
+    int heard = 0;
+    limits.report = stop, limits.user = &heard;
+    dmoc_solver_from_first_motion(a);
+    printf("%d", dmoc_solver_solve(a, &limits));
+    printf(" %d\n", heard);
+    limits.report = NULL, limits.iterations = 1;
+    dmoc_solver_from_first_motion(a);
+    printf("%d\n", dmoc_solver_solve(a, &limits));
+    limits.iterations = 100, limits.seconds = -1, limits.clock = seconds;
+    dmoc_solver_from_first_motion(a);
+    printf("%d\n", dmoc_solver_solve(a, &limits));
+    /* The other one knows nothing of it; it gets on from what it has solved itself. */
+    dmoc_solver_set(b, BOB_FINAL_TIME, 1.1);
+    printf("%d", dmoc_solver_solve(b, NULL));
+    printf(" %d", dmoc_solver_solve(b, NULL));
+    printf(" %d\n", dmoc_solver_end(b).iterations);
+    printf("%g %d\n", dmoc_solver_get(a, BOB_FINAL_TIME), dmoc_solver_find(&bob, "final_time"));
+    int count, rows, columns;
+    const double *t = dmoc_solver_times(b, &count);
+    const double *q = dmoc_solver_table(b, BOB_TABLE_Q, &rows, &columns);
+    printf("%d %.9f %d %d %.9f\n", count, t[count - 1], rows, columns, q[2*rows - 2]);
+    /* Multipliers of the final time: minus the slope of the cost. */
+    static double y[1000], z[1000], x[1000];
+    dmoc_solver_multipliers(b, y, z);
+    memcpy(x, dmoc_solver_unknowns(b), sizeof(double)*(size_t)dmoc_solver_size(&bob));
+    dmoc_solver_from(b, x);
+    const int again = dmoc_solver_solve(b, NULL);
+    printf("%d %d\n", again, dmoc_solver_rows(&bob));
+    for (int r = 0; r < dmoc_solver_rows(&bob); ++r)
+        printf("%.12g\n", y[r]);
+    for (int status = 0; status <= DMOC_OUTSIDE + 1; ++status)
+        printf("%s\n", dmoc_solver_sentence(status));
+    return 0;
+}
+"""
+
+
+def test_what_a_solver_says(folder: Path) -> None:
+    """Memory, limits, interruptions, two solvers beside each other, tables, multipliers and
+    sentences."""
+    (folder / "driver.c").write_text(DRIVER)
+    done = run(compiled(folder, "driver.c"), folder=folder)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    needed, macro = map(int, lines[0].split())
+    assert macro - 160 <= needed <= macro
+    assert lines[1:5] == ["1", f"{CODES.index('interrupted')} 2", "2", "3"]
+    assert lines[5].startswith("0 0") and int(lines[5].split()[2]) <= 2
+    assert lines[6].split()[0] == "1"
+    assert lines[7] == "13 1.100000000 13 2 0.600000000"
+    rows = int(lines[8].split()[1])
+    assert lines[8].split()[0] == "0"
+    problem = linkage(2).but(final_time=1.1)
+    solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    momenta = solution.multipliers["momentum"].ravel()
+    found = np.array(lines[9 : 9 + rows], dtype=float)
+    off = [np.abs(found - y).min() for y in momenta]
+    assert max(off) <= 1e-6 * np.abs(momenta).max()
+    sentences = lines[9 + rows :]
+    for i, status in enumerate(CODES):
+        assert sentences[i] == SENTENCES[Status(status)]
+    assert sentences[BAD_NUMBER].startswith("a number does not fit")
+    assert sentences[OUTSIDE].startswith("the motion penetrates") and sentences[-1] == ""
+
+
+def test_the_sources_are_those_of_the_package(folder: Path) -> None:
+    import dmoc.export
+    import dmoc.program
+    import dmoc.solvers
+
+    places = [Path(p) for m in (dmoc.export, dmoc.program, dmoc.solvers) for p in m.__path__]
+    for name in ("interior_point.c", "ldl.c", "passes.c", "dmoc_solver.c"):
+        (own,) = [p / name for p in places if (p / name).exists()]
+        assert (folder / name).read_text() == own.read_text()
+    every = "".join(p.read_text() for p in folder.glob("*.[ch]") if p.name not in MINE)
+    for word in ("malloc", "calloc", " free(", "<time.h>", "<stdlib.h>", "<stdio.h>"):
+        assert word not in every
+
+
+MINE = ("main.c", "test.c", "driver.c")
+
+
+def test_compiles_as_cpp(folder: Path) -> None:
+    for source in sorted(folder.glob("*.c")):
+        if source.name not in ("driver.c",):
+            done = run(
+                "g++", "-x", "c++", "-std=c++17", *WARNINGS, "-c", source.name, "-o", "/dev/null",
+                folder=folder,
+            )  # fmt: skip
+            assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("tool", ["make", "cmake"])
+def test_the_folder_tests_itself(tool: str, folder: Path, tmp_path: Path) -> None:
+    target = shutil.copytree(folder, tmp_path / "bob", ignore=shutil.ignore_patterns("driver*"))
+    if tool == "make":
+        done = run("make", "test", folder=target)
+    elif shutil.which("cmake"):
+        run("cmake", "-B", "build", folder=target)
+        run("cmake", "--build", "build", folder=target)
+        done = run("build/test_bob", folder=target)
+    else:
+        pytest.fail("install cmake")
+    assert done.returncode == 0 and done.stdout.rstrip().endswith("passed"), done.stdout
+    text = (target / "test.c").read_text()
+    (target / "test.c").write_text(text.replace("const double cost = ", "const double cost = 1 + "))
+    if tool == "make":
+        assert run("make", "test", folder=target).returncode != 0
+
+
+def test_memory_is_what_is_said(folder: Path) -> None:
+    problem = linkage(2)
+    solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    carried, _ = carried_by("bob", problem, solution)
+    assert f"#define BOB_MEMORY {memory_of(carried)}\n" in (folder / "bob.h").read_text()
