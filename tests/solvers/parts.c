@@ -41,11 +41,13 @@ static void newton_step(void)
 {
     const int place[] = {0, 1}, start[] = {0, 1, 3}, row[] = {0, 0, 1}, first[] = {0};
     const int diagonal[] = {0, 2};
+    const dmoc_options options = {0};
     const dmoc_kkt kkt = {2, 0, place, start, row, first, NULL, NULL, diagonal};
     double size[] = {1}, sigma[] = {1, 0.5}, dual[] = {0.7, 0.2}, pull[] = {0.3, 0.05};
     double residual[] = {0.75}, base[] = {3, 0}, K[] = {0, 2, 0}, rest[2];
     double right[2], solution[2], change[2], dv[2], dy[1];
     solver s = {.kkt = &kkt, .n = 1, .m = 1, .slacks = 1, .nv = 2, .size = size, .sigma = sigma};
+    s.options = &options;
     s.dual = dual, s.pull = pull, s.K = K, s.rest = rest;
     s.right = right, s.solution = solution, s.change = change;
     s.ldl = dmoc_ldl_new(2, 0, first, start, row);
