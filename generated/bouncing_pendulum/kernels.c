@@ -369,44 +369,82 @@ KERNEL(drawing, ROW(0), ROW(2), INTO(0, 14))
 #define RATE_WORK_INPUTS {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}
 #define MIN_TIME_INPUTS {"q_k", 1}, {"q_kp1", 1}, {"h", 1}, {"q_c", 1}, {"a", 1}, {"par", 4}
 
+ARRAYS(step, STEP_INPUTS, {"r_minus", 1}, {"r_plus", 1}, {"C_d", 1}, {"r_i", 0})
+ARRAYS(step_jac, STEP_INPUTS, {"r_minus_D", 3}, {"r_plus_D", 3}, {"C_d_D", 0}, {"r_i_D", 0})
+ARRAYS(step_hess, STEP_INPUTS, {"w_r_minus", 1}, {"w_r_plus", 1}, {"w_C_d", 1}, {"w_r_i", 0}, {"hess", 6})
+ARRAYS(impact, STEP_INPUTS, {"e_plus", 1}, {"e_minus", 1})
+ARRAYS(impact_jac, STEP_INPUTS, {"e_plus_D", 3}, {"e_minus_D", 3})
+ARRAYS(impact_hess, STEP_INPUTS, {"w_e_plus", 1}, {"w_e_minus", 1}, {"hess", 6})
+ARRAYS(dynamics, DYNAMICS_INPUTS, {"M", 1}, {"F", 1})
+ARRAYS(residual, RESIDUAL_INPUTS, {"R", 1})
+ARRAYS(residual_jac, RESIDUAL_INPUTS, {"R_D", 2})
+ARRAYS(input_matrix, DYNAMICS_INPUTS, {"B", 0})
+ARRAYS(force, DYNAMICS_INPUTS, {"Q", 1}, {"power", 1})
+ARRAYS(momentum, MOMENTUM_INPUTS, {"p", 1})
+ARRAYS(momentum_jac, MOMENTUM_INPUTS, {"p_D", 1})
+ARRAYS(momentum_hess, MOMENTUM_INPUTS, {"w_p", 1}, {"hess", 0})
+ARRAYS(energy, MOMENTUM_INPUTS, {"E", 1})
+ARRAYS(running_cost, DYNAMICS_INPUTS, {"C", 1}, {"C_DD_u", 0})
+ARRAYS(surface, SURFACE_INPUTS, {"g", 1})
+ARRAYS(surface_jac, SURFACE_INPUTS, {"g_D", 1})
+ARRAYS(surface_hess, SURFACE_INPUTS, {"w_g", 1}, {"hess", 0})
+ARRAYS(gap_rate, MOMENTUM_INPUTS, {"gamma", 1})
+ARRAYS(gap_rate_jac, MOMENTUM_INPUTS, {"gamma_D", 1})
+ARRAYS(gap_rate_hess, MOMENTUM_INPUTS, {"w_gamma", 1}, {"hess", 0})
+ARRAYS(normal, NORMAL_INPUTS, {"n", 1})
+ARRAYS(normal_jac, NORMAL_INPUTS, {"n_D", 1})
+ARRAYS(normal_hess, NORMAL_INPUTS, {"w_n", 1}, {"hess", 0})
+ARRAYS(moving_work, NORMAL_INPUTS, {"W_t", 1})
+ARRAYS(moving_work_jac, NORMAL_INPUTS, {"W_t_D", 0})
+ARRAYS(moving_work_hess, NORMAL_INPUTS, {"w_W_t", 1}, {"hess", 0})
+ARRAYS(rate_work, RATE_WORK_INPUTS, {"W_gamma", 1})
+ARRAYS(rate_work_jac, RATE_WORK_INPUTS, {"W_gamma_D", 2})
+ARRAYS(rate_work_hess, RATE_WORK_INPUTS, {"w_W_gamma", 1}, {"hess", 1})
+ARRAYS(gap_work, NORMAL_INPUTS, {"W_g", 1})
+ARRAYS(gap_work_jac, NORMAL_INPUTS, {"W_g_D", 2})
+ARRAYS(gap_work_hess, NORMAL_INPUTS, {"w_W_g", 1}, {"hess", 1})
+ARRAYS(min_time, MIN_TIME_INPUTS, {"T_min", 1})
+ARRAYS(min_time_jac, MIN_TIME_INPUTS, {"T_min_D", 4})
+ARRAYS(drawing, SURFACE_INPUTS, {"shapes", 14})
+
 static const dmoc_entry entries[] = {
-    ENTRY(step, 8, 4, STEP_INPUTS, {"r_minus", 1}, {"r_plus", 1}, {"C_d", 1}, {"r_i", 0}),
-    ENTRY(step_jac, 8, 4, STEP_INPUTS, {"r_minus_D", 3}, {"r_plus_D", 3}, {"C_d_D", 0}, {"r_i_D", 0}),
-    ENTRY(step_hess, 12, 1, STEP_INPUTS, {"w_r_minus", 1}, {"w_r_plus", 1}, {"w_C_d", 1}, {"w_r_i", 0}, {"hess", 6}),
-    ENTRY(impact, 8, 2, STEP_INPUTS, {"e_plus", 1}, {"e_minus", 1}),
-    ENTRY(impact_jac, 8, 2, STEP_INPUTS, {"e_plus_D", 3}, {"e_minus_D", 3}),
-    ENTRY(impact_hess, 10, 1, STEP_INPUTS, {"w_e_plus", 1}, {"w_e_minus", 1}, {"hess", 6}),
-    ENTRY(dynamics, 5, 2, DYNAMICS_INPUTS, {"M", 1}, {"F", 1}),
-    ENTRY(residual, 6, 1, RESIDUAL_INPUTS, {"R", 1}),
-    ENTRY(residual_jac, 6, 1, RESIDUAL_INPUTS, {"R_D", 2}),
-    ENTRY(input_matrix, 5, 1, DYNAMICS_INPUTS, {"B", 0}),
-    ENTRY(force, 5, 2, DYNAMICS_INPUTS, {"Q", 1}, {"power", 1}),
-    ENTRY(momentum, 4, 1, MOMENTUM_INPUTS, {"p", 1}),
-    ENTRY(momentum_jac, 4, 1, MOMENTUM_INPUTS, {"p_D", 1}),
-    ENTRY(momentum_hess, 5, 1, MOMENTUM_INPUTS, {"w_p", 1}, {"hess", 0}),
-    ENTRY(energy, 4, 1, MOMENTUM_INPUTS, {"E", 1}),
-    ENTRY(running_cost, 5, 2, DYNAMICS_INPUTS, {"C", 1}, {"C_DD_u", 0}),
-    ENTRY(surface, 3, 1, SURFACE_INPUTS, {"g", 1}),
-    ENTRY(surface_jac, 3, 1, SURFACE_INPUTS, {"g_D", 1}),
-    ENTRY(surface_hess, 4, 1, SURFACE_INPUTS, {"w_g", 1}, {"hess", 0}),
-    ENTRY(gap_rate, 4, 1, MOMENTUM_INPUTS, {"gamma", 1}),
-    ENTRY(gap_rate_jac, 4, 1, MOMENTUM_INPUTS, {"gamma_D", 1}),
-    ENTRY(gap_rate_hess, 5, 1, MOMENTUM_INPUTS, {"w_gamma", 1}, {"hess", 0}),
-    ENTRY(normal, 4, 1, NORMAL_INPUTS, {"n", 1}),
-    ENTRY(normal_jac, 4, 1, NORMAL_INPUTS, {"n_D", 1}),
-    ENTRY(normal_hess, 5, 1, NORMAL_INPUTS, {"w_n", 1}, {"hess", 0}),
-    ENTRY(moving_work, 4, 1, NORMAL_INPUTS, {"W_t", 1}),
-    ENTRY(moving_work_jac, 4, 1, NORMAL_INPUTS, {"W_t_D", 0}),
-    ENTRY(moving_work_hess, 5, 1, NORMAL_INPUTS, {"w_W_t", 1}, {"hess", 0}),
-    ENTRY(rate_work, 5, 1, RATE_WORK_INPUTS, {"W_gamma", 1}),
-    ENTRY(rate_work_jac, 5, 1, RATE_WORK_INPUTS, {"W_gamma_D", 2}),
-    ENTRY(rate_work_hess, 6, 1, RATE_WORK_INPUTS, {"w_W_gamma", 1}, {"hess", 1}),
-    ENTRY(gap_work, 4, 1, NORMAL_INPUTS, {"W_g", 1}),
-    ENTRY(gap_work_jac, 4, 1, NORMAL_INPUTS, {"W_g_D", 2}),
-    ENTRY(gap_work_hess, 5, 1, NORMAL_INPUTS, {"w_W_g", 1}, {"hess", 1}),
-    ENTRY(min_time, 6, 1, MIN_TIME_INPUTS, {"T_min", 1}),
-    ENTRY(min_time_jac, 6, 1, MIN_TIME_INPUTS, {"T_min_D", 4}),
-    ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 14}),
+    ENTRY(step, 8, 4),
+    ENTRY(step_jac, 8, 4),
+    ENTRY(step_hess, 12, 1),
+    ENTRY(impact, 8, 2),
+    ENTRY(impact_jac, 8, 2),
+    ENTRY(impact_hess, 10, 1),
+    ENTRY(dynamics, 5, 2),
+    ENTRY(residual, 6, 1),
+    ENTRY(residual_jac, 6, 1),
+    ENTRY(input_matrix, 5, 1),
+    ENTRY(force, 5, 2),
+    ENTRY(momentum, 4, 1),
+    ENTRY(momentum_jac, 4, 1),
+    ENTRY(momentum_hess, 5, 1),
+    ENTRY(energy, 4, 1),
+    ENTRY(running_cost, 5, 2),
+    ENTRY(surface, 3, 1),
+    ENTRY(surface_jac, 3, 1),
+    ENTRY(surface_hess, 4, 1),
+    ENTRY(gap_rate, 4, 1),
+    ENTRY(gap_rate_jac, 4, 1),
+    ENTRY(gap_rate_hess, 5, 1),
+    ENTRY(normal, 4, 1),
+    ENTRY(normal_jac, 4, 1),
+    ENTRY(normal_hess, 5, 1),
+    ENTRY(moving_work, 4, 1),
+    ENTRY(moving_work_jac, 4, 1),
+    ENTRY(moving_work_hess, 5, 1),
+    ENTRY(rate_work, 5, 1),
+    ENTRY(rate_work_jac, 5, 1),
+    ENTRY(rate_work_hess, 6, 1),
+    ENTRY(gap_work, 4, 1),
+    ENTRY(gap_work_jac, 4, 1),
+    ENTRY(gap_work_hess, 5, 1),
+    ENTRY(min_time, 6, 1),
+    ENTRY(min_time_jac, 6, 1),
+    ENTRY(drawing, 3, 1),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "2f4d8a56b4555fa881182050fe991698ea0bc6ef896bd119d3473440486c0aa1", 37, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "f9edfdacfdac1245df22a0faac3bb1c032eb5a9cfca4eec77755205c4f6837b4", 37, entries};

@@ -489,44 +489,82 @@ KERNEL(drawing, ROW(0), ROW(2), INTO(0, 34))
 #define RATE_WORK_INPUTS {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}
 #define MIN_TIME_INPUTS {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 3}
 
+ARRAYS(step, STEP_INPUTS, {"r_minus", 2}, {"r_plus", 2}, {"C_d", 1}, {"r_i", 0})
+ARRAYS(step_jac, STEP_INPUTS, {"r_minus_D", 8}, {"r_plus_D", 8}, {"C_d_D", 5}, {"r_i_D", 0})
+ARRAYS(step_hess, STEP_INPUTS, {"w_r_minus", 2}, {"w_r_plus", 2}, {"w_C_d", 1}, {"w_r_i", 0}, {"hess", 13})
+ARRAYS(impact, STEP_INPUTS, {"e_plus", 1}, {"e_minus", 1})
+ARRAYS(impact_jac, STEP_INPUTS, {"e_plus_D", 7}, {"e_minus_D", 7})
+ARRAYS(impact_hess, STEP_INPUTS, {"w_e_plus", 1}, {"w_e_minus", 1}, {"hess", 19})
+ARRAYS(dynamics, DYNAMICS_INPUTS, {"M", 4}, {"F", 2})
+ARRAYS(residual, RESIDUAL_INPUTS, {"R", 2})
+ARRAYS(residual_jac, RESIDUAL_INPUTS, {"R_D", 4})
+ARRAYS(input_matrix, DYNAMICS_INPUTS, {"B", 4})
+ARRAYS(force, DYNAMICS_INPUTS, {"Q", 2}, {"power", 1})
+ARRAYS(momentum, MOMENTUM_INPUTS, {"p", 2})
+ARRAYS(momentum_jac, MOMENTUM_INPUTS, {"p_D", 2})
+ARRAYS(momentum_hess, MOMENTUM_INPUTS, {"w_p", 2}, {"hess", 0})
+ARRAYS(energy, MOMENTUM_INPUTS, {"E", 1})
+ARRAYS(running_cost, DYNAMICS_INPUTS, {"C", 1}, {"C_DD_u", 2})
+ARRAYS(surface, SURFACE_INPUTS, {"g", 4})
+ARRAYS(surface_jac, SURFACE_INPUTS, {"g_D", 4})
+ARRAYS(surface_hess, SURFACE_INPUTS, {"w_g", 4}, {"hess", 0})
+ARRAYS(gap_rate, MOMENTUM_INPUTS, {"gamma", 4})
+ARRAYS(gap_rate_jac, MOMENTUM_INPUTS, {"gamma_D", 4})
+ARRAYS(gap_rate_hess, MOMENTUM_INPUTS, {"w_gamma", 4}, {"hess", 0})
+ARRAYS(normal, NORMAL_INPUTS, {"n", 2})
+ARRAYS(normal_jac, NORMAL_INPUTS, {"n_D", 4})
+ARRAYS(normal_hess, NORMAL_INPUTS, {"w_n", 2}, {"hess", 0})
+ARRAYS(moving_work, NORMAL_INPUTS, {"W_t", 1})
+ARRAYS(moving_work_jac, NORMAL_INPUTS, {"W_t_D", 0})
+ARRAYS(moving_work_hess, NORMAL_INPUTS, {"w_W_t", 1}, {"hess", 0})
+ARRAYS(rate_work, RATE_WORK_INPUTS, {"W_gamma", 1})
+ARRAYS(rate_work_jac, RATE_WORK_INPUTS, {"W_gamma_D", 6})
+ARRAYS(rate_work_hess, RATE_WORK_INPUTS, {"w_W_gamma", 1}, {"hess", 4})
+ARRAYS(gap_work, NORMAL_INPUTS, {"W_g", 4})
+ARRAYS(gap_work_jac, NORMAL_INPUTS, {"W_g_D", 8})
+ARRAYS(gap_work_hess, NORMAL_INPUTS, {"w_W_g", 4}, {"hess", 4})
+ARRAYS(min_time, MIN_TIME_INPUTS, {"T_min", 4})
+ARRAYS(min_time_jac, MIN_TIME_INPUTS, {"T_min_D", 16})
+ARRAYS(drawing, SURFACE_INPUTS, {"shapes", 34})
+
 static const dmoc_entry entries[] = {
-    ENTRY(step, 8, 4, STEP_INPUTS, {"r_minus", 2}, {"r_plus", 2}, {"C_d", 1}, {"r_i", 0}),
-    ENTRY(step_jac, 8, 4, STEP_INPUTS, {"r_minus_D", 8}, {"r_plus_D", 8}, {"C_d_D", 5}, {"r_i_D", 0}),
-    ENTRY(step_hess, 12, 1, STEP_INPUTS, {"w_r_minus", 2}, {"w_r_plus", 2}, {"w_C_d", 1}, {"w_r_i", 0}, {"hess", 13}),
-    ENTRY(impact, 8, 2, STEP_INPUTS, {"e_plus", 1}, {"e_minus", 1}),
-    ENTRY(impact_jac, 8, 2, STEP_INPUTS, {"e_plus_D", 7}, {"e_minus_D", 7}),
-    ENTRY(impact_hess, 10, 1, STEP_INPUTS, {"w_e_plus", 1}, {"w_e_minus", 1}, {"hess", 19}),
-    ENTRY(dynamics, 5, 2, DYNAMICS_INPUTS, {"M", 4}, {"F", 2}),
-    ENTRY(residual, 6, 1, RESIDUAL_INPUTS, {"R", 2}),
-    ENTRY(residual_jac, 6, 1, RESIDUAL_INPUTS, {"R_D", 4}),
-    ENTRY(input_matrix, 5, 1, DYNAMICS_INPUTS, {"B", 4}),
-    ENTRY(force, 5, 2, DYNAMICS_INPUTS, {"Q", 2}, {"power", 1}),
-    ENTRY(momentum, 4, 1, MOMENTUM_INPUTS, {"p", 2}),
-    ENTRY(momentum_jac, 4, 1, MOMENTUM_INPUTS, {"p_D", 2}),
-    ENTRY(momentum_hess, 5, 1, MOMENTUM_INPUTS, {"w_p", 2}, {"hess", 0}),
-    ENTRY(energy, 4, 1, MOMENTUM_INPUTS, {"E", 1}),
-    ENTRY(running_cost, 5, 2, DYNAMICS_INPUTS, {"C", 1}, {"C_DD_u", 2}),
-    ENTRY(surface, 3, 1, SURFACE_INPUTS, {"g", 4}),
-    ENTRY(surface_jac, 3, 1, SURFACE_INPUTS, {"g_D", 4}),
-    ENTRY(surface_hess, 4, 1, SURFACE_INPUTS, {"w_g", 4}, {"hess", 0}),
-    ENTRY(gap_rate, 4, 1, MOMENTUM_INPUTS, {"gamma", 4}),
-    ENTRY(gap_rate_jac, 4, 1, MOMENTUM_INPUTS, {"gamma_D", 4}),
-    ENTRY(gap_rate_hess, 5, 1, MOMENTUM_INPUTS, {"w_gamma", 4}, {"hess", 0}),
-    ENTRY(normal, 4, 1, NORMAL_INPUTS, {"n", 2}),
-    ENTRY(normal_jac, 4, 1, NORMAL_INPUTS, {"n_D", 4}),
-    ENTRY(normal_hess, 5, 1, NORMAL_INPUTS, {"w_n", 2}, {"hess", 0}),
-    ENTRY(moving_work, 4, 1, NORMAL_INPUTS, {"W_t", 1}),
-    ENTRY(moving_work_jac, 4, 1, NORMAL_INPUTS, {"W_t_D", 0}),
-    ENTRY(moving_work_hess, 5, 1, NORMAL_INPUTS, {"w_W_t", 1}, {"hess", 0}),
-    ENTRY(rate_work, 5, 1, RATE_WORK_INPUTS, {"W_gamma", 1}),
-    ENTRY(rate_work_jac, 5, 1, RATE_WORK_INPUTS, {"W_gamma_D", 6}),
-    ENTRY(rate_work_hess, 6, 1, RATE_WORK_INPUTS, {"w_W_gamma", 1}, {"hess", 4}),
-    ENTRY(gap_work, 4, 1, NORMAL_INPUTS, {"W_g", 4}),
-    ENTRY(gap_work_jac, 4, 1, NORMAL_INPUTS, {"W_g_D", 8}),
-    ENTRY(gap_work_hess, 5, 1, NORMAL_INPUTS, {"w_W_g", 4}, {"hess", 4}),
-    ENTRY(min_time, 6, 1, MIN_TIME_INPUTS, {"T_min", 4}),
-    ENTRY(min_time_jac, 6, 1, MIN_TIME_INPUTS, {"T_min_D", 16}),
-    ENTRY(drawing, 3, 1, SURFACE_INPUTS, {"shapes", 34}),
+    ENTRY(step, 8, 4),
+    ENTRY(step_jac, 8, 4),
+    ENTRY(step_hess, 12, 1),
+    ENTRY(impact, 8, 2),
+    ENTRY(impact_jac, 8, 2),
+    ENTRY(impact_hess, 10, 1),
+    ENTRY(dynamics, 5, 2),
+    ENTRY(residual, 6, 1),
+    ENTRY(residual_jac, 6, 1),
+    ENTRY(input_matrix, 5, 1),
+    ENTRY(force, 5, 2),
+    ENTRY(momentum, 4, 1),
+    ENTRY(momentum_jac, 4, 1),
+    ENTRY(momentum_hess, 5, 1),
+    ENTRY(energy, 4, 1),
+    ENTRY(running_cost, 5, 2),
+    ENTRY(surface, 3, 1),
+    ENTRY(surface_jac, 3, 1),
+    ENTRY(surface_hess, 4, 1),
+    ENTRY(gap_rate, 4, 1),
+    ENTRY(gap_rate_jac, 4, 1),
+    ENTRY(gap_rate_hess, 5, 1),
+    ENTRY(normal, 4, 1),
+    ENTRY(normal_jac, 4, 1),
+    ENTRY(normal_hess, 5, 1),
+    ENTRY(moving_work, 4, 1),
+    ENTRY(moving_work_jac, 4, 1),
+    ENTRY(moving_work_hess, 5, 1),
+    ENTRY(rate_work, 5, 1),
+    ENTRY(rate_work_jac, 5, 1),
+    ENTRY(rate_work_hess, 6, 1),
+    ENTRY(gap_work, 4, 1),
+    ENTRY(gap_work_jac, 4, 1),
+    ENTRY(gap_work_hess, 5, 1),
+    ENTRY(min_time, 6, 1),
+    ENTRY(min_time_jac, 6, 1),
+    ENTRY(drawing, 3, 1),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "26d34b8489325db223bb231fd7096e3c9247a5a28f8414ddc9850451bda29626", 37, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "aa7846fc93d8adad2c24d98a664acf6c383cc590b7896dee1739c81c267c2b34", 37, entries};
