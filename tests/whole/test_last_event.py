@@ -265,6 +265,9 @@ def test_bounds_hold_after_the_event_too() -> None:
     """A wall that is left with 0.8 breaks a bound of 0.7."""
     problem = against_wall(goal={"x_dot": (None, -0.5)}, bounds={"x_dot": (-0.7, None)})
     assert dmoc.solve(problem).phases[-1].v[0, 0] >= -0.7 - 1e-9
+    motion = dmoc.solve(against_wall()).trajectory
+    check = dmoc.verify(replace(motion, limits={"x_dot": (-0.7, np.inf)}), problem.kernels)
+    assert "the bound of x_dot is exceeded" in check.message
     with pytest.raises(ProblemError, match=r"the goal of x_dot .* outside its bounds"):
         against_wall(bounds={"x_dot": (-0.7, None)})
 
