@@ -83,9 +83,10 @@ class Problem(Shown):
         friction of a closed contact or a rail; several at one event are separated by blanks
         ("+right -left").
     steps : int or sequence of int, optional
-        Number of steps N_i of each phase; one phase more than collisions.  Without it a solve
-        chooses its mesh: it begins with a coarse one and refines it; and the kernels of a system
-        are built of order 4, unless ``controls`` is one of order 2 alone.
+        Number of steps N_i of each phase; one phase more than collisions, 0 for a last one whose
+        duration is 0.  Without it a solve chooses its mesh: it begins with a coarse one and refines
+        it; and the kernels of a system are built of order 4, unless ``controls`` is one of order 2
+        alone.
     final_time : number or pair, optional
         Final time t_E in seconds, or its bounds (None for no bound).
     durations : sequence of pairs, optional
