@@ -81,8 +81,6 @@ def force_errors(motion: Motion) -> tuple[Findings, tuple[Array, Array, Array]]:
         sentences += _pulling(motion, i, flow, normal)
         sentences += _slipping(motion, i, flow, tangential)
         sentences += _turning(motion, i)
-    for i in range(motion.stepped, len(motion.modes)):  # after an event at the end
-        sentences += [*_off(motion, i), *_turning(motion, i)]
     # What leaves or begins to slide would not, with the inputs after the event, kept as it was.
     for i in range(motion.stepped - 1):
         sentences += _pressed(motion, i, normal)

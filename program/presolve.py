@@ -98,11 +98,8 @@ def _settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Sett
         closed, sticks = touch.is_closed[[0, -1]], touch.sticks[[0, -1]]
         if lay.ends_with_event:  # its surface has rows at the end, whatever there is at the start
             closed[0] = sticks[0] = True
-        met = closed.copy()
-        if lay.ends_with_event:
-            met[1, touch.surfaces[-1]] = True
         for rows, values, last in (
-            (places, _gaps, met), (rates, _gap_rates, closed), (slides, _slide_rates, sticks),
+            (places, _gaps, closed), (rates, _gap_rates, closed), (slides, _slide_rates, sticks),
         ):  # fmt: skip
             _relate(rows, _alike(values(problem, back), values(problem, end)), last)
         same = _alike(_tangents(problem, back), _tangents(problem, end)).diagonal()

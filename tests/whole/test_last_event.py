@@ -17,6 +17,7 @@ from systems import block_on_floor, block_system, dropped_ball, landing_system, 
 import dmoc
 from dmoc.base.errors import ProblemError, SimulationError
 from dmoc.motion.trajectory import Trajectory
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.outcome import Status
 
 G = 9.81
@@ -127,6 +128,20 @@ def test_what_fixed_values_say_of_a_plastic_end_is_not_said_twice(
     assert solution.solved and solution.cost == approx(1.5, abs=1e-9)
     assert solution.phases[-1].v[0] == approx([0.0], abs=1e-12)
     assert solution.phases[-1].closed == (("wall",) if word == "+wall" else ())
+
+
+def test_rows_that_fixed_values_settle_are_left_out() -> None:
+    """Rows that depend on no other unknown would leave multipliers open."""
+    stops = Transcription(against_wall(goal={"x": 1.0, "x_dot": 0.0}, sequence=["+wall"])).laws
+    assert not stops.impact.contact.count and not stops.impact.energy.count
+    rests = {"x": 1.0, "y": 0.0, "x_dot": 0.0, "y_dot": 0.0}
+    lands = Transcription(thrown_block(4, "+floor", goal=rests)).laws
+    assert not lands.friction.sticks.count and not lands.impact.energy.count
+    returns = {"start": {"x": 1.0, "x_dot": None}, "goal": {}, "periodic": ["x", "x_dot"]}
+    assert not Transcription(against_wall(**returns)).laws.impact.contact.count
+    bounded = Transcription(against_wall(bounds={"x_dot": (-2, 2)}))
+    at_end = bounded.layout.index_v_E
+    assert [limit[at_end].tolist() for limit in bounded.limits] == [[-0.8], [-0.8]]
 
 
 @pytest.mark.parametrize("order", [2, 4])
