@@ -121,6 +121,11 @@ def generate_solver(
             f"the kernels of {problem.kernels.name!r} run on NumPy, and a solver in C needs "
             "compiled ones: install a C compiler and build the model again."
         )
+    if problem.ends_with_event:
+        raise ProblemError(
+            "the problem ends with its last event, and a solver in C has phases with steps alone: "
+            "give the last phase a duration."
+        )
     solution = guess if isinstance(guess, Solution) else solve(problem, "ipm", guess=guess)
     carried, iterations = carried_by(name, problem, solution)
     texts = _texts(carried, iterations, most)

@@ -16,6 +16,7 @@ from systems import block_on_floor, block_system, dropped_ball, landing_system, 
 
 import dmoc
 from dmoc.base.errors import ProblemError, SimulationError
+from dmoc.export.solver import generate_solver
 from dmoc.motion.trajectory import Trajectory
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.outcome import Status
@@ -445,3 +446,8 @@ def test_a_step_of_a_walker_costs_the_same_from_mid_stance_on(
     halves = whole.but(steps=20, durations=[walker.TIME / 2] * 2)
     costs = [dmoc.solve(problem, starts=3).cost for problem in (whole, halves)]
     assert costs[0] == approx(costs[1], abs=1e-6) and costs[0] == approx(390.7905, abs=1e-3)
+
+
+def test_a_solver_in_c_has_phases_with_steps_only(tmp_path: Path) -> None:
+    with pytest.raises(ProblemError, match="has phases with steps alone"):
+        generate_solver(against_wall(), tmp_path / "solver")
