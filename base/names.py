@@ -51,6 +51,11 @@ def momentum_name(coordinate: str) -> str:
     return f"p_{coordinate}"
 
 
+def bounded_momentum(coordinate: str) -> str:
+    """The quantity that the momentum of a coordinate is where it is bounded along the way."""
+    return f"momentum_{coordinate}"
+
+
 def unit_of(name: str, units: Mapping[str, str]) -> str:
     """Unit of a coordinate, velocity or momentum from those of coordinates; empty where it is not
     known."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dmoc.base.arguments import check_known, choice, flag, shown
 from dmoc.base.discretisation import known_order
 from dmoc.base.errors import BuildError, ModelError, ProblemError
-from dmoc.base.names import name_of
+from dmoc.base.names import bounded_momentum, momentum_name, name_of
 from dmoc.base.progress import Listener, listener
 from dmoc.codegen.build import build_cached, numpy_kernels
 from dmoc.codegen.kernels import Kernels
@@ -126,6 +126,30 @@ def kernels_of(model: Any, order: int, design: Sequence[str] = ()) -> Kernels:
         f"kernels = {shown(model)}: expected the kernels of a model (dmoc.build, dmoc.load), or a "
         "MechanicalSystem."
     )
+
+
+def with_momenta(model: Any, bounds: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
+    """Kernels or a system whose quantities have the momenta that ``bounds`` name, and the bounds of
+    these quantities instead; what is neither is as it was."""
+    bounded = [
+        q for q in map(name_of, getattr(model, "coordinates", ())) if momentum_name(q) in bounds
+    ]
+    own = {momentum_name(q): bounded_momentum(q) for q in bounded}
+    named = {own.get(name, name): value for name, value in bounds.items()}
+    missing = [q for q in bounded if bounded_momentum(q) not in model.quantities]
+    if not missing:
+        return model, named
+    if not isinstance(model, Kernels):
+        return model.with_momenta(missing), named
+    if model.system is None:
+        raise ProblemError(
+            f"the bounds of {', '.join(map(momentum_name, missing))} need kernels with these "
+            f"momenta, and those of {model.name!r} do not know their system: state the problem "
+            "with the MechanicalSystem."
+        )
+    system, order = model.system().with_momenta(missing), model.manifest["order"]
+    made = _built(system, order, model.backend, design=model.design)
+    return replace(made, reference=model.reference), named
 
 
 def _in_order(parameters: Iterable[str], design: Sequence[str]) -> list[str]:

@@ -20,7 +20,7 @@ from dmoc.base.arguments import (
     whole,
 )
 from dmoc.base.errors import ProblemError
-from dmoc.base.names import momentum_name, velocity_name
+from dmoc.base.names import bounded_momentum, momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
 from dmoc.problem.dependent import following_rates, places_follow
@@ -191,13 +191,8 @@ def names_in(problem: Problem, field: str) -> tuple[list[str], str]:
 
 def boxes_of(problem: Problem, names: Sequence[str]) -> Array:
     """Bounds of inputs, coordinates, velocities or quantities, shape (names, 2)."""
-    kernels, (bounded, what) = problem.kernels, names_in(problem, "bounds")
+    bounded, what = names_in(problem, "bounds")
     for name in problem.bounds:
-        if name in map(momentum_name, kernels.coordinates) and name not in bounded:
-            raise ProblemError(
-                f"momentum {name} has no bounds along the way: bound a velocity, or name the "
-                'momentum in the model, as quantities={"p": L.diff(x.diff())}.'
-            )
         check_known(name, bounded, what, "in the bounds")
     boxes = [limits(problem.bounds.get(name), f"bounds of {name}", BOX) for name in names]
     return np.array(boxes, dtype=float).reshape(len(names), 2)
@@ -235,6 +230,7 @@ def boundary_of(problem: Problem, end: str) -> Boundary:
     for names, ranges, boxes in (
         (coordinates, boundary.position, problem.coordinate_bounds),
         (velocities, boundary.velocity, problem.velocity_bounds),
+        (momenta, momentum, boxes_of(problem, [bounded_momentum(q) for q in coordinates])),
     ):
         for name, (low, high), (below, above) in zip(names, ranges, boxes, strict=True):
             if high < below or low > above:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from dmoc.base.arguments import check_known, flag, listed, names, shown
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import ProblemError
-from dmoc.codegen.system_kernels import kernels_of
+from dmoc.codegen.system_kernels import kernels_of, with_momenta
 from dmoc.mechanics.model_values import by_name
 from dmoc.problem.design import check_design, design_of
 from dmoc.problem.ranges import check_size, steps_of
@@ -33,9 +33,10 @@ def read(problem: Problem) -> None:
         contacts=tuple(names(p.contacts, "contacts", "surfaces")),
     )
     put(design=design_of(p.design))
-    put(kernels=kernels_of(p.kernels, _order(p), list(p.design)))
+    model, bounds = with_momenta(p.kernels, by_name(p.bounds, "bounds"))
+    put(kernels=kernels_of(model, _order(p), list(p.design)), bounds=bounds)
     put(design={name: p.design[name] for name in p.kernels.parameters if name in p.design})
-    for name in ("start", "goal", "bounds", "parameters"):
+    for name in ("start", "goal", "parameters"):
         put(**{name: by_name(getattr(p, name), name)})
     if not isinstance(p.control_form, str) or p.control_form not in p.scheme.controls:
         raise ProblemError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
-from dmoc.base.names import check_name, name_of
+from dmoc.base.names import bounded_momentum, check_name, momentum_name, name_of, unit_of
 from dmoc.base.table import Shown, Table
 from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.drawing import Part, with_normal
@@ -306,6 +306,18 @@ class MechanicalSystem(Shown):
     def mass_matrix(self) -> sp.Matrix:
         """M(q) = d2L/dq'2."""
         return sp.hessian(expanded(self.lagrangian, self.definitions), self.velocities)
+
+    def with_momenta(self, coordinates: Sequence[str]) -> MechanicalSystem:
+        """The same system, whose quantities have the momenta dL/dq' of some coordinates."""
+        energies = expanded(self.lagrangian, self.definitions)
+        by_name = dict(zip(map(name_of, self.coordinates), self.velocities, strict=True))
+        momenta = {bounded_momentum(q): energies.diff(by_name[q]) for q in coordinates}
+        of_names = {name_of(q): unit for q, unit in self.units.items()}
+        units = {bounded_momentum(q): unit_of(momentum_name(q), of_names) for q in coordinates}
+        return replace(
+            self, quantities={**self.quantities, **momenta},
+            units={**self.units, **{name: unit for name, unit in units.items() if unit}},
+        )  # fmt: skip
 
     def fingerprint(self) -> str:
         """Return a digest of everything that solutions depend on."""
