@@ -216,7 +216,7 @@ def _number_rows(nlp: Transcription, numbers: Numbers) -> tuple[list[str], list[
     rows, changes = list[str](), list[str]()
     for n in numbers.taken:
         limits = [places.get(f"bounds.{n.path[-1]}.{side}", -1) for side in SIDES]
-        limits = limits if n.path[0] in ENDS else [-1, -1]
+        limits = limits if n.path[0] in (*ENDS, "via") else [-1, -1]
         first = len(changes)
         for entry, slope in zip(n.entries.tolist(), n.slopes.tolist(), strict=True):
             array = int(np.searchsorted(ends, entry, side="right")) - 1
