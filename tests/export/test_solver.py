@@ -203,6 +203,19 @@ def test_states_that_leave_a_constraint_are_no_answer(folder: Path, program: str
     assert done.returncode == 1
 
 
+def test_a_place_at_an_event_keeps_the_bounds_of_its_coordinate(tmp_path: Path) -> None:
+    reference = find("puck_table")
+    stated = {**reference.defaults, "sequence": ["east"], "steps": 8, "via": [{"y": 0.4}]}
+    problem = dmoc.Problem(reference.kernels(), **{**stated, "bounds": {"y": (-1.0, 0.8)}})
+    target = tmp_path / "puck"
+    dmoc.generate_solver(problem, target)
+    program = compiled(target)
+    assert answered(program, target, "via.0.y=0.5").status == 0
+    done = run(program, "via.0.y=0.9", folder=target)
+    assert done.returncode == 2
+    assert done.stderr.startswith("via.0.y: expected no more than its upper bound")
+
+
 def test_positions_behind_a_surface_are_no_answer(tmp_path: Path) -> None:
     """The block starts behind the wall at 1."""
     problem = design().but(design={}, goal={"x": 0.5, "x_dot": 0})
