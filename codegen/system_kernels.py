@@ -139,15 +139,17 @@ def with_momenta(model: Any, bounds: Mapping[str, Any]) -> tuple[Any, dict[str, 
     missing = [q for q in bounded if bounded_momentum(q) not in model.quantities]
     if not missing:
         return model, named
+    from dmoc.symbolic.system import with_momenta as system_with_momenta
+
     if not isinstance(model, Kernels):
-        return model.with_momenta(missing), named
+        return system_with_momenta(model, missing), named
     if model.system is None:
         raise ProblemError(
             f"the bounds of {', '.join(map(momentum_name, missing))} need kernels with these "
             f"momenta, and those of {model.name!r} do not know their system: state the problem "
             "with the MechanicalSystem."
         )
-    system, order = model.system().with_momenta(missing), model.manifest["order"]
+    system, order = system_with_momenta(model.system(), missing), model.manifest["order"]
     made = _built(system, order, model.backend, design=model.design)
     return replace(made, reference=model.reference), named
 

@@ -128,7 +128,7 @@ def program_text(carried: Carried) -> tuple[list[str], int]:
         c.array("double", carried.x), c.array("double", carried.duals.rows),
         c.array("double", carried.duals.z), c.array("double", carried.first),
     ]  # fmt: skip
-    last = [f"const dmoc_carried {carried.name} = {{", *(f"    {f}," for f in fields), "};"]
+    last = [f"const dmoc_carried {carried.name}_problem = {{", *(f"    {f}," for f in fields), "};"]
     return [*c.lines, "", *last], c.size
 
 
@@ -256,6 +256,7 @@ def _places(c: Constants, nlp: Transcription, entries: Mapping[str, str]) -> str
 def _held(nlp: Transcription, mode: Mode) -> Index:
     """2 for closed surfaces, 1 for others, 0 for those that hold nothing back."""
     held = np.ones(nlp.problem.model.nc, dtype=np.intp)
-    held[[nlp.kernels.surfaces.index(name) for name in nlp.problem.ignored]] = 0
+    numbers = nlp.problem.touch.contacts.surface_numbers
+    held[[numbers[name] for name in nlp.problem.ignored]] = 0
     held[list(mode.closed)] = 2
     return held

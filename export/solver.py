@@ -59,8 +59,13 @@ KERNELS = ("kernels.c", "kernels.h")
 # Doubles that hold a solver, without what it works with; rows that an element works on at a time
 # (passes.c).
 OF_SOLVER, ROWS = 160, 64
-# Words that cannot name the problem in C.
-TAKEN = re.compile(r"dmoc.*|main|test|memory|answer|numbers|changes|tables|parts|kernels|[dip]\d*")
+# Names that sources of the solver, headers of C or targets of make have.
+TAKEN = re.compile(
+    "dmoc.*|interior_.*|ldl.*|passes|kernels|program|main|test.*|all|clean|build|"
+    "assert|complex|ctype|errno|fenv|float|inttypes|iso646|limits|locale|math|setjmp|signal|"
+    "stdalign|stdarg|stdatomic|stdbool|stddef|stdint|stdio|stdlib|stdnoreturn|string|strings|"
+    "tgmath|threads|time|uchar|unistd|wchar|wctype"
+)
 
 
 def generate_solver(
@@ -139,8 +144,8 @@ def _new_folder(folder: Any) -> tuple[str, Path]:
     name = target.resolve().name
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", name) or TAKEN.fullmatch(name):
         raise OutputError(
-            f"{place(target)} names the solver {shown(name)}, which is no free name in C: expected "
-            "letters, digits and underscores, such as swing_up."
+            f"{place(target)} names the solver {shown(name)}, which is no free name in C: "
+            "expected letters, digits and underscores, such as swing_up, and no name of C or make."
         )
     if target.exists() and not (target.is_dir() and not any(target.iterdir())):
         raise OutputError(

@@ -60,7 +60,7 @@ class SlidingSpeed(sp.Symbol):  # type: ignore[misc]  # SymPy has no types
     ... )
     >>> run = dmoc.simulate(block, {"x": 0}, {"x": 1}, step_size=0.01, steps=100)
     >>> round(run.rubbing[0].end, 4)
-    0.9318
+    0.9307
     """
 
     def _latex(self, _: Any) -> str:

@@ -307,18 +307,6 @@ class MechanicalSystem(Shown):
         """M(q) = d2L/dq'2."""
         return sp.hessian(expanded(self.lagrangian, self.definitions), self.velocities)
 
-    def with_momenta(self, coordinates: Sequence[str]) -> MechanicalSystem:
-        """The same system, whose quantities have the momenta dL/dq' of some coordinates."""
-        energies = expanded(self.lagrangian, self.definitions)
-        by_name = dict(zip(map(name_of, self.coordinates), self.velocities, strict=True))
-        momenta = {bounded_momentum(q): energies.diff(by_name[q]) for q in coordinates}
-        of_names = {name_of(q): unit for q, unit in self.units.items()}
-        units = {bounded_momentum(q): unit_of(momentum_name(q), of_names) for q in coordinates}
-        return replace(
-            self, quantities={**self.quantities, **momenta},
-            units={**self.units, **{name: unit for name, unit in units.items() if unit}},
-        )  # fmt: skip
-
     def fingerprint(self) -> str:
         """Return a digest of everything that solutions depend on."""
         parts = [
@@ -355,3 +343,16 @@ def check_system(system: Any) -> None:
     """Raise ModelError unless the argument of a function is a system."""
     if not isinstance(system, MechanicalSystem):
         raise ModelError(f"system = {shown(system)}: expected a MechanicalSystem.")
+
+
+def with_momenta(system: MechanicalSystem, coordinates: Sequence[str]) -> MechanicalSystem:
+    """The same system, whose quantities have the momenta dL/dq' of some coordinates."""
+    energies = expanded(system.lagrangian, system.definitions)
+    by_name = dict(zip(map(name_of, system.coordinates), system.velocities, strict=True))
+    momenta = {bounded_momentum(q): energies.diff(by_name[q]) for q in coordinates}
+    of_names = {name_of(q): unit for q, unit in system.units.items()}
+    units = {bounded_momentum(q): unit_of(momentum_name(q), of_names) for q in coordinates}
+    return replace(
+        system, quantities={**system.quantities, **momenta},
+        units={**system.units, **{name: unit for name, unit in units.items() if unit}},
+    )  # fmt: skip
