@@ -9,7 +9,7 @@ import numpy as np
 
 from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import infinite_where_none
-from dmoc.check.path_limits import Excess, IntegratedSteps
+from dmoc.check.path_limits import ALMOST_NOTHING, Excess, IntegratedSteps
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
 
@@ -29,6 +29,7 @@ def integral_errors(
         return 0.0, ()
     parts = [_integrals(motion, course) for course in courses]
     values, sizes = np.sum(parts, axis=0)
+    sizes = np.maximum(sizes, _least(motion, courses))
     sizes = np.where(sizes > 0, sizes, 1.0)
     said = np.array(
         [motion.trajectory.totals.get(n, v) for n, v in zip(names, values, strict=True)]
@@ -43,6 +44,19 @@ def integral_errors(
             what = f"the bound of {name} ({value:.6g})"
             excesses.append(Excess(excess, excess, what, motion.trajectory.final_time))
     return error, tuple(excesses)
+
+
+def _least(motion: Motion, courses: Sequence[IntegratedSteps]) -> Array:
+    """Sizes of integrals below which there are rounding errors: a share of those over the whole
+    time of motions whose velocities and inputs are of their sizes, shape (number,)."""
+    sizes, states = motion.sizes, [c.at(0.5) for c in courses if len(c.steps)]
+    q, _, u, t = (np.concatenate(part) for part in zip(*states, strict=True))
+    used = np.abs(u).max(axis=0, initial=0.0)
+    needed = np.where(np.isfinite(motion.needed_inputs), motion.needed_inputs, 0.0)
+    v = np.tile(sizes.v, (len(q), 1))
+    c = motion.model.integrands(q, v, np.tile(np.maximum(used, needed), (len(q), 1)), t)
+    most = np.nan_to_num(np.abs(c), posinf=0.0).max(axis=0)
+    return np.asarray(ALMOST_NOTHING * sizes.time * most)
 
 
 def _integrals(motion: Motion, course: IntegratedSteps) -> Array:

@@ -95,8 +95,12 @@ def generate(
         out_option("Folder for the sources; by default a folder of the model's name."),
     ] = None,
     order: Annotated[
-        int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
-    ] = 2,
+        int | None,
+        typer.Option(
+            help=f"Order of the discretisation, one of {ORDERS_SHOWN}; by default 2, or the order "
+            "of the problem."
+        ),
+    ] = None,
     solver: Annotated[
         bool, typer.Option("--solver", help="A solver of the problem, with all that it needs.")
     ] = False,
@@ -110,7 +114,7 @@ def generate(
     from dmoc.models.registry import find
     from dmoc.symbolic.families import model_spec
 
-    files = c_files(model_spec(find(model).system(), order)) | header()
+    files = c_files(model_spec(find(model).system(), order or 2)) | header()
     folder = target or Path(find(model).system().name)
     try:
         paths = write_files(folder, files)
@@ -122,7 +126,7 @@ def generate(
         out.print(str(path), soft_wrap=True)
 
 
-def _generate_solver(model: str, target: Path | None, order: int) -> None:
+def _generate_solver(model: str, target: Path | None, order: int | None) -> None:
     from dmoc.export.solver import generate_solver
     from dmoc.models.registry import find
     from dmoc.problem.problem import Problem

@@ -131,12 +131,14 @@ def kernels_of(model: Any, order: int, design: Sequence[str] = ()) -> Kernels:
 def with_momenta(model: Any, bounds: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
     """Kernels or a system whose quantities have the momenta that ``bounds`` name, and the bounds of
     these quantities instead; what is neither is as it was."""
-    bounded = [
-        q for q in map(name_of, getattr(model, "coordinates", ())) if momentum_name(q) in bounds
-    ]
-    own = {momentum_name(q): bounded_momentum(q) for q in bounded}
+    coordinates = [name_of(q) for q in getattr(model, "coordinates", ())]
+    own = {momentum_name(q): bounded_momentum(q) for q in coordinates}
+    for name, quantity in own.items():
+        if name in bounds and quantity in bounds:
+            raise ProblemError(f"bounds give {name} and {quantity}, the same momentum: give one.")
     named = {own.get(name, name): value for name, value in bounds.items()}
-    missing = [q for q in bounded if bounded_momentum(q) not in model.quantities]
+    missing = [q for q in coordinates if bounded_momentum(q) in named]
+    missing = [q for q in missing if bounded_momentum(q) not in model.quantities]
     if not missing:
         return model, named
     from dmoc.symbolic.system import with_momenta as system_with_momenta

@@ -123,7 +123,8 @@ def numbers_of(nlp: Transcription) -> Numbers:
     taken, kept = list[Number](), list[str]()
     for number in _stated(problem, states):
         tried = _tried(nlp, base, number, fixed)
-        if tried is None:
+        idle = tried is not None and tried.pool == NOT_ONE and not len(tried.entries)
+        if tried is None or (idle and not any(s and tried.name in s.names for s in states)):
             kept.append(number.name)
         else:
             taken.append(tried)
@@ -178,8 +179,8 @@ def _state(nlp: Transcription, end: str) -> State | None:
     v = problem.model.velocity(place[:, 0], boundary.momentum[:, 0])
     said = [stated.get(name) for name in velocities]
     values = [x if isinstance(x, (int, float)) else y for x, y in zip(said, v, strict=True)]
-    if not any(said) and problem.kernels.joints:  # what the constraints make of it
-        velocities = ["" for _ in velocities]
+    if problem.kernels.joints:  # what is not said is what the constraints make of it
+        velocities = [n if x is not None else "" for n, x in zip(velocities, said, strict=True)]
     given = [f"{end}.{q}" if stated.get(q) is not None else "" for q in names]
     named = [f"{end}.{name}" if name else "" for name in velocities]
     return State((*given, *named), np.array([*place[:, 0], *values], dtype=float), p)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
+from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 from importlib.metadata import version
@@ -158,6 +160,11 @@ def _new_folder(folder: Any) -> tuple[str, Path]:
 def carried_by(name: str, problem: Problem, solution: Solution) -> tuple[Carried, tuple[int, int]]:
     """What a solver is made of, and the iterations that it takes from the first motion and from the
     answer."""
+    if solution.status is Status.NOT_VERIFIED:
+        raise ProblemError(
+            f"the solution is not verified ({solution.message}): a solver has its mesh, so take "
+            "more steps."
+        )
     if not solution.minimum:
         raise ProblemError(
             f"the problem has no solution to begin with ({solution.message}): a solver carries the "
@@ -242,16 +249,17 @@ def _scratch(nlp: Transcription) -> int:
 def _facts(carried: Carried, lines: list[str], counts: tuple[int, int]) -> dict[str, Any]:
     """What the files say of a problem."""
     nlp, name, upper = carried.nlp, carried.name, carried.name.upper()
+    blocks, taken = tables_of(nlp), carried.numbers.taken
     tables = [
         {
-            "word": f"{upper}_TABLE_{_word(b.name)}", "rows": shape_of(b)[0],
+            "word": f"{upper}_TABLE_{word}", "rows": shape_of(b)[0],
             "columns": shape_of(b)[1], "what": b.name_of(0) + (", ..." if b.count > 1 else ""),
         }
-        for b in tables_of(nlp)
+        for b, word in zip(blocks, _words([b.name for b in blocks]), strict=True)
     ]  # fmt: skip
     numbers = [
-        {"word": f"{upper}_{_word(n.name)}", "value": f"{n.value:.17g}"}
-        for n in carried.numbers.taken
+        {"word": f"{upper}_{word}", "value": f"{n.value:.17g}"}
+        for n, word in zip(taken, _words([n.name for n in taken]), strict=True)
     ]
     return {
         "name": name, "upper": upper, "version": version("dmoc"), "lines": lines,
@@ -259,13 +267,17 @@ def _facts(carried: Carried, lines: list[str], counts: tuple[int, int]) -> dict[
         "numbers": numbers, "tables": tables, "taken": [n.name for n in carried.numbers.taken],
         "kept": list(carried.numbers.kept), "size": nlp.n, "rows": nlp.n_eq + nlp.n_in,
         "cost": repr(nlp.cost(carried.x) * nlp.scale.cost), "cold": counts[0], "warm": counts[1],
-        "limit": ITERATIONS,
+        "limit": ITERATIONS, "longest": max((len(n.name) for n in taken), default=0),
     }  # fmt: skip
 
 
-def _word(name: str) -> str:
-    """A name as a part of one in C."""
-    return re.sub(r"\W", "_", name).upper()
+def _words(names: Sequence[str]) -> list[str]:
+    """Names as parts of names in C: capitals, but for names that differ in these alone; those that
+    are the same even so are numbered."""
+    words = [re.sub(r"\W", "_", name) for name in names]
+    capitals = Counter(word.upper() for word in words)
+    words = [w if capitals[w.upper()] > 1 else w.upper() for w in words]
+    return [w if words.count(w) == 1 else f"{w}_{i}" for i, w in enumerate(words)]
 
 
 @cache

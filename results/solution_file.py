@@ -257,7 +257,7 @@ TRAJECTORY = Record(
 MESH = Record(
     Mesh,
     {
-        "steps": Listed(Whole(1)),
+        "steps": Listed(Whole(0)),
         "cost": Number(),
         "iterations": Whole(),
         "estimate": Number(special=True),
@@ -271,7 +271,7 @@ MINIMUM = Record(
         "cost": Number(),
         "found": Whole(),
         "status": Either(Nothing(), Choice(tuple(Status))),
-        "steps": Listed(Whole(1)),
+        "steps": Listed(Whole(0)),
     },
 )
 CONTACT = Record(

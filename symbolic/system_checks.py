@@ -13,10 +13,10 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import GenerationError, ModelError
-from dmoc.base.names import check_name, momentum_name, name_of, velocity_name
+from dmoc.base.names import bounded_momentum, check_name, momentum_name, name_of, velocity_name
 from dmoc.symbolic.contact_references import check_forces, forces_of
 from dmoc.symbolic.continuous import readable
-from dmoc.symbolic.definitions import atoms_below, check_definitions, kinds_of
+from dmoc.symbolic.definitions import atoms_below, check_definitions, expanded, kinds_of
 from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.expressions import (
     KINDS,
@@ -58,6 +58,7 @@ def check(system: MechanicalSystem) -> None:
     _check_friction(system)
     _check_symbols(system)
     _check_kinks(system)
+    _check_momenta(system)
     _check_mass_matrix(system)
     for what, kind, places in (
         ("surface", "a relation", system.gaps), ("constraint", "an equation", system.constraints),
@@ -255,6 +256,20 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
     for part in system.shapes:
         for expression in values_of(part):
             yield f"a {type(part).__name__} of the drawing", expression, PLACE
+
+
+def _check_momenta(system: MechanicalSystem) -> None:
+    """Refuse quantities with the names of bounded momenta that are none."""
+    for q, v in zip(map(name_of, system.coordinates), system.velocities, strict=True):
+        value = system.quantities.get(bounded_momentum(q))
+        if value is None:
+            continue
+        momentum = expanded(system.lagrangian, system.definitions).diff(v)
+        if sp.expand(expanded(value, system.definitions) - momentum) != 0:
+            raise ModelError(
+                f"quantity {bounded_momentum(q)!r} has the name of the momentum of {q} along the "
+                "way and is not its derivative of the Lagrangian: choose another name."
+            )
 
 
 def _check_kinks(system: MechanicalSystem) -> None:

@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
 from contact_problems import against_wall_on_floor, two_masses
 from joint_problems import bob
+from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system
 
 import dmoc
@@ -359,13 +361,45 @@ MINE = ("main.c", "test.c", "driver.c")
 
 
 @pytest.mark.parametrize("language", [("cc", "-std=c11"), ("c++", "-x", "c++", "-std=c++17")])
-def test_clang_has_nothing_against_it(language: tuple[str, ...], folder: Path) -> None:
+def test_clang_has_nothing_against_it(
+    language: tuple[str, ...], folder: Path, tmp_path: Path
+) -> None:
     """Neither as C nor as C++; zig's compiler is clang."""
     for source in sorted(folder.glob("*.c")):
         if source.name != "driver.c":
             compiler = (sys.executable, "-m", "ziglang", *language, *WARNINGS)
-            done = run(*compiler, "-c", source.name, "-o", "/dev/null", folder=folder)
+            done = run(*compiler, "-c", source.name, "-o", str(tmp_path / "o"), folder=folder)
             assert done.returncode == 0, done.stderr
+
+
+def test_names_that_differ_in_capitals_alone(tmp_path: Path) -> None:
+    """Parameters m and M, and the tables of the times and of friction."""
+    x, u = dynamicsymbols("x u")
+    m, M = sp.symbols("m M")
+    sled = dmoc.MechanicalSystem(
+        "sled", [x], (m + M) * x.diff() ** 2 / 2, {m: 1.0, M: 2.0}, [u], {x: u},
+        tangents={"belt": x - dynamicsymbols._t / 5}, friction={"belt": 0.5}, cost=u**2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(sled), {"x": 0, "x_dot": 1}, {"x": 1, "x_dot": 0.5}, contacts=["belt:slip+"],
+        steps=8, final_time=1.5,
+    )  # fmt: skip
+    dmoc.generate_solver(problem, tmp_path / "sled")
+    program = compiled(tmp_path / "sled")
+    assert answered(program, tmp_path / "sled", "parameters.M=2.5").status == 0
+
+
+def test_speeds_at_the_ends_of_a_constraint(tmp_path: Path) -> None:
+    """They are what the rod leaves: from below with 0.5 m/s to the side costs another effort."""
+    rest = {"x_dot": 0, "y_dot": 0}
+    problem = linkage(2).but(start={"x": 0, "y": -1} | rest, steps=24)
+    dmoc.generate_solver(problem, tmp_path / "bob")
+    program = compiled(tmp_path / "bob")
+    moved = answered(program, tmp_path / "bob", "start.x_dot=0.5")
+    own = dmoc.solve(problem.but(start={"x": 0, "y": -1, "x_dot": 0.5, "y_dot": 0}), starts=1)
+    assert moved.cost == pytest.approx(own.cost, rel=1e-7)
+    wrong = run(program, "start.y_dot=0.5", folder=tmp_path / "bob")
+    assert wrong.returncode == 2 and "velocities that keep the constraints" in wrong.stderr
 
 
 @pytest.mark.parametrize("name", ["math", "passes", "clean", "2nd", "swing-up"])
@@ -376,7 +410,9 @@ def test_names_that_something_else_has_are_refused(name: str, tmp_path: Path) ->
 
 @pytest.mark.parametrize("tool", ["make", "cmake"])
 def test_the_folder_tests_itself(tool: str, folder: Path, tmp_path: Path) -> None:
-    target = shutil.copytree(folder, tmp_path / "bob", ignore=shutil.ignore_patterns("driver*"))
+    target = shutil.copytree(
+        folder, tmp_path / "bob", ignore=shutil.ignore_patterns("driver*", "*.o")
+    )
     if tool == "make":
         done = run("make", "--no-print-directory", "test", folder=target)
     else:

@@ -244,3 +244,21 @@ def test_integrals_of_coarse_motions_are_not_confirmed() -> None:
     coarse = dmoc.solve(across(system, 2, bounds={}, steps=8), "ipm", starts=1)
     assert coarse.status == "not_verified"
     assert "error of an integral" in coarse.message
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_an_integral_of_what_stands_still_is_none(order: int) -> None:
+    """Nothing moves y: rounding errors of an integral that vanishes are no error."""
+    x, y, u = dynamicsymbols("x y u")
+    system = dmoc.MechanicalSystem(
+        "beside", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2, inputs=[u], forces={x: u},
+        cost=u**2, integrals={"work": u * y.diff()},
+    )  # fmt: skip
+    rest = {"x_dot": 0, "y_dot": 0}
+    problem = dmoc.Problem(
+        dmoc.build(system, order=order), {"x": 0, "y": 0.3} | rest,
+        {"x": 1, "x_dot": 0, "work": (None, 0.5)}, final_time=1, steps=24,
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    assert solution.status == "solved"
+    assert solution.verification is not None and solution.verification.passed

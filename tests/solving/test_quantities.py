@@ -298,6 +298,18 @@ def test_bounds_of_momenta_hold_on_both_sides_of_a_hit():
     assert p[:, 0].max() == pytest.approx(1.4, abs=1e-3)
 
 
+def test_momenta_are_bounded_by_one_name():
+    named = {"quantities": {"momentum_x": m * x.diff()}}
+    limited = dmoc.Problem(mass(**named), {"x": 0}, {"x": 1}, final_time=1, bounds={"p_x": (0, 2)})
+    assert limited.bounds == {"momentum_x": (0, 2)}
+    other = limited.but(kernels=dmoc.build(mass(), order=4))
+    assert "momentum_x" in other.kernels.quantities
+    with pytest.raises(ProblemError, match="bounds give p_x and momentum_x, the same momentum"):
+        limited.but(bounds={"p_x": (0, 1), "momentum_x": (0, 2)})
+    with pytest.raises(ModelError, match="has the name of the momentum of x along the way"):
+        mass(quantities={"momentum_x": x})
+
+
 def test_kernels_without_their_system_have_no_momenta_to_bound(arms):
     alone = replace(arms[2], system=None)
     with pytest.raises(ProblemError, match="the bounds of p_a need kernels with these momenta"):

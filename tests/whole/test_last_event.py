@@ -451,3 +451,18 @@ def test_a_step_of_a_walker_costs_the_same_from_mid_stance_on(
 def test_a_solver_in_c_has_phases_with_steps_only(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match="has phases with steps alone"):
         generate_solver(against_wall(), tmp_path / "solver")
+
+
+def test_files_have_motions_that_end_with_an_event(tmp_path: Path) -> None:
+    """On a mesh of its own and on finer ones, with other minima beside it."""
+    x = dynamicsymbols("x")
+    ball = dmoc.MechanicalSystem(
+        "ball", [x], x.diff() ** 2 / 2 - 10 * x, surfaces={"floor": x >= 0}
+    )
+    problem = dmoc.Problem(
+        ball, {"x": 1, "x_dot": 0}, sequence=["floor"], durations=[None, 0], restitution=0.5
+    )
+    solution = dmoc.solve(problem)
+    assert solution.solved
+    again = dmoc.Solution.load(solution.save(tmp_path / "ball.npz"))
+    assert [mesh.steps for mesh in again.meshes] == [mesh.steps for mesh in solution.meshes]
