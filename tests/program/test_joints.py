@@ -58,6 +58,21 @@ def test_redundant_coordinates_lead_to_the_minimum_of_minimal_ones() -> None:
     np.testing.assert_allclose(q, list(places(*angles).values()), rtol=1e-8)
 
 
+def test_redundant_coordinates_cost_as_much_as_minimal_ones_on_one_mesh() -> None:
+    redundant, minimal = double_pendulum()
+    end = places(0.9, 0.6)
+    rest = {f"{name}_dot": 0.0 for name in end}
+    by_rods = dmoc.Problem(
+        dmoc.build(redundant, order=6), places(0.0, 0.0), end | rest, final_time=1.5, steps=60
+    )
+    by_angles = dmoc.Problem(
+        dmoc.build(minimal, order=6), {"a": 0.0, "b": 0.0},
+        {"a": 0.9, "b": 0.6, "a_dot": 0.0, "b_dot": 0.0}, final_time=1.5, steps=60,
+    )  # fmt: skip
+    costs = [best(problem, starts=1).cost for problem in (by_rods, by_angles)]
+    assert costs[0] == pytest.approx(costs[1], rel=1e-9)
+
+
 def test_a_four_bar_hammer_is_that_of_its_crank_alone() -> None:
     closed = answer_of(example.problem(), "ipm", starts=20)
     crank = dmoc.Problem(
