@@ -89,7 +89,7 @@ def at_bounds(problem: Problem) -> dict[str, Problem]:
         for bound in bounds[np.isfinite(bounds)].tolist():
             values = problem.design_values.copy()
             values[i] = bound
-            ends[f" where {name} = {bound:g}, a bound of its design,"] = designed(problem, values)
+            ends[f" where {name} = {bound:g}, a bound of its design"] = designed(problem, values)
     return ends
 
 

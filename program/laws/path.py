@@ -182,9 +182,7 @@ class PathLaw(Law):
         per = scheme.degree + 1 if self.kernel == "quantity" and lay.force.count else 2
         by_step = np.zeros((lay.total, per, count), dtype=bool)
         by_step[:, [0, -1]] = self.on_inputs & lay.form.jumps & ~self.on_forces
-        if (
-            lay.inside
-        ):  # what keeps its limit at the points of a polynomial may exceed it beside them
+        if lay.inside:  # what keeps its limit at a polynomial's points may exceed it beside them
             rates = np.zeros_like(by_step)
             rates[:, [0, -1]] = self.on_rates
             rates[:, -1] |= self.on_places
