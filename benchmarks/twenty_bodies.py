@@ -1,4 +1,5 @@
-"""Problems of a leg and a box for `twenty.py`: a landing; a box pushed, tipped over, or thrown."""
+"""Problems of a leg, a box and bodies that are struck for `twenty.py`: a landing; a box pushed,
+tipped over, or thrown; a block struck against a wall; a swing-up off a stop; a ball on a paddle."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 
-X, Y, A, U, W = dynamicsymbols("x y a u w")
+X, Y, S, A, U, W = dynamicsymbols("x y s a u w")
 M, G, MU = sp.symbols("m g mu")
 T = dynamicsymbols._t
 FALL = 9.81
@@ -95,4 +96,53 @@ def box_thrown() -> dmoc.Problem:
     return _box(
         "thrown", goal=rest(x=1.6, y=0.5, a=0), final_time=(0.5, 2.5),
         bounds={"u": (-60, 60), "w": (-60, 60)},
+    )  # fmt: skip
+
+
+def bank_system() -> dmoc.MechanicalSystem:
+    """A driven cart beside a block, which a wall sends back."""
+    return dmoc.MechanicalSystem(
+        "bank_shot", [X, S], (X.diff(T) ** 2 + S.diff(T) ** 2) / 2, inputs=[U], forces={X: U},
+        surfaces={"bumper": X <= S, "wall": S <= 1}, cost=U**2,
+    )  # fmt: skip
+
+
+def bank_shot() -> dmoc.Problem:
+    """The block comes back from the wall with 1 m/s."""
+    return dmoc.Problem(
+        bank_system(), start=rest(x=0, s=0.5), goal={"x": -0.3, "s": 0.2, "s_dot": -1.0},
+        steps=30, final_time=2.0, restitution=0.9, bounds={"u": (-20, 20)},
+    )  # fmt: skip
+
+
+def stop_system() -> dmoc.MechanicalSystem:
+    """A pendulum whose motor cannot lift it, with a stop on one side."""
+    return dmoc.MechanicalSystem(
+        "stopped_swing_up", [A], A.diff(T) ** 2 / 2 + G * sp.cos(A), {G: FALL}, inputs=[U],
+        forces={A: U}, surfaces={"stop": A >= -0.6}, cost=U**2,
+    )  # fmt: skip
+
+
+def stopped_swing_up() -> dmoc.Problem:
+    """From hanging to upright in at most 4 s."""
+    return dmoc.Problem(
+        stop_system(), start=rest(a=0), goal=rest(a=pi), steps=30, final_time=(0.5, 4),
+        restitution=0.9, bounds={"u": (-5, 5)},
+    )  # fmt: skip
+
+
+def paddle_system() -> dmoc.MechanicalSystem:
+    """A driven paddle under a ball."""
+    kinetic = (X.diff(T) ** 2 + M * S.diff(T) ** 2) / 2
+    return dmoc.MechanicalSystem(
+        "paddle", [X, S], kinetic - M * G * S, {M: 0.2, G: FALL}, inputs=[U], forces={X: U},
+        surfaces={"ball": X <= S}, cost=U**2,
+    )  # fmt: skip
+
+
+def paddled() -> dmoc.Problem:
+    """The ball goes from rest at 0.5 m to rest at 1 m in 1.6 s."""
+    return dmoc.Problem(
+        paddle_system(), start=rest(x=0, s=0.5), goal=rest(x=0, s=1.0), steps=30, final_time=1.6,
+        restitution=0.8, bounds={"u": (-40, 40), "x": (-0.3, 0.3)},
     )  # fmt: skip

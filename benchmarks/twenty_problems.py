@@ -1,5 +1,6 @@
-"""The problems of `twenty.py`: twenty, with the best motion that anybody knows, and those of the
-same collections that are not stated, with the reason."""
+"""The problems of `twenty.py`: twenty with two to six contacts or more, three whose best motion has
+one, all with the best motion that anybody knows, and those of the same collections that are not
+stated, with the reason."""
 
 from __future__ import annotations
 
@@ -150,6 +151,18 @@ CASES = (
     Case(
         "throw", "a box is thrown up a step", lambda: bodies.box_system("thrown"),
         bodies.box_thrown, ("-bl", "-br", "+bl:slip+", "-bl", "+br:slip+"), 69.249, PROPOSED,
+    ),
+    Case(
+        "bank", "a block is struck against a wall", bodies.bank_system, bodies.bank_shot,
+        ("bumper", "wall"), 3.1020665, "closed form",
+    ),
+    Case(
+        "stop", "swing-up off a stop", bodies.stop_system, bodies.stopped_swing_up,
+        ("stop", "stop"), 25.345, NAMED,
+    ),
+    Case(
+        "paddle", "a ball on a paddle", bodies.paddle_system, bodies.paddled, ("ball", "ball"),
+        38.980, NAMED,
     ),
     Case(
         "walker", "a step of RABBIT", walker.system, _walker, ("+right -left",), 390.7, NAMED,

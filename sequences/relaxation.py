@@ -12,7 +12,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from itertools import cycle, islice, product, zip_longest
+from itertools import cycle, islice, pairwise, product, zip_longest
 
 import numpy as np
 
@@ -59,6 +59,11 @@ ITERATIONS, FURTHER = 400, 800
 TYPICAL, LOWER = 0.7, 0.4
 
 Point = tuple[tuple[str, ...], Array]
+
+
+def _repeated(order: Sequence[int]) -> int:
+    """How often a surface follows itself."""
+    return sum(a == b for a, b in pairwise(order))
 
 
 @dataclass
@@ -108,11 +113,13 @@ class Relaxation:
     def motions(self, most: int, seed: int, deadline: Deadline) -> Iterator[list[Relaxed | None]]:
         """Motions from random starts, which have ``most`` hits each at most, some together and in
         their order; None for a start that leads to none."""
-        starts = self._starts(most, seed)
-        for _ in range(0, MOST_MOTIONS, MOTIONS):
-            some = list(islice(starts, MOTIONS))
-            if not some or deadline.passed:
+        led, starts, named = False, self._starts(most, seed), self._named(most, seed)
+        for k in range(0, 2 * MOST_MOTIONS, MOTIONS):
+            some = list(islice(starts if k < MOST_MOTIONS else named, MOTIONS))
+            if deadline.passed or (led and k >= MOST_MOTIONS):
                 return
+            if not some:
+                continue
             points = [self._begun(start) for start in some]
             if not self.cost:
                 costs = [scale_of(self._relaxed(hits), x).cost for hits, x in points]
@@ -120,7 +127,8 @@ class Relaxation:
                 self.cost = sorted(costs)[int(share * len(costs))]
             motions = self._solved(points, deadline)
             yield motions
-            if not any(motions) and self.steps == STEPS:
+            led = led or any(motions)
+            if not led and self.steps == STEPS:
                 self.steps, self.cost = COARSER, 0.0
                 for kept in (self._problems, self._scales, self._made):
                     kept.clear()
@@ -167,6 +175,20 @@ class Relaxation:
         others = (m for m in folded if not m.hits and most)
         bent = (m.hitting(self.problem, 0, j) for m, j in zip(others, cycle(self.mirrors)))
         return touching + list(islice(bent, max(BENT - len(touching), 0)))
+
+    def _named(self, most: int, seed: int) -> Iterator[Folded]:
+        """Random motions bent to two hits and more, in every order, first of different surfaces one
+        after the other: what is moved by hits alone, as a ball by a cue and a cushion, is folded to
+        the right order by chance."""
+        orders = [
+            order for n in range(2, most + 1)
+            for order in sorted(product(self.mirrors, repeat=n), key=_repeated)
+        ]  # fmt: skip
+        smooth = folded_motions(self._relaxed(()), (), range(2 * MOST_MOTIONS), seed)
+        for motion, order in zip(smooth, orders, strict=False):
+            for i, j in enumerate(order):
+                motion = motion.hitting(self.problem, i, j)
+            yield motion
 
     def _relaxed(self, hits: tuple[str, ...]) -> Problem:
         if hits not in self._problems:
