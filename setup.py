@@ -24,6 +24,7 @@ LAYERS = (
     "solving",
     "sequences",
     "export",
+    "planning",
     "cli",
 )
 INNER = (

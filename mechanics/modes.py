@@ -166,6 +166,18 @@ def mode_of(parts: Sequence[str], contacts: Contacts) -> Mode:
     )
 
 
+def parts_of(mode: Mode, contacts: Contacts) -> list[str]:
+    """A mode as the contacts of a problem name it: closed surfaces, and what slides."""
+    rubbing, parts = mode.rubbing, list[str]()
+    for k, (name, j) in enumerate(zip(contacts.tangents, contacts.supports, strict=True)):
+        if j not in mode.closed and j != RAIL:
+            continue
+        word = f"{name}:{FRICTION_WORDS[rubbing[k]]}" if rubbing.get(k) else name
+        if ":" in word or word not in contacts.rails:
+            parts.append(word)
+    return [*(s for s in contacts.named(mode.closed) if s not in contacts.tangents), *parts]
+
+
 def _mode(closed: Collection[int], friction: Mapping[int, int], contacts: Contacts) -> Mode:
     """The mode in which what rubs has some friction, and sticks where none is said."""
     rubs = [

@@ -88,7 +88,9 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
     rounding = np.max([problem.model.gap_rounding(q) for q in (at, *ends)], axis=0)
     chosen = by_design(problem, "surface")  # where they are is up to the solver
     for j, surface in enumerate(problem.kernels.surfaces):
-        if chosen[j] or (end == "goal" and j in problem.model.moving):
+        if chosen[j] or surface in problem.ignored:
+            continue
+        if end == "goal" and j in problem.model.moving:
             continue
         involved = problem.model.surface_coordinates[j]
         state = ", ".join(f"{problem.kernels.coordinates[i]}={at[i]:g}" for i in involved)
@@ -97,8 +99,6 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
                 f"the {end} ({state}) lies behind surface {surface!r}, {gaps[j]:g} outside the "
                 f"admissible set g <= 0: move the {end} or the surface."
             )
-        if surface in problem.ignored:
-            continue
         closed = j in problem.touch.modes[0].closed
         if end == "start" and fixed.all() and gaps[j] >= -rounding[j] and not closed:
             _check_leaving(problem, at, j, state)

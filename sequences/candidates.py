@@ -15,7 +15,7 @@ from dmoc.guess.contacts import in_contact
 from dmoc.guess.folded import Folded
 from dmoc.guess.transfer import pieces_of
 from dmoc.problem.problem import Problem
-from dmoc.sequences.neighbours import neighbours, other_returns, shorter
+from dmoc.sequences.neighbours import lifting, neighbours, other_returns, shorter
 from dmoc.sequences.node_solve import Task
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Workers
@@ -47,6 +47,7 @@ class Candidates(Tree):
         self.again: set[Words] = set()  # to be solved from starts of their own
         self.hits: list[Words] = []  # neighbours of the best with other hits
         self.ways: dict[Words, Folded] = {}  # motions of the others, from that of the best
+        self.promised: set[Words] = set()  # proposals in detail, and what lifts while others land
         # Whether proposals in detail, and those with one event less, have joined.
         self.detailed = self.shortened = False
         self.first: dict[Words, float] = {}  # costs on the mesh of the search
@@ -95,11 +96,14 @@ class Candidates(Tree):
 
     def _other_ways(self, sequence: Words) -> None:
         """Hits with tangential restitution, which relaxed motions have none of, may go other ways
-        than there."""
-        motion = self.proposals.motions.get(sequence)
+        than there; and what is closed may lift while something lands, after which they may have no
+        time left."""
+        motion = self.proposals.motions.get(sequence, self.ways.get(sequence))
         if motion is None:
             return
-        for words in other_returns(self.problem_of(sequence).touch, sequence):
+        touch = self.problem_of(sequence).touch
+        self._promise(lifting(touch, motion))
+        for words in other_returns(touch, sequence):
             if words not in self.nodes and words not in self.frontier:
                 self.ways.setdefault(words, motion)
                 self._join(words)
@@ -132,18 +136,30 @@ class Candidates(Tree):
 
     def _otherwise(self) -> bool:
         """Put the proposals as they are read step by step into the frontier, or else with one event
-        less, each once, where none is confirmed."""
-        if self.best() is not None:
+        less, each once, where none is confirmed; the first also where the best costs far more than
+        relaxed motions promise."""
+        best = self.best()
+        if best is not None and not self._dear(best):
             return False
         if not self.detailed:
             self.detailed = True
-            self._join_moved(self.proposals.in_detail())
-        if not self.frontier and not self.shortened:
+            self._promise(self.proposals.in_detail())
+        if best is None and not self.frontier and not self.shortened:
             self.shortened = True
             for words in (p.sequence for p in self.proposals.ranked()):
                 touch = self.problem_of(words).touch
                 self._join_moved(shorter(touch, self.proposals.motions[words]))
         return bool(self.frontier)
+
+    def _dear(self, best: Node) -> bool:
+        """Whether a node costs far more than the cheapest proposal."""
+        least = min((p.cost for p in self.proposals.ranked()), default=np.inf)
+        return best.cost is not None and best.cost > least + DEARER * abs(least)
+
+    def _promise(self, ways: Mapping[Words, Folded]) -> None:
+        """Those that relaxed motions may mean join the frontier."""
+        self.promised.update(ways)
+        self._join_moved(ways)
 
     def _join_moved(self, ways: Mapping[Words, Folded]) -> None:
         """Those with a motion that a search may try, and has not, join the frontier."""
@@ -185,10 +201,13 @@ class Candidates(Tree):
 
     def _once_more(self) -> bool:
         """Put some that have failed into the frontier, to be solved from starts of their own: those
-        with other hits than the best, or where none is confirmed, the cheapest."""
+        with other hits than the best, and what relaxed motions may mean where it is dear; where
+        none is confirmed, the cheapest."""
         failed = [s for s, n in self.nodes.items() if n.verdict is Verdict.FAILED]
-        if self.best() is not None:
-            failed = [s for s in self.hits if s in failed and s not in self.again]
+        best = self.best()
+        if best is not None:
+            worth = [*self.hits, *(self.promised if self._dear(best) else ())]
+            failed = [s for s in failed if s in worth and s not in self.again]
         else:
             failed = [] if self.again else sorted(failed, key=self._rank)[:TOGETHER]
         self.again.update(failed)

@@ -56,6 +56,26 @@ def shorter(touch: Touch, motion: Folded) -> dict[Words, Folded]:
     return dict(said(touch.contacts, other) for other in _less(_phases(touch, motion)))
 
 
+def lifting(touch: Touch, motion: Folded) -> dict[Words, Folded]:
+    """Those in which a closed contact lifts while another one lands, as a rocking block does."""
+    contacts, phases, ways = touch.contacts, _phases(touch, motion), dict[Words, Folded]()
+    for i, (before, after) in enumerate(pairwise(phases), 1):
+        staying = {*before.mode.closed} & {*after.mode.closed}
+        if staying == {*after.mode.closed}:
+            continue
+        for j in sorted(staying):
+            opened = [replace(p, mode=_without(p.mode, j, contacts)) for p in phases[i:]]
+            words, way = said(contacts, [*phases[:i], *opened])
+            ways[words] = way
+    return ways
+
+
+def _without(mode: Mode, j: int, contacts: Contacts) -> Mode:
+    """A mode in which a surface is open."""
+    rubbing = {k: s for k, s in mode.rubbing.items() if contacts.supports[k] != j}
+    return Mode.of({*mode.closed} - {j}, rubbing)
+
+
 def said(contacts: Contacts, phases: Sequence[Phase]) -> tuple[Words, Folded]:
     """The words of phases, and their motion; those between which nothing happens are one."""
     words, names, impulses = list[str](), list[str](), list[float]()

@@ -10,10 +10,7 @@ from typing import Any
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ProblemError, SearchError
 from dmoc.guess.folded import Folded
-from dmoc.mechanics.contact_mode import Mode
-from dmoc.mechanics.contacts import RAIL
-from dmoc.mechanics.modes import word_between
-from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.mechanics.modes import parts_of, word_between
 from dmoc.problem.problem import Problem
 from dmoc.sequences.reading import Reading, Relaxed
 from dmoc.sequences.relaxation import Relaxation
@@ -224,19 +221,6 @@ def _begun_as(problem: Problem, motions: Sequence[Relaxed | None]) -> Problem:
     if problem.contacts or cheapest is None:
         return problem
     try:
-        return problem.but(contacts=_named(problem, cheapest.start))
+        return problem.but(contacts=parts_of(cheapest.start, problem.touch.contacts))
     except ProblemError:  # the start is not where they are closed
         return problem
-
-
-def _named(problem: Problem, mode: Mode) -> list[str]:
-    """A mode as the contacts of a problem name it: closed surfaces, and what slides."""
-    contacts, rubbing = problem.touch.contacts, mode.rubbing
-    words = [
-        f"{name}:{FRICTION_WORDS[rubbing[k]]}" if rubbing.get(k) else name
-        for k, (name, j) in enumerate(zip(contacts.tangents, contacts.supports, strict=True))
-        if (j in mode.closed or j == RAIL)
-    ]
-    rails = [word for word in words if ":" in word or word not in contacts.rails]
-    smooth = [s for s in contacts.named(mode.closed) if s not in contacts.tangents]
-    return [*smooth, *rails]

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dmoc.inspection.system_derivation import derive as derive
     from dmoc.models.registry import build as build
     from dmoc.models.registry import load as load
+    from dmoc.planning.planner import Planner as Planner
     from dmoc.problem.problem import Problem as Problem
     from dmoc.report.animation import animate as animate
     from dmoc.results.batch import Batch as Batch
@@ -59,6 +60,7 @@ _PLACES = {
     "DmocError": "dmoc.base.errors",
     "Link": "dmoc.symbolic.drawing",
     "MechanicalSystem": "dmoc.symbolic.system",
+    "Planner": "dmoc.planning.planner",
     "Point": "dmoc.symbolic.drawing",
     "Problem": "dmoc.problem.problem",
     "Simulation": "dmoc.results.simulation",

@@ -12,11 +12,12 @@ from dmoc.guess.folded import Folded
 from dmoc.guess.transfer import Piece
 from dmoc.mechanics.contacts import Contacts
 from dmoc.mechanics.modes import along, mode_of
-from dmoc.sequences.neighbours import neighbours
+from dmoc.sequences.neighbours import lifting, neighbours
 from dmoc.sequences.traversal import walked
 
 FOOT = Contacts(("foot", "wall"), ("foot",), (), ("foot",))
 WALLS = Contacts(("a", "b"), ())
+BOX = Contacts(("bl", "br", "tr"), ("bl", "br", "tr"), (), ("bl", "br", "tr"))
 BALL = Contacts(("floor",), ("floor",), (), ("floor",))
 
 
@@ -53,6 +54,15 @@ def test_an_event_less_leaves_the_contacts_of_all_other_phases_as_they_are() -> 
     assert way.impulses == (1.0, 3.0)
     alone = beside(FOOT, ["foot"], "-foot", "+foot")[()]
     assert alone is not None and [np.ptp(p.t) for p in alone.pieces] == [3]
+
+
+def test_what_is_closed_lifts_while_something_lands() -> None:
+    """As one corner of a box that tips over does; what has left before does not."""
+    words = "-bl", "+tr:slip+ br:slip+", "-tr"
+    touch = along(mode_of(["bl", "br"], BOX), words, BOX)
+    (sequence,) = ways = lifting(touch, motion(3))
+    assert sequence == ("-bl", "+tr:slip+ -br", "-tr")
+    assert [float(np.ptp(p.t)) for p in ways[sequence].pieces] == [1, 1, 1, 1]
 
 
 def test_friction_is_exchanged_in_every_phase_but_the_first() -> None:

@@ -1,0 +1,1 @@
+"""Planning in a loop: the rest of a motion from a measured state, again and again."""

@@ -1,0 +1,150 @@
+"""Measured states: read by name, moved to where contacts and constraints hold, and which events of
+the plan they show to be over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dmoc.base.arguments import array, check_known, number, shown
+from dmoc.base.errors import ProblemError
+from dmoc.base.names import velocity_name
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import columns
+from dmoc.mechanics.contact_mode import STICK, Mode
+from dmoc.mechanics.model_values import by_name
+from dmoc.mechanics.projection import REDUNDANT, onto
+from dmoc.motion.trajectory import Collision
+from dmoc.problem.problem import Problem
+
+# Where a surface that is open is measured to be entered, a state is put so far in front of it, as a
+# share of the size of its gap: at it a motion could not move into it any more.
+IN_FRONT = 1e-6
+# Shares of the reach of a coordinate that projections leave of zero, where sizes of gaps may
+# begin.
+LEFT_OF_ZERO = 1e-13
+# How early an event may be, as a share of the phase before it: a foot that scuffs the floor in the
+# middle of its swing has not landed.
+EARLY = 0.25
+# A state that is further beyond an open surface, as a share of how far the coordinates move, is no
+# state of the model.
+BEYOND = 0.05
+
+State = tuple[Array, Array]
+
+
+def read_state(problem: Problem, state: Any) -> State:
+    """Positions and velocities of a state by name, or of (q, v) as one array or two."""
+    names = problem.kernels.coordinates
+    rates = [velocity_name(name) for name in names]
+    if isinstance(state, Mapping):
+        given = by_name(state, "state")
+        for name in given:
+            check_known(name, [*names, *rates], "coordinate or velocity", "in the state")
+        missing = [name for name in names if name not in given]
+        if missing:
+            raise ProblemError(
+                f"the state leaves {', '.join(missing)} out: expected every coordinate, and "
+                "velocities that are not zero."
+            )
+        q, v = (
+            np.array([number(given.get(name, 0.0), f"{name} in the state") for name in part])
+            for part in (names, rates)
+        )
+        return q, v
+    parts = array(np.concatenate([np.ravel(x) for x in state])) if _is_pair(state) else array(state)
+    if parts is None or parts.shape != (2 * len(names),) or not np.isfinite(parts).all():
+        raise ProblemError(
+            f"state = {shown(state)}: expected a mapping by name, or {2 * len(names)} finite "
+            f"numbers: {', '.join([*names, *rates])}."
+        )
+    q, v = np.split(parts, 2)
+    return q, v
+
+
+def _is_pair(state: Any) -> bool:
+    return isinstance(state, (tuple, list)) and len(state) == 2 and np.ndim(state[0]) == 1
+
+
+def held(problem: Problem, mode: Mode, state: State) -> State:
+    """The state moved to where the constraints hold and the mode's contacts are closed, as near as
+    the reach of the coordinates and the masses of the velocities say; in front of what is open."""
+    model, (q, v) = problem.model, state
+    gaps, sizes = model.gaps(q), model.gap_sizes(q)
+    seen = [j for j, name in enumerate(model.contacts.surfaces) if name not in problem.ignored]
+    entered = [j for j in seen if j not in mode.closed and gaps[j] > -IN_FRONT * sizes[j]]
+    _check_near(problem, q, entered, gaps)
+    on, aside = [*mode.closed, *entered], np.zeros(len(mode.closed) + len(entered))
+    aside[len(mode.closed) :] = IN_FRONT * sizes[entered]
+
+    def conditions(q: Array) -> tuple[Array, Array]:
+        miss = np.hstack([model.joints(q), model.gaps(q)[:, on] + aside])
+        slopes = np.concatenate([model.joint_slopes(q), model.gap_slopes(q)[:, on]], axis=1)
+        return miss, slopes[..., :-1] * problem.reach
+
+    if model.nj or on:
+        q = onto(conditions, q[None], problem.reach)[0]
+        q = np.where(np.abs(q) <= LEFT_OF_ZERO * problem.reach, 0.0, q)
+    return q, _along(problem, mode, q, v)
+
+
+def _check_near(problem: Problem, q: Array, entered: list[int], gaps: Array) -> None:
+    """Refuse a state far behind an open surface."""
+    slopes = np.abs(problem.model.gap_slopes(q)[:, :-1]) @ problem.reach
+    for j in entered:
+        if gaps[j] > BEYOND * slopes[j]:
+            raise ProblemError(
+                f"the state lies {gaps[j]:.3g} behind surface {problem.kernels.surfaces[j]!r}: "
+                "nothing can be planned from there; check what is measured."
+            )
+
+
+def _along(problem: Problem, mode: Mode, q: Array, v: Array) -> Array:
+    """The velocity without what constraints, closed contacts and friction do not allow."""
+    model = problem.model
+    slides = model.tangent_slopes(q)[:, :-1]
+    against = [k for k, sign in mode.sliding if sign * (slides[k] @ v) < 0]
+    stuck = [k for k, sign in mode.rubbing.items() if sign == STICK]
+    rows = [
+        model.joint_slopes(q)[:, :-1], model.gap_slopes(q)[list(mode.closed), :-1],
+        slides[[*stuck, *against]],
+    ]  # fmt: skip
+    C = np.vstack(rows)
+    if not len(C):
+        return v
+    back = columns(model.mass(q), C)
+    return np.asarray(v - back @ (np.linalg.pinv(C @ back, rcond=REDUNDANT) @ (C @ v)))
+
+
+def arrival(problem: Problem, event: Collision | None, state: State) -> float:
+    """Seconds until a state that goes on as it moves reaches the surface of an event; endless where
+    it does not."""
+    if event is None or not (event.surface or event.lands):
+        return np.inf
+    model, (q, v) = problem.model, state
+    j = model.contacts.surface_numbers[event.surface or event.lands[0]]
+    gap, rate = float(model.gaps(q)[j]), float(model.gap_rates(q, v)[j])
+    return max(-gap, 0.0) / rate if rate > 0 else np.inf
+
+
+def is_over(
+    problem: Problem, event: Collision, state: State, late: float, lasts: float, step: float
+) -> bool:
+    """Whether a state shows that the next event of the plan has happened: ``late`` seconds after
+    the plan's time of it, at the end of a phase that ``lasts`` as long, and ``step`` seconds after
+    the last state.
+
+    What is hit or lands is left or at rest, and is still near; what leaves, or rubs in another way,
+    does so at its time.
+    """
+    if not (event.surface or event.lands):
+        return late >= 0
+    if late < -EARLY * lasts:
+        return False
+    model, (q, v) = problem.model, state
+    j = model.contacts.surface_numbers[event.surface or event.lands[0]]
+    gap, rate = float(model.gaps(q)[j]), float(model.gap_rates(q, v)[j])
+    fast = max(abs(event.rate_before), abs(event.rate_after))
+    return -gap <= 2 * fast * step and rate < (event.rate_before + event.rate_after) / 2

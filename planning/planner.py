@@ -1,0 +1,367 @@
+"""dmoc.Planner: the rest of a motion, planned again every few milliseconds."""
+
+from __future__ import annotations
+
+import time as clock
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from dmoc.base.arguments import choice, number, positive, shown, whole
+from dmoc.base.deadline import Deadline
+from dmoc.base.errors import ProblemError
+from dmoc.codegen.kernels import Array
+from dmoc.guess.transfer import Piece, pieces_of, unknowns_along
+from dmoc.motion.states import State, state_at
+from dmoc.motion.trajectory import Collision, Trajectory
+from dmoc.planning.measured import arrival, held, is_over, read_state
+from dmoc.planning.rest import planned, rest_of
+from dmoc.problem.problem import Problem
+from dmoc.program.bounds import SHORTEST_PHASE
+from dmoc.program.extraction import trajectory
+from dmoc.program.scale import Scale
+from dmoc.program.scaling import scale_of
+from dmoc.program.transcription import Transcription
+from dmoc.results.solution import Solution
+from dmoc.solvers.ipm import solve_ipm
+from dmoc.solvers.judge import judged
+from dmoc.solvers.outcome import Duals, Options, Outcome, Status
+from dmoc.solving.programs import at_solution
+from dmoc.solving.request import check_problem
+from dmoc.solving.solve import solve
+
+HORIZONS = ("shrinks", "recedes")
+# A point that is cut off by a limit is a plan if it violates nothing by more than this share of
+# its size, which the next plan corrects.
+FEASIBLE = 1e-4
+# Iterations of a plan: a neighbouring one takes some ten.
+ITERATIONS = 60
+# An event that is nearer than this share of what is left of the motion is about to happen, and not
+# planned any more.
+NEARLY = 2 * SHORTEST_PHASE
+# A late event is taken to come as the state moves, where that is within so many times as long.
+FAR = 50.0
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is to be done from a time on.
+
+    Attributes
+    ----------
+    time : float
+        When it was made, in seconds from the beginning of the motion.
+    phase : int
+        Number of the phase that it begins in, of those of the whole motion.
+    status : Status
+        What became of the solve: ``solved``; ``time_limit`` and ``iteration_limit``, whose best
+        motion is taken where it is feasible; or why there is none.
+    message : str
+    trajectory : Trajectory
+        The rest of the motion, whose times begin at ``origin``.
+    origin : float
+        When the plan that is followed was made: ``time``, or before it where this is the last one.
+    cost : float
+        Of the rest of the motion.
+    seconds : float
+        How long planning took.
+    iterations : int
+    """
+
+    time: float
+    phase: int
+    status: Status
+    message: str
+    trajectory: Trajectory
+    origin: float
+    cost: float
+    seconds: float
+    iterations: int
+
+    @property
+    def new(self) -> bool:
+        """Whether it is a motion from the state that was measured, not the last plan going on."""
+        return self.origin == self.time
+
+    @property
+    def final_time(self) -> float:
+        """When the motion ends, in seconds from its beginning."""
+        return self.origin + self.trajectory.final_time
+
+    def at(self, time: float) -> State:
+        """State and inputs at a time from the beginning of the motion; at the ends, those there."""
+        motion = self.trajectory
+        return state_at(motion, float(np.clip(time - self.origin, 0.0, motion.final_time)))
+
+    def input(self, time: float) -> Array:
+        """The inputs at a time from the beginning of the motion, shape (nu,)."""
+        return np.asarray(self.at(time).u)
+
+    def __repr__(self) -> str:
+        goes_on = "" if self.new else f", that of {self.origin:.6g} s goes on"
+        return f"<Plan of phase {self.phase} at {self.time:.6g} s: {self.message}{goes_on}>"
+
+
+@dataclass
+class _Last:
+    """Where the next plan starts from: the motion of the last one and its multipliers."""
+
+    phase: int
+    motion: Trajectory
+    origin: float
+    begun: float  # when its first phase began
+    duals: Duals | None
+
+
+class Planner:
+    """Plans the rest of a motion from measured states.
+
+    Each plan is the problem of what is left: phases that are over are dropped, the state that was
+    measured is the start, and the time that has passed is taken off the final time and the
+    durations.  Steps and sizes stay those of the solution, and each plan starts from the last one,
+    with its multipliers.
+
+    Parameters
+    ----------
+    problem : Problem
+    solution : Solution, optional
+        Its solution; solved for where it is not given.
+    horizon : {"shrinks", "recedes"}
+        Whether the final time stays where it was, or is as far away as at the beginning.
+    iterations : int
+        Of a plan, at most.
+
+    Raises
+    ------
+    ProblemError
+        If the problem has no solution, its kernels are not compiled, its model depends on the time,
+        or its objective or bounds look at the whole motion.
+
+    Notes
+    -----
+    Which event is over is read from the state where the caller does not say: what is hit or lands
+    is left or at rest, near its surface; what leaves or slides otherwise does so at its time.  A
+    measured state is moved onto closed contacts and constraints, and in front of surfaces.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.models.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> planner = dmoc.Planner(problem.but(sequence=["east"], steps=20))
+    >>> late = planner.plan.at(0.1)
+    >>> plan = planner.replan(0.1, {"x": late["x"] + 0.01, "y": late["y"], "x_dot": late["x_dot"]})
+    >>> plan.new, plan.phase, len(plan.input(0.12))
+    (True, 0, 2)
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        solution: Solution | None = None,
+        *,
+        horizon: str = "shrinks",
+        iterations: int = ITERATIONS,
+    ) -> None:
+        check_problem(problem)
+        if not (solution is None or isinstance(solution, Solution)):
+            raise ProblemError(f"solution = {shown(solution)}: expected a Solution, or None.")
+        self.shrinks = choice(horizon, "horizon", HORIZONS) == HORIZONS[0]
+        self.iterations = whole(iterations, "iterations", 1, 10**6)
+        solution = solve(problem) if solution is None else solution
+        if not solution.converged:
+            raise ProblemError(
+                f"the problem has no solution to begin with ({solution.message}): a Planner keeps "
+                "to its sequence and its mesh, so give a solution."
+            )
+        self.problem, motion = planned(problem, solution), solution.trajectory
+        self.scales, duals = dict[int, Scale](), None
+        if not problem.relations:  # else its rest has other constraints
+            nlp, duals = at_solution(self.problem, solution)
+            self.scales[0] = nlp.scale
+        self._last = _Last(0, motion, 0.0, 0.0, duals)
+        self._measured = 0.0
+        self.plan = Plan(
+            0.0, 0, solution.status, solution.message, motion, 0.0, solution.cost, 0.0, 0
+        )
+
+    def replan(
+        self, time: float, state: Any, *, phase: int | None = None, seconds: float | None = None
+    ) -> Plan:
+        """Plan from a state that was measured at a time.
+
+        Parameters
+        ----------
+        time : float
+            Seconds from the beginning of the motion, not before those of the last plan.
+        state : mapping or array
+            Coordinates and velocities by name, of which those that are not given are zero, or as
+            an array of shape (2 nq,) or a pair of shape (nq,) each.
+        phase : int, optional
+            Number of the phase, where it is known, as by a switch at a stop; events before it are
+            over.
+        seconds : float, optional
+            How long it may take: then the best that is feasible so far is the plan, or the last one
+            goes on.
+
+        Returns
+        -------
+        Plan
+            Also kept as ``plan``.
+        """
+        begin, deadline = clock.perf_counter(), Deadline.after(_limit(seconds))
+        now = number(time, "time")
+        if now < self._measured:
+            raise ProblemError(
+                f"time = {now:g}: expected a time from {self._measured:.6g} s on, that of the last "
+                "state."
+            )
+        measured = read_state(self.problem, state)
+        reached = self._phase(phase, measured, now)
+        before, self._measured = self._last, now
+        if reached != before.phase:
+            before = _after(before, reached, now)
+        ended: Outcome | None = None
+        try:
+            at = held(self.problem, self.problem.touch.modes[reached], measured)
+            self._check_far(before, at, now)
+            rest = rest_of(self.problem, reached, at, now, before.begun, self.shrinks)
+            nlp, x = self._program(rest, reached, before, at, now)
+            ended = self._solved(nlp, x, before.duals, deadline)
+            status, message = ended.status, _told(ended)
+        except ProblemError as error:  # there is nothing left, or the state is none of the model
+            status, message = Status.INFEASIBLE, str(error)
+        good = ended is not None and _is_plan(ended)
+        if good and ended is not None:
+            motion = trajectory(nlp, ended.x)
+            self._last = _Last(reached, motion, now, before.begun, ended.duals)
+            cost, count = nlp.cost(ended.x) * nlp.scale.cost, ended.iterations
+        else:
+            self._last = before
+            motion, cost, count = self.plan.trajectory, self.plan.cost, 0
+        taken = clock.perf_counter() - begin
+        origin = now if good else self.plan.origin
+        self.plan = Plan(now, reached, status, message, motion, origin, cost, taken, count)
+        return self.plan
+
+    def _phase(self, said: int | None, state: tuple[Array, Array], now: float) -> int:
+        """The phase that a state is in."""
+        last = self._last
+        if said is not None:
+            reached = whole(said, "phase", last.phase, self.problem.phases - 1)
+            return reached
+        reached = last.phase
+        while reached < self.problem.phases - 1:
+            k, step = reached - last.phase, now - self._measured
+            event = last.motion.collisions[k]
+            late = now - last.origin - event.time
+            began = last.begun if k == 0 else last.origin + last.motion.collisions[k - 1].time
+            lasts = last.origin + event.time - began
+            if not is_over(self.problem, event, state, late, lasts, step):
+                break
+            reached += 1
+        return reached
+
+    def _check_far(self, before: _Last, state: tuple[Array, Array], now: float) -> None:
+        """Refuse a state from which the next event comes sooner than a phase may last."""
+        event = _next(before)
+        arrives = arrival(self.problem, event, state)
+        if event is not None and arrives < NEARLY * _left_of(before, now):
+            raise ProblemError(
+                f"the next event ({event.word}) is {arrives:.2g} s away, less than a phase may "
+                "last."
+            )
+
+    def _program(
+        self, rest: Problem, phase: int, before: _Last, state: tuple[Array, Array], now: float
+    ) -> tuple[Transcription, Array]:
+        """The program of the rest, and where it starts: along the last plan from now on."""
+        pieces = pieces_of(before.motion)
+        nearly = _left_of(before, now) * NEARLY
+        arrives = arrival(self.problem, _next(before), state)
+        late = arrives if arrives < FAR * nearly else nearly
+        pieces[0] = _from(pieces[0], now - before.origin, state, nearly, late)
+        impulses = [c.impulse for c in before.motion.collisions]
+        x = unknowns_along(rest, pieces, impulses)
+        if phase not in self.scales:
+            self.scales[phase] = scale_of(rest, x, minimum=True)
+        nlp = Transcription(rest, self.scales[phase])
+        return nlp, nlp.scaled(x)
+
+    def _solved(
+        self, nlp: Transcription, x: Array, duals: Duals | None, deadline: Deadline
+    ) -> Outcome:
+        """Solved with the multipliers of the last plan; without them where that leads nowhere."""
+        options = Options(iterations=self.iterations, deadline=deadline)
+        fits = (
+            duals is not None and len(duals.z) == nlp.n and len(duals.rows) == nlp.n_eq + nlp.n_in
+        )
+        with np.errstate(all="ignore"):
+            if fits:
+                ended = judged(nlp, solve_ipm(nlp, x, options, duals), options)
+                if _is_plan(ended) or deadline.passed:
+                    return ended
+            return judged(nlp, solve_ipm(nlp, x, options), options)
+
+
+def _limit(seconds: float | None) -> float | None:
+    if seconds is None:
+        return None
+    return positive(seconds, "seconds", "expected a positive number")
+
+
+def _next(last: _Last) -> Collision | None:
+    """The next event of the last plan."""
+    return next(iter(last.motion.collisions), None)
+
+
+def _left_of(last: _Last, now: float) -> float:
+    """What is left of the motion."""
+    return max(last.motion.final_time - (now - last.origin), 0.0)
+
+
+def _is_plan(ended: Outcome) -> bool:
+    """Whether a point can be followed."""
+    if ended.status is Status.SOLVED:
+        return True
+    return ended.status is not Status.INFEASIBLE and ended.left.violation <= FEASIBLE
+
+
+def _told(ended: Outcome) -> str:
+    detail = f" ({ended.detail})" if ended.detail else ""
+    return ended.status.sentence + detail
+
+
+def _after(last: _Last, phase: int, now: float) -> _Last:
+    """The last plan from one of its later phases on, which has begun by now."""
+    over = phase - last.phase
+    motion = last.motion
+    rest = replace(motion, phases=motion.phases[over:], collisions=motion.collisions[over:])
+    return _Last(phase, rest, last.origin, now, None)
+
+
+def _from(
+    piece: Piece, begin: float, state: tuple[Array, Array], least: float, late: float
+) -> Piece:
+    """A piece from a time on, beginning with a state; one of which less than ``least`` is left goes
+    on as the state moves for as long as it is ``late``."""
+    q, v = state
+    if piece.t[0] > begin:  # its event came early
+        piece = _moved(piece, begin - piece.t[0])
+    kept = piece.t > begin + least
+    if kept.any():
+        t, q, v = (
+            np.concatenate([[a], b[kept]])
+            for a, b in ((begin, piece.t), (q, piece.q), (v, piece.v))
+        )
+        return replace(piece, t=t, q=q, v=v)
+    t = np.array([begin, begin + late])
+    return replace(piece, t=t, q=np.array([q, q + late * v]), v=np.array([v, v]))
+
+
+def _moved(piece: Piece, by: float) -> Piece:
+    """A piece at other times."""
+    forces = {kind: (t + by, rows) for kind, (t, rows) in piece.forces.items()}
+    return replace(piece, t=piece.t + by, t_u=piece.t_u + by, forces=forces)

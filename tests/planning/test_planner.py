@@ -1,0 +1,206 @@
+"""Plans of the rest of a motion: against the closed forms of cubics, mirrored at walls."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+from systems import block_on_floor, unit_mass
+
+import dmoc
+from dmoc.base.errors import ProblemError
+from dmoc.solvers.outcome import Status
+
+X, U = dynamicsymbols("x u")
+
+
+def least(place: float, rate: float, goal: float, left: float) -> float:
+    """The least integral of u^2/2 of a unit mass that comes to rest at a goal in the time left."""
+    d, T = goal - place, left
+    return float(6 * d**2 / T**3 - 6 * d * rate / T**2 + 2 * rate**2 / T)
+
+
+@pytest.fixture(scope="module")
+def wall() -> dmoc.MechanicalSystem:
+    return unit_mass("planned_wall", cost=U**2 / 2, surfaces={"wall": X <= 1})
+
+
+@pytest.fixture(scope="module")
+def bounced(wall: dmoc.MechanicalSystem) -> tuple[dmoc.Problem, dmoc.Solution]:
+    """From rest at 0 by way of an elastic wall at 1 to rest at 0.5 in 2 s: mirrored, to 1.5."""
+    problem = dmoc.Problem(
+        dmoc.build(wall, order=4), {"x": 0.0}, {"x": 0.5, "x_dot": 0.0}, sequence=["wall"],
+        steps=10, final_time=2.0, bounds={"u": (-20, 20)},
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    assert solution.cost == pytest.approx(least(0, 0, 1.5, 2.0), rel=1e-5)
+    return problem, solution
+
+
+Given = tuple[dmoc.Problem, dmoc.Solution]
+
+
+def test_a_plan_is_the_best_rest_from_what_is_measured(bounced: Given) -> None:
+    planner = dmoc.Planner(*bounced)
+    hit = planner.plan.trajectory.collisions[0].time
+    for time, off in ((0.2, 0.01), (0.4, -0.02), (0.9, 0.03)):
+        assert time < hit
+        there = planner.plan.at(time)
+        x, v = float(there["x"]) + off, float(there["x_dot"]) - off
+        plan = planner.replan(time, {"x": x, "x_dot": v})
+        assert plan.new and plan.phase == 0 and plan.status is Status.SOLVED
+        assert plan.cost == pytest.approx(least(x, v, 1.5, 2.0 - time), rel=2e-5)
+        assert plan.final_time == pytest.approx(2.0)
+        first = 6 * (1.5 - x) / (2.0 - time) ** 2 - 4 * v / (2.0 - time)
+        assert plan.input(time) == pytest.approx(first, rel=1e-3)
+
+
+def test_a_hit_that_came_early_is_over(bounced: Given) -> None:
+    """It is seen in the rate of the gap, near the wall."""
+    planner = dmoc.Planner(*bounced)
+    hit = planner.plan.trajectory.collisions[0].time
+    before = planner.plan.at(hit - 0.06)
+    planner.replan(hit - 0.06, {"x": before["x"], "x_dot": before["x_dot"]})
+    v = -float(before["x_dot"])
+    plan = planner.replan(hit - 0.05, {"x": 0.995, "x_dot": v})
+    assert plan.phase == 1 and not plan.trajectory.collisions
+    assert plan.cost == pytest.approx(least(0.995, v, 0.5, 2.05 - hit), rel=2e-5)
+
+
+def test_a_hit_that_is_late_is_still_met(bounced: Given) -> None:
+    planner = dmoc.Planner(*bounced)
+    hit = planner.plan.trajectory.collisions[0].time
+    for late in (0.0, 0.02, 0.04):
+        plan = planner.replan(hit + late, {"x": 0.95 + late, "x_dot": 1.0})
+        assert plan.new and plan.phase == 0 and plan.trajectory.collisions[0].surface == "wall"
+        assert plan.cost == pytest.approx(least(0.95 + late, 1.0, 1.5, 2.0 - hit - late), rel=2e-5)
+
+
+def test_what_has_left_the_wall_before_is_no_hit(bounced: Given) -> None:
+    """A mass that is pushed away from the wall long before its hit has not hit it."""
+    planner = dmoc.Planner(*bounced)
+    plan = planner.replan(0.1, {"x": 0.999, "x_dot": -0.5})
+    assert plan.phase == 0 and plan.trajectory.collisions
+
+
+def test_the_phase_may_be_said(bounced: Given) -> None:
+    planner = dmoc.Planner(*bounced)
+    plan = planner.replan(0.5, {"x": 0.4, "x_dot": -0.5}, phase=1)
+    assert plan.phase == 1
+    assert plan.cost == pytest.approx(least(0.4, -0.5, 0.5, 1.5), rel=2e-5)
+    with pytest.raises(ProblemError, match="phase = 0: expected a whole number"):
+        planner.replan(0.6, {"x": 0.4}, phase=0)
+
+
+def test_a_horizon_that_recedes_is_as_long_as_at_the_beginning(bounced: Given) -> None:
+    planner = dmoc.Planner(*bounced, horizon="recedes")
+    plan = planner.replan(0.3, {"x": 0.2, "x_dot": 0.1})
+    assert plan.cost == pytest.approx(least(0.2, 0.1, 1.5, 2.0), rel=2e-5)
+    assert plan.final_time == pytest.approx(2.3)
+
+
+def test_where_there_is_no_motion_the_last_plan_goes_on(bounced: Given) -> None:
+    planner = dmoc.Planner(*bounced)
+    first = planner.plan
+    plan = planner.replan(1.9, {"x": 0.0, "x_dot": 0.0}, phase=1)  # 0.5 m in 0.1 s needs 300 N
+    assert (
+        not plan.new and plan.status is Status.INFEASIBLE and "no feasible motion" in plan.message
+    )
+    assert plan.input(1.95) == pytest.approx(first.input(1.95))
+    assert "that of 0 s goes on" in repr(plan)
+    late = planner.replan(2.5, {"x": 0.5, "x_dot": 0.0})
+    assert not late.new and "was to end 0.5 s ago" in late.message
+    behind = planner.replan(2.6, {"x": 1.4, "x_dot": 0.0})
+    assert not behind.new
+
+
+def test_a_state_far_behind_a_surface_is_told(bounced: Given) -> None:
+    planner = dmoc.Planner(*bounced)
+    plan = planner.replan(0.5, {"x": 1.4, "x_dot": 0.0})
+    assert not plan.new and "0.4 behind surface 'wall'" in plan.message
+
+
+def test_a_state_just_behind_a_surface_is_moved_before_it(bounced: Given) -> None:
+    planner = dmoc.Planner(*bounced)
+    hit = planner.plan.trajectory.collisions[0].time
+    plan = planner.replan(hit, {"x": 1.001, "x_dot": 1.2})  # the hit is happening
+    assert not plan.new and plan.phase == 0 and "less than a phase may last" in plan.message
+    plan = planner.replan(hit + 0.001, {"x": 1.0002, "x_dot": -1.2})
+    assert plan.new and plan.phase == 1
+    assert plan.cost == pytest.approx(least(1.0, -1.2, 0.5, 2.0 - hit - 0.001), rel=2e-5)
+
+
+def test_a_limit_of_time_keeps_the_last_plan(bounced: Given) -> None:
+    planner = dmoc.Planner(*bounced)
+    plan = planner.replan(0.3, {"x": 0.9, "x_dot": -3.0}, seconds=1e-9)
+    assert not plan.new and plan.status is Status.TIME_LIMIT
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_landing_and_what_stays_closed(order: int) -> None:
+    """A block slides to rest on a floor: a state off it is moved onto it, friction is what is left
+    of f = 1: the rest of 1 m in 4 s from (x, v) with u >= f held by a constant force."""
+    system = block_on_floor("planned_block", 1.0, 10.0, 0.1, cost=U**2 / 2)
+    problem = dmoc.Problem(
+        dmoc.build(system, order=order), {"x": 0.0, "y": 0.0}, {"x": 1.0, "x_dot": 0.0},
+        contacts=["floor:slip+"], steps=20, final_time=2.0,
+    )  # fmt: skip
+    planner = dmoc.Planner(problem)
+    plan = planner.replan(0.5, {"x": 0.2, "y": 1e-4, "x_dot": 0.8, "y_dot": -1e-3})
+    assert plan.new
+    # The force is the friction and what a free mass needs; int (1 + a)^2/2 = T/2 + v_end - v + ...
+    expected = 1.5 / 2 - 0.8 + least(0.2, 0.8, 1.0, 1.5)
+    assert plan.cost == pytest.approx(expected, rel=2e-3 if order == 2 else 1e-6)
+    assert abs(plan.trajectory.phases[0].q[:, 1]).max() < 1e-9
+
+
+def test_chosen_parameters_stay_and_what_is_periodic_ends_where_it_was_to() -> None:
+    w = sp.Symbol("w")
+    system = unit_mass(
+        "planned_design", parameters={w: 0.9}, cost=U**2 / 2 + (w - 1) ** 2,
+        surfaces={"wall": w >= X},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        system, {"x": 0.5}, {}, sequence=["wall"], steps=20, final_time=2.0,
+        design={"w": (0.5, 1.5)}, periodic={"x": "x", "x_dot": ("x_dot", (-5, 5))},
+    )  # fmt: skip
+    planner = dmoc.Planner(problem)
+    w0 = planner.problem.parameters["w"]
+    assert 0.5 < w0 < 1.5 and w0 != 0.9 and planner.problem.goal["x"] == 0.5
+    there = planner.plan.at(0.2)
+    plan = planner.replan(0.2, (there.q, there.v))
+    assert plan.new and plan.trajectory.parameters["w"] == w0
+    assert plan.trajectory.phases[-1].q[-1, 0] == pytest.approx(0.5)
+
+
+def test_bad_input_is_one_sentence(bounced: Given, wall: dmoc.MechanicalSystem) -> None:
+    problem, solution = bounced
+    planner = dmoc.Planner(problem, solution)
+    t = dynamicsymbols._t
+    for state, words in (
+        ({"y": 1.0}, "unknown"), ({}, "leaves x out"), ([1.0], "2 finite numbers: x, x_dot"),
+        ({"x": np.nan}, "x in the state"), ("x", "expected a mapping by name"),
+    ):  # fmt: skip
+        with pytest.raises(ProblemError, match=words):
+            planner.replan(0.1, state)
+    planner.replan(0.2, {"x": 0.1, "x_dot": 0.5})
+    with pytest.raises(ProblemError, match=r"expected a time from 0\.2 s on"):
+        planner.replan(0.1, {"x": 0.1})
+    with pytest.raises(ProblemError, match="horizon = 'grows'"):
+        dmoc.Planner(problem, solution, horizon="grows")
+    with pytest.raises(ProblemError, match="expected a Solution"):
+        dmoc.Planner(problem, 3)  # type: ignore[arg-type]
+    timed = unit_mass("planned_timed", cost=U**2 * (1 + t))
+    with pytest.raises(ProblemError, match="depends on the time"):
+        dmoc.Planner(dmoc.Problem(timed, {"x": 0}, {"x": 1}, steps=5, final_time=1.0))
+    mean = unit_mass(
+        "planned_mean", integrals={"effort": U**2}, objective=dmoc.total("effort") / dmoc.final_time
+    )
+    with pytest.raises(ProblemError, match="look at the whole motion"):
+        dmoc.Planner(dmoc.Problem(mean, {"x": 0}, {"x": 1}, steps=5, final_time=(1.0, 2.0)))
+    nowhere = replace(problem, final_time=0.02)
+    with pytest.raises(ProblemError, match="has no solution to begin with"):
+        dmoc.Planner(nowhere)
