@@ -61,7 +61,7 @@ def versions() -> str:
     from dmoc.codegen.compiler import compiler
 
     try:
-        backend = f"kernels are compiled by {compiler()[0]}"
+        backend = f"kernels are compiled by {' '.join(compiler())}"
     except BuildError:
         backend = "kernels run on NumPy, because there is no C compiler"
     return f"dmoc {version('dmoc')}, Python {platform.python_version()}; {backend}"
@@ -160,6 +160,7 @@ def _extras() -> Iterator[Finding]:
     ]
     extras += [("imageio-ffmpeg", "mp4", "writes mp4 where the machine has no ffmpeg")]
     extras += [("dask", "dask", "lets other machines search")]
+    extras += [("ziglang", "cc", "compiles where there is no other compiler")]
     for name, extra, what in extras:
         try:
             yield Finding(name, version(name))

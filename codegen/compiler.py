@@ -7,7 +7,9 @@ import os
 import shlex
 import shutil
 import subprocess
+import sys
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
 from dmoc.base.arguments import shown
@@ -18,13 +20,17 @@ from dmoc.base.errors import BuildError
 FLAGS = ("-std=c11", "-O2", "-fPIC", "-ffp-contract=off", "-w", "-shared")
 # Large kernels are as quick with less optimisation, which takes a third of the compiler's time.
 LARGE, LARGE_FLAGS = 135_000, ("-O1",)  # bytes of C
+# The compiler of a package compiles for the very processor it runs on, unless it is told not to: a
+# cache may be that of several machines.
+BASELINE = ("-mcpu=baseline",)
 SOURCE = "kernels.c"
 # The header of every model's sources, and its folder.
 HEADER, HEADERS = "dmoc_kernel.h", Path(__file__).parent
 
 
 def compiler() -> list[str]:
-    """Return the C compiler's command: $CC if set, else cc, gcc or clang.
+    """Return the C compiler's command: $CC if set, else cc, gcc or clang, else that which
+    ``pip install 'dmoc[cc]'`` brings.
 
     Raises
     ------
@@ -36,11 +42,21 @@ def compiler() -> list[str]:
         command = _words(candidate)
         if shutil.which(command[0]):
             return command
+    carried = None if chosen else packaged()
+    if carried:
+        return [*carried, *BASELINE]
     raise BuildError(
         "no C compiler was found"
         + (f" (CC={chosen})" if chosen else "")
-        + ": install gcc or clang (Debian: apt install gcc libc6-dev), or set CC to its command."
+        + ": install gcc or clang (Debian: apt install gcc libc6-dev), or `pip install "
+        "'dmoc[cc]'`, or set CC to its command."
     )
+
+
+def packaged() -> list[str] | None:
+    """The command of the compiler that is a Python package, which compiles for other systems too;
+    None where it is not installed."""
+    return [sys.executable, "-m", "ziglang", "cc"] if find_spec("ziglang") else None
 
 
 def _words(command: str) -> list[str]:

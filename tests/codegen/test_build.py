@@ -17,7 +17,9 @@ from systems import block_system
 
 import dmoc
 from dmoc.base.errors import BuildError
+from dmoc.codegen import compiler
 from dmoc.codegen.build import LIBRARY
+from dmoc.models.registry import find
 
 pytestmark = pytest.mark.slow
 
@@ -97,6 +99,27 @@ def test_without_a_compiler_numpy_takes_over_with_a_warning(
     assert kernels.backend == "numpy" and works(kernels)
     with pytest.raises(BuildError, match="install gcc or clang"):
         dmoc.build(block_system("cached"), backend="compiled")
+
+
+def test_the_compiler_of_a_package_serves_where_there_is_no_other(
+    own_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: tuple[str, ...]
+) -> None:
+    """Its kernels have the digits of those of the usual one, at random arguments."""
+    system = find("cart_pendulum").system()
+    usual = dmoc.build(system, backend="compiled")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("DMOC_CACHE", str(tmp_path / "other"))
+    monkeypatch.setattr(compiler, "FLAGS", flags)
+    assert compiler.tried_compiler()[1:4] == ["-m", "ziglang", "cc"]
+    own, random = dmoc.build(system, backend="compiled"), np.random.default_rng(0)
+    for kernel, facts in own.manifest["kernels"].items():
+        inputs = [random.uniform(0.1, 1.0, (5, size)) for _, size in facts["inputs"]]
+        for a, b in zip(own.call(kernel, *inputs), usual.call(kernel, *inputs), strict=True):
+            np.testing.assert_array_equal(a, b, kernel)
+    monkeypatch.setitem(sys.modules, "ziglang", None)
+    with pytest.raises(BuildError, match=r"no C compiler was found: .* `pip install 'dmoc\[cc\]'`"):
+        compiler.compiler()
 
 
 def test_a_warning_names_the_line_that_called(
