@@ -19,6 +19,7 @@ import ablation
 import batches
 import building
 import campaign
+import carried
 import evaluating
 import invariance
 import ladder
@@ -72,6 +73,8 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "ablation": ablation.compare,
         "warm": speed.warm,
         "batches": batches.compare,
+        "carried": carried.compare,
+        "threads": carried.batch,
         "search": searching.compare,
         "twenty": lambda quick: twenty.compare(quick, folder),
         "walker": walking_casadi.walk,

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -85,11 +86,14 @@ def tried_compiler() -> list[str]:
     return command
 
 
-def compile_library(folder: Path, command: list[str], target: str) -> None:
-    """Compile the sources in ``folder`` into a shared library beside them."""
+def compile_library(
+    folder: Path, command: list[str], target: str, others: Sequence[str] = ()
+) -> None:
+    """Compile the sources in ``folder``, those of a model and others, into a shared library beside
+    them."""
     large = (folder / SOURCE).stat().st_size > LARGE
     words = [*command, *FLAGS, *(LARGE_FLAGS if large else ()), "-I", str(HEADERS)]
-    words += [SOURCE, "-lm", "-o", target]
+    words += [SOURCE, *others, "-lm", "-o", target]
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode != 0 or not (folder / target).exists():
         raise BuildError(

@@ -23,7 +23,8 @@ typedef struct {
 
 typedef struct {
     const char *name;
-    int first, rows, columns; /* of the unknowns */
+    int first, rows, columns;
+    int derived; /* found from the unknowns (dmoc_motion.c), not one of them */
 } dmoc_table_of;
 
 /* A state at one end whose position and velocity are fixed: its momenta follow. known: whether
@@ -45,6 +46,72 @@ typedef struct {
     int q, t;        /* the first unknowns of these tables; t is -1 for none */
 } dmoc_places;
 
+/* Functions of one kind that push along a motion: gaps, tangential positions, constraints. slopes:
+ * the kernel of their derivatives by (q, t), of which entry e is that of function row[e] by
+ * column[e]; NULL where the model has none. */
+typedef struct {
+    const dmoc_entry *slopes, *rates;
+    int count, entries;
+    const int *row, *column;
+} dmoc_functions;
+
+/* What pushes along a phase: impulses of some functions of a kind at its stations, which change
+ * momenta by sign*impulse*slope. */
+typedef struct {
+    int phase, kind, columns;
+    double sign;
+    const int *column; /* [columns] the functions */
+    const int *holds;  /* [columns] whether rates vanish, and not because others do */
+    const int *impulse; /* [stations*columns] unknowns */
+} dmoc_reaction;
+
+enum { DMOC_NORMAL, DMOC_TANGENTIAL, DMOC_REACTION, DMOC_KINDS };
+
+/* What is found from the unknowns: tables one after the other of momenta and velocities
+ * [nodes of the phases*nq] and of forces [nodes of the phases*functions of the kind]. momenta: the
+ * pass that adds momenta of steps to the first of them. share: the part of a step that stations
+ * stand for, [degree + 1] where steps have stations of their own (degree > 1). */
+typedef struct {
+    dmoc_pass momenta;
+    const dmoc_entry *dynamics;
+    dmoc_functions functions[DMOC_KINDS];
+    int inputs, reactions, degree, p_end;
+    const dmoc_reaction *reaction;
+    const double *share;
+} dmoc_motion;
+
+/* Values at places of the first phase, from 0 to 1 in order. */
+typedef struct {
+    int count, kind, coordinate; /* coordinate: which of a node */
+    const int *index;
+    const double *at;
+} dmoc_track;
+
+/* A coordinate, which follows the polynomials of steps; a value, which is linear between its
+ * places; an amount that is in proportion to the step. */
+enum { DMOC_COORDINATE, DMOC_VALUE, DMOC_AMOUNT };
+
+/* The rest of a motion, and other courses of it. possible: there is one on the same phases.
+ * time[times]: numbers from which the time that has passed is taken. course[degree + 3][degree + 3]:
+ * coefficients of the powers of the place in a step, of the polynomials of nodes and of the slopes
+ * at both ends. inside[degree - 1]: places of the nodes inside a step, whose coordinates begin at
+ * the unknown q_inside. */
+typedef struct {
+    int possible, times, unknowns, rows, q_inside;
+    const int *time;
+    const dmoc_track *unknown, *row;
+    const double *course, *inside;
+} dmoc_rest;
+
+/* What parameters must be together. mass: whether that of the first position is positive definite;
+ * friction: the kernel of coefficients, NULL for none; kinds[k]: 0 for those that vary, 2 for pairs
+ * of static and kinetic ones, else 1. */
+typedef struct {
+    int mass, tangents;
+    const dmoc_entry *friction;
+    const int *kinds;
+} dmoc_together;
+
 struct dmoc_carried {
     const char *name;
     dmoc_program program; /* without what is written: pool and scratch are NULL */
@@ -58,6 +125,9 @@ struct dmoc_carried {
     const dmoc_table_of *table;
     dmoc_state state[2];
     dmoc_places places;
+    dmoc_motion motion;
+    dmoc_rest rest;
+    dmoc_together together;
     const int *steps;     /* [phases] of the phases; their sizes are the first unknowns */
     double cost;          /* size of the cost */
     /* The answer of the day of export, scaled, and the first motion before it. */

@@ -24,6 +24,9 @@
 extern "C" {
 #endif
 
+/* The form of these sources, which dmoc.load_solver asks for. */
+enum { DMOC_SOLVER_FORMAT = 2 };
+
 typedef struct dmoc_carried dmoc_carried; /* a problem, as constants */
 typedef struct dmoc_solver dmoc_solver;
 
@@ -31,7 +34,8 @@ typedef struct dmoc_solver dmoc_solver;
  * DMOC_INFEASIBLE, DMOC_ITERATION_LIMIT, DMOC_TIME_LIMIT, DMOC_STALLED and DMOC_INTERRUPTED. */
 enum {
     DMOC_BAD_NUMBER = DMOC_NO_MEMORY + 1, /* see dmoc_solver_wrong; nothing was solved */
-    DMOC_OUTSIDE /* the motion penetrates a surface, or leaves a contact or a constraint */
+    DMOC_OUTSIDE, /* the motion penetrates a surface, or leaves a contact or a constraint */
+    DMOC_NO_REST  /* see dmoc_solver_shift; nothing was changed */
 };
 
 /* Limits and tolerances of a solve. */
@@ -50,6 +54,7 @@ typedef struct {
     double cost, optimality, violation;
     int iterations, restorations;
     long factorisations;
+    int starts; /* that were tried */
 } dmoc_end;
 
 /* Bytes of memory that a solver of a problem takes. */
@@ -73,18 +78,38 @@ void dmoc_solver_from_answer(dmoc_solver *s);
 void dmoc_solver_from_first_motion(dmoc_solver *s);
 void dmoc_solver_from(dmoc_solver *s, const double *unknowns);
 
+/* To the rest of the motion that the last solve has found: it starts with the state at a time of
+ * the first phase, and what is fixed or bounded of its final time, and of the duration of that
+ * phase, is shorter by so much. Unknowns and multipliers are interpolated for the next solve. A
+ * start that was measured may be set afterwards. DMOC_SOLVED, or DMOC_NO_REST where the first event
+ * is over at that time or the problem has no such rest: the start has to be fixed, and nothing may
+ * depend on the time, on integrals, on peaks or on both ends. */
+int dmoc_solver_shift(dmoc_solver *s, double elapsed);
+
 /* The limits that the package has by default. */
 dmoc_limits dmoc_solver_limits(void);
 /* Solve; limits may be NULL for the default ones. Returns how it ended. */
 int dmoc_solver_solve(dmoc_solver *s, const dmoc_limits *limits);
+/* Solve from several starts and end with the best: the solution of least cost; where there is none,
+ * the least violation. The first starts are that of dmoc_solver_solve and the first motion. Those
+ * that follow are random: every second one is the answer of the day of export, the others are the
+ * first motion, with coordinates moved by up to some of their sizes along cubics that vanish at
+ * both ends, and step sizes between half and one and a half of what they were. A seed gives the
+ * same starts on all machines. Limits of iterations are for each start, of seconds for all. */
+int dmoc_solver_explore(dmoc_solver *s, int starts, unsigned long long seed,
+                        const dmoc_limits *limits);
 /* The sentence that belongs to an end. */
 const char *dmoc_solver_sentence(int status);
 dmoc_end dmoc_solver_end(const dmoc_solver *s);
 /* The number that a solve has refused, and what it expected of it; -1 and NULL for none. */
 int dmoc_solver_wrong(const dmoc_solver *s, const char **expected);
 
-/* The motion: all unknowns, and how many; a table of them, with rows and columns if they are
- * asked for, by rows; the times of the nodes, of which there are as many as rows of q. */
+/* The motion: all unknowns, and how many; a table of them, or of what follows from them, with rows
+ * and columns if they are asked for, by rows; the times of the nodes, of which there are as many as
+ * rows of q. Momenta, velocities and forces have a row for every node of every phase, so that an
+ * event has two: node k of phase i is row k + i. Forces of what is open are zero, and so are those
+ * after an event that ends the motion; where contacts hold a motion twice they are the impulses by
+ * the time, of which the motion determines sums alone. */
 int dmoc_solver_size(const dmoc_carried *problem);
 const double *dmoc_solver_unknowns(const dmoc_solver *s);
 int dmoc_solver_tables(const dmoc_carried *problem);

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.export.constants import Constants, initial, number
+from dmoc.export.motion_text import (
+    derived_tables,
+    momenta_of,
+    motion_text,
+    rest_text,
+    together_text,
+)
 from dmoc.export.numbers import ENDS, SIDES, Number, Numbers, State, moved_arrays
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.program.arrays import ElementData, PassData, strided
@@ -18,9 +26,9 @@ from dmoc.solvers.compiled import Factorisation
 from dmoc.solvers.kkt_layout import KKTLayout
 from dmoc.solvers.outcome import Duals
 
-WIDTH = 100
 # Of the kernels that a solver calls beside those of its passes.
 CHECKS = ("momentum", "surface", "gap_rate", "joint", "joint_rate")
+OTHERS = ("dynamics", "friction", "joint_jac", "slide_rate", "surface_jac", "tangent_jac")
 KKT = ("place", "start", "row", "first", "from_hess", "from_jac", "diagonal")
 LDL = ("first", "block", "row_start", "row", "part_start", "part", "target", "height")
 SIZES = ("n", "entries", "pivots", "chain", "blocks")
@@ -40,64 +48,13 @@ class Carried:
     first: Array
 
 
-class Constants:
-    """Arrays of constants, each written once however often it is asked for."""
-
-    def __init__(self) -> None:
-        self.names: dict[tuple[str, bytes], str] = {}
-        self.lines: list[str] = []
-        self.size = 0  # bytes
-
-    def array(self, kind: str, values: Any) -> str:
-        """The name of an array of doubles, ints or ptrdiff_ts; NULL for none."""
-        flat = np.ascontiguousarray(values).ravel()
-        if not flat.size:
-            return "NULL"
-        key = kind, flat.tobytes()
-        if key not in self.names:
-            self.names[key] = f"{kind[0]}{len(self.names)}"
-            self._write(kind, self.names[key], len(flat), map(number, flat.tolist()))
-            self.size += len(flat) * (4 if kind == "int" else 8)
-        return self.names[key]
-
-    def structs(self, kind: str, name: str, rows: Sequence[str]) -> str:
-        """The name of an array of structs; NULL for none."""
-        if not rows:
-            return "NULL"
-        self.lines += [f"static const {kind} {name}[] = {{", *(f"    {r}," for r in rows), "};"]
-        return name
-
-    def _write(self, kind: str, name: str, size: int, values: Iterable[str]) -> None:
-        self.lines.append(f"static const {kind} {name}[{size}] = {{")
-        line = "   "
-        for value in values:
-            if len(line) + len(value) > WIDTH - 2:
-                self.lines.append(line)
-                line = "   "
-            line += f" {value},"
-        self.lines += [line, "};"]
-
-
-def number(value: float | int) -> str:
-    """A number in C."""
-    if isinstance(value, int):
-        return str(value)
-    if np.isinf(value):
-        return "INFINITY" if value > 0 else "-INFINITY"
-    return repr(value)
-
-
-def initial(*values: str | int) -> str:
-    """An initialiser of a struct."""
-    return f"{{{', '.join(map(str, values))}}}"
-
-
 def program_text(carried: Carried) -> tuple[list[str], int]:
     """The lines of all constants, of which the last ones are the problem itself, and bytes."""
     c, nlp, data = Constants(), carried.nlp, carried.nlp.assembled.data
     kernels, numbers = nlp.kernels, carried.numbers
     used = {e.kernel for p in (data.values, data.slopes, data.curvatures) for e in p.elements}
-    entries = _entries(c, kernels, sorted(used | {k for k in CHECKS if kernels.has(k)}))
+    called = {k for k in (*CHECKS, *OTHERS) if kernels.has(k)}
+    entries = _entries(c, kernels, sorted(used | called))
     passes = [
         _pass(c, entries, name, p)
         for name, p in (
@@ -115,7 +72,9 @@ def program_text(carried: Carried) -> tuple[list[str], int]:
     )  # fmt: skip
     number_rows, change_rows = _number_rows(nlp, numbers)
     places = _places(c, nlp, entries)
-    tables = [initial(f'"{b.name}"', int(b.numbers[0]), *shape_of(b)) for b in tables_of(nlp)]
+    tables = [initial(f'"{b.name}"', int(b.numbers[0]), *shape_of(b), 0) for b in tables_of(nlp)]
+    tables += [initial(f'"{t.name}"', t.first, t.rows, t.columns, 1) for t in derived_tables(nlp)]
+    momenta = _pass(c, entries, "momenta", momenta_of(nlp))
     fields = [
         f'"{carried.name}"', program, kkt, _ldl(c, carried.layout),
         c.array("double", data.pool), len(data.pool), len(data.values.coefficients),
@@ -124,6 +83,8 @@ def program_text(carried: Carried) -> tuple[list[str], int]:
         c.structs("dmoc_change", "changes", change_rows),
         c.structs("dmoc_table_of", "tables", tables),
         initial(*(_state(c, s, numbers.taken) for s in numbers.states)), places,
+        motion_text(c, nlp, entries, momenta), rest_text(c, nlp, numbers),
+        together_text(c, nlp, entries),
         c.array("int", np.array(nlp.layout.steps)), number(float(nlp.scale.cost)),
         c.array("double", carried.x), c.array("double", carried.duals.rows),
         c.array("double", carried.duals.z), c.array("double", carried.first),

@@ -23,6 +23,7 @@ from dmoc.base.messages import place
 from dmoc.base.tolerances import ITERATIONS
 from dmoc.codegen.build import header, sources
 from dmoc.codegen.kernels import Array
+from dmoc.export.motion_text import derived_tables, momenta_of, work_of
 from dmoc.export.numbers import moved_arrays, numbers_of
 from dmoc.export.program_text import (
     Carried,
@@ -55,7 +56,10 @@ PARTS = {
         "interior_restoration.c", "interior_search.c", "interior_solver.h", "interior_start.c",
         "interior_status.h", "interior_system.c", "ldl.c", "ldl.h", "ldl_dense.c", "ldl_dense.h",
     ),
-    "dmoc.export": ("dmoc_carried.h", "dmoc_solver.c", "dmoc_solver.h"),
+    "dmoc.export": (
+        "dmoc_carried.h", "dmoc_inside.h", "dmoc_judge.c", "dmoc_motion.c", "dmoc_numbers.c",
+        "dmoc_solver.c", "dmoc_solver.h", "dmoc_starts.c",
+    ),
 }  # fmt: skip
 KERNELS = ("kernels.c", "kernels.h")
 # Doubles that hold a solver, without what it works with; rows that an element works on at a time
@@ -127,11 +131,6 @@ def generate_solver(
         raise ProblemError(
             f"the kernels of {problem.kernels.name!r} run on NumPy, and a solver in C needs "
             "compiled ones: install a C compiler and build the model again."
-        )
-    if problem.ends_with_event:
-        raise ProblemError(
-            "the problem ends with its last event, and a solver in C has phases with steps alone: "
-            "give the last phase a duration."
         )
     solution = guess if isinstance(guess, Solution) else solve(problem, "ipm", guess=guess)
     carried, iterations = carried_by(name, problem, solution)
@@ -223,11 +222,11 @@ def memory_of(carried: Carried) -> int:
     so, with one more behind each part."""
     nlp, layout, data = carried.nlp, carried.layout, carried.nlp.assembled.data
     n, m, lay = data.n, data.m, carried.nlp.layout
-    model, ldl = nlp.problem.model, analysis_of(layout)
+    ldl = analysis_of(layout)
     parts = [
         *(len(a) for a in moved_arrays(data)), len(carried.numbers.taken), len(data.pool),
-        *[n] * 7, m, m + 1, len(data.slopes.constant), lay.total + 1,
-        3 * lay.nq + model.nc + model.nj + len(nlp.kernels.parameters) + 1, _scratch(nlp),
+        *[n] * 7, m, m + 1, 2 * n + m, len(data.slopes.constant), lay.total + 1,
+        sum(t.rows * t.columns for t in derived_tables(nlp)) + 1, work_of(nlp), _scratch(nlp),
         ldl["panel_size"], ldl["work_size"], 3 * (ldl["pivots"] + 2),
         ldl["n"] - ldl["chain"] + 1, -(-interior_memory(nlp.program, layout) // 8),
     ]  # fmt: skip
@@ -242,21 +241,27 @@ def _scratch(nlp: Transcription) -> int:
         gathered = sum(int(a.shape[1]) for a in element.arguments if strided(a) is None)
         return gathered + sum(size_of(o) for o in kernels[element.kernel]["outputs"])
 
-    every = (e for p in (data.values, data.slopes, data.curvatures) for e in p.elements)
+    passes = data.values, data.slopes, data.curvatures, momenta_of(nlp)
+    every = (e for p in passes for e in p.elements)
     return ROWS * max(map(of, every), default=0)
 
 
 def _facts(carried: Carried, lines: list[str], counts: tuple[int, int]) -> dict[str, Any]:
     """What the files say of a problem."""
     nlp, name, upper = carried.nlp, carried.name, carried.name.upper()
-    blocks, taken = tables_of(nlp), carried.numbers.taken
+    blocks, taken, derived = tables_of(nlp), carried.numbers.taken, derived_tables(nlp)
+    words = _words([*(b.name for b in blocks), *(t.name for t in derived)])
     tables = [
         {
             "word": f"{upper}_TABLE_{word}", "rows": shape_of(b)[0],
             "columns": shape_of(b)[1], "what": b.name_of(0) + (", ..." if b.count > 1 else ""),
         }
-        for b, word in zip(blocks, _words([b.name for b in blocks]), strict=True)
+        for b, word in zip(blocks, words, strict=False)
     ]  # fmt: skip
+    tables += [
+        {"word": f"{upper}_TABLE_{word}", "rows": t.rows, "columns": t.columns, "what": t.what}
+        for t, word in zip(derived, words[len(blocks) :], strict=True)
+    ]
     numbers = [
         {"word": f"{upper}_{word}", "value": f"{n.value:.17g}"}
         for n, word in zip(taken, _words([n.name for n in taken]), strict=True)

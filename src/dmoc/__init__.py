@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dmoc.base.errors import DmocError as DmocError
     from dmoc.check.check import verify as verify
+    from dmoc.export.loaded import load_solver as load_solver
     from dmoc.export.solver import generate_solver as generate_solver
     from dmoc.inspection.system_derivation import derive as derive
     from dmoc.models.registry import build as build
@@ -80,6 +81,7 @@ _PLACES = {
     "peak": "dmoc.symbolic.objectives",
     "total": "dmoc.symbolic.objectives",
     "generate_solver": "dmoc.export.solver",
+    "load_solver": "dmoc.export.loaded",
     "derive": "dmoc.inspection.system_derivation",
     "load": "dmoc.models.registry",
     "search": "dmoc.sequences.search",

@@ -6,22 +6,27 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass, replace
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import sympy as sp
-from contact_problems import against_wall_on_floor, two_masses
+from carried_problems import CASES, design, linkage
 from joint_problems import bob
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system
 
 import dmoc
 from dmoc.base.errors import OutputError, ProblemError
-from dmoc.export.solver import carried_by, memory_of
+from dmoc.codegen.build import header
+from dmoc.codegen.compiler import HEADER
+from dmoc.export.motion_text import derived_tables
+from dmoc.export.solver import PARTS, carried_by, memory_of
 from dmoc.models.registry import find
+from dmoc.program.extraction import trajectory
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.ipm import solve_ipm
 from dmoc.solvers.judge import judged
@@ -31,7 +36,7 @@ WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
 C11 = ("-std=c11", "-ffp-contract=off")
 SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 CODES = ("solved", "infeasible", "iteration_limit", "time_limit", "stalled", "interrupted")
-BAD_NUMBER, OUTSIDE = 7, 8
+BAD_NUMBER, OUTSIDE, NO_REST = 7, 8, 9
 
 
 @dataclass(frozen=True)
@@ -46,13 +51,26 @@ def run(*command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
 
 
+@cache
+def objects(flags: tuple[str, ...]) -> tuple[str, ...]:
+    """The sources that all solvers share, compiled once."""
+    folder = Path(tempfile.mkdtemp(prefix="carried-"))
+    for package, names in PARTS.items():
+        for name in names:
+            shutil.copy(resources.files(package) / name, folder)
+    (folder / HEADER).write_text(header()[HEADER])
+    names = sorted(p.name for p in folder.glob("*.c"))
+    done = run("gcc", *C11, *WARNINGS, *flags, "-c", *names, folder=folder)
+    assert done.returncode == 0, done.stderr
+    return tuple(str(p) for p in sorted(folder.glob("*.o")))
+
+
 def compiled(folder: Path, main: str = "main.c", *flags: str) -> str:
     """The program of a folder, or another one on its sources."""
-    others = [p.name for p in folder.glob("*.c") if p.name not in ("main.c", "test.c", main)]
-    target = f"./{Path(main).stem}"
+    flags, target = flags or SANITIZED, f"./{Path(main).stem}"
     done = run(
-        "gcc", *C11, *WARNINGS, *(flags or SANITIZED), *others, main, "-lm", "-o", target,
-        folder=folder,
+        "gcc", *C11, *WARNINGS, *flags, "program.c", "kernels.c", main, *objects(flags), "-lm",
+        "-o", target, folder=folder,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return target
@@ -73,80 +91,11 @@ def in_python(nlp: Transcription, x: np.ndarray, duals: Duals | None) -> Outcome
         return judged(nlp, solve_ipm(nlp, x, Options(), duals), Options())
 
 
-def cart(order: int, steps: int) -> dmoc.Problem:
-    reference = find("cart_pendulum")
-    return dmoc.Problem(dmoc.load("cart_pendulum", order=order), **reference.defaults).but(
-        steps=steps
-    )
-
-
-def linkage(order: int) -> dmoc.Problem:
-    """The bob on its rod, from below to the side."""
-    return dmoc.Problem(
-        dmoc.build(bob(), order=order), start={"x": 0, "y": -1}, goal={"x": 0.6, "y": -0.8},
-        steps=12, final_time=1.0, bounds={"u": (-30, 30)},
-    )  # fmt: skip
-
-
-def design() -> dmoc.Problem:
-    """The block that is thrown at a wall whose place is chosen, dearer the nearer it is."""
-    system = block_system("carried_wall")
-    wall = next(s for s in system.parameters if s.name == "wall")
-    chosen = replace(system, terminal_cost=-40 * wall)
-    return dmoc.Problem(
-        dmoc.build(chosen), start={"x": 0, "x_dot": 0}, goal={"x": 0, "x_dot": 0},
-        sequence=["wall"], steps=10, final_time=1.0, design={"wall": (0.5, 2)},
-    )  # fmt: skip
-
-
-# Problems with numbers that are set at run time, as the problem has them.
-CASES: dict[str, tuple[Any, dict[str, float], Any]] = {
-    "cart_2": (
-        lambda: cart(2, 15),
-        {
-            "start.alpha": 0.5, "goal.p_x": 0.1, "parameters.m_c": 1.05, "final_time.high": 1.1,
-            "bounds.F.high": 60.0, "start.x_dot": 0.2,
-        },
-        lambda p: p.but(
-            start={**p.start, "alpha": 0.5, "x_dot": 0.2}, goal={**p.goal, "p_x": 0.1},
-            parameters={"m_c": 1.05}, final_time=(None, 1.1),
-            bounds={**p.bounds, "F": (-200, 60)},
-        ),
-    ),
-    "cart_4": (
-        lambda: cart(4, 8), {"start.x": 0.1, "parameters.l": 0.52},
-        lambda p: p.but(start={**p.start, "x": 0.1}, parameters={"l": 0.52}),
-    ),
-    "floor": (
-        lambda: against_wall_on_floor(12, 0.1), {"goal.x": -0.1, "final_time": 1.1},
-        lambda p: p.but(goal={**p.goal, "x": -0.1}, final_time=1.1),
-    ),
-    "masses": (
-        lambda: two_masses(10), {"bounds.u.low": -4.2, "goal.b": 1.9, "parameters.f": 0.9},
-        lambda p: p.but(
-            bounds={"u": (-4.2, 4), "w": (-4, 4)}, goal={**p.goal, "b": 1.9}, parameters={"f": 0.9}
-        ),
-    ),
-    "linkage_2": (
-        lambda: linkage(2), {"goal.x": 0.8, "goal.y": -0.6, "final_time": 1.2},
-        lambda p: p.but(goal={"x": 0.8, "y": -0.6}, final_time=1.2),
-    ),
-    "linkage_4": (
-        lambda: linkage(4), {"bounds.u.high": 3.7},
-        lambda p: p.but(bounds={"u": (-30, 3.7)}),
-    ),
-    "design": (
-        design, {"goal.x": 0.1, "design.wall.high": 0.8},
-        lambda p: p.but(goal={**p.goal, "x": 0.1}, design={"wall": (0.5, 0.8)}),
-    ),
-}  # fmt: skip
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_the_same_answers_as_in_python(case: str, tmp_path: Path) -> None:
-    """From the first motion digit by digit; with other numbers, from the same answer and its
-    multipliers, to 1e-9 of the sizes of the unknowns."""
+    """From the first motion digit by digit, momenta, velocities and forces too; with other numbers,
+    from the same answer and its multipliers, to 1e-9 of the sizes of the unknowns."""
     made, numbers, stated = CASES[case]
     problem, folder = made(), tmp_path / "carried"
     solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
@@ -159,7 +108,8 @@ def test_the_same_answers_as_in_python(case: str, tmp_path: Path) -> None:
     for words, x, duals in ((("first",), carried.first, None), ((), carried.x, carried.duals)):
         here, there = in_python(nlp, x, duals), answered(program, folder, *words)
         assert (there.status, there.iterations) == (CODES.index(here.status), here.iterations)
-        np.testing.assert_allclose(there.x / nlp.unit, here.x, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(there.x[: nlp.n] / nlp.unit, here.x, rtol=0, atol=1e-12)
+        tables_are_those_of(nlp, there.x)
     assert there.iterations == counts[1]
     other = Transcription(stated(nlp.problem), nlp.scale)
     here = in_python(other, carried.x, carried.duals)
@@ -167,8 +117,34 @@ def test_the_same_answers_as_in_python(case: str, tmp_path: Path) -> None:
     there = answered(program, folder, *words)
     assert (CODES[there.status], here.status) == ("solved", "solved")
     assert abs(there.cost - nlp.scale.cost * other.cost(here.x)) <= 1e-9 * (1 + abs(there.cost))
-    np.testing.assert_allclose(there.x / nlp.unit, here.x, rtol=0, atol=1e-9)
-    assert np.abs(there.x / nlp.unit - carried.x).max() > 1e-3
+    scaled = there.x[: nlp.n] / nlp.unit
+    np.testing.assert_allclose(scaled, here.x, rtol=0, atol=1e-9)
+    assert np.abs(scaled - carried.x).max() > 1e-3
+
+
+def tables_are_those_of(nlp: Transcription, x: np.ndarray) -> None:
+    """Tables behind the unknowns x are what Python finds of them."""
+    names = nlp.kernels.surfaces, nlp.kernels.tangents
+    tables = {
+        t.name: x[nlp.n :][t.first : t.first + t.rows * t.columns].reshape(t.rows, -1)
+        for t in derived_tables(nlp)
+    }
+    row = 0
+    for phase in trajectory(nlp, x[: nlp.n] / nlp.unit).phases:
+        rows, found = slice(row, row := row + len(phase.t)), {"reaction": phase.reaction}
+        for kind, every, there in zip(
+            ("normal", "tangential"), names, (phase.closed, phase.rubbing), strict=True
+        ):
+            found[kind] = np.zeros((len(phase.t), len(every)))
+            found[kind][:, [every.index(name) for name in there]] = getattr(phase, kind)
+        found |= {"momenta": phase.p, "velocities": phase.v}
+        for kind, expected in found.items():
+            if kind in tables:
+                size = 1 + np.abs(expected).max()
+                np.testing.assert_allclose(tables[kind][rows], expected, rtol=0, atol=1e-11 * size)
+            else:
+                assert not expected.any()
+    assert row == len(tables["momenta"])
 
 
 @pytest.fixture(scope="module")
@@ -308,7 +284,7 @@ int main(void)
     printf("%d %d\n", again, dmoc_solver_rows(&bob_problem));
     for (int r = 0; r < dmoc_solver_rows(&bob_problem); ++r)
         printf("%.12g\n", y[r]);
-    for (int status = 0; status <= DMOC_OUTSIDE + 1; ++status)
+    for (int status = 0; status <= DMOC_NO_REST + 1; ++status)
         printf("%s\n", dmoc_solver_sentence(status));
     return 0;
 }
@@ -341,6 +317,7 @@ def test_what_a_solver_says(folder: Path) -> None:
         assert sentences[i] == SENTENCES[Status(status)]
     assert sentences[BAD_NUMBER].startswith("a number does not fit")
     assert sentences[OUTSIDE].startswith("the motion penetrates") and sentences[-1] == ""
+    assert sentences[NO_REST].startswith("the first event is over, or nothing is left")
 
 
 def test_the_sources_are_those_of_the_package(folder: Path) -> None:

@@ -100,6 +100,7 @@ def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
         "simulate": {"kernels": block, "position": {"x": 0.0}, "step_size": 0.1, "steps": 3},
         "sensitivities": {"problem": problem, "solution": solution},
         "generate_solver": {"problem": problem, "folder": "carried", "guess": solution},
+        "load_solver": {"folder": "nowhere"},
         "verify": {"trajectory": solution.trajectory, "kernels": block},
         "build": {"system": system, "backend": "numpy"},
         "load": {"reference": "puck_table"},

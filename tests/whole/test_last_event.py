@@ -16,6 +16,7 @@ from systems import block_on_floor, block_system, dropped_ball, landing_system, 
 
 import dmoc
 from dmoc.base.errors import ProblemError, SimulationError
+from dmoc.export.loaded import load_solver
 from dmoc.export.solver import generate_solver
 from dmoc.motion.trajectory import Trajectory
 from dmoc.program.transcription import Transcription
@@ -448,9 +449,17 @@ def test_a_step_of_a_walker_costs_the_same_from_mid_stance_on(
     assert costs[0] == approx(costs[1], abs=1e-6) and costs[0] == approx(390.7905, abs=1e-3)
 
 
-def test_a_solver_in_c_has_phases_with_steps_only(tmp_path: Path) -> None:
-    with pytest.raises(ProblemError, match="has phases with steps alone"):
-        generate_solver(against_wall(), tmp_path / "solver")
+def test_a_solver_in_c_ends_with_an_event(tmp_path: Path) -> None:
+    """Its last row is behind the event, and another speed there is another problem."""
+    problem = against_wall()
+    generate_solver(problem, tmp_path / "solver")
+    solver = load_solver(tmp_path / "solver")
+    solver.set(goal={"x_dot": -0.6})
+    end, own = solver.solve(), dmoc.solve(problem.but(goal={"x_dot": -0.6}), starts=1)
+    assert end.status == "solved" and end.cost == approx(own.cost, rel=1e-9)
+    velocities = np.vstack([phase.v for phase in own.trajectory.phases])
+    assert end.tables["velocities"] == approx(velocities, abs=1e-6)
+    assert end.tables["velocities"][-2:, 0] == approx([1.2, -0.6], abs=1e-9)  # e = 1/2
 
 
 def test_files_have_motions_that_end_with_an_event(tmp_path: Path) -> None:

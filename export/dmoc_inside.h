@@ -1,0 +1,95 @@
+/* What the files of a carried solver share; dmoc_solver.h is its interface.
+ *
+ *   dmoc_numbers.c   numbers into the program, and those that do not fit
+ *   dmoc_judge.c     residuals of an end, and whether positions keep what they must
+ *   dmoc_motion.c    tables of an end: times, momenta, velocities, forces
+ *   dmoc_starts.c    where a solve starts, solves from several starts, the rest of a motion
+ *   dmoc_solver.c    memory, a solve
+ */
+#ifndef DMOC_INSIDE_H
+#define DMOC_INSIDE_H
+
+#include "dmoc_carried.h"
+
+#include <math.h>
+#include <string.h>
+
+/* As dmoc.base.tolerances has them. */
+static const double CARRIED_LEAST_COST = 1e-2, CARRIED_INFEASIBLE = 1e-6, CARRIED_KEPT = 1e-6;
+
+struct dmoc_solver {
+    const dmoc_carried *c;
+    dmoc_program program;
+    dmoc_ldl ldl;
+    dmoc_pass momenta;
+    double *array[DMOC_ARRAYS]; /* those that numbers move */
+    double *numbers, *pool;
+    double *x, *y, *z;          /* scaled unknowns, multipliers of rows and of bounds */
+    double *best;               /* the three of them, of several starts */
+    double *size, *stretch, *z_lower, *z_upper, *values, *slopes;
+    double *physical, *times, *results, *work;
+    void *memory;               /* of the method */
+    int warm, wrong;
+    const char *expected;
+    dmoc_end end;
+};
+
+static inline void carried_copy(double *to, const double *from, ptrdiff_t count)
+{
+    if (count > 0)
+        memcpy(to, from, sizeof(double)*(size_t)count);
+}
+
+/* One row of a kernel, of which the first results are wanted. */
+static inline void carried_call(const dmoc_entry *entry, const double *const in[], double *first,
+                                double *second)
+{
+    const ptrdiff_t stride[DMOC_MOST] = {0};
+    double *results[DMOC_MOST] = {first, second};
+    entry->kernel(1, in, stride, results);
+}
+
+/* Values of a number of functions at a time come from here on in the pool. */
+static inline ptrdiff_t carried_first_parameter(const dmoc_solver *s)
+{
+    return s->program.n + s->program.m + 2;
+}
+
+static inline int carried_nodes(const dmoc_carried *c)
+{
+    int count = 1;
+    for (int i = 0; i < c->phases; ++i)
+        count += c->steps[i];
+    return count;
+}
+
+/* Phases with steps, whose sizes are the first unknowns: all, or all but the last. */
+static inline int carried_stepped(const dmoc_carried *c)
+{
+    return c->phases - !c->steps[c->phases - 1];
+}
+
+/* Calls between the files stay inside of the library. */
+#ifdef __GNUC__
+#pragma GCC visibility push(hidden)
+#endif
+
+/* dmoc_numbers.c */
+int carried_apply(dmoc_solver *s);
+
+/* dmoc_judge.c */
+void carried_evaluate(dmoc_solver *s);
+int carried_judge(dmoc_solver *s, int word, const dmoc_limits *limits);
+int carried_all_inside(const dmoc_solver *s);
+
+/* dmoc_motion.c */
+size_t carried_results_size(const dmoc_carried *c);
+size_t carried_work_size(const dmoc_carried *c);
+void carried_parameters(const dmoc_solver *s, double *parameters);
+void carried_read_out(dmoc_solver *s);
+
+#ifdef __GNUC__
+#pragma GCC visibility pop
+#endif
+
+#endif

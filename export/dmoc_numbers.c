@@ -1,0 +1,203 @@
+/* Numbers into the program, and those that do not fit. */
+#include "dmoc_inside.h"
+
+/* What rounding leaves of a pivot of a mass with ones on its diagonal, dmoc.mechanics.algebra. */
+static const double DEFINITE = 1e-14;
+
+int dmoc_solver_numbers(const dmoc_carried *c) { return c->numbers; }
+
+const char *dmoc_solver_number(const dmoc_carried *c, int number) { return c->number[number].name; }
+
+int dmoc_solver_find(const dmoc_carried *c, const char *name)
+{
+    for (int i = 0; i < c->numbers; ++i)
+        if (!strcmp(c->number[i].name, name))
+            return i;
+    return -1;
+}
+
+double dmoc_solver_get(const dmoc_solver *s, int number) { return s->numbers[number]; }
+
+void dmoc_solver_set(dmoc_solver *s, int number, double value) { s->numbers[number] = value; }
+
+int dmoc_solver_wrong(const dmoc_solver *s, const char **expected)
+{
+    if (expected)
+        *expected = s->expected;
+    return s->wrong;
+}
+
+static int refuse(dmoc_solver *s, int number, const char *expected)
+{
+    s->wrong = number, s->expected = expected;
+    return 0;
+}
+
+static int changed(const dmoc_solver *s, int number)
+{
+    return number >= 0 && s->numbers[number] != s->c->number[number].value;
+}
+
+/* Momenta of a state that is fixed, and whether its rates are those of what is held there. */
+static int set_state(dmoc_solver *s, const dmoc_state *state, int phase)
+{
+    const dmoc_places *p = &s->c->places;
+    double *q = s->work, *v = q + p->nq, *momentum = v + p->nq, *rate = momentum + p->nq;
+    int number = -1, moved = 0;
+    for (int i = 0; i < 2*p->nq; ++i) {
+        const int k = state->number[i];
+        q[i] = k < 0 ? state->value[i] : s->numbers[k];
+        moved |= changed(s, k);
+        number = i >= p->nq && changed(s, k) ? k : number;
+    }
+    const ptrdiff_t first = carried_first_parameter(s);
+    for (int i = 0; i < p->parameters; ++i)
+        moved |= s->pool[first + i] != s->c->pool[first + i];
+    if (!moved)
+        return 1;
+    const double time = 0, *in[DMOC_MOST] = {q, v, &time, s->pool + first};
+    carried_call(p->momentum, in, momentum, NULL);
+    for (int i = 0; i < p->nq; ++i) {
+        const int unknown = state->momentum[i];
+        s->array[DMOC_LOWER][unknown] = s->array[DMOC_UPPER][unknown] =
+            momentum[i]/s->program.unit[unknown];
+    }
+    if (p->gap_rate) {
+        carried_call(p->gap_rate, in, rate, NULL);
+        for (int j = 0; j < p->nc; ++j)
+            if (p->held[phase*p->nc + j] == 2 && !(fabs(rate[j]) <= CARRIED_KEPT*p->rate[j]))
+                return refuse(s, number, "velocities that keep what is closed there closed");
+    }
+    if (p->joint_rate) {
+        carried_call(p->joint_rate, in, rate, NULL);
+        for (int j = 0; j < p->nj; ++j)
+            if (!(fabs(rate[j]) <= CARRIED_KEPT*p->joint_rate_size[j]))
+                return refuse(s, number, "velocities that keep the constraints of the model");
+    }
+    return 1;
+}
+
+/* Whether a number is one, and between those that it must lie between. */
+static int fits(dmoc_solver *s, int i)
+{
+    const dmoc_number *number = &s->c->number[i];
+    if (!isfinite(s->numbers[i]))
+        return refuse(s, i, "a finite number");
+    if (number->least >= 0 && s->numbers[i] < s->numbers[number->least])
+        return refuse(s, i, "no less than its lower bound");
+    if (number->most >= 0 && s->numbers[i] > s->numbers[number->most])
+        return refuse(s, i, "no more than its upper bound");
+    return 1;
+}
+
+/* Whether the mass of the first position, with these parameters, is positive definite. */
+static int has_mass(dmoc_solver *s, const double *parameters)
+{
+    const dmoc_carried *c = s->c;
+    const int n = c->places.nq;
+    double *q = s->work, *zeros = q + n, *force = zeros + n + c->motion.inputs, *M = force + n;
+    const double time = 0, *in[DMOC_MOST] = {q, zeros, zeros, &time, parameters};
+    memset(zeros, 0, sizeof(double)*(size_t)(n + c->motion.inputs));
+    for (int i = 0; i < n; ++i) {
+        const int at = c->places.q + i;
+        q[i] = fmin(fmax(s->x[at], s->array[DMOC_LOWER][at]), s->array[DMOC_UPPER][at])*
+               s->program.unit[at];
+    }
+    carried_call(c->motion.dynamics, in, M, force);
+    for (int i = 0; i < n; ++i) {
+        const double whole = M[i*n + i];
+        for (int k = 0; k < i; ++k)
+            M[i*n + i] -= M[i*n + k]*M[i*n + k];
+        if (!(M[i*n + i] > DEFINITE*whole))
+            return 0;
+        M[i*n + i] = sqrt(M[i*n + i]);
+        for (int j = i + 1; j < n; ++j) {
+            for (int k = 0; k < i; ++k)
+                M[j*n + i] -= M[j*n + k]*M[i*n + k];
+            M[j*n + i] /= M[i*n + i];
+        }
+    }
+    return 1;
+}
+
+static int has_friction(dmoc_solver *s, const double *parameters)
+{
+    const dmoc_together *t = &s->c->together;
+    double *kinetic = s->work, *resting = kinetic + t->tangents;
+    const double *in[DMOC_MOST] = {parameters};
+    carried_call(t->friction, in, kinetic, resting);
+    for (int k = 0; k < t->tangents; ++k)
+        if ((t->kinds[k] && !(kinetic[k] >= 0)) || (t->kinds[k] == 2 && !(kinetic[k] <= resting[k])))
+            return 0;
+    return 1;
+}
+
+typedef int condition(dmoc_solver *s, const double *parameters);
+
+/* Whether a condition holds of all parameters together. Where it does not, the first one is refused
+ * that spoils it when they are set one after the other. */
+static int hold_together(dmoc_solver *s, condition *fulfilled, const char *expected)
+{
+    const dmoc_carried *c = s->c;
+    double *pool = s->pool;
+    const ptrdiff_t first = carried_first_parameter(s);
+    int last = -1;
+    if (fulfilled(s, pool + first))
+        return 1;
+    carried_copy(pool + first, c->pool + first, c->places.parameters);
+    for (int i = 0; i < c->numbers; ++i) {
+        if (c->number[i].pool < 0 || !changed(s, i))
+            continue;
+        pool[c->number[i].pool] = s->numbers[i];
+        last = i;
+        if (!fulfilled(s, pool + first))
+            break;
+    }
+    return last < 0 || refuse(s, last, expected);
+}
+
+int carried_apply(dmoc_solver *s)
+{
+    const dmoc_carried *c = s->c;
+    const double *base[DMOC_ARRAYS] = {
+        c->program.lower, c->program.upper, c->program.values.constant,
+        c->program.values.coefficient, c->program.slopes.constant,
+    };
+    const ptrdiff_t count[DMOC_ARRAYS] = {
+        c->program.n, c->program.n, c->program.m + 1, c->coefficients, c->program.slopes.targets,
+    };
+    int last = -1;
+    s->wrong = -1, s->expected = NULL;
+    for (int a = 0; a < DMOC_ARRAYS; ++a)
+        carried_copy(s->array[a], base[a], count[a]);
+    carried_copy(s->pool, c->pool, c->pool_size);
+    for (int i = 0; i < c->numbers; ++i) {
+        const dmoc_number *number = &c->number[i];
+        if (!fits(s, i))
+            return 0;
+        if (!changed(s, i))
+            continue;
+        last = i;
+        if (number->pool >= 0)
+            s->pool[number->pool] = s->numbers[i];
+        for (int k = number->first; k < number->first + number->changes; ++k)
+            s->array[c->change[k].array][c->change[k].entry] +=
+                c->change[k].slope*(s->numbers[i] - number->value);
+    }
+    if (last < 0)
+        return 1;
+    if (c->together.mass && !hold_together(s, has_mass, "a positive definite mass matrix"))
+        return 0;
+    if (c->together.friction &&
+        !hold_together(s, has_friction, "friction of 0 or more, static no less than kinetic"))
+        return 0;
+    for (int end = 0; end < 2; ++end)
+        if (c->state[end].known && !set_state(s, &c->state[end], end ? c->phases - 1 : 0))
+            return 0;
+    for (ptrdiff_t i = 0; i < c->program.n; ++i) {
+        const double lower = s->program.lower[i], upper = s->program.upper[i];
+        if (c->kkt.place[i] < 0 ? lower != upper : !(lower < upper))
+            return refuse(s, last, "bounds with room between them, and fixed values that agree");
+    }
+    return 1;
+}

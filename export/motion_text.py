@@ -1,0 +1,218 @@
+"""What a carried solver knows of motions, as C (dmoc_carried.h): how momenta, velocities and forces
+follow from the unknowns, what is left of a motion later, and what parameters must be together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.export.constants import Constants, initial, number
+from dmoc.export.numbers import Numbers
+from dmoc.mechanics.algebra import is_positive
+from dmoc.program.arrays import ElementData, PassData
+from dmoc.program.blocks import NOWHERE, Index
+from dmoc.program.reactions import PhaseReaction
+from dmoc.program.transcription import Transcription
+
+# Kinds of forces: the kernels of slopes and of rates, and the matrix of the slopes.
+KINDS = {
+    "normal": ("surface_jac", "gap_rate", "g_D"),
+    "tangential": ("tangent_jac", "slide_rate", "tau_D"),
+    "reaction": ("joint_jac", "joint_rate", "phi_D"),
+}
+# Of what follows a track: a coordinate, a value, an amount in proportion to the step.
+COORDINATE, VALUE, AMOUNT = range(3)
+
+
+class Table(NamedTuple):
+    """A table of what follows from the unknowns: its place among the results, what it has."""
+
+    name: str
+    first: int
+    rows: int
+    columns: int
+    what: str
+
+
+class Track(NamedTuple):
+    """Unknowns or rows of the first phase that follow each other, by number, and their places from
+    0 to 1."""
+
+    kind: int
+    numbers: Index
+    at: Array
+    coordinate: int = 0
+
+
+def derived_tables(nlp: Transcription) -> list[Table]:
+    """Momenta, velocities and forces at the nodes of all phases."""
+    lay, names = nlp.layout, nlp.kernels.coordinates
+    rows, first, tables = lay.total + lay.phases, 0, list[Table]()
+    of = {"momenta": names, "velocities": names, **_functions(nlp)}
+    for name, columns in of.items():
+        if columns:
+            tables.append(Table(name, first, rows, len(columns), ", ".join(columns)))
+            first += rows * len(columns)
+    return tables
+
+
+def _functions(nlp: Transcription) -> dict[str, list[str]]:
+    """Names of the functions of each kind that pushes somewhere, or none."""
+    kernels = nlp.kernels
+    every = kernels.surfaces, kernels.tangents, kernels.joints
+    kinds = {r.kind for _, r in _reactions(nlp)}
+    return {kind: list(n) if kind in kinds else [] for kind, n in zip(KINDS, every, strict=True)}
+
+
+def _reactions(nlp: Transcription) -> Iterator[tuple[int, PhaseReaction]]:
+    for i in range(nlp.layout.stepped):
+        for reaction in nlp.layout.reactions(i):
+            yield i, reaction
+
+
+def momenta_of(nlp: Transcription) -> PassData:
+    """The pass that finds the momenta of steps at the nodes of all phases: of the first node of a
+    phase at the start of its first step, of others at the end of the step before."""
+    lay, data, kernels = nlp.layout, nlp.assembled.data, nlp.kernels
+    first = data.n + data.m + 2
+    parts = [np.where(at == NOWHERE, first - 1, at) for at in lay.split(lay.index_step)]
+    parameters = np.where(
+        _chosen(nlp) == NOWHERE, first + np.arange(nlp.par.shape[1]), _chosen(nlp)
+    )
+    outputs = [int(np.prod(o["shape"])) for o in kernels.manifest["kernels"]["step"]["outputs"]]
+    slots = [np.full((lay.total, size), NOWHERE) for size in outputs]
+    begins, k, own = lay.ends[: lay.stepped], np.arange(lay.total), np.arange(lay.nq)
+    rows = np.arange(lay.stepped)
+    slots[0][begins] = (begins + rows)[:, None] * lay.nq + own
+    slots[1][:] = (k + 1 + lay.phase_of_step)[:, None] * lay.nq + own
+    factors = [np.full(slot.shape, -1.0 if b == 0 else 1.0) for b, slot in enumerate(slots)]
+    arguments = (*parts, np.tile(parameters, (lay.total, 1)))
+    none = np.zeros(0, dtype=np.intp)
+    element = ElementData("step", arguments, tuple(slots), tuple(factors))
+    return PassData(np.zeros(0), none, none, np.zeros(0), (element,))
+
+
+def _chosen(nlp: Transcription) -> Index:
+    """The unknowns that parameters are."""
+    unknowns = dict(zip(nlp.problem.design, nlp.layout.index_design.tolist(), strict=True))
+    return np.array([unknowns.get(name, NOWHERE) for name in nlp.kernels.parameters], np.intp)
+
+
+def motion_text(c: Constants, nlp: Transcription, entries: Mapping[str, str], momenta: str) -> str:
+    lay, problem, names = nlp.layout, nlp.problem, _functions(nlp)
+    functions, rows = list[str](), list[str]()
+    for kind, (slopes, rates, matrix) in KINDS.items():
+        count = len(names[kind])
+        pattern = nlp.kernels.pattern(slopes, matrix) if count else ((), ())
+        called = (entries[slopes], entries[rates]) if count else ("NULL", "NULL")
+        arrays = (c.array("int", np.asarray(part, dtype=np.intp)) for part in pattern)
+        functions.append(initial(*called, count, len(pattern[0]), *arrays))
+    for i, r in _reactions(nlp):
+        follows = problem.redundant[i]
+        others = {"normal": follows.closed, "tangential": follows.sticking}.get(r.kind, ())
+        holds = r.holds & ~np.isin(np.array(r.columns), others)
+        arrays = (c.array("int", np.asarray(a)) for a in (r.columns, holds * 1, r.unknowns))
+        place = [*KINDS].index(r.kind)
+        rows.append(initial(i, place, len(r.columns), number(float(r.sign)), *arrays))
+    return initial(
+        momenta, entries["dynamics"], initial(*functions), lay.nu, len(rows), lay.scheme.degree,
+        int(lay.index_p_E[0]), c.structs("dmoc_reaction", "reactions", rows),
+        c.array("double", lay.scheme.weights),
+    )  # fmt: skip
+
+
+def work_of(nlp: Transcription) -> int:
+    """Doubles that dmoc_motion.c works with, carried_work_size."""
+    model, names = nlp.problem.model, _functions(nlp)
+    n, k = model.nq, sum(map(len, names.values()))
+    entries = sum(
+        len(nlp.kernels.pattern(slopes, matrix)[0])
+        for kind, (slopes, _, matrix) in KINDS.items() if names[kind]
+    )  # fmt: skip
+    sizes = 2 * n * n + 4 * n + 3 * k * n + k * k + 3 * k + entries
+    return sizes + int(nlp.par.shape[1]) + model.nu + model.nc + model.nj + 2 * model.nt + 1
+
+
+def rest_text(c: Constants, nlp: Transcription, numbers: Numbers) -> str:
+    """What a shift to the rest of the motion needs, and random courses."""
+    lay, taken = nlp.layout, {n.name: i for i, n in enumerate(numbers.taken)}
+    start, kernels, problem = numbers.states[0], nlp.kernels, nlp.problem
+    possible = start is not None and all(name in taken for name in start.names)
+    possible &= not (problem.explicit_time or problem.relations or kernels.has("objective"))
+    possible &= not (lay.index_totals.size or lay.index_peaks.size)
+    times = [
+        i for i, n in enumerate(numbers.taken)
+        if n.path[0] == "final_time" or n.path[:2] == ("durations", 0)
+    ]  # fmt: skip
+    unknowns, rows = (list(_tracks(nlp)), list(_row_tracks(nlp))) if possible else ([], [])
+    written = [
+        c.structs("dmoc_track", name, [_track(c, t) for t in tracks])
+        for name, tracks in (("unknown_tracks", unknowns), ("row_tracks", rows))
+    ]
+    return initial(
+        int(possible), len(times), len(unknowns), len(rows),
+        int(lay.index_q_i.ravel()[0]) if lay.inside else 0, c.array("int", np.array(times)),
+        *written, c.array("double", lay.scheme.course), c.array("double", lay.scheme.nodes[2:]),
+    )  # fmt: skip
+
+
+def _track(c: Constants, t: Track) -> str:
+    arrays = c.array("int", t.numbers), c.array("double", t.at)
+    return initial(len(t.numbers), t.kind, t.coordinate, *arrays)
+
+
+def _tracks(nlp: Transcription) -> Iterator[Track]:
+    """The unknowns along the first phase."""
+    lay = nlp.layout
+    steps, stations = lay.steps[0], lay.stations
+    nodes, step = np.linspace(0, 1, steps + 1), np.arange(steps)
+    within = ((step[:, None] + lay.scheme.nodes[2:]) / steps).ravel()
+    inside = lay.index_q_i[:steps].reshape(-1, lay.nq)
+    for i in range(lay.nq):
+        yield Track(COORDINATE, lay.index_q[: steps + 1, i], nodes, i)
+        yield Track(COORDINATE, inside[:, i], within, i)
+    times = lay.form.times(nodes)
+    yield from _columns(VALUE, lay.index_u[: len(times)], times)
+    first = stations.rows(0)
+    places = stations.place[first] / (lay.scheme.degree * steps)
+    if stations.own:
+        places = (stations.step[first] + stations.within[first]) / steps
+    for r in lay.reactions(0):
+        yield from _columns(AMOUNT, r.unknowns, places)
+    yield from _columns(VALUE, lay.index_s[:steps], (step + 0.5) / steps)
+    yield from _columns(VALUE, lay.index_w[: steps + 1], nodes)
+
+
+def _row_tracks(nlp: Transcription) -> Iterator[Track]:
+    """The rows along the first phase: of the laws of motion, whose multipliers are costates, and of
+    others that say at which nodes they stand, whose multipliers are amounts for each step."""
+    law, steps = nlp.laws.step, nlp.layout.steps[0]
+    for block in (law.momentum, law.inside, law.passing):
+        if block.count:
+            yield from _columns(VALUE, block.index, np.arange(len(block.index)) / steps)
+    for block in (*nlp.equalities, *nlp.inequalities):
+        if block.count and block.nodes is not None:
+            yield from _columns(AMOUNT, block.index, block.nodes / steps)
+
+
+def _columns(kind: int, index: Index, at: Array) -> Iterator[Track]:
+    """Each column of rows at some places, without those beyond the phase and those that there are
+    not."""
+    rows = index.reshape(len(index), -1)[: len(at)]
+    for column in rows.T:
+        there = (column != NOWHERE) & (at[: len(column)] <= 1)
+        if there.any():
+            yield Track(kind, column[there], at[: len(column)][there])
+
+
+def together_text(c: Constants, nlp: Transcription, entries: Mapping[str, str]) -> str:
+    model, kernels = nlp.problem.model, nlp.kernels
+    varying = [row["name"] for row in kernels.manifest.get("varying_friction", ())]
+    pairs = zip(kernels.tangents, model.paired, strict=True)
+    kinds = [0 if name in varying else 1 + bool(paired) for name, paired in pairs]
+    mass = is_positive(model.mass(nlp.problem.start_position))
+    friction = entries["friction"] if kinds else "NULL"
+    return initial(int(mass), len(kinds), friction, c.array("int", np.array(kinds)))

@@ -1,0 +1,82 @@
+"""Problems that are carried away as solvers in C."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from contact_problems import against_wall_on_floor, two_masses
+from joint_problems import bob
+from systems import block_system
+
+import dmoc
+from dmoc.models.registry import find
+
+
+def cart(order: int, steps: int) -> dmoc.Problem:
+    reference = find("cart_pendulum")
+    return dmoc.Problem(dmoc.load("cart_pendulum", order=order), **reference.defaults).but(
+        steps=steps
+    )
+
+
+def linkage(order: int) -> dmoc.Problem:
+    """The bob on its rod, from below to the side."""
+    return dmoc.Problem(
+        dmoc.build(bob(), order=order), start={"x": 0, "y": -1}, goal={"x": 0.6, "y": -0.8},
+        steps=12, final_time=1.0, bounds={"u": (-30, 30)},
+    )  # fmt: skip
+
+
+def design() -> dmoc.Problem:
+    """The block that is thrown at a wall whose place is chosen, dearer the nearer it is."""
+    system = block_system("carried_wall")
+    wall = next(s for s in system.parameters if s.name == "wall")
+    chosen = replace(system, terminal_cost=-40 * wall)
+    return dmoc.Problem(
+        dmoc.build(chosen), start={"x": 0, "x_dot": 0}, goal={"x": 0, "x_dot": 0},
+        sequence=["wall"], steps=10, final_time=1.0, design={"wall": (0.5, 2)},
+    )  # fmt: skip
+
+
+# Problems with numbers that are set at run time, as the problem has them.
+CASES: dict[str, tuple[Any, dict[str, float], Any]] = {
+    "cart_2": (
+        lambda: cart(2, 15),
+        {
+            "start.alpha": 0.5, "goal.p_x": 0.1, "parameters.m_c": 1.05, "final_time.high": 1.1,
+            "bounds.F.high": 60.0, "start.x_dot": 0.2,
+        },
+        lambda p: p.but(
+            start={**p.start, "alpha": 0.5, "x_dot": 0.2}, goal={**p.goal, "p_x": 0.1},
+            parameters={"m_c": 1.05}, final_time=(None, 1.1),
+            bounds={**p.bounds, "F": (-200, 60)},
+        ),
+    ),
+    "cart_4": (
+        lambda: cart(4, 8), {"start.x": 0.1, "parameters.l": 0.52},
+        lambda p: p.but(start={**p.start, "x": 0.1}, parameters={"l": 0.52}),
+    ),
+    "floor": (
+        lambda: against_wall_on_floor(12, 0.1), {"goal.x": -0.1, "final_time": 1.1},
+        lambda p: p.but(goal={**p.goal, "x": -0.1}, final_time=1.1),
+    ),
+    "masses": (
+        lambda: two_masses(10), {"bounds.u.low": -4.2, "goal.b": 1.9, "parameters.f": 0.9},
+        lambda p: p.but(
+            bounds={"u": (-4.2, 4), "w": (-4, 4)}, goal={**p.goal, "b": 1.9}, parameters={"f": 0.9}
+        ),
+    ),
+    "linkage_2": (
+        lambda: linkage(2), {"goal.x": 0.8, "goal.y": -0.6, "final_time": 1.2},
+        lambda p: p.but(goal={"x": 0.8, "y": -0.6}, final_time=1.2),
+    ),
+    "linkage_4": (
+        lambda: linkage(4), {"bounds.u.high": 3.7},
+        lambda p: p.but(bounds={"u": (-30, 3.7)}),
+    ),
+    "design": (
+        design, {"goal.x": 0.1, "design.wall.high": 0.8},
+        lambda p: p.but(goal={**p.goal, "x": 0.1}, design={"wall": (0.5, 0.8)}),
+    ),
+}  # fmt: skip

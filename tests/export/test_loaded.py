@@ -1,0 +1,242 @@
+"""dmoc.load_solver: numbers by name, the answers of `ipm`, several starts, the rest of a motion,
+batches in threads, and folders that are refused."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+from carried_problems import design, linkage
+from pytest import approx
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.base.errors import BuildError, ProblemError
+from dmoc.export.loaded import LoadedSolver, load_solver
+
+
+def thrown() -> dmoc.Problem:
+    """A block of unit mass that is thrown at a wall at 1 and comes back with half of its speed."""
+    return design().but(design={}, steps=20)
+
+
+def carried(problem: dmoc.Problem, folder: Path) -> Path:
+    dmoc.generate_solver(problem, folder, guess=dmoc.solve(problem, "ipm", starts=1, verify=False))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bob_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return carried(linkage(2), tmp_path_factory.mktemp("loaded") / "bob")
+
+
+@pytest.fixture(scope="module")
+def thrown_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return carried(thrown(), tmp_path_factory.mktemp("loaded") / "thrown")
+
+
+@pytest.fixture(scope="module")
+def solvers(bob_folder: Path, thrown_folder: Path) -> dict[str, LoadedSolver]:
+    return {"bob": load_solver(bob_folder), "block": load_solver(thrown_folder)}
+
+
+def as_exported(solver: LoadedSolver, kept: dict[str, float]) -> Iterator[LoadedSolver]:
+    yield solver
+    solver.set(**kept)
+    solver.solve("answer")
+
+
+@pytest.fixture
+def bob(solvers: dict[str, LoadedSolver]) -> Iterator[LoadedSolver]:
+    yield from as_exported(solvers["bob"], solvers["bob"].numbers)
+
+
+@pytest.fixture
+def block(solvers: dict[str, LoadedSolver]) -> Iterator[LoadedSolver]:
+    yield from as_exported(solvers["block"], solvers["block"].numbers)
+
+
+def test_numbers_are_set_as_a_problem_has_them(bob: LoadedSolver, bob_folder: Path) -> None:
+    """Another goal and another time: the answer of a solve in Python from the same start."""
+    before = sorted(p.name for p in bob_folder.iterdir())
+    assert bob.numbers["goal.x"] == 0.6 and bob.numbers["bounds.u.high"] == 30
+    bob.set(goal={"x": 0.8, "y": -0.6}, final_time=1.2, bounds={"u": (-20, 25)})
+    assert bob.numbers["bounds.u.low"] == -20 and bob.numbers["final_time"] == 1.2
+    problem = linkage(2).but(goal={"x": 0.8, "y": -0.6}, final_time=1.2, bounds={"u": (-20, 25)})
+    own, end = dmoc.solve(problem, "ipm", starts=1, verify=False), bob.solve()
+    assert (end.status, end.message) == ("solved", "a local minimum was found")
+    assert end.cost == approx(own.cost, rel=1e-9) and end.violation < 1e-10
+    assert end.tables["q"] == approx(own.trajectory.phases[0].q, abs=1e-7)
+    assert end.tables["reaction"] == approx(own.trajectory.phases[0].reaction, abs=1e-5)
+    assert end.t[-1] == approx(1.2) and len(end.multipliers["rows"]) > 12
+    unknowns = np.concatenate([end.tables[n].ravel() for n in list(end.tables)[:-3]])
+    again = bob.solve(unknowns)
+    assert again.cost == approx(own.cost, rel=1e-9) and again.iterations > 0
+    assert bob.solve(iterations=1).status == "solved"  # from there
+    assert bob.solve("first", iterations=1).status == "iteration_limit"
+    assert bob.solve("first", seconds=1e-9).status == "time_limit"
+    assert sorted(p.name for p in bob_folder.iterdir()) == before
+
+
+def test_numbers_that_are_none(bob: LoadedSolver) -> None:
+    before = bob.numbers
+    for fields, message in (
+        ({"final_time": 1.1, "goal": {"z": 1}}, r"'goal.z' is no number that .*did you mean"),
+        ({"final_time": (1, 2)}, "'final_time.low' is no number that this solver takes"),
+        ({"bounds": {"u": 3.0}}, "'bounds.u' is no number that this solver takes"),
+        ({"bounds": {"u": (None, 3.0)}}, "bounds.u.low = None: expected a number"),
+        ({"goal": {"x": "far"}}, "goal.x = 'far': expected a number"),
+        ({"goal": {"x": np.nan}}, "goal.x = nan: expected a finite number"),
+    ):
+        with pytest.raises(ProblemError, match=message):
+            bob.set(**fields)
+    assert bob.numbers == before
+    bob.set(bounds={"u": (5, -5)})
+    with pytest.raises(ProblemError, match=r"bounds.u.high = -5: expected bounds with room"):
+        bob.solve()
+    for guess in ("last", [1.0, 2.0], np.full(59, np.nan)):
+        with pytest.raises(ProblemError, match="expected 'answer', 'first', or the 59 unknowns"):
+            bob.solve(guess)
+
+
+def test_a_batch_is_the_same_for_any_number_of_threads(block: LoadedSolver) -> None:
+    """Bit by bit, and as each by itself; one that does not fit stops no other."""
+    instances = [
+        {"parameters": {"m": 1 + 0.01 * k}, "final_time": 1 + 0.002 * k} for k in range(40)
+    ]
+    instances[7] = {"parameters": {"m": -1.0}}
+    one, three = (block.solve_many(instances, threads=n) for n in (1, 3))
+    for a, b in zip(one, three, strict=True):
+        assert (a.status, a.message, a.iterations) == (b.status, b.message, b.iterations)
+        assert all((a.tables[name] == b.tables[name]).all() for name in a.tables)
+    assert one[7].status == "refused"
+    assert one[7].message == "parameters.m = -1: expected a positive definite mass matrix."
+    assert {end.status for end in one} == {"solved", "refused"}
+    block.set(**instances[12])
+    assert block.solve("answer").cost == one[12].cost
+    late = block.solve_many(instances[:3], seconds=1e-9)
+    assert [end.status for end in late] == ["not_tried"] * 3
+    with pytest.raises(ProblemError, match="instances has 5 at place 1: expected a mapping"):
+        block.solve_many([{}, 5])
+
+
+def test_an_interrupt_keeps_what_is_done(block: LoadedSolver) -> None:
+    main = threading.main_thread().ident
+    assert main is not None
+    timer = threading.Timer(0.2, signal.pthread_kill, (main, signal.SIGINT))
+    timer.start()
+    ends = block.solve_many([{"final_time": 1 + k / 20_000} for k in range(20_000)], threads=2)
+    timer.join()
+    counts = {status: sum(e.status == status for e in ends) for status in ("solved", "not_tried")}
+    assert ends[0].status == "solved" and min(counts.values()) > 0
+    assert sum(counts.values()) >= len(ends) - 2  # those that ran
+    assert block.solve().status == "solved"
+
+
+def test_the_rest_of_a_motion(block: LoadedSolver) -> None:
+    """At a node it begins with its state; later costs are those of Python's own solve of the rest,
+    and what is spent and left is the whole (principle of optimality) but for the mesh."""
+    whole = block.solve()
+    h = whole.t[4] / 4
+    u = whole.tables["u"][:4, 0]
+    block.shift(whole.t[4])
+    numbers = block.numbers
+    assert numbers["start.x"] == approx(whole.tables["q"][4, 0], abs=1e-14)
+    assert numbers["start.x_dot"] == approx(whole.tables["velocities"][4, 0], abs=1e-12)
+    assert numbers["final_time"] == approx(1 - whole.t[4], abs=1e-15)
+    rest = block.solve()
+    start = {"x": numbers["start.x"], "x_dot": numbers["start.x_dot"]}
+    own = dmoc.solve(
+        thrown().but(start=start, final_time=numbers["final_time"]), "ipm", starts=1, verify=False
+    )
+    assert rest.status == "solved" and rest.iterations <= 4
+    assert rest.cost == approx(own.cost, rel=1e-9)
+    assert rest.cost + h * (u**2).sum() / 2 == approx(whole.cost, rel=3e-3)
+    block.shift(0.01)  # between nodes, of a plan that has been shifted
+    later = block.numbers["start.x"]
+    ahead = numbers["start.x"] + 0.01 * numbers["start.x_dot"]
+    assert 0 < later - ahead < 1e-3  # it is pushed
+    block.set(start={"x": later + 0.01})  # as it was measured
+    assert block.solve().status == "solved"
+    before = block.numbers
+    for elapsed in (-0.1, block.solve().t[20], 5):
+        with pytest.raises(ProblemError, match="the first event is over, or nothing is left on"):
+            block.shift(elapsed)
+    block.shift(0)
+    assert block.numbers == before
+
+
+def test_a_constraint_without_speeds_has_no_rest(bob: LoadedSolver) -> None:
+    """They follow from the rod, so that no numbers could be set."""
+    with pytest.raises(ProblemError, match="nothing is left on these phases alone"):
+        bob.shift(0.1)
+
+
+def test_several_starts(bob: LoadedSolver) -> None:
+    """From a bob that goes over the top the shorter way is found; a seed says all."""
+    short = bob.solve()
+    q = short.tables["q"]
+    angle = np.linspace(-np.pi / 2, -np.pi / 2 - (2 * np.pi - 0.6435), len(q))
+    parts = [t.ravel().copy() for t in list(short.tables.values())[:-3]]
+    parts[1] = np.column_stack([np.cos(angle), np.sin(angle)]).ravel()
+    long = bob.solve(np.concatenate(parts))
+    assert long.status == "solved" and long.cost > 1.5 * short.cost
+    best = bob.explore(4, seed=5)
+    assert best.status == "solved" and best.starts == 4 and best.iterations > long.iterations
+    assert best.cost == approx(short.cost, rel=1e-9)
+    ends = []
+    for seed in (5, 5, 6):
+        bob.solve("answer")
+        ends.append(bob.explore(5, seed=seed))
+    assert (ends[0].tables["q"] == ends[1].tables["q"]).all()
+    assert ends[0].iterations == ends[1].iterations != ends[2].iterations
+    assert bob.explore(1000, seconds=0.05).starts < 1000
+    bob.set(bounds={"u": (5, -5)})
+    with pytest.raises(ProblemError, match="bounds.u.high = -5"):
+        bob.explore(3)
+
+
+def test_static_friction_is_no_less_than_kinetic(tmp_path: Path) -> None:
+    """Which of two numbers is refused is the one that spoils it, in their order."""
+    x, u = dynamicsymbols("x u")
+    low, high = sp.symbols("low high")
+    sled = dmoc.MechanicalSystem(
+        "paired_sled", [x], x.diff() ** 2 / 2, {low: 0.2, high: 0.5}, [u], {x: u},
+        tangents={"belt": x}, friction={"belt": (high, low)}, cost=u**2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(sled, order=4), {"x": 0, "x_dot": 1}, {"x": 1, "x_dot": 0.5},
+        contacts=["belt:slip+"], steps=6, final_time=1.5,
+    )  # fmt: skip
+    solver = load_solver(carried(problem, tmp_path / "sled"))
+    solver.set(parameters={"low": 0.6, "high": 0.7})
+    assert solver.solve().status == "solved"
+    for parameters, named in (
+        ({"low": 0.6, "high": 0.5}, "low = 0.6"),
+        ({"low": 0.2, "high": 0.1}, "high = 0.1"),
+        ({"low": -0.1, "high": 0.5}, "low = -0.1"),
+    ):
+        solver.set(parameters=parameters)
+        with pytest.raises(ProblemError, match=f"parameters.{named}: expected friction of 0 or"):
+            solver.solve()
+
+
+def test_folders_that_are_none(bob_folder: Path, tmp_path: Path) -> None:
+    for folder in (tmp_path, tmp_path / "nowhere"):
+        with pytest.raises(BuildError, match="holds no solver: expected a folder that"):
+            load_solver(folder)
+    older = shutil.copytree(bob_folder, tmp_path / "older")
+    header = (older / "dmoc_solver.h").read_text()
+    (older / "dmoc_solver.h").write_text(header.replace("DMOC_SOLVER_FORMAT = ", "WITHOUT = "))
+    with pytest.raises(BuildError, match=r"another version of dmoc \(its sources have form 1, "):
+        load_solver(older)
+    (older / "dmoc_solver.h").write_text(header)
+    (older / "ldl.c").unlink()
+    with pytest.raises(BuildError, match="holds no solver"):
+        load_solver(older)
