@@ -17,6 +17,7 @@ LAYERS = (
     "solvers",
     "simulation",
     "check",
+    "control",
     "models",
     "report",
     "results",

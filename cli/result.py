@@ -22,7 +22,8 @@ def verify(
 ) -> None:
     """Check a solution by an independent simulation."""
     from dmoc.models import registry
-    from dmoc.results.solution import Solution, check_same_model, kernels_of_file
+    from dmoc.results.solution import Solution
+    from dmoc.results.solution_model import check_same_model, kernels_of_file
 
     prepare(None, json_)
     loaded = Solution.load(solution)

@@ -12,16 +12,22 @@ from numpy.typing import ArrayLike
 
 from dmoc.base.arguments import positive, shown, whole
 from dmoc.base.errors import SimulationError
+from dmoc.base.names import velocity_name
 from dmoc.base.table import Shown, Table
 from dmoc.base.tolerances import KEPT, ROUNDING, SAME
 from dmoc.codegen.kernels import Kernels
+from dmoc.control.controller import Controller, Pushed
+from dmoc.control.disturbance import Disturbance, read_disturbance
+from dmoc.control.feedback import Feedback
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import by_name, parameter_row
 from dmoc.motion.scene import Scene
 from dmoc.motion.trajectory import FRICTION_WORDS, Array, Collision, Trajectory
+from dmoc.results.feedback import check_feedback, moved, plastic
 from dmoc.results.motion_result import MotionResult
 from dmoc.results.result_file import Saved
-from dmoc.results.solution import Solution, check_same_model, kernels_for
+from dmoc.results.solution import Solution
+from dmoc.results.solution_model import check_same_model, kernels_for
 from dmoc.simulation import forward
 from dmoc.simulation.contact_motion import Stretch, on_surfaces
 from dmoc.simulation.mode_choice import Setting
@@ -140,6 +146,8 @@ def simulate(
     restitution: float | Mapping[str, float] | None = None,
     every: int = 1,
     model: Kernels | None = None,
+    feedback: Feedback | None = None,
+    disturb: Disturbance | Mapping[str, Any] | None = None,
 ) -> Simulation:
     """Simulate a system through its collisions, lasting contacts and friction; or a solution, open
     loop, from its start and with its inputs.
@@ -183,6 +191,15 @@ def simulate(
         Record every so many steps.
     model : Kernels, optional
         For a solution from a file whose model is not shipped.
+    feedback : Feedback, optional
+        That of a solution, from :func:`dmoc.feedback`: it measures the state at each sample, feels
+        hits and contacts, and decides on the inputs until the next sample, within their bounds.
+    disturb : Disturbance or mapping, optional
+        Other starts, noise, pushes, a delay, and the sampling: what disturbs a solution, with a
+        feedback or open loop, see :class:`~dmoc.control.disturbance.Disturbance`.  With one of
+        these two the simulation has a step for each sample, of 1 ms unless it says otherwise, and
+        goes by the continuous equations from the start on.  Surfaces that the solution lands on
+        and never hits are plastic, if no ``restitution`` is given.
 
     Returns
     -------
@@ -210,7 +227,10 @@ def simulate(
     """
     keywords, names = locals(), ("position", "velocity", "inputs", "parameters", "restitution")
     changes = {name: keywords[name] for name in names if keywords[name] is not None}
-    if isinstance(kernels, Solution):
+    if feedback is not None or disturb is not None:
+        mesh = {"step_size": step_size, "steps": steps}
+        system, stated = _controlled(kernels, model, changes, mesh, feedback, disturb)
+    elif isinstance(kernels, Solution):
         system, stated = _replay(kernels, model, changes, step_size, steps)
     elif model is not None:
         raise SimulationError(
@@ -265,6 +285,46 @@ def _replay(
         own["position"] = _on_surfaces(kernels, parameters, motion.phases[0].q[0])
     mesh = {"step_size": motion.final_time / count, "steps": count}
     return kernels, {**own, **changes, "parameters": parameters, **mesh}
+
+
+def _controlled(
+    solution: Any,
+    model: Kernels | None,
+    changes: Mapping[str, Any],
+    mesh: Mapping[str, Any],
+    feedback: Any,
+    disturb: Any,
+) -> tuple[Kernels, dict[str, Any]]:
+    """The same, of a solution with a feedback, or disturbed."""
+    if not isinstance(solution, Solution):
+        raise SimulationError(
+            f"feedback and disturb go with a solution, not with {shown(solution)}: expected one "
+            "from dmoc.solve(problem)."
+        )
+    motion = solution.trajectory
+    for name, value in (*mesh.items(), ("inputs", changes.get("inputs"))):
+        if value is not None:
+            raise SimulationError(
+                f"{name} = {shown(value)}: expected none beside feedback or disturb, whose "
+                '"sampling" is the size of a step.'
+            )
+    if feedback is not None:
+        check_feedback(feedback, motion)
+    changes = {"restitution": plastic(motion), **changes}
+    states = (*motion.coordinates, *map(velocity_name, motion.coordinates))
+    disturbed = read_disturbance(disturb, states, motion.final_time)
+    count = _steps(motion, disturbed.sampling, None)
+    kernels, stated = _replay(solution, model, changes, None, count)
+    there = Model(kernels, parameter_row(kernels, stated["parameters"], SimulationError))
+    if disturbed.start.any():
+        names = motion.coordinates
+        at = forward.vector(stated["position"], names, "position")
+        rate = forward.vector(stated["velocity"], names, "velocity", states[len(names) :])
+        start = moved(there, motion, np.concatenate([at, rate]) + disturbed.start)
+        stated |= {"position": start[: there.nq], "velocity": start[there.nq :]}
+    parts = there, stated["step_size"], disturbed, stated.pop("inputs")
+    control = Pushed(*parts) if feedback is None else Controller(*parts, feedback)
+    return kernels, {**stated, "control": control}
 
 
 def _steps(motion: Trajectory, step_size: float | None, steps: int | None) -> int:

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dmoc.base.arguments import path as path_of
-from dmoc.base.arguments import shown
-from dmoc.base.errors import DmocError, ModelError, SolutionFileError
+from dmoc.base.errors import ModelError
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import (
@@ -31,6 +30,7 @@ from dmoc.solvers.outcome import CONVERGED, MINIMA, Status
 
 if TYPE_CHECKING:
     from dmoc.check.check import Verification
+    from dmoc.control.stability import Stability
 
 
 @dataclass(frozen=True)
@@ -143,6 +143,9 @@ class Solution(Shown, MotionResult, Saved):
         where they should slide, at the limit of their friction, or closed without a force.
     design : mapping of str to float
         Parameters of the model that were chosen, which those of the trajectory hold, too.
+    periodic : mapping of str to mapping of str to float
+        What ``periodic`` of the problem says: states at the end by the factors of states at the
+        start.
     scale : mapping of str to float
         Sizes of the time, the cost, states, inputs and gaps that the solver worked with, read off
         the start.
@@ -191,6 +194,7 @@ class Solution(Shown, MotionResult, Saved):
     others: tuple[Minimum, ...] = ()
     proposal: Proposal | None = None
     design: Mapping[str, float] = field(default_factory=dict)
+    periodic: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     kernels: Kernels | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
@@ -244,10 +248,48 @@ class Solution(Shown, MotionResult, Saved):
             If the solution names other states, parameters or surfaces than its model.
         """
         from dmoc.check.check import verify
+        from dmoc.results.solution_model import check_names, kernels_for
 
         kernels = kernels_for(self, kernels, ModelError)
-        _check_names(self.trajectory, kernels)
+        check_names(self.trajectory, kernels)
         return verify(self.trajectory, kernels, seconds)
+
+    def stability(self, kernels: Kernels | None = None) -> Stability:
+        """What the motion makes of small deviations with its inputs as they are: of a periodic
+        motion the Floquet multipliers, of every motion how much deviations grow in each phase and
+        through each event, with their directions, by the linearised flow and saltation matrices
+        (:eq:`saltation`); see :class:`~dmoc.control.stability.Stability`.
+
+        Raises
+        ------
+        ModelError
+            If the solution comes from a file, names a model that is not shipped, and no kernels are
+            given.
+        SimulationError
+            If the solver did not converge, or an event grazes.
+
+        Examples
+        --------
+        A ball that is dropped from a metre and keeps half of its speed, from its release until
+        after the bounce:
+
+        >>> import dmoc, sympy as sp
+        >>> from sympy.physics.mechanics import dynamicsymbols
+        >>> y = dynamicsymbols("y")
+        >>> ball = dmoc.MechanicalSystem(
+        ...     "ball", [y], y.diff() ** 2 / 2 - 9.81 * y, surfaces={"floor": y >= 0}, cost=1
+        ... )
+        >>> drop = dmoc.Problem(
+        ...     ball, start={"y": 1.0}, sequence=["floor"], durations=[None, 0], restitution=0.5
+        ... )
+        >>> dmoc.solve(drop).stability().transition.round(4)
+        array([[-0.5   , -0.2258],
+               [ 3.3221,  1.    ]])
+        """
+        from dmoc.control.stability import stability
+        from dmoc.results.solution_model import linearised
+
+        return stability(linearised(self, kernels, "its stability"), self.periodic)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write problem, result, minima, check and figure on one page for somebody else: .html,
@@ -323,53 +365,3 @@ def broken_off(solution: Solution) -> Solution:
     """The solution, where Ctrl-C has come before it was complete."""
     status = Status.INTERRUPTED
     return replace(solution, status=status, message=status.sentence)
-
-
-def kernels_of_file(solution: Solution) -> Kernels:
-    """The kernels of a solution: its own, or, where it comes from a file, those of a shipped
-    model."""
-    if solution.kernels is not None:
-        return solution.kernels
-    from dmoc.models.registry import load_for_file
-
-    return load_for_file(solution.reference or solution.trajectory.model, solution.trajectory.order)
-
-
-def kernels_for(solution: Solution, kernels: Any, error: type[DmocError]) -> Kernels:
-    """The kernels that are given with a solution, or its own."""
-    if kernels is None:
-        return kernels_of_file(solution)
-    if not isinstance(kernels, Kernels):
-        raise error(
-            f"the model of the solution = {shown(kernels)}: expected kernels from "
-            "dmoc.build(system) or dmoc.load(name)."
-        )
-    return kernels
-
-
-def check_same_model(solution: Solution, kernels: Kernels) -> None:
-    """Raise SolutionFileError unless the kernels are those of the solution's model."""
-    wanted, theirs = solution.trajectory.fingerprint, kernels.manifest["fingerprint"]
-    if wanted != theirs:
-        raise SolutionFileError(
-            f"the solution was made for another version of model {solution.trajectory.model!r} "
-            f"than {kernels.name!r} as it is now: solve again, or give the model it was made for."
-        )
-
-
-def _check_names(motion: Trajectory, kernels: Kernels) -> None:
-    """Refuse a motion of the model of some kernels that has other names than the model."""
-    if motion.fingerprint != kernels.manifest["fingerprint"]:
-        return  # the check of a motion says so
-    for what, names, expected in (
-        ("coordinates", motion.coordinates, kernels.coordinates),
-        ("inputs", motion.inputs, kernels.inputs),
-        ("parameters", motion.parameters, kernels.parameters),
-        ("surfaces", motion.restitution, kernels.surfaces),
-    ):
-        if list(names) != list(expected):
-            raise SolutionFileError(
-                f"the solution has the {what} {', '.join(names) or 'none'}, its model "
-                f"{kernels.name!r} {', '.join(expected) or 'none'}: the file is damaged, solve "
-                "again."
-            )

@@ -39,11 +39,11 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import Status
 
-FORMAT, OLDEST = 17, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 18, 6  # the format that is written, and the oldest that is read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 # What files of older formats lack, with the values there: of a solution, of its motion, of phases
 # and collisions.
-LACKING_BESIDE: Mapping[str, Any] = {"proposal": None, "design": {}}
+LACKING_BESIDE: Mapping[str, Any] = {"proposal": None, "design": {}, "periodic": {}}
 LACKING: Mapping[str, Any] = {
     "units": {}, "scene": None, "limits": {}, "quantities": [], "totals": {},
     "tangential_restitution": {},
@@ -346,6 +346,7 @@ SOLUTION = Record(
         "others": Listed(MINIMUM),
         "proposal": Either(Nothing(), PROPOSAL),
         "design": Mapped(Number(), names=Name()),
+        "periodic": Mapped(Mapped(Number(), names=Name()), names=Name()),
     },
     _wrong_solution,
 )

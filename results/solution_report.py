@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import textwrap
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.base.arguments import place
-from dmoc.base.errors import OutputError
+from dmoc.base.errors import ModelError, OutputError, SimulationError
 from dmoc.base.html import page, picture, section
 from dmoc.base.table import Cell, Table, html_of, plain
 from dmoc.base.tolerances import ROUNDING
@@ -64,6 +65,17 @@ def tables(solution: Solution) -> Iterator[Table]:
         )
     if solution.verification:
         yield Table(tuple(_verified(solution)), title="Check by an independent simulation")
+    if solution.converged:
+        with suppress(ModelError):  # from a file, of a model that is not shipped
+            yield _stability(solution)
+
+
+def _stability(solution: Solution) -> Table:
+    """What the motion makes of small deviations, or why nobody knows."""
+    try:
+        return solution.stability().summary()
+    except SimulationError as error:
+        return Table((("not known", str(error)),), title="Stability")
 
 
 def _stated(motion: Trajectory) -> Iterator[tuple[Cell, ...]]:

@@ -31,6 +31,7 @@ from dmoc.simulation.contact_motion import (
 )
 from dmoc.simulation.mode_choice import Setting
 from dmoc.simulation.simultaneous_impacts import Lasting
+from dmoc.simulation.steered import Control, steered
 from dmoc.simulation.stepper import Stepper
 from dmoc.simulation.tolerances import RATE
 
@@ -81,9 +82,11 @@ def simulate(
     parameters: Mapping[str, float] | None = None,
     restitution: float | Mapping[str, float] | None = None,
     every: int = 1,
+    control: Control | None = None,
 ) -> Run:
     """Simulate a system through its collisions, lasting contacts and friction; what is given,
-    and that what is left out is refused, is said in :func:`dmoc.simulate`."""
+    and that what is left out is refused, is said in :func:`dmoc.simulate`.  A control decides on
+    the inputs of each step when it begins."""
     if not isinstance(kernels, Kernels):
         raise SimulationError(
             f"kernels = {shown(kernels)}: expected a MechanicalSystem, or the kernels of a model "
@@ -100,16 +103,16 @@ def simulate(
         kernels, parameter_row(kernels, {} if parameters is None else parameters, SimulationError)
     )
     names = kernels.coordinates
-    q = _vector(position, names, "position")
+    q = vector(position, names, "position")
     rates = [velocity_name(name) for name in names]
-    v = np.zeros(nq) if velocity is None else _vector(velocity, names, "velocity", rates)
-    u = _inputs(inputs, h, steps, nu)
+    v = np.zeros(nq) if velocity is None else vector(velocity, names, "velocity", rates)
+    u = _inputs(inputs, h, steps, nu) if control is None else np.zeros((steps, nu))
     e = restitution_row(kernels, restitution, SimulationError)
     check_coefficients(model, SimulationError)
-    run = _SimulationTask(model, u, h, every)
+    run = _SimulationTask(model, u, h, every, control)
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
         _check_start(model, q, v)
-        if model.has_friction.any() or model.tangential or model.nj:
+        if control or model.has_friction.any() or model.tangential or model.nj:
             states = run.recorded(q, model.momentum(q, v))
             journal = _through_contacts(run, e, q, v, 0, states)
         else:
@@ -170,13 +173,14 @@ class _Recorded:
 
 @dataclass(frozen=True, eq=False)
 class _SimulationTask:
-    """A model, inputs of all steps (steps, nu), the size of a step, and how many go by between
-    recorded nodes."""
+    """A model, inputs of all steps (steps, nu), the size of a step, how many go by between
+    recorded nodes, and what decides on the inputs on the way, if something does."""
 
     model: Model
     u: Array
     h: float
     every: int
+    control: Control | None = None
 
     def recorded(self, q: Array, p: Array) -> _Recorded:
         """Nodes of which the first is known."""
@@ -253,12 +257,17 @@ def _through_contacts(
     t = first * run.h
     y = on_surfaces(setting, np.concatenate([q, v]), t, ROUNDING)
     journal.last = ContactState(t, y, np.zeros(run.model.nc), np.zeros(run.model.nt))
+    ways = (
+        steered(setting, y, run.u, run.control, journal)
+        if run.control
+        else nodes(setting, y, run.u, first, journal)
+    )
+    for k, at in enumerate(ways, start=first + 1):
+        if k % run.every == 0:
+            states.put(k // run.every, run.model, at)
     if first % run.every == 0:
         mode = start(setting, y, run.u[first], t)
         states.put(first // run.every, run.model, node(setting, mode, y, run.u[first], t))
-    for k, at in enumerate(nodes(setting, y, run.u, first, journal), start=first + 1):
-        if k % run.every == 0:
-            states.put(k // run.every, run.model, at)
     return journal
 
 
@@ -319,7 +328,7 @@ def _inputs(
     return np.broadcast_to(u, (steps, nu))
 
 
-def _vector(values: Any, names: list[str], what: str, other: Sequence[str] = ()) -> Array:
+def vector(values: Any, names: Sequence[str], what: str, other: Sequence[str] = ()) -> Array:
     """Numbers by coordinate, of which a mapping leaves out zeros; ``other`` are further names that
     the coordinates have in it."""
     numbers = values

@@ -62,6 +62,7 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
         duality_gap=duality_gap(nlp, outcome.x, outcome.duals),
         proposal=proposal,
         design={name: motion.parameters[name] for name in problem.design},
+        periodic={r.end: dict(r.terms) for r in problem.relations},
         kernels=problem.kernels,
     )
 

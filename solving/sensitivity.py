@@ -8,7 +8,8 @@ from dmoc.problem.problem import Problem
 from dmoc.program import cost_derivatives
 from dmoc.program.cost_derivatives import Sensitivities
 from dmoc.program.layout import Layout
-from dmoc.results.solution import Solution, check_same_model
+from dmoc.results.solution import Solution
+from dmoc.results.solution_model import check_same_model
 from dmoc.solvers.kkt import residuals
 from dmoc.solving.programs import at_solution
 from dmoc.solving.request import check_problem

@@ -157,7 +157,7 @@ def pushed_together() -> float:
 HALF_ANGLE, SLOPE, INERTIA = pi / 8, 0.08, 0.1
 
 
-def rimless(steps: int) -> dmoc.Problem:
+def rimless(steps: int, order: int = 2) -> dmoc.Problem:
     """A rimless wheel of unit mass and radius rolls down a slope, from one spoke to the next."""
     x, y, c = dynamicsymbols("x y c")
 
@@ -177,7 +177,8 @@ def rimless(steps: int) -> dmoc.Problem:
         cost=1,
     )
     return dmoc.Problem(
-        system, start={"x": 0, "c": 0}, contacts=["this"], sequence=["+next -this"],
+        dmoc.build(system, order=order), start={"x": 0, "c": 0}, contacts=["this"],
+        sequence=["+next -this"],
         periodic={
             "x": ("x", None), "y": "y", "c": ("c", -2 * HALF_ANGLE), "x_dot": "x_dot",
             "y_dot": "y_dot", "c_dot": "c_dot",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import sympy as sp
@@ -53,9 +54,10 @@ def compass_system() -> dmoc.MechanicalSystem:
     )  # fmt: skip
 
 
-def compass_step() -> tuple[float, Callable[[np.ndarray], np.ndarray]]:
-    """One step on a pivot by SciPy: its time, stance and swing (angles, rates, accelerations) as
-    functions of time.  The swinging foot passes the height of the ground three times before."""
+@cache
+def compass_equations() -> tuple[Callable[..., np.ndarray], Callable[..., float]]:
+    """Rates of (a, b, a', b') of the gait on a pivot, and what is zero where both feet are on the
+    slope."""
     a, b = dynamicsymbols("a b")
     hip = sp.Matrix([sp.sin(a), sp.cos(a)])
     bodies = [(10, hip), (5, hip / 2), (5, hip - sp.Matrix([sp.sin(b), sp.cos(b)]) / 2)]
@@ -77,6 +79,13 @@ def compass_step() -> tuple[float, Callable[[np.ndarray], np.ndarray]]:
     def lands(t: float, z: np.ndarray) -> float:
         return float(z[0] + z[1] - 2 * SLOPE)
 
+    return slope, lands
+
+
+def compass_step() -> tuple[float, Callable[[np.ndarray], np.ndarray]]:
+    """One step on a pivot by SciPy: its time, stance and swing (angles, rates, accelerations) as
+    functions of time.  The swinging foot passes the height of the ground three times before."""
+    slope, lands = compass_equations()
     run = solve_ivp(slope, (0, 0.8), START, events=lands, **TIGHT)
 
     def motion(t: np.ndarray) -> np.ndarray:
@@ -84,6 +93,30 @@ def compass_step() -> tuple[float, Callable[[np.ndarray], np.ndarray]]:
         return np.hstack([z, np.array([slope(0.0, row)[2:] for row in z])])
 
     return float(run.t_events[0][-1]), motion
+
+
+def compass_map(state: np.ndarray) -> np.ndarray:
+    """The stance angle and both rates after the next landing, from those after one, by SciPy: the
+    momenta about the foot that lands and, of the leg behind, about the hip are kept."""
+    slope, lands = compass_equations()
+    start = [state[0], 2 * SLOPE - state[0], *state[1:]]
+    run = solve_ivp(slope, (0, 0.9), start, events=lands, **TIGHT)
+    a, b, *before = run.y_events[0][-1]
+
+    def about(legs: tuple[float, float], rates: np.ndarray, foot: np.ndarray) -> np.ndarray:
+        """Momenta of all about a foot, and of each leg about the hip."""
+        (a, b), (u, w) = legs, rates
+        hip, turned = np.array([np.sin(a), np.cos(a)]), np.array([np.cos(a), -np.sin(a)]) * u
+        leg = np.array([np.sin(b), np.cos(b)]), np.array([np.cos(b), -np.sin(b)]) * w
+        bodies = [(10, hip, turned), (5, hip / 2, turned / 2),
+                  (5, hip - leg[0] / 2, turned - leg[1] / 2)]  # fmt: skip
+        sums = [sum(m * np.linalg.det([r - foot, v]) for m, r, v in bodies)]
+        return np.array([*sums, *(m * np.linalg.det([r - hip, v]) for m, r, v in bodies[1:])])
+
+    foot = np.array([np.sin(a) - np.sin(b), np.cos(a) - np.cos(b)])
+    kept = about((a, b), np.array(before), foot)[[0, 1]]
+    units = np.array([about((b, a), unit, np.zeros(2))[[0, 2]] for unit in np.eye(2)])
+    return np.array([b, *np.linalg.solve(units.T, kept)])
 
 
 def gait(kernels: Kernels, steps: int) -> Trajectory:

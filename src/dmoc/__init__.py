@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dmoc.base.errors import DmocError as DmocError
     from dmoc.check.check import verify as verify
+    from dmoc.control.disturbance import Disturbance as Disturbance
     from dmoc.export.loaded import load_solver as load_solver
     from dmoc.export.solver import generate_solver as generate_solver
     from dmoc.inspection.system_derivation import derive as derive
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from dmoc.problem.problem import Problem as Problem
     from dmoc.report.animation import animate as animate
     from dmoc.results.batch import Batch as Batch
+    from dmoc.results.feedback import feedback as feedback
     from dmoc.results.simulation import Simulation as Simulation
     from dmoc.results.simulation import simulate as simulate
     from dmoc.results.solution import Solution as Solution
@@ -58,6 +60,7 @@ _PLACES = {
     "Box": "dmoc.symbolic.drawing",
     "Contact": "dmoc.symbolic.drawing",
     "Disc": "dmoc.symbolic.drawing",
+    "Disturbance": "dmoc.control.disturbance",
     "DmocError": "dmoc.base.errors",
     "Link": "dmoc.symbolic.drawing",
     "MechanicalSystem": "dmoc.symbolic.system",
@@ -80,6 +83,7 @@ _PLACES = {
     "traction": "dmoc.symbolic.contact_references",
     "peak": "dmoc.symbolic.objectives",
     "total": "dmoc.symbolic.objectives",
+    "feedback": "dmoc.results.feedback",
     "generate_solver": "dmoc.export.solver",
     "load_solver": "dmoc.export.loaded",
     "derive": "dmoc.inspection.system_derivation",

@@ -83,6 +83,15 @@ def joining(module: Any, name: str) -> Callable[..., Any]:
     return call
 
 
+def disturbed(solution: dmoc.Solution, field: str) -> Callable[..., Any]:
+    """A simulation with one field of its disturbance."""
+
+    def call(value: Any = None) -> Any:
+        return dmoc.simulate(solution, disturb={"sampling": 0.25, field: value})
+
+    return call
+
+
 @pytest.fixture(scope="module")
 def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     """Every public function and method, and arguments that it takes."""
@@ -98,6 +107,8 @@ def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
         "sweep": {"problem": problem, "parameters": {"m": [1.0]}} | quick,
         "search": {"problem": problem, "max_collisions": 0, "starts": 0} | quick,
         "simulate": {"kernels": block, "position": {"x": 0.0}, "step_size": 0.1, "steps": 3},
+        "feedback": {"solution": solution},
+        "Disturbance": {},
         "sensitivities": {"problem": problem, "solution": solution},
         "generate_solver": {"problem": problem, "folder": "carried", "guess": solution},
         "load_solver": {"folder": "nowhere"},
@@ -138,13 +149,16 @@ def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
             dict.fromkeys(("along",) if module is dmoc.planar else "abc", 1.0),
         )
     made["simulate a solution"] = dmoc.simulate, {"kernels": solution, "steps": 3}
+    for name in ("start", "noise", "pushes", "delay", "sampling", "seed"):
+        made[f"simulate disturbed {name}"] = disturbed(solution, name), {}
     needed = {
         "save": "a.npz", "load": "a.npz", "to_csv": "a.csv", "to_json": "a.json",
-        "report": "a.html", "animate": "a.html", "t": 0.1, "content": b"", "method": method,
-        "model": method, "name": "a", "parameters": {M: 1.0},
+        "report": "a.html", "animate": "a.html", "t": 0.1, "phase": 0, "content": b"",
+        "method": method, "model": method, "name": "a", "parameters": {M: 1.0},
     }  # fmt: skip
     objects = {
         "Solution": solution, "Simulation": moved, "Problem": problem, "system": system,
+        "feedback": dmoc.feedback(solution),
         "Batch": dmoc.sweep(problem, {"m": [1.0, 2.0]}), "result": dmoc.search(problem, 0),
         "derivation": dmoc.derive(system), "state": solution.at(0.1),
     }  # fmt: skip

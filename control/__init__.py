@@ -1,0 +1,1 @@
+"""Motions linearised along themselves: transition and saltation matrices, stability, gains."""

@@ -1,0 +1,61 @@
+"""Forward simulation with inputs that are decided on the way, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple
+from typing import Protocol
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import FREE, Mode
+from dmoc.motion.trajectory import Collision
+from dmoc.simulation.contact_motion import ContactState, MotionRecord, node, through_step
+from dmoc.simulation.mode_choice import Setting
+from dmoc.simulation.tolerances import Reach, reached
+
+# Where in a step limits are looked at, beside its start: steps of a control are short.
+LOOKS = np.array([0.5, 1.0])
+
+
+class Control(Protocol):
+    """What decides on the inputs of a simulation while it goes on."""
+
+    def pushed(self, k: int, y: Array) -> Array:
+        """The state (q | v) at the start of step k after what pushes it there; itself if nothing
+        does."""
+
+    def input(self, k: int, y: Array) -> Array:
+        """The inputs (nu,) of step k, which begins in a state."""
+
+    def feel(self, k: int, collisions: Sequence[Collision], mode: Mode) -> None:
+        """Step k has ended in a mode, after some collisions."""
+
+
+def steered(
+    setting: Setting, y: Array, u: Array, control: Control, journal: MotionRecord
+) -> Iterator[ContactState]:
+    """States at the end of steps with the inputs that a control decides on, which are written into
+    u (steps, nu)."""
+    reach, mode, h = Reach(), FREE, setting.h
+    keeps = False
+    for k in range(len(u)):
+        before, count = y, len(journal.collisions)
+        y = control.pushed(k, y)
+        u[k] = control.input(k, y)
+        if keeps and y is before:
+            row, so_far = y.copy(), np.array(astuple(reach))
+            rows = setting.integrator.stay(mode, row, u[k : k + 1], h, k, LOOKS, so_far)
+            reach = Reach(*map(float, so_far))
+            if len(rows[0]):
+                y = rows[0][0]
+                journal.last = ContactState((k + 1) * h, y, rows[1][0], rows[2][0])
+                control.feel(k, (), mode)
+                yield journal.last
+                continue
+        reach = reached(setting.model, y, u[k], k * h, h, reach)
+        y, mode = through_step(setting, y, u[k], (k * h, (k + 1) * h), (reach, journal))
+        journal.last, keeps = node(setting, mode, y, u[k], (k + 1) * h), True
+        control.feel(k, journal.collisions[count:], mode)
+        yield journal.last
