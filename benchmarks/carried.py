@@ -5,16 +5,19 @@ from __future__ import annotations
 import os
 import subprocess
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import casadi_pendulum
+import fatrop_pendulum
+import numpy as np
 from batches import NEAR, PENDULUM, by_dmoc, instances
 from common import Section, casadi_start, clocked, guess, ms, program, ratio, seed, timed
 
 import dmoc
 
-PEER = "CasADi + IPOPT"
+PEER, FATROP = "CasADi + IPOPT", "CasADi + FATROP"
 NEIGHBOUR = 1.02  # of the start angle
 # Median seconds of some solves, and iterations of the last one.
 Timed: TypeAlias = tuple[float, int]
@@ -87,19 +90,44 @@ def in_c(folder: Path, runs: int) -> tuple[Timed, Timed]:
 
 
 def by_casadi(problem: dmoc.Problem, steps: int, runs: int) -> tuple[Timed, Timed]:
-    """The same transcription by hand: cold, and to and from a neighbour from its minimum."""
+    """The same transcription by hand, with IPOPT."""
     case = casadi_pendulum.Case(alpha=problem.start["alpha"], steps=steps)
     cold, warm = (casadi_pendulum.program(case, **options) for options in ({}, NEAR))
     x = guess(problem)
     start = cold.start(*casadi_start(program(problem, x), x))
-    seconds, found = timed(lambda: cold.solver(x0=start, **cold.bounds), runs)
-    first = seconds, cold.solver.stats()["iter_count"]
-    point = {"x0": found["x"], "lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
     near = {key: value.copy() for key, value in warm.bounds.items()}
     for key in ("lbx", "ubx"):  # behind two durations the angle at the start
         near[key][2] *= NEIGHBOUR
-    seconds, _ = timed(lambda: warm.solver(**point, **near), runs)
-    return first, (seconds, warm.solver.stats()["iter_count"])
+    return _twice(cold.solver, warm.solver, start, (cold.bounds, near), runs)
+
+
+def by_fatrop(problem: dmoc.Problem, steps: int, runs: int) -> tuple[Timed, Timed]:
+    """The same in stages, with FATROP."""
+    case = casadi_pendulum.Case(alpha=problem.start["alpha"], steps=steps)
+    near = {"mu_init": 1e-5}
+    (cold, bounds), (warm, others) = (
+        fatrop_pendulum.solver(c, **options)
+        for c, options in ((case, {}), (replace(case, alpha=NEIGHBOUR * case.alpha), near))
+    )
+    x = guess(problem)
+    start = fatrop_pendulum.start_of(*casadi_start(program(problem, x), x))
+    return _twice(cold, warm, start, (bounds, others), runs)
+
+
+def _twice(
+    cold: Any, warm: Any, start: np.ndarray, bounds: tuple[Any, Any], runs: int
+) -> tuple[Timed, Timed]:
+    """From a start, and a neighbour from the minimum and its multipliers."""
+    seconds, found = timed(lambda: cold(x0=start, **bounds[0]), runs)
+    first = _ended(cold, seconds)
+    point = {"x0": found["x"], "lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
+    seconds, _ = timed(lambda: warm(**point, **bounds[1]), runs)
+    return first, _ended(warm, seconds)
+
+
+def _ended(solver: Any, seconds: float) -> Timed:
+    stats = solver.stats()
+    return (seconds if stats["success"] else np.nan), int(stats["iter_count"])
 
 
 def compare(quick: bool) -> Section:
@@ -109,7 +137,8 @@ def compare(quick: bool) -> Section:
         f"without multipliers. Warm: the start angle goes up by {NEIGHBOUR - 1:.0%} and back, from "
         "the last minimum with its multipliers. C: the exported folder, compiled with -O2, medians "
         "in C. Python: the same folder by `dmoc.load_solver`, and `dmoc.solve` with `starts=1` and "
-        "without its check. Bytes are work memory and constants.",
+        "without its check. CasADi has the same transcription by hand, in stages for FATROP, "
+        "which takes no multipliers of bounds to start from. Bytes are work memory and constants.",
         [
             "N", "tool", "cold, ms", "iterations", "warm: ms", "iterations", "C takes, cold",
             "C takes, warm", "bytes",
@@ -152,6 +181,7 @@ def _rows(section: Section, steps: int, folder: Path, quick: bool) -> None:
     later, next_ = timed(lambda: dmoc.solve(near, guess=own, **options), max(runs // 5, 3))
     row("dmoc.solve", (seconds, own.iterations), (later, next_.iterations))
     row(PEER, *by_casadi(problem, steps, 3 if quick else 11))
+    row(FATROP, *by_fatrop(problem, steps, 3 if quick else 11))
 
 
 def batch(quick: bool) -> Section:

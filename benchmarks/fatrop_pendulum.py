@@ -1,6 +1,6 @@
 """The reference problem in stages, as FATROP takes it through CasADi: the transcription of
-:mod:`casadi_pendulum` with states (q, p, both step sizes, energy) and inputs (force, velocity of the
-step, and at the collision its impulse)."""
+:mod:`casadi_pendulum` with states (q, p, both step sizes, energy) and inputs (force, velocity of
+the step, and at the collision its impulse)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ STATES = 7
 
 
 def solver(case: Case, **options: Any) -> tuple[Any, dict[str, np.ndarray]]:
-    """CasADi's solver with bounds of unknowns and rows, those of the start angle the first row."""
+    """CasADi's solver, and bounds of unknowns and rows."""
     n, step = case.steps, step_function(case)
     w, g, low, high, w_low, w_high = [], [], [], [], [], []
     cost: Any = 0
@@ -30,7 +30,15 @@ def solver(case: Case, **options: Any) -> tuple[Any, dict[str, np.ndarray]]:
     for k in range(2 * n + 1):
         q, p, h, e = x[:2], x[2:4], x[4 + (k >= n)], x[6]
         w.append(x)
-        w_low += [case.left, -10.0, -no, -no, least, least, -no]
+        w_low += [
+            -no if k == n else case.left,
+            -10.0,  # there it is fixed
+            -no,
+            -no,
+            least,
+            least,
+            -no,
+        ]
         w_high += [case.right, 10.0, no, no, no, no, no]
         before = len(low)
         nx.append(STATES)
@@ -47,8 +55,7 @@ def solver(case: Case, **options: Any) -> tuple[Any, dict[str, np.ndarray]]:
         r_minus, r_plus, e_plus, e_minus, spent = step(q, after, u[0], h)
         cost += spent
         x = ca.SX.sym(f"x_{k + 1}", STATES)
-        gap = ca.vertcat(after, r_plus, x[4:6] * 0 + w[-2][4:6], e_plus) - x
-        rows(gap, 0.0, 0.0)
+        rows(x - ca.vertcat(after, r_plus, w[-2][4:6], e_plus), 0.0, 0.0)
         before = len(low)
         impulse = ca.vertcat(-u[3], 0) if k == n else ca.SX.zeros(2)
         if k == 0:
@@ -69,3 +76,14 @@ def solver(case: Case, **options: Any) -> tuple[Any, dict[str, np.ndarray]]:
     bounds = {"lbx": w_low, "ubx": w_high, "lbg": low, "ubg": high}
     arrays = {key: np.array(value, dtype=float) for key, value in bounds.items()}
     return ca.nlpsol("solver", "fatrop", program, settings), arrays
+
+
+def start_of(durations: np.ndarray, q: np.ndarray, u: np.ndarray, impulses: np.ndarray) -> Any:
+    """Unknowns of a guess, with momenta and energies of zero."""
+    n = len(u) // 2
+    h = durations / n
+    parts = list[Any]()
+    for k in range(2 * n):
+        parts += [q[k], [0.0, 0.0], h, [0.0], u[k], (q[k + 1] - q[k]) / h[k // n]]
+        parts += [impulses] if k == n else []
+    return np.concatenate([*parts, q[-1], [0.0, 0.0], h, [0.0]])

@@ -198,7 +198,7 @@ def test_several_starts(bob: LoadedSolver) -> None:
     assert ends[0].iterations == ends[1].iterations != ends[2].iterations
     assert bob.explore(1000, seconds=0.05).starts < 1000
     bob.set(bounds={"u": (5, -5)})
-    with pytest.raises(ProblemError, match="bounds.u.high = -5"):
+    with pytest.raises(ProblemError, match=r"bounds.u.high = -5"):
         bob.explore(3)
 
 
