@@ -2,7 +2,9 @@
  * phases, as dmoc.program.extraction has them. */
 #include "dmoc_inside.h"
 
-enum { FEWEST = 4 }; /* nodes of a phase whose forces are continued to its ends, at least one more */
+/* Nodes of a phase whose forces are continued to its ends, at least one more; Newton steps to a place
+ * that is held, from an error of interpolation. */
+enum { FEWEST = 4, TURNS = 4 };
 
 static size_t functions_of(const dmoc_carried *c)
 {
@@ -148,18 +150,23 @@ static void push(const dmoc_solver *s, const node_of *at, int phase, int k, doub
     }
 }
 
-/* Slopes and rates, at the velocity v, of what is held in a phase; how many. */
+/* Slopes of what is held in a phase, with rates at the velocity v or, without one, with values of
+ * what is held in place; how many. */
 static int held(const node_of *at, int phase, const double *v)
 {
     const dmoc_motion *m = &at->c->motion;
-    const int n = at->c->places.nq;
+    const dmoc_places *places = &at->c->places;
+    const int n = places->nq;
     int count = 0;
     for (const dmoc_reaction *r = m->reaction; r < m->reaction + m->reactions; ++r) {
-        if (r->phase != phase)
+        if (r->phase != phase || (!v && r->kind == DMOC_TANGENTIAL))
             continue;
-        const double *in[DMOC_MOST] = {at->q, v, at->t, at->parameters};
+        const double *there[DMOC_MOST] = {at->q, at->t, at->parameters};
+        const double *moving[DMOC_MOST] = {at->q, v, at->t, at->parameters};
         slope(at, r->kind);
-        carried_call(m->functions[r->kind].rates, in, at->rates, NULL);
+        carried_call(v ? m->functions[r->kind].rates
+                       : r->kind == DMOC_NORMAL ? places->surface : places->joint,
+                     v ? moving : there, at->rates, NULL);
         for (int j = 0; j < r->columns; ++j)
             if (r->holds[j]) {
                 carried_copy(at->push + count*n, at->slopes + r->column[j]*n, n);
@@ -169,15 +176,11 @@ static int held(const node_of *at, int phase, const double *v)
     return count;
 }
 
-/* The momentum p moved the shortest way, measured by the masses, to where what is held has no
- * rates. */
-static void hold(const node_of *at, int phase, double *p)
+/* Changes of velocities or positions that take some rates or values away, measured by the masses:
+ * each slope has its multiplier in the change of the momentum, and its response. */
+static int respond(const node_of *at, int count)
 {
     const int n = at->c->places.nq;
-    velocity(at, p, at->column);
-    const int count = held(at, phase, at->column);
-    if (!count)
-        return;
     carried_copy(at->response, at->push, count*n);
     carried_copy(at->copy, at->mass, n*n);
     solve(at->copy, n, at->response, count);
@@ -191,10 +194,39 @@ static void hold(const node_of *at, int phase, double *p)
     solve(at->product, count, at->multiplier, 1);
     for (int a = 0; a < count; ++a)
         if (!isfinite(at->multiplier[a]))
-            return;
+            return 0;
+    return count;
+}
+
+/* The momentum p moved the shortest way to where what is held has no rates. */
+static void hold(const node_of *at, int phase, double *p)
+{
+    const int n = at->c->places.nq;
+    velocity(at, p, at->column);
+    const int count = respond(at, held(at, phase, at->column));
     for (int a = 0; a < count; ++a)
         for (int i = 0; i < n; ++i)
             p[i] -= at->multiplier[a]*at->push[a*n + i];
+}
+
+void carried_keep(const dmoc_solver *s, double *q, double *v)
+{
+    const int n = s->c->places.nq;
+    const double time = 0;
+    node_of at = node_in(s);
+    at.q = q, at.t = &time;
+    for (int turn = 0; turn < TURNS; ++turn) {
+        weigh(&at);
+        const int count = respond(&at, held(&at, 0, NULL));
+        for (int a = 0; a < count; ++a)
+            for (int i = 0; i < n; ++i)
+                q[i] -= at.multiplier[a]*at.response[a*n + i];
+    }
+    const double *in[DMOC_MOST] = {q, v, &time, at.parameters};
+    weigh(&at);
+    carried_call(s->c->places.momentum, in, at.spare, NULL);
+    hold(&at, 0, at.spare);
+    velocity(&at, at.spare, v);
 }
 
 /* Forces of a reaction at the nodes of its phase, from impulses by the time that they stand for:

@@ -180,12 +180,13 @@ int dmoc_solver_shift(dmoc_solver *s, double elapsed)
     const dmoc_state *start = &c->state[0];
     const int n = c->places.nq;
     const double end = s->times[c->steps[0]], gone = elapsed/end;
-    double *q = s->work, *v = q + n;
+    double *q = (double *)s->memory, *v = q + n;
     if (!rest->possible || !(elapsed >= 0 && elapsed < end))
         return DMOC_NO_REST;
     if (gone == 0)
         return DMOC_SOLVED;
     state_at(s, gone, q, v);
+    carried_keep(s, q, v);
     for (int i = 0; i < 2*n; ++i)
         s->numbers[start->number[i]] = q[i];
     for (int i = 0; i < rest->times; ++i) {

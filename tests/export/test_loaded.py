@@ -178,6 +178,22 @@ def test_a_constraint_without_speeds_has_no_rest(bob: LoadedSolver) -> None:
         bob.shift(0.1)
 
 
+def test_the_rest_of_a_motion_keeps_its_constraint(tmp_path: Path) -> None:
+    """Between nodes of order 4 a bob stays on its rod, to rounding; the cost is that of Python's own
+    solve of the rest."""
+    rest = {"x_dot": 0.0, "y_dot": 0.0}
+    problem = linkage(4).but(start={"x": 0, "y": -1} | rest)
+    solver = load_solver(carried(problem, tmp_path / "rod"))
+    solver.shift(0.3)
+    end, numbers = solver.solve(), solver.numbers
+    start = {name: numbers[f"start.{name}"] for name in problem.start}
+    assert np.hypot(start["x"], start["y"]) == approx(1, abs=1e-15)
+    assert start["x"] * start["x_dot"] + start["y"] * start["y_dot"] == approx(0, abs=1e-15)
+    own = dmoc.solve(problem.but(start=start, final_time=0.7), "ipm", starts=1, verify=False)
+    assert end.status == "solved" and end.iterations <= 5
+    assert end.cost == approx(own.cost, rel=1e-9)
+
+
 def test_several_starts(bob: LoadedSolver) -> None:
     """From a bob that goes over the top the shorter way is found; a seed says all."""
     short = bob.solve()

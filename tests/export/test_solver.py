@@ -284,6 +284,9 @@ int main(void)
     printf("%d %d\n", again, dmoc_solver_rows(&bob_problem));
     for (int r = 0; r < dmoc_solver_rows(&bob_problem); ++r)
         printf("%.12g\n", y[r]);
+    /* From several starts; the rod leaves no numbers for a speed, so that there is no rest. */
+    printf("%d", dmoc_solver_explore(b, 3, 7, NULL));
+    printf(" %d %d\n", dmoc_solver_end(b).starts, dmoc_solver_shift(b, 0.1));
     for (int status = 0; status <= DMOC_NO_REST + 1; ++status)
         printf("%s\n", dmoc_solver_sentence(status));
     return 0;
@@ -312,7 +315,8 @@ def test_what_a_solver_says(folder: Path) -> None:
     found = np.array(lines[9 : 9 + rows], dtype=float)
     off = [np.abs(found - y).min() for y in momenta]
     assert max(off) <= 1e-6 * np.abs(momenta).max()
-    sentences = lines[9 + rows :]
+    assert lines[9 + rows] == f"0 3 {NO_REST}"
+    sentences = lines[10 + rows :]
     for i, status in enumerate(CODES):
         assert sentences[i] == SENTENCES[Status(status)]
     assert sentences[BAD_NUMBER].startswith("a number does not fit")
