@@ -77,8 +77,9 @@ class Controller(Pushed):
             self.phase += 1
 
     def _happened(self, c: Collision, k: int, mode: Mode) -> bool:
-        """Whether the event that is expected next has happened: hits and landings are felt at any
-        time, contacts that open and friction that changes only near their time."""
+        """Whether the event that is expected next has happened: hits and landings are felt, at any
+        time; contacts that open and friction that changes come from the inputs, so that they are
+        felt near their time, and taken as happened at it."""
         closed, rubbing = names_of(self.model.contacts, mode)
         if c.surface:
             landed = bool(c.lands) and set(c.lands) <= set(closed)
@@ -87,8 +88,9 @@ class Controller(Pushed):
                 return True
             return landed
         guide = self.feedback.phases[self.phase]
-        if (k + 1) * self.h < guide.end - BEYOND * (guide.end - guide.begin):
-            return False
+        t = (k + 1) * self.h
+        if t < guide.end - BEYOND * (guide.end - guide.begin) or t >= guide.end:
+            return t >= guide.end
         changed = {name: s for name, s in c.friction.items() if name not in c.leaves}
         return not set(c.leaves) & set(closed) and all(
             rubbing.get(name) == s for name, s in changed.items()

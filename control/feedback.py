@@ -83,7 +83,8 @@ class Feedback(Shown):
     bounds : array of shape (nu, 2)
     Q, R : arrays of shape (2 nq, 2 nq), (nu, nu)
     P : array of shape (2 nq, 2 nq)
-        At the start: a deviation dy costs dy^T P dy.
+        At the start: a deviation dy costs dy^T P dy; of a periodic motion over all periods, but
+        over one alone what the inputs do not reach and what does not die away.
     fingerprint : str
         Digest of the model.
     """
@@ -164,9 +165,10 @@ def _rows(f: Feedback) -> Iterator[tuple[Cell, ...]]:
 
 def follow(guide: Guide, t: float) -> tuple[Array, Array, Array]:
     """State, inputs and gains of a phase at a time."""
-    k = int(np.clip(np.searchsorted(guide.t, t, side="right") - 1, 0, len(guide.t) - 2))
+    t = min(max(t, guide.t[0]), guide.t[-1])
+    k = min(int(np.searchsorted(guide.t, t, side="right")) - 1, len(guide.t) - 2)
     h = guide.t[k + 1] - guide.t[k]
-    x = min(max((t - guide.t[k]) / h, 0.0), 1.0)
+    x = (t - guide.t[k]) / h
     (q0, v0), (q1, v1) = np.split(guide.y[k], 2), np.split(guide.y[k + 1], 2)
     rest, bend = q1 - q0 - h * v0, h * (v1 - v0)
     square, cube = 3 * rest - bend, bend - 2 * rest
@@ -175,6 +177,7 @@ def follow(guide: Guide, t: float) -> tuple[Array, Array, Array]:
     return np.append(q, v), guide.u[k], (1 - x) * guide.K[k] + x * guide.K[k + 1]
 
 
+@np.errstate(all="ignore")  # what is not finite is told as that
 def feedback_along(
     motion: Motion, periodic: Mapping[str, Mapping[str, float]], Q: Weight | None, R: Weight | None
 ) -> Feedback:
@@ -193,14 +196,19 @@ def feedback_along(
     stages = [stage(motion, i) for i in range(motion.stepped)]
     jumps = [saltation(motion, i) / unit[:, None] * unit for i in range(len(trajectory.collisions))]
     hamiltonians = [hamiltonian(s, w) for s in stages]
-    P = trajectory.final_time * w.Q
     if periodic:
-        P_along = repeated(hamiltonians, jumps, _again(motion, stages, jumps, periodic), P)
+        again = _again(motion, stages, jumps, periodic)
+        P_along = repeated(hamiltonians, jumps, again, stages, w)
     else:
-        P_along = sweep(hamiltonians, jumps, P)
+        P_along = sweep(hamiltonians, jumps, trajectory.final_time * w.Q)
     guides = tuple(
         _guide(motion, i, s, p, w) for i, (s, p) in enumerate(zip(stages, P_along, strict=True))
     )
+    if not all(np.isfinite(guide.K).all() for guide in guides):
+        raise SimulationError(
+            "the gains are not finite: give weights Q and R that are nearer to the sizes of the "
+            "motion, which None stands for."
+        )
     events = tuple(trajectory.collisions[: len(guides) - 1])
     bounds = np.array(trajectory.input_bounds)
     P0 = P_along[0][0] / unit / unit[:, None]
@@ -302,8 +310,9 @@ def weight(
     if np.abs(matrix - matrix.T).max() > ASYMMETRIC * size:
         raise SimulationError(f"{name} is not symmetric: expected a symmetric matrix.")
     root = np.sqrt(np.diag(default))
-    least = float(np.linalg.eigvalsh(matrix / root / root[:, None])[0])
-    scale = float(np.abs(matrix / root / root[:, None]).max())
+    scaled = matrix / root / root[:, None]
+    scale = float(np.abs(scaled).max())
+    least = float(np.linalg.eigvalsh(scaled)[0]) if np.isfinite(scale) else np.nan
     if not (least > 0 if definite else least >= -ASYMMETRIC * scale):
         raise SimulationError(
             f"{name} has the eigenvalue {least:.3g} in sizes of the motion: expected a matrix with "

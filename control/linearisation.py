@@ -30,7 +30,7 @@ GAUSS = 0.5 - np.sqrt(3) / 6, 0.5 + np.sqrt(3) / 6
 # differentiable.
 GRAZES = 1e-6
 # Terms of the series of exponentials of matrices of a norm up to SHORT: an error of 1e-16.
-TERMS, SHORT, TINY = 13, 0.5, 1e-300
+TERMS, SHORT, TINY, LARGEST = 13, 0.5, 1e-300, 1e9
 # Of a friction force: one that is further from what its contact bears has not given way, an input
 # has jumped.
 EDGE = 1e-2
@@ -75,6 +75,8 @@ def magnus(A: Array, h: Array) -> Array:
 def exponentials(X: Array) -> Array:
     """The exponentials of matrices (m, n, n) side by side, by their series, scaled and squared."""
     largest = float(np.abs(X).sum(axis=-1).max(initial=0.0))
+    if not largest < LARGEST:
+        return np.full(X.shape, np.nan)
     squared = max(0, int(np.ceil(np.log2(max(largest, TINY) / SHORT))))
     X = X / 2.0**squared
     term = result = np.broadcast_to(np.eye(X.shape[-1]), X.shape)

@@ -16,10 +16,12 @@ import numpy as np
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Array
 from dmoc.control.linearisation import Stage, exponentials, magnus
+from dmoc.mechanics.algebra import solved
 
 REPEATED = 1e-8  # change of P in a period, beside its largest entry, of one that repeats
-MOST_PERIODS = 2000
-LARGEST = 1e14  # of P beside Q: no input holds the motion
+MOST_PERIODS = 100  # of a motion whose deviations are reached; else five times as many
+REACHED = 1e-2  # of the largest deviations that inputs lead to: smaller ones are errors of steps
+HELD = 1.001  # growth of a deviation in a period that rounding may make of none
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,7 @@ def along(E: Array, P: Array) -> Array:
     """P (m + 1, n, n) at the ends of the intervals of a phase, from the one at its end."""
     n, rows = len(P), [P]
     for e in E[::-1]:
-        P = np.linalg.solve(e[n:, n:] - P @ e[:n, n:], P @ e[:n, :n] - e[n:, :n])
+        P = solved(e[n:, n:] - P @ e[:n, n:], P @ e[:n, :n] - e[n:, :n])
         P = (P + P.T) / 2
         rows.append(P)
     return np.array(rows[::-1])
@@ -67,29 +69,80 @@ def sweep(hamiltonians: Sequence[Array], jumps: Sequence[Array], P: Array) -> li
 
 
 def repeated(
-    hamiltonians: Sequence[Array], jumps: Sequence[Array], again: Array, P: Array
+    hamiltonians: Sequence[Array],
+    jumps: Sequence[Array],
+    again: Array,
+    stages: Sequence[Stage],
+    w: Weights,
 ) -> list[Array]:
-    """P along each phase of a motion that goes on for ever; ``again`` is the deviation at the start
-    of a period by that at the end of the one before, in sizes.
+    """P along each phase of a motion that goes on for ever, swept backwards until it repeats;
+    ``again`` is the deviation at the start of a period by that at the end of the one before, in
+    sizes.  What the inputs do not reach and what does not die away, as a momentum that is kept,
+    costs nothing after the period.
 
     Raises
     ------
     SimulationError
-        If P grows without end.
+        If the motion with its feedback goes astray.
     """
-    for _ in range(MOST_PERIODS):
-        found = sweep(hamiltonians, jumps, again.T @ P @ again)
-        following, largest = found[0][0], np.abs(found[0][0]).max()
-        if not largest < LARGEST:
-            break
-        if np.abs(following - P).max() <= REPEATED * largest:
-            return found
-        P = following
+    ways = (again, 1), (again @ reached(stages, jumps, again, w), 5)
+    for kept, times in ways:
+        P = w.Q
+        for _ in range(times * MOST_PERIODS):
+            found = sweep(hamiltonians, jumps, kept.T @ P @ kept)
+            following, largest = found[0][0], np.abs(found[0][0]).max()
+            if np.abs(following - P).max() <= REPEATED * largest:
+                return _holding(found, again @ closed(hamiltonians, jumps, found))
+            P = following
     raise SimulationError(
-        "the gains of the periodic motion do not settle from period to period: a deviation that "
-        "does not die away is out of reach of the inputs, or costs nothing; weigh every state in "
-        "Q, or leave `periodic` out of the problem, for gains over one period."
+        "the gains of the periodic motion do not settle: its inputs hardly reach a deviation that "
+        "does not die away; give the model inputs that do."
     )
+
+
+def _holding(found: list[Array], held: Array) -> list[Array]:
+    """What was found, if the deviation after a period by that before it does not grow."""
+    grows = float(np.abs(np.linalg.eigvals(held)).max())
+    if grows < HELD:
+        return found
+    raise SimulationError(
+        f"the periodic motion cannot be held: a deviation grows {grows:.3g} times in each period, "
+        "whatever the inputs do; give the model inputs that reach it."
+    )
+
+
+def reached(stages: Sequence[Stage], jumps: Sequence[Array], again: Array, w: Weights) -> Array:
+    """The projection (n, n) on the deviations that the inputs reach, in sizes."""
+    n = len(w.unit)
+    monodromy, pushes = again, list[Array]()
+    for i in reversed(range(len(stages))):
+        if i < len(jumps):
+            monodromy = monodromy @ jumps[i]
+        s = stages[i]
+        B = s.B[:, 0] / w.unit[:, None] * w.input_unit
+        for transition, b in zip(s.transitions()[::-1], B[::-1], strict=True):
+            pushes.append(monodromy @ b)
+            monodromy = monodromy @ (transition / w.unit[:, None] * w.unit)
+    powers = [np.hstack(pushes)]
+    for _ in range(n - 1):
+        following = monodromy @ powers[-1]
+        powers.append(following / max(np.abs(following).max(), np.finfo(float).tiny))
+    powers[0] = powers[0] / max(np.abs(powers[0]).max(), np.finfo(float).tiny)
+    left, factors, _ = np.linalg.svd(np.hstack(powers), full_matrices=True)
+    basis = left[:, : int((factors > REACHED * factors[0]).sum())]
+    return np.asarray(basis @ basis.T)
+
+
+def closed(hamiltonians: Sequence[Array], jumps: Sequence[Array], found: Sequence[Array]) -> Array:
+    """The deviation after a motion with its feedback by that before it, in sizes."""
+    n = found[0].shape[1]
+    carried = np.eye(n)
+    for i, (E, P) in enumerate(zip(hamiltonians, found, strict=True)):
+        for e, p in zip(E, P, strict=False):
+            carried = (e[:n, :n] + e[:n, n:] @ p) @ carried
+        if i < len(jumps):
+            carried = jumps[i] @ carried
+    return carried
 
 
 def gains(B: Array, P: Array, project: Array, w: Weights) -> Array:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dmoc.base.errors import SimulationError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.table import Cell, Shown, Table
 from dmoc.check.checked_motion import Motion
@@ -135,6 +136,7 @@ def direction_in_words(states: Sequence[str], direction: Array) -> str:
     return " ".join(f"{entries[k].real:+.2f} {states[k]}" for k in told)
 
 
+@np.errstate(all="ignore")  # what is not finite is told as that
 def stability(motion: Motion, periodic: Mapping[str, Mapping[str, float]]) -> Stability:
     """The stability of a motion; ``periodic`` are the states at the end as sums of states at the
     start."""
@@ -178,6 +180,11 @@ def allowed(motion: Motion, i: int, k: int) -> Array:
 def _growth(name: str, time: float, slope: Array, basis: Array, unit: Array) -> Growth:
     """The singular values of a derivative on a basis, in sizes, without those of directions that
     end in no deviation."""
+    if not np.isfinite(slope).all():
+        raise SimulationError(
+            f"the linearised motion is not finite in {name}: its forces have no slopes there, or "
+            "its mass matrix is singular; keep the motion away from there by bounds."
+        )
     left, factors, right = np.linalg.svd(slope / unit[:, None] * unit @ basis)
     k = max(1, int((factors > NONE * factors[0]).sum()))
     return Growth(name, float(time), factors[:k], right[:k] @ basis.T, left.T[:k])

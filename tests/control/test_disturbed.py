@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import contact_problems
 import numpy as np
 import pytest
 from pytest import approx
@@ -144,6 +145,16 @@ def test_landing_and_friction_are_felt() -> None:
     assert "mu" in solution.trajectory.parameters
     ends = [dmoc.simulate(solution, feedback=f, **change).q[-1, 0] for f in (None, hold)]
     assert abs(ends[1] - goal) < 0.25 * abs(ends[0] - goal)
+
+
+def test_friction_that_gives_way_does_so_by_the_input() -> None:
+    """A block is held by 1 N until its input passes that: whatever it is found to be, it begins to
+    slide, and comes to rest at its goal."""
+    solution = dmoc.solve(contact_problems.pushed(20), "ipm", starts=1)
+    hold = dmoc.feedback(solution)
+    run = dmoc.simulate(solution, feedback=hold, parameters={"m": 1.1}, disturb={})
+    assert [c.word for c in run.trajectory.collisions] == ["rail:slip+", "rail:stick"]
+    assert run.q[-1, 0] == approx(1.0, abs=0.01)
 
 
 def test_a_second_of_feedback_takes_a_fraction_of_a_second(

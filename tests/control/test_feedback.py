@@ -9,9 +9,11 @@ from typing import Any
 import contact_problems
 import numpy as np
 import pytest
+import sympy as sp
 from pytest import approx
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
+from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, bouncer_problem, double_integrator, landing_problem
 
 import dmoc
@@ -210,20 +212,26 @@ def test_what_has_no_gains_is_refused() -> None:
         dmoc.feedback(wheel)
 
 
-def test_gains_that_do_not_settle_are_refused() -> None:
-    """A deviation of a coordinate that no input moves stays for ever."""
-    import sympy as sp
-    from sympy.physics.mechanics import dynamicsymbols
-
+def beside(factor: float) -> dmoc.Solution:
+    """A driven oscillator that repeats, beside a mass at rest that no input moves, under a force
+    of `factor` times its way."""
     x, y, u = dynamicsymbols("x y u")
     system = dmoc.MechanicalSystem(
-        "half_driven", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2 - 2 * sp.pi**2 * x**2,
+        "half_driven", [x, y],
+        (x.diff() ** 2 + y.diff() ** 2 + factor * y**2) / 2 - 2 * sp.pi**2 * x**2,
         inputs=[u], forces={x: u}, cost=u**2,
     )  # fmt: skip
     problem = dmoc.Problem(
-        system, start={x: 0.1, y: 0.2, "x_dot": None, "y_dot": None}, final_time=1.0, steps=20,
+        system, start={x: 0.1, y: 0.0, "x_dot": None, "y_dot": None}, final_time=1.0, steps=20,
         periodic=["x", "y", "x_dot", "y_dot"],
     )  # fmt: skip
-    solution = dmoc.solve(problem, "ipm", starts=1)
-    with pytest.raises(SimulationError, match="do not settle from period to period"):
-        dmoc.feedback(solution)
+    return dmoc.solve(problem, "ipm", starts=1)
+
+
+def test_what_the_inputs_cannot_move_has_no_gains() -> None:
+    """A mass that goes on for ever is left alone; one that runs away is refused."""
+    made = dmoc.feedback(beside(0.0))
+    K = dict(zip(made.states, made.at(0, 0.3)[2][0], strict=True))
+    assert abs(K["y"]) + abs(K["y_dot"]) < 1e-6 * abs(K["x_dot"])
+    with pytest.raises(SimulationError, match=r"cannot be held: a deviation grows 2\.72 times in"):
+        dmoc.feedback(beside(1.0))
