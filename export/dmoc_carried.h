@@ -92,10 +92,10 @@ typedef struct {
 enum { DMOC_COORDINATE, DMOC_VALUE, DMOC_AMOUNT };
 
 /* The rest of a motion, and other courses of it. possible: there is one on the same phases.
- * time[times]: numbers from which the time that has passed is taken. course[degree + 3][degree + 3]:
- * coefficients of the powers of the place in a step, of the polynomials of nodes and of the slopes
- * at both ends. inside[degree - 1]: places of the nodes inside a step, whose coordinates begin at
- * the unknown q_inside. */
+ * time[times]: numbers from which the time that has passed is taken.
+ * course[degree + 3][degree + 3]: coefficients of the powers of the place in a step, of the
+ * polynomials of nodes and of the slopes at both ends. inside[degree - 1]: places of the nodes
+ * inside a step, whose coordinates begin at the unknown q_inside. */
 typedef struct {
     int possible, times, unknowns, rows, q_inside;
     const int *time;

@@ -87,7 +87,9 @@ void dmoc_loaded_many(void *memory, size_t bytes, const double *numbers, int cou
                       double until, int *stop, double *rows, int *counts, const char **expected)
 {
     const int size = dmoc_solver_numbers(&DMOC_PROBLEM);
-    for (int k = 0; k < count && !stopped(stop, 0, 0, 0, 0, 0) && dmoc_loaded_clock() < until; ++k) {
+    for (int k = 0; k < count; ++k) {
+        if (stopped(stop, 0, 0, 0, 0, 0) || !(dmoc_loaded_clock() < until))
+            return;
         dmoc_solver *s = dmoc_solver_begin(&DMOC_PROBLEM, memory, bytes);
         for (int i = 0; i < size; ++i)
             dmoc_solver_set(s, i, numbers[(size_t)k*(size_t)size + (size_t)i]);

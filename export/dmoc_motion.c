@@ -2,8 +2,8 @@
  * phases, as dmoc.program.extraction has them. */
 #include "dmoc_inside.h"
 
-/* Nodes of a phase whose forces are continued to its ends, at least one more; Newton steps to a place
- * that is held, from an error of interpolation. */
+/* Nodes of a phase whose forces are continued to its ends, at least one more; Newton steps to a
+ * place that is held, from an error of interpolation. */
 enum { FEWEST = 4, TURNS = 4 };
 
 static size_t functions_of(const dmoc_carried *c)
@@ -321,7 +321,10 @@ const double *dmoc_solver_unknowns(const dmoc_solver *s) { return s->physical; }
 
 int dmoc_solver_tables(const dmoc_carried *c) { return c->tables; }
 
-const char *dmoc_solver_table_name(const dmoc_carried *c, int table) { return c->table[table].name; }
+const char *dmoc_solver_table_name(const dmoc_carried *c, int table)
+{
+    return c->table[table].name;
+}
 
 const double *dmoc_solver_table(const dmoc_solver *s, int table, int *rows, int *columns)
 {

@@ -127,7 +127,8 @@ static int has_friction(dmoc_solver *s, const double *parameters)
     const double *in[DMOC_MOST] = {parameters};
     carried_call(t->friction, in, kinetic, resting);
     for (int k = 0; k < t->tangents; ++k)
-        if ((t->kinds[k] && !(kinetic[k] >= 0)) || (t->kinds[k] == 2 && !(kinetic[k] <= resting[k])))
+        if ((t->kinds[k] && !(kinetic[k] >= 0)) ||
+            (t->kinds[k] == 2 && !(kinetic[k] <= resting[k])))
             return 0;
     return 1;
 }

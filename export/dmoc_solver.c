@@ -63,7 +63,8 @@ static size_t share_out(dmoc_solver *s, const dmoc_carried *c, double *memory)
     s->ldl.work = take(&left, (size_t)c->ldl.work_size);
     s->ldl.product = s->ldl.work ? s->ldl.work + c->ldl.product_at : NULL;
     s->ldl.D = take(&left, 3*((size_t)c->ldl.pivots + 2));
-    s->ldl.exchange = (int *)take(&left, doubles(sizeof(int)*(size_t)(c->ldl.n - c->ldl.chain + 1)));
+    const size_t group = (size_t)(c->ldl.n - c->ldl.chain + 1);
+    s->ldl.exchange = (int *)take(&left, doubles(sizeof(int)*group));
     s->memory = take(&left, doubles(dmoc_interior_memory(&c->program, &c->kkt)));
     return left.count;
 }

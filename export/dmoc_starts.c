@@ -83,7 +83,7 @@ static void take_back(dmoc_solver *s, const double *from)
     carried_copy(s->y, from + 2*s->program.n, s->program.m);
 }
 
-/* Whether an end is better: a solution of less cost, or where there is none the lesser violation. */
+/* Whether an end is better: a solution of less cost; where there is none, less violation. */
 static int better(int status, const dmoc_end *end, int best, const dmoc_end *than)
 {
     if ((status == DMOC_SOLVED) != (best == DMOC_SOLVED))

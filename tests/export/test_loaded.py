@@ -179,8 +179,8 @@ def test_a_constraint_without_speeds_has_no_rest(bob: LoadedSolver) -> None:
 
 
 def test_the_rest_of_a_motion_keeps_its_constraint(tmp_path: Path) -> None:
-    """Between nodes of order 4 a bob stays on its rod, to rounding; the cost is that of Python's own
-    solve of the rest."""
+    """Between nodes of order 4 a bob stays on its rod, to rounding; the cost is that of Python's
+    own solve of the rest."""
     rest = {"x_dot": 0.0, "y_dot": 0.0}
     problem = linkage(4).but(start={"x": 0, "y": -1} | rest)
     solver = load_solver(carried(problem, tmp_path / "rod"))
