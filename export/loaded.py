@@ -274,7 +274,10 @@ class LoadedSolver:
             for key, part in value.items():
                 yield from self._values(f"{name}.{key}", part)
             return
-        pair = isinstance(value, (tuple, list, np.ndarray)) and np.shape(value) == (2,)
+        row = isinstance(value, (tuple, list)) or (
+            isinstance(value, np.ndarray) and value.ndim == 1
+        )
+        pair = row and len(value) == len(SIDES)
         for side, part in zip(SIDES, value, strict=True) if pair else (("", value),):
             named = f"{name}.{side}" if side else name
             if side and part is None and named not in self._names:

@@ -93,13 +93,17 @@ def disturbed(solution: dmoc.Solution, field: str) -> Callable[..., Any]:
 
 
 @pytest.fixture(scope="module")
-def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+def calls(
+    block: Kernels, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     """Every public function and method, and arguments that it takes."""
     system = block_system()
     problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.5}, steps=3, final_time=1.0)
     solution = dmoc.solve(problem, "ipm", starts=1)
     moved = dmoc.simulate(block, {"x": 0.0}, {"x": 1.0}, step_size=0.1, steps=4)
     method = LagrangesMethod(X.diff(T) ** 2 / 2, [X])
+    carried = tmp_path_factory.mktemp("calls") / "carried"
+    dmoc.generate_solver(problem, carried, guess=solution)
     quick: dict[str, Any] = {"seconds": 2.0}
     functions: dict[str, dict[str, Any]] = {
         "solve": {"problem": problem, "method": "ipm", "starts": 1, "iterations": 20} | quick,
@@ -155,12 +159,14 @@ def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
         "save": "a.npz", "load": "a.npz", "to_csv": "a.csv", "to_json": "a.json",
         "report": "a.html", "animate": "a.html", "t": 0.1, "phase": 0, "content": b"",
         "method": method, "model": method, "name": "a", "parameters": {M: 1.0},
+        "starts": 2, "elapsed": 0.1, "instances": [{}],
     }  # fmt: skip
     objects = {
         "Solution": solution, "Simulation": moved, "Problem": problem, "system": system,
         "feedback": dmoc.feedback(solution),
         "Batch": dmoc.sweep(problem, {"m": [1.0, 2.0]}), "result": dmoc.search(problem, 0),
         "derivation": dmoc.derive(system), "state": solution.at(0.1),
+        "loaded": dmoc.load_solver(carried),
     }  # fmt: skip
     inherited = {"get"}  # of a mapping, whose keys are Python's business
     for label, thing in objects.items():
