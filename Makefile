@@ -9,7 +9,7 @@ INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 # the tests would make them again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-fast test-browser test-wheels mutations check docs docs-check pictures linkcheck bench ladder twenty release clean
+.PHONY: demo test test-fast test-browser test-processors test-wheels mutations check docs docs-check pictures linkcheck bench ladder twenty release clean
 
 demo: $(VENV)/.installed-plot
 	@$(BIN)/python examples/seed.py demo
@@ -25,6 +25,10 @@ test-fast: $(VENV)/.installed-test
 # The page that plays motions, in a real browser: chromium and chromedriver have to be there.
 test-browser: $(VENV)/.installed-browser
 	$(BIN)/python -m pytest tests/browser/*.py
+
+# Solvers in C on 32-bit ARM and on aarch64, which qemu emulates: qemu-user-static has to be there.
+test-processors: $(VENV)/.installed-test
+	$(BIN)/python -m pytest tests/processors/*.py
 
 # Lines of the sources changed one at a time, each under the tests that ought to notice it; changed C
 # is compiled in place, for which pip installs setuptools and Cython in environments of its own alone.

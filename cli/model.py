@@ -104,10 +104,19 @@ def generate(
     solver: Annotated[
         bool, typer.Option("--solver", help="A solver of the problem, with all that it needs.")
     ] = False,
+    page: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="A page (.html) that plans the motion again while one drags."
+        ),
+    ] = None,
 ) -> None:
-    """Write the C sources of a model, or of a solver of its problem."""
-    if solver:
-        _generate_solver(model, target, order)
+    """Write the C sources of a model, or of a solver of its problem, or this as a page."""
+    if page is not None and (solver or target is not None):
+        raise OutputError("--page writes one file: give it without --solver and --out.")
+    if solver or page is not None:
+        for path in _exported(model, target, order, page):
+            out.print(str(path), soft_wrap=True)
         return
     from dmoc.codegen.build import header, write_files
     from dmoc.codegen.text import c_files
@@ -126,7 +135,8 @@ def generate(
         out.print(str(path), soft_wrap=True)
 
 
-def _generate_solver(model: str, target: Path | None, order: int | None) -> None:
+def _exported(model: str, target: Path | None, order: int | None, page: Path | None) -> list[Path]:
+    from dmoc.export.page import generate_page
     from dmoc.export.solver import generate_solver
     from dmoc.models.registry import find
     from dmoc.problem.problem import Problem
@@ -134,8 +144,9 @@ def _generate_solver(model: str, target: Path | None, order: int | None) -> None
     reference = find(model)
     kernels = reference.kernels(order, progress=True)
     problem = Problem(kernels, **reference.defaults)
-    for path in generate_solver(problem, target or Path(f"{kernels.name}_solver")):
-        out.print(str(path), soft_wrap=True)
+    if page is not None:
+        return [generate_page(problem, page)]
+    return generate_solver(problem, target or Path(f"{kernels.name}_solver"))
 
 
 def build(

@@ -127,6 +127,15 @@ def generate_solver(
     check_problem(problem)
     name, target = _new_folder(folder)
     most = None if most_bytes is None else whole(most_bytes, "most_bytes", 1, 2**62)
+    texts = solver_files(name, problem, guess, most)[-1]
+    check_folder(target)
+    return [write_whole(target / file, text.encode()) for file, text in sorted(texts.items())]
+
+
+def solver_files(
+    name: str, problem: Problem, guess: InitialGuess, most: int | None
+) -> tuple[Carried, Solution, dict[str, str]]:
+    """What a solver is made of, the solution that it carries, and the texts of its files."""
     if not problem.kernels.compiled:
         raise ProblemError(
             f"the kernels of {problem.kernels.name!r} run on NumPy, and a solver in C needs "
@@ -134,9 +143,7 @@ def generate_solver(
         )
     solution = guess if isinstance(guess, Solution) else solve(problem, "ipm", guess=guess)
     carried, iterations = carried_by(name, problem, solution)
-    texts = _texts(carried, iterations, most)
-    check_folder(target)
-    return [write_whole(target / file, text.encode()) for file, text in sorted(texts.items())]
+    return carried, solution, _texts(carried, iterations, most)
 
 
 def _new_folder(folder: Any) -> tuple[str, Path]:

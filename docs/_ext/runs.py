@@ -29,8 +29,8 @@ PLAYER = """
    <p><a href="../_static/motions/{0}.html">Play this motion</a>, with all its curves.</p>
 
 """
-# The best collisions of the swing-up on the first page.
-BEST = ("left", "left")
+# The best collisions of the swing-up on the first page, and the steps of its phases there.
+BEST, STEPS = ("left", "left"), 30
 # From what is easily understood to what is not.
 ORDER = (
     "block_and_wall",
@@ -93,7 +93,7 @@ class Order:
 
 
 def write_players(app: Sphinx, failed: Exception | None) -> None:
-    """Put the pages that play motions beside the style sheets, and that of the first page."""
+    """Put the pages that play motions beside the style sheets, and the one of the first page."""
     if failed or app.builder.format != "html":
         return
     target = Path(app.outdir) / "_static" / "motions"
@@ -101,8 +101,8 @@ def write_players(app: Sphinx, failed: Exception | None) -> None:
     for page in FOLDER.glob("*.html"):
         shutil.copy(page, target)
     reference = find("cart_pendulum")
-    problem = dmoc.Problem(reference.kernels(), **reference.defaults | {"sequence": BEST})
-    dmoc.solve(problem, "ipm").animate(target / "swing_up.html")
+    stated = reference.defaults | {"sequence": BEST, "steps": STEPS}
+    dmoc.generate_page(dmoc.Problem(reference.kernels(), **stated), target / "swing_up.html")
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import base64
 import hashlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from html import escape
 from importlib.resources import files
@@ -24,6 +24,7 @@ from dmoc.report.style import DARK, LIGHT, SIGNS
 FORMAT = 1
 # In the order in which they need each other.
 SCRIPTS = ("values", "elements", "clock", "picture", "curves", "tree", "player")
+PLANNER, WORKER = "planner", "worker"  # of a page that plans, and of what runs beside it
 # Around a motion, in shares of the larger side, and the least side in shares of the other one.
 MARGIN, LEAST = 0.1, 0.3
 # Digits that are kept of the largest number of an array: finer than a pixel, finer than what is
@@ -33,21 +34,29 @@ DIGITS = 6
 MOST = 400
 
 
-def page_of(film: Film) -> str:
-    """The text of a page that plays a film.
+def page_of(film: Film, plan: Mapping[str, Any] | None = None) -> str:
+    """The text of a page that plays a film; with a plan, of one that plans its motion again
+    (:mod:`dmoc.export.page`).
 
-    Its policy lets a browser run the page's own script alone, and fetch nothing.
+    Its policy lets a browser run the page's own script alone, and the solver that it carries, and
+    fetch nothing.
     """
-    script = "\n".join(_source(f"{name}.js") for name in SCRIPTS)
+    scripts = (*SCRIPTS, PLANNER) if plan else SCRIPTS
+    script = "\n".join(_source(f"{name}.js") for name in scripts)
     themes = f':root {{ {LIGHT.css} }}\n:root[data-theme="dark"] {{ {DARK.css} }}\n'
+    shown = document(film)
+    if plan:
+        shown |= {"plan": {**plan, "worker": _source(f"{WORKER}.js")}}
     text = json.dumps(
-        document(film), ensure_ascii=False, separators=(",", ":"), allow_nan=False, default=rounded
+        shown, ensure_ascii=False, separators=(",", ":"), allow_nan=False, default=rounded
     )
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     policy = f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
+    if plan:
+        policy += " 'wasm-unsafe-eval'; worker-src blob:"
     filled = {
         "title": escape(film.title),
-        "style": themes + _source("page.css"),
+        "style": themes + _source("page.css") + (_source(f"{PLANNER}.css") if plan else ""),
         "script": script,
         "film": text.replace("<", "\\u003c"),  # no text ends the element that holds it
         "policy": policy,

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from dmoc.check.check import verify as verify
     from dmoc.control.disturbance import Disturbance as Disturbance
     from dmoc.export.loaded import load_solver as load_solver
+    from dmoc.export.page import generate_page as generate_page
     from dmoc.export.solver import generate_solver as generate_solver
     from dmoc.inspection.system_derivation import derive as derive
     from dmoc.models.registry import build as build
@@ -84,6 +85,7 @@ _PLACES = {
     "peak": "dmoc.symbolic.objectives",
     "total": "dmoc.symbolic.objectives",
     "feedback": "dmoc.results.feedback",
+    "generate_page": "dmoc.export.page",
     "generate_solver": "dmoc.export.solver",
     "load_solver": "dmoc.export.loaded",
     "derive": "dmoc.inspection.system_derivation",

@@ -71,6 +71,10 @@ sweep cart_pendulum --steps 12 --set
     l=0.4:0.6:3 --plot no/f.png | no/f.png cannot be written
 search puck_table
     --max-collisions 1 --strategy beam --beam 0 | beam = 0
+generate cart_pendulum
+    --page page.htm | page.htm is no page: end it in .html
+    --page page.html --solver | --page writes one file: give it without --solver and --out
+    --page /proc/nowhere/page.html | cannot be written
 animate
     nothing.npz | nothing.npz does not exist
     one.npz -o film.avi | end it in .html, .gif or .mp4

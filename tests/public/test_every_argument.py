@@ -116,6 +116,7 @@ def calls(
         "sensitivities": {"problem": problem, "solution": solution},
         "generate_solver": {"problem": problem, "folder": "carried", "guess": solution},
         "load_solver": {"folder": "nowhere"},
+        "generate_page": {"problem": problem, "path": "page.html", "guess": solution},
         "verify": {"trajectory": solution.trajectory, "kernels": block},
         "build": {"system": system, "backend": "numpy"},
         "load": {"reference": "puck_table"},

@@ -32,23 +32,25 @@ function rangeOf(panels) {
   return [low - room, high + room];
 }
 
-function makePanel(motion, panel, range, clock) {
+function makePanel(motion, panel, ranging, clock) {
   const root = svg("svg", { class: "panel", height: HIGH, role: "img" });
   const still = svg("g");
   const cursor = svg("line", { class: "cursor", y1: TOP, y2: HIGH - BOTTOM });
   const dots = panel.curves.map((curve) => svg("circle", { ...style("dot", curve), r: 4 }));
   root.append(still, cursor, ...dots);
   const values = panel.curves.map(() => html("output"));
-  const [low, high] = range;
-  const axes = { width: 0, x: () => 0, y: (v) => TOP + ((high - v) / (high - low)) * (HIGH - TOP - BOTTOM) };
+  const axes = { width: 0, x: () => 0, y: () => 0 };
   const unit = panel.unit ? ` ${panel.unit}` : "";
+  let [low, high] = ranging();
   let now = 0;
 
   function layout(width) {
+    [low, high] = ranging();
     axes.width = width;
+    axes.y = (v) => TOP + ((high - v) / (high - low)) * (HIGH - TOP - BOTTOM);
     axes.x = (t) => LEFT + (t / clock.duration) * (width - LEFT - RIGHT);
     set(root, { viewBox: `0 0 ${width} ${HIGH}` });
-    still.replaceChildren(...grid(axes, range, clock.duration), ...eventLines(motion, axes));
+    still.replaceChildren(...grid(axes, [low, high], clock.duration), ...eventLines(motion, axes));
     panel.curves.forEach((curve, i) => still.append(strokes(panel, curve, i, axes)));
     draw(now);
   }
@@ -76,7 +78,7 @@ function makePanel(motion, panel, range, clock) {
   const title = panel.title + (panel.unit ? ` [${panel.unit}]` : "");
   set(root, { "aria-label": `${title} of ${motion.name} over time; drag to set the time` });
   const body = html("details", { open: "" }, html("summary", {}, title), root, legend(panel, values));
-  return { element: body, draw };
+  return { element: body, draw, renew: () => axes.width && layout(axes.width) };
 }
 
 // Names of the curves with their strokes, and the values at the cursor.

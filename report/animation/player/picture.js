@@ -17,7 +17,7 @@ function jointBounds(motions) {
   return [pick(0, Math.min), pick(1, Math.max), pick(2, Math.min), pick(3, Math.max)];
 }
 
-function makePicture(motion, bounds, duration) {
+function makePicture(motion, bounds, clock) {
   const root = svg("svg", { class: "picture", role: "img" });
   const still = svg("g");
   const traces = svg("g");
@@ -38,7 +38,7 @@ function makePicture(motion, bounds, duration) {
   const to = (x, y) => [view.x + view.scale * x, view.y - view.scale * y];
 
   function layout(width) {
-    const [left, right, bottom, top] = bounds;
+    const [left, right, bottom, top] = bounds();
     const scale = Math.min(width / (right - left), MOST_HIGH / (top - bottom));
     const room = Math.max(scale * (top - bottom), 120);
     const height = room + LINE; // a second line is told below a floor
@@ -60,13 +60,13 @@ function makePicture(motion, bounds, duration) {
     const columns = columnsAt(motion, end);
     shapes.forEach((shape) => shape.draw(columns, to, view));
     arrows.forEach((arrow) => arrow.draw(motion, columns, end, to, view));
-    hits.forEach((hit) => hit.draw(t, duration, to, view));
-    banner.textContent = toldAt(motion, t, duration);
+    hits.forEach((hit) => hit.draw(t, clock.duration, to, view));
+    banner.textContent = toldAt(motion, t, clock.duration);
     set(root, { "aria-label": spoken(motion, end) });
   }
 
   whenSized(root, layout);
-  return { element: root, draw };
+  return { element: root, draw, renew: () => view.width > 1 && layout(view.width) };
 }
 
 // What is told over the picture: the event that has just been, where its place is not known.

@@ -14,17 +14,21 @@ function longest(motions) {
 
 // A motion with its picture, its events and its curves.
 function makeMotion(motion, all) {
-  const picture = makePicture(motion, jointBounds(all), longest(all));
+  const picture = makePicture(motion, () => jointBounds(all), clock);
   const comparable = (panel) => all.flatMap((other) => other.panels.filter((p) => p.title === panel.title && p.unit === panel.unit));
-  const panels = motion.panels.map((panel) => makePanel(motion, panel, rangeOf(comparable(panel)), clock));
+  const panels = motion.panels.map((panel) => makePanel(motion, panel, () => rangeOf(comparable(panel)), clock));
   const events = eventList(motion);
   const left = html("div", { class: "left" }, picture.element, events.element);
   const right = html("div", { class: "right" }, ...panels.map((panel) => panel.element));
-  const head = [html("h2", {}, motion.name), html("p", { class: "quiet" }, summary(motion))];
+  const told = html("p", { class: "quiet" }, summary(motion));
   const element = html("section", { class: "motion", "aria-label": motion.name });
-  element.append(...head, html("div", { class: "body" }, left, right));
+  element.append(html("h2", {}, motion.name), told, html("div", { class: "body" }, left, right));
   const draw = (t) => [picture, events, ...panels].forEach((part) => part.draw(t));
-  return { element, draw };
+  const renew = () => {
+    told.textContent = summary(motion);
+    [picture, events, ...panels].forEach((part) => part.renew());
+  };
+  return { element, picture: picture.element, draw, renew };
 }
 
 function summary(motion) {
@@ -37,9 +41,12 @@ function summary(motion) {
 
 // The events as buttons that go to them.
 function eventList(motion) {
-  const items = motion.events.map((event, i) => {
+  const text = (event, i) => {
     const told = event.told ? `, ${event.told}` : "";
-    const button = html("button", { type: "button" }, `${i + 1}  ${event.word} at ${short(event.time)} s${told}`);
+    return `${i + 1}  ${event.word} at ${short(event.time)} s${told}`;
+  };
+  const items = motion.events.map((event, i) => {
+    const button = html("button", { type: "button" }, text(event, i));
     button.addEventListener("click", () => {
       clock.pause();
       clock.seek(event.time);
@@ -51,7 +58,8 @@ function eventList(motion) {
     const last = before([-1, ...motion.events.map((event) => event.time)], t) - 1;
     items.forEach((item, i) => set(item, { "aria-current": i === last }));
   };
-  return { element: list, draw };
+  const renew = () => items.forEach((item, i) => (item.firstChild.textContent = text(motion.events[i], i)));
+  return { element: list, draw, renew };
 }
 
 function show(motions) {
@@ -60,6 +68,17 @@ function show(motions) {
   shown = motions.map((motion) => makeMotion(motion, motions));
   stage.dataset.count = motions.length > 2 ? "many" : String(motions.length);
   stage.replaceChildren(...shown.map((part) => part.element));
+  fit(motions);
+}
+
+// Draw the motions that are shown once more: their numbers have changed, their parts have not.
+function renew(motions) {
+  clock.duration = longest(motions);
+  shown.forEach((part) => part.renew());
+  fit(motions);
+}
+
+function fit(motions) {
   byId("slider").max = clock.duration;
   drawTicks(motions);
   clock.seek(clock.t);
@@ -162,7 +181,7 @@ function makeKeys() {
   };
   document.addEventListener("keydown", (event) => {
     const own = event.target.closest("select, summary, button, input:not(#slider)");
-    const taken = own && (event.key === " " || own.matches("select"));
+    const taken = own && (event.key === " " || own.matches("select, input[type=range]"));
     if (!(event.key in acts) || taken || event.ctrlKey || event.altKey || event.metaKey) return;
     event.preventDefault();
     acts[event.key](event.shiftKey);

@@ -1,0 +1,107 @@
+"""Pages that plan: what they hold, how large they are, and what is refused.  What they do is tried
+in a browser: tests/browser/test_planner.py."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from systems import block_system
+
+import dmoc
+from dmoc.base.errors import MissingExtraError, OutputError, ProblemError
+from dmoc.models.registry import find
+
+DATA = re.compile(r'<script type="application/json" id="film">(.*?)</script>', re.S)
+MOST = 400_000  # bytes of the page of the swing-up
+# What WebAssembly begins with, and its section of what it asks for.
+MAGIC, IMPORTS = b"\0asm\1\0\0\0", 2
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> str:
+    reference = find("cart_pendulum")
+    problem = dmoc.Problem(reference.kernels(2), **reference.defaults).but(steps=50)
+    target = tmp_path_factory.mktemp("page") / "swing_up.html"
+    assert dmoc.generate_page(problem, target) == target
+    return target.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def plan(page: str) -> dict[str, Any]:
+    (text,) = DATA.findall(page)
+    found: dict[str, Any] = json.loads(text)["plan"]
+    return found
+
+
+@pytest.mark.slow
+def test_a_page_is_small_and_fetches_nothing(page: str) -> None:
+    assert len(page.encode()) < MOST
+    outside = page.replace("http://www.w3.org/2000/svg", "")  # the name of a language
+    fetching = r"https?:|//[a-z]+\.|\ssrc\s*=|@import|url\(|<link|<iframe|fetch\("
+    assert not re.search(fetching, outside)
+    policy = r"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-[^']*'"
+    assert re.search(policy + " 'wasm-unsafe-eval'; worker-src blob:\"", page)
+
+
+def sections(code: bytes) -> dict[int, bytes]:
+    """Sections of WebAssembly by their numbers."""
+    found, at = dict[int, bytes](), len(MAGIC)
+    while at < len(code):
+        kind, size, shift = code[at], 0, 0
+        while True:
+            at += 1
+            size |= (code[at] & 127) << shift
+            shift += 7
+            if code[at] < 128:
+                break
+        found[kind] = code[at + 1 : at + 1 + size]
+        at += 1 + size
+    return found
+
+
+@pytest.mark.slow
+def test_the_solver_asks_for_the_time_alone(plan: dict[str, Any]) -> None:
+    code = gzip.decompress(base64.b64decode(plan["solver"]))
+    assert code.startswith(MAGIC)
+    asked = sections(code)[IMPORTS]
+    assert asked[0] == 1 and asked[1:14] == b"\4page\7seconds"
+
+
+@pytest.mark.slow
+def test_every_number_of_the_solver_has_a_slider(plan: dict[str, Any]) -> None:
+    """Those of docs/carrying.md; the value lies between the ends."""
+    names = {number["name"] for number in plan["numbers"]}
+    assert {"start.alpha", "start.x", "goal.alpha", "final_time.high", "bounds.F.low"} <= names
+    assert {f"parameters.{p}" for p in ("m_p", "m_c", "l", "g", "alpha_min", "alpha_max")} <= names
+    for number in plan["numbers"]:
+        assert number["low"] < number["value"] < number["high"]
+        assert number["group"] in plan["groups"]
+
+
+def throw(**changes: Any) -> dmoc.Problem:
+    return dmoc.Problem(
+        dmoc.build(block_system("thrown")), start={"x": 0, "x_dot": 0}, goal={"x": 0, "x_dot": 0},
+        sequence=["wall"], steps=10, final_time=1.0, **changes,
+    )  # fmt: skip
+
+
+def test_pages_that_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    reference = find("puck_table")
+    puck = dmoc.Problem(reference.kernels(), **reference.defaults)
+    with pytest.raises(ProblemError, match="'thrown' has no drawing, which a page shows: give it"):
+        dmoc.generate_page(throw(), tmp_path / "page.html")
+    with pytest.raises(OutputError, match=r"page\.htm is no page: end it in \.html"):
+        dmoc.generate_page(puck, tmp_path / "page.htm")
+    with pytest.raises(OutputError, match="cannot be written"):
+        dmoc.generate_page(puck, "/proc/nowhere/page.html")
+    monkeypatch.setitem(sys.modules, "ziglang", None)
+    with pytest.raises(MissingExtraError, match=r"install it with `pip install 'dmoc\[cc\]'`"):
+        dmoc.generate_page(puck, tmp_path / "page.html")
+    assert not list(tmp_path.iterdir())
