@@ -6,23 +6,19 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-import tempfile
 from dataclasses import dataclass
-from functools import cache
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
+from c_objects import SANITIZED, WARNINGS, object_of
 from carried_problems import CASES, design, linkage
 from joint_problems import bob
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import OutputError, ProblemError
-from dmoc.codegen.build import header
-from dmoc.codegen.compiler import HEADER
 from dmoc.export.motion_text import derived_tables
 from dmoc.export.solver import PARTS, carried_by, memory_of
 from dmoc.models.registry import find
@@ -32,9 +28,6 @@ from dmoc.solvers.ipm import solve_ipm
 from dmoc.solvers.judge import judged
 from dmoc.solvers.outcome import SENTENCES, Duals, Options, Outcome, Status
 
-WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
-C11 = ("-std=c11", "-ffp-contract=off")
-SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 CODES = ("solved", "infeasible", "iteration_limit", "time_limit", "stalled", "interrupted")
 BAD_NUMBER, OUTSIDE, NO_REST = 7, 8, 9
 
@@ -51,27 +44,15 @@ def run(*command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
 
 
-@cache
-def objects(flags: tuple[str, ...]) -> tuple[str, ...]:
-    """The sources that all solvers share, compiled once."""
-    folder = Path(tempfile.mkdtemp(prefix="carried-"))
-    for package, names in PARTS.items():
-        for name in names:
-            shutil.copy(resources.files(package) / name, folder)
-    (folder / HEADER).write_text(header()[HEADER])
-    names = sorted(p.name for p in folder.glob("*.c"))
-    done = run("gcc", *C11, *WARNINGS, *flags, "-c", *names, folder=folder)
-    assert done.returncode == 0, done.stderr
-    return tuple(str(p) for p in sorted(folder.glob("*.o")))
-
-
 def compiled(folder: Path, main: str = "main.c", *flags: str) -> str:
     """The program of a folder, or another one on its sources."""
+    parts = [name for names in PARTS.values() for name in names if name.endswith(".c")]
     flags, target = flags or SANITIZED, f"./{Path(main).stem}"
-    done = run(
-        "gcc", *C11, *WARNINGS, *flags, "program.c", "kernels.c", main, *objects(flags), "-lm",
-        "-o", target, folder=folder,
-    )  # fmt: skip
+    objects = [
+        object_of(folder / name, *WARNINGS, *flags)
+        for name in (*parts, "program.c", "kernels.c", main)
+    ]
+    done = run("gcc", *flags, *objects, "-lm", "-o", target, folder=folder)
     assert done.returncode == 0, done.stderr
     return target
 

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 import scipy.sparse
 from answers import answer_of
+from c_objects import C11, SANITIZED, WARNINGS, object_of
 from systems import bryson_denham, driven_system
 
 import dmoc
@@ -33,11 +34,7 @@ from dmoc.solvers.compiled import Factorisation
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
-WARNINGS = ("-Wall", "-Wextra", "-Werror")
-FLAGS = (
-    "-std=c11", "-g", "-O1", "-ffp-contract=off",
-    "-fsanitize=address,undefined", "-fno-sanitize-recover=all",
-)  # fmt: skip
+FLAGS = (*C11, *SANITIZED, *WARNINGS)
 REALS = ("optimality", "demanded", "violation", "least_cost", "infeasible", "mu", "seconds")
 Link = Callable[[Kernels], Path]  # to a program with the kernels of a model
 LAYOUT = ("place", "start", "row", "first", "from_hess", "from_jac", "diagonal")
@@ -140,17 +137,16 @@ def gcc(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.fixture(scope="module")
-def objects(gcc: str, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def objects(gcc: str) -> dict[str, str]:
     """The hand-written C, compiled."""
-    folder = tmp_path_factory.mktemp("objects")
     parts = [ROOT / "program" / "passes.c", *sorted((ROOT / "solvers").glob("*.c"))]
-    done = _run([gcc, *FLAGS, *WARNINGS, *_include(), "-c", *map(str, parts)], folder)
-    assert done.returncode == 0, done.stderr
-    return sorted(folder.glob("*.o"))
+    return {
+        part.stem: object_of(part, *WARNINGS, *SANITIZED, *_include(), gcc=gcc) for part in parts
+    }
 
 
 @pytest.fixture(scope="module")
-def linked(gcc: str, objects: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Link:
+def linked(gcc: str, objects: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Link:
     """Links the C with the kernels of a model, once for each model."""
     made: dict[str, Path] = {}
 
@@ -161,8 +157,8 @@ def linked(gcc: str, objects: list[Path], tmp_path_factory: pytest.TempPathFacto
             for name, text in sources(kernels).items():
                 (folder / name).write_text(text)
             driver = str(Path(__file__).with_name("sanitized.c"))
-            own = [f"-DTABLE={kernels.name}_kernels", driver, "kernels.c", *map(str, objects)]
-            command = [gcc, *FLAGS, "-O0", *WARNINGS, *_include(), *own, "-lm", "-o", "run"]
+            own = [f"-DTABLE={kernels.name}_kernels", driver, "kernels.c", *objects.values()]
+            command = [gcc, *FLAGS, "-O0", *_include(), *own, "-lm", "-o", "run"]
             done = _run(command, folder)
             assert done.returncode == 0, done.stderr
             made[code] = folder / "run"
@@ -277,12 +273,14 @@ def test_factorisation_of_random_matrices(seed: dmoc.Problem, linked: Link, tmp_
 
 
 @pytest.fixture(scope="module")
-def parts(gcc: str, objects: list[Path], tmp_path_factory: pytest.TempPathFactory) -> list[float]:
+def parts(
+    gcc: str, objects: dict[str, str], tmp_path_factory: pytest.TempPathFactory
+) -> list[float]:
     """What parts.c prints."""
     folder, driver = tmp_path_factory.mktemp("parts"), Path(__file__).with_name("parts.c")
     inside = ("interior_search", "interior_system")
-    own = [str(driver), *(str(o) for o in objects if o.stem not in inside)]
-    done = _run([gcc, *FLAGS, *WARNINGS, *_include(), *own, "-lm", "-o", "parts"], folder)
+    own = [str(driver), *(o for name, o in objects.items() if name not in inside)]
+    done = _run([gcc, *FLAGS, *_include(), *own, "-lm", "-o", "parts"], folder)
     assert done.returncode == 0, done.stderr
     done = _run([str(folder / "parts")], folder)
     assert done.returncode == 0, done.stderr
