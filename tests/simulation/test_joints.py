@@ -83,13 +83,14 @@ def test_a_mass_on_a_rod_is_a_pendulum(backend: str) -> None:
 
 
 @pytest.mark.slow
-def test_ten_thousand_bounces_of_a_linkage_without_drift() -> None:
-    """Between two walls; late in a long run the clock knows a moment less well than the gap."""
-    model = bob(surfaces={"right": X <= 0.05, "left": X >= -0.05})
-    run = dmoc.simulate(model, [0, -1], [3, 0], step_size=0.3, steps=1120, every=20)
-    assert len(run.collisions) >= 10_000
+def test_a_thousand_bounces_of_a_linkage_without_drift() -> None:
+    """Between two walls, so fast that in the end the clock knows a moment less well than the
+    gap."""
+    model = bob(surfaces={"right": X <= 0.5, "left": X >= -0.5})
+    run = dmoc.simulate(model, [0, -1], [300, 0], step_size=0.002, steps=2100, every=20)
+    assert len(run.collisions) >= 1_200
     assert np.abs((run.q**2).sum(axis=1) - 1).max() < 1e-15
-    assert np.abs(run.energy - run.energy[0]).max() < 1e-9
+    assert np.abs(run.energy / run.energy[0] - 1).max() < 1e-10
 
 
 def test_forces_of_joints_are_saved_with_a_simulation(tmp_path: Path) -> None:
