@@ -1,4 +1,4 @@
-"""Searches over the puck's table that several tests use."""
+"""Searches of the problems that come with dmoc."""
 
 from __future__ import annotations
 
@@ -9,7 +9,20 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import dmoc
+from dmoc.models.registry import find
 from dmoc.sequences.search import SearchResult
+
+
+def shipped(name: str, **changes: Any) -> dmoc.Problem:
+    """A problem that comes with dmoc."""
+    reference = find(name)
+    return dmoc.Problem(reference.kernels(), **{**reference.defaults, **changes})
+
+
+def unnamed(name: str, **changes: Any) -> dmoc.Problem:
+    """The same without its sequence."""
+    return shipped(name, **{"sequence": (), **changes})
 
 
 def outline(result: SearchResult) -> list[tuple[Any, ...]]:

@@ -1,19 +1,18 @@
-"""A puck among four walls, which is searched, and a block that is too weak."""
+"""A puck and a cart-pendulum among walls, which are searched, and a block that is too weak."""
 
 from __future__ import annotations
 
 import pytest
+from searches import shipped, unnamed
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.models.registry import find
 from dmoc.sequences.search import SearchResult
 
 
 @pytest.fixture(scope="session")
 def table() -> dmoc.Problem:
-    reference = find("puck_table")
-    return dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 16})
+    return shipped("puck_table", steps=16)
 
 
 @pytest.fixture(scope="session")
@@ -33,3 +32,8 @@ def weak(block: Kernels) -> dmoc.Problem:
         block, start={"x": 0.0}, goal={"x": 0.2}, steps=20, bounds={"u": (-1, 1)},
         final_time=(None, 1.0),
     )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def swung() -> SearchResult:
+    return dmoc.search(unnamed("cart_pendulum"), strategy="propose")

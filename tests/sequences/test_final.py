@@ -9,20 +9,15 @@ from typing import Any
 import pytest
 import sympy as sp
 from answers import answer_of
+from searches import shipped
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_on_floor
 
 import dmoc
 from dmoc.base.deadline import ENDLESS, Deadline
-from dmoc.models.registry import find
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.traversal import _looked_at
 from dmoc.sequences.tree import FINER, FINEST, Tree
-
-
-def shipped(name: str, **changes: Any) -> dmoc.Problem:
-    reference = find(name)
-    return dmoc.Problem(reference.kernels(), **{**reference.defaults, **changes})
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,7 @@ answers."""
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from math import pi, sqrt
-from pathlib import Path
 
 import hopper
 import pytest
@@ -14,6 +12,7 @@ import several_contacts
 import sympy as sp
 import twenty_published
 from contact_problems import pushed
+from searches import unnamed
 from several_contacts import STANDING
 from sympy.physics.mechanics import dynamicsymbols
 from systems import unit_mass
@@ -21,35 +20,15 @@ from systems import unit_mass
 import dmoc
 from dmoc.base.deadline import ENDLESS
 from dmoc.base.errors import ProblemError, SearchError
-from dmoc.guess.folded import Folded
-from dmoc.guess.transfer import pieces_of
 from dmoc.mechanics.contact_mode import FREE, Mode
-from dmoc.models.registry import find
-from dmoc.sequences import relaxation
-from dmoc.sequences.candidates import Candidates
-from dmoc.sequences.nodes import Node, Verdict
-from dmoc.sequences.proposals import Proposals, Proposed
 from dmoc.sequences.reading import at_hits, cleaned
 from dmoc.sequences.relaxation import Relaxation
-from dmoc.sequences.search import Progress, SearchResult
+from dmoc.sequences.search import SearchResult
 from dmoc.sequences.settings import settings_of
-from dmoc.sequences.tree import FINER
 
 pytestmark = pytest.mark.slow
 
 T = dynamicsymbols._t
-
-
-def shipped(name: str, **changes: object) -> dmoc.Problem:
-    reference = find(name)
-    return dmoc.Problem(
-        reference.kernels(), **{**reference.defaults, "sequence": (), **changes}
-    )  # fmt: skip
-
-
-@pytest.fixture(scope="session")
-def swung() -> SearchResult:
-    return dmoc.search(shipped("cart_pendulum"), strategy="propose")
 
 
 # Known answers ------------------------------------------------------------------------------------
@@ -58,7 +37,7 @@ def swung() -> SearchResult:
 def test_the_seed_hits_the_left_limiter_twice(swung: SearchResult) -> None:
     """66.1598 is the cost of this sequence at the default steps where a solve is told it."""
     assert swung.best is not None and swung.best.sequence == ("left", "left")
-    told = dmoc.solve(shipped("cart_pendulum", sequence=["left", "left"]), "ipm")
+    told = dmoc.solve(unnamed("cart_pendulum", sequence=["left", "left"]), "ipm")
     assert swung.best.cost == pytest.approx(told.cost, rel=1e-6) == pytest.approx(66.1598, rel=1e-6)
     first = swung.proposals[0]
     assert first.sequence == ("left", "left") and first.starts >= 2
@@ -79,7 +58,7 @@ def test_proposals_are_told_with_their_starts_and_what_became_of_them(swung: Sea
 
 def test_the_puck_is_sent_by_way_of_three_walls() -> None:
     """0.415: the free motion to the goal's mirror image, in closed form."""
-    result = dmoc.search(shipped("puck_table"), strategy="propose")
+    result = dmoc.search(unnamed("puck_table"), strategy="propose")
     assert result.best is not None and result.best.sequence == ("east", "north", "west")
     assert result.best.cost == pytest.approx(0.415, rel=1e-3)
     assert len(result.nodes) < 20  # of 85
@@ -249,7 +228,7 @@ def test_where_no_start_leads_to_a_motion_the_next_ones_have_fewer_steps(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As those of a walker with five links need."""
-    problem = shipped("cart_pendulum")
+    problem = unnamed("cart_pendulum")
     some = Relaxation.of(problem, settings_of(problem, {"strategy": "propose", "method": "ipm"}))
     steps, costs = list[object](), list[float]()
 
@@ -308,91 +287,13 @@ def test_a_solve_without_a_motion_names_the_search() -> None:
 def test_where_no_start_leads_to_a_motion_the_empty_sequence_is_tried() -> None:
     """Too weak for any sequence, or without the time for one start."""
     weak = dmoc.search(
-        shipped("cart_pendulum", bounds={"F": (-1, 1)}, steps=20), strategy="propose"
+        unnamed("cart_pendulum", bounds={"F": (-1, 1)}, steps=20), strategy="propose"
     )
     assert [n.sequence for n in weak.nodes] == [()] and weak.best is None
     assert any("no sequence has a confirmed motion, from 4 random starts" in n for n in weak.notes)
     assert any("none was tried but the empty one" in note for note in weak.notes)
-    late = dmoc.search(shipped("cart_pendulum"), strategy="propose", seconds=1e-3)
+    late = dmoc.search(unnamed("cart_pendulum"), strategy="propose", seconds=1e-3)
     assert not late.complete and "was used up" in late.notes[0]
-
-
-# With the tree ------------------------------------------------------------------------------------
-
-
-def test_both_goes_on_with_the_tree_around_the_proposals() -> None:
-    problem = shipped("puck_table", steps=16)
-    both = dmoc.search(problem, 1, strategy="both")
-    tree = dmoc.search(problem, 1)
-    assert {n.sequence for n in tree.nodes} <= {n.sequence for n in both.nodes}
-    assert both.best is not None and tree.best is not None
-    assert both.best.cost == pytest.approx(tree.best.cost, rel=1e-3)
-    assert both.proposals and not tree.proposals
-
-
-def test_a_proposal_that_failed_is_solved_again_by_the_tree(swung: SearchResult) -> None:
-    """From starts of its own, which a proposal has none of."""
-    problem = shipped("cart_pendulum")
-    settings = settings_of(problem, {"strategy": "both", "method": "ipm"})
-    proposals = Proposals(problem, Relaxation.of(problem, settings), settings)
-    candidates, best = Candidates(proposals, ENDLESS), swung.best
-    assert best is not None
-    candidates.nodes = {("left",): Node(("left",), Verdict.FAILED), best.sequence: best}
-    assert list(candidates.surrounded().known) == [("left", "left")]
-
-
-def test_where_none_is_confirmed_the_cheapest_has_neighbours_once(swung: SearchResult) -> None:
-    """As a box that tips over, whose one proposal the simulation contradicts on every mesh."""
-    problem, best = shipped("cart_pendulum"), swung.best
-    settings = settings_of(problem, {"strategy": "propose", "method": "ipm"})
-    proposals = Proposals(problem, Relaxation.of(problem, settings), settings)
-    candidates = Candidates(proposals, ENDLESS)
-    assert best is not None
-    candidates.frontier = []
-    candidates.nodes = {best.sequence: replace(best, verdict=Verdict.UNVERIFIED)}
-    assert next(candidates.rounds(), None) is None  # finer meshes come first
-    candidates.refined = {(best.sequence, FINER)}
-    assert next(candidates.rounds())
-    assert {("left",), ("left", "left", "left")} <= set(candidates.frontier)
-    candidates.frontier = []
-    assert next(candidates.rounds(), None) is None
-
-
-def test_where_no_proposal_leads_to_a_motion_the_cheapest_has_neighbours(
-    swung: SearchResult, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As a walker, whose relaxed foot trembles as it lands; first with one event less."""
-    problem, best = shipped("cart_pendulum"), swung.best
-    settings = settings_of(problem, {"strategy": "propose", "method": "ipm"})
-    proposals = Proposals(problem, Relaxation.of(problem, settings), settings)
-    monkeypatch.setattr(Proposals, "in_detail", lambda _: {})
-    assert best is not None and best.solution is not None
-    words, impulses = best.sequence, tuple(c.impulse for c in best.solution.collisions)
-    motion = Folded(words, tuple(pieces_of(best.solution.trajectory)), impulses)
-    proposals.proposed, proposals.motions = {words: Proposed(words, 1.0)}, {words: motion}
-    candidates = Candidates(proposals, ENDLESS)
-    candidates.frontier = []
-    candidates.nodes = {words: Node(words, Verdict.FAILED)}
-    rounds = candidates.rounds()
-    assert next(rounds) == [("left",)]
-    candidates.frontier, candidates.nodes["left",] = [], Node(("left",), Verdict.FAILED)
-    assert next(rounds)
-    assert ("left", "left", "left") in candidates.frontier
-
-
-def test_an_unconfirmed_motion_that_promises_little_is_not_doubtful() -> None:
-    """On the mesh of both; the best costs more on the finer one that confirms it."""
-    problem = shipped("cart_pendulum")
-    settings = settings_of(problem, {"strategy": "propose", "method": "ipm"})
-    proposals = Proposals(problem, Relaxation.of(problem, settings), settings)
-    candidates = Candidates(proposals, ENDLESS)
-    best, little, much = ("left",), ("right",), ("left", "left")
-    candidates.nodes = {
-        best: Node(best, Verdict.FEASIBLE, 1.2), little: Node(little, Verdict.UNVERIFIED, 0.995),
-        much: Node(much, Verdict.UNVERIFIED, 0.985),
-    }  # fmt: skip
-    candidates.first = {best: 1.0, little: 0.995, much: 0.985}
-    assert [n.sequence for n in candidates.doubtful()] == [much]
 
 
 def test_carts_on_a_rough_floor_are_read_step_by_step() -> None:
@@ -421,67 +322,12 @@ def test_an_ignored_surface_beside_others_is_named() -> None:
     assert any(note.startswith("right: ignored, and closed in no relaxed") for note in result.notes)
 
 
-def test_proposals_that_cost_over_a_third_more_than_the_best_are_not_solved() -> None:
-    problem = shipped("cart_pendulum")
-    settings = settings_of(problem, {"strategy": "propose", "method": "ipm"})
-    proposals = Proposals(problem, Relaxation.of(problem, settings), settings)
-    costs = {("left",): 1.0, ("right",): 1.34, ("left", "right"): 1.36}
-    proposals.proposed = {words: Proposed(words, cost) for words, cost in costs.items()}
-    candidates = Candidates(proposals, ENDLESS)
-    rounds = candidates.rounds()
-    assert next(rounds) == [("left",), ("right",)]
-    candidates.frontier = [("left", "right")]
-    candidates.nodes = {("left",): Node(("left",), Verdict.FEASIBLE, 1.0)}
-    assert next(rounds, None) is None and candidates.left == [("left", "right")]
-
-
-def test_two_workers_find_what_one_finds(swung: SearchResult) -> None:
-    two = dmoc.search(shipped("cart_pendulum"), strategy="propose", workers=2)
-    assert two.proposals == swung.proposals
-    assert [(n.sequence, n.cost) for n in two.nodes] == [(n.sequence, n.cost) for n in swung.nodes]
-
-
-def test_a_journal_keeps_what_was_proposed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    problem, journal = shipped("cart_pendulum", steps=20), tmp_path / "journal.sqlite"
-    first = dmoc.search(problem, strategy="propose", journal=journal)
-    monkeypatch.setattr("dmoc.sequences.pool.solve_node", lambda task: pytest.fail("solved again"))
-    again = dmoc.search(problem, strategy="propose", journal=journal, resume=True)
-    assert [n.sequence for n in again.nodes] == [n.sequence for n in first.nodes]
-    assert again.best is not None and first.best is not None
-    assert again.best.sequence == first.best.sequence
-
-
-def test_budgets_and_interruptions_end_it_with_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = shipped("puck_table", steps=16)
-
-    def interrupt(_: Progress) -> None:
-        raise KeyboardInterrupt
-
-    result = dmoc.search(problem, strategy="propose", progress=interrupt)
-    assert len(result.nodes) == 1 and "interrupted" in result.notes[0]
-    few = dmoc.search(problem, 1, strategy="both", max_nodes=2)
-    assert len(few.nodes) == 2 and any("limit of 2 nodes" in note for note in few.notes)
-
-    def early(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(relaxation.Relaxation, "_followed", early)
-    none = dmoc.search(problem, strategy="propose")
-    assert not none.nodes and none.best is None and "interrupted" in none.notes[0]
-
-
-def test_words_that_may_not_happen_are_not_proposed() -> None:
-    result = dmoc.search(shipped("cart_pendulum"), strategy="propose", surfaces=["right"])
-    assert {word for n in result.nodes for word in n.sequence} <= {"right"}
-    assert {word for p in result.proposals for word in p.sequence} <= {"right"}
-
-
 # Bad input ----------------------------------------------------------------------------------------
 
 
 def test_where_nothing_can_touch_it_is_refused() -> None:
     with pytest.raises(SearchError, match="nothing can touch in this problem of 'cart_pendulum'"):
-        dmoc.search(shipped("cart_pendulum", ignored=["left", "right"]), strategy="propose")
+        dmoc.search(unnamed("cart_pendulum", ignored=["left", "right"]), strategy="propose")
     smooth = pushed(20).but(sequence=(), parameters={"f": 0.0})
     with pytest.raises(SearchError, match="no surface can be met, and nothing rubs"):
         dmoc.search(smooth, strategy="propose")
@@ -514,12 +360,12 @@ def test_what_would_create_energy_or_has_no_gap_is_refused(
     stated: dict[str, object], message: str
 ) -> None:
     with pytest.raises(ProblemError, match=re.escape(message)):
-        dmoc.search(shipped("cart_pendulum", **stated), strategy="propose")
+        dmoc.search(unnamed("cart_pendulum", **stated), strategy="propose")
 
 
 def test_the_tree_has_one_name() -> None:
     with pytest.raises(SearchError, match="'exhaustive': expected one of tree, best-first"):
-        dmoc.search(shipped("cart_pendulum"), strategy="exhaustive")
+        dmoc.search(unnamed("cart_pendulum"), strategy="exhaustive")
 
 
 # Reading ------------------------------------------------------------------------------------------

@@ -8,33 +8,25 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from scipy.integrate import quad, solve_bvp, solve_ivp
-from sympy.physics.mechanics import dynamicsymbols
+from scipy.integrate import quad, solve_bvp
+from sliding import G, T, block, stick_and_slip, u, violin, x, y
 
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError, SimulationError
 from dmoc.inspection.kernel_check import checked
 
-x, y, u = dynamicsymbols("x y u")
-t = dynamicsymbols._t
-G = 10.0
 SPEED = dmoc.sliding_speed
 # From 0.5 at rest towards 0.2, and up again.
 STRIBECK = sp.Rational(1, 5) + sp.Rational(3, 10) * sp.exp(-2 * SPEED) + SPEED / 50
+SQUEAL = 1 + sp.exp(-4 * SPEED)  # a force in N
 
 
 def stribeck(speed: Any) -> Any:
     return 0.2 + 0.3 * np.exp(-2 * speed) + speed / 50
 
 
-def block(mu: Any, along: Any = x, **fields: Any) -> dmoc.MechanicalSystem:
-    """A unit mass on a floor, pushed along it."""
-    kinetic = (x.diff() ** 2 + y.diff() ** 2) / 2
-    stated = {"inputs": [u], "forces": {x: u}, "cost": u**2 / 2} | fields
-    return dmoc.MechanicalSystem(
-        "stribeck_block", [x, y], kinetic - 10 * y, surfaces={"floor": y >= 0},
-        tangents={"floor": along}, friction={"floor": mu}, **stated,
-    )  # fmt: skip
+def squeal(speed: float) -> float:
+    return float(1 + np.exp(-4 * speed))
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +59,7 @@ def test_a_block_slides_to_rest(order: int, steps: int, error: float, belt: int)
     """On a floor, and on a belt that it is as fast as in the end; with a finer mesh at most
     2^(1 - order) of the error."""
     time, way = stop_from(2.0)
-    kernels = dmoc.build(block(STRIBECK, x - belt * t), order=order)
+    kernels = dmoc.build(block(STRIBECK, x - belt * T), order=order)
     ends = []
     for n in (steps, 2 * steps):
         problem = dmoc.Problem(
@@ -105,33 +97,9 @@ def test_viscous_friction_slows_down_exponentially(order: int, error: float) -> 
     )
 
 
-# A block on a belt of 1 m/s, held by a spring of 4 N/m, with F = 1 + exp(-4 |sigma|) N.
-def violin() -> dmoc.MechanicalSystem:
-    return dmoc.MechanicalSystem(
-        "stribeck_violin", [x], x.diff() ** 2 / 2 - 2 * x**2, tangents={"belt": x - t},
-        friction={"belt": 1 + sp.exp(-4 * SPEED)},
-    )  # fmt: skip
-
-
-def stick_and_slip() -> tuple[float, float]:
-    """How long it sticks and slips in the limit cycle: it breaks away at 4 x = 2, and slips until
-    it is as fast as the belt again."""
-
-    def slope(_: float, s: Any) -> list[float]:
-        return [s[1], -4 * s[0] + 1 + np.exp(-4 * (1 - s[1]))]
-
-    def caught(_: float, s: Any) -> float:
-        return float(s[1] - 1)
-
-    caught.direction, caught.terminal = 1, True  # type: ignore[attr-defined]
-    way = solve_ivp(slope, (0, 10), [0.5, 1 - 1e-9], events=caught, rtol=1e-12, atol=1e-13,
-                    first_step=1e-4)  # fmt: skip
-    return 0.5 - float(way.y[0, -1]), float(way.t[-1])
-
-
 def test_a_block_sticks_and_slips_on_a_belt() -> None:
-    run = dmoc.simulate(violin(), {x: 0}, {x: 1}, step_size=0.01, steps=1000)
-    sticks, slips = stick_and_slip()
+    run = dmoc.simulate(violin(SQUEAL), {x: 0}, {x: 1}, step_size=0.01, steps=1000)
+    sticks, slips = stick_and_slip(squeal)
     assert [s.friction for s in run.rubbing[:5]] == [0, -1, 0, -1, 0]
     assert run.rubbing[0].end == pytest.approx(0.5, abs=1e-7)
     times = [s.end - s.begin for s in run.rubbing[1:5]]
@@ -144,9 +112,9 @@ def test_a_block_sticks_and_slips_on_a_belt() -> None:
 def test_a_motion_slips_until_it_sticks(order: int, steps: int, error: float) -> None:
     """From one breaking away until it sticks, and again: the limit cycle of the words.  When it
     breaks away, only inequalities of the nodes say."""
-    sticks, slips = stick_and_slip()
+    sticks, slips = stick_and_slip(squeal)
     problem = dmoc.Problem(
-        dmoc.build(violin(), order=order), start={x: 0.5, "x_dot": 1}, goal={},
+        dmoc.build(violin(SQUEAL), order=order), start={x: 0.5, "x_dot": 1}, goal={},
         contacts=["belt:slip-"], sequence=["belt:stick", "belt:slip-"], steps=steps,
         final_time=slips + sticks + 0.5,
     )  # fmt: skip
@@ -159,9 +127,9 @@ def test_a_motion_slips_until_it_sticks(order: int, steps: int, error: float) ->
 
 def test_the_limit_cycle_is_the_periodic_motion() -> None:
     """Whose start nobody states: x and x' return, which the time in the belt does not."""
-    sticks, slips = stick_and_slip()
+    sticks, slips = stick_and_slip(squeal)
     problem = dmoc.Problem(
-        dmoc.build(violin(), order=4), start={}, goal={}, contacts=["belt:slip-"],
+        dmoc.build(violin(SQUEAL), order=4), start={}, goal={}, contacts=["belt:slip-"],
         sequence=["belt:stick"], steps=30, periodic=["x", "x_dot"],
         final_time=(1, 6),
     )  # fmt: skip
@@ -211,7 +179,7 @@ def test_the_kernels_agree_with_an_independent_evaluation(order: int) -> None:
     m, s = sp.symbols("m s")
     system = dmoc.MechanicalSystem(
         "bent", [x, y], m * (x.diff() ** 2 + y.diff() ** 2) / 2, {m: 1.2, s: 0.5}, [u],
-        {x: u}, surfaces={"floor": y >= sp.sin(x) / 5}, tangents={"floor": x**2 + x - t * y},
+        {x: u}, surfaces={"floor": y >= sp.sin(x) / 5}, tangents={"floor": x**2 + x - T * y},
         friction={"floor": (sp.S(2), u**2 + y**2 * sp.exp(-SPEED / s))},
     )  # fmt: skip
     kernels = dmoc.build(system, order=order, backend="numpy")
@@ -241,21 +209,8 @@ def test_how_quickly_friction_falls_is_chosen() -> None:
 
 def test_a_pair_has_the_kinetic_coefficient_of_the_speed() -> None:
     """It breaks away at 2 N, and slides with 1 + exp(-4 |sigma|)/2 N."""
-    system = dmoc.MechanicalSystem(
-        "stribeck_pair", [x], x.diff() ** 2 / 2 - 2 * x**2, tangents={"belt": x - t},
-        friction={"belt": (2, 1 + sp.exp(-4 * SPEED) / 2)},
-    )  # fmt: skip
-
-    def slope(_: float, s: Any) -> list[float]:
-        return [s[1], -4 * s[0] + 1 + np.exp(-4 * (1 - s[1])) / 2]
-
-    def caught(_: float, s: Any) -> float:
-        return float(s[1] - 1)
-
-    caught.direction, caught.terminal = 1, True  # type: ignore[attr-defined]
-    way = solve_ivp(slope, (0, 10), [0.5, 1 - 1e-12], events=caught, rtol=1e-12, atol=1e-13,
-                    first_step=1e-4)  # fmt: skip
-    slips, sticks = float(way.t[-1]), 0.5 - float(way.y[0, -1])
+    system = violin((2, 1 + sp.exp(-4 * SPEED) / 2))
+    sticks, slips = stick_and_slip(lambda speed: 1 + np.exp(-4 * speed) / 2)
     run = dmoc.simulate(system, {x: 0}, {x: 1}, step_size=0.01, steps=700)
     times = [s.end - s.begin for s in run.rubbing[:4]]
     assert times == pytest.approx([0.5, slips, sticks, slips], abs=1e-6)

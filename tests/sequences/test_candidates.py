@@ -1,0 +1,155 @@
+"""What becomes of proposed sequences: which are solved, what is tried beside them, and the tree
+that goes on around them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from searches import unnamed
+
+import dmoc
+from dmoc.base.deadline import ENDLESS
+from dmoc.guess.folded import Folded
+from dmoc.guess.transfer import pieces_of
+from dmoc.sequences import relaxation
+from dmoc.sequences.candidates import Candidates
+from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.proposals import Proposals, Proposed
+from dmoc.sequences.relaxation import Relaxation
+from dmoc.sequences.search import Progress, SearchResult
+from dmoc.sequences.settings import settings_of
+from dmoc.sequences.tree import FINER
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def proposals() -> Proposals:
+    """Those of the cart-pendulum, of which there are none yet."""
+    problem = unnamed("cart_pendulum")
+    settings = settings_of(problem, {"strategy": "propose", "method": "ipm"})
+    return Proposals(problem, Relaxation.of(problem, settings), settings)
+
+
+def test_both_goes_on_with_the_tree_around_the_proposals() -> None:
+    problem = unnamed("puck_table", steps=16)
+    both = dmoc.search(problem, 1, strategy="both")
+    tree = dmoc.search(problem, 1)
+    assert {n.sequence for n in tree.nodes} <= {n.sequence for n in both.nodes}
+    assert both.best is not None and tree.best is not None
+    assert both.best.cost == pytest.approx(tree.best.cost, rel=1e-3)
+    assert both.proposals and not tree.proposals
+
+
+def test_a_proposal_that_failed_is_solved_again_by_the_tree(
+    proposals: Proposals, swung: SearchResult
+) -> None:
+    """From starts of its own, which a proposal has none of."""
+    candidates, best = Candidates(proposals, ENDLESS), swung.best
+    assert best is not None
+    candidates.nodes = {("left",): Node(("left",), Verdict.FAILED), best.sequence: best}
+    assert list(candidates.surrounded().known) == [("left", "left")]
+
+
+def test_where_none_is_confirmed_the_cheapest_has_neighbours_once(
+    proposals: Proposals, swung: SearchResult
+) -> None:
+    """As a box that tips over, whose one proposal the simulation contradicts on every mesh."""
+    candidates, best = Candidates(proposals, ENDLESS), swung.best
+    assert best is not None
+    candidates.frontier = []
+    candidates.nodes = {best.sequence: replace(best, verdict=Verdict.UNVERIFIED)}
+    assert next(candidates.rounds(), None) is None  # finer meshes come first
+    candidates.refined = {(best.sequence, FINER)}
+    assert next(candidates.rounds())
+    assert {("left",), ("left", "left", "left")} <= set(candidates.frontier)
+    candidates.frontier = []
+    assert next(candidates.rounds(), None) is None
+
+
+def test_where_no_proposal_leads_to_a_motion_the_cheapest_has_neighbours(
+    proposals: Proposals, swung: SearchResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a walker, whose relaxed foot trembles as it lands; first with one event less."""
+    best = swung.best
+    monkeypatch.setattr(Proposals, "in_detail", lambda _: {})
+    assert best is not None and best.solution is not None
+    words, impulses = best.sequence, tuple(c.impulse for c in best.solution.collisions)
+    motion = Folded(words, tuple(pieces_of(best.solution.trajectory)), impulses)
+    proposals.proposed, proposals.motions = {words: Proposed(words, 1.0)}, {words: motion}
+    candidates = Candidates(proposals, ENDLESS)
+    candidates.frontier = []
+    candidates.nodes = {words: Node(words, Verdict.FAILED)}
+    rounds = candidates.rounds()
+    assert next(rounds) == [("left",)]
+    candidates.frontier, candidates.nodes["left",] = [], Node(("left",), Verdict.FAILED)
+    assert next(rounds)
+    assert ("left", "left", "left") in candidates.frontier
+
+
+def test_an_unconfirmed_motion_that_promises_little_is_not_doubtful(proposals: Proposals) -> None:
+    """On the mesh of both; the best costs more on the finer one that confirms it."""
+    candidates = Candidates(proposals, ENDLESS)
+    best, little, much = ("left",), ("right",), ("left", "left")
+    candidates.nodes = {
+        best: Node(best, Verdict.FEASIBLE, 1.2), little: Node(little, Verdict.UNVERIFIED, 0.995),
+        much: Node(much, Verdict.UNVERIFIED, 0.985),
+    }  # fmt: skip
+    candidates.first = {best: 1.0, little: 0.995, much: 0.985}
+    assert [n.sequence for n in candidates.doubtful()] == [much]
+
+
+def test_proposals_that_cost_over_a_third_more_than_the_best_are_not_solved(
+    proposals: Proposals,
+) -> None:
+    costs = {("left",): 1.0, ("right",): 1.34, ("left", "right"): 1.36}
+    proposals.proposed = {words: Proposed(words, cost) for words, cost in costs.items()}
+    candidates = Candidates(proposals, ENDLESS)
+    rounds = candidates.rounds()
+    assert next(rounds) == [("left",), ("right",)]
+    candidates.frontier = [("left", "right")]
+    candidates.nodes = {("left",): Node(("left",), Verdict.FEASIBLE, 1.0)}
+    assert next(rounds, None) is None and candidates.left == [("left", "right")]
+
+
+def test_two_workers_find_what_one_finds(swung: SearchResult) -> None:
+    two = dmoc.search(unnamed("cart_pendulum"), strategy="propose", workers=2)
+    assert two.proposals == swung.proposals
+    assert [(n.sequence, n.cost) for n in two.nodes] == [(n.sequence, n.cost) for n in swung.nodes]
+
+
+def test_a_journal_keeps_what_was_proposed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, journal = unnamed("cart_pendulum", steps=20), tmp_path / "journal.sqlite"
+    first = dmoc.search(problem, strategy="propose", journal=journal)
+    monkeypatch.setattr("dmoc.sequences.pool.solve_node", lambda task: pytest.fail("solved again"))
+    again = dmoc.search(problem, strategy="propose", journal=journal, resume=True)
+    assert [n.sequence for n in again.nodes] == [n.sequence for n in first.nodes]
+    assert again.best is not None and first.best is not None
+    assert again.best.sequence == first.best.sequence
+
+
+def test_budgets_and_interruptions_end_it_with_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = unnamed("puck_table", steps=16)
+
+    def interrupt(_: Progress) -> None:
+        raise KeyboardInterrupt
+
+    result = dmoc.search(problem, strategy="propose", progress=interrupt)
+    assert len(result.nodes) == 1 and "interrupted" in result.notes[0]
+    few = dmoc.search(problem, 1, strategy="both", max_nodes=2)
+    assert len(few.nodes) == 2 and any("limit of 2 nodes" in note for note in few.notes)
+
+    def early(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(relaxation.Relaxation, "_followed", early)
+    none = dmoc.search(problem, strategy="propose")
+    assert not none.nodes and none.best is None and "interrupted" in none.notes[0]
+
+
+def test_words_that_may_not_happen_are_not_proposed() -> None:
+    result = dmoc.search(unnamed("cart_pendulum"), strategy="propose", surfaces=["right"])
+    assert {word for n in result.nodes for word in n.sequence} <= {"right"}
+    assert {word for p in result.proposals for word in p.sequence} <= {"right"}
