@@ -106,7 +106,7 @@ def test_a_cart_pole_swings_up_against_the_friction_of_its_rail() -> None:
     assert "contacts=['rail:slip+']" in " ".join(result.notes)
     led = sum(p.starts for p in result.proposals)
     assert f"{led} of {led} relaxed starts" in " ".join(result.notes)  # each is solved
-    again = dmoc.solve(result.problem.but(sequence=result.best.sequence), "ipm")
+    again = dmoc.solve(result.problem.but(sequence=result.best.sequence), "ipm", starts=4)
     assert again.cost == pytest.approx(result.best.cost, rel=1e-3)
 
 
@@ -181,20 +181,22 @@ def test_a_leg_goes_two_metres() -> None:
     (note,) = [note for note in result.notes if "relaxed starts led to" in note]
     led, starts = (int(word) for word in note.split()[:3] if word.isdigit())
     assert led > 0.6 * starts
-    told = dmoc.solve(result.problem.but(sequence=result.best.sequence), "ipm")
+    told = dmoc.solve(result.problem.but(sequence=result.best.sequence), "ipm", starts=4)
     assert told.cost == pytest.approx(result.best.cost, rel=1e-2)
 
 
 def test_neighbours_of_the_best_leave_contacts_and_friction_otherwise() -> None:
     """In less time no relaxed start says the best sequence of those that the tree of three events
-    and the proposals find; a solve that is told it needs no start."""
+    and the proposals find; a solve that is told it comes to 232.29 from four starts, and to
+    232.02 from all of its own."""
     problem = leg(1.2)
     told = dmoc.solve(
-        problem.but(sequence=["-floor", "+floor:slip+", "floor:stick", "floor:slip+"]), "ipm"
-    )
+        problem.but(sequence=["-floor", "+floor:slip+", "floor:stick", "floor:slip+"]), "ipm",
+        starts=4,
+    )  # fmt: skip
     result = dmoc.search(problem, strategy="propose")
     assert result.best is not None and result.best.cost is not None
-    assert result.best.cost < told.cost * (1 + 1e-3)
+    assert result.best.cost < told.cost * (1 - 1e-3)
     assert result.best.sequence not in [p.sequence for p in result.proposals]
 
 
@@ -304,7 +306,7 @@ def test_carts_on_a_rough_floor_are_read_step_by_step() -> None:
     result = dmoc.search(problem, strategy="propose", max_nodes=9)
     assert result.best is not None and result.best.cost is not None
     assert "right floor3:slip+" in result.best.sequence
-    told = dmoc.solve(problem.but(sequence=result.best.sequence), "ipm")
+    told = dmoc.solve(problem.but(sequence=result.best.sequence), "ipm", starts=4)
     assert told.cost <= result.best.cost < 214.79
     assert result.best.cost == pytest.approx(told.cost, rel=1e-2)
 
