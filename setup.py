@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
 
 LAYERS = (
     "base",
@@ -123,7 +124,20 @@ def cythonized() -> list[Extension]:
     )
 
 
+class Parallel(build_ext):
+    """As many compilers at once as there are processors; `assembly` after all others, which share
+    an object file with it."""
+
+    def build_extensions(self) -> None:
+        every, self.parallel = self.extensions, True
+        for last in (False, True):
+            self.extensions = [e for e in every if (e.name == "dmoc.program.assembly") is last]
+            super().build_extensions()
+        self.extensions = every
+
+
 setup(
+    cmdclass={"build_ext": Parallel},
     packages=sorted(package_dir),
     package_dir=package_dir,
     package_data={
