@@ -1,20 +1,24 @@
-"""What decides on the inputs of a simulated motion: a feedback that measures, or the motion's own
-inputs, and what pushes it."""
+"""What decides on the inputs of a simulated motion: what steers by measured states, or the motion's
+own inputs, and what pushes it."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.control.disturbance import Disturbed
-from dmoc.control.feedback import BEYOND, Feedback, follow
 from dmoc.mechanics.contact_mode import Mode, names_of
 from dmoc.mechanics.model import Model
-from dmoc.motion.trajectory import Collision
+from dmoc.motion.trajectory import Collision, Trajectory
+
+# The motion of a phase goes on past its events for this share of its duration: so early
+# may contacts open and friction change.
+BEYOND = 0.2
 
 
 @dataclass(eq=False)
@@ -43,36 +47,67 @@ class Pushed:
         """Nobody does."""
 
 
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A state y = (q | v) with its time and the phase that it was measured in."""
+
+    phase: int
+    time: float
+    y: Array
+
+
+@runtime_checkable
+class Steers(Protocol):
+    """What decides on inputs from measured states: a feedback, a planner.
+
+    ``events`` are those that are expected, ``bounds`` those of the inputs, shape (nu, 2).
+    """
+
+    @property
+    def events(self) -> Sequence[Collision]: ...
+
+    @property
+    def bounds(self) -> Array: ...
+
+    def begin(self) -> Steers:
+        """The same at the beginning of the motion."""
+
+    def fits(self, motion: Trajectory) -> bool:
+        """Whether it is one of a motion."""
+
+    def span(self, phase: int) -> tuple[float, float]:
+        """When a phase is expected to begin and to end."""
+
+    def steer(self, phase: int, t: float, h: float, measured: Measured | None) -> Array:
+        """The inputs of a phase from a time on, for h seconds, by what was measured last."""
+
+
 @dataclass(eq=False)
 class Controller(Pushed):
-    """A feedback that is sampled in each step.  The phase that it follows is the one that follows
-    on the events it has felt; the input is that of the motion at the time, and the deviation the
-    one that was measured before the delay."""
+    """What steers by states that are measured in each step, with noise and a delay, and by the
+    phase that follows on the events it has felt."""
 
-    feedback: Feedback
+    steers: Steers
     phase: int = 0
     hits: list[str] = field(default_factory=list)
-    deviations: deque[Array] = field(default_factory=deque)
+    measured: deque[Measured] = field(default_factory=deque)
 
     def __post_init__(self) -> None:
         self.random = np.random.default_rng(self.disturbed.seed)
 
     def input(self, k: int, y: Array) -> Array:
         """The inputs of step k."""
-        feedback, noise = self.feedback, self.disturbed.noise
-        guide = feedback.phases[self.phase]
-        reference, _, K = follow(guide, k * self.h)
-        u = follow(guide, (k + 0.5) * self.h)[1]
-        measured = y + noise * self.random.standard_normal(len(y)) if noise.any() else y
-        self.deviations.append(measured - reference)
-        if len(self.deviations) > self.disturbed.delay:
-            u = u - K @ self.deviations.popleft()
-        return np.clip(u, feedback.bounds[:, 0], feedback.bounds[:, 1])
+        noise, t = self.disturbed.noise, k * self.h
+        seen = y + noise * self.random.standard_normal(len(y)) if noise.any() else y
+        self.measured.append(Measured(self.phase, t, seen))
+        known = len(self.measured) > self.disturbed.delay
+        u = self.steers.steer(self.phase, t, self.h, self.measured.popleft() if known else None)
+        return np.clip(u, self.steers.bounds[:, 0], self.steers.bounds[:, 1])
 
     def feel(self, k: int, collisions: Sequence[Collision], mode: Mode) -> None:
         """Go on to the next phases where their events have happened."""
         self.hits += [c.surface for c in collisions]
-        events = self.feedback.events
+        events = self.steers.events
         while self.phase < len(events) and self._happened(events[self.phase], k, mode):
             self.phase += 1
 
@@ -87,10 +122,9 @@ class Controller(Pushed):
                 del self.hits[: self.hits.index(c.surface) + 1]
                 return True
             return landed
-        guide = self.feedback.phases[self.phase]
-        t = (k + 1) * self.h
-        if t < guide.end - BEYOND * (guide.end - guide.begin) or t >= guide.end:
-            return t >= guide.end
+        t, (begin, end) = (k + 1) * self.h, self.steers.span(self.phase)
+        if t < end - BEYOND * (end - begin) or t >= end:
+            return t >= end
         changed = {name: s for name, s in c.friction.items() if name not in c.leaves}
         return not set(c.leaves) & set(closed) and all(
             rubbing.get(name) == s for name, s in changed.items()

@@ -20,6 +20,7 @@ from dmoc.base.table import Cell, Shown, Table
 from dmoc.check.checked_motion import Motion
 from dmoc.check.segments import put
 from dmoc.codegen.kernels import Array
+from dmoc.control.controller import BEYOND, Measured
 from dmoc.control.linearisation import (
     PARTS,
     Stage,
@@ -34,11 +35,9 @@ from dmoc.control.linearisation import (
 from dmoc.control.riccati import Weights, gains, hamiltonian, repeated, sweep
 from dmoc.control.stability import back
 from dmoc.mechanics.model_values import by_name
-from dmoc.motion.trajectory import Collision
+from dmoc.motion.trajectory import Collision, Trajectory
 from dmoc.simulation.flow import Steps
 
-# The motion of a phase goes on past its events for this share of its duration.
-BEYOND = 0.2
 ASYMMETRIC = 1e-9  # of the largest entry of a weight
 Weight = float | Mapping[Any, float] | ArrayLike
 
@@ -113,6 +112,29 @@ class Feedback(Shown):
         """
         guide = self.phases[whole(phase, "phase", 0, len(self.phases) - 1, SimulationError)]
         return follow(guide, number(t, "t", SimulationError))
+
+    def begin(self) -> Feedback:
+        """Itself: it keeps nothing of a motion."""
+        return self
+
+    def fits(self, motion: Trajectory) -> bool:
+        """Whether it is one of a motion."""
+        ends = [float(phase.t[-1]) for phase in motion.phases if phase.steps]
+        return self.fingerprint == motion.fingerprint and [g.end for g in self.phases] == ends
+
+    def span(self, phase: int) -> tuple[float, float]:
+        """When a phase is planned to begin and to end."""
+        return self.phases[phase].begin, self.phases[phase].end
+
+    def steer(self, phase: int, t: float, h: float, measured: Measured | None) -> Array:
+        """The inputs of the motion in the middle of the h seconds from t on, and what the gains at
+        t make of the deviation that was measured."""
+        guide = self.phases[phase]
+        u = follow(guide, t + h / 2)[1]
+        if measured is None:
+            return u
+        reference = follow(self.phases[measured.phase], measured.time)[0]
+        return np.asarray(u - follow(guide, t)[2] @ (measured.y - reference))
 
     def to_arrays(self) -> dict[str, Array]:
         """The tables as plain arrays, the rows of all phases one after the other: ``phase`` (m,),

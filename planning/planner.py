@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +14,7 @@ from dmoc.base.arguments import choice, number, positive, shown, whole
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
+from dmoc.control.controller import Measured
 from dmoc.guess.transfer import Piece, pieces_of, unknowns_along
 from dmoc.motion.states import State, state_at
 from dmoc.motion.trajectory import Collision, Trajectory
@@ -37,6 +40,10 @@ HORIZONS = ("shrinks", "recedes")
 FEASIBLE = 1e-4
 # Iterations of a plan: a neighbouring one takes some ten.
 ITERATIONS = 60
+# Seconds between plans, about what one takes.
+EVERY = 5e-3
+# So many times as long before the end the last one goes on.
+LAST = 3
 # An event that is nearer than this share of what is left of the motion is about to happen, and not
 # planned any more.
 NEARLY = 2 * SHORTEST_PHASE
@@ -131,6 +138,8 @@ class Planner:
         Whether the final time stays where it was, or is as far away as at the beginning.
     iterations : int
         Of a plan, at most.
+    every : float
+        Seconds between plans where :func:`dmoc.simulate` runs it as ``feedback``.
 
     Raises
     ------
@@ -164,12 +173,14 @@ class Planner:
         *,
         horizon: str = "shrinks",
         iterations: int = ITERATIONS,
+        every: float = EVERY,
     ) -> None:
         check_problem(problem)
         if not (solution is None or isinstance(solution, Solution)):
             raise ProblemError(f"solution = {shown(solution)}: expected a Solution, or None.")
         self.shrinks = choice(horizon, "horizon", HORIZONS) == HORIZONS[0]
         self.iterations = whole(iterations, "iterations", 1, 10**6)
+        self.every = positive(every, "every", "expected a positive number of seconds")
         solution = solve(problem) if solution is None else solution
         if not solution.converged:
             raise ProblemError(
@@ -181,11 +192,15 @@ class Planner:
         if not problem.relations:  # else its rest has other constraints
             nlp, duals = at_solution(self.problem, solution)
             self.scales[0] = nlp.scale
-        self._last = _Last(0, motion, 0.0, 0.0, duals)
-        self._measured = 0.0
-        self.plan = Plan(
+        self._first = _Last(0, motion, 0.0, 0.0, duals)
+        self._planned = Plan(
             0.0, 0, solution.status, solution.message, motion, 0.0, solution.cost, 0.0, 0
         )
+        self._start()
+
+    def _start(self) -> None:
+        """Go to the beginning of the motion."""
+        self._last, self.plan, self._measured, self._due = self._first, self._planned, 0.0, 0.0
 
     def replan(
         self, time: float, state: Any, *, phase: int | None = None, seconds: float | None = None
@@ -245,6 +260,43 @@ class Planner:
         origin = now if good else self.plan.origin
         self.plan = Plan(now, reached, status, message, motion, origin, cost, taken, count)
         return self.plan
+
+    # What dmoc.simulate asks of a feedback --------------------------------------------------------
+
+    @property
+    def events(self) -> Sequence[Collision]:
+        """The events of the motion."""
+        return self._planned.trajectory.collisions
+
+    @property
+    def bounds(self) -> Array:
+        """Bounds of the inputs, shape (nu, 2)."""
+        return self.problem.input_bounds
+
+    def begin(self) -> Planner:
+        """The same planner at the beginning of the motion."""
+        other = copy(self)
+        other._start()
+        return other
+
+    def fits(self, motion: Trajectory) -> bool:
+        """Whether it begins with a motion."""
+        return motion is self._planned.trajectory
+
+    def span(self, phase: int) -> tuple[float, float]:
+        """When the plan has a phase begin and end."""
+        own = self._last.motion.phases[max(phase - self._last.phase, 0)]
+        return self._last.origin + float(own.t[0]), self._last.origin + float(own.t[-1])
+
+    def steer(self, phase: int, t: float, h: float, measured: Measured | None) -> Array:
+        """The inputs of the plan in the middle of the h seconds from t on, after a new one where
+        that is due: not at the very end, where it would answer to noise alone."""
+        due = t >= self._due - h / 2 and self.plan.final_time - t >= LAST * self.every
+        if measured is not None and measured.time > 0 and due:
+            reached = max(measured.phase, self._last.phase)
+            self.replan(measured.time, np.split(measured.y, 2), phase=reached)
+            self._due = t + self.every
+        return self.plan.input(t + h / 2)
 
     def _phase(self, said: int | None, state: tuple[Array, Array], now: float) -> int:
         """The phase that a state is in."""

@@ -9,6 +9,7 @@ import numpy as np
 from dmoc.base.arguments import shown
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
+from dmoc.control.controller import Steers
 from dmoc.control.feedback import Feedback, Weight, feedback_along
 from dmoc.mechanics.contact_mode import mode_by_names
 from dmoc.mechanics.model import Model
@@ -86,14 +87,13 @@ def plastic(motion: Trajectory) -> dict[str, float | None]:
 
 
 def check_feedback(feedback: Any, motion: Trajectory) -> None:
-    """Refuse what is no feedback of a motion."""
-    if not isinstance(feedback, Feedback):
+    """Refuse what does not steer a motion."""
+    if not isinstance(feedback, Steers):
         raise SimulationError(
-            f"feedback = {shown(feedback)}: expected one from dmoc.feedback(solution)."
+            f"feedback = {shown(feedback)}: expected one from dmoc.feedback(solution), or a "
+            "dmoc.Planner."
         )
-    ends = [guide.end for guide in feedback.phases]
-    planned = [float(phase.t[-1]) for phase in motion.phases if phase.steps]
-    if feedback.fingerprint != motion.fingerprint or ends != planned:
+    if not feedback.fits(motion):
         raise SimulationError(
             "the feedback is that of another motion: make one of this solution, with "
             "dmoc.feedback(solution)."

@@ -16,9 +16,8 @@ from dmoc.base.names import velocity_name
 from dmoc.base.table import Shown, Table
 from dmoc.base.tolerances import KEPT, ROUNDING, SAME
 from dmoc.codegen.kernels import Kernels
-from dmoc.control.controller import Controller, Pushed
+from dmoc.control.controller import Controller, Pushed, Steers
 from dmoc.control.disturbance import Disturbance, read_disturbance
-from dmoc.control.feedback import Feedback
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import by_name, parameter_row
 from dmoc.motion.scene import Scene
@@ -146,7 +145,7 @@ def simulate(
     restitution: float | Mapping[str, float] | None = None,
     every: int = 1,
     model: Kernels | None = None,
-    feedback: Feedback | None = None,
+    feedback: Steers | None = None,
     disturb: Disturbance | Mapping[str, Any] | None = None,
 ) -> Simulation:
     """Simulate a system through its collisions, lasting contacts and friction; or a solution, open
@@ -191,9 +190,10 @@ def simulate(
         Record every so many steps.
     model : Kernels, optional
         For a solution from a file whose model is not shipped.
-    feedback : Feedback, optional
-        That of a solution, from :func:`dmoc.feedback`: it measures the state at each sample, feels
-        hits and contacts, and decides on the inputs until the next sample, within their bounds.
+    feedback : Feedback or Planner, optional
+        That of a solution, from :func:`dmoc.feedback` or :class:`dmoc.Planner`: it measures the
+        state at each sample, feels hits and contacts, and decides on the inputs until the next
+        sample, within their bounds.
     disturb : Disturbance or mapping, optional
         Other starts, noise, pushes, a delay, and the sampling: what disturbs a solution, with a
         feedback or open loop, see :class:`~dmoc.control.disturbance.Disturbance`.  With one of
@@ -323,7 +323,7 @@ def _controlled(
         start = moved(there, motion, np.concatenate([at, rate]) + disturbed.start)
         stated |= {"position": start[: there.nq], "velocity": start[there.nq :]}
     parts = there, stated["step_size"], disturbed, stated.pop("inputs")
-    control = Pushed(*parts) if feedback is None else Controller(*parts, feedback)
+    control = Pushed(*parts) if feedback is None else Controller(*parts, feedback.begin())
     return kernels, {**stated, "control": control}
 
 

@@ -176,6 +176,22 @@ def test_chosen_parameters_stay_and_what_is_periodic_ends_where_it_was_to() -> N
     assert plan.trajectory.phases[-1].q[-1, 0] == pytest.approx(0.5)
 
 
+def test_a_simulation_that_plans_arrives_where_the_inputs_alone_do_not(bounced: Given) -> None:
+    """A wall that takes a fifth of the speed, measured with noise: 0.3 m off without plans."""
+    problem, solution = bounced
+    planner = dmoc.Planner(problem, solution, every=0.02)
+    disturb = {"noise": {"x": 1e-4, "x_dot": 1e-3}, "sampling": 0.005, "delay": 0.005}
+    ends = {
+        name: dmoc.simulate(solution, feedback=f, disturb=disturb, restitution=0.8)
+        for name, f in (("open", None), ("planned", planner), ("again", planner))
+    }
+    assert abs(ends["open"].q[-1, 0] - 0.5) > 0.1
+    assert abs(ends["planned"].q[-1, 0] - 0.5) < 2e-3 and abs(ends["planned"].v[-1, 0]) < 0.05
+    assert (ends["again"].q == ends["planned"].q).all()  # each run begins at the beginning
+    with pytest.raises(dmoc.DmocError, match="that of another motion"):
+        dmoc.simulate(dmoc.solve(problem.but(final_time=2.1)), feedback=planner)
+
+
 def test_bad_input_is_one_sentence(bounced: Given, wall: dmoc.MechanicalSystem) -> None:
     problem, solution = bounced
     planner = dmoc.Planner(problem, solution)
