@@ -47,8 +47,8 @@ LAST = 3
 # An event that is nearer than this share of what is left of the motion is about to happen, and not
 # planned any more.
 NEARLY = 2 * SHORTEST_PHASE
-# A late event is taken to come as the state moves, where that is within so many times as long.
-FAR = 50.0
+# A late event is taken to come as the state moves, or after this share of what is left.
+LATE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,10 +331,9 @@ class Planner:
     ) -> tuple[Transcription, Array]:
         """The program of the rest, and where it starts: along the last plan from now on."""
         pieces = pieces_of(before.motion)
-        nearly = _left_of(before, now) * NEARLY
-        arrives = arrival(self.problem, _next(before), state)
-        late = arrives if arrives < FAR * nearly else nearly
-        pieces[0] = _from(pieces[0], now - before.origin, state, nearly, late)
+        left, time = _left_of(before, now), now - before.origin
+        late = min(arrival(self.problem, _next(before), state), LATE * left)
+        pieces[0] = _from(pieces[0], time, state, NEARLY * left, late)
         impulses = [c.impulse for c in before.motion.collisions]
         x = unknowns_along(rest, pieces, impulses)
         if phase not in self.scales:

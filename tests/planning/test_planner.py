@@ -64,7 +64,7 @@ def test_a_hit_that_came_early_is_over(bounced: Given) -> None:
     hit = planner.plan.trajectory.collisions[0].time
     before = planner.plan.at(hit - 0.06)
     planner.replan(hit - 0.06, {"x": before["x"], "x_dot": before["x_dot"]})
-    v = -float(before["x_dot"])
+    v = -0.6 * float(before["x_dot"])  # by a wall that takes more than was planned
     plan = planner.replan(hit - 0.05, {"x": 0.995, "x_dot": v})
     assert plan.phase == 1 and not plan.trajectory.collisions
     assert plan.cost == pytest.approx(least(0.995, v, 0.5, 2.05 - hit), rel=2e-5)
@@ -73,10 +73,11 @@ def test_a_hit_that_came_early_is_over(bounced: Given) -> None:
 def test_a_hit_that_is_late_is_still_met(bounced: Given) -> None:
     planner = dmoc.Planner(*bounced)
     hit = planner.plan.trajectory.collisions[0].time
-    for late in (0.0, 0.02, 0.04):
-        plan = planner.replan(hit + late, {"x": 0.95 + late, "x_dot": 1.0})
+    for late, x, v in ((0.0, 0.6, 1.5), (0.02, 0.95, 1.0), (0.04, 0.97, 1.0)):
+        plan = planner.replan(hit + late, {"x": x, "x_dot": v})
         assert plan.new and plan.phase == 0 and plan.trajectory.collisions[0].surface == "wall"
-        assert plan.cost == pytest.approx(least(0.95 + late, 1.0, 1.5, 2.0 - hit - late), rel=2e-5)
+        assert plan.cost == pytest.approx(least(x, v, 1.5, 2.0 - hit - late), rel=2e-5)
+        assert plan.iterations < 20
 
 
 def test_what_has_left_the_wall_before_is_no_hit(bounced: Given) -> None:
@@ -100,6 +101,15 @@ def test_a_horizon_that_recedes_is_as_long_as_at_the_beginning(bounced: Given) -
     plan = planner.replan(0.3, {"x": 0.2, "x_dot": 0.1})
     assert plan.cost == pytest.approx(least(0.2, 0.1, 1.5, 2.0), rel=2e-5)
     assert plan.final_time == pytest.approx(2.3)
+
+
+def test_a_phase_that_has_a_duration_keeps_it(wall: dmoc.MechanicalSystem) -> None:
+    problem = dmoc.Problem(
+        dmoc.build(wall, order=4), {"x": 0.0}, {"x": 0.5, "x_dot": 0.0}, sequence=["wall"],
+        steps=10, final_time=2.0, durations=[(1.1, 1.1), None],
+    )  # fmt: skip
+    plan = dmoc.Planner(problem).replan(0.5, {"x": 0.3, "x_dot": 1.0})
+    assert plan.new and plan.trajectory.phases[0].duration == pytest.approx(0.6)
 
 
 def test_where_there_is_no_motion_the_last_plan_goes_on(bounced: Given) -> None:
