@@ -5,7 +5,8 @@
 
 #define EXPORT(name) __attribute__((export_name(#name)))
 
-static const double SECONDS = 2; /* for a solve, and once more from the first motion */
+static const double SECONDS = 1; /* for a solve, and once more for several starts */
+enum { STARTS = 8, SEED = 1 };
 
 static double memory[PLANNED_MEMORY];
 static double value[PLANNED_NUMBERS + 1];
@@ -25,7 +26,7 @@ static dmoc_solver *begun(void)
 
 EXPORT(numbers) double *numbers(void) { return value; }
 
-/* Solve with the numbers: from the last motion, or else from the first one of the day of export. */
+/* Solve with the numbers: from the last motion, or else from several starts. */
 EXPORT(solve) int solve(void)
 {
     dmoc_solver *s = begun();
@@ -37,8 +38,8 @@ EXPORT(solve) int solve(void)
         dmoc_solver_from_answer(s);
     int status = dmoc_solver_solve(s, &limits);
     if (status != DMOC_SOLVED && status != DMOC_BAD_NUMBER) {
-        dmoc_solver_from_first_motion(s);
-        status = dmoc_solver_solve(s, &limits);
+        dmoc_solver_from_answer(s);
+        status = dmoc_solver_explore(s, STARTS, SEED, &limits);
     }
     solved = status == DMOC_SOLVED;
     return status;

@@ -10,6 +10,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
+import pushed_block
 import pytest
 from players import circle, now, playing, seek
 from selenium.webdriver.chrome.webdriver import WebDriver
@@ -214,6 +215,16 @@ def test_sliders_have_the_keys_and_the_clock_does_not(opened: Open, page: Path) 
     slider.send_keys(Keys.ARROW_RIGHT)
     planned(driver, 2)
     assert number(driver, "parameters.m_c") > 1.0 and now(driver) == 0.0
+
+
+def test_contacts_that_last_and_rub(opened: Open, tmp_path: Path) -> None:
+    """A block that is pushed along a rail and slides on."""
+    problem = pushed_block.problem(20)
+    driver = planned(opened(dmoc.generate_page(problem, tmp_path / "block.html")))
+    move(driver, "goal.x", 1.1)
+    other = dmoc.solve(problem.but(goal={"x": 1.1, "x_dot": 0.0}), "ipm", starts=1, verify=False)
+    assert told(driver).startswith("planned in") and other.status == "solved"
+    assert cost(driver) == pytest.approx(other.cost, rel=1e-3)
 
 
 @pytest.mark.parametrize("width", [400, 760, 1280])

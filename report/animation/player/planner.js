@@ -316,7 +316,7 @@ async function makePlanner(plan, motion) {
   const room = motion.bounds;
   const known = [...plan.coordinates, ...plan.coordinates.map((name) => `${name}_dot`), ...plan.inputs];
   motion.panels = motion.panels.filter(({ curves }) => curves.every(({ name }) => known.includes(name)));
-  motion.arrows = [];
+  [motion.arrows, motion.largest] = [[], 0];
   show([motion]);
   const told = html("p", { id: "planned", role: "status" }, "the solver begins");
   let [last, sent, held, playing] = [null, 0, null, false];

@@ -64,6 +64,7 @@ function eventList(motion) {
 
 function show(motions) {
   const stage = byId("stage");
+  shown = []; // the clock moves: what has been shown draws no more
   clock.stretch(longest(motions));
   shown = motions.map((motion) => makeMotion(motion, motions));
   stage.dataset.count = motions.length > 2 ? "many" : String(motions.length);
