@@ -113,6 +113,7 @@ def calls(
         "simulate": {"kernels": block, "position": {"x": 0.0}, "step_size": 0.1, "steps": 3},
         "feedback": {"solution": solution},
         "Disturbance": {},
+        "Planner": {"problem": problem, "solution": solution},
         "sensitivities": {"problem": problem, "solution": solution},
         "generate_solver": {"problem": problem, "folder": "carried", "guess": solution},
         "load_solver": {"folder": "nowhere"},
