@@ -5,15 +5,18 @@ from __future__ import annotations
 import os
 import subprocess
 import tempfile
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from statistics import median
 from typing import Any, TypeAlias
 
 import casadi_pendulum
 import fatrop_pendulum
 import numpy as np
-from batches import NEAR, PENDULUM, by_dmoc, instances
-from common import Section, casadi_start, clocked, guess, ms, program, ratio, seed, timed
+from batches import NEAR, PENDULUM, instances, varied
+from common import Section, casadi_start, guess, ms, program, ratio, seed
 
 import dmoc
 
@@ -33,7 +36,7 @@ static double memory[CARRIED_MEMORY];
 static double seconds(void)
 {
     struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
     return (double)t.tv_sec + 1e-9*(double)t.tv_nsec;
 }
 static int order(const void *a, const void *b)
@@ -65,6 +68,18 @@ int main(int count, char **words)
     return 0;
 }
 """
+
+
+def timed(run: Callable[[], Any], repeats: int) -> tuple[float, Any]:
+    """Median seconds of the processor of several runs, after one that does not count, and the last
+    result."""
+    run()
+    times = list[float]()
+    for _ in range(repeats):
+        begin = time.process_time()
+        result = run()
+        times.append(time.process_time() - begin)
+    return median(times), result
 
 
 def carried(steps: int, folder: Path) -> dmoc.Problem:
@@ -136,9 +151,10 @@ def compare(quick: bool) -> Section:
         "The reference problem with N steps in each phase. Cold: from the first automatic guess, "
         f"without multipliers. Warm: the start angle goes up by {NEIGHBOUR - 1:.0%} and back, from "
         "the last minimum with its multipliers. C: the exported folder, compiled with -O2, medians "
-        "in C. Python: the same folder by `dmoc.load_solver`, and `dmoc.solve` with `starts=1` and "
-        "without its check. CasADi has the same transcription by hand, in stages for FATROP, "
-        "which takes no multipliers of bounds to start from. Bytes are work memory and constants.",
+        "in C. Python: the same folder by `dmoc.load_solver`, and `dmoc.solve` by `ipm` with "
+        "`starts=1`, without its check. CasADi has the same transcription by hand, in stages for "
+        "FATROP, which takes no multipliers of bounds to start from. Bytes are work memory and "
+        "constants. Times are those of the processor.",
         [
             "N", "tool", "cold, ms", "iterations", "warm: ms", "iterations", "C takes, cold",
             "C takes, warm", "bytes",
@@ -177,24 +193,24 @@ def _rows(section: Section, steps: int, folder: Path, quick: bool) -> None:
     row("dmoc.load_solver", (seconds, end.iterations), (later, last.iterations))
     near = problem.but(start={**problem.start, "alpha": NEIGHBOUR * start})
     options: dict[str, Any] = {"starts": 1, "verify": False}
-    seconds, own = timed(lambda: dmoc.solve(problem, **options), max(runs // 5, 3))
-    later, next_ = timed(lambda: dmoc.solve(near, guess=own, **options), max(runs // 5, 3))
+    seconds, own = timed(lambda: dmoc.solve(problem, "ipm", **options), max(runs // 5, 3))
+    later, next_ = timed(lambda: dmoc.solve(near, "ipm", guess=own, **options), max(runs // 5, 3))
     row("dmoc.solve", (seconds, own.iterations), (later, next_.iterations))
     row(PEER, *by_casadi(problem, steps, 3 if quick else 11))
     row(FATROP, *by_fatrop(problem, steps, 3 if quick else 11))
 
 
 def batch(quick: bool) -> Section:
-    """Solves a second of neighbours in threads of the exported solver."""
+    """Solves a second of neighbours of the exported solver."""
     section = Section(
         "Batches of an exported solver",
-        "2000 neighbours of the reference problem, N = 100 + 100: start angle, largest force and "
+        "Neighbours of the reference problem, N = 100 + 100: start angle, largest force and "
         "largest time differ by up to 2 %. Each starts from the nominal minimum with its "
-        "multipliers. `LoadedSolver.solve_many` in threads; `dmoc.solve_many` in as many "
-        "processes, without its check.",
-        ["threads", "instances", "exported: solved", "a second", "dmoc.solve_many: solved",
-         "a second", "it takes"],
-    )  # fmt: skip
+        "multipliers. "
+        "`LoadedSolver.solve_many` in one thread, `dmoc.solve_many` in one process without its "
+        "check, by seconds of the processor.",
+        ["tool", "instances", "solved", "a second", "exported takes"],
+    )
     some = instances(100 if quick else 2000)
     with tempfile.TemporaryDirectory() as work:
         problem = carried(100, Path(work) / "carried")
@@ -205,12 +221,19 @@ def batch(quick: bool) -> Section:
          "final_time": (None, c)}
         for a, b, c in some
     ]  # fmt: skip
-    for threads in dict.fromkeys((1, os.cpu_count() or 1)):
-        seconds, ends = clocked(lambda n=threads: solver.solve_many(numbers, threads=n))
-        solved = sum(end.status == "solved" for end in ends)
-        other, found = by_dmoc(PENDULUM, some, threads, False)
+    own = dmoc.solve(problem, "ipm")
+    few = [varied(PENDULUM, problem, one) for one in some[: len(some) // 5]]
+    begin = time.process_time()
+    ends = solver.solve_many(numbers)
+    middle = time.process_time()
+    batch = dmoc.solve_many(few, "ipm", guess=own, verify=False)
+    each = (middle - begin) / len(some), (time.process_time() - middle) / len(few)
+    statuses = [end.status for end in ends], batch.status
+    for tool, seconds, status in zip(
+        ("dmoc, exported C", "dmoc.solve_many"), each, statuses, strict=True
+    ):
         section.row(
-            threads, len(some), solved, f"{len(some) / seconds:.0f}", found,
-            f"{len(some) / other:.0f}", ratio(other, seconds),
+            tool, len(status), status.count("solved"), f"{1 / seconds:.0f}",
+            ratio(seconds, each[0]),
         )  # fmt: skip
     return section
