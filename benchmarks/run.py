@@ -21,6 +21,7 @@ import building
 import campaign
 import carried
 import evaluating
+import feedback
 import invariance
 import ladder
 import links
@@ -75,6 +76,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "batches": batches.compare,
         "carried": carried.compare,
         "threads": carried.batch,
+        "feedback": feedback.compare,
         "search": searching.compare,
         "twenty": lambda quick: twenty.compare(quick, folder),
         "walker": walking_casadi.walk,

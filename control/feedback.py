@@ -27,6 +27,7 @@ from dmoc.control.linearisation import (
     after,
     input_sizes,
     input_slopes,
+    inputs_at,
     projection,
     saltation,
     stage,
@@ -216,7 +217,10 @@ def feedback_along(
     r = weight(R, "R", inputs, np.diag(1 / input_unit**2), definite=True)
     w = Weights(q * unit * unit[:, None], r * input_unit * input_unit[:, None], unit, input_unit)
     stages = [stage(motion, i) for i in range(motion.stepped)]
-    jumps = [saltation(motion, i) / unit[:, None] * unit for i in range(len(trajectory.collisions))]
+    jumps = [
+        saltation(motion, i, inputs_at(motion, i)) / unit[:, None] * unit
+        for i in range(len(trajectory.collisions))
+    ]
     hamiltonians = [hamiltonian(s, w) for s in stages]
     if periodic:
         again = _again(motion, stages, jumps, periodic)

@@ -213,9 +213,10 @@ def projection(motion: Motion, mode: Mode, y: Array, t: Array) -> Array:
 # Events -------------------------------------------------------------------------------------------
 
 
-def saltation(motion: Motion, i: int) -> Array:
+def saltation(motion: Motion, i: int, u: Array) -> Array:
     """The derivative (n, n) of the state after event i, carried back to its planned time, by the
-    one before it, carried on to it (:eq:`saltation`).
+    one before it, carried on to it (:eq:`saltation`), with the inputs u (2, nu) before it and after
+    it.
 
     Raises
     ------
@@ -226,7 +227,6 @@ def saltation(motion: Motion, i: int) -> Array:
     nq, time = motion.model.nq, np.array([p.c.time])
     before = np.concatenate([p.before.q[-1], p.before.v[-1]])[None]
     later = np.concatenate([p.after.q[0], p.after.v[0]])[None]
-    u = inputs_at(motion, i)
 
     def law(x: Array) -> Array:
         """States (q | v | late) after the law."""
@@ -243,9 +243,18 @@ def saltation(motion: Motion, i: int) -> Array:
 
 
 def inputs_at(motion: Motion, i: int) -> Array:
-    """Inputs before and after event i, shape (2, nu)."""
+    """Inputs before and after event i, shape (2, nu): those of a feedback, which goes over from one
+    to the other when it feels the event."""
     last, following = motion.steps[i].u1[-1], motion.steps[i + 1].u0
     return np.vstack([last, following[0] if len(following) else last])
+
+
+def timed_inputs_at(motion: Motion, i: int) -> Array:
+    """Inputs before and after event i that are functions of the time, shape (2, nu): where they
+    jump at its planned time, an early event has those before on both sides, a late one those after;
+    for both, their mean."""
+    both = inputs_at(motion, i)
+    return np.repeat(both.mean(axis=0, keepdims=True), 2, axis=0)
 
 
 def _sooner(motion: Motion, i: int, at: tuple[Array, Array, Array], f: Array) -> Array:

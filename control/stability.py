@@ -13,7 +13,7 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.table import Cell, Shown, Table
 from dmoc.check.checked_motion import Motion
 from dmoc.codegen.kernels import Array
-from dmoc.control.linearisation import projection, rates, saltation, stage, unit_of
+from dmoc.control.linearisation import projection, rates, saltation, stage, timed_inputs_at, unit_of
 
 # Singular values, as shares of the largest, of directions that conditions leave no deviation in.
 NONE = 1e-7
@@ -154,7 +154,8 @@ def stability(motion: Motion, periodic: Mapping[str, Mapping[str, float]]) -> St
         parts.append(_growth(f"phase {i + 1}, {phases[i].mode}", time, slope, basis, unit))
         whole = slope @ whole
         if i < len(motion.trajectory.collisions):
-            c, slope = motion.trajectory.collisions[i], saltation(motion, i)
+            c = motion.trajectory.collisions[i]
+            slope = saltation(motion, i, timed_inputs_at(motion, i))
             parts.append(_growth(c.word, c.time, slope, allowed(motion, i, -1), unit))
             whole = slope @ whole
     growth = _growth("the motion", phases[0].t[0], whole, first, unit)

@@ -10,6 +10,7 @@ import compass_gait
 import contact_problems
 import numpy as np
 import pytest
+import two_discs
 from gaits import compass_map
 from pytest import approx
 from sympy.physics.mechanics import dynamicsymbols
@@ -150,6 +151,21 @@ def test_a_landing_with_friction_agrees_with_simulations() -> None:
         ]
         first, second = (np.concatenate([run.q[-1], run.v[-1]]) for run in ends)
         assert (first - second) / (2 * near) == approx(column, abs=2e-3), name
+
+
+def test_a_hit_at_which_the_inputs_jump_agrees_with_simulations() -> None:
+    """Two discs: early, the inputs before the planned time act on both sides, late, those after;
+    differences of simulations to both sides, whose hits are many samples off."""
+    solution = dmoc.solve(two_discs.problem(50, 4), "ipm")
+    made, near = solution.stability(), 4e-3
+    for name in ("x1", "x1_dot"):
+        ends = [
+            dmoc.simulate(solution, disturb={"start": {name: sign * near}, "sampling": 1e-4})
+            for sign in (1, -1)
+        ]
+        first, second = (np.concatenate([run.q[-1], run.v[-1]]) for run in ends)
+        column = made.transition[:, made.states.index(name)]
+        assert (first - second) / (2 * near) == approx(column, abs=4e-3), name
 
 
 def test_what_is_asked_of_a_motion_that_has_none() -> None:

@@ -1,0 +1,138 @@
+"""Motions run on models that are wrong, open loop and with their feedback: how many arrive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from importlib import import_module
+from statistics import median
+from typing import Any
+
+import numpy as np
+from common import Section, clocked, find  # first: it finds the examples
+
+import dmoc
+from dmoc.base.errors import SimulationError
+from dmoc.codegen.kernels import Array
+
+MODELS = 200
+ARRIVED = 0.1  # of the size of each state of the goal
+NOISE = 1e-3, 1e-2  # of coordinates and velocities, in m and rad
+
+
+@dataclass(frozen=True)
+class Case:
+    """A motion: its problem, the states that have to arrive, what of its model is wrong by a tenth,
+    and, by names, by how much else."""
+
+    name: str
+    problem: Callable[[], dmoc.Problem]
+    arrive: tuple[str, ...]
+    masses: tuple[str, ...] = ()
+    walls: dict[str, float] = field(default_factory=dict)
+    start: dict[str, float] = field(default_factory=dict)
+    restitution: float = 0.0
+    weights: dict[str, Any] = field(default_factory=dict)
+
+
+def shipped(name: str, steps: int) -> dmoc.Problem:
+    reference = find(name)
+    return dmoc.Problem(reference.kernels(4), **{**reference.defaults, "steps": steps})
+
+
+def example(name: str, *given: int) -> dmoc.Problem:
+    """The problem of an example."""
+    made: dmoc.Problem = import_module(name).problem(*given)
+    return made
+
+
+LINKS = ("torso", "thigh_l", "shin_l", "thigh_r", "shin_r")
+LIMITERS = {"alpha_min": 0.02, "alpha_max": 0.02}
+CASES = (
+    Case("swing-up", lambda: shipped("cart_pendulum", 40), ("alpha", "alpha_dot", "x_dot"),
+         ("m_p", "m_c"), LIMITERS, restitution=0.1),
+    Case("swing-up from hanging", lambda: shipped("cart_pendulum_hanging", 60),
+         ("alpha", "alpha_dot", "x_dot"), ("m_p", "m_c"), LIMITERS, restitution=0.1),
+    Case("hop", lambda: example("hopper", 40, 4), ("y", "phi", "r"), ("M", "m"),
+         start={"y": 0.01}, restitution=0.1, weights={"Q": 100.0}),
+    Case("step of a walker", lambda: example("walker"), ("x", *LINKS),
+         start={f"{name}_dot": 0.05 for name in LINKS}),
+)  # fmt: skip
+
+
+def wrong(case: Case, motion: dmoc.Solution, random: np.random.Generator) -> dict[str, Any]:
+    """Arguments of a simulation of a model that is wrong."""
+    trajectory = motion.trajectory
+
+    def around(size: float) -> float:
+        return float(random.uniform(-size, size))
+
+    own = trajectory.parameters
+    parameters = {name: own[name] * (1 + around(0.1)) for name in case.masses}
+    parameters |= {name: own[name] + around(size) for name, size in case.walls.items()}
+    states = [(n, NOISE[0]) for n in trajectory.coordinates]
+    states += [(f"{n}_dot", NOISE[1]) for n in trajectory.coordinates]
+    disturb = {
+        "noise": dict(states),
+        "start": {name: around(size) for name, size in case.start.items()},
+        "seed": int(random.integers(2**31)),
+    }
+    change: dict[str, Any] = {"parameters": parameters, "disturb": disturb}
+    if case.restitution:
+        change["restitution"] = {
+            name: float(np.clip(e + around(case.restitution), 0.0, 1.0))
+            for name, e in trajectory.restitution.items()
+            if e is not None
+        }
+    return change
+
+
+def off(case: Case, motion: dmoc.Solution, sizes: dict[str, float], run: dmoc.Simulation) -> float:
+    """By how much the end is off, in the sizes of states."""
+    names = motion.trajectory.coordinates
+    every = (*names, *(f"{n}_dot" for n in names))
+    last = motion.phases[-1]
+    ends = [np.append(run.q[-1], run.v[-1]), np.append(last.q[-1], last.v[-1])]
+    errors: Array = np.abs(ends[0] - ends[1])
+    chosen = case.arrive or every
+    return max(errors[every.index(name)] / sizes[name] for name in chosen)
+
+
+def compare(quick: bool) -> Section:
+    models = 20 if quick else MODELS
+    section = Section(
+        "Feedback: how many motions arrive on models that are wrong?",
+        f"{models} models each, drawn at random: masses wrong by up to 10 %, limiters by 0.02 rad "
+        "(1 cm at the tip), restitution by 0.1, starts as said; measured are all states, each "
+        f"millisecond, with normal errors of {NOISE[0]:g} in coordinates and {NOISE[1]:g} in "
+        "velocities (m, rad, s). Arrived: the states named are, at the final time, within "
+        f"{ARRIVED:g} of their sizes of those of the plan. Gains over one hop and one step, too; "
+        "default weights, of the hop 100 times Q.",
+        ["motion", "states", "open loop", "feedback", "off, median", "s of a run"],
+    )
+    for case in CASES:
+        random = np.random.default_rng(0)
+        motion = dmoc.solve(case.problem(), "ipm")
+        once = replace(motion, periodic={})  # one hop, one step
+        stability, hold = motion.stability(), dmoc.feedback(once, **case.weights)
+        sizes = dict(zip(stability.states, map(float, stability.sizes), strict=True))
+        counts, errors, seconds = [0, 0], list[float](), list[float]()
+        for _ in range(models):
+            change = wrong(case, motion, random)
+            for k, feedback in enumerate((None, hold)):
+                try:
+                    time, run = clocked(partial(dmoc.simulate, motion, feedback=feedback, **change))
+                    error = off(case, motion, sizes, run)
+                except SimulationError:
+                    error, time = np.inf, 0.0
+                counts[k] += error < ARRIVED
+                if k:
+                    errors.append(error)
+                    seconds.append(time)
+        section.row(
+            case.name, ", ".join(case.arrive) or "all",
+            *(f"{100 * n / models:.0f} %" for n in counts), f"{median(errors):.2g}",
+            f"{median(seconds):.2f}",
+        )  # fmt: skip
+    return section
