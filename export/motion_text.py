@@ -140,7 +140,9 @@ def rest_text(c: Constants, nlp: Transcription, numbers: Numbers) -> str:
     """What a shift to the rest of the motion needs, and random courses."""
     lay, taken = nlp.layout, {n.name: i for i, n in enumerate(numbers.taken)}
     start, kernels, problem = numbers.states[0], nlp.kernels, nlp.problem
-    possible = start is not None and all(name in taken for name in start.names)
+    stated = {f"start.{name}" for name in problem.start} | {*(start.names if start else ())}
+    possible = start is not None and stated <= taken.keys() & {*start.names}
+    possible &= not any(n.startswith(("final_time", "durations.0")) for n in numbers.kept)
     possible &= not (problem.explicit_time or problem.relations or kernels.has("objective"))
     possible &= not (lay.index_totals.size or lay.index_peaks.size)
     times = [

@@ -7,6 +7,7 @@ import shutil
 import signal
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,10 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import BuildError, ProblemError
+from dmoc.export.constants import Constants
 from dmoc.export.loaded import LoadedSolver, load_solver
+from dmoc.export.motion_text import rest_text
+from dmoc.export.solver import carried_by
 
 
 def thrown() -> dmoc.Problem:
@@ -170,6 +174,26 @@ def test_the_rest_of_a_motion(block: LoadedSolver) -> None:
             block.shift(elapsed)
     block.shift(0)
     assert block.numbers == before
+
+
+def test_problems_that_have_no_rest() -> None:
+    """A quantity that the start keeps too, and a time that could not be shortened."""
+    x, u = dynamicsymbols("x u")
+    cart = dmoc.MechanicalSystem(
+        "watched_cart", [x], x.diff() ** 2 / 2, {}, [u], {x: u}, cost=u**2,
+        quantities={"double": 2 * x},
+    )  # fmt: skip
+    start = {"x": 0.0, "x_dot": 0.0}
+    problem = dmoc.Problem(
+        dmoc.build(cart), start, {"x": 1.0, "x_dot": 0.0}, steps=6, final_time=1.0
+    )
+    begins = []
+    for p in (problem, problem.but(start=start | {"double": 0.0})):
+        parts, _ = carried_by("cart", p, dmoc.solve(p, "ipm", starts=1, verify=False))
+        begins.append(rest_text(Constants(), parts.nlp, parts.numbers)[:2])
+        kept = replace(parts.numbers, kept=("final_time",))
+        assert rest_text(Constants(), parts.nlp, kept).startswith("{0")
+    assert begins == ["{1", "{0"]
 
 
 def test_a_constraint_without_speeds_has_no_rest(bob: LoadedSolver) -> None:
