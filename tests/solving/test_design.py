@@ -303,7 +303,7 @@ def test_the_slope_on_which_a_passive_walker_has_a_given_period() -> None:
     """The compass gait of Goswami, Thuilot and Espiau: 3 degrees have the period 0.734346391 s, by
     event-driven integration to 1e-12 (docs/known_answers.md); at order 4 the period is right to
     1e-7."""
-    gait = dmoc.solve(compass_gait.problem(), "ipm")
+    gait = dmoc.solve(compass_gait.problem(), "ipm", starts=8)
     problem = compass_gait.problem().but(design={"slope": (0.01, 0.1)}, final_time=0.734346391)
     s = dmoc.solve(problem, "ipm", guess=gait)
     assert s.solved

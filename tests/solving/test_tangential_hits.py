@@ -40,7 +40,7 @@ def test_a_program_has_the_hit_of_the_simulation(law):
             sequence=["floor"], steps=4, final_time=0.4, restitution=e,
             parameters={"e_t": back, "mu": friction},
         )  # fmt: skip
-        solution = dmoc.solve(problem, "ipm")
+        solution = dmoc.solve(problem, "ipm", starts=1)
         (hit,) = solution.collisions
         wanted = bounced((v, -FALL, w), e, back, friction)
         np.testing.assert_allclose(hit.momentum_after, MASS @ wanted, atol=1e-8)

@@ -160,12 +160,12 @@ def test_hits_with_tangential_restitution_and_what_sticks() -> None:
         goal={"x": 0.3}, sequence=["floor:stick"], durations=[None, 0], final_time=(0.2, 1.0),
         restitution=0.6,
     )  # fmt: skip
-    solution = dmoc.solve(problem)
+    solution = dmoc.solve(problem, starts=1)
     assert solution.solved
     names, (before, after) = solution.trajectory.coordinates, solution.phases
     slide = names.index("x")
     assert after.v[0, slide] == approx(-0.4 * before.v[-1, slide])
-    stuck = dmoc.solve(thrown_block(4, "+floor", bounds={}, goal={"x": 1.5}))
+    stuck = dmoc.solve(thrown_block(4, "+floor", bounds={}, goal={"x": 1.5}), starts=1)
     assert stuck.solved and stuck.phases[-1].v[0] == approx([0.0, 0.0], abs=1e-12)
 
 
@@ -199,7 +199,7 @@ def test_a_pendulum_of_a_constraint_ends_with_its_hit(order: int) -> None:
         dmoc.build(rod, order=order), start={"x": -1.0, "y": 0.0}, sequence=["wall"], steps=20,
         via=[{"y": (None, 0.0)}], durations=[None, 0], final_time=(None, 1.0), restitution=0.5,
     )  # fmt: skip
-    solution = dmoc.solve(problem)
+    solution = dmoc.solve(problem, starts=4)
     speed = 0.5 * np.sqrt(2 * G * np.sqrt(0.75))
     along = np.array([-np.sqrt(0.75), -0.5])
     assert solution.solved
@@ -276,7 +276,7 @@ def beam(inertia: float) -> dmoc.Problem:
 
 def test_what_leaves_with_the_last_event_opens() -> None:
     """The impulse of the right foot changes the rate of the left one by 1 - 1/I of it."""
-    opens, enters = (dmoc.solve(beam(inertia)) for inertia in (2.0, 0.5))
+    opens, enters = (dmoc.solve(beam(inertia), starts=1) for inertia in (2.0, 0.5))
     assert opens.solved
     after, impulse = opens.phases[-1].v[0], opens.collisions[0].impulse
     assert after @ [1, 1] == approx(0.0, abs=1e-12)
@@ -290,8 +290,10 @@ def test_a_gait_of_one_phase_is_the_one_that_is_known(monkeypatch: pytest.Monkey
     monkeypatch.syspath_prepend(EXAMPLES)
     import compass_gait
 
+    begin: dict[str, Any] = {"starts": 50}
     for order, steps, error in ((4, 80, 1e-8), (6, 20, 1e-9)):
-        solution = dmoc.solve(compass_gait.problem(steps, order=order), starts=50)
+        solution = dmoc.solve(compass_gait.problem(steps, order=order), **begin)
+        begin = {"guess": solution}
         assert solution.solved and solution.final_time == approx(0.734346391, abs=error)
         assert -solution.phases[-1].v[0, [3, 2]] == approx([1.09238359, 0.37737395], abs=1e-8)
         assert solution.phases[-1].mode == "right:stick"
