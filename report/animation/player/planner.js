@@ -223,7 +223,8 @@ function makeNumbers(plan, numbers, moved) {
 
 // Points of the drawing that can be dragged: a place, and the numbers that it takes from there.  A
 // point of a body moves the coordinates at an end that bodies with fewer of them do not depend on; one
-// of a wall the parameters that walls alone depend on.
+// of a wall the parameters that walls alone depend on.  Of points with the same numbers that which they
+// move most is taken.
 function handlesOf(plan, motion, places) {
   const points = motion.shapes.flatMap(({ kind, columns: own }) => {
     if (kind === "contact") return [];
@@ -231,10 +232,11 @@ function handlesOf(plan, motion, places) {
     const pairs = kind === "link" || kind === "spring" ? own.length / 2 : 1;
     return Array.from({ length: pairs }, (_, k) => ({ wall, at: wall ? own : own.slice(2 * k, 2 * k + 2) }));
   });
-  const moves = (end, { at }, number) => {
+  const reach = (end, { at }, number) => {
     const [a, b] = [0, TRIED].map((more) => pointAt(at, places(end, number, more)));
-    return Math.hypot(a[0] - b[0], a[1] - b[1]) > 1e-3 * TRIED;
+    return Math.hypot(a[0] - b[0], a[1] - b[1]) / TRIED;
   };
+  const moves = (...which) => reach(...which) > 1e-3;
   const handles = new Map();
   for (const end of ["start", "goal"]) {
     const of = (field) => plan.numbers.flatMap(({ name }, i) => (name.startsWith(`${field}.`) ? [i] : []));
@@ -246,7 +248,9 @@ function handlesOf(plan, motion, places) {
       const alone = own[k].filter((i) => !fewer.some((other) => other.includes(i)));
       const free = (i) => moves(end, p, i) && !bodies.some((body) => moves(end, body, i));
       const numbers = p.wall ? (end === "start" ? of("parameters").filter(free) : []) : alone.length ? alone : own[k];
-      if (numbers.length && !handles.has(String(numbers))) handles.set(String(numbers), { ...p, end, numbers });
+      const most = Math.max(0, ...numbers.map((i) => reach(end, p, i)));
+      const other = handles.get(String(numbers));
+      if (numbers.length && !(other?.most >= 0.99 * most)) handles.set(String(numbers), { ...p, end, numbers, most });
     });
   }
   return [...handles.values()];
