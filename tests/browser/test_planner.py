@@ -74,6 +74,12 @@ def cost(driver: WebDriver) -> float:
     return float(words.split("cost ")[1].split(",")[0])
 
 
+def read(driver: WebDriver, name: str) -> float:
+    """What the legend says of a curve at the cursor."""
+    curve = driver.find_element(By.CSS_SELECTOR, f'.legend li:has([aria-label="{name}"]) output')
+    return float(curve.text.split()[0].replace("\N{MINUS SIGN}", "-"))
+
+
 def view(driver: WebDriver) -> tuple[float, float, float]:
     """Pixels of a metre, and where the origin of the drawing is in its picture."""
     picture = driver.find_element(By.CSS_SELECTOR, "svg.picture")
@@ -138,6 +144,9 @@ def test_a_number_that_is_moved_gives_the_motion_of_a_solve(
     for t in (0.0, 0.05, 0.5, 0.99):
         seek(driver, t)
         np.testing.assert_allclose(mass(driver), drawn(other, t), atol=4e-3)
+    seek(driver, 0.5)
+    for name, digits in (("alpha_dot", 0.01), ("x_dot", 0.01), ("F", 0.06)):
+        assert read(driver, name) == pytest.approx(other.at(0.5)[name], abs=digits)
 
 
 def test_the_start_is_dragged_in_the_picture(
