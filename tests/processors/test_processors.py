@@ -25,7 +25,7 @@ def run(*command: str, folder: Path) -> subprocess.CompletedProcess[str]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     reference = find("cart_pendulum")
-    problem = dmoc.Problem(reference.kernels(2), **reference.defaults).but(steps=20)
+    problem = dmoc.Problem(reference.kernels(2), **reference.defaults).but(steps=50)
     target = tmp_path_factory.mktemp("solver") / "swing_up"
     dmoc.generate_solver(problem, target)
     return target
