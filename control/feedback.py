@@ -158,6 +158,10 @@ class Feedback(Shown):
         OutputError
             If the file cannot be written.
         """
+        return write_whole(path, self.csv().encode())
+
+    def csv(self) -> str:
+        """The text that :meth:`to_csv` writes."""
         stream, rows = io.StringIO(), self.to_arrays()
         names = ["t", "phase", *self.states, *self.inputs]
         names += [f"K[{u};{x}]" for u in self.inputs for x in self.states]
@@ -167,7 +171,7 @@ class Feedback(Shown):
         for row in np.column_stack(columns):
             entries = (f"{x:.17g}" for x in row)
             stream.write(",".join(entries) + "\n")
-        return write_whole(path, stream.getvalue().encode())
+        return stream.getvalue()
 
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""

@@ -23,6 +23,8 @@ from dmoc.base.messages import place
 from dmoc.base.tolerances import ITERATIONS
 from dmoc.codegen.build import header, sources
 from dmoc.codegen.kernels import Array
+from dmoc.control.feedback import Feedback
+from dmoc.export.feedback_text import checked, feedback_facts
 from dmoc.export.motion_text import derived_tables, momenta_of, work_of
 from dmoc.export.numbers import moved_arrays, numbers_of
 from dmoc.export.program_text import (
@@ -79,6 +81,7 @@ def generate_solver(
     folder: str | os.PathLike[str],
     *,
     guess: InitialGuess = None,
+    feedback: Feedback | None = None,
     most_bytes: int | None = None,
 ) -> list[Path]:
     """Write a solver of a problem in C, which needs neither Python nor a heap.
@@ -97,6 +100,9 @@ def generate_solver(
     guess : optional
         Where the solve that gives the answer starts, as :func:`dmoc.solve` takes it; a solution of
         the problem is taken as it is.
+    feedback : Feedback, optional
+        Of :func:`dmoc.feedback` along the solution that is given as ``guess``: its tables are
+        written too, in C with a function that gives the inputs, and as comma-separated values.
     most_bytes : int, optional
         Bytes of memory and constants that the machine has; a larger solver is refused.
 
@@ -108,7 +114,8 @@ def generate_solver(
     Raises
     ------
     ProblemError
-        If the problem has no solution, its kernels are not compiled, or the solver is too large.
+        If the problem has no solution, its kernels are not compiled, the solver is too large, or
+        the feedback is that of another motion.
     OutputError
         If the folder is not empty, its name is none in C, or it cannot be written.
 
@@ -127,13 +134,17 @@ def generate_solver(
     check_problem(problem)
     name, target = _new_folder(folder)
     most = None if most_bytes is None else whole(most_bytes, "most_bytes", 1, 2**62)
-    texts = solver_files(name, problem, guess, most)[-1]
+    texts = solver_files(name, problem, guess, most, feedback)[-1]
     check_folder(target)
     return [write_whole(target / file, text.encode()) for file, text in sorted(texts.items())]
 
 
 def solver_files(
-    name: str, problem: Problem, guess: InitialGuess, most: int | None
+    name: str,
+    problem: Problem,
+    guess: InitialGuess,
+    most: int | None,
+    feedback: Feedback | None = None,
 ) -> tuple[Carried, Solution, dict[str, str]]:
     """What a solver is made of, the solution that it carries, and the texts of its files."""
     if not problem.kernels.compiled:
@@ -143,7 +154,8 @@ def solver_files(
         )
     solution = guess if isinstance(guess, Solution) else solve(problem, "ipm", guess=guess)
     carried, iterations = carried_by(name, problem, solution)
-    return carried, solution, _texts(carried, iterations, most)
+    along = None if feedback is None else checked(feedback, solution.trajectory)
+    return carried, solution, _texts(carried, iterations, most, along)
 
 
 def _new_folder(folder: Any) -> tuple[str, Path]:
@@ -198,7 +210,9 @@ def _solved(nlp: Transcription, x: Array, duals: Duals | None) -> Outcome:
         return judged(nlp, solve_ipm(nlp, x, options, duals), options)
 
 
-def _texts(carried: Carried, counts: tuple[int, int], most: int | None) -> dict[str, str]:
+def _texts(
+    carried: Carried, counts: tuple[int, int], most: int | None, feedback: Feedback | None
+) -> dict[str, str]:
     """All files of a folder."""
     kernels = sources(carried.nlp.kernels)
     texts = dict(header()) | {name: kernels[name] for name in KERNELS}
@@ -207,20 +221,26 @@ def _texts(carried: Carried, counts: tuple[int, int], most: int | None) -> dict[
         texts |= {name: folder.joinpath(name).read_text(encoding="utf-8") for name in names}
     lines, constants = program_text(carried)
     doubles = memory_of(carried)
+    along = None if feedback is None else feedback_facts(feedback)
+    constants += 0 if along is None else along["table_bytes"]
     if most is not None and 8 * doubles + constants > most:
         raise ProblemError(
             f"the solver takes {8 * doubles} bytes of memory and {constants} bytes of constants, "
             f"and most_bytes = {most}: take fewer steps, or a machine with more."
         )
-    facts = _facts(carried, lines, counts)
-    facts |= {
-        "memory": doubles, "bytes": 8 * doubles, "constants": constants,
-        "sources": sorted([n for n in texts if n.endswith(".c")] + ["program.c"]),
-        "code": sum(len(text) for name, text in texts.items() if name.endswith(".c")),
-    }  # fmt: skip
     files = {"header.h": f"{carried.name}.h"}
     for name in ("program.c", "main.c", "test.c", "Makefile", "CMakeLists.txt", "README.md"):
         files[name] = name
+    facts = _facts(carried, lines, counts) | {"feedback": along}
+    if feedback is not None:
+        files |= {f"feedback.{kind}": f"{carried.name}_feedback.{kind}" for kind in ("c", "h")}
+        texts[f"{carried.name}_feedback.csv"] = feedback.csv()
+    written = [name for name in (*texts, *files.values()) if name.endswith(".c")]
+    facts |= {
+        "memory": doubles, "bytes": 8 * doubles, "constants": constants,
+        "sources": sorted(set(written) - {"main.c", "test.c"}),
+        "code": sum(len(text) for name, text in texts.items() if name.endswith(".c")),
+    }  # fmt: skip
     return texts | {file: _template(name).render(facts) for name, file in files.items()}
 
 
