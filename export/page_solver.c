@@ -13,7 +13,6 @@ static double value[PLANNED_NUMBERS + 1];
 static double q[PAGE_ROWS*PAGE_COORDINATES], t[PAGE_ROWS], parameter[PAGE_PARAMETERS + 1];
 static double shape[PAGE_ROWS*PAGE_COLUMNS];
 static dmoc_solver *solver;
-static int solved = 1;
 
 __attribute__((import_module("page"), import_name("seconds"))) double seconds(void);
 
@@ -34,14 +33,13 @@ EXPORT(solve) int solve(void)
     limits.seconds = SECONDS, limits.clock = seconds;
     for (int i = 0; i < PLANNED_NUMBERS; ++i)
         dmoc_solver_set(s, i, value[i]);
-    if (!solved)
-        dmoc_solver_from_answer(s);
     int status = dmoc_solver_solve(s, &limits);
     if (status != DMOC_SOLVED && status != DMOC_BAD_NUMBER) {
         dmoc_solver_from_answer(s);
         status = dmoc_solver_explore(s, STARTS, SEED, &limits);
+        if (status != DMOC_SOLVED)
+            dmoc_solver_from_answer(s);
     }
-    solved = status == DMOC_SOLVED;
     return status;
 }
 
