@@ -133,6 +133,36 @@ def test_gains_go_through_a_hit(order: int) -> None:
     assert again.P[0, 0] > 1.01 * once.P[0, 0]
 
 
+def test_gains_of_a_motion_that_repeats_with_parts_exchanged() -> None:
+    """Two pendulums, each of which ends as the other began: P is swept by SciPy until it repeats,
+    with rows and columns exchanged after each period."""
+    x, y, u, w = dynamicsymbols("x y u w")
+    system = dmoc.MechanicalSystem(
+        "exchanged", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2 + 9 * (sp.cos(x) + sp.cos(y)),
+        inputs=[u, w], forces={x: u, y: w}, cost=u**2 + w**2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=4), start={x: 1.2, "x_dot": 0.0, y: None, "y_dot": None},
+        periodic={"x": "y", "y": "x", "x_dot": "y_dot", "y_dot": "x_dot"}, final_time=0.7, steps=20,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    Q, R = np.diag([20.0, 20.0, 1.0, 1.0]), np.eye(2)
+    made = dmoc.feedback(solution, Q=Q, R=R)
+
+    def A(t: float) -> np.ndarray:
+        q = solution.at(min(max(t, 0.0), solution.final_time)).q
+        return np.block(
+            [[np.zeros((2, 2)), np.eye(2)], [-9 * np.diag(np.cos(q)), np.zeros((2, 2))]]
+        )
+
+    B, swap = constant(np.vstack([np.zeros((2, 2)), R])), np.eye(4)[[1, 0, 3, 2]]
+    P = Q
+    for _ in range(8):
+        P = backwards(A, B, Q, R, swap.T @ P @ swap, (0.0, 0.7))
+    assert approx(P, rel=1e-4, abs=1e-4) == made.P
+    assert abs(P[0, 0] - P[1, 1]) > 0.1  # they are not at the same place
+
+
 def test_a_motion_goes_on_past_its_hit_without_it() -> None:
     """A fifth of each phase: a parabola through the floor, with the inputs at the hit."""
     problem, _ = bouncer_problem(0.7, 20, 4)
