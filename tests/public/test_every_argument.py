@@ -170,7 +170,8 @@ def calls(
         "derivation": dmoc.derive(system), "state": solution.at(0.1),
         "loaded": dmoc.load_solver(carried),
     }  # fmt: skip
-    inherited = {"get"}  # of a mapping, whose keys are Python's business
+    # Of a mapping, whose keys are Python's business, and what a simulation asks of a feedback.
+    inherited = {"get", "fits", "span", "steer"}
     for label, thing in objects.items():
         for name, call in inspect.getmembers(thing, callable):
             if name.startswith("_") or name in inherited or inspect.isclass(call):
