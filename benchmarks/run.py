@@ -76,7 +76,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "batches": batches.compare,
         "carried": carried.compare,
         "threads": carried.batch,
-        "feedback": feedback.compare,
+        "feedback": lambda quick: feedback.compare(quick, folder),
         "search": searching.compare,
         "twenty": lambda quick: twenty.compare(quick, folder),
         "walker": walking_casadi.walk,

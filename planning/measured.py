@@ -70,8 +70,13 @@ def _is_pair(state: Any) -> bool:
 
 def held(problem: Problem, mode: Mode, state: State) -> State:
     """The state moved to where the constraints hold and the mode's contacts are closed, as near as
-    the reach of the coordinates and the masses of the velocities say; in front of what is open."""
+    the reach of the coordinates and the masses of the velocities say; within bounds, and in front
+    of what is open."""
     model, (q, v) = problem.model, state
+    q, v = (
+        np.clip(x, *box.T)
+        for x, box in ((q, problem.coordinate_bounds), (v, problem.velocity_bounds))
+    )
     gaps, sizes = model.gaps(q), model.gap_sizes(q)
     seen = [j for j, name in enumerate(model.contacts.surfaces) if name not in problem.ignored]
     entered = [j for j in seen if j not in mode.closed and gaps[j] > -IN_FRONT * sizes[j]]

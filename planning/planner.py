@@ -140,6 +140,9 @@ class Planner:
         Of a plan, at most.
     every : float
         Seconds between plans where :func:`dmoc.simulate` runs it as ``feedback``.
+    tolerance : float
+        Share of their sizes by which states that are fixed at the end may be missed: what inputs do
+        not reach, as the momentum of a flight, would leave no plan from a state that is off.
 
     Raises
     ------
@@ -174,6 +177,7 @@ class Planner:
         horizon: str = "shrinks",
         iterations: int = ITERATIONS,
         every: float = EVERY,
+        tolerance: float = 0.0,
     ) -> None:
         check_problem(problem)
         if not (solution is None or isinstance(solution, Solution)):
@@ -187,7 +191,10 @@ class Planner:
                 f"the problem has no solution to begin with ({solution.message}): a Planner keeps "
                 "to its sequence and its mesh, so give a solution."
             )
-        self.problem, motion = planned(problem, solution), solution.trajectory
+        missed = number(tolerance, "tolerance")
+        if not 0 <= missed < 1:
+            raise ProblemError(f"tolerance = {missed:g}: expected a share from 0 to 1.")
+        self.problem, motion = planned(problem, solution, missed), solution.trajectory
         self.scales, duals = dict[int, Scale](), None
         if not problem.relations:  # else its rest has other constraints
             nlp, duals = at_solution(self.problem, solution)

@@ -8,20 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.base.arguments import Range
+from dmoc.base.arguments import Range, is_number
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.mechanics.modes import parts_of
 from dmoc.planning.measured import State
 from dmoc.problem.problem import Problem
 from dmoc.program.extraction import stated_as
+from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Solution
 from dmoc.solving.sensitivity import as_solved
 
 
-def planned(problem: Problem, solution: Solution) -> Problem:
+def planned(problem: Problem, solution: Solution, tolerance: float) -> Problem:
     """The problem as its solution has it: its mesh, the law of impact, chosen parameters, and the
-    states at the end that ``periodic`` makes of its start."""
+    states at the end that ``periodic`` makes of its start; what is fixed there may be missed by a
+    share of its size."""
     _check(problem)
     problem = stated_as(as_solved(problem, solution), solution.multipliers)
     motion = solution.trajectory
@@ -32,11 +34,19 @@ def planned(problem: Problem, solution: Solution) -> Problem:
     for r in problem.relations:
         at = sum(factor * begins[name] for name, factor in r.terms)
         goal[r.end] = at + r.low if r.fixed else _range((at + r.low, at + r.high))
+    if tolerance:
+        sizes = scale_of(problem, solution.unknowns, minimum=True).named(problem)
+        goal = {name: _around(at, tolerance * sizes.get(name, 0.0)) for name, at in goal.items()}
     chosen = {name: float(motion.parameters[name]) for name in problem.design}
     return problem.unchecked(
         start=start, goal=goal, periodic=(), design={},
         parameters={**problem.parameters, **chosen},
     )  # fmt: skip
+
+
+def _around(value: Any, by: float) -> Any:
+    """A range around what is a number."""
+    return (value - by, value + by) if by and is_number(value) else value
 
 
 def _start(names: Sequence[str], state: State) -> dict[str, float]:

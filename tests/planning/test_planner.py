@@ -186,6 +186,28 @@ def test_chosen_parameters_stay_and_what_is_periodic_ends_where_it_was_to() -> N
     assert plan.trajectory.phases[-1].q[-1, 0] == pytest.approx(0.5)
 
 
+def test_what_no_input_reaches_may_be_missed_by_a_tolerance() -> None:
+    """A second mass flies on by itself: measured 1 cm off, it ends 1 cm off."""
+    y, t = dynamicsymbols("y"), dynamicsymbols._t
+    system = dmoc.MechanicalSystem(
+        "planned_flight", [X, y], (X.diff(t) ** 2 + y.diff(t) ** 2) / 2, inputs=[U], forces={X: U},
+        cost=U**2 / 2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        system, {"x": 0, "y": 0, "y_dot": 1}, {"x": 1, "x_dot": 0, "y": 1}, steps=10,
+        final_time=1.0, bounds={"x": (0, 1)},
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    state = {"x": 0.3, "x_dot": 1.2, "y": 0.21, "y_dot": 1.0}
+    assert not dmoc.Planner(problem, solution).replan(0.2, state).new
+    planner = dmoc.Planner(problem, solution, tolerance=0.02)
+    plan = planner.replan(0.2, state)
+    assert plan.new and plan.trajectory.phases[-1].q[-1] == pytest.approx([1.0, 1.01], abs=0.03)
+    assert planner.replan(0.9, state | {"x": 1.001, "x_dot": 0.2, "y": 0.91}).new  # beyond a bound
+    with pytest.raises(ProblemError, match="tolerance = 2: expected a share"):
+        dmoc.Planner(problem, solution, tolerance=2)
+
+
 def test_a_simulation_that_plans_arrives_where_the_inputs_alone_do_not(bounced: Given) -> None:
     """A wall that takes a fifth of the speed, measured with noise: 0.3 m off without plans."""
     problem, solution = bounced
