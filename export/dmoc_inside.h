@@ -5,6 +5,7 @@
  *   dmoc_motion.c    tables of an end: times, momenta, velocities, forces
  *   dmoc_starts.c    where a solve starts, solves from several starts, the rest of a motion
  *   dmoc_solver.c    memory, a solve
+ *   dmoc_planner.c   the rest of a motion again and again, from measured states
  */
 #ifndef DMOC_INSIDE_H
 #define DMOC_INSIDE_H
@@ -87,7 +88,8 @@ size_t carried_results_size(const dmoc_carried *c);
 size_t carried_work_size(const dmoc_carried *c);
 void carried_parameters(const dmoc_solver *s, double *parameters);
 void carried_read_out(dmoc_solver *s);
-/* A state near the start moved to where what is held then is in place, without rates. */
+/* A state near the start moved to where what is held then is in place, without rates, and in front
+ * of the surfaces that are open. */
 void carried_keep(const dmoc_solver *s, double *q, double *v);
 
 #ifdef __GNUC__

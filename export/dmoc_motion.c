@@ -5,6 +5,8 @@
 /* Nodes of a phase whose forces are continued to its ends, at least one more; Newton steps to a
  * place that is held, from an error of interpolation. */
 enum { FEWEST = 4, TURNS = 4 };
+/* A state that has entered a surface is put so far in front of it, in sizes of its gap. */
+static const double IN_FRONT = 1e-6;
 
 static size_t functions_of(const dmoc_carried *c)
 {
@@ -12,6 +14,12 @@ static size_t functions_of(const dmoc_carried *c)
     for (int i = 0; i < DMOC_KINDS; ++i)
         count += (size_t)c->motion.functions[i].count;
     return count;
+}
+
+/* Slopes that a state is moved along: those of functions, and of surfaces that it has entered. */
+static size_t slopes_of(const dmoc_carried *c)
+{
+    return functions_of(c) + (size_t)c->places.nc;
 }
 
 static size_t rows_of(const dmoc_carried *c) { return (size_t)(carried_nodes(c) - 1 + c->phases); }
@@ -24,7 +32,7 @@ size_t carried_results_size(const dmoc_carried *c)
 /* What node_of has, and what the judge and numbers work with. */
 size_t carried_work_size(const dmoc_carried *c)
 {
-    const size_t n = (size_t)c->places.nq, k = functions_of(c);
+    const size_t n = (size_t)c->places.nq, k = slopes_of(c);
     const size_t free = (size_t)c->places.parameters;
     size_t entries = 0;
     for (int i = 0; i < DMOC_KINDS; ++i)
@@ -76,7 +84,7 @@ typedef struct {
 static node_of node_in(const dmoc_solver *s)
 {
     const dmoc_carried *c = s->c;
-    const size_t n = (size_t)c->places.nq, k = functions_of(c);
+    const size_t n = (size_t)c->places.nq, k = slopes_of(c);
     node_of at;
     double *free = s->work;
     at.c = c, at.q = at.t = NULL;
@@ -176,6 +184,33 @@ static int held(const node_of *at, int phase, const double *v)
     return count;
 }
 
+/* The same of the open surfaces that a position has entered in the first phase, to in front of
+ * them, behind so many others: the slope is the rate of the gap at unit velocities. */
+static int entered(const node_of *at, int count)
+{
+    const dmoc_places *places = &at->c->places;
+    const int n = places->nq;
+    const double *there[DMOC_MOST] = {at->q, at->t, at->parameters};
+    const double *moving[DMOC_MOST] = {at->q, at->column, at->t, at->parameters};
+    for (int j = 0; j < places->nc; ++j) {
+        if (places->held[j] != 1)
+            continue;
+        carried_call(places->surface, there, at->rates, NULL);
+        const double beyond = at->rates[j] + IN_FRONT*places->gap[j];
+        if (!(beyond > 0))
+            continue;
+        at->multiplier[count] = beyond;
+        for (int i = 0; i < n; ++i) {
+            memset(at->column, 0, sizeof(double)*(size_t)n);
+            at->column[i] = 1;
+            carried_call(places->gap_rate, moving, at->rates, NULL);
+            at->push[count*n + i] = at->rates[j];
+        }
+        ++count;
+    }
+    return count;
+}
+
 /* Changes of velocities or positions that take some rates or values away, measured by the masses:
  * each slope has its multiplier in the change of the momentum, and its response. */
 static int respond(const node_of *at, int count)
@@ -217,7 +252,7 @@ void carried_keep(const dmoc_solver *s, double *q, double *v)
     at.q = q, at.t = &time;
     for (int turn = 0; turn < TURNS; ++turn) {
         weigh(&at);
-        const int count = respond(&at, held(&at, 0, NULL));
+        const int count = respond(&at, entered(&at, held(&at, 0, NULL)));
         for (int a = 0; a < count; ++a)
             for (int i = 0; i < n; ++i)
                 q[i] -= at.multiplier[a]*at.response[a*n + i];

@@ -127,7 +127,7 @@ def motion_text(c: Constants, nlp: Transcription, entries: Mapping[str, str], mo
 def work_of(nlp: Transcription) -> int:
     """Doubles that dmoc_motion.c works with, carried_work_size."""
     model, names = nlp.problem.model, _functions(nlp)
-    n, k = model.nq, sum(map(len, names.values()))
+    n, k = model.nq, sum(map(len, names.values())) + model.nc
     entries = sum(
         len(nlp.kernels.pattern(slopes, matrix)[0])
         for kind, (slopes, _, matrix) in KINDS.items() if names[kind]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import resources
 from importlib.metadata import version
@@ -35,6 +35,8 @@ from dmoc.export.program_text import (
     size_of,
     tables_of,
 )
+from dmoc.export.rests_text import carried_rests, planner_doubles, rests_facts
+from dmoc.planning.planner import Planner
 from dmoc.problem.problem import Problem
 from dmoc.program.arrays import ElementData, strided
 from dmoc.program.transcription import Transcription
@@ -63,6 +65,7 @@ PARTS = {
         "dmoc_solver.c", "dmoc_solver.h", "dmoc_starts.c",
     ),
 }  # fmt: skip
+PLANNER = ("dmoc_planner.c", "dmoc_planner.h")
 KERNELS = ("kernels.c", "kernels.h")
 # Doubles that hold a solver, without what it works with; rows that an element works on at a time
 # (passes.c).
@@ -77,7 +80,7 @@ TAKEN = re.compile(
 
 
 def generate_solver(
-    problem: Problem,
+    problem: Problem | Planner,
     folder: str | os.PathLike[str],
     *,
     guess: InitialGuess = None,
@@ -94,12 +97,14 @@ def generate_solver(
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or Planner
+        With a Planner the folder has the programs of the rest of its motion from each phase on, and
+        a planner in C; its first program is that of the whole motion.
     folder : path
         A new or empty folder; its name is that of the problem in C.
     guess : optional
         Where the solve that gives the answer starts, as :func:`dmoc.solve` takes it; a solution of
-        the problem is taken as it is.
+        the problem is taken as it is.  None with a Planner, which has its solution.
     feedback : Feedback, optional
         Of :func:`dmoc.feedback` along the solution that is given as ``guess``: its tables are
         written too, in C with a function that gives the inputs, and as comma-separated values.
@@ -114,8 +119,8 @@ def generate_solver(
     Raises
     ------
     ProblemError
-        If the problem has no solution, its kernels are not compiled, the solver is too large, or
-        the feedback is that of another motion.
+        If the problem has no solution, its kernels are not compiled, the solver is too large, the
+        feedback is that of another motion, or a rest of the motion has no program of its own.
     OutputError
         If the folder is not empty, its name is none in C, or it cannot be written.
 
@@ -131,10 +136,14 @@ def generate_solver(
     >>> {"main.c", "dmoc_solver.h", "README.md"} <= {file.name for file in files}
     True
     """
-    check_problem(problem)
+    if not isinstance(problem, Planner):
+        check_problem(problem)
     name, target = _new_folder(folder)
     most = None if most_bytes is None else whole(most_bytes, "most_bytes", 1, 2**62)
-    texts = solver_files(name, problem, guess, most, feedback)[-1]
+    if isinstance(problem, Planner):
+        texts = _planner_files(name, problem, guess, most, feedback)
+    else:
+        texts = solver_files(name, problem, guess, most, feedback)[-1]
     check_folder(target)
     return [write_whole(target / file, text.encode()) for file, text in sorted(texts.items())]
 
@@ -156,6 +165,24 @@ def solver_files(
     carried, iterations = carried_by(name, problem, solution)
     along = None if feedback is None else checked(feedback, solution.trajectory)
     return carried, solution, _texts(carried, iterations, most, along)
+
+
+def _planner_files(
+    name: str, planner: Planner, guess: InitialGuess, most: int | None, feedback: Feedback | None
+) -> dict[str, str]:
+    """The texts of the files of a planner."""
+    if guess is not None:
+        raise ProblemError("a guess beside a Planner: expected none, a Planner has its solution.")
+    rests, begins = carried_rests(name, planner)
+    along = None if feedback is None else checked(feedback, planner.begin().plan.trajectory)
+    solvers = [memory_of(carried) for carried in rests]
+    facts = rests_facts(rests, begins, planner) | {"memory": planner_doubles(rests, solvers)}
+    first = rests[0]
+    counts = (
+        _solved(first.nlp, first.first, None).iterations,
+        _solved(first.nlp, first.x, first.duals).iterations,
+    )
+    return _texts(first, counts, most, along, rests[1:], facts)
 
 
 def _new_folder(folder: Any) -> tuple[str, Path]:
@@ -211,9 +238,15 @@ def _solved(nlp: Transcription, x: Array, duals: Duals | None) -> Outcome:
 
 
 def _texts(
-    carried: Carried, counts: tuple[int, int], most: int | None, feedback: Feedback | None
+    carried: Carried,
+    counts: tuple[int, int],
+    most: int | None,
+    feedback: Feedback | None,
+    others: Sequence[Carried] = (),
+    rests: Mapping[str, Any] | None = None,
 ) -> dict[str, str]:
-    """All files of a folder."""
+    """All files of a folder; those of a planner have other rests than the whole motion, and what
+    it says of them."""
     kernels = sources(carried.nlp.kernels)
     texts = dict(header()) | {name: kernels[name] for name in KERNELS}
     for package, names in PARTS.items():
@@ -221,6 +254,13 @@ def _texts(
         texts |= {name: folder.joinpath(name).read_text(encoding="utf-8") for name in names}
     lines, constants = program_text(carried)
     doubles = memory_of(carried)
+    if rests is not None:
+        texts |= {name: resources.files(__package__).joinpath(name).read_text() for name in PLANNER}
+        doubles = rests["memory"]
+    for i, other in enumerate(others, 1):
+        own, size = program_text(other)
+        texts[f"program_{i}.c"] = _template("program.c").render(name=carried.name, lines=own)
+        constants += size
     along = None if feedback is None else feedback_facts(feedback)
     constants += 0 if along is None else along["table_bytes"]
     if most is not None and 8 * doubles + constants > most:
@@ -231,13 +271,15 @@ def _texts(
     files = {"header.h": f"{carried.name}.h"}
     for name in ("program.c", "main.c", "test.c", "Makefile", "CMakeLists.txt", "README.md"):
         files[name] = name
-    facts = _facts(carried, lines, counts) | {"feedback": along}
+    facts = _facts(carried, lines, counts) | {"feedback": along, "rests": rests}
+    if rests is not None:
+        files["rests.c"] = "rests.c"
     if feedback is not None:
         files |= {f"feedback.{kind}": f"{carried.name}_feedback.{kind}" for kind in ("c", "h")}
         texts[f"{carried.name}_feedback.csv"] = feedback.csv()
     written = [name for name in (*texts, *files.values()) if name.endswith(".c")]
     facts |= {
-        "memory": doubles, "bytes": 8 * doubles, "constants": constants,
+        "memory": memory_of(carried), "bytes": 8 * memory_of(carried), "constants": constants,
         "sources": sorted(set(written) - {"main.c", "test.c"}),
         "code": sum(len(text) for name, text in texts.items() if name.endswith(".c")),
     }  # fmt: skip

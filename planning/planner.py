@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -267,6 +267,18 @@ class Planner:
         origin = now if good else self.plan.origin
         self.plan = Plan(now, reached, status, message, motion, origin, cost, taken, count)
         return self.plan
+
+    def rests(self) -> Iterator[tuple[float, Transcription, Array, Outcome]]:
+        """For each phase with steps of the motion as it is planned: when it begins, the program of
+        the rest from there, where that starts, and how it ends."""
+        for i, phase in enumerate(self._first.motion.phases):
+            if phase.steps:
+                begin = float(phase.t[0])
+                before = _after(self._first, i, begin) if i else self._first
+                state = held(self.problem, self.problem.touch.modes[i], (phase.q[0], phase.v[0]))
+                rest = rest_of(self.problem, i, state, begin, begin, self.shrinks)
+                nlp, x = self._program(rest, i, before, state, begin)
+                yield begin, nlp, x, self._solved(nlp, x, before.duals, Deadline.after(None))
 
     # What dmoc.simulate asks of a feedback --------------------------------------------------------
 

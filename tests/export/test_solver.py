@@ -4,26 +4,23 @@ with the numbers of the day of export and with others; nothing is wrong with the
 from __future__ import annotations
 
 import shutil
-import subprocess
 import sys
 from dataclasses import dataclass
-from functools import cache
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
-from c_objects import SANITIZED, WARNINGS, object_of
+from c_objects import WARNINGS
+from carried_folder import compiled, run
 from carried_problems import CASES, design, linkage
 from joint_problems import bob
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import OutputError, ProblemError
-from dmoc.codegen.compiler import HEADERS
 from dmoc.export.motion_text import derived_tables
-from dmoc.export.solver import PARTS, carried_by, memory_of
+from dmoc.export.solver import carried_by, memory_of
 from dmoc.models.registry import find
 from dmoc.program.extraction import trajectory
 from dmoc.program.transcription import Transcription
@@ -41,29 +38,6 @@ class Answer:
     cost: float
     iterations: int
     x: np.ndarray
-
-
-def run(*command: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
-
-
-@cache
-def shared(flags: tuple[str, ...]) -> list[str]:
-    """The objects that all solvers have."""
-    parts = {Path(str(resources.files(package))): names for package, names in PARTS.items()}
-    flags = (*WARNINGS, *flags, *(f"-I{folder}" for folder in (*parts, HEADERS)))
-    sources = [folder / name for folder, names in parts.items() for name in names]
-    return [object_of(source, *flags) for source in sources if source.suffix == ".c"]
-
-
-def compiled(folder: Path, main: str = "main.c", *flags: str) -> str:
-    """The program of a folder, or another one on its sources."""
-    flags, target = flags or SANITIZED, f"./{Path(main).stem}"
-    own = [object_of(folder / name, *WARNINGS, *flags) for name in ("program.c", "kernels.c", main)]
-    objects = [*own, *shared(flags)]
-    done = run("gcc", *flags, *objects, "-lm", "-o", target, folder=folder)
-    assert done.returncode == 0, done.stderr
-    return target
 
 
 def answered(program: str, folder: Path, *words: str) -> Answer:

@@ -1,0 +1,58 @@
+"""The programs of the rests of a motion, and what dmoc_planner.c reads of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from dmoc.base.errors import ProblemError
+from dmoc.export.constants import Constants, initial, number
+from dmoc.export.numbers import numbers_of
+from dmoc.export.program_text import Carried
+from dmoc.planning.planner import Planner
+from dmoc.solvers.kkt_layout import kkt_layout
+from dmoc.solvers.outcome import Status
+
+# Doubles that a planner has, without its solver and its arrays.
+OF_PLANNER = 24
+
+
+def carried_rests(name: str, planner: Planner) -> tuple[list[Carried], list[float]]:
+    """The rests from each phase on, of which the first is the whole motion, and when they begin."""
+    rests, begins = list[Carried](), list[float]()
+    for i, (begin, nlp, x, ended) in enumerate(planner.rests()):
+        if ended.status is not Status.SOLVED:
+            raise ProblemError(
+                f"the rest of the motion from phase {i} on has no solution to begin with "
+                f"({ended.status.sentence}): take other steps."
+            )
+        own = f"{name}_rest_{i}" if i else name
+        layout, numbers = kkt_layout(nlp), numbers_of(nlp)
+        state, taken = numbers.states[0], {n.name for n in numbers.taken}
+        if state is None or not taken.issuperset(state.names):
+            raise ProblemError(
+                f"the rest of the motion from phase {i} on depends on its start in ways that a "
+                "planner in C cannot follow: plan with dmoc.Planner."
+            )
+        rests.append(Carried(own, nlp, layout, numbers, ended.x, ended.duals, x))
+        begins.append(begin)
+    return rests, begins
+
+
+def rests_facts(rests: Sequence[Carried], begins: Sequence[float], planner: Planner) -> Any:
+    """What rests.c and the header say."""
+    c, rows = Constants(), list[str]()
+    for r, begin in zip(rests, begins, strict=True):
+        lay = r.nlp.layout
+        ends = (c.array("int", lay.index_u[at]) for at in (lay.row_u_k, lay.row_u_kp1))
+        rows.append(initial(f"&{r.name}_problem", number(begin), initial(*ends)))
+    events = c.array("int", planner.problem.touch.surfaces)
+    motion = initial(planner.problem.phases, len(rows), int(not planner.shrinks), events, "rests")
+    return {"lines": c.lines, "rows": rows, "motion": motion, "names": [r.name for r in rests[1:]]}
+
+
+def planner_doubles(rests: Sequence[Carried], solvers: Sequence[int]) -> int:
+    """Doubles that a planner takes, of solvers that take so many."""
+    kept = max(2 * r.nlp.n + r.nlp.n_eq + r.nlp.n_in for r in rests)
+    numbers = max(len(r.numbers.taken) for r in rests)
+    return OF_PLANNER + 2 * kept + numbers + 2 * rests[0].nlp.layout.nq + max(solvers)

@@ -1,0 +1,241 @@
+"""Planners in C: the plans are those of dmoc.Planner from the same states, and its closed forms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from carried_folder import compiled, run
+from sympy.physics.mechanics import dynamicsymbols
+from systems import block_on_floor, unit_mass
+
+import dmoc
+from dmoc.base.errors import ProblemError
+
+X, U = dynamicsymbols("x u")
+SOLVED, INFEASIBLE, ITERATIONS, TIME, BAD, NO_REST, BEHIND, NEARLY = 0, 1, 2, 3, 7, 9, 10, 11
+
+MAIN = r"""
+#include "NAME.h"
+#include <stdio.h>
+
+static double memory[UPPER_PLANNER_MEMORY];
+
+static double hours(void)
+{
+    static double now;
+    return now += 3600;
+}
+
+int main(void)
+{
+    const size_t bytes = dmoc_planner_memory(&NAME_rests);
+    int phase, iterations, limited;
+    double t, state[2*STATES], u[2];
+    dmoc_planner *p = dmoc_planner_begin(&NAME_rests, memory, bytes - 1);
+    if (p || bytes > sizeof memory)
+        return 1;
+    p = dmoc_planner_begin(&NAME_rests, memory, bytes);
+    while (scanf("%lf %d %d %d", &t, &phase, &iterations, &limited) == 4) {
+        dmoc_limits limits = dmoc_solver_limits();
+        for (int i = 0; i < 2*STATES; ++i)
+            if (scanf("%lf", state + i) != 1)
+                return 2;
+        limits.iterations = iterations;
+        if (limited)
+            limits.clock = hours, limits.seconds = 1;
+        const int own = limited || iterations;
+        const int status = dmoc_planner_replan(p, t, state, phase, own ? &limits : NULL);
+        const double end = dmoc_planner_end(p);
+        const dmoc_end plan = dmoc_solver_end(dmoc_planner_solver(p));
+        printf("%d %d %d %.17g %.17g %.17g", status, dmoc_planner_new(p), dmoc_planner_phase(p),
+               dmoc_planner_origin(p), end, plan.cost);
+        for (int i = 0; i <= 4; ++i) {
+            dmoc_planner_input(p, t + i*(end - t)/4, u);
+            printf(" %.17g", u[0]);
+        }
+        printf(" %s\n", dmoc_planner_sentence(status));
+    }
+    return 0;
+}
+"""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A state that is measured, in a phase that is known or not, with limits or without."""
+
+    time: float
+    state: tuple[float, ...]
+    phase: int | None = None
+    iterations: int = 0
+    limited: bool = False
+
+
+@dataclass(frozen=True)
+class Planned:
+    status: int
+    new: bool
+    phase: int
+    origin: float
+    end: float
+    cost: float
+    inputs: list[float]
+    sentence: str
+
+
+def planned(program: str, folder: Path, steps: list[Step]) -> list[Planned]:
+    """What the planner of a folder makes of states, one after the other."""
+    given = [
+        (s.time, -1 if s.phase is None else s.phase, s.iterations, int(s.limited), *s.state)
+        for s in steps
+    ]
+    text = "".join(" ".join(map(repr, row)) + "\n" for row in given)
+    done = run(program, folder=folder, given=text)
+    assert done.returncode == 0, done.stderr
+    rows = [line.split(" ", 11) for line in done.stdout.splitlines()]
+    return [
+        Planned(
+            int(r[0]), r[1] == "1", int(r[2]), *map(float, r[3:6]), list(map(float, r[6:11])), r[11]
+        )
+        for r in rows
+    ]
+
+
+def folder_of(planner: dmoc.Planner, folder: Path) -> str:
+    """The driver on the planner of a folder."""
+    dmoc.generate_solver(planner, folder)
+    names = {"NAME": folder.name, "UPPER": folder.name.upper()}
+    text = MAIN.replace("STATES", str(planner.problem.model.nq))
+    for word, name in names.items():
+        text = text.replace(word, name)
+    (folder / "driver.c").write_text(text)
+    return compiled(folder, "driver.c")
+
+
+def are_those_of_python(planner: dmoc.Planner, steps: list[Step], found: list[Planned]) -> None:
+    """Phases, times, costs and inputs of plans; where there is none, the last one."""
+    planner = planner.begin()
+    for step, there in zip(steps, found, strict=True):
+        here = planner.replan(step.time, step.state, phase=step.phase)
+        assert (there.new, there.phase) == (here.new, here.phase), (step, there, here)
+        assert there.origin == pytest.approx(here.origin, abs=1e-12)
+        assert there.end == pytest.approx(here.final_time, abs=1e-6)
+        if here.new:
+            assert there.status == SOLVED
+            assert there.cost == pytest.approx(here.cost, rel=1e-6)
+        size = max(abs(there.inputs[0]), 1.0)
+        for i, u in enumerate(there.inputs):
+            at = step.time + i * (there.end - step.time) / 4
+            assert u == pytest.approx(here.input(at)[0], abs=1e-5 * size), (step, i)
+
+
+def least(place: float, rate: float, goal: float, left: float) -> float:
+    """The least integral of u^2/2 of a unit mass that comes to rest at a goal in the time left."""
+    d, T = goal - place, left
+    return float(6 * d**2 / T**3 - 6 * d * rate / T**2 + 2 * rate**2 / T)
+
+
+@pytest.fixture(scope="module")
+def bounced() -> dmoc.Planner:
+    """From rest at 0 by way of an elastic wall at 1 to rest at 0.5 in 2 s."""
+    wall = unit_mass("planned_wall", cost=U**2 / 2, surfaces={"wall": X <= 1})
+    return dmoc.Planner(
+        dmoc.Problem(
+            dmoc.build(wall, order=4), {"x": 0.0}, {"x": 0.5, "x_dot": 0.0}, sequence=["wall"],
+            steps=10, final_time=2.0, bounds={"u": (-20, 20)},
+        )
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def program(bounced: dmoc.Planner, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    folder = tmp_path_factory.mktemp("planner") / "bounced"
+    return folder_of(bounced, folder), folder
+
+
+HIT = 1.0  # about when it is
+
+
+def test_plans_are_those_of_python(bounced: dmoc.Planner, program: tuple[str, Path]) -> None:
+    """On the way; a hit that comes early, seen in the rate, or late; a state just behind the wall,
+    far behind it, one that is about to hit; what cannot be reached; the end."""
+    hit = bounced.plan.trajectory.collisions[0].time
+    there = bounced.plan.at(hit - 0.06)
+    x, v = float(there["x"]), float(there["x_dot"])
+    courses = [
+        [Step(0.0, (0.0, 0.0))],
+        [Step(0.2, (0.05, 0.4)), Step(0.4, (0.2, 0.8)), Step(0.9, (0.8, 1.3))],
+        [Step(hit - 0.06, (x, v)), Step(hit - 0.05, (0.995, -0.6 * v)), Step(1.4, (0.8, -0.4))],
+        [Step(hit, (0.6, 1.5)), Step(hit + 0.02, (0.95, 1.0)), Step(hit + 0.04, (0.97, 1.0))],
+        [Step(0.1, (0.999, -0.5)), Step(0.5, (1.4, 0.0)), Step(0.6, (0.4, 0.9))],
+        [Step(0.5, (0.4, -0.5), 1), Step(1.0, (0.5, -0.1)), Step(1.5, (0.55, 0.1))],
+        [Step(hit, (1.001, 1.2)), Step(hit + 0.001, (1.0002, -1.2)), Step(1.3, (0.7, -0.9))],
+        [Step(1.9, (0.0, 0.0), 1), Step(1.92, (0.5, 0.0)), Step(2.5, (0.5, 0.0))],
+    ]  # fmt: skip
+    statuses = []
+    for steps in courses:
+        found = planned(*program, steps)
+        are_those_of_python(bounced, steps, found)
+        statuses += [plan.status for plan in found]
+    assert {SOLVED, INFEASIBLE, NO_REST, BEHIND, NEARLY} == set(statuses)
+
+
+def test_costs_are_those_of_closed_forms(program: tuple[str, Path]) -> None:
+    """Mirrored at the wall before the hit."""
+    (plan,) = planned(*program, [Step(0.4, (0.25, 0.7))])
+    assert plan.cost == pytest.approx(least(0.25, 0.7, 1.5, 1.6), rel=2e-5)
+    (plan,) = planned(*program, [Step(0.5, (0.4, -0.5), 1)])
+    assert plan.cost == pytest.approx(least(0.4, -0.5, 0.5, 1.5), rel=2e-5)
+
+
+def test_limits_keep_the_last_plan(program: tuple[str, Path]) -> None:
+    """Where they leave no plan; the next state has one, from the last one that there is."""
+    steps = [
+        Step(0.2, (0.05, 0.4)), Step(0.3, (0.9, -3.0), None, 1),
+        Step(0.3, (0.9, -3.0), None, 9, True),
+        Step(0.4, (0.25, 0.7)), Step(1.1, (0.9, -1.0), 1, 9, True), Step(1.2, (0.8, -0.9)),
+    ]  # fmt: skip
+    found = planned(*program, steps)
+    assert [plan.status for plan in found] == [SOLVED, ITERATIONS, TIME, SOLVED, TIME, SOLVED]
+    assert [plan.new for plan in found] == [True, False, False, True, False, True]
+    assert [plan.origin for plan in found] == [0.2, 0.2, 0.2, 0.4, 0.4, 1.2]
+    assert [plan.phase for plan in found] == [0, 0, 0, 0, 1, 1]
+    assert found[3].cost == pytest.approx(least(0.25, 0.7, 1.5, 1.6), rel=2e-5)
+    assert found[5].cost == pytest.approx(least(0.8, -0.9, 0.5, 0.8), rel=2e-5)
+
+
+def test_what_is_no_state_changes_nothing(program: tuple[str, Path]) -> None:
+    nan = float("nan")
+    steps = [
+        Step(0.4, (0.25, 0.7)), Step(0.3, (0.25, 0.7)), Step(nan, (0.25, 0.7)),
+        Step(0.5, (nan, 0.7)), Step(0.5, (0.3, 0.7), 2), Step(0.5, (0.4, -0.5), 1),
+        Step(0.6, (0.4, -0.5), 0),
+    ]  # fmt: skip
+    found = planned(*program, steps)
+    assert [plan.status for plan in found] == [SOLVED, *[BAD] * 4, SOLVED, BAD]
+    assert [plan.origin for plan in found] == [*[0.4] * 5, 0.5, 0.5]
+    assert found[1].sentence.startswith("a number does not fit")
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_what_stays_closed(order: int, tmp_path: Path) -> None:
+    """A block slides on a floor; a state off it is moved onto it."""
+    system = block_on_floor("planned_block", 1.0, 10.0, 0.1, cost=U**2 / 2)
+    problem = dmoc.Problem(
+        dmoc.build(system, order=order), {"x": 0.0, "y": 0.0}, {"x": 1.0, "x_dot": 0.0},
+        contacts=["floor:slip+"], steps=20, final_time=2.0,
+    )  # fmt: skip
+    planner = dmoc.Planner(problem, horizon="recedes")
+    steps = [Step(0.5, (0.2, 1e-4, 0.8, -1e-3)), Step(0.7, (0.4, 0.0, 0.9, 0.0))]
+    found = planned(folder_of(planner, tmp_path / "slid"), tmp_path / "slid", steps)
+    are_those_of_python(planner, steps, found)
+    assert found[-1].end == pytest.approx(2.7)
+
+
+def test_what_is_refused(bounced: dmoc.Planner, tmp_path: Path) -> None:
+    with pytest.raises(ProblemError, match="a guess beside a Planner"):
+        dmoc.generate_solver(bounced, tmp_path / "a", guess="random")
+    with pytest.raises(ProblemError, match="bytes of memory"):
+        dmoc.generate_solver(bounced, tmp_path / "a", most_bytes=100_000)
