@@ -19,6 +19,7 @@ SOLVED, INFEASIBLE, ITERATIONS, TIME, BAD, NO_REST, BEHIND, NEARLY = 0, 1, 2, 3,
 MAIN = r"""
 #include "NAME.h"
 #include <stdio.h>
+#include <stdlib.h>
 
 static double memory[UPPER_PLANNER_MEMORY];
 
@@ -28,7 +29,7 @@ static double hours(void)
     return now += 3600;
 }
 
-int main(void)
+int main(int count, char **words)
 {
     const size_t bytes = dmoc_planner_memory(&NAME_rests);
     int phase, iterations, limited;
@@ -37,6 +38,9 @@ int main(void)
     if (p || bytes > sizeof memory)
         return 1;
     p = dmoc_planner_begin(&NAME_rests, memory, bytes);
+    for (int i = 1; i + 1 < count; i += 2)
+        dmoc_solver_set(dmoc_planner_solver(p), dmoc_solver_find(&NAME_problem, words[i]),
+                        strtod(words[i + 1], NULL));
     while (scanf("%lf %d %d %d", &t, &phase, &iterations, &limited) == 4) {
         dmoc_limits limits = dmoc_solver_limits();
         for (int i = 0; i < 2*STATES; ++i)
@@ -85,14 +89,14 @@ class Planned:
     sentence: str
 
 
-def planned(program: str, folder: Path, steps: list[Step]) -> list[Planned]:
-    """What the planner of a folder makes of states, one after the other."""
+def planned(program: str, folder: Path, steps: list[Step], *words: str) -> list[Planned]:
+    """What the planner of a folder makes of states, one after the other, with other numbers."""
     given = [
         (s.time, -1 if s.phase is None else s.phase, s.iterations, int(s.limited), *s.state)
         for s in steps
     ]
     text = "".join(" ".join(map(repr, row)) + "\n" for row in given)
-    done = run(program, folder=folder, given=text)
+    done = run(program, *words, folder=folder, given=text)
     assert done.returncode == 0, done.stderr
     rows = [line.split(" ", 11) for line in done.stdout.splitlines()]
     return [
@@ -188,6 +192,15 @@ def test_costs_are_those_of_closed_forms(program: tuple[str, Path]) -> None:
     assert plan.cost == pytest.approx(least(0.25, 0.7, 1.5, 1.6), rel=2e-5)
     (plan,) = planned(*program, [Step(0.5, (0.4, -0.5), 1)])
     assert plan.cost == pytest.approx(least(0.4, -0.5, 0.5, 1.5), rel=2e-5)
+
+
+def test_another_goal_is_that_of_later_phases_too(program: tuple[str, Path]) -> None:
+    """Also after a state from which there is no plan."""
+    steps = [Step(0.4, (0.25, 0.7)), Step(0.5, (1.4, 0.0)), Step(1.4, (0.8, -0.4), 1)]
+    found = planned(*program, steps, "goal.x", "0.4")
+    assert [plan.new for plan in found] == [True, False, True]
+    assert found[0].cost == pytest.approx(least(0.25, 0.7, 1.6, 1.6), rel=2e-5)
+    assert found[2].cost == pytest.approx(least(0.8, -0.4, 0.4, 0.6), rel=2e-5)
 
 
 def test_limits_keep_the_last_plan(program: tuple[str, Path]) -> None:
