@@ -88,8 +88,8 @@ size_t carried_results_size(const dmoc_carried *c);
 size_t carried_work_size(const dmoc_carried *c);
 void carried_parameters(const dmoc_solver *s, double *parameters);
 void carried_read_out(dmoc_solver *s);
-/* A state near the start moved to where what is held then is in place, without rates, and in front
- * of the surfaces that are open. */
+/* A state near the start moved, by the reach of coordinates and the masses of velocities, to where
+ * what is held then is in place, without rates, and in front of the surfaces that are open. */
 void carried_keep(const dmoc_solver *s, double *q, double *v);
 
 #ifdef __GNUC__

@@ -81,12 +81,13 @@ int carried_judge(dmoc_solver *s, int word, const dmoc_limits *limits)
     return finite && end->violation > CARRIED_INFEASIBLE ? DMOC_INFEASIBLE : DMOC_STALLED;
 }
 
-/* Whether nothing is penetrated and all that is closed or held is kept, at all nodes of a phase:
+/* Whether nothing is penetrated and all that is closed, held or stuck is kept, at all nodes of a
+ * phase:
  * rows that fixed values have settled are not in the program. */
 static int inside(const dmoc_solver *s, int phase, int first, int last)
 {
     const dmoc_places *p = &s->c->places;
-    double *result = s->work, *parameters = s->work + p->nc + p->nj;
+    double *result = s->work, *at = result + p->nc + p->nj, *parameters = at + 2*p->nt;
     carried_parameters(s, parameters);
     for (int k = first; k <= last; ++k) {
         const double *in[DMOC_MOST] = {s->physical + p->q + k*p->nq, s->times + k, parameters};
@@ -103,6 +104,13 @@ static int inside(const dmoc_solver *s, int phase, int first, int last)
             carried_call(p->joint, in, result, NULL);
             for (int j = 0; j < p->nj; ++j)
                 if (!(fabs(result[j]) <= CARRIED_KEPT*p->joint_size[j]))
+                    return 0;
+        }
+        if (p->tangent) {
+            carried_call(p->tangent, in, k == first ? at : at + p->nt, NULL);
+            for (int j = 0; k > first && j < p->nt; ++j)
+                if (p->stuck[phase*p->nt + j] &&
+                    !(fabs(at[p->nt + j] - at[j]) <= CARRIED_KEPT*p->tangent_size[j]))
                     return 0;
         }
     }

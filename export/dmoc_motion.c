@@ -247,11 +247,13 @@ static void hold(const node_of *at, int phase, double *p)
 void carried_keep(const dmoc_solver *s, double *q, double *v)
 {
     const int n = s->c->places.nq;
-    const double time = 0;
+    const double time = 0, *reach = s->c->places.reach;
     node_of at = node_in(s);
     at.q = q, at.t = &time;
     for (int turn = 0; turn < TURNS; ++turn) {
-        weigh(&at);
+        memset(at.mass, 0, sizeof(double)*(size_t)(n*n));
+        for (int i = 0; i < n; ++i)
+            at.mass[i*n + i] = 1/(reach[i]*reach[i]);
         const int count = respond(&at, entered(&at, held(&at, 0, NULL)));
         for (int a = 0; a < count; ++a)
             for (int i = 0; i < n; ++i)

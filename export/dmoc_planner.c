@@ -15,6 +15,7 @@ struct dmoc_planner {
     int rest, warm;      /* the program of the plan, whether it has multipliers */
     int phase, fresh;
     double origin, begun, measured; /* begun: when the phase began */
+    dmoc_end end;
 };
 
 /* The most that a solver of the rests takes: bytes, unknowns with multipliers, numbers. */
@@ -50,7 +51,7 @@ static void keep_plan(dmoc_planner *p)
     carried_copy(p->kept, s->x, s->program.n);
     carried_copy(p->kept + s->program.n, s->z, s->program.n);
     carried_copy(p->kept + 2*s->program.n, s->y, s->program.m);
-    p->warm = s->warm;
+    p->warm = s->warm, p->end = s->end;
 }
 
 /* The solver with the plan that was kept and the numbers before another one was tried. */
@@ -63,7 +64,7 @@ static void take_plan_back(dmoc_planner *p)
     carried_copy(s->x, p->kept, s->program.n);
     carried_copy(s->z, p->kept + s->program.n, s->program.n);
     carried_copy(s->y, p->kept + 2*s->program.n, s->program.m);
-    s->warm = p->warm;
+    s->warm = p->warm, s->end = p->end;
     carried_read_out(s);
 }
 

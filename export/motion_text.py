@@ -136,15 +136,20 @@ def work_of(nlp: Transcription) -> int:
     return sizes + int(nlp.par.shape[1]) + model.nu + model.nc + model.nj + 2 * model.nt + 1
 
 
+def has_rest(nlp: Transcription, numbers: Numbers) -> bool:
+    """Whether the rest of the motion is the same program with other numbers."""
+    lay, problem, taken = nlp.layout, nlp.problem, {n.name for n in numbers.taken}
+    start = numbers.states[0]
+    stated = {f"start.{name}" for name in problem.start} | {*(start.names if start else ())}
+    possible = start is not None and stated <= taken & {*start.names}
+    possible &= not any(n.startswith(("final_time", "durations.0")) for n in numbers.kept)
+    possible &= not (problem.explicit_time or problem.relations or nlp.kernels.has("objective"))
+    return possible and not (lay.index_totals.size or lay.index_peaks.size)
+
+
 def rest_text(c: Constants, nlp: Transcription, numbers: Numbers) -> str:
     """What a shift to the rest of the motion needs, and random courses."""
-    lay, taken = nlp.layout, {n.name: i for i, n in enumerate(numbers.taken)}
-    start, kernels, problem = numbers.states[0], nlp.kernels, nlp.problem
-    stated = {f"start.{name}" for name in problem.start} | {*(start.names if start else ())}
-    possible = start is not None and stated <= taken.keys() & {*start.names}
-    possible &= not any(n.startswith(("final_time", "durations.0")) for n in numbers.kept)
-    possible &= not (problem.explicit_time or problem.relations or kernels.has("objective"))
-    possible &= not (lay.index_totals.size or lay.index_peaks.size)
+    lay, possible = nlp.layout, has_rest(nlp, numbers)
     times = [
         i for i, n in enumerate(numbers.taken)
         if n.path[0] == "final_time" or n.path[:2] == ("durations", 0)

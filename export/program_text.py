@@ -27,7 +27,7 @@ from dmoc.solvers.kkt_layout import KKTLayout
 from dmoc.solvers.outcome import Duals
 
 # Of the kernels that a solver calls beside those of its passes.
-CHECKS = ("momentum", "surface", "gap_rate", "joint", "joint_rate")
+CHECKS = ("momentum", "surface", "gap_rate", "joint", "joint_rate", "tangent")
 OTHERS = ("dynamics", "friction", "joint_jac", "slide_rate", "surface_jac", "tangent_jac")
 KKT = ("place", "start", "row", "first", "from_hess", "from_jac", "diagonal")
 LDL = ("first", "block", "row_start", "row", "part_start", "part", "target", "height")
@@ -199,18 +199,21 @@ def _state(c: Constants, state: State | None, taken: Sequence[Number]) -> str:
 def _places(c: Constants, nlp: Transcription, entries: Mapping[str, str]) -> str:
     """What positions must keep."""
     kernels, lay, scale, problem = nlp.kernels, nlp.layout, nlp.scale, nlp.problem
+    model, q = problem.model, problem.start_position
     touching, joined = bool(kernels.surfaces), bool(kernels.joints)
-    there = zip(CHECKS, (True, touching, touching, joined, joined), strict=True)
+    there = zip(CHECKS, (True, touching, touching, joined, joined, model.nt > 0), strict=True)
     called = [entries[name] if is_there else "NULL" for name, is_there in there]
     unknowns = dict(zip(problem.design, lay.index_design.tolist(), strict=True))
     chosen = np.array([unknowns.get(name, NOWHERE) for name in kernels.parameters])
-    model, q = problem.model, problem.start_position
-    sizes = scale.gap, scale.rate, model.joint_sizes(q) if model.nj else (), scale.joint_rate
+    tangent = np.abs(model.tangent_slopes(q))[:, :-1] @ scale.q if model.nt else ()
+    joint = model.joint_sizes(q) if model.nj else ()
+    sizes = scale.gap, scale.rate, joint, scale.joint_rate, tangent, problem.reach
     held = np.array([_held(nlp, mode) for mode in lay.touch.modes])
     return initial(
-        *called, lay.nq, model.nc, model.nj, len(chosen), c.array("int", chosen),
+        *called, lay.nq, model.nc, model.nj, model.nt, len(chosen), c.array("int", chosen),
         *(c.array("double", np.asarray(s, dtype=float)) for s in sizes), c.array("int", held),
-        int(lay.index_q[0, 0]), int(lay.index_t[0]) if lay.timed else -1,
+        c.array("int", lay.touch.sticks * 1), int(lay.index_q[0, 0]),
+        int(lay.index_t[0]) if lay.timed else -1,
     )  # fmt: skip
 
 

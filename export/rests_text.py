@@ -7,6 +7,7 @@ from typing import Any
 
 from dmoc.base.errors import ProblemError
 from dmoc.export.constants import Constants, initial, number
+from dmoc.export.motion_text import has_rest
 from dmoc.export.numbers import numbers_of
 from dmoc.export.program_text import Carried
 from dmoc.planning.planner import Planner
@@ -14,7 +15,7 @@ from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Status
 
 # Doubles that a planner has, without its solver and its arrays.
-OF_PLANNER = 24
+OF_PLANNER = 32
 
 
 def carried_rests(name: str, planner: Planner) -> tuple[list[Carried], list[float]]:
@@ -28,11 +29,10 @@ def carried_rests(name: str, planner: Planner) -> tuple[list[Carried], list[floa
             )
         own = f"{name}_rest_{i}" if i else name
         layout, numbers = kkt_layout(nlp), numbers_of(nlp)
-        state, taken = numbers.states[0], {n.name for n in numbers.taken}
-        if state is None or not taken.issuperset(state.names):
+        if not has_rest(nlp, numbers):
             raise ProblemError(
-                f"the rest of the motion from phase {i} on depends on its start in ways that a "
-                "planner in C cannot follow: plan with dmoc.Planner."
+                f"the rest of the motion from phase {i} on depends on its start or its times in "
+                "ways that a planner in C cannot follow: plan with dmoc.Planner."
             )
         rests.append(Carried(own, nlp, layout, numbers, ended.x, ended.duals, x))
         begins.append(begin)

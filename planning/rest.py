@@ -91,7 +91,7 @@ def rest_of(
         sequence=problem.sequence[phase:],
         steps=problem.phase_steps[phase:],
         durations=durations,
-        final_time=_left(total, elapsed, "the motion") if shrinks else _range(total),
+        final_time=_left(total, elapsed if shrinks else 0.0, "the motion"),
         via=None if problem.via is None else problem.via[phase:],
         contacts=parts_of(problem.touch.modes[phase], problem.touch.contacts),
     )

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 from carried_folder import compiled, run
+from carried_problems import linkage
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_on_floor, unit_mass
+from systems import block_on_floor, landing_problem, unit_mass
 
 import dmoc
 from dmoc.base.errors import ProblemError
@@ -56,7 +58,7 @@ int main(int count, char **words)
         printf("%d %d %d %.17g %.17g %.17g", status, dmoc_planner_new(p), dmoc_planner_phase(p),
                dmoc_planner_origin(p), end, plan.cost);
         for (int i = 0; i <= 4; ++i) {
-            dmoc_planner_input(p, t + i*(end - t)/4, u);
+            dmoc_planner_input(p, t + 0.23*i*(end - t), u);
             printf(" %.17g", u[0]);
         }
         printf(" %s\n", dmoc_planner_sentence(status));
@@ -128,10 +130,11 @@ def are_those_of_python(planner: dmoc.Planner, steps: list[Step], found: list[Pl
         assert there.end == pytest.approx(here.final_time, abs=1e-6)
         if here.new:
             assert there.status == SOLVED
+        if here.origin:
             assert there.cost == pytest.approx(here.cost, rel=1e-6)
         size = max(abs(there.inputs[0]), 1.0)
         for i, u in enumerate(there.inputs):
-            at = step.time + i * (there.end - step.time) / 4
+            at = step.time + 0.23 * i * (there.end - step.time)
             assert u == pytest.approx(here.input(at)[0], abs=1e-5 * size), (step, i)
 
 
@@ -245,6 +248,29 @@ def test_what_stays_closed(order: int, tmp_path: Path) -> None:
     found = planned(folder_of(planner, tmp_path / "slid"), tmp_path / "slid", steps)
     are_those_of_python(planner, steps, found)
     assert found[-1].end == pytest.approx(2.7)
+
+
+def test_what_sticks_does_not_move(tmp_path: Path) -> None:
+    """The ball has landed and sticks: from another place its goal is not to be reached."""
+    planner = dmoc.Planner(landing_problem(8))
+    state = planner.plan.at(1.2)
+    here, off = ((*map(float, q), 0.0, 0.0) for q in (state.q, state.q + np.array([0.01, 0.0])))
+    steps = [Step(1.2, here), Step(1.21, off), Step(1.22, here)]
+    found = planned(folder_of(planner, tmp_path / "landed"), tmp_path / "landed", steps)
+    are_those_of_python(planner, steps, found)
+    assert [plan.new for plan in found] == [True, False, True]
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_constraints_and_ranges_of_the_final_time(order: int, tmp_path: Path) -> None:
+    """A state off the rod is moved onto it, its velocity along it; a horizon of at most 1.1 s that
+    recedes."""
+    problem = linkage(order).but(final_time=(0.0, 1.1))
+    planner = dmoc.Planner(problem, horizon="recedes")
+    steps = [Step(0.1, (0.05, -0.99, 0.5, 0.1)), Step(0.3, (0.2, -0.97, 0.9, 0.0))]
+    found = planned(folder_of(planner, tmp_path / "swung"), tmp_path / "swung", steps)
+    are_those_of_python(planner, steps, found)
+    assert found[-1].end <= 1.4 + 1e-9
 
 
 def test_what_is_refused(bounced: dmoc.Planner, tmp_path: Path) -> None:

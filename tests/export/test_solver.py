@@ -16,6 +16,7 @@ from carried_folder import compiled, run
 from carried_problems import CASES, design, linkage
 from joint_problems import bob
 from sympy.physics.mechanics import dynamicsymbols
+from systems import block_on_floor
 
 import dmoc
 from dmoc.base.errors import OutputError, ProblemError
@@ -167,6 +168,20 @@ def test_positions_behind_a_surface_are_no_answer(tmp_path: Path) -> None:
     program = compiled(target)
     assert answered(program, target, "start.x=0.2").status == 0
     assert answered(program, target, "start.x=1.2").status in (1, OUTSIDE)
+
+
+def test_what_slides_where_it_sticks_is_no_answer(tmp_path: Path) -> None:
+    """The block rests on its floor: fixed values settle the rows of its sticking."""
+    system = block_on_floor("carried_rest", 1.0, 10.0, 0.5, cost=dynamicsymbols("u") ** 2)
+    problem = dmoc.Problem(
+        dmoc.build(system), {"x": 0.0, "y": 0.0}, {"x": 0.0}, contacts=["floor"], steps=8,
+        final_time=1.0,
+    )  # fmt: skip
+    target = tmp_path / "resting"
+    dmoc.generate_solver(problem, target)
+    program = compiled(target)
+    assert answered(program, target).status == 0
+    assert answered(program, target, "start.x=0.1").status in (1, OUTSIDE)
 
 
 def test_folders_that_are_refused(tmp_path: Path) -> None:
