@@ -248,6 +248,19 @@ static int solve_rest(dmoc_planner *p, const dmoc_limits *given)
     return dmoc_solver_solve(s, &limits);
 }
 
+/* The state within the bounds of coordinates and velocities. */
+static void put_within(dmoc_planner *p)
+{
+    const dmoc_solver *s = p->solver;
+    for (int i = 0; i < 2*s->c->places.nq; ++i) {
+        const dmoc_number *number = &s->c->number[s->c->state[0].number[i]];
+        if (number->least >= 0)
+            p->state[i] = fmax(p->state[i], s->numbers[number->least]);
+        if (number->most >= 0)
+            p->state[i] = fmin(p->state[i], s->numbers[number->most]);
+    }
+}
+
 /* Whether the state lies far behind a surface that is open. */
 static int is_behind(const dmoc_planner *p)
 {
@@ -272,6 +285,7 @@ static int planned(dmoc_planner *p, double time, const dmoc_limits *limits)
         return DMOC_NO_REST;
     if (p->phase != p->rest)
         change_program(p, p->phase);
+    put_within(p);
     if (is_behind(p))
         return DMOC_BEHIND;
     carried_keep(p->solver, p->state, p->state + n);

@@ -273,6 +273,20 @@ def test_constraints_and_ranges_of_the_final_time(order: int, tmp_path: Path) ->
     assert found[-1].end <= 1.4 + 1e-9
 
 
+def test_states_beyond_bounds_and_a_tolerance_of_the_end(tmp_path: Path) -> None:
+    """They are moved to the bounds; where the end may be missed, its place is a range."""
+    mass = unit_mass("planned_mass", cost=U**2 / 2)
+    problem = dmoc.Problem(
+        dmoc.build(mass, order=4), {"x": 0.0}, {"x": 1.0, "x_dot": 0.0}, steps=10, final_time=2.0,
+        bounds={"x": (-0.1, 2), "x_dot": (-0.5, 0.8)},
+    )  # fmt: skip
+    planner = dmoc.Planner(problem, tolerance=0.05)
+    steps = [Step(0.1, (-0.2, 0.1)), Step(0.5, (0.2, 0.9)), Step(1.0, (0.5, 0.5))]
+    found = planned(folder_of(planner, tmp_path / "within"), tmp_path / "within", steps)
+    are_those_of_python(planner, steps, found)
+    assert all(plan.new for plan in found)
+
+
 def test_what_is_refused(bounced: dmoc.Planner, tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match="a guess beside a Planner"):
         dmoc.generate_solver(bounced, tmp_path / "a", guess="random")
