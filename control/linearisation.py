@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.base.errors import SimulationError
+from dmoc.base.tolerances import TINY
 from dmoc.check.checked_motion import Motion
 from dmoc.check.segments import put
 from dmoc.codegen.kernels import Array
@@ -30,7 +31,7 @@ GAUSS = 0.5 - np.sqrt(3) / 6, 0.5 + np.sqrt(3) / 6
 # differentiable.
 GRAZES = 1e-6
 # Terms of the series of exponentials of matrices of a norm up to SHORT: an error of 1e-16.
-TERMS, SHORT, TINY, LARGEST = 13, 0.5, 1e-300, 1e9
+TERMS, SHORT, LARGEST = 13, 0.5, 1e9
 # Of a friction force: one that is further from what its contact bears has not given way, an input
 # has jumped.
 EDGE = 1e-2

@@ -143,7 +143,7 @@ def has_rest(nlp: Transcription, numbers: Numbers) -> bool:
     stated = {f"start.{name}" for name in problem.start} | {*(start.names if start else ())}
     possible = start is not None and stated <= taken & {*start.names}
     possible &= not any(n.startswith(("final_time", "durations.0")) for n in numbers.kept)
-    possible &= not (problem.explicit_time or problem.relations or nlp.kernels.has("objective"))
+    possible &= not (problem.explicit_time or problem.relations or problem.model.has_objective)
     return possible and not (lay.index_totals.size or lay.index_peaks.size)
 
 

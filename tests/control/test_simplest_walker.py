@@ -1,5 +1,5 @@
-"""The simplest walker of M. Garcia, A. Chatterjee, A. Ruina and M. Coleman (1998): feet without mass,
-by an integration of its own, and with feet of a hundred-thousandth of the mass."""
+"""The simplest walker of M. Garcia, A. Chatterjee, A. Ruina and M. Coleman (1998): feet without
+mass, by an integration of its own, and with feet of a hundred-thousandth of the mass."""
 
 from __future__ import annotations
 
