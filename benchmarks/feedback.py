@@ -172,7 +172,7 @@ def _plot(shares: dict[str, list[float]], path: Path) -> None:
         bars = axes.bar(at, [100 * share[k] for share in shares.values()], 0.24, label=name)
         axes.bar_label(bars, fmt="%.0f", fontsize=8)
     axes.set_xticks(range(len(shares)), list(shares))
-    axes.set(ylabel="models that arrive, %", ylim=(0, 115))
+    axes.set(ylabel="models that arrive, %", ylim=(0, 125))
     axes.legend(ncols=3, frameon=False, fontsize=8, loc="upper left")
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)

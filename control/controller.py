@@ -4,8 +4,9 @@ own inputs, and what pushes it."""
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -19,6 +20,8 @@ from dmoc.motion.trajectory import Collision, Trajectory
 # The motion of a phase goes on past its events for this share of its duration: so early
 # may contacts open and friction change.
 BEYOND = 0.2
+# So much earlier a contact may land: what trembles as it opens does not land yet.
+SOONER = 0.5
 
 
 @dataclass(eq=False)
@@ -89,7 +92,8 @@ class Controller(Pushed):
 
     steers: Steers
     phase: int = 0
-    hits: list[str] = field(default_factory=list)
+    hits: list[str] = field(default_factory=list)  # felt since the phase began
+    opened: set[str] = field(default_factory=set)  # surfaces that were open since then
     measured: deque[Measured] = field(default_factory=deque)
 
     def __post_init__(self) -> None:
@@ -105,27 +109,49 @@ class Controller(Pushed):
         return np.clip(u, self.steers.bounds[:, 0], self.steers.bounds[:, 1])
 
     def feel(self, k: int, collisions: Sequence[Collision], mode: Mode) -> None:
-        """Go on to the next phases where their events have happened."""
-        self.hits += [c.surface for c in collisions]
-        events = self.steers.events
-        while self.phase < len(events) and self._happened(events[self.phase], k, mode):
-            self.phase += 1
-
-    def _happened(self, c: Collision, k: int, mode: Mode) -> bool:
-        """Whether the event that is expected next has happened: hits and landings are felt, at any
-        time; contacts that open and friction that changes come from the inputs, so that they are
-        felt near their time, and taken as happened at it."""
+        """Go on to the next phases where their events have happened: of those that come from
+        inputs, one."""
         closed, rubbing = names_of(self.model.contacts, mode)
+        self.hits += [c.surface for c in collisions]
+        self.opened |= {*self.model.contacts.surfaces} - {*closed}
+        t, events = (k + 1) * self.h, self.steers.events
+        while self.phase < len(events):
+            event = events[self.phase]
+            if not self._happened(event, t, closed, rubbing):
+                return
+            self.phase += 1
+            self.opened = {*self.model.contacts.surfaces} - {*closed}
+            if event.surface not in self.hits:
+                self.hits.clear()
+                return
+            del self.hits[: self.hits.index(event.surface) + 1]
+
+    def _happened(
+        self, c: Collision, t: float, closed: Sequence[str], rubbing: Mapping[str, int]
+    ) -> bool:
+        """Whether the event that is expected next has happened: hits are felt at any time, landings
+        not before the half of the phase, and of what was open in it; contacts that open and
+        friction that changes come from the inputs, so that they are felt near their time, and taken
+        as happened at it."""
+        begin, end = self.steers.span(self.phase)
+        if c.lands:
+            late = t >= end - SOONER * (end - begin)
+            return late and {*c.lands} <= {*closed} and {*c.lands} <= self.opened
         if c.surface:
-            landed = bool(c.lands) and set(c.lands) <= set(closed)
-            if c.surface in self.hits:
-                del self.hits[: self.hits.index(c.surface) + 1]
-                return True
-            return landed
-        t, (begin, end) = (k + 1) * self.h, self.steers.span(self.phase)
+            return c.surface in self.hits
         if t < end - BEYOND * (end - begin) or t >= end:
             return t >= end
         changed = {name: s for name, s in c.friction.items() if name not in c.leaves}
         return not set(c.leaves) & set(closed) and all(
             rubbing.get(name) == s for name, s in changed.items()
         )
+
+
+def digest_of(motion: Trajectory) -> str:
+    """What tells a motion from others: its model, parameters, nodes and inputs."""
+    digest = sha256(motion.fingerprint.encode())
+    digest.update(repr(sorted(motion.parameters.items())).encode())
+    for phase in motion.phases:
+        for rows in (phase.t, phase.q, phase.v, phase.u):
+            digest.update(np.ascontiguousarray(rows).tobytes())
+    return digest.hexdigest()

@@ -20,7 +20,7 @@ from dmoc.base.table import Cell, Shown, Table
 from dmoc.check.checked_motion import Motion
 from dmoc.check.segments import put
 from dmoc.codegen.kernels import Array
-from dmoc.control.controller import BEYOND, Measured
+from dmoc.control.controller import BEYOND, Measured, digest_of
 from dmoc.control.linearisation import (
     PARTS,
     Stage,
@@ -85,8 +85,8 @@ class Feedback(Shown):
     P : array of shape (2 nq, 2 nq)
         At the start: a deviation dy costs dy^T P dy; of a periodic motion over all periods, but
         over one alone what the inputs do not reach and what does not die away.
-    fingerprint : str
-        Digest of the model.
+    motion : str
+        Digest of the motion.
     """
 
     states: tuple[str, ...]
@@ -97,7 +97,7 @@ class Feedback(Shown):
     Q: Array
     R: Array
     P: Array
-    fingerprint: str
+    motion: str
 
     def __repr__(self) -> str:
         return f"<Feedback of {len(self.phases)} phases, {self.phases[-1].end:.6g} s>"
@@ -120,8 +120,7 @@ class Feedback(Shown):
 
     def fits(self, motion: Trajectory) -> bool:
         """Whether it is one of a motion."""
-        ends = [float(phase.t[-1]) for phase in motion.phases if phase.steps]
-        return self.fingerprint == motion.fingerprint and [g.end for g in self.phases] == ends
+        return self.motion == digest_of(motion)
 
     def span(self, phase: int) -> tuple[float, float]:
         """When a phase is planned to begin and to end."""
@@ -242,7 +241,8 @@ def feedback_along(
     events = tuple(trajectory.collisions[: len(guides) - 1])
     bounds = np.array(trajectory.input_bounds)
     P0 = P_along[0][0] / unit / unit[:, None]
-    return Feedback(states, inputs, guides, events, bounds, q, r, P0, trajectory.fingerprint)
+    digest = digest_of(trajectory)
+    return Feedback(states, inputs, guides, events, bounds, q, r, P0, digest)
 
 
 def _again(

@@ -48,8 +48,11 @@ static int set_state(dmoc_solver *s, const dmoc_state *state, int phase)
         const int k = state->number[i];
         q[i] = k < 0 ? state->value[i] : s->numbers[k];
         moved |= changed(s, k);
-        number = i >= p->nq && changed(s, k) ? k : number;
+        if (changed(s, k) && (i >= p->nq || number < 0))
+            number = k;
     }
+    for (int i = 2*p->nq; number < 0 && i--;)
+        number = state->number[i];
     const ptrdiff_t first = carried_first_parameter(s);
     for (int i = 0; i < p->parameters; ++i)
         moved |= s->pool[first + i] != s->c->pool[first + i];

@@ -166,7 +166,7 @@ const char *dmoc_solver_sentence(int status)
         "there is not enough memory",
         "a number does not fit the problem: nothing was solved",
         "the motion penetrates a surface or leaves what holds it: move its start or goal",
-        "the first event is over, or nothing is left on these phases alone: export the rest of it",
+        "the first event is over, nothing is left on these phases alone, or the last end is no motion",
     };
     const int known = status >= 0 && status < (int)(sizeof sentences/sizeof *sentences);
     return known ? sentences[status] : "";

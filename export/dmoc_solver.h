@@ -82,8 +82,9 @@ void dmoc_solver_from(dmoc_solver *s, const double *unknowns);
  * the first phase, and what is fixed or bounded of its final time, and of the duration of that
  * phase, is shorter by so much. Unknowns and multipliers are interpolated for the next solve. A
  * start that was measured may be set afterwards. DMOC_SOLVED, or DMOC_NO_REST where the first event
- * is over at that time or the problem has no such rest: the start has to be fixed, and nothing may
- * depend on the time, on integrals, on peaks or on both ends. */
+ * is over at that time, the last end violates constraints by more than 1e-4 of their sizes, or the
+ * problem has no such rest: the start has to be fixed, and nothing may depend on the time, on
+ * integrals, on peaks or on both ends. */
 int dmoc_solver_shift(dmoc_solver *s, double elapsed);
 
 /* The limits that the package has by default. */

@@ -1,6 +1,9 @@
 /* Where a solve starts, solves from several starts, the rest of a motion. */
 #include "dmoc_inside.h"
 
+/* The largest violation of what is a motion at all, relative to sizes. */
+static const double MOTION = 1e-4;
+
 void dmoc_solver_from_answer(dmoc_solver *s)
 {
     carried_copy(s->x, s->c->x, s->program.n);
@@ -181,7 +184,7 @@ int dmoc_solver_shift(dmoc_solver *s, double elapsed)
     const int n = c->places.nq;
     const double end = s->times[c->steps[0]], gone = elapsed/end;
     double *q = (double *)s->memory, *v = q + n;
-    if (!rest->possible || !(elapsed >= 0 && elapsed < end))
+    if (!rest->possible || !(elapsed >= 0 && elapsed < end) || !(s->end.violation <= MOTION))
         return DMOC_NO_REST;
     if (gone == 0)
         return DMOC_SOLVED;

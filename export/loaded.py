@@ -307,7 +307,8 @@ class LoadedSolver:
         message = self._sentence(status)
         if status == REFUSES:
             expected = (ends.expected[k] or b"").decode()
-            message = f"{self._names[wrong]} = {values[wrong]:.9g}: expected {expected}."
+            named = f"{self._names[wrong]} = {values[wrong]:.9g}: " if wrong >= 0 else ""
+            message = f"{named}expected {expected}."
         cost, optimality, violation = row[:HEAD].tolist()
         (t, *tables), (y, z) = self._parts(row[HEAD:])
         return LoadedEnd(

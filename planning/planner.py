@@ -14,12 +14,12 @@ from dmoc.base.arguments import choice, number, positive, shown, whole
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
-from dmoc.control.controller import Measured
+from dmoc.control.controller import Measured, digest_of
 from dmoc.guess.transfer import Piece, pieces_of, unknowns_along
 from dmoc.motion.states import State, state_at
 from dmoc.motion.trajectory import Collision, Trajectory
 from dmoc.planning.measured import arrival, held, is_over, read_state
-from dmoc.planning.rest import planned, rest_of
+from dmoc.planning.rest import check_recedes, planned, rest_of
 from dmoc.problem.problem import Problem
 from dmoc.program.bounds import SHORTEST_PHASE
 from dmoc.program.extraction import trajectory
@@ -74,6 +74,8 @@ class Plan:
     seconds : float
         How long planning took.
     iterations : int
+    new : bool
+        Whether it is a motion from the state that was measured, not the last plan going on.
     """
 
     time: float
@@ -85,11 +87,7 @@ class Plan:
     cost: float
     seconds: float
     iterations: int
-
-    @property
-    def new(self) -> bool:
-        """Whether it is a motion from the state that was measured, not the last plan going on."""
-        return self.origin == self.time
+    new: bool
 
     @property
     def final_time(self) -> float:
@@ -144,6 +142,12 @@ class Planner:
         Share of their sizes by which states that are fixed at the end may be missed: what inputs do
         not reach, as the momentum of a flight, would leave no plan from a state that is off.
 
+    Attributes
+    ----------
+    plan : Plan
+        The last one; at first the solution.
+    solution : Solution
+
     Raises
     ------
     ProblemError
@@ -185,28 +189,32 @@ class Planner:
         self.shrinks = choice(horizon, "horizon", HORIZONS) == HORIZONS[0]
         self.iterations = whole(iterations, "iterations", 1, 10**6)
         self.every = positive(every, "every", "expected a positive number of seconds")
+        missed = number(tolerance, "tolerance")
+        if not 0 <= missed < 1:
+            raise ProblemError(f"tolerance = {missed:g}: expected a share from 0 to 1.")
+        if not self.shrinks:
+            check_recedes(problem)
         solution = solve(problem) if solution is None else solution
         if not solution.converged:
             raise ProblemError(
                 f"the problem has no solution to begin with ({solution.message}): a Planner keeps "
                 "to its sequence and its mesh, so give a solution."
             )
-        missed = number(tolerance, "tolerance")
-        if not 0 <= missed < 1:
-            raise ProblemError(f"tolerance = {missed:g}: expected a share from 0 to 1.")
         self.problem, motion = planned(problem, solution, missed), solution.trajectory
-        self.scales, duals = dict[int, Scale](), None
+        self.solution, duals = solution, None
+        self._scales = dict[int, Scale]()
         if not problem.relations:  # else its rest has other constraints
             nlp, duals = at_solution(self.problem, solution)
-            self.scales[0] = nlp.scale
+            self._scales[0] = nlp.scale
         self._first = _Last(0, motion, 0.0, 0.0, duals)
         self._planned = Plan(
-            0.0, 0, solution.status, solution.message, motion, 0.0, solution.cost, 0.0, 0
+            0.0, 0, solution.status, solution.message, motion, 0.0, solution.cost, 0.0, 0, True
         )
         self._start()
 
     def _start(self) -> None:
         """Go to the beginning of the motion."""
+        self.scales = dict(self._scales)
         self._last, self.plan, self._measured, self._due = self._first, self._planned, 0.0, 0.0
 
     def replan(
@@ -265,7 +273,7 @@ class Planner:
             motion, cost, count = self.plan.trajectory, self.plan.cost, 0
         taken = clock.perf_counter() - begin
         origin = now if good else self.plan.origin
-        self.plan = Plan(now, reached, status, message, motion, origin, cost, taken, count)
+        self.plan = Plan(now, reached, status, message, motion, origin, cost, taken, count, good)
         return self.plan
 
     def rests(self) -> Iterator[tuple[float, Transcription, Array, Outcome]]:
@@ -300,7 +308,7 @@ class Planner:
 
     def fits(self, motion: Trajectory) -> bool:
         """Whether it begins with a motion."""
-        return motion is self._planned.trajectory
+        return digest_of(motion) == digest_of(self._planned.trajectory)
 
     def span(self, phase: int) -> tuple[float, float]:
         """When the plan has a phase begin and end."""

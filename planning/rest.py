@@ -72,6 +72,16 @@ def _check(problem: Problem) -> None:
             )
 
 
+def check_recedes(problem: Problem) -> None:
+    """Refuse a horizon that recedes where phases are too short for it once others are over."""
+    longest, least = problem.duration_bounds[1:, 1].sum(), problem.final_time_bounds[0]
+    if problem.phases > 1 and longest < least:
+        raise ProblemError(
+            f"horizon = 'recedes': the phases after the first last {longest:.4g} s at most, and "
+            f"the final time is {least:.4g} s at least; take 'shrinks', or open durations."
+        )
+
+
 def rest_of(
     problem: Problem, phase: int, state: State, elapsed: float, begun: float, shrinks: bool
 ) -> Problem:
@@ -80,7 +90,7 @@ def rest_of(
     if not problem.phase_steps[phase]:
         raise ProblemError("the motion is over: its last event has happened.")
     spent = np.zeros(problem.phases - phase)
-    spent[0] = elapsed - begun
+    spent[0] = elapsed - begun if shrinks else 0.0
     durations = [
         _left((low, high), float(over), "a phase")
         for (low, high), over in zip(problem.duration_bounds[phase:], spent, strict=True)

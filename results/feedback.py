@@ -96,7 +96,7 @@ def check_feedback(feedback: Any, motion: Trajectory) -> None:
     if not feedback.fits(motion):
         raise SimulationError(
             "the feedback is that of another motion: make one of this solution, with "
-            "dmoc.feedback(solution)."
+            "dmoc.feedback(solution) or dmoc.Planner(problem, solution)."
         )
 
 

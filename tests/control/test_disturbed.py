@@ -3,7 +3,8 @@ that come early, late, or not at all."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import contact_problems
@@ -11,10 +12,13 @@ import numpy as np
 import pytest
 from pytest import approx
 from scipy.integrate import solve_ivp
-from systems import bouncer_problem, double_integrator, landing_problem
+from systems import bouncer_problem, double_integrator, landing_problem, landing_system, puck_system
 
 import dmoc
 from dmoc.base.errors import SimulationError
+from dmoc.control.controller import Controller
+from dmoc.control.disturbance import read_disturbance
+from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.models.registry import find
 
 
@@ -130,9 +134,52 @@ def test_a_hit_that_comes_early_does_not_make_the_reference_jump(
     u = after.u[(after.t[:-1] > hit + 1e-3) & (after.t[:-1] < planned), 0]
     plan = solution.phases[1].u
     assert np.abs(u).max() < 3 * np.abs(plan).max()
-    swapped = replace(hold, phases=(hold.phases[0], hold.phases[0]))
+
+
+def test_a_feedback_of_another_motion_of_the_same_duration_is_refused() -> None:
+    """Also one that is exported; a copy from a file is the same motion."""
+    problem = dmoc.Problem(
+        puck_system(), {"x": 0.3, "y": 0.2, "x_dot": 1.0}, {"x": 0.5, "y": 0.4}, steps=10,
+        final_time=1.0,
+    )  # fmt: skip
+    first, second = (
+        dmoc.solve(problem.but(goal={"x": x, "y": 0.4}), "ipm", starts=1) for x in (0.5, 0.6)
+    )
+    hold = dmoc.feedback(first)
+    assert hold.fits(first.trajectory) and not hold.fits(second.trajectory)
     with pytest.raises(SimulationError, match="that of another motion"):
-        dmoc.simulate(solution, feedback=swapped)
+        dmoc.simulate(second, feedback=hold)
+
+
+@dataclass
+class Expects:
+    """Two events a second apart: a foot leaves, and lands."""
+
+    events: tuple[Any, ...]
+
+    def span(self, phase: int) -> tuple[float, float]:
+        return float(phase), phase + 1.0
+
+
+def test_a_foot_that_leaves_late_and_trembles_has_not_landed() -> None:
+    """It leaves 50 ms late, and touches once more at once: the flight goes on until it lands."""
+    model = dmoc.Problem(landing_system(), {"x": 0, "y": 0}).model
+    foot = model.contacts.surfaces[0]
+    nothing, disturbed = np.zeros(2), read_disturbance(None, ("x",), 3.0)
+    events = [
+        SimpleNamespace(surface="", lands=(), leaves=(foot,), friction={}),
+        SimpleNamespace(surface=foot, lands=(foot,), leaves=(), friction={}),
+    ]
+    control = Controller(model, 0.01, disturbed, nothing, Expects(tuple(events)))  # type: ignore[arg-type]
+    closed, touch = Mode((0,)), [SimpleNamespace(surface=foot)]
+    phases = []
+    for k in range(200):
+        t = (k + 1) * 0.01
+        down = t < 1.05 or 1.10 <= t < 1.12 or t >= 1.9
+        felt = touch if down and (abs(t - 1.10) < 1e-6 or abs(t - 1.9) < 1e-6) else []
+        control.feel(k, felt, closed if down else FREE)  # type: ignore[arg-type]
+        phases.append(control.phase)
+    assert phases.index(1) == 99 and phases.index(2) == 189
 
 
 def test_landing_and_friction_are_felt() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -101,6 +102,9 @@ def test_a_horizon_that_recedes_is_as_long_as_at_the_beginning(bounced: Given) -
     plan = planner.replan(0.3, {"x": 0.2, "x_dot": 0.1})
     assert plan.cost == pytest.approx(least(0.2, 0.1, 1.5, 2.0), rel=2e-5)
     assert plan.final_time == pytest.approx(2.3)
+    fixed = bounced[0].but(durations=[(1.1, 1.1), (0.9, 0.9)])
+    with pytest.raises(ProblemError, match=r"the phases after the first last 0\.9 s at most"):
+        dmoc.Planner(fixed, horizon="recedes")
 
 
 def test_a_phase_that_has_a_duration_keeps_it(wall: dmoc.MechanicalSystem) -> None:
@@ -129,8 +133,9 @@ def test_where_there_is_no_motion_the_last_plan_goes_on(bounced: Given) -> None:
 
 def test_a_state_far_behind_a_surface_is_told(bounced: Given) -> None:
     planner = dmoc.Planner(*bounced)
-    plan = planner.replan(0.5, {"x": 1.4, "x_dot": 0.0})
-    assert not plan.new and "0.4 behind surface 'wall'" in plan.message
+    for time in (0.0, 0.5):
+        plan = planner.replan(time, {"x": 1.4, "x_dot": 0.0})
+        assert not plan.new and "0.4 behind surface 'wall'" in plan.message
 
 
 def test_a_state_just_behind_a_surface_is_moved_before_it(bounced: Given) -> None:
@@ -208,10 +213,15 @@ def test_what_no_input_reaches_may_be_missed_by_a_tolerance() -> None:
         dmoc.Planner(problem, solution, tolerance=2)
 
 
-def test_a_simulation_that_plans_arrives_where_the_inputs_alone_do_not(bounced: Given) -> None:
+def test_a_simulation_that_plans_arrives_where_the_inputs_alone_do_not(
+    bounced: Given, tmp_path: Path
+) -> None:
     """A wall that takes a fifth of the speed, measured with noise: 0.3 m off without plans."""
     problem, solution = bounced
-    planner = dmoc.Planner(problem, solution, every=0.02)
+    planner = dmoc.Planner(
+        problem, dmoc.Solution.load(solution.save(tmp_path / "s.npz")), every=0.02
+    )
+    assert planner.solution is not solution  # a copy is the same motion
     disturb = {"noise": {"x": 1e-4, "x_dot": 1e-3}, "sampling": 0.005, "delay": 0.005}
     ends = {
         name: dmoc.simulate(solution, feedback=f, disturb=disturb, restitution=0.8)
