@@ -5,7 +5,6 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,10 @@ from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
 from dmoc.control.controller import Measured, digest_of
-from dmoc.guess.transfer import Piece, pieces_of, unknowns_along
-from dmoc.motion.states import State, state_at
+from dmoc.guess.transfer import pieces_of, unknowns_along
 from dmoc.motion.trajectory import Collision, Trajectory
 from dmoc.planning.measured import arrival, held, is_over, read_state
+from dmoc.planning.plan import Last, Plan, after, from_state, left_of, next_of
 from dmoc.planning.rest import check_recedes, planned, rest_of
 from dmoc.problem.problem import Problem
 from dmoc.program.bounds import SHORTEST_PHASE
@@ -49,74 +48,6 @@ LAST = 3
 NEARLY = 2 * SHORTEST_PHASE
 # A late event is taken to come as the state moves, or after this share of what is left.
 LATE = 0.5
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """What is to be done from a time on.
-
-    Attributes
-    ----------
-    time : float
-        When it was made, in seconds from the beginning of the motion.
-    phase : int
-        Number of the phase that it begins in, of those of the whole motion.
-    status : Status
-        What became of the solve: ``solved``; ``time_limit`` and ``iteration_limit``, whose best
-        motion is taken where it is feasible; or why there is none.
-    message : str
-    trajectory : Trajectory
-        The rest of the motion, whose times begin at ``origin``.
-    origin : float
-        When the plan that is followed was made: ``time``, or before it where this is the last one.
-    cost : float
-        Of the rest of the motion.
-    seconds : float
-        How long planning took.
-    iterations : int
-    new : bool
-        Whether it is a motion from the state that was measured, not the last plan going on.
-    """
-
-    time: float
-    phase: int
-    status: Status
-    message: str
-    trajectory: Trajectory
-    origin: float
-    cost: float
-    seconds: float
-    iterations: int
-    new: bool
-
-    @property
-    def final_time(self) -> float:
-        """When the motion ends, in seconds from its beginning."""
-        return self.origin + self.trajectory.final_time
-
-    def at(self, time: float) -> State:
-        """State and inputs at a time from the beginning of the motion; at the ends, those there."""
-        motion = self.trajectory
-        return state_at(motion, float(np.clip(time - self.origin, 0.0, motion.final_time)))
-
-    def input(self, time: float) -> Array:
-        """The inputs at a time from the beginning of the motion, shape (nu,)."""
-        return np.asarray(self.at(time).u)
-
-    def __repr__(self) -> str:
-        goes_on = "" if self.new else f", that of {self.origin:.6g} s goes on"
-        return f"<Plan of phase {self.phase} at {self.time:.6g} s: {self.message}{goes_on}>"
-
-
-@dataclass
-class _Last:
-    """Where the next plan starts from: the motion of the last one and its multipliers."""
-
-    phase: int
-    motion: Trajectory
-    origin: float
-    begun: float  # when its first phase began
-    duals: Duals | None
 
 
 class Planner:
@@ -206,7 +137,7 @@ class Planner:
         if not problem.relations:  # else its rest has other constraints
             nlp, duals = at_solution(self.problem, solution)
             self._scales[0] = nlp.scale
-        self._first = _Last(0, motion, 0.0, 0.0, duals)
+        self._first = Last(0, motion, 0.0, 0.0, duals)
         self._planned = Plan(
             0.0, 0, solution.status, solution.message, motion, 0.0, solution.cost, 0.0, 0, True
         )
@@ -252,7 +183,7 @@ class Planner:
         reached = self._phase(phase, measured, now)
         before, self._measured = self._last, now
         if reached != before.phase:
-            before = _after(before, reached, now)
+            before = after(before, reached, now)
         ended: Outcome | None = None
         try:
             at = held(self.problem, self.problem.touch.modes[reached], measured)
@@ -266,7 +197,7 @@ class Planner:
         good = ended is not None and _is_plan(ended)
         if good and ended is not None:
             motion = trajectory(nlp, ended.x)
-            self._last = _Last(reached, motion, now, before.begun, ended.duals)
+            self._last = Last(reached, motion, now, before.begun, ended.duals)
             cost, count = nlp.cost(ended.x) * nlp.scale.cost, ended.iterations
         else:
             self._last = before
@@ -282,7 +213,7 @@ class Planner:
         for i, phase in enumerate(self._first.motion.phases):
             if phase.steps:
                 begin = float(phase.t[0])
-                before = _after(self._first, i, begin) if i else self._first
+                before = after(self._first, i, begin) if i else self._first
                 state = held(self.problem, self.problem.touch.modes[i], (phase.q[0], phase.v[0]))
                 rest = rest_of(self.problem, i, state, begin, begin, self.shrinks)
                 nlp, x = self._program(rest, i, before, state, begin)
@@ -343,24 +274,24 @@ class Planner:
             reached += 1
         return reached
 
-    def _check_far(self, before: _Last, state: tuple[Array, Array], now: float) -> None:
+    def _check_far(self, before: Last, state: tuple[Array, Array], now: float) -> None:
         """Refuse a state from which the next event comes sooner than a phase may last."""
-        event = _next(before)
+        event = next_of(before)
         arrives = arrival(self.problem, event, state)
-        if event is not None and arrives < NEARLY * _left_of(before, now):
+        if event is not None and arrives < NEARLY * left_of(before, now):
             raise ProblemError(
                 f"the next event ({event.word}) is {arrives:.2g} s away, less than a phase may "
                 "last."
             )
 
     def _program(
-        self, rest: Problem, phase: int, before: _Last, state: tuple[Array, Array], now: float
+        self, rest: Problem, phase: int, before: Last, state: tuple[Array, Array], now: float
     ) -> tuple[Transcription, Array]:
         """The program of the rest, and where it starts: along the last plan from now on."""
         pieces = pieces_of(before.motion)
-        left, time = _left_of(before, now), now - before.origin
-        late = min(arrival(self.problem, _next(before), state), LATE * left)
-        pieces[0] = _from(pieces[0], time, state, NEARLY * left, late)
+        left, time = left_of(before, now), now - before.origin
+        late = min(arrival(self.problem, next_of(before), state), LATE * left)
+        pieces[0] = from_state(pieces[0], time, state, NEARLY * left, late)
         impulses = [c.impulse for c in before.motion.collisions]
         x = unknowns_along(rest, pieces, impulses)
         if phase not in self.scales:
@@ -390,16 +321,6 @@ def _limit(seconds: float | None) -> float | None:
     return positive(seconds, "seconds", "expected a positive number")
 
 
-def _next(last: _Last) -> Collision | None:
-    """The next event of the last plan."""
-    return next(iter(last.motion.collisions), None)
-
-
-def _left_of(last: _Last, now: float) -> float:
-    """What is left of the motion."""
-    return max(last.motion.final_time - (now - last.origin), 0.0)
-
-
 def _is_plan(ended: Outcome) -> bool:
     """Whether a point can be followed."""
     if ended.status is Status.SOLVED:
@@ -410,36 +331,3 @@ def _is_plan(ended: Outcome) -> bool:
 def _told(ended: Outcome) -> str:
     detail = f" ({ended.detail})" if ended.detail else ""
     return ended.status.sentence + detail
-
-
-def _after(last: _Last, phase: int, now: float) -> _Last:
-    """The last plan from one of its later phases on, which has begun by now."""
-    over = phase - last.phase
-    motion = last.motion
-    rest = replace(motion, phases=motion.phases[over:], collisions=motion.collisions[over:])
-    return _Last(phase, rest, last.origin, now, None)
-
-
-def _from(
-    piece: Piece, begin: float, state: tuple[Array, Array], least: float, late: float
-) -> Piece:
-    """A piece from a time on, beginning with a state; one of which less than ``least`` is left goes
-    on as the state moves for as long as it is ``late``."""
-    q, v = state
-    if piece.t[0] > begin:  # its event came early
-        piece = _moved(piece, begin - piece.t[0])
-    kept = piece.t > begin + least
-    if kept.any():
-        t, q, v = (
-            np.concatenate([[a], b[kept]])
-            for a, b in ((begin, piece.t), (q, piece.q), (v, piece.v))
-        )
-        return replace(piece, t=t, q=q, v=v)
-    t = np.array([begin, begin + late])
-    return replace(piece, t=t, q=np.array([q, q + late * v]), v=np.array([v, v]))
-
-
-def _moved(piece: Piece, by: float) -> Piece:
-    """A piece at other times."""
-    forces = {kind: (t + by, rows) for kind, (t, rows) in piece.forces.items()}
-    return replace(piece, t=piece.t + by, t_u=piece.t_u + by, forces=forces)
