@@ -300,7 +300,7 @@ def test_what_a_solver_says(folder: Path) -> None:
         assert sentences[i] == SENTENCES[Status(status)]
     assert sentences[BAD_NUMBER].startswith("a number does not fit")
     assert sentences[OUTSIDE].startswith("the motion penetrates") and sentences[-1] == ""
-    assert sentences[NO_REST].startswith("the first event is over, or nothing is left")
+    assert sentences[NO_REST].startswith("the first event is over, nothing is left")
 
 
 def test_the_sources_are_those_of_the_package(folder: Path) -> None:
