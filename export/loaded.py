@@ -6,7 +6,7 @@ import ctypes
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from difflib import get_close_matches
 from functools import partial
 from queue import SimpleQueue
@@ -212,8 +212,9 @@ class LoadedSolver:
     def _run(self, pool: ThreadPoolExecutor, tasks: Sequence[Callable[[], None]]) -> None:
         """Do tasks in threads; Ctrl-C stops them after an iteration each."""
         self._stop.value = 0
-        running = [pool.submit(task) for task in tasks]
+        running: list[Future[None]] = []
         try:
+            running.extend(pool.submit(task) for task in tasks)
             for task in running:
                 task.result()
         except KeyboardInterrupt:

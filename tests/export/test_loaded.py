@@ -6,6 +6,7 @@ from __future__ import annotations
 import shutil
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -133,10 +134,17 @@ def test_a_batch_is_the_same_for_any_number_of_threads(block: LoadedSolver) -> N
 def test_an_interrupt_keeps_what_is_done(block: LoadedSolver) -> None:
     main = threading.main_thread().ident
     assert main is not None
-    timer = threading.Timer(0.2, signal.pthread_kill, (main, signal.SIGINT))
-    timer.start()
+
+    def interrupts() -> None:
+        while not any(t.name.startswith("ThreadPoolExecutor") for t in threading.enumerate()):
+            time.sleep(1e-3)
+        time.sleep(0.02)
+        signal.pthread_kill(main, signal.SIGINT)
+
+    other = threading.Thread(target=interrupts)
+    other.start()
     ends = block.solve_many([{"final_time": 1 + k / 20_000} for k in range(20_000)], threads=2)
-    timer.join()
+    other.join()
     counts = {status: sum(e.status == status for e in ends) for status in ("solved", "not_tried")}
     assert ends[0].status == "solved" and min(counts.values()) > 0
     assert sum(counts.values()) >= len(ends) - 2  # those that ran
