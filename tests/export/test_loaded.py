@@ -133,12 +133,13 @@ def test_a_batch_is_the_same_for_any_number_of_threads(block: LoadedSolver) -> N
 
 def test_an_interrupt_keeps_what_is_done(block: LoadedSolver) -> None:
     main = threading.main_thread().ident
+    before = {*threading.enumerate()}
     assert main is not None
 
     def interrupts() -> None:
-        while not any(t.name.startswith("ThreadPoolExecutor") for t in threading.enumerate()):
+        while not {*threading.enumerate()} - before - {other}:  # of the batch
             time.sleep(1e-3)
-        time.sleep(0.02)
+        time.sleep(0.1)
         signal.pthread_kill(main, signal.SIGINT)
 
     other = threading.Thread(target=interrupts)
