@@ -135,6 +135,7 @@ def test_an_interrupt_keeps_what_is_done(block: LoadedSolver) -> None:
     main = threading.main_thread().ident
     before = {*threading.enumerate()}
     assert main is not None
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in jobs of the background
 
     def interrupts() -> None:
         while not {*threading.enumerate()} - before - {other}:  # of the batch
