@@ -35,6 +35,29 @@ def interior_point(
     report: Callable[[int, float, float, float, bool], None],
     every: bool,
 ) -> dict[str, Any]: ...
+def interior_points(
+    program: Program,
+    layout: KKTLayout,
+    size: Array,
+    stretch: Array,
+    mu: Array,
+    x: Array,
+    y: Array,
+    z_lower: Array,
+    z_upper: Array,
+    status: Ints,
+    iterations: Ints,
+    turn: Ints,
+    stop: Ints,
+    *,
+    optimality: float,
+    demanded: float,
+    violation: float,
+    least_cost: float,
+    infeasible: float,
+    most: int,
+    seconds: float,
+) -> None: ...
 def interior_memory(program: Any, layout: Any) -> int: ...
 def kkt_pattern(
     place: Ints,

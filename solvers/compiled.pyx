@@ -59,8 +59,24 @@ cdef extern from "interior_point.h" nogil:
                                    const dmoc_options *options, const double *size,
                                    const double *stretch, double *x, double *y, double *z_lower,
                                    double *z_upper)
+    ctypedef struct dmoc_starts:
+        int count
+        const double *size
+        const double *mu
+        double *x
+        double *y
+        double *z_lower
+        double *z_upper
+        int *status
+        int *iterations
+        int *turn
+        const int *stop
+    int dmoc_interior_starts(const dmoc_program *program, const dmoc_kkt *kkt,
+                             const dmoc_options *options, const double *stretch,
+                             const dmoc_starts *starts)
 
 
+LACKING = "the interior-point method has not enough memory"
 # Seconds of processor time between two looks at signals where nobody listens to every iteration:
 # taking the lock of the interpreter that often would make solves in several threads wait for each
 # other.
@@ -162,8 +178,55 @@ def interior_point(
     if listener.raised is not None:
         raise listener.raised
     if result.status == DMOC_NO_MEMORY:
-        raise MemoryError("the interior-point method has not enough memory")
+        raise MemoryError(LACKING)
     return result
+
+
+cdef double *_rows(double[:, ::1] array, ptrdiff_t count, ptrdiff_t size, str name) except NULL:
+    if array.shape[0] != count or array.shape[1] != size:
+        raise ValueError(f"{name}: expected {count} rows of {size} numbers")
+    return &array[0, 0] if count and size else &_NONE
+
+
+cdef double _NONE = 0.0
+
+
+def interior_points(
+    program, layout, double[:, ::1] size, double[::1] stretch, double[::1] mu,
+    double[:, ::1] x, double[:, ::1] y, double[:, ::1] z_lower, double[:, ::1] z_upper,
+    int[::1] status, int[::1] iterations, int[::1] turn, int[::1] stop, *, double optimality,
+    double demanded, double violation, double least_cost, double infeasible, int most,
+    double seconds,
+):
+    """Minimise from rows of x, in place, without multipliers, in as many threads as call it with
+    programs of their own and the same arrays; nothing of Python is between two of them.
+
+    ``turn`` counts the rows that have been taken; what is stored in ``stop`` ends all.  ``status``
+    and ``iterations`` stay as they were where there was no time.
+    """
+    cdef dmoc_program *c = <dmoc_program *>PyCapsule_GetPointer(program.capsule(), "dmoc_program")
+    cdef dmoc_kkt kkt = _layout(c, layout)
+    cdef ptrdiff_t count = x.shape[0]
+    cdef dmoc_options options
+    cdef dmoc_starts starts
+    cdef double *stretches = _numbers(stretch, c.n, "stretch", &_NONE)
+    cdef bint enough
+    starts.count = count
+    starts.size, starts.mu = _rows(size, count, c.n, "size"), _numbers(mu, count, "mu", &_NONE)
+    starts.x, starts.y = _rows(x, count, c.n, "x"), _rows(y, count, c.m, "y")
+    starts.z_lower = _rows(z_lower, count, c.n, "z_lower")
+    starts.z_upper = _rows(z_upper, count, c.n, "z_upper")
+    starts.status = <int *>_indices(status, count, "status")
+    starts.iterations = <int *>_indices(iterations, count, "iterations")
+    starts.turn, starts.stop = <int *>_indices(turn, 1, "turn"), _indices(stop, 1, "stop")
+    options.optimality, options.demanded, options.violation = optimality, demanded, violation
+    options.least_cost, options.infeasible, options.iterations = least_cost, infeasible, most
+    options.warm, options.least_violation, options.price = False, False, NULL
+    options.seconds = seconds
+    with nogil:
+        enough = dmoc_interior_starts(c, &kkt, &options, stretches, &starts)
+    if not enough:
+        raise MemoryError(LACKING)
 
 
 def interior_memory(program, layout):

@@ -90,4 +90,21 @@ dmoc_result dmoc_interior_heap(const dmoc_program *program, const dmoc_kkt *kkt,
                                const double *stretch, double *x, double *y, double *z_lower,
                                double *z_upper);
 
+/* Starts of one program, which threads take one after the other, each with a program that works in
+ * memory of its own: arrays have a row for each start. */
+typedef struct {
+    int count;
+    const double *size, *mu;           /* rows of n, and one number each */
+    double *x, *y, *z_lower, *z_upper; /* rows of n, y of m */
+    int *status, *iterations;          /* as they were where there was no time */
+    int *turn;                         /* the start that is next, in whatever thread */
+    const int *stop;                   /* not 0 ends all */
+} dmoc_starts;
+
+/* Minimise from the starts whose turn comes here, within the seconds of the options, by the clock
+ * of the system; reports are not heard. Returns 0 if there is not enough memory. */
+int dmoc_interior_starts(const dmoc_program *program, const dmoc_kkt *kkt,
+                         const dmoc_options *options, const double *stretch,
+                         const dmoc_starts *starts);
+
 #endif

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.compiled import interior_point
+from dmoc.solvers.compiled import interior_point, interior_points
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.kkt import LEAST_COST
 from dmoc.solvers.kkt_layout import KKTLayout, kkt_layout
@@ -42,6 +43,40 @@ def solve_ipm(
     """Minimise from x, with compiled kernels; with ``duals`` x is a neighbouring solution.  The
     first barrier parameter is at least ``least``."""
     return _run(nlp, x, options, duals, least=least)
+
+
+def solve_starts(
+    programs: Sequence[Transcription], points: Sequence[Array], options: Options
+) -> list[Ending]:
+    """Minimise from scaled points, in as many threads as there are programs, which are equal: the
+    endings in their order, as many as there is time for, whatever the number of threads."""
+    nlp, count = programs[0], len(points)
+    x = np.clip(np.reshape(points, (count, nlp.n)), nlp.lower, nlp.upper)
+    y, z_lower, z_upper = np.zeros((count, nlp.n_eq + nlp.n_in)), np.zeros_like(x), np.zeros_like(x)
+    status, iterations = np.full(count, -1, np.intc), np.zeros(count, np.intc)
+    turn, stop = np.zeros(1, np.intc), np.zeros(1, np.intc)
+    size = np.reshape([sizes(nlp, at) for at in x], x.shape)
+    mu = np.array([_first_barrier(nlp, at, COLD, LEAST) for at in x])
+    arrays = (size, _stretches(nlp), mu, x, y, z_lower, z_upper, status, iterations, turn, stop)
+
+    def each(own: Transcription) -> None:
+        interior_points(
+            own.program, _prepared(own), *arrays, **_demands(options), most=options.iterations,
+            seconds=options.deadline.left,
+        )  # fmt: skip
+
+    with ThreadPoolExecutor(len(programs)) as pool:
+        try:
+            list(pool.map(each, programs))
+        finally:
+            stop[0] = 1
+    return [
+        Ending(STATUSES[s], "", at, Duals.of_rows(nlp.n_eq, rows, low - high), int(used))
+        for s, at, rows, low, high, used in zip(
+            status, x, y, z_lower, z_upper, iterations, strict=True
+        )
+        if s >= 0
+    ]
 
 
 def least_violation(nlp: Transcription, x: Array, options: Options, price: Array) -> Ending:
@@ -134,18 +169,29 @@ def _minimise(
         z_upper,
         price=price,
         least_violation=price is not None,
-        optimality=min(options.optimality, BARRIER_END),
-        demanded=max(options.optimality, BARRIER_END),
-        violation=options.violation,
-        least_cost=LEAST_COST,
-        infeasible=INFEASIBLE,
-        mu=max((WARM if warm else COLD) * abs(nlp.cost(x)), least),
+        **_demands(options),
+        mu=_first_barrier(nlp, x, WARM if warm else COLD, least),
         warm=warm,
         iterations=options.iterations,
         seconds=options.deadline.left,
         report=report,
         every=options.progress is not None,
     )
+
+
+def _demands(options: Options) -> dict[str, Any]:
+    """What the method asks of an end."""
+    return {
+        "optimality": min(options.optimality, BARRIER_END),
+        "demanded": max(options.optimality, BARRIER_END),
+        "violation": options.violation,
+        "least_cost": LEAST_COST,
+        "infeasible": INFEASIBLE,
+    }
+
+
+def _first_barrier(nlp: Transcription, x: Array, share: float, least: float) -> float:
+    return max(share * abs(nlp.cost(x)), least)
 
 
 def sizes(nlp: Transcription, x: Array) -> Array:

@@ -229,10 +229,13 @@ class LocalSolver:
         return (again if kept or again.status is Status.INTERRUPTED else best).counting(count)
 
     def minimised(self, nlp: Transcription, x: Array, options: Options) -> Attempt:
-        """Solve from one start; an estimated minimal time that limits the solution is dropped,
+        """Solve from one start, and settle what has come of it."""
+        return self.settled(nlp, self.minimise(nlp, x, options), options)
+
+    def settled(self, nlp: Transcription, outcome: Outcome, options: Options) -> Attempt:
+        """Go on from an outcome: an estimated minimal time that limits the solution is dropped,
         because the dynamics decide and not the estimate, and collisions without effect become
         touches."""
-        outcome = self.minimise(nlp, x, options)
 
         def continued(nlp: Transcription, before: Outcome) -> Outcome:
             """Solve another program of the same unknowns from where one has ended."""

@@ -1,5 +1,5 @@
-"""Many starts of one problem by the compiled method, in threads: it runs without the interpreter's
-lock, and each thread has a program of its own."""
+"""Many starts of one problem by the compiled method, in threads that have a program each and take
+one start after the other, without the interpreter."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ import sys
 import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from itertools import chain, takewhile, zip_longest
+from itertools import zip_longest
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.solvers.outcome import Options, Status
+from dmoc.solvers.ipm import solve_starts
+from dmoc.solvers.judge import judged
+from dmoc.solvers.outcome import Ending, Options, Status
 from dmoc.solving.attempts import Attempt, LocalSolver
 from dmoc.solving.programs import Programs
 
@@ -36,34 +38,36 @@ def attempts_from(
     """Attempts from some points in units of the problem, in their order, as many as there is time
     for.  Each of ``programs``, equal ones, is solved in a thread of its own; an interrupted solve
     raises KeyboardInterrupt."""
-    stopped, count = threading.Event(), min(len(programs), len(points))
-    if count <= 1:
-        return _solved(programs[0], points, options, stopped)
+    programs = programs[: max(len(points), 1)]
+    count, stopped = len(programs), threading.Event()
+    nlps = [own.program() for own in programs]
+    endings = solve_starts(nlps, [nlps[0].scaled(x) for x in points], options)
 
-    def every(k: int) -> list[Attempt]:
+    def settled(k: int) -> list[Attempt]:
         with np.errstate(all="ignore"):
-            return _solved(programs[k], points[k::count], options, stopped)
+            return _settled(programs[k], endings[k::count], options, stopped)
 
     with ThreadPoolExecutor(count) as pool:
         try:
-            rows = zip_longest(*pool.map(every, range(count)))
+            rows = zip_longest(*pool.map(settled, range(count)))
         finally:
             stopped.set()
-    return list(takewhile(lambda a: a is not None, chain.from_iterable(rows)))
+    return [attempt for row in rows for attempt in row if attempt is not None]
 
 
-def _solved(
+def _settled(
     programs: Programs,
-    points: Sequence[Array],
+    endings: Sequence[Ending],
     options: Options,
     stopped: threading.Event,
 ) -> list[Attempt]:
-    """Attempts one after the other, until the deadline or an event."""
+    """What becomes of endings, one after the other, until an event; where the time is over, what
+    they would go on with ends at once."""
     nlp, solver, attempts = programs.program(), LocalSolver.compiled(programs), list[Attempt]()
-    for x in points:
-        if options.deadline.passed or stopped.is_set():
+    for ending in endings:
+        if stopped.is_set():
             break
-        attempts.append(solver.minimised(nlp, nlp.scaled(x), options))
+        attempts.append(solver.settled(nlp, judged(nlp, ending, options), options))
         if attempts[-1].status is Status.INTERRUPTED:
             raise KeyboardInterrupt
     return attempts

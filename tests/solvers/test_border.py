@@ -10,7 +10,7 @@ import pytest
 
 import dmoc
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.compiled import Factorisation, interior_point, kkt_pattern
+from dmoc.solvers.compiled import Factorisation, interior_point, interior_points, kkt_pattern
 from dmoc.solvers.kkt_layout import kkt_layout
 
 ARRAYS = ("size", "stretch", "x", "y", "z_lower", "z_upper")
@@ -32,6 +32,24 @@ def test_a_wrong_size_is_refused_by_name(seed: dmoc.Problem, wrong: str) -> None
             nlp.program, layout, *arrays.values(), **given, optimality=1e-6, demanded=1e-6,
             violation=1e-6, least_cost=1.0, infeasible=1e-6, mu=1e-2, warm=False, iterations=1,
             seconds=1.0, report=lambda *_: None, every=True,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", ["size", "mu", "x", "y", "status", "turn", "stop"])
+def test_a_wrong_size_of_several_starts_is_refused_by_name(seed: dmoc.Problem, wrong: str) -> None:
+    nlp, counted = Transcription(seed.but(steps=4)), ("status", "iterations", "turn", "stop")
+    row, m = np.ones((2, nlp.n)), nlp.n_eq + nlp.n_in
+    arrays = dict.fromkeys(ARRAYS, row) | {
+        "stretch": row[0],
+        "mu": np.ones(2),
+        "y": np.ones((2, m)),
+    }
+    arrays |= {name: np.zeros(2 if name in counted[:2] else 1, np.intc) for name in counted}
+    arrays[wrong] = arrays[wrong][..., :0].copy()
+    with pytest.raises(ValueError, match=f"^{wrong}: expected"):
+        interior_points(
+            nlp.program, kkt_layout(nlp), **arrays, optimality=1e-6, demanded=1e-6, violation=1e-6,
+            least_cost=1.0, infeasible=1e-6, most=1, seconds=1.0,
         )  # fmt: skip
 
 

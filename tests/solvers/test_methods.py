@@ -17,6 +17,7 @@ from methods import SPARSE
 from systems import block_system, there_and_back
 
 import dmoc
+from dmoc.base.deadline import Deadline
 from dmoc.base.errors import MissingExtraError, ProblemError
 from dmoc.codegen.kernels import Kernels
 from dmoc.guess.automatic import initial_guesses
@@ -41,6 +42,24 @@ def puck_problem(puck: Kernels) -> dmoc.Problem:
 
 
 # Same answers -------------------------------------------------------------------------------------
+
+
+def test_starts_end_the_same_in_any_number_of_threads(seed: dmoc.Problem) -> None:
+    """As in solves of one each, of which some end at the limit of iterations; without time none is
+    tried."""
+    programs = [Transcription(seed.but(steps=12)) for _ in range(3)]
+    nlp, options, shifts = programs[0], Options(iterations=30), np.random.default_rng(1)
+    guess = nlp.scaled(initial_guesses(nlp.problem)[0].x)
+    points = [guess + shifts.normal(0, 0.3 * (k % 2), nlp.n) for k in range(7)]
+    alone = [ipm.solve_ipm(nlp, x, options) for x in points]
+    assert len({end.status for end in alone}) > 1
+    for threads in (1, 3):
+        ends = ipm.solve_starts(programs[:threads], points, options)
+        for end, one in zip(ends, alone, strict=True):
+            assert (end.status, end.iterations) == (one.status, one.iterations)
+            assert (end.x == one.x).all() and (end.duals.z == one.duals.z).all()
+            assert (end.duals.rows == one.duals.rows).all()
+    assert ipm.solve_starts(programs, points, Options(deadline=Deadline.after(0.0))) == []
 
 
 @pytest.mark.parametrize("method", SPARSE)
