@@ -187,7 +187,7 @@ static int set_rest(dmoc_planner *p, double time)
         const dmoc_number *number = &s->c->number[rest->time[i]];
         const int total = starts_with(number->name, "final_time");
         const double passed = total ? time - p->rests->rest[p->phase].begin : time - p->begun;
-        const double left = number->value - (total && p->rests->recedes ? 0 : passed);
+        const double left = number->value - (p->rests->recedes ? 0 : passed);
         const size_t length = strlen(number->name);
         const int low = length > 4 && !strcmp(number->name + length - 4, ".low");
         if (!low && left <= 0)
@@ -261,15 +261,21 @@ static void put_within(dmoc_planner *p)
     }
 }
 
-/* Whether the state lies far behind a surface that is open. */
+/* Whether the state lies far behind a surface that is open, beside how far the coordinates move. */
 static int is_behind(const dmoc_planner *p)
 {
     const dmoc_places *places = &p->solver->c->places;
-    const double *q = p->state, *v = q + places->nq;
+    const int n = places->nq;
+    double *along = p->from, gap, rate;
     for (int j = 0; j < places->nc; ++j) {
-        double gap, rate;
-        gap_of(p->solver, j, q, v, &gap, &rate);
-        if (places->held[j] == 1 && gap > BEYOND*places->gap[j])
+        double size = 0;
+        for (int i = 0; i < n; ++i) {
+            memset(along, 0, sizeof(double)*(size_t)n);
+            along[i] = places->reach[i];
+            gap_of(p->solver, j, p->state, along, &gap, &rate);
+            size += fabs(rate);
+        }
+        if (places->held[j] == 1 && gap > BEYOND*size)
             return 1;
     }
     return 0;

@@ -37,7 +37,8 @@ SIZES = ("n", "entries", "pivots", "chain", "blocks")
 @dataclass(frozen=True)
 class Carried:
     """What a solver is made of: the program with its analysis, the numbers it takes, the scaled
-    answer with its multipliers, and the scaled first motion."""
+    answer with its multipliers, the scaled first motion, and how far coordinates may move, in the
+    whole motion where this is a rest of one."""
 
     name: str
     nlp: Transcription
@@ -46,6 +47,7 @@ class Carried:
     x: Array
     duals: Duals
     first: Array
+    reach: Array
 
 
 def program_text(carried: Carried) -> tuple[list[str], int]:
@@ -71,7 +73,7 @@ def program_text(carried: Carried) -> tuple[list[str], int]:
         *(c.array("int", getattr(carried.layout, name)) for name in KKT),
     )  # fmt: skip
     number_rows, change_rows = _number_rows(nlp, numbers)
-    places = _places(c, nlp, entries)
+    places = _places(c, carried, entries)
     tables = [initial(f'"{b.name}"', int(b.numbers[0]), *shape_of(b), 0) for b in tables_of(nlp)]
     tables += [initial(f'"{t.name}"', t.first, t.rows, t.columns, 1) for t in derived_tables(nlp)]
     momenta = _pass(c, entries, "momenta", momenta_of(nlp))
@@ -196,8 +198,9 @@ def _state(c: Constants, state: State | None, taken: Sequence[Number]) -> str:
     return initial(1, *arrays)
 
 
-def _places(c: Constants, nlp: Transcription, entries: Mapping[str, str]) -> str:
+def _places(c: Constants, carried: Carried, entries: Mapping[str, str]) -> str:
     """What positions must keep."""
+    nlp = carried.nlp
     kernels, lay, scale, problem = nlp.kernels, nlp.layout, nlp.scale, nlp.problem
     model, q = problem.model, problem.start_position
     touching, joined = bool(kernels.surfaces), bool(kernels.joints)
@@ -207,7 +210,7 @@ def _places(c: Constants, nlp: Transcription, entries: Mapping[str, str]) -> str
     chosen = np.array([unknowns.get(name, NOWHERE) for name in kernels.parameters])
     tangent = np.abs(model.tangent_slopes(q))[:, :-1] @ scale.q if model.nt else ()
     joint = model.joint_sizes(q) if model.nj else ()
-    sizes = scale.gap, scale.rate, joint, scale.joint_rate, tangent, problem.reach
+    sizes = scale.gap, scale.rate, joint, scale.joint_rate, tangent, carried.reach
     held = np.array([_held(nlp, mode) for mode in lay.touch.modes])
     return initial(
         *called, lay.nq, model.nc, model.nj, model.nt, len(chosen), c.array("int", chosen),

@@ -34,7 +34,8 @@ def carried_rests(name: str, planner: Planner) -> tuple[list[Carried], list[floa
                 f"the rest of the motion from phase {i} on depends on its start or its times in "
                 "ways that a planner in C cannot follow: plan with dmoc.Planner."
             )
-        rests.append(Carried(own, nlp, layout, numbers, ended.x, ended.duals, x))
+        reach = planner.problem.reach
+        rests.append(Carried(own, nlp, layout, numbers, ended.x, ended.duals, x, reach))
         begins.append(begin)
     return rests, begins
 

@@ -228,7 +228,8 @@ def carried_by(name: str, problem: Problem, solution: Solution) -> tuple[Carried
     counts = _solved(nlp, first, None).iterations, _solved(nlp, outcome.x, outcome.duals).iterations
     x = np.clip(outcome.x, nlp.lower, nlp.upper)
     layout = kkt_layout(nlp)
-    return Carried(name, nlp, layout, numbers_of(nlp), x, outcome.duals, first), counts
+    numbers = numbers_of(nlp)
+    return Carried(name, nlp, layout, numbers, x, outcome.duals, first, problem.reach), counts
 
 
 def _solved(nlp: Transcription, x: Array, duals: Duals | None) -> Outcome:

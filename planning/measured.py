@@ -20,7 +20,7 @@ from dmoc.motion.trajectory import Collision
 from dmoc.problem.problem import Problem
 
 # Where a surface that is open is measured to be entered, a state is put so far in front of it, as a
-# share of the size of its gap: at it a motion could not move into it any more.
+# share of how far the coordinates move: at it a motion could not move into it any more.
 IN_FRONT = 1e-6
 # Shares of the reach of a coordinate that projections leave of zero, where sizes of gaps may
 # begin.
@@ -77,29 +77,30 @@ def held(problem: Problem, mode: Mode, state: State) -> State:
         np.clip(x, *box.T)
         for x, box in ((q, problem.coordinate_bounds), (v, problem.velocity_bounds))
     )
-    gaps, sizes = model.gaps(q), model.gap_sizes(q)
     seen = [j for j, name in enumerate(model.contacts.surfaces) if name not in problem.ignored]
-    entered = [j for j in seen if j not in mode.closed and gaps[j] > -IN_FRONT * sizes[j]]
-    _check_near(problem, q, entered, gaps)
-    on, aside = [*mode.closed, *entered], np.zeros(len(mode.closed) + len(entered))
-    aside[len(mode.closed) :] = IN_FRONT * sizes[entered]
+    on, aside = list(mode.closed), np.zeros(len(mode.closed))
 
     def conditions(q: Array) -> tuple[Array, Array]:
         miss = np.hstack([model.joints(q), model.gaps(q)[:, on] + aside])
         slopes = np.concatenate([model.joint_slopes(q), model.gap_slopes(q)[:, on]], axis=1)
         return miss, slopes[..., :-1] * problem.reach
 
-    if model.nj or on:
-        q = onto(conditions, q[None], problem.reach)[0]
-        q = np.where(np.abs(q) <= LEFT_OF_ZERO * problem.reach, 0.0, q)
-    return q, _along(problem, mode, q, v)
+    while True:
+        if model.nj or on:
+            q = onto(conditions, q[None], problem.reach)[0]
+            q = np.where(np.abs(q) <= LEFT_OF_ZERO * problem.reach, 0.0, q)
+        gaps, sizes = model.gaps(q), np.abs(model.gap_slopes(q)[:, :-1]) @ problem.reach
+        entered = [j for j in seen if j not in on and gaps[j] > -IN_FRONT * sizes[j]]
+        if not entered:
+            return q, _along(problem, mode, q, v)
+        _check_near(problem, entered, gaps, sizes)
+        on, aside = on + entered, np.append(aside, IN_FRONT * sizes[entered])
 
 
-def _check_near(problem: Problem, q: Array, entered: list[int], gaps: Array) -> None:
+def _check_near(problem: Problem, entered: list[int], gaps: Array, sizes: Array) -> None:
     """Refuse a state far behind an open surface."""
-    slopes = np.abs(problem.model.gap_slopes(q)[:, :-1]) @ problem.reach
     for j in entered:
-        if gaps[j] > BEYOND * slopes[j]:
+        if gaps[j] > BEYOND * sizes[j]:
             raise ProblemError(
                 f"the state lies {gaps[j]:.3g} behind surface {problem.kernels.surfaces[j]!r}: "
                 "nothing can be planned from there; check what is measured."

@@ -134,7 +134,7 @@ class Planner:
         self.problem, motion = planned(problem, solution, missed), solution.trajectory
         self.solution, duals = solution, None
         self._scales = dict[int, Scale]()
-        if not problem.relations:  # else its rest has other constraints
+        if not (problem.relations or missed):  # else its rest has other constraints or unknowns
             nlp, duals = at_solution(self.problem, solution)
             self._scales[0] = nlp.scale
         self._first = Last(0, motion, 0.0, 0.0, duals)

@@ -287,6 +287,40 @@ def test_states_beyond_bounds_and_a_tolerance_of_the_end(tmp_path: Path) -> None
     assert all(plan.new for plan in found)
 
 
+def test_durations_of_a_horizon_that_recedes(tmp_path: Path) -> None:
+    """They are those of the beginning: to the wall and back in at most 3 s, with at most 1.4 s on
+    the way there, as long as the first phase goes on."""
+    wall = unit_mass("planned_wall", cost=U**2 / 2, surfaces={"wall": X <= 1})
+    problem = dmoc.Problem(
+        dmoc.build(wall, order=4), {"x": 0.0}, {"x": 0.5, "x_dot": 0.0}, sequence=["wall"],
+        steps=10, final_time=(1.0, 3.0), durations=[(0.5, 1.4), (0.3, None)],
+    )  # fmt: skip
+    planner = dmoc.Planner(problem, dmoc.solve(problem, "ipm"), horizon="recedes")
+    steps = [Step(0.24, (0.05, 0.41)), Step(0.5, (0.2, 0.6)), Step(0.7, (0.35, 0.7))]
+    found = planned(folder_of(planner, tmp_path / "later"), tmp_path / "later", steps)
+    are_those_of_python(planner, steps, found)
+    assert all(plan.new for plan in found)
+
+
+def test_how_far_behind_a_surface_is_measured_by_the_coordinates(tmp_path: Path) -> None:
+    """A mass hops 2 cm high and flies 1 m far: 1 cm below the floor is near it for both planners,
+    10 cm are not."""
+    y = dynamicsymbols("y")
+    system = dmoc.MechanicalSystem(
+        "planned_hop", [X, y], (X.diff() ** 2 + y.diff() ** 2) / 2 - y, inputs=[U],
+        forces={X: U}, cost=U**2 / 2, surfaces={"floor": y >= 0},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=4), {"x": 0.0, "y": 0.0, "y_dot": 0.2},
+        {"x": 1.0, "x_dot": 0.0, "y": 0.0}, steps=10, final_time=0.4,
+    )  # fmt: skip
+    planner = dmoc.Planner(problem, dmoc.solve(problem, "ipm"), tolerance=0.05)
+    steps = [Step(0.1, (0.1, -0.01, 2.0, 0.15)), Step(0.2, (0.5, -0.1, 3.0, 0.0))]
+    found = planned(folder_of(planner, tmp_path / "hop"), tmp_path / "hop", steps)
+    assert [plan.status for plan in found] == [SOLVED, BEHIND]
+    are_those_of_python(planner, steps, found)
+
+
 def test_what_is_refused(bounced: dmoc.Planner, tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match="a guess beside a Planner"):
         dmoc.generate_solver(bounced, tmp_path / "a", guess="random")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+from joint_problems import bob
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_on_floor, unit_mass
 
@@ -148,6 +149,39 @@ def test_a_state_just_behind_a_surface_is_moved_before_it(bounced: Given) -> Non
     assert plan.cost == pytest.approx(least(1.0, -1.2, 0.5, 2.0 - hit - 0.001), rel=2e-5)
 
 
+def test_what_has_just_left_a_floor_at_zero_is_before_it() -> None:
+    """A mass of the weight 1 leaves; at zero its gap has no size but the reach of the mass.  With
+    u = a + 1 the cost is that of a, the change of the velocity and half the time more."""
+    system = replace(
+        unit_mass("planned_lift", cost=U**2 / 2, surfaces={"floor": X >= 0}),
+        lagrangian=X.diff() ** 2 / 2 - X,
+    )
+    problem = dmoc.Problem(
+        dmoc.build(system, order=4), {"x": 0.0}, {"x": 0.3, "x_dot": 0.0}, contacts=["floor"],
+        sequence=["-floor"], durations=[(0.2, None), None], steps=10, final_time=1.5,
+    )  # fmt: skip
+    planner = dmoc.Planner(problem, dmoc.solve(problem, "ipm"))
+    for down in (0.0, -1e-9):
+        plan = planner.replan(0.5, {"x": down, "x_dot": down}, phase=1)
+        assert plan.new, plan.message
+        assert plan.cost == pytest.approx(least(0.0, 0.0, 0.3, 1.0) + 0.5, rel=1e-4)
+
+
+def test_what_a_constraint_moves_into_a_surface_is_moved_before_it() -> None:
+    """The bob on its rod of 1 m beside a wall at 0.5 m, measured a hundredth inside: the shortest
+    way onto the rod ends behind the wall."""
+    system = replace(bob(), name="bob_at_wall", surfaces={"wall": X <= 0.5})
+    problem = dmoc.Problem(
+        system, {"x": 0, "y": -1}, {"x": 0.3, "y": -(0.91**0.5)}, steps=6, final_time=1.0
+    )
+    planner = dmoc.Planner(problem, dmoc.solve(problem, "ipm"))
+    plan = planner.replan(0.2, {"x": 0.4998, "y": -0.857})
+    assert plan.new, plan.message
+    begin = plan.trajectory.phases[0].q[0]
+    assert np.hypot(*begin) == pytest.approx(1.0, abs=1e-9)
+    assert 0.4999 < begin[0] < 0.5
+
+
 def test_a_limit_of_time_keeps_the_last_plan(bounced: Given) -> None:
     planner = dmoc.Planner(*bounced)
     plan = planner.replan(0.3, {"x": 0.9, "x_dot": -3.0}, seconds=1e-9)
@@ -211,6 +245,26 @@ def test_what_no_input_reaches_may_be_missed_by_a_tolerance() -> None:
     assert planner.replan(0.9, state | {"x": 1.001, "x_dot": 0.2, "y": 0.91}).new  # beyond a bound
     with pytest.raises(ProblemError, match="tolerance = 2: expected a share"):
         dmoc.Planner(problem, solution, tolerance=2)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_an_end_at_rest_may_be_missed_where_no_velocity_is_bounded(order: int) -> None:
+    """Velocities at the end are unknowns of plans then, and none of the solution.  Moments
+    a, b of the input of 1 to 1 - d, v = d' in 1 s cost as cubics do; the best is at an edge."""
+    mass = unit_mass("planned_alone", cost=U**2 / 2)
+    problem = dmoc.Problem(
+        dmoc.build(mass, order=order), {"x": 0.0}, {"x": 1.0, "x_dot": 0.0}, steps=40,
+        final_time=1.0,
+    )  # fmt: skip
+    planner = dmoc.Planner(problem, dmoc.solve(problem, "ipm"), tolerance=0.01)
+    low = {name: planner.problem.goal[name][0] for name in ("x", "x_dot")}
+    plan = planner.replan(0.0, {"x": 0.0})
+    end = plan.trajectory.phases[-1]
+    missed = 1 - low["x"], -low["x_dot"]
+    assert plan.new and 0 < missed[0] < 0.05 and 0 < missed[1] < 0.1
+    assert (1 - end.q[-1, 0], abs(end.v[-1, 0])) == pytest.approx(missed)
+    d, v = float(end.q[-1, 0]), float(end.v[-1, 0])
+    assert plan.cost == pytest.approx(6 * d**2 - 6 * d * v + 2 * v**2, rel=1e-3)
 
 
 def test_a_simulation_that_plans_arrives_where_the_inputs_alone_do_not(
