@@ -31,7 +31,7 @@ class Schedule:
     definitions: Mapping[Node, Node]
     specs: Sequence[FunctionSpec]
 
-    def operands(self, node: Node) -> Iterable[Node]:
+    def operands(self, node: Node) -> Sequence[Node]:
         if node in self.definitions:
             return (self.definitions[node],)
         return self.factors.get(node, node.children)
@@ -104,7 +104,7 @@ def _factors(node: Node) -> list[Node]:
             power = g.apply("pow", base, g.node(abs(e)))
             factors.append(power if e > 0 else g.product([(power, -1)]))
             continue
-        for unit, times in ((base, int(whole)), (g.product([(base, 0.5)]), 1 if part else 0)):
+        for unit, times in ((base, int(whole)), (g.power(base, 0.5) if part else base, bool(part))):
             if times:
                 factors += [unit if e > 0 else g.make(PRODUCT, None, ((unit, -1),))] * times
     return factors

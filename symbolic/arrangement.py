@@ -45,8 +45,9 @@ def with_common_factors(results: Sequence[Node]) -> list[Node]:
         uses.update(node.children)
     new: dict[Node, Node] = {}
     for node in nodes:
-        new[node] = node.rebuilt(new)
-        if node.kind == SUM and len(node.parts) > 1:
+        if node.kind != SUM or len(node.parts) < 2:
+            new[node] = node.rebuilt(new)
+        else:
             opened, constant = _opened(node, uses)
             alone = [(new[n], c) for n, c in opened if uses[n] == 1]
             others = [(new[n], c) for n, c in opened if uses[n] > 1]
@@ -70,6 +71,8 @@ def _opened(node: Node, uses: Counter[Node]) -> tuple[list[Part], float]:
 def _factored(terms: Sequence[Part]) -> list[Part]:
     """Terms of a sum, in which the factor that most of them share stands before a sum, and so
     on."""
+    if len(terms) < 2:
+        return [*map(_plain, terms)]
     products, taken = dict(enumerate(map(_plain, terms))), list[Part]()
     owners: defaultdict[tuple[Node, int], list[int]] = defaultdict(list)
     for i, (node, _) in products.items():
@@ -91,7 +94,7 @@ def _factored(terms: Sequence[Part]) -> list[Part]:
         g, divided = factor.graph, []
         for i in own:
             n, c = products.pop(i)
-            divided.append((g.product([(n, 1), (factor, -sign)]), c))
+            divided.append((g.divided(n, factor, sign), c))
         taken.append((g.product([(factor, sign), (g.sum(_factored(divided)), 1)]), 1.0))
     return [*taken, *products.values()]
 

@@ -37,23 +37,19 @@ class Node:
     junction, or which derivative of which function a result is.
     """
 
-    __slots__ = ("_partials", "_slopes", "graph", "kind", "number", "parts", "symbols", "value")
+    __slots__ = (
+        "_partials", "_slopes", "children", "graph", "kind", "number", "parts", "symbols", "value",
+    )  # fmt: skip
 
     def __init__(self, graph: Graph, number: int, kind: int, value: Any, parts: Any) -> None:
         self.graph, self.number, self.kind = graph, number, kind
         self.value, self.parts = value, parts
-        self.symbols = 0  # bits of the symbols that it depends on
-        for child in self.children:
-            self.symbols |= child.symbols
+        self.children: Sequence[Node] = (
+            [node for node, _ in parts] if kind in (SUM, PRODUCT) else parts
+        )
+        self.symbols = _bits(self.children)  # bits of the symbols that it depends on
         self._slopes: dict[Node, Node] = {}  # derivatives by symbols
         self._partials: list[tuple[Node, Node]] | None = None  # and by children
-
-    @property
-    def children(self) -> Iterable[Node]:
-        if self.kind in (SUM, PRODUCT):
-            return [node for node, _ in self.parts]
-        parts: tuple[Node, ...] = self.parts
-        return parts
 
     def __add__(self, other: Operand) -> Node:
         return self.graph.sum([(self, 1.0), (self.graph.node(other), 1.0)])
@@ -68,7 +64,12 @@ class Node:
         return self.graph.sum([(self, -1.0)])
 
     def __mul__(self, other: Operand) -> Node:
-        return self.graph.product([(self, 1), (self.graph.node(other), 1)])
+        g, other = self.graph, self.graph.node(other)
+        if self is g.one or other is g.zero:
+            return other
+        if other is g.one or self is g.zero:
+            return self
+        return g.product([(self, 1), (other, 1)])
 
     def __truediv__(self, other: Operand) -> Node:
         return self.graph.product([(self, 1), (self.graph.node(other), -1)])
@@ -100,6 +101,8 @@ class Node:
     def rebuilt(self, new: Mapping[Node, Node]) -> Node:
         """The same expression of other parts, where there are others."""
         g = self.graph
+        if all(new.get(n, n) is n for n in self.children):
+            return self
         if self.kind == SUM:
             return g.sum([(new.get(n, n), c) for n, c in self.parts], self.value)
         if self.kind == PRODUCT:
@@ -237,7 +240,19 @@ class Graph:
             return self.node(coefficient)
         plain = len(parts) == 1 and parts[0][1] == 1
         node = parts[0][0] if plain else self.make(PRODUCT, None, parts)
+        if node.kind == PRODUCT and coefficient != 1:
+            return self.make(SUM, 0.0, ((node, coefficient),))
         return node if coefficient == 1 else self.sum([(node, coefficient)])
+
+    def divided(self, product: Node, factor: Node, sign: int) -> Node:
+        """A product without one of its factors, to the power 1 or -1, that it has at least."""
+        parts = tuple(
+            (n, e - sign if n is factor else e)
+            for n, e in product.parts
+            if n is not factor or e != sign
+        )
+        alone = len(parts) == 1 and parts[0][1] == 1
+        return parts[0][0] if alone else self.make(PRODUCT, None, parts) if parts else self.one
 
     def power(self, base: Node, exponent: Operand) -> Node:
         if isinstance(exponent, Node) and exponent.kind != NUMBER:

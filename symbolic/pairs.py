@@ -88,7 +88,10 @@ def share_pairs(
 
 
 def _place(own: Sequence[Part], node: Node) -> int:
-    return next((i for i, (n, _) in enumerate(own) if n is node), -1)
+    for i, (n, _) in enumerate(own):
+        if n is node:
+            return i
+    return -1
 
 
 def _has(own: Sequence[Part], a: Node, b: Node, ratio: float) -> bool:

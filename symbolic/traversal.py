@@ -26,19 +26,19 @@ def operations(results: Iterable[Node]) -> int:
     return count
 
 
-def in_order(results: Iterable[Node], operands: Callable[[Node], Iterable[Node]]) -> list[Node]:
+def in_order(results: Iterable[Node], operands: Callable[[Node], Sequence[Node]]) -> list[Node]:
     """Results and what they need, operands first."""
     order: list[Node] = []
     seen: set[Node] = set()
-    waiting: list[tuple[Node, bool]] = [(r, False) for r in results][::-1]
+    waiting: list[Any] = [*results][::-1]
     while waiting:
-        node, ready = waiting.pop()
-        if ready:
-            order.append(node)
+        node = waiting.pop()
+        if node is None:  # the operands of the next one are done
+            order.append(waiting.pop())
         elif node not in seen:
             seen.add(node)
-            waiting.append((node, True))
-            waiting += [(n, False) for n in operands(node) if n not in seen][::-1]
+            waiting += (node, None)
+            waiting += [n for n in reversed(operands(node)) if n not in seen]
     return order
 
 
