@@ -12,6 +12,7 @@ from systems import driven_system, landing_system, rod_system, slippery_rod_syst
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.codegen.system_kernels import kernels_of
 from dmoc.guess.automatic import initial_guesses
 from dmoc.mechanics.touch import Open
 from dmoc.problem.relaxed import relaxed
@@ -90,12 +91,10 @@ def joint_problem(periodic: bool, order: int = 2) -> dmoc.Problem:
     )  # fmt: skip
 
 
-def force_problem(
-    order: int, controls: str, system: dmoc.MechanicalSystem | None = None
-) -> dmoc.Problem:
+def force_problem(order: int, controls: str) -> dmoc.Problem:
     """Bounds, peaks, ends and periods of quantities that contain forces of what slides, sticks,
     lands and is held by a constraint."""
-    rod = system or rod_system()
+    rod = rod_system()
     x, _, a, s = rod.coordinates
     load = dmoc.normal("left") + 2 * dmoc.normal("right")
     grip = dmoc.traction("rail") * dmoc.normal("right") / 7 + dmoc.traction("left") * s.diff()
@@ -115,22 +114,24 @@ def force_problem(
     )  # fmt: skip
 
 
-def slowed_problem(order: int) -> dmoc.Problem:
+def slowed_problem(order: int, design: dict[str, tuple[float, float]]) -> dmoc.Problem:
     """Friction of the sliding speed, of a contact, of one on a belt and of a rail, that slide in
-    either way and stick, and a bound of their forces."""
-    rod = slippery_rod_system()
+    either way and stick, and a bound of their forces, but at order 6."""
+    rod = slippery_rod_system() if order == 2 else rod_system()
     mu, s = dmoc.sliding_speed, rod.coordinates[3]
     slows = 1 + sp.exp(-2 * mu) + mu**2 / 5
     friction = {name: e * slows for name, e in rod.friction.items()}
     if order != 2:
         friction["right"] = 2 * rod.friction["right"], rod.friction["right"] / (1 + mu)
     grip = dmoc.traction("rail") + dmoc.traction("left") * s.diff() + dmoc.traction("right")
-    system = replace(rod, name="slowed_rod", friction=friction, quantities={"grip": grip})
+    quantities, bounds = ({"grip": grip}, {"grip": (-9, 9)}) if order != 6 else ({}, {})
+    system = replace(rod, name="slowed_rod", friction=friction, quantities=quantities)
     return dmoc.Problem(
-        dmoc.build(system, order=order), start={"x": 0.0, "y": 1.0, "a": (0.1, 1.0), "s": 0.0},
+        kernels_of(system, order, tuple(design)), design=design,
+        start={"x": 0.0, "y": 1.0, "a": (0.1, 1.0), "s": 0.0},
         contacts=["left:slip+" if order == 2 else "right:slip-", "rail:slip+"],
         sequence=["rail:stick", *(["left:stick rail:slip-"] if order == 2 else ["right:stick"])],
-        steps=[3, 3, 4], bounds={"grip": (-9, 9)}, final_time=(0.5, 2.0),
+        steps=[3, 3, 4], bounds=bounds, final_time=(0.5, 2.0),
     )  # fmt: skip
 
 
@@ -209,10 +210,11 @@ def kinked_problem(order: int, controls: str | None, design: bool) -> dmoc.Probl
                    "idle": sp.Abs(u) * x**2},
         objective=dmoc.total("work") ** 2 - c * dmoc.total("back"),
     )  # fmt: skip
+    chosen = dict.fromkeys(("m", "c") if design else (), (0.2, 3))
     return dmoc.Problem(
-        dmoc.build(system, order=order), start={"x": 0.0}, goal={"x": 0.2, "fuel": (None, 3.0)},
-        sequence=["wall"], steps=3, final_time=1.0, controls=controls,
-        design=dict.fromkeys(("m", "c"), (0.2, 3)) if design else {},
+        kernels_of(system, order, tuple(chosen)), start={"x": 0.0},
+        goal={"x": 0.2, "fuel": (None, 3.0)}, sequence=["wall"], steps=3, final_time=1.0,
+        controls=controls, design=chosen,
     )  # fmt: skip
 
 
@@ -254,15 +256,14 @@ def program_of(form: str, pendulum: Kernels, puck: Kernels) -> Transcription:
         return Transcription(relaxed(rod, Open((0, 1), (0, 1, 2), (1,)), ["wall"], 3, 0.5))
     order = int(form[-1]) if "order" in form else 2
     if "slowed" in form:
-        return Transcription(slowed_problem(order).but(design=design))
+        return Transcription(slowed_problem(order, design))
     if "contacts" in form:
         rod = rod_problem("periodic" in form, order, slippery)
         return Transcription(rod.but(design=design))
     if form.startswith("joints"):
         return Transcription(joint_problem("periodic" in form, order).but(design=design))
     if form.startswith("forces"):
-        forced = force_problem(order, form.split(", ")[1], slippery)
-        return Transcription(forced.but(design=design))
+        return Transcription(force_problem(order, form.split(", ")[1]).but(design=design))
     if "tangential" in form:
         return Transcription(tangential_problem(bool(slippery)))
     if "hits" in form:
