@@ -51,7 +51,7 @@ def build_cached(
     name: str,
     key: str,
     texts: Callable[[], Mapping[str, str]],
-    fallback: Callable[[], str] | None = None,
+    fallback: Callable[[], Kernels] | None = None,
     force: bool = False,
     compiling: Callable[[], None] = lambda: None,
 ) -> Kernels:
@@ -67,7 +67,7 @@ def build_cached(
     texts : callable
         Makes the sources; called only when they are needed.
     fallback : callable, optional
-        Makes the text of a NumPy module, used with a warning on a machine without a C compiler.
+        Makes NumPy kernels, used with a warning on a machine without a C compiler.
     force : bool, optional
         Build even if the cache holds the kernels.
     compiling : callable, optional
@@ -90,8 +90,7 @@ def build_cached(
         if fallback is None:
             raise
         warn(f"{str(error).rstrip('.')}; until then NumPy kernels are used, which are much slower.")
-        files = texts()
-        return numpy_kernels(json.loads(files["manifest.json"]), fallback())
+        return fallback()
     import filelock  # here, because installed kernels need no lock
 
     try:

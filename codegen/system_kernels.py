@@ -97,15 +97,18 @@ def _built(
         if tell is not None:
             tell(f"{system.name}: compiling")
 
-    if backend == "numpy":
+    def plain() -> Kernels:
         model = deriving()
-        kernels = numpy_kernels(manifest(model), numpy_text(model))
+        return numpy_kernels(manifest(model), numpy_text(model))
+
+    if backend == "numpy":
+        kernels = plain()
     else:
         kernels = build_cached(
             system.name,
             model_key(system, order, design),
             lambda: c_files(deriving()),
-            (lambda: numpy_text(deriving())) if backend == "auto" else None,
+            plain if backend == "auto" else None,
             force,
             compiling,
         )

@@ -76,7 +76,7 @@ def test_what_runs_away_is_named(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["an input with a sign", "a speed at the start", "a parameter"])
+@pytest.mark.parametrize("name", ["a price of the end", "a speed at the start", "a parameter"])
 def test_it_is_named_without_a_compiler(name: str) -> None:
     """SLSQP ends somewhere on the way, and calls it solved."""
     goal, order, fields, runs = ENDLESS[name]
