@@ -6,7 +6,8 @@
 #include "interior_point.h"
 
 /* What a number moves beside the pool: an entry of one of these arrays, by slope for each unit. */
-enum { DMOC_LOWER, DMOC_UPPER, DMOC_CONSTANT, DMOC_COEFFICIENT, DMOC_SLOPE, DMOC_ARRAYS };
+enum { DMOC_LOWER, DMOC_UPPER, DMOC_CONSTANT, DMOC_COEFFICIENT, DMOC_SLOPE, DMOC_FACTOR,
+       DMOC_ARRAYS };
 
 typedef struct {
     int array, entry;
@@ -14,12 +15,18 @@ typedef struct {
 } dmoc_change;
 
 /* pool: where the value of a parameter is in the pool, -1 for none. least, most: the numbers that
- * it must lie between, -1 for none. */
+ * it must lie between, -1 for none. share: it must be above 0 and at most 1. */
 typedef struct {
     const char *name;
     double value; /* of the day of export */
-    int pool, first, changes, least, most;
+    int pool, first, changes, least, most, share;
 } dmoc_number;
+
+/* A result of an element of a pass (0 values, 1 slopes, 2 curvatures) whose factors numbers move:
+ * they begin at DMOC_FACTOR[at]. */
+typedef struct {
+    int pass, element, output, at;
+} dmoc_moved;
 
 typedef struct {
     const char *name;
@@ -120,7 +127,9 @@ struct dmoc_carried {
     dmoc_kkt kkt;
     dmoc_ldl ldl;         /* the analysis alone */
     const double *pool;
-    int pool_size, coefficients;
+    int pool_size, coefficients, factors, results;
+    const double *factor;
+    const dmoc_moved *moved;
     int numbers, tables, phases;
     const dmoc_number *number;
     const dmoc_change *change;

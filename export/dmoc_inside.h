@@ -24,6 +24,7 @@ struct dmoc_solver {
     dmoc_ldl ldl;
     dmoc_pass momenta;
     double *array[DMOC_ARRAYS]; /* those that numbers move */
+    dmoc_element *elements;     /* of all passes, where numbers move factors */
     double *numbers, *pool;
     double *x, *y, *z;          /* scaled unknowns, multipliers of rows and of bounds */
     double *best;               /* the three of them, of several starts */

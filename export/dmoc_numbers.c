@@ -90,6 +90,8 @@ static int fits(dmoc_solver *s, int i)
         return refuse(s, i, "no less than its lower bound");
     if (number->most >= 0 && s->numbers[i] > s->numbers[number->most])
         return refuse(s, i, "no more than its upper bound");
+    if (number->share && !(s->numbers[i] > 0 && s->numbers[i] <= 1))
+        return refuse(s, i, "a coefficient above 0, at most 1");
     return 1;
 }
 
@@ -165,10 +167,11 @@ int carried_apply(dmoc_solver *s)
     const dmoc_carried *c = s->c;
     const double *base[DMOC_ARRAYS] = {
         c->program.lower, c->program.upper, c->program.values.constant,
-        c->program.values.coefficient, c->program.slopes.constant,
+        c->program.values.coefficient, c->program.slopes.constant, c->factor,
     };
     const ptrdiff_t count[DMOC_ARRAYS] = {
         c->program.n, c->program.n, c->program.m + 1, c->coefficients, c->program.slopes.targets,
+        c->factors,
     };
     int last = -1;
     s->wrong = -1, s->expected = NULL;

@@ -33,16 +33,42 @@ static size_t scratch_size(const dmoc_carried *c)
     return most;
 }
 
+/* Elements that are copied, as numbers move factors of some of them. */
+static size_t elements_of(const dmoc_carried *c)
+{
+    const dmoc_program *p = &c->program;
+    return c->results ? (size_t)(p->values.elements + p->slopes.elements + p->curvatures.elements)
+                      : 0;
+}
+
+/* The passes with elements of their own, whose factors are those that numbers move. */
+static void set_elements(dmoc_solver *s)
+{
+    const dmoc_carried *c = s->c;
+    dmoc_pass *pass[] = {&s->program.values, &s->program.slopes, &s->program.curvatures};
+    dmoc_element *element = s->elements;
+    for (int i = 0; c->results && i < 3; ++i) {
+        memcpy(element, pass[i]->element, sizeof *element*(size_t)pass[i]->elements);
+        pass[i]->element = element;
+        element += pass[i]->elements;
+    }
+    for (const dmoc_moved *moved = c->moved; moved < c->moved + c->results; ++moved)
+        pass[moved->pass]->element[moved->element].factor[moved->output] =
+            s->array[DMOC_FACTOR] + moved->at;
+}
+
 /* Share the memory out; without any, count alone. */
 static size_t share_out(dmoc_solver *s, const dmoc_carried *c, double *memory)
 {
     const size_t n = (size_t)c->program.n, m = (size_t)c->program.m;
     const size_t count[DMOC_ARRAYS] = {
         n, n, m + 1, (size_t)c->coefficients, (size_t)c->program.slopes.targets,
+        (size_t)c->factors,
     };
     memory_left left = {memory, doubles(sizeof *s)};
     for (int a = 0; a < DMOC_ARRAYS; ++a)
         s->array[a] = take(&left, count[a]);
+    s->elements = (dmoc_element *)take(&left, doubles(sizeof(dmoc_element)*elements_of(c)));
     s->numbers = take(&left, (size_t)c->numbers);
     s->pool = take(&left, (size_t)c->pool_size);
     s->x = take(&left, n), s->y = take(&left, m), s->z = take(&left, n);
@@ -87,6 +113,7 @@ dmoc_solver *dmoc_solver_begin(const dmoc_carried *c, void *memory, size_t bytes
     s->program.values.constant = s->array[DMOC_CONSTANT];
     s->program.values.coefficient = s->array[DMOC_COEFFICIENT];
     s->program.slopes.constant = s->array[DMOC_SLOPE];
+    set_elements(s);
     s->program.pool = s->pool, s->momenta.constant = s->pool;
     memset(s->ldl.panel, 0, sizeof(double)*(size_t)c->ldl.panel_size);
     memset(s->ldl.work, 0, sizeof(double)*(size_t)c->ldl.work_size);

@@ -263,12 +263,19 @@ class LoadedSolver:
     def _read(self, fields: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
         """Names and values of numbers."""
         for field, value in fields.items():
+            if field == "restitution" and is_number(value):
+                value = {name.partition(".")[2]: value for name in self._of_restitution()}
+            if field == "periodic" and isinstance(value, Mapping):
+                value = {end: _difference(stated) for end, stated in value.items()}
             if field not in LISTS:
                 yield from self._values(str(field), value)
                 continue
             for i, entry in enumerate(listed(value, str(field), "numbers, ranges or mappings")):
                 if entry is not None:
                     yield from self._values(f"{field}.{i}", entry)
+
+    def _of_restitution(self) -> list[str]:
+        return [name for name in self._names if name.startswith("restitution.")]
 
     def _values(self, name: str, value: Any) -> Iterator[tuple[str, float]]:
         if isinstance(value, Mapping):
@@ -322,6 +329,12 @@ class LoadedSolver:
         shapes = [(self._nodes,), *self.tables.values()]
         *parts, y, z = np.split(row, np.cumsum([*map(math.prod, shapes), self._rows]))
         return [a.reshape(shape) for a, shape in zip(parts, shapes, strict=True)], [y, z]
+
+
+def _difference(stated: Any) -> Any:
+    """The difference in what ``periodic`` says of a state: ("x", 0.5)."""
+    pair = isinstance(stated, (tuple, list)) and len(stated) == 2
+    return stated[1] if pair and not (stated[0] is None or is_number(stated[0])) else stated
 
 
 def load_solver(folder: str | os.PathLike[str]) -> LoadedSolver:

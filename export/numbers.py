@@ -2,8 +2,8 @@
 program each moves.
 
 A problem that differs in one number has a program that differs in some entries.  A number is taken
-where these are bounds, constants and linear coefficients that it moves in proportion, or its place
-among the parameters; others stay those of the day of export.
+where these are bounds, constants, linear coefficients and factors of elements that it moves in
+proportion, or its place among the parameters; others stay those of the day of export.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from dmoc.base.names import velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import Boundary
-from dmoc.program.arrays import PassData, ProgramData
+from dmoc.program.arrays import ElementData, PassData, ProgramData
 from dmoc.program.blocks import Index
 from dmoc.program.bounds import limits
 from dmoc.program.layout import Layout
@@ -47,6 +47,7 @@ class Number:
     path: tuple[str | int, ...]
     value: float
     side: int | None = None
+    share: bool = False  # it has to be above 0 and at most 1
     pool: int = NOT_ONE
     entries: Index = field(default_factory=lambda: np.zeros(0, np.intp))
     slopes: Array = field(default_factory=lambda: np.zeros(0))
@@ -66,15 +67,42 @@ class Number:
         first, *rest = self.path
         value: Any = self.value + steps * self.change
         if self.side is not None:
-            stated = getattr(problem, str(first))
+            stated = _field(problem, str(first))
             for key in rest:
                 stated = stated[key]
             ends = list(interval(stated, self.name))
             ends[self.side] = value
-            value = tuple(None if np.isinf(end) else end for end in ends)
+            value = _range(*ends)
         for k in range(len(rest), 0, -1):
-            value = _with(getattr(problem, str(first)), rest[: k - 1], rest[k - 1], value)
-        return problem.unchecked(**{str(first): value})
+            value = _with(_field(problem, str(first)), rest[: k - 1], rest[k - 1], value)
+        return _with_field(problem, str(first), value)
+
+
+def _field(problem: Problem, name: str) -> Any:
+    """A field of a problem; of restitution the coefficients by surface, of periodic the differences
+    by state."""
+    if name == "restitution":
+        values = problem.restitution_values.tolist()
+        return dict(zip(problem.kernels.surfaces, values, strict=True))
+    if name == "periodic":
+        return {r.end: _range(r.low, r.high) for r in problem.relations}
+    return getattr(problem, name)
+
+
+def _with_field(problem: Problem, name: str, value: Any) -> Problem:
+    """A problem with what :func:`_field` has replaced."""
+    if name == "restitution":
+        value = {surface: e for surface, e in value.items() if not np.isnan(e)}
+    if name == "periodic":
+        value = {r.end: (dict(r.terms), value[r.end]) for r in problem.relations}
+    return problem.unchecked(**{name: value})
+
+
+def _range(low: float, high: float) -> Any:
+    """Bounds as they are stated."""
+    if low == high:
+        return low
+    return tuple(None if np.isinf(end) else end for end in (low, high))
 
 
 def _with(whole: Any, way: Sequence[str | int], key: Any, value: Any) -> Any:
@@ -97,21 +125,49 @@ class State:
 
 
 @dataclass(frozen=True)
+class Result:
+    """A result of an element of a pass, by their numbers."""
+
+    of_pass: int
+    element: int
+    output: int
+
+    def factors(self, data: ProgramData) -> Array:
+        return passes_of(data)[self.of_pass][self.element].factors[self.output].ravel()
+
+
+@dataclass(frozen=True)
 class Numbers:
-    """What a solver takes, what it does not, and the states at both ends that are fixed."""
+    """What a solver takes, what it does not, the states at both ends that are fixed, and the
+    results of elements whose factors numbers move."""
 
     taken: tuple[Number, ...]
     kept: tuple[str, ...]
     states: tuple[State | None, State | None]
+    results: tuple[Result, ...]
 
 
-def moved_arrays(data: ProgramData) -> list[Array]:
-    """The arrays that numbers move: lower and upper bounds, constants, coefficients, and constants
-    of the slopes."""
+def moved_arrays(data: ProgramData, results: Sequence[Result]) -> list[Array]:
+    """The arrays that numbers move: lower and upper bounds, constants, coefficients, constants of
+    the slopes, and the factors of some results, one after the other."""
     return [
         data.lower, data.upper, data.values.constant, data.values.coefficients,
-        data.slopes.constant,
+        data.slopes.constant, np.concatenate([np.zeros(0), *(r.factors(data) for r in results)]),
     ]  # fmt: skip
+
+
+def _results(data: ProgramData) -> list[Result]:
+    """The results of all elements."""
+    return [
+        Result(i, j, k)
+        for i, elements in enumerate(passes_of(data))
+        for j, element in enumerate(elements)
+        for k in range(len(element.factors))
+    ]
+
+
+def passes_of(data: ProgramData) -> list[tuple[ElementData, ...]]:
+    return [p.elements for p in (data.values, data.slopes, data.curvatures)]
 
 
 def numbers_of(nlp: Transcription) -> Numbers:
@@ -131,7 +187,20 @@ def numbers_of(nlp: Transcription) -> Numbers:
     if not _add_up(nlp, base, taken, fixed):
         kept += [n.name for n in taken if n.pool != NOT_ONE and len(n.entries)]
         taken = [n for n in taken if n.pool == NOT_ONE or not len(n.entries)]
-    return Numbers(tuple(taken), tuple(kept), states)
+    return _in_short(base, Numbers(tuple(taken), tuple(kept), states, tuple(_results(base))))
+
+
+def _in_short(data: ProgramData, numbers: Numbers) -> Numbers:
+    """The same with the factors alone that are moved, which come last."""
+    others = sum(map(len, moved_arrays(data, ())))
+    sizes = np.array([r.factors(data).size for r in numbers.results])
+    ends, moved = others + np.cumsum(sizes), np.zeros(len(sizes), dtype=bool)
+    for n in numbers.taken:
+        moved[np.searchsorted(ends, n.entries[n.entries >= others], side="right")] = True
+    gone = np.concatenate([np.zeros(others, np.intp), np.repeat(~moved, sizes).cumsum()])
+    taken = tuple(replace(n, entries=n.entries - gone[n.entries]) for n in numbers.taken)
+    results = tuple(r for r, is_moved in zip(numbers.results, moved, strict=True) if is_moved)
+    return replace(numbers, taken=taken, results=results)
 
 
 def _stated(problem: Problem, states: Sequence[State | None]) -> Iterator[Number]:
@@ -153,6 +222,13 @@ def _stated(problem: Problem, states: Sequence[State | None]) -> Iterator[Number
     for i, places in enumerate(problem.via or ()):
         for name, value in (places or {}).items():
             yield from _ends(("via", i, name), value)
+    hits = {problem.kernels.surfaces[event.hit] for event in problem.touch.events if event.hit >= 0}
+    for name, e in _field(problem, "restitution").items():
+        if name in hits and not np.isnan(e):
+            yield Number(("restitution", name), e, share=True)
+    for name, value in _field(problem, "periodic").items():
+        if value:
+            yield from _ends(("periodic", name), value)
 
 
 def _ends(path: tuple[str | int, ...], value: Any) -> Iterator[Number]:
@@ -247,7 +323,7 @@ def _data(nlp: Transcription, problem: Problem) -> ProgramData:
 
 def _flat(data: ProgramData, fixed: Index) -> Array:
     """The arrays that numbers move, without the momenta that follow from states."""
-    arrays = [a.copy() for a in moved_arrays(data)]
+    arrays = [a.copy() for a in moved_arrays(data, _results(data))]
     arrays[0][fixed] = arrays[1][fixed] = 0.0
     return np.concatenate(arrays)
 
@@ -271,7 +347,7 @@ def _same_pass(a: PassData, b: PassData) -> bool:
     for x, y in zip(a.elements, b.elements, strict=True):
         if x.kernel != y.kernel:
             return False
-        groups = ((x.arguments, y.arguments), (x.slots, y.slots), (x.factors, y.factors))
+        groups = ((x.arguments, y.arguments), (x.slots, y.slots))
         pairs += [pair for two in groups for pair in zip(*two, strict=True)]
     return all(p is q or np.array_equal(p, q) for p, q in pairs)
 

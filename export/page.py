@@ -46,6 +46,7 @@ SHOWN = ("normal", "tangential")  # kinds of impulses that are told
 GROUPS = {
     "start": "start", "goal": "goal", "bounds": "bounds", "final_time": "time",
     "durations": "time", "parameters": "parameters", "design": "design", "via": "places at events",
+    "restitution": "restitution", "periodic": "differences of both ends",
 }  # fmt: skip
 SIDES = {None: "", 0: "least ", 1: "most "}
 # How far sliders reach: from a share of a number to a multiple of it, of those of states by what
@@ -231,6 +232,7 @@ def _slider(
         ends = value - around, value + around
     else:
         ends = (LEAST * value, MOST * value) if value else (-1.0, 1.0)
+        ends = (ends[0], 1.0) if number.share else ends
     label = None if timed else labels.get(what, label_of(what))
     return {
         "name": number.name, "group": GROUPS[field], "words": SIDES[number.side] + words,

@@ -17,9 +17,17 @@ from dmoc.export.motion_text import (
     rest_text,
     together_text,
 )
-from dmoc.export.numbers import ENDS, SIDES, Number, Numbers, State, moved_arrays
+from dmoc.export.numbers import (
+    ENDS,
+    SIDES,
+    Number,
+    Numbers,
+    State,
+    moved_arrays,
+    passes_of,
+)
 from dmoc.mechanics.contact_mode import Mode
-from dmoc.program.arrays import ElementData, PassData, strided
+from dmoc.program.arrays import ElementData, PassData, ProgramData, strided
 from dmoc.program.blocks import NOWHERE, Block, Index
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.compiled import Factorisation
@@ -80,6 +88,7 @@ def program_text(carried: Carried) -> tuple[list[str], int]:
     fields = [
         f'"{carried.name}"', program, kkt, _ldl(c, carried.layout),
         c.array("double", data.pool), len(data.pool), len(data.values.coefficients),
+        *_factors(c, data, numbers),
         len(numbers.taken), len(tables), nlp.layout.phases,
         c.structs("dmoc_number", "numbers", number_rows),
         c.structs("dmoc_change", "changes", change_rows),
@@ -174,7 +183,8 @@ def _ldl(c: Constants, layout: KKTLayout) -> str:
 
 def _number_rows(nlp: Transcription, numbers: Numbers) -> tuple[list[str], list[str]]:
     """The numbers, and what they move."""
-    ends = np.cumsum([0, *(len(a) for a in moved_arrays(nlp.assembled.data))])
+    arrays = moved_arrays(nlp.assembled.data, numbers.results)
+    ends = np.cumsum([0, *map(len, arrays)])
     places = {n.name: i for i, n in enumerate(numbers.taken)}
     rows, changes = list[str](), list[str]()
     for n in numbers.taken:
@@ -185,8 +195,25 @@ def _number_rows(nlp: Transcription, numbers: Numbers) -> tuple[list[str], list[
             array = int(np.searchsorted(ends, entry, side="right")) - 1
             changes.append(initial(array, entry - int(ends[array]), number(slope)))
         count = len(changes) - first
-        rows.append(initial(f'"{n.name}"', number(n.value), n.pool, first, count, *limits))
+        fit = *limits, int(n.share)
+        rows.append(initial(f'"{n.name}"', number(n.value), n.pool, first, count, *fit))
     return rows, changes
+
+
+def _factors(c: Constants, data: ProgramData, numbers: Numbers) -> list[str | int]:
+    """The factors that numbers move, and the results of elements that they are those of."""
+    (*_, factors), at, rows = moved_arrays(data, numbers.results), 0, list[str]()
+    for r in numbers.results:
+        rows.append(initial(r.of_pass, r.element, r.output, at))
+        at += r.factors(data).size
+    return [
+        len(factors), len(rows), c.array("double", factors), c.structs("dmoc_moved", "moved", rows),
+    ]  # fmt: skip
+
+
+def elements_moved(data: ProgramData, numbers: Numbers) -> int:
+    """The elements that a solver has copies of: all where numbers move factors."""
+    return sum(map(len, passes_of(data))) if numbers.results else 0
 
 
 def _state(c: Constants, state: State | None, taken: Sequence[Number]) -> str:

@@ -30,6 +30,7 @@ from dmoc.export.numbers import moved_arrays, numbers_of
 from dmoc.export.program_text import (
     Carried,
     analysis_of,
+    elements_moved,
     program_text,
     shape_of,
     size_of,
@@ -67,9 +68,9 @@ PARTS = {
 }  # fmt: skip
 PLANNER = ("dmoc_planner.c", "dmoc_planner.h")
 KERNELS = ("kernels.c", "kernels.h")
-# Doubles that hold a solver, without what it works with; rows that an element works on at a time
-# (passes.c).
-OF_SOLVER, ROWS = 160, 64
+# Doubles that hold a solver, without what it works with, and an element (passes.h); rows that an
+# element works on at a time (passes.c).
+OF_SOLVER, OF_ELEMENT, ROWS = 160, 82, 64
 # Names that sources of the solver, headers of C or targets of make have.
 TAKEN = re.compile(
     "dmoc.*|interior_.*|ldl.*|passes|kernels|program|main|test.*|all|clean|build|"
@@ -294,7 +295,9 @@ def memory_of(carried: Carried) -> int:
     n, m, lay = data.n, data.m, carried.nlp.layout
     ldl = analysis_of(layout)
     parts = [
-        *(len(a) for a in moved_arrays(data)), len(carried.numbers.taken), len(data.pool),
+        *(len(a) for a in moved_arrays(data, carried.numbers.results)),
+        OF_ELEMENT * elements_moved(data, carried.numbers),
+        len(carried.numbers.taken), len(data.pool),
         *[n] * 7, m, m + 1, 2 * n + m, len(data.slopes.constant), lay.total + 1,
         sum(t.rows * t.columns for t in derived_tables(nlp)) + 1, work_of(nlp), _scratch(nlp),
         ldl["panel_size"], ldl["work_size"], 3 * (ldl["pivots"] + 2),

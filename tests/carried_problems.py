@@ -39,18 +39,26 @@ def design() -> dmoc.Problem:
     )  # fmt: skip
 
 
+def stride() -> dmoc.Problem:
+    """A block that ends half a metre further and somewhat faster, whose first rate is limited."""
+    return dmoc.Problem(
+        dmoc.build(block_system("carried_stride")), start={"x": 0, "x_dot": (-1, 0.2)},
+        periodic={"x": ("x", 0.5), "x_dot": ("x_dot", (0, 0.3))}, steps=10, final_time=1.0,
+    )  # fmt: skip
+
+
 # Problems with numbers that are set at run time, as the problem has them.
 CASES: dict[str, tuple[Any, dict[str, float], Any]] = {
     "cart_2": (
         lambda: cart(2, 15),
         {
             "start.alpha": 0.5, "goal.p_x": 0.1, "parameters.m_c": 1.05, "final_time.high": 1.1,
-            "bounds.F.high": 60.0, "start.x_dot": 0.2,
+            "bounds.F.high": 60.0, "start.x_dot": 0.2, "restitution.left": 0.95,
         },
         lambda p: p.but(
             start={**p.start, "alpha": 0.5, "x_dot": 0.2}, goal={**p.goal, "p_x": 0.1},
             parameters={"m_c": 1.05}, final_time=(None, 1.1),
-            bounds={**p.bounds, "F": (-200, 60)},
+            bounds={**p.bounds, "F": (-200, 60)}, restitution=0.95,
         ),
     ),
     "cart_4": (
@@ -58,8 +66,9 @@ CASES: dict[str, tuple[Any, dict[str, float], Any]] = {
         lambda p: p.but(start={**p.start, "x": 0.1}, parameters={"l": 0.52}),
     ),
     "floor": (
-        lambda: against_wall_on_floor(12, 0.1), {"goal.x": -0.1, "final_time": 1.1},
-        lambda p: p.but(goal={**p.goal, "x": -0.1}, final_time=1.1),
+        lambda: against_wall_on_floor(12, 0.1),
+        {"goal.x": -0.1, "final_time": 1.1, "restitution.wall": 0.9},
+        lambda p: p.but(goal={**p.goal, "x": -0.1}, final_time=1.1, restitution=0.9),
     ),
     "masses": (
         lambda: two_masses(10), {"bounds.u.low": -4.2, "goal.b": 1.9, "parameters.f": 0.9},
@@ -74,6 +83,13 @@ CASES: dict[str, tuple[Any, dict[str, float], Any]] = {
     "linkage_4": (
         lambda: linkage(4), {"bounds.u.high": 3.7},
         lambda p: p.but(bounds={"u": (-30, 3.7)}),
+    ),
+    "stride": (
+        stride, {"periodic.x": 0.6, "periodic.x_dot.high": 0.25, "start.x_dot.high": 0.3},
+        lambda p: p.but(
+            periodic={"x": ("x", 0.6), "x_dot": ("x_dot", (0, 0.25))},
+            start={"x": 0, "x_dot": (-1, 0.3)},
+        ),
     ),
     "design": (
         design, {"goal.x": 0.1, "design.wall.high": 0.8},

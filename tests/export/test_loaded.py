@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
-from carried_problems import design, linkage
+from carried_problems import design, linkage, stride
 from pytest import approx
 from sympy.physics.mechanics import dynamicsymbols
 
@@ -87,6 +87,29 @@ def test_numbers_are_set_as_a_problem_has_them(bob: LoadedSolver, bob_folder: Pa
     assert bob.solve("first", iterations=1).status == "iteration_limit"
     assert bob.solve("first", seconds=1e-9).status == "time_limit"
     assert sorted(p.name for p in bob_folder.iterdir()) == before
+
+
+def test_restitution_is_set_as_a_problem_has_it(block: LoadedSolver) -> None:
+    """Of each surface, or one for all: answers of Python; 0 is another law."""
+    for stated in (0.6, {"wall": 0.9}):
+        block.set(restitution=stated)
+        own = dmoc.solve(thrown().but(restitution=stated), "ipm", starts=1, verify=False)
+        assert block.solve().cost == approx(own.cost, rel=1e-9)
+    ends = block.solve_many([{"restitution": e} for e in (0.9, 0, 1.2)])
+    assert [end.status for end in ends] == ["solved", "refused", "refused"]
+    assert ends[0].cost == approx(own.cost, rel=1e-9)
+    assert ends[1].message == "restitution.wall = 0: expected a coefficient above 0, at most 1."
+
+
+def test_differences_of_both_ends_are_set_as_a_problem_has_them(tmp_path: Path) -> None:
+    solver = load_solver(carried(stride(), tmp_path / "stride"))
+    periodic = {"x": ("x", 0.7), "x_dot": ("x_dot", (0.1, 0.2))}
+    solver.set(periodic=periodic)
+    own = dmoc.solve(stride().but(periodic=periodic), "ipm", starts=1, verify=False)
+    assert solver.solve().cost == approx(own.cost, rel=1e-9)
+    assert solver.numbers["periodic.x_dot.low"] == 0.1
+    with pytest.raises(ProblemError, match=r"'periodic' is no number that this solver takes"):
+        solver.set(periodic=["x"])
 
 
 def test_numbers_that_are_none(bob: LoadedSolver) -> None:
