@@ -3,6 +3,7 @@ their order."""
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,10 @@ PICTURE = """
    :alt: {1}
    :class: only-{2} sphx-glr-single-img
 """
+# A thumbnail of the gallery's first page, which is the first picture of an example.
+THUMBNAIL = re.compile(
+    r"^( *)\.\. image:: /examples/images/thumb/(\w+)_thumb\.gif\n( *):alt:.*\n", re.M
+)
 # The page that plays a motion, beside the pictures.
 PLAYER = """
 .. raw:: html
@@ -105,6 +110,18 @@ def write_players(app: Sphinx, failed: Exception | None) -> None:
     dmoc.generate_page(dmoc.Problem(reference.kernels(), **stated), target / "swing_up.html")
 
 
+def show_both_styles(app: Sphinx, document: str, source: list[str]) -> None:
+    """Thumbnails for light and for dark pages."""
+    if document == "examples/index":
+        both = (
+            rf"\1.. image:: /examples/images/\2_00{i}.gif\n\3:alt:\n\3:class: only-{style}\n"
+            rf"\3:loading: lazy\n\n"
+            for i, style in enumerate(STYLES, 1)
+        )
+        source[0] = THUMBNAIL.sub("".join(both), source[0])
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
+    app.connect("source-read", show_both_styles)
     app.connect("build-finished", write_players)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
