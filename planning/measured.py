@@ -22,8 +22,8 @@ from dmoc.problem.problem import Problem
 # Where a surface that is open is measured to be entered, a state is put so far in front of it, as a
 # share of how far the coordinates move: at it a motion could not move into it any more.
 IN_FRONT = 1e-6
-# Shares of the reach of a coordinate that projections leave of zero, where sizes of gaps may
-# begin.
+# Shares of the reach of a coordinate, and of how fast the state moves, that projections leave of
+# zero, where sizes of gaps may begin.
 LEFT_OF_ZERO = 1e-13
 # How early an event may be, as a share of the phase before it: a foot that scuffs the floor in the
 # middle of its swing has not landed.
@@ -121,7 +121,9 @@ def _along(problem: Problem, mode: Mode, q: Array, v: Array) -> Array:
     if not len(C):
         return v
     back = columns(model.mass(q), C)
-    return np.asarray(v - back @ (np.linalg.pinv(C @ back, rcond=REDUNDANT) @ (C @ v)))
+    along = v - back @ (np.linalg.pinv(C @ back, rcond=REDUNDANT) @ (C @ v))
+    left = LEFT_OF_ZERO * problem.reach * np.abs(v / problem.reach).max()
+    return np.where(np.abs(along) <= left, 0.0, along)
 
 
 def arrival(problem: Problem, event: Collision | None, state: State) -> float:

@@ -182,6 +182,21 @@ def test_what_a_constraint_moves_into_a_surface_is_moved_before_it() -> None:
     assert 0.4999 < begin[0] < 0.5
 
 
+def test_what_constraints_and_friction_hold_is_at_rest() -> None:
+    """A bob that rubs forwards is measured 0.1 mm/s backwards: of its velocity nothing is left, not
+    even rounding errors, with which it would contradict its rod."""
+    system = replace(bob(), name="rubbing_bob", tangents={"rail": X}, friction={"rail": 0.5})
+    problem = dmoc.Problem(
+        dmoc.build(system, order=4), {"x": 0, "y": -1}, {"x": 0.8, "y": -0.6, "x_dot": 0},
+        contacts=["rail:slip+"], steps=8, final_time=1.2,
+    )  # fmt: skip
+    planner = dmoc.Planner(problem, dmoc.solve(problem, "ipm"))
+    for x, y in ((-0.0128, -0.9791), (0.0018, -1.0255), (-0.0007, -1.0), (0.0013, -1.0085)):
+        plan = planner.begin().replan(0.05, {"x": x, "y": y, "x_dot": -1e-4, "y_dot": 2e-3})
+        assert plan.new, plan.message
+        assert np.abs(plan.trajectory.phases[0].v[0]).max() < 1e-15
+
+
 def test_a_limit_of_time_keeps_the_last_plan(bounced: Given) -> None:
     planner = dmoc.Planner(*bounced)
     plan = planner.replan(0.3, {"x": 0.9, "x_dot": -3.0}, seconds=1e-9)
