@@ -81,7 +81,7 @@ def test_results_show_the_state_after_the_end(tmp_path: Path) -> None:
     assert str(thrown_block(4, "+floor:slip+").summary()).count("ends with its event") == 1
     for ending in ("html", "png", "gif"):
         target = tmp_path / f"thrown.{ending}"
-        (again.plot if ending == "png" else again.animate)(target)
+        again.plot(target) if ending == "png" else again.animate(target, fps=5)
         assert target.stat().st_size > 1000
     again.report(tmp_path / "report.html")
 
