@@ -259,7 +259,7 @@ def test_a_flat_foot_hops() -> None:
         bounds={"l": (0.2, 0.7), "th": (-1, 1)}, final_time=(0.3, 2),
         durations=[(0.1, None), (0.2, None), (0.1, None)],
     )  # fmt: skip
-    solution = answer_of(problem, starts=16)
+    solution = answer_of(problem, "ipm", starts=16)
     for phase in solution.phases[::2]:
         np.testing.assert_allclose(phase.v[:, :3], 0, atol=1e-9)
 

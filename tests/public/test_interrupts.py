@@ -192,12 +192,12 @@ def test_a_simulation_leaves_the_interpreter_to_other_threads() -> None:
     running = threading.Thread(
         target=dmoc.simulate,
         args=(kernels, [0.5]),
-        kwargs={"step_size": 1e-3, "steps": 200_000, "every": 1000},
+        kwargs={"step_size": 1e-3, "steps": 100_000, "every": 1000},
     )
     running.start()
     while running.is_alive():
         counted += 1
-    assert counted > 10_000
+    assert counted > 5_000
 
 
 COMMANDS = {
@@ -206,7 +206,7 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("wait", [0.1, 0.8, 2.0])
+@pytest.mark.parametrize("wait", [0.1, 0.8, 1.5])
 @pytest.mark.parametrize("name", COMMANDS)
 def test_ctrl_c_at_any_moment_leaves_no_traceback_and_no_process(
     name: str, wait: float, tmp_path: Path

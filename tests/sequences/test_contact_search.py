@@ -51,7 +51,7 @@ def test_the_tree_tries_what_two_contacts_can_only_do_together() -> None:
 def test_a_gait_that_few_starts_lead_to_is_met_by_more_as_the_note_says() -> None:
     """The long gait of Goswami et al. (1998) has the period 0.734346391 s by an event-driven
     simulation."""
-    problem = compass_gait.problem(40, order=2).but(
+    problem = compass_gait.problem(20, order=2).but(
         start={"x": 0.0, "a": 0.0}, sequence=(), via=None, durations=None
     )
     few = dmoc.search(problem, 1, events=["+right -left"])
