@@ -187,12 +187,13 @@ def calls(
     return made
 
 
-def values_for(name: str) -> Iterator[Any]:
+def values_for(parameter: inspect.Parameter) -> Iterator[Any]:
     """Wrong values, alone and as entries of what is taken as a list or a mapping."""
+    name, names = parameter.name, "Sequence[str]" in str(parameter.annotation)
     yield from WRONG
     if name in LISTS:
         yield from ([value] for value in WRONG)
-    if name in MAPPINGS:
+    if name in MAPPINGS and not names:
         yield from ({NAMES.get(name, "x"): value} for value in WRONG)
 
 
@@ -209,7 +210,7 @@ def test_every_wrong_value_is_taken_or_refused_in_one_sentence(
             if parameter.kind is parameter.VAR_KEYWORD:
                 continue
             several = parameter.kind is parameter.VAR_POSITIONAL
-            for value in values_for(parameter.name):
+            for value in values_for(parameter):
                 tried += 1
                 place = f"{what}({parameter.name}=#{tried})"
                 try:

@@ -58,11 +58,11 @@ def test_every_problem_is_stated(case: twenty.Case) -> None:
 
 
 def test_a_run_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Proposals find the closed form of the puck; what is written is not solved again."""
-    (record,) = twenty.every(["puck"], ["propose"], 30.0, tmp_path)
-    assert record["agrees"] and record["cost"] == pytest.approx(CASE["puck"].cost, rel=1e-3)
+    """Proposals find the closed form of the block; what is written is not solved again."""
+    (record,) = twenty.every(["block"], ["propose"], 30.0, tmp_path)
+    assert record["agrees"] and record["cost"] == pytest.approx(CASE["block"].cost, rel=1e-3)
     monkeypatch.setattr(twenty, "run", None)
-    assert twenty.every(["puck"], ["propose"], 30.0, tmp_path) == [record]
+    assert twenty.every(["block"], ["propose"], 30.0, tmp_path) == [record]
 
 
 def test_nosnoc_that_is_missing_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
