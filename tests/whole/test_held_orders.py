@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import gaits
+import compass_gait
 import numpy as np
 import pytest
 import sympy as sp
@@ -122,7 +122,7 @@ def test_what_has_no_error_but_that_of_cubics_is_exact(order: int) -> None:
     ):
         name = problem.kernels.name
         system = rail(1 if name == "railed_time" else U**2 / 2, name == "railed_wall", name)
-        s = answer_of(made_again(problem, system, order), "ipm")
+        s = answer_of(made_again(problem, system, order), "ipm", starts=2)
         assert s.cost == pytest.approx(cost, rel=most)
         for phase in s.phases:
             for rows in (phase.tangential, phase.tangential_inside):
@@ -144,34 +144,11 @@ def test_a_landing_has_order_four() -> None:
 
 def test_the_passive_compass_gait_has_its_period() -> None:
     """That of an event-driven integration with 1e-12."""
-    period = 0.734346391
-    x, y, a, b = dynamicsymbols("x y a b")
-    hip = sp.Matrix([x, y])
-
-    def leg(angle: sp.Expr, length: float) -> sp.Matrix:
-        return hip + length * sp.Matrix([sp.sin(angle), -sp.cos(angle)])
-
-    gravity = G * sp.Matrix([sp.sin(gaits.SLOPE), -sp.cos(gaits.SLOPE)])
-    bodies = [(10, hip), (5, leg(a, 0.5)), (5, leg(b, 0.5))]
-    feet, mu = {"left": leg(a, 1), "right": leg(b, 1)}, sp.Symbol("mu")
-    system = dmoc.MechanicalSystem(
-        "passive", [x, y, a, b],
-        sum(m * (r.diff(T).dot(r.diff(T)) / 2 + gravity.dot(r)) for m, r in bodies), {mu: 1.0},
-        surfaces={name: foot[1] >= 0 for name, foot in feet.items()},
-        tangents={name: foot[0] for name, foot in feet.items()},
-        friction={"left": mu, "right": mu}, cost=1,
-    )  # fmt: skip
-    exchanged = {"a": "b", "b": "a", "a_dot": "b_dot", "b_dot": "a_dot"}
-    same = {"x": ("x", None), "y": "y", "x_dot": "x_dot", "y_dot": "y_dot"}
-    problem = dmoc.Problem(
-        dmoc.build(system, order=4), start={"x": 0.0, "a": 0.0}, contacts=["left"],
-        sequence=["+right -left"], via=[{"a": (-0.5, -0.05)}], ignored=["left", "right"],
-        periodic=same | exchanged, steps=10, final_time=(0.65, 0.9), durations=[(0.05, None)] * 2,
-    )  # fmt: skip
+    problem = compass_gait.problem(10).but(start={"x": 0.0, "a": 0.0}, durations=[(0.05, None)] * 2)
     coarse = answer_of(problem, "ipm", starts=20)
     fine = answer_of(problem.but(steps=40), "ipm", guess=coarse)
-    assert fine.cost == pytest.approx(period, abs=1e-8)
-    assert coarse.cost == pytest.approx(period, abs=3e-6)
+    assert fine.cost == pytest.approx(compass_gait.PERIOD, abs=1e-8)
+    assert coarse.cost == pytest.approx(compass_gait.PERIOD, abs=3e-6)
 
 
 def test_a_ladder_leaves_its_wall() -> None:
@@ -210,7 +187,7 @@ def test_rods_are_their_angles(order: int) -> None:
                     dmoc.build(system, order=order), start=begin, steps=steps, final_time=1.5,
                     goal=end | {f"{name}_dot": 0.0 for name in end},
                 ),
-                "ipm", starts=8,
+                "ipm", starts=1,
             ).cost
             for system, (begin, end) in ((by_rods, rods), (by_angles, angles))
         ]  # fmt: skip
