@@ -203,9 +203,10 @@ class Relaxation:
                 self._scales[hits] = self._scale(self._relaxed(hits), x)
         stopped, count = threading.Event(), max(1, min(free_threads(), len(points)))
         ends: list[Relaxed | None] = [None] * len(points)
+        turns = iter(range(len(points)))  # a thread takes the next one as soon as it is free
 
         def every(k: int) -> None:
-            for i in range(k, len(points), count):
+            for i in turns:
                 if deadline.passed or stopped.is_set():
                     return
                 with np.errstate(all="ignore"):
