@@ -215,7 +215,8 @@ def _stated(problem: Problem, states: Sequence[State | None]) -> Iterator[Number
             yield from _ends((end, name), value)
     yield from _ends(("final_time",), problem.final_time)
     for i, value in enumerate(problem.durations or ()):
-        yield from _ends(("durations", i), value)
+        if problem.phase_steps[i]:  # the phase after the last event has no duration
+            yield from _ends(("durations", i), value)
     for part in ("bounds", "design"):
         for name, value in getattr(problem, part).items():
             yield from _ends((part, name), value)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from contact_problems import against_wall_on_floor, two_masses
+from contact_problems import against_wall_on_floor, rimless, two_masses
 from joint_problems import bob
 from systems import block_system
 
@@ -90,6 +90,11 @@ CASES: dict[str, tuple[Any, dict[str, float], Any]] = {
             periodic={"x": ("x", 0.6), "x_dot": ("x_dot", (0, 0.25))},
             start={"x": 0, "x_dot": (-1, 0.3)},
         ),
+    ),
+    "wheel": (  # a gait, which ends with its landing
+        lambda: rimless(8, 4).but(start={"x": 0}, durations=[None, 0]),
+        {"parameters.g": 9.0, "final_time.low": 0.2},
+        lambda p: p.but(parameters={"g": 9.0}, final_time=(0.2, 2)),
     ),
     "design": (
         design, {"goal.x": 0.1, "design.wall.high": 0.8},
