@@ -9,7 +9,7 @@ from pathlib import Path
 
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
 C11 = ("-std=c11", "-ffp-contract=off")
-SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+SANITIZED = ("-g", "-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
 def object_of(source: Path, *flags: str, gcc: str = "gcc") -> str:
