@@ -21,6 +21,7 @@ pytestmark = pytest.mark.slow
 FALL = "--start y=0.5 --goal y=0.5,y_dot=0 --sequence floor"
 LIFT = "--start y=0.5 --goal y=0.2 --final-time 1 --steps 10 --method ipm --out o"
 SHORT = "solve cart_pendulum --method ipm --final-time 1"
+HASTY = "solve cart_pendulum --method ipm --steps 20 --starts 1"
 HOSTILE = "x[/y]:warning:[bold]"
 
 
@@ -99,7 +100,7 @@ def test_a_final_time_is_fixed_and_a_range_bounds_it(run: Run, file: Model) -> N
 
 def test_solve_verify_and_plot_a_file(run: Run, tmp_path: Path) -> None:
     code, out, _ = run(
-        "solve cart_pendulum --set m_c=1.5 --bound F=-60:60 --goal x=-1:1 --out result"
+        "solve cart_pendulum --set m_c=1.5 --bound F=-60:60 --goal x=-1:1 --method ipm --out result"
     )
     assert code == 0 and "solved" in out
     assert {p.name for p in (tmp_path / "result").iterdir()} == {"solution.npz", "solution.png"}
@@ -107,15 +108,16 @@ def test_solve_verify_and_plot_a_file(run: Run, tmp_path: Path) -> None:
     assert code == 0 and json.loads(out)["passed"]
     code, _, _ = run("plot result/solution.npz --out figure.pdf")
     assert code == 0 and (tmp_path / "figure.pdf").read_bytes()[:4] == b"%PDF"
-    for number, options in enumerate(("", "--velocities", "--velocities --dark")):
-        assert run(f"plot result/solution.npz --out {number}.png {options}")[0] == 0
-    light, taller, dark = (imread(tmp_path / f"{number}.png") for number in range(3))
+    for name, options in (("taller", "--velocities"), ("dark", "--velocities --dark")):
+        assert run(f"plot result/solution.npz --out {name}.png {options}")[0] == 0
+    figures = ("result/solution.png", "taller.png", "dark.png")
+    light, taller, dark = (imread(tmp_path / name) for name in figures)
     assert taller.shape[0] > 1.1 * light.shape[0] and taller.shape == dark.shape
     assert light[0, 0, :3].min() == 1.0 == taller[0, 0, :3].min() and dark[0, 0, :3].max() < 0.2
 
 
 def test_infeasible_has_exit_status_1(run: Run) -> None:
-    code, out, _ = run("solve cart_pendulum --bound F=-1:1 --method ipm --steps 40 --json -")
+    code, out, _ = run(f"{HASTY} --bound F=-1:1 --json -")
     assert code == 1 and json.loads(out)["status"] == "infeasible"
 
 
@@ -164,7 +166,7 @@ def test_module_runs_as_a_program() -> None:
 
 
 def test_a_mass_matrix_that_is_singular_on_the_way_is_named(run: Run) -> None:
-    code, out, _ = run("solve cart_pendulum --set m_c=0 --steps 20 --method ipm --json -")
+    code, out, _ = run(f"{HASTY} --set m_c=0 --json -")
     told = "the mass matrix is singular or negative on the way"
     assert code == 1 and told in json.loads(out)["message"]
 
@@ -233,7 +235,7 @@ def test_a_model_that_is_called_like_a_shipped_one_is_drawn_as_itself(
 
 
 def test_names_are_printed_as_they_are(run: Run, file: Model) -> None:
-    code, out, _ = run(f"{SHORT} --steps 20 --out {HOSTILE}")
+    code, out, _ = run(f"{HASTY} --final-time 1 --out {HOSTILE}")
     assert code == 1
     for end in ("npz", "png"):
         assert f"written: {HOSTILE}/solution.{end}\n" in out
@@ -243,7 +245,7 @@ def test_names_are_printed_as_they_are(run: Run, file: Model) -> None:
     assert code == 0 and f"{HOSTILE}/kernels.c\n" in out
     model = file("s = make(units={'y': '[/m]'})")
     code, out, _ = run(
-        f"solve {model} {LIFT} --goal y=3 --bound u=-1:1".replace("--goal y=0.2", "")
+        f"solve {model} {LIFT} --starts 1 --goal y=3 --bound u=-1:1".replace("--goal y=0.2", "")
     )
     assert code == 1 and "[/m]" in out
 

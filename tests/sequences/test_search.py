@@ -313,7 +313,7 @@ def test_strategies_find_the_same_best_with_fewer_nodes(
     table: dmoc.Problem, found: SearchResult, strategy: str
 ) -> None:
     result = dmoc.search(
-        table, 3, strategy=strategy, beam=4, max_nodes=60 if strategy == "best-first" else None
+        table, 3, strategy=strategy, beam=2, max_nodes=40 if strategy == "best-first" else None
     )
     assert result.best is not None and found.best is not None
     assert result.best.sequence == found.best.sequence
@@ -321,10 +321,10 @@ def test_strategies_find_the_same_best_with_fewer_nodes(
 
 
 def test_best_first_finds_the_best_of_the_seed_without_looking_at_all(seed: dmoc.Problem) -> None:
-    every = dmoc.search(seed, 4)
-    assert every.complete and len(every.nodes) == 1 + 2 + 4 + 8 + 16
-    few = dmoc.search(seed, 4, strategy="best-first", max_nodes=16)
-    assert len(few.nodes) == 16 and not few.complete and "limit of 16 nodes" in few.notes[0]
+    every = dmoc.search(seed, 3)
+    assert every.complete and len(every.nodes) == 1 + 2 + 4 + 8
+    few = dmoc.search(seed, 3, strategy="best-first", max_nodes=8)
+    assert len(few.nodes) == 8 and not few.complete and "limit of 8 nodes" in few.notes[0]
     assert few.best is not None and every.best is not None
     assert few.best.sequence == every.best.sequence == ("left", "left")
     assert few.best.cost == every.best.cost == min(n.cost for n in every.nodes if n.cost)
