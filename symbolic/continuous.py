@@ -245,7 +245,7 @@ def total(terms: Iterable[Any]) -> Any:
     terms = list(terms)
     if terms and isinstance(terms[0], Node):
         return terms[0].graph.sum((term, 1.0) for term in terms)
-    return sum(terms)
+    return sp.Add(*terms) if all(isinstance(term, sp.Basic) for term in terms) else sum(terms)
 
 
 def momenta(f: Continuous) -> list[Any]:

@@ -174,9 +174,22 @@ class StepElement:
         return [self.gradient(e) for e in expressions]
 
     def hessian(self, expression: Any) -> list[list[Any]]:
-        """Upper triangle of the second total derivative; the strict lower triangle is zero."""
-        first = self.gradient(expression)
-        return [[0] * i + self.gradient(slope, i) for i, slope in enumerate(first)]
+        """Upper triangle of the second total derivative of an expression of SymPy; the strict lower
+        triangle is zero.  Nodes share partial derivatives, of the second order too."""
+        first = cache(expression.diff)
+        second = cache(lambda a, b: first(a).diff(b))
+
+        def row(i: int) -> list[Any]:
+            parts = [(sp.sympify(c), a) for c, a in self._parts(lambda a: a, i)]
+
+            @cache
+            def by(b: Any) -> Any:
+                own = [c * second(a, b) for c, a in parts]
+                return total(own + [c.diff(b) * first(a) for c, a in parts if c.has(b)])
+
+            return [self._total(by, j) for j in range(i, len(self.x_k))]
+
+        return [[0] * i + row(i) for i in range(len(self.x_k))]
 
     def _sum(self, value: Callable[[QuadraturePoint], Any]) -> Any:
         """h sum_i b_i value_i."""

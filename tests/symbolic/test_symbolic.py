@@ -97,6 +97,17 @@ def test_slot_derivatives_equal_direct_differentiation() -> None:
                 assert vanishes(direct - e.D(expression, i).xreplace(explicit))
 
 
+def test_second_derivatives_of_a_step_equal_direct_differentiation() -> None:
+    for system, order in ((driven_system(), 2), (block_system(), 4)):
+        e = element(system, order)
+        explicit = dict(e.definitions)
+        for i, row in enumerate(e.hessian(e.L_d)):
+            assert not any(row[:i])
+            slope = e.L_d.xreplace(explicit).diff(e.x_k[i])
+            for z, second in zip(e.x_k[i:], row[i:], strict=True):
+                assert vanishes(slope.diff(z) - second.xreplace(explicit))
+
+
 def test_third_slot_derivative_is_minus_the_energy_of_the_midpoint() -> None:
     system = catalogue.system("cart_pendulum")
     e, f = element(system, 2), readable(system)
