@@ -179,6 +179,37 @@ static void print(const double *x, ptrdiff_t n)
         printf("%.17g\n", x[i]);
 }
 
+static double *two_of(const double *row, ptrdiff_t n)
+{
+    double *two = memory(2*(size_t)n, sizeof *two);
+    for (ptrdiff_t i = 0; i < 2*n; ++i)
+        two[i] = row[i % n];
+    return two;
+}
+
+/* Whether two starts at one point, without multipliers, end as a solve from there has ended. */
+static int the_same_twice(const dmoc_program *p, const dmoc_kkt *k, const dmoc_options *o,
+                          const double *size, const double *stretch, const double *x,
+                          const double *end, dmoc_result r)
+{
+    double *none = memory((size_t)(p->n + p->m + 1), sizeof *none);
+    for (ptrdiff_t i = 0; i < p->n + p->m; ++i)
+        none[i] = 0;
+    const double mu[] = {o->mu, o->mu};
+    double *many = two_of(x, p->n), *sizes = two_of(size, p->n), *y = two_of(none, p->m);
+    double *lower = two_of(none, p->n), *upper = two_of(none, p->n);
+    int status[] = {-1, -1}, iterations[] = {0, 0}, turn = 0, stop = 0;
+    const dmoc_starts starts = {
+        2, sizes, mu, many, y, lower, upper, status, iterations, &turn, &stop,
+    };
+    int same = dmoc_interior_starts(p, k, o, stretch, &starts);
+    for (int i = 0; i < 2; ++i)
+        same &= status[i] == r.status && iterations[i] == r.iterations;
+    for (ptrdiff_t i = 0; i < 2*p->n; ++i)
+        same &= many[i] == end[i % p->n];
+    return same;
+}
+
 static int solve(void)
 {
     int heard = 0;
@@ -187,6 +218,7 @@ static int solve(void)
     const dmoc_options o = options(&heard);
     const double *size = numbers(), *stretch = numbers();
     double *x = numbers(), *y = numbers(), *z_lower = numbers(), *z_upper = numbers();
+    double *before = two_of(x, p.n);
     const dmoc_result r = dmoc_interior_heap(&p, &k, &o, size, stretch, x, y, z_lower, z_upper);
     double *values = memory((size_t)p.m + 1, sizeof *values);
     dmoc_put(&p, x);
@@ -194,6 +226,9 @@ static int solve(void)
     printf("%d\n%d\n%d\n", r.status, r.iterations, r.restorations);
     print(values, 1);
     print(x, p.n);
+    const int cold = !o.warm && !o.least_violation;
+    if (cold && !the_same_twice(&p, &k, &o, size, stretch, before, x, r))
+        return 1;
     return heard == r.iterations ? 0 : 1;
 }
 
