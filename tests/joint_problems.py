@@ -40,20 +40,17 @@ def double_pendulum() -> tuple[dmoc.MechanicalSystem, dmoc.MechanicalSystem]:
     x1, y1, x2, y2, b = dynamicsymbols("x1 y1 x2 y2 b")
     m, l = sp.symbols("m l", positive=True)
     parameters = {m: 0.7, l: 0.8}
-
-    def lagrangian(places: list[tuple[Any, Any]]) -> Any:
-        energies = [(x.diff(T) ** 2 + y.diff(T) ** 2) / 2 - G * y for x, y in places]
-        return energies[0] + m * energies[1]
-
+    energies = [(x.diff(T) ** 2 + y.diff(T) ** 2) / 2 - G * y for x, y in ((x1, y1), (x2, y2))]
     rods = {"first": sp.Eq(x1**2 + y1**2, 1), "second": (x2 - x1) ** 2 + (y2 - y1) ** 2 - l**2}
     redundant = dmoc.MechanicalSystem(
-        "rods", [x1, y1, x2, y2], lagrangian([(x1, y1), (x2, y2)]), parameters, [U],
+        "rods", [x1, y1, x2, y2], energies[0] + m * energies[1], parameters, [U],
         {x1: -U * y1, y1: U * x1}, cost=U**2, constraints=rods,
     )  # fmt: skip
-    X1, Y1 = sp.sin(A), -sp.cos(A)
-    angles = lagrangian([(X1, Y1), (X1 + l * sp.sin(b), Y1 - l * sp.cos(b))])
+    first, second = A.diff(T), l * b.diff(T)
+    upper = first**2 / 2 + G * sp.cos(A)
+    lower = upper + second**2 / 2 + first * second * sp.cos(A - b) + G * l * sp.cos(b)
     minimal = dmoc.MechanicalSystem(
-        "angles", [A, b], sp.simplify(angles), parameters, [U], {A: U}, cost=U**2
+        "angles", [A, b], upper + m * lower, parameters, [U], {A: U}, cost=U**2
     )
     return redundant, minimal
 
