@@ -31,6 +31,7 @@ from dmoc.solvers.judge import judged
 from dmoc.solvers.outcome import Duals, Options, Outcome, Status
 from dmoc.solving.programs import at_solution
 from dmoc.solving.request import check_problem
+from dmoc.solving.sensitivity import as_solved, check_minimum
 from dmoc.solving.solve import solve
 
 HORIZONS = ("shrinks", "recedes")
@@ -82,8 +83,9 @@ class Planner:
     Raises
     ------
     ProblemError
-        If the problem has no solution, its kernels are not compiled, its model depends on the time,
-        or its objective or bounds look at the whole motion.
+        If the problem has no solution, or the one that is given is another one's, its kernels are
+        not compiled, its model depends on the time, or its objective or bounds look at the whole
+        motion.
 
     Notes
     -----
@@ -131,6 +133,7 @@ class Planner:
                 f"the problem has no solution to begin with ({solution.message}): a Planner keeps "
                 "to its sequence and its mesh, so give a solution."
             )
+        check_minimum(as_solved(problem, solution), solution)
         self.problem, motion = planned(problem, solution, missed), solution.trajectory
         self.solution, duals = solution, None
         self._scales = dict[int, Scale]()

@@ -88,7 +88,7 @@ def plastic(motion: Trajectory) -> dict[str, float | None]:
 
 def check_feedback(feedback: Any, motion: Trajectory) -> None:
     """Refuse what does not steer a motion."""
-    if not isinstance(feedback, Steers):
+    if isinstance(feedback, type) or not isinstance(feedback, Steers):
         raise SimulationError(
             f"feedback = {shown(feedback)}: expected one from dmoc.feedback(solution), or a "
             "dmoc.Planner."

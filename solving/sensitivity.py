@@ -64,6 +64,12 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
         raise ProblemError(
             f"the solution has the status '{solution.status}': sensitivities need a minimum."
         )
+    check_minimum(problem, solution)
+    return cost_derivatives.sensitivities(problem, solution.unknowns, solution.multipliers)
+
+
+def check_minimum(problem: Problem, solution: Solution) -> None:
+    """Refuse a solution that is no minimum of a problem as it has it."""
     nlp, duals = at_solution(problem, solution)
     left = residuals(nlp, nlp.scaled(solution.unknowns), duals)
     if left.violation > OTHER_PROBLEM or left.optimality > OTHER_PROBLEM:
@@ -71,7 +77,6 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
             f"the solution is no minimum of this problem (violation {left.violation:.1e}, "
             f"optimality {left.optimality:.1e}): give the problem that was solved."
         )
-    return cost_derivatives.sensitivities(problem, solution.unknowns, solution.multipliers)
 
 
 def as_solved(problem: Problem, solution: Solution) -> Problem:
@@ -86,9 +91,9 @@ def as_solved(problem: Problem, solution: Solution) -> Problem:
     size = Layout.of(problem).size
     if (steps, sequence, len(solution.unknowns)) != (problem.phase_steps, problem.words, size):
         raise ProblemError(
-            f"the solution has the sequence {list(sequence)} with {list(steps)} steps, the problem "
-            f"{list(problem.words)} with {list(problem.phase_steps)}: give the problem that was "
-            "solved."
+            f"the solution has the sequence {list(sequence)} with {list(steps)} steps and "
+            f"{len(solution.unknowns)} unknowns, the problem {list(problem.words)} with "
+            f"{list(problem.phase_steps)} and {size}: give the problem that was solved."
         )
     check_same_model(solution, problem.kernels)
     return problem

@@ -230,6 +230,7 @@ def test_a_second_of_feedback_takes_a_fraction_of_a_second(
     ({"disturb": {"pushes": [(0.5, {"x_dot": 1})]}}, "unknown state 'x_dot' in pushes"),
     ({"disturb": {"seed": -1}}, "seed = -1"),
     ({"feedback": 3}, "feedback = 3: expected one from dmoc.feedback"),
+    ({"feedback": dmoc.Planner}, "Planner'>: expected one from dmoc.feedback"),
     ({"disturb": {}, "steps": 5}, 'steps = 5: expected none beside feedback or disturb, whose "sa'),
     ({"disturb": {}, "inputs": [1.0]}, "inputs = .* expected none beside feedback"),
 ])  # fmt: skip

@@ -320,6 +320,8 @@ def test_bad_input_is_one_sentence(bounced: Given, wall: dmoc.MechanicalSystem) 
         dmoc.Planner(problem, solution, horizon="grows")
     with pytest.raises(ProblemError, match="expected a Solution"):
         dmoc.Planner(problem, 3)  # type: ignore[arg-type]
+    with pytest.raises(ProblemError, match="is no minimum of this problem"):
+        dmoc.Planner(problem.but(final_time=2.1), solution)
     timed = unit_mass("planned_timed", cost=U**2 * (1 + t))
     with pytest.raises(ProblemError, match="depends on the time"):
         dmoc.Planner(dmoc.Problem(timed, {"x": 0}, {"x": 1}, steps=5, final_time=1.0))
