@@ -4,7 +4,8 @@ measured."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import fields
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -18,6 +19,12 @@ from dmoc.program.extraction import stated_as
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Solution
 from dmoc.solving.sensitivity import as_solved
+
+
+class Rest(Problem):
+    """A problem whose start is measured."""
+
+    measured: ClassVar[bool] = True
 
 
 def planned(problem: Problem, solution: Solution, tolerance: float) -> Problem:
@@ -96,15 +103,18 @@ def rest_of(
         for (low, high), over in zip(problem.duration_bounds[phase:], spent, strict=True)
     ]
     total = problem.final_time_bounds
-    return problem.but(
-        start=_start(problem.kernels.coordinates, state),
-        sequence=problem.sequence[phase:],
-        steps=problem.phase_steps[phase:],
-        durations=durations,
-        final_time=_left(total, elapsed if shrinks else 0.0, "the motion"),
-        via=None if problem.via is None else problem.via[phase:],
-        contacts=parts_of(problem.touch.modes[phase], problem.touch.contacts),
-    )
+    changed = {
+        "start": _start(problem.kernels.coordinates, state),
+        "sequence": problem.sequence[phase:],
+        "steps": problem.phase_steps[phase:],
+        "durations": durations,
+        "final_time": _left(total, elapsed if shrinks else 0.0, "the motion"),
+        "via": None if problem.via is None else problem.via[phase:],
+        "contacts": parts_of(problem.touch.modes[phase], problem.touch.contacts),
+    }
+    kept = {field.name: getattr(problem, field.name) for field in fields(problem)}
+    rest = Rest(**{**kept, **changed})
+    return rest.in_rates() if problem.by_rates else rest
 
 
 def _left(bounds: Range, spent: float, what: str) -> Any:

@@ -176,6 +176,7 @@ class Problem(Shown):
     ignored: Sequence[str] = ()
     design: Mapping[Any, Any] = field(default_factory=dict)
     by_rates: ClassVar[bool] = False  # see in_rates
+    measured: ClassVar[bool] = False  # whether the start may lie beyond bounds of quantities
     relaxation: ClassVar[float] = 0.0  # see dmoc.problem.relaxed
 
     if TYPE_CHECKING:

@@ -98,6 +98,8 @@ def _decided(problem: Problem, ranges: Array) -> Array:
         for said, (low, high) in (
             ("is given as", ranges[j]), ("is bounded to", problem.quantity_bounds[j]),
         ):  # fmt: skip
+            if problem.measured and said == "is bounded to":
+                continue
             near = KEPT * max(abs(e) for e in (low, high, values[j], 1.0) if np.isfinite(e))
             if not low - near <= values[j] <= high + near:
                 between = f"{low:g}" if low == high else f"{low:g} to {high:g}"

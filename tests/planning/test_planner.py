@@ -197,6 +197,22 @@ def test_what_constraints_and_friction_hold_is_at_rest() -> None:
         assert np.abs(plan.trajectory.phases[0].v[0]).max() < 1e-15
 
 
+def test_a_measured_state_may_exceed_the_bound_of_a_quantity() -> None:
+    """A speed beyond its bound is within it from the next node on; the rest costs more than without
+    the bound."""
+    mass = unit_mass("planned_speed", cost=U**2 / 2, quantities={"rate": X.diff()})
+    problem = dmoc.Problem(
+        dmoc.build(mass, order=4), {"x": 0.0}, {"x": 1.0, "x_dot": 0.0}, steps=20, final_time=1.0,
+        bounds={"rate": (None, 1.2)},
+    )  # fmt: skip
+    planner = dmoc.Planner(problem, dmoc.solve(problem, "ipm"))
+    plan = planner.replan(0.5, {"x": 0.5, "x_dot": 1.21})
+    assert plan.new, plan.message
+    speeds = plan.trajectory.phases[0].v[:, 0]
+    assert speeds[0] == pytest.approx(1.21) and speeds[1:].max() <= 1.2 + 1e-9
+    assert plan.cost > 1.05 * least(0.5, 1.21, 1.0, 0.5)
+
+
 def test_a_limit_of_time_keeps_the_last_plan(bounced: Given) -> None:
     planner = dmoc.Planner(*bounced)
     plan = planner.replan(0.3, {"x": 0.9, "x_dot": -3.0}, seconds=1e-9)
