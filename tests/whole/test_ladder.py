@@ -15,11 +15,13 @@ import dmoc
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["slsqp", "ipm"])
 @pytest.mark.parametrize("rung", RUNGS, ids=lambda r: r.name)
-def test_a_statement_leads_to_the_known_answer(rung: Rung, method: str) -> None:
-    solution = answer_of(rung.make(50, 4), method)
-    assert rung.compared(solution.cost, True) == "solved", solution.cost
+def test_a_statement_leads_to_the_known_answer(rung: Rung) -> None:
+    """Sequential programming begins with a minimum of ipm, as it does where it is asked alone."""
+    problem, solution = rung.make(50, 4), None
+    for method in ("ipm", "slsqp"):
+        solution = answer_of(problem, method, guess=solution)
+        assert rung.compared(solution.cost, True) == "solved", solution.cost
 
 
 @pytest.mark.slow
