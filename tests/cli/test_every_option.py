@@ -13,8 +13,11 @@ from dmoc.cli.app import command_line
 from dmoc.program.layout import Layout
 
 VALUES = ("", "nonsense", "-1", "nan", "1e999", "=", "l=", "l=1,l=2", "::", "ü;,", "9" * 20)
-# What else a command needs before it looks at its options.
-BEFORE = {"simulate": ("--final-time", "0.1"), "sweep": ("--set", "g=9:10:2")}
+# What else a command needs before it looks at its options, or soon comes to its end with.
+BEFORE = {
+    "simulate": ("--final-time", "0.1"), "sweep": ("--set", "g=9:10:2"),
+    "search": ("--max-collisions", "0"),
+}  # fmt: skip
 # They derive a model, which takes long, or write where they are told to.
 LEFT_OUT = {"derive", "generate", "build", "new"}
 

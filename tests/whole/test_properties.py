@@ -186,7 +186,7 @@ def test_forward_and_optimal_control_answers_agree(
         durations=[(before * h, before * h), ((40 - before) * h,) * 2], final_time=1.0,
         restitution=e, controls="constant",
     )  # fmt: skip
-    solution = answer_of(problem, "ipm")
+    solution = answer_of(problem, "ipm", starts=1)
     u = np.vstack([p.u for p in solution.phases])
     run = dmoc.simulate(kernels, [0.0], [speed], step_size=h, steps=40, inputs=u, restitution=e)
     q = np.vstack([solution.phases[0].q, solution.phases[1].q[1:]])
