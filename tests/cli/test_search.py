@@ -44,7 +44,8 @@ def test_ctrl_c_ends_the_command_with_the_best_so_far(tmp_path: Path) -> None:
 
 
 def test_the_command_writes_and_tells(tmp_path: Path) -> None:
-    text = printed(*command("--out", str(tmp_path / "out"), "--workers", "2"))
+    words = ("--surfaces", "east,west", "--out", str(tmp_path / "out"), "--workers", "2")
+    text = printed(*command(*words))
     assert "best: east, west" in text and "optimal" in text
     written = {p.name for p in (tmp_path / "out").iterdir()}
     assert written == {"solution.npz", "tree.png", "best.png", "tree.html"}

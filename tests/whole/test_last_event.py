@@ -49,7 +49,7 @@ def test_a_ball_that_is_dropped_ends_with_its_bounce(order: int) -> None:
 ])  # fmt: skip
 def test_a_rebound_of_least_effort(order: int, controls: str, error: float, method: str) -> None:
     """To leave with r the wall is met with r/e, whatever the goal says beside it."""
-    solution = dmoc.solve(against_wall(order, controls=controls), method)
+    solution = dmoc.solve(against_wall(order, controls=controls), method, starts=1)
     assert solution.solved and solution.cost == approx(cubic(1.6), abs=error)
     assert solution.phases[0].v[-1] == approx([1.6]) and solution.phases[1].v[0] == approx([-0.8])
 
@@ -68,7 +68,7 @@ def test_a_rebound_of_least_effort(order: int, controls: str, error: float, meth
 )
 def test_a_goal_speaks_of_the_state_after_the_event(fields: dict[str, Any]) -> None:
     """Speeds above 1.6 cost more, those below less, until 1.5."""
-    solution = dmoc.solve(against_wall(**fields))
+    solution = dmoc.solve(against_wall(**fields), starts=1)
     least = cubic(1.5) if fields.get("goal") == {"x_dot": (-0.8, None)} else cubic(1.6)
     assert solution.solved and solution.cost == approx(least, abs=1e-8)
 
@@ -97,7 +97,7 @@ def test_what_fixed_values_say_of_a_plastic_end_is_not_said_twice(
 ) -> None:
     """However much of the end is fixed: 3/(2 T^3) of least effort to the wall, whose speed is
     free."""
-    solution = dmoc.solve(against_wall(goal=goal, sequence=[word], restitution=0.0))
+    solution = dmoc.solve(against_wall(goal=goal, sequence=[word], restitution=0.0), starts=1)
     assert solution.solved and solution.cost == approx(1.5, abs=1e-9)
     assert solution.phases[-1].v[0] == approx([0.0], abs=1e-12)
     assert solution.phases[-1].closed == (("wall",) if word == "+wall" else ())
@@ -130,7 +130,7 @@ def test_a_bounce_that_repeats(order: int) -> None:
         dmoc.build(bouncer, order=order), start={"y": 0.0, "y_dot": None}, steps=10,
         periodic=["y", "y_dot"], sequence=["floor"], durations=[None, 0], final_time=1.0,
     )  # fmt: skip
-    solution = dmoc.solve(problem)
+    solution = dmoc.solve(problem, starts=1)
     assert solution.solved and solution.cost == approx(0.0, abs=1e-12)
     assert solution.phases[0].v[0] == approx([G / 2]) == solution.phases[1].v[0]
     lossy = dmoc.solve(problem.but(restitution=0.7))
@@ -146,7 +146,7 @@ def test_a_bounce_that_repeats(order: int) -> None:
 def test_impacts_with_friction_end_a_motion(
     word: str, after: tuple[float, float], order: int
 ) -> None:
-    solution = dmoc.solve(thrown_block(order, word))
+    solution = dmoc.solve(thrown_block(order, word), starts=1)
     assert solution.solved and solution.final_time == approx(FALL / G)
     assert solution.phases[-1].v[0] == approx(after, abs=1e-7)
     assert solution.phases[-1].mode == ("floor:slip+" if word[0] == "+" else "free")
@@ -179,7 +179,7 @@ def test_a_hit_while_something_slides(order: int) -> None:
         contacts=["floor:slip+"], sequence=["wall floor:slip-"], durations=[None, 0],
         restitution=0.5,
     )  # fmt: skip
-    solution = dmoc.solve(problem)
+    solution = dmoc.solve(problem, starts=1)
     rate = np.sqrt(9 - 2 * 0.3 * G)
     assert solution.solved and solution.phases[-1].mode == "floor:slip-"
     assert solution.phases[-1].v[0] == approx([-0.5 * rate, 0.0], abs=1e-8)
@@ -234,7 +234,7 @@ def test_quantities_forces_and_integrals_at_the_end() -> None:
         kernels=dmoc.build(measured, order=4), goal={"speed": 2.0, "load": (5, None)},
         bounds={"speed": (0, 4), "load": (-1, 20)},
     )  # fmt: skip
-    solution = dmoc.solve(problem)
+    solution = dmoc.solve(problem, starts=1)
     assert solution.solved
     kinetic = [p.v[k, 0] ** 2 / 2 for p, k in zip(solution.phases[:1] * 2, (0, -1), strict=True)]
     assert solution.trajectory.totals["work"] == approx(kinetic[1] - kinetic[0])
@@ -290,7 +290,7 @@ def test_a_gait_of_one_phase_is_the_one_that_is_known(monkeypatch: pytest.Monkey
     monkeypatch.syspath_prepend(EXAMPLES)
     import compass_gait
 
-    begin: dict[str, Any] = {"starts": 50}
+    begin: dict[str, Any] = {"starts": 1}
     for order, steps, error in ((4, 80, 1e-8), (6, 20, 1e-9)):
         solution = dmoc.solve(compass_gait.problem(steps, order=order), **begin)
         begin = {"guess": solution}
@@ -309,5 +309,5 @@ def test_a_step_of_a_walker_costs_the_same_from_mid_stance_on(
 
     whole = walker.problem(40)
     halves = whole.but(steps=20, durations=[walker.TIME / 2] * 2)
-    costs = [dmoc.solve(problem, starts=3).cost for problem in (whole, halves)]
+    costs = [dmoc.solve(problem, starts=1).cost for problem in (whole, halves)]
     assert costs[0] == approx(costs[1], abs=1e-6) and costs[0] == approx(390.7905, abs=1e-3)
