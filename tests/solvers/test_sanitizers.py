@@ -207,7 +207,7 @@ def test_the_seed_problem(
 
 def test_a_warm_start(seed: dmoc.Problem, calls: list[Call], linked: Link, tmp_path: Path) -> None:
     problem = seed.but(steps=20)
-    solution = dmoc.solve(problem, "ipm", verify=False)
+    solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
     del calls[:]
     dmoc.solve(problem.but(parameters={"m_c": 1.05}), "ipm", guess=solution, verify=False)
     assert calls[0].options["warm"]
@@ -230,14 +230,14 @@ def test_an_infeasible_problem(
 def test_order_4(calls: list[Call], linked: Link, tmp_path: Path) -> None:
     kernels = dmoc.load("cart_pendulum", order=4)
     problem = dmoc.Problem(kernels, **find("cart_pendulum").defaults).but(steps=10)
-    dmoc.solve(problem, "ipm", verify=False)
+    dmoc.solve(problem, "ipm", starts=1, verify=False)
     repeated(calls[0], kernels, linked, tmp_path / "program")
 
 
 @pytest.mark.parametrize("order", [2, 4])
 def test_no_collision(order: int, calls: list[Call], linked: Link, tmp_path: Path) -> None:
     problem = bryson_denham(20, order)
-    assert dmoc.solve(problem, "ipm", verify=False).status == "solved"
+    assert dmoc.solve(problem, "ipm", starts=1, verify=False).status == "solved"
     repeated(calls[0], problem.kernels, linked, tmp_path / "program")
 
 
@@ -249,7 +249,7 @@ def test_everything_at_once(order: int, calls: list[Call], linked: Link, tmp_pat
         sequence=["floor", "side"], steps=[3, 70, 3], final_time=(None, 2.0),
         bounds={"u": (-20, 20)}, restitution={"floor": 0.6, "side": 0.0}, periodic=["a_dot", "z"],
     )  # fmt: skip
-    dmoc.solve(problem, "ipm", verify=False, iterations=30)
+    dmoc.solve(problem, "ipm", starts=1, verify=False, iterations=30)
     repeated(calls[0], problem.kernels, linked, tmp_path / "program")
 
 
