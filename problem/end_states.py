@@ -77,6 +77,7 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
     """Check the gaps at a fixed position; a gap that contains a coordinate left free is the
     solver's business."""
     fixed = boundary.position[:, 0] == boundary.position[:, 1]
+    _check_path(problem, end, boundary)
     if not problem.kernels.surfaces or not fixed.any():
         return
     at = np.where(fixed, boundary.position[:, 0], 0.0)
@@ -102,6 +103,25 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
         closed = j in problem.touch.modes[0].closed
         if end == "start" and fixed.all() and gaps[j] >= -rounding[j] and not closed:
             _check_leaving(problem, at, j, state)
+
+
+def _check_path(problem: Problem, end: str, boundary: Boundary) -> None:
+    """Refuse a fixed end that path constraints do not allow, at any time."""
+    place, rows = boundary.position, problem.kernels.manifest["path_limits"]
+    if problem.measured or problem.design or not rows or (place[:, 0] != place[:, 1]).any():
+        return
+    q = place[:, 0]
+    v = _fixed_velocity(boundary, problem, q)
+    at = q, np.zeros(problem.nq) if v is None else v, np.zeros(problem.nu), 0.0
+    kept, scale = problem.model.path_at(*at), problem.model.path_terms(*at)
+    for row, value, size in zip(rows, kept, scale, strict=True):
+        if row["inputs"] or row["time"] or (v is None and row["velocities"]):
+            continue
+        if value < -KEPT * size:
+            raise ProblemError(
+                f"path constraint {row['name']!r} is violated by {-value:g} at the {end}, which is "
+                f"fixed: change the {end} or the constraint."
+            )
 
 
 def _check_leaving(problem: Problem, q: Array, j: int, state: str) -> None:

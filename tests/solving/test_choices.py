@@ -120,8 +120,8 @@ def test_what_is_violated_does_not_stand_against_itself() -> None:
         "hurried", cost=u**2 / 2, path_constraints={"speed": x.diff() <= sp.Integer(1)}
     )
     problem = dmoc.Problem(
-        system, start={"x": 0.0, "x_dot": 3.0}, goal={"x": None, "x_dot": None}, steps=10,
-        durations=[1.0], bounds={"u": (-1.0, 1.0)},
+        system, start={"x": 0.0, "x_dot": (2.9, 3.0)}, goal={"x": None, "x_dot": None},
+        steps=10, durations=[1.0], bounds={"u": (-1.0, 1.0)},
     )  # fmt: skip
     guess = initial_guesses(problem)[0].x
     diagnosis = diagnose(problem, scale_of(problem, guess), guess, Options())

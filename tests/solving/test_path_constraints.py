@@ -16,6 +16,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.discretisation import DISCRETISATIONS
+from dmoc.base.errors import ProblemError
 from dmoc.program.transcription import Transcription
 
 pytestmark = pytest.mark.slow
@@ -227,3 +228,21 @@ def test_a_limit_of_places_holds_at_every_node(order: int) -> None:
     solution = answer_of(problem, "ipm", starts=8)
     q = solution.trajectory.phases[0].q
     assert np.hypot(*q.T).min() == pytest.approx(1, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("field", "state", "words"),
+    [
+        ("start", {"x": 0, "x_dot": 2.01}, "'speed' is violated by 0.01 at the start"),
+        ("goal", {"x": 0, "x_dot": 3}, "'speed' is violated by 1 at the goal"),
+        ("start", {"x": -1.5}, "'place' is violated by 0.5 at the start"),
+    ],
+)
+def test_a_fixed_end_that_a_path_constraint_does_not_allow_is_refused(
+    field: str, state: dict[str, float], words: str
+) -> None:
+    """No input makes it another one, and no mesh; at the limit it is allowed."""
+    ends = {"start": {"x": 0, "x_dot": 2}, "goal": {"x": 0.5, "x_dot": 2}}
+    problem = dmoc.Problem(kernels("ends", 2), **ends, steps=5, final_time=1.0)
+    with pytest.raises(ProblemError, match=words):
+        problem.but(**{field: state})
