@@ -18,9 +18,10 @@ with the unknown velocities v_a before and v_c after the collision, and W_t, W_g
 :func:`dmoc.symbolic.continuous.impact_work`. The energies are those of the two steps beside the
 collision, which tell little of the rates where one of them is long and the other one short, and
 leave out the impulses of contacts that last and of constraints: beside these the law is stated in
-the rates, and where the model states e by the rate before. A surface that lands obeys the law with
-e = 0; an event without an impact has arrival and departure alone. Of a hit with friction the row
-energy is that of :mod:`dmoc.program.laws.hit`.
+the rates, and where the model states e by the rate before. So it is where something moves that the
+collision does not touch, whose inputs would buy restitution by the energy of their steps. A
+surface that lands obeys the law with e = 0; an event without an impact has arrival and departure
+alone. Of a hit with friction the row energy is that of :mod:`dmoc.program.laws.hit`.
 """
 
 from __future__ import annotations
@@ -110,6 +111,7 @@ class ImpactLaw(Law):
         returns = np.isin(np.arange(len(rough)), [p.event for p in lay.hit.passages if p.returns])
         last = ends_motion(lay)
         stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough | by_law | returns | last
+        stated |= _moves_apart(problem, lay.touch.surfaces)
         return cls(problem, lay, e, by_law, touches, landing, stated, rough)
 
     @property
@@ -282,6 +284,19 @@ class ImpactLaw(Law):
     def _by_surface(self, values: Index, places: Places, otherwise: int = NOWHERE) -> Index:
         """Values of the collisions in the columns of their surfaces, shape (collisions, nc)."""
         return in_columns(values, self.surfaces, places.nc, otherwise)
+
+
+def _moves_apart(problem: Problem, surfaces: Index) -> Bools:
+    """Collisions beside which something moves that they do not touch, shape (events,): its kinetic
+    energy has no part in them, but the discrete energies would count what its inputs do
+    meanwhile."""
+    model, n = problem.model, problem.nq
+    rows, columns = problem.kernels.pattern("momentum_jac", "p_D")
+    joined, rates = np.eye(n, dtype=bool), (columns >= n) & (columns < 2 * n)
+    joined[rows[rates], columns[rates] - n] = True
+    joined = np.linalg.matrix_power((joined | joined.T).astype(float), n) > 0
+    alone = [not joined[list(on)].any(axis=0).all() for on in model.surface_coordinates]
+    return np.array([j != NOWHERE and alone[j] for j in surfaces], dtype=bool)
 
 
 def ends_motion(lay: Layout) -> Bools:

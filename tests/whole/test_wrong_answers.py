@@ -76,6 +76,25 @@ def test_a_collision_obeys_the_law_of_impact(seed: int, order: int) -> None:
 
 
 @pytest.mark.parametrize("order", [2, 4])
+def test_an_input_on_another_body_buys_no_restitution(order: int) -> None:
+    """Nothing drives the ball b, which comes back from its wall with half of its rate: at the
+    latest time it is at 2 - 0.939 (1.822 - 0.632/1.878) = 0.605, and cannot be at 0.575."""
+    a, b, u = dynamicsymbols("a b u")
+    system = dmoc.MechanicalSystem(
+        "beside", [a, b], (a.diff() ** 2 + 2 * b.diff() ** 2) / 2, {}, [u], {a: u},
+        surfaces={"wall": b <= 2}, cost=u**2 / 2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=order), start={a: 0.7, b: 1.368, "a_dot": -0.788, "b_dot": 1.878},
+        goal={b: (0.425, 0.575)}, sequence=["wall"], restitution=0.5, steps=12,
+        final_time=(0.5, 1.822),
+    )  # fmt: skip
+    assert dmoc.solve(problem, "ipm", starts=2).status == "infeasible"
+    later = problem.but(final_time=(0.5, 1.9))
+    assert dmoc.solve(later, "ipm", starts=1).collisions[0].rate_after == pytest.approx(-0.939)
+
+
+@pytest.mark.parametrize("order", [2, 4])
 @pytest.mark.parametrize("seed", [22, 34, 42])
 def test_a_collision_without_effect_is_called_a_graze(seed: int, order: int) -> None:
     """The optimum would rather not collide: it touches, and says so."""
