@@ -60,8 +60,10 @@ def solve_starts(
     arrays = (size, _stretches(nlp), mu, x, y, z_lower, z_upper, status, iterations, turn, stop)
 
     def each(own: Transcription) -> None:
+        with np.errstate(all="ignore"):  # each thread has its own
+            program, layout = own.program, _prepared(own)
         interior_points(
-            own.program, _prepared(own), *arrays, **_demands(options), most=options.iterations,
+            program, layout, *arrays, **_demands(options), most=options.iterations,
             seconds=options.deadline.left,
         )  # fmt: skip
 

@@ -295,8 +295,8 @@ def _moves_apart(problem: Problem, surfaces: Index) -> Bools:
     joined, rates = np.eye(n, dtype=bool), (columns >= n) & (columns < 2 * n)
     joined[rows[rates], columns[rates] - n] = True
     joined = np.linalg.matrix_power((joined | joined.T).astype(float), n) > 0
-    alone = [not joined[list(on)].any(axis=0).all() for on in model.surface_coordinates]
-    return np.array([j != NOWHERE and alone[j] for j in surfaces], dtype=bool)
+    apart = [not joined[list(on)].any(axis=0).all() for on in model.surface_coordinates]
+    return np.array([j != NOWHERE and apart[j] and problem.nu > 0 for j in surfaces], dtype=bool)
 
 
 def ends_motion(lay: Layout) -> Bools:
