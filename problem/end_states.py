@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.base.errors import ProblemError
-from dmoc.base.tolerances import KEPT, SAME
+from dmoc.base.tolerances import KEPT, ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import is_positive
 from dmoc.mechanics.contact_mode import STICK
@@ -17,6 +17,7 @@ from dmoc.mechanics.held import unknown_in_impacts
 from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.design import by_design
+from dmoc.problem.reach import gap_sizes, rate_sizes
 
 # An input without a bound, where the sign of friction is looked at.
 FAR = 1e6
@@ -86,22 +87,23 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
         np.where(b[:, 0] == b[:, 1], b[:, 0], 0.0)
         for b in (problem.start_bounds.position, problem.goal_bounds.position)
     ]
-    rounding = np.max([problem.model.gap_rounding(q) for q in (at, *ends)], axis=0)
+    sizes = np.max([gap_sizes(problem, q) for q in (at, *ends)], axis=0)
     chosen = by_design(problem, "surface")  # where they are is up to the solver
     for j, surface in enumerate(problem.kernels.surfaces):
         if chosen[j] or surface in problem.ignored:
             continue
         if end == "goal" and j in problem.model.moving:
             continue
+        closed = j in problem.touch.modes[0 if end == "start" else -1].closed
         involved = problem.model.surface_coordinates[j]
         state = ", ".join(f"{problem.kernels.coordinates[i]}={at[i]:g}" for i in involved)
-        if fixed[involved].all() and not gaps[j] <= rounding[j]:
+        near = (SAME if closed else ROUNDING) * sizes[j]
+        if fixed[involved].all() and not gaps[j] <= near:
             raise ProblemError(
                 f"the {end} ({state}) lies behind surface {surface!r}, {gaps[j]:g} outside the "
                 f"admissible set g <= 0: move the {end} or the surface."
             )
-        closed = j in problem.touch.modes[0].closed
-        if end == "start" and fixed.all() and gaps[j] >= -rounding[j] and not closed:
+        if end == "start" and fixed.all() and gaps[j] >= -near and not closed:
             _check_leaving(problem, at, j, state)
 
 
@@ -244,12 +246,12 @@ def _check_start_in_contact(problem: Problem) -> None:
     position = problem.start_bounds.position
     fixed = position[:, 0] == position[:, 1]
     v = _fixed_velocity(problem.start_bounds, problem, q) if fixed.all() else None
-    gaps, sizes, chosen = model.gaps(q), model.gap_sizes(q), by_design(problem, "surface")
+    gaps, sizes, chosen = model.gaps(q), gap_sizes(problem, q), by_design(problem, "surface")
     for j in mode.closed:
         name = problem.kernels.surfaces[j]
         if chosen[j] or not fixed[model.surface_coordinates[j]].all():
             continue
-        if abs(gaps[j]) > KEPT * sizes[j]:
+        if abs(gaps[j]) > SAME * sizes[j]:
             raise ProblemError(
                 f"contact {name!r} is closed at the start, which is {-gaps[j]:g} off it: move the "
                 "start onto it, or leave a coordinate free."
@@ -279,9 +281,9 @@ def _what(problem: Problem, mode: Mode) -> str:
 
 
 def _kept(problem: Problem, slope: Array, q: Array, v: Array) -> float:
-    """What counts as no rate: beside what the velocity could make, and beside what its energy
+    """What counts as no rate: beside what velocities could make, and beside what their energy
     could, which momenta leave as rounding errors of coordinates at rest."""
-    model, made = problem.model, float(np.abs(slope) @ np.append(np.abs(v), 1.0))
+    model, made = problem.model, float(rate_sizes(problem, slope[None], v)[0])
     squares = float(v @ model.mass(q) @ v) * float(slope[:-1] @ model.responses(q, slope[:-1]))
     return KEPT * made + SAME * sqrt(max(squares, 0.0))
 

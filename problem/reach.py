@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dmoc.base.tolerances import BALANCED
+from dmoc.base.tolerances import BALANCED, SAME
 from dmoc.codegen.kernels import Array
 
 if TYPE_CHECKING:
@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 # Newton steps to the surface where a motion may begin anywhere, and times at which a surface is
 # looked at to see how far it moves.
 NEWTON, MOVING = 30, 33
+# Ends at this share of the way to a surface, or of what the forces alone do in a phase, say
+# nothing, as the 1e-16 that a user has computed instead of 0.  A spring does as much in 14
+# oscillations, which need finer meshes.
+UNRESOLVED = 1e-3
 
 
 def onto_first(problem: Problem, q: Array) -> Array:
@@ -42,23 +46,67 @@ def reach_of(problem: Problem) -> Array:
     of the sequence, or, where that says nothing, what the inertias make of the reach of the
     others, shape (nq,)."""
     start, goal = problem.start_position, problem.goal_position
-    reach = np.max(np.abs([goal - start, start, goal]), axis=0) * (1 - problem.unsaid)
-    if problem.kernels.surfaces:
-        slopes, gaps = problem.model.gap_slopes(start), np.abs(problem.model.gaps(start))
-        gaps = np.where(gaps <= problem.model.gap_rounding(start), 0.0, gaps)
-        for j in {event.surface for event in problem.touch.events if event.impact}:
-            size = np.abs(slopes[j, :-1])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                away = np.where(size > 0, gaps[j] / size, 0.0)
-            reach = np.where((reach == 0) & np.isfinite(away), away, reach)
+    ends = np.max(np.abs([goal - start, start, goal]), axis=0) * (1 - problem.unsaid)
+    root = np.sqrt(np.abs(problem.inertia))
+    root = np.where(root > 0, root, 1.0)
+    away, shortest = _to_surfaces(problem, root)
+    least = SAME * (np.maximum(ends, away) * root).max() / root
+    least = np.maximum(least, UNRESOLVED * np.maximum(shortest, _swung(problem)))
     box = problem.coordinate_bounds
     width = np.where(
         np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0
     )
-    reach = np.where(reach > 0, reach, width)
-    root = np.sqrt(np.abs(problem.inertia))
-    reach = np.where(reach > 0, reach, (reach * root).max() / np.where(root > 0, root, 1.0))
+    reach = np.zeros(problem.nq)
+    for other in (ends, away, width):
+        reach = np.where(reach > least, reach, other)
+    reach = np.where(reach > least, reach, (reach * root).max() / root)
     return reach if (reach > 0).all() else np.where(reach > 0, reach, _swing(problem))
+
+
+def gap_sizes(problem: Problem, q: Array, t: float = 0.0) -> Array:
+    """Sizes of the gaps at a position, of what makes them there and of how far they may move, shape
+    (nc,)."""
+    moved = np.abs(problem.model.gap_slopes(q, t)[:, :-1]) @ problem.reach
+    return np.maximum(problem.model.gap_sizes(q, t), moved)
+
+
+def rate_sizes(problem: Problem, slopes: Array, v: Array) -> Array:
+    """Sizes of rates with some slopes (..., n, nq + 1), of velocities (..., nq) and of what makes
+    the reach in the time that a problem allows, shape (..., n)."""
+    low, high = problem.final_time_bounds
+    fast = np.maximum(np.abs(v), problem.reach / (high if np.isfinite(high) else 1.0 + 2.0 * low))
+    one = np.ones((*v.shape[:-1], 1))
+    return np.asarray((np.abs(slopes) @ np.concatenate([fast, one], axis=-1)[..., None])[..., 0])
+
+
+def _to_surfaces(problem: Problem, root: Array) -> tuple[Array, Array]:
+    """How far each coordinate alone is from the surfaces of the sequence, and its part of the
+    shortest ways to them, where inertias with these roots measure lengths, shape (nq,) each."""
+    start, away, shortest = problem.start_position, np.zeros(problem.nq), np.zeros(problem.nq)
+    if not problem.kernels.surfaces:
+        return away, shortest
+    slopes, gaps = np.abs(problem.model.gap_slopes(start)), np.abs(problem.model.gaps(start))
+    gaps = np.where(gaps <= problem.model.gap_rounding(start), 0.0, gaps)
+    for j in {event.surface for event in problem.touch.events if event.impact}:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            to = gaps[j] / slopes[j, :-1]
+            part = (slopes[j, :-1] / root) ** 2
+            way = to * (part / part.sum())
+        away = np.where((away == 0) & np.isfinite(to), to, away)
+        shortest = np.where(np.isfinite(way), np.maximum(shortest, way), shortest)
+    return away, shortest
+
+
+def _time(problem: Problem) -> float:
+    low, high = problem.final_time_bounds
+    return high if np.isfinite(high) else max(low, 0.0)
+
+
+def _swung(problem: Problem) -> Array:
+    """How far the forces alone move each coordinate up and down in a phase, shape (nq,)."""
+    with np.errstate(all="ignore"):
+        force = np.abs(problem.model.acceleration(problem.start_position, u=np.zeros(problem.nu)))
+        return np.where(np.isfinite(force), force, 0.0) * (_time(problem) / problem.phases) ** 2 / 8
 
 
 def _swing(problem: Problem) -> Array:
@@ -66,12 +114,9 @@ def _swing(problem: Problem) -> Array:
     so, shape (nq,): up and down against its forces in a phase, or as far as surfaces of the
     sequence move; where these balance, what the inertias make of the others; 1 where these
     say nothing either."""
-    low, high = problem.final_time_bounds
-    time = high if np.isfinite(high) else max(low, 0.0)
+    swing = _swung(problem)
     with np.errstate(all="ignore"):
-        force = np.abs(problem.model.acceleration(problem.start_position, u=np.zeros(problem.nu)))
-        swing = np.where(np.isfinite(force), force, 0.0) * (time / problem.phases) ** 2 / 8
-        times = np.linspace(0.0, time, MOVING)
+        times = np.linspace(0.0, _time(problem), MOVING)
         gaps = problem.model.gaps(np.tile(problem.start_position, (MOVING, 1)), times)
         slopes = np.abs(problem.model.gap_slopes(problem.start_position)[:, :-1])
         for j in {event.surface for event in problem.touch.events if event.impact}:

@@ -19,6 +19,7 @@ from dmoc.mechanics.redundancy import redundancy
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.design import samples
 from dmoc.problem.problem import Problem
+from dmoc.problem.reach import gap_sizes, rate_sizes
 from dmoc.program.blocks import Bools, Index
 from dmoc.program.layout import Layout
 
@@ -239,23 +240,24 @@ Values = tuple[Array, Array]
 
 
 def _gaps(problem: Problem, at: States) -> Values:
-    sizes = [problem.model.gap_sizes(q, t) for q, t in zip(at.q, at.t, strict=True)]
+    sizes = [gap_sizes(problem, q, t) for q, t in zip(at.q, at.t, strict=True)]
     return problem.model.gaps(at.q, at.t), np.array(sizes)
 
 
 def _tangents(problem: Problem, at: States) -> Values:
     slopes = problem.model.tangent_slopes(at.q, at.t)
-    return problem.model.tangents(at.q, at.t), _share(slopes, at.q, at.t)
+    along = np.abs(np.column_stack([np.maximum(np.abs(at.q), problem.reach), at.t]))
+    return problem.model.tangents(at.q, at.t), (np.abs(slopes) @ along[..., None])[..., 0]
 
 
 def _gap_rates(problem: Problem, at: States) -> Values:
     slopes = problem.model.gap_slopes(at.q, at.t)
-    return problem.model.gap_rates(at.q, at.v, at.t), _share(slopes, at.v, np.ones(SAMPLES))
+    return problem.model.gap_rates(at.q, at.v, at.t), rate_sizes(problem, slopes, at.v)
 
 
 def _slide_rates(problem: Problem, at: States) -> Values:
     slopes = problem.model.tangent_slopes(at.q, at.t)
-    return problem.model.slide_rates(at.q, at.v, at.t), _share(slopes, at.v, np.ones(SAMPLES))
+    return problem.model.slide_rates(at.q, at.v, at.t), rate_sizes(problem, slopes, at.v)
 
 
 def _joints(problem: Problem, at: States) -> Values:
@@ -265,13 +267,7 @@ def _joints(problem: Problem, at: States) -> Values:
 
 def _joint_rates(problem: Problem, at: States) -> Values:
     slopes = problem.model.joint_slopes(at.q, at.t)
-    return problem.model.joint_rates(at.q, at.v, at.t), _share(slopes, at.v, np.ones(SAMPLES))
-
-
-def _share(slopes: Array, values: Array, t: Array) -> Array:
-    """What values and times contribute by their slopes."""
-    along = np.abs(np.column_stack([values, t]))
-    return np.asarray((np.abs(slopes) @ along[..., None])[..., 0])
+    return problem.model.joint_rates(at.q, at.v, at.t), rate_sizes(problem, slopes, at.v)
 
 
 def _vanish(values: Array, sizes: Array, signs: Array | float = 0.0) -> Bools:

@@ -175,6 +175,8 @@ def _minima(
         enough = (met and end >= effort.most) or (agreed and end >= effort.first)
         if enough or len(attempts) < len(named):
             break
+        if not minima and len(x):  # the first guess may be so small beside motions that exist
+            programs = [Programs(coarse, scale_of(coarse, x[-1])) for _ in programs]
         named, begin = {}, numbers.stop
     if not minima and effort.widens:
         minima = _tightened(coarse, natural, effort.seed, few)
