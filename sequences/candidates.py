@@ -53,11 +53,10 @@ class Candidates(Tree):
         self.first: dict[Words, float] = {}  # costs on the mesh of the search
 
     def surrounded(self) -> Tree:
-        """The tree of all sequences, which has what is known of these."""
+        """The tree of all sequences, which knows what is confirmed of these: it solves them from
+        their parents' motions too, which may be nearer to a better one."""
         tree = Tree(self.problem, self.settings)
-        tree.journal = self.journal
-        known = {s: n for s, n in self.nodes.items() if n.verdict is not Verdict.FAILED}
-        tree.before, tree.known = known, {**self.known, **known}
+        tree.journal, tree.known, tree.before = self.journal, self.known, self.nodes
         return tree
 
     def rounds(self) -> Iterator[list[Words]]:

@@ -25,6 +25,11 @@ def best_of(nodes: Iterable[Node]) -> Node | None:
     return min(same, key=lambda n: (len(n.sequence), n.cost, n.sequence), default=None)
 
 
+def better(node: Node, other: Node) -> Node:
+    """Of two nodes of one sequence the cheaper confirmed one, else the first with a motion."""
+    return best_of((node, other)) or (node if node.solution is not None else other)
+
+
 def with_optimum(nodes: Mapping[Sequence, Node]) -> list[Node]:
     """The nodes with verdicts that need the others: the optimal one, and those that collapse."""
     best = best_of(nodes.values())

@@ -313,7 +313,7 @@ def _searched(stated: Problem, problem: Problem, settings: Settings) -> SearchRe
             if settings.strategy == "both" and not stopped:
                 tree = first.surrounded()
                 stopped, broken = walked(tree, workers, deadline, begin)
-                tree.nodes = first.nodes | tree.nodes
+                tree.nodes, tree.before = tree.joined(), {}
     try:
         notes += state_best(tree, stated, deadline)
     except KeyboardInterrupt:

@@ -13,7 +13,7 @@ import numpy as np
 from dmoc.base.deadline import Deadline
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
-from dmoc.sequences.comparison import best_of
+from dmoc.sequences.comparison import best_of, better
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.node_solve import Task
 from dmoc.sequences.nodes import Node, Verdict
@@ -66,7 +66,14 @@ class Tree:
         return dict(Counter(n.verdict.value for n in self.nodes.values()))
 
     def best(self) -> Node | None:
-        return best_of(self.nodes.values())
+        return best_of((*self.nodes.values(), *self.before.values()))
+
+    def joined(self) -> dict[tuple[str, ...], Node]:
+        """The better ones of its nodes and of those before."""
+        return self.before | {s: self._better(node) for s, node in self.nodes.items()}
+
+    def _better(self, node: Node) -> Node:
+        return better(node, self.before.get(node.sequence, node))
 
     def least(self) -> float:
         """The cost of the best, infinite where there is none."""
@@ -102,7 +109,7 @@ class Tree:
         for node in workers(tasks, deadline):
             self._add(node)
             if self.journal is not None:
-                self.journal.add(node)
+                self.journal.add(self._better(node))
             yield node
 
     def _add(self, node: Node) -> Node:
@@ -187,7 +194,7 @@ class Tree:
                 if node.solution is not None:
                     self.nodes[node.sequence] = node
                     if self.journal is not None:
-                        self.journal.add(node)
+                        self.journal.add(self._better(node))
                 yield node
 
     def place(self, sequence: tuple[str, ...]) -> tuple[int, list[tuple[int, str]]]:

@@ -24,6 +24,8 @@ from dmoc.sequences.tree import FINER
 
 pytestmark = pytest.mark.slow
 
+UNCONFIRMED = (Verdict.FAILED, Verdict.UNVERIFIED)
+
 
 @pytest.fixture
 def proposals() -> Proposals:
@@ -43,14 +45,25 @@ def test_both_goes_on_with_the_tree_around_the_proposals() -> None:
     assert both.proposals and not tree.proposals
 
 
-def test_a_proposal_that_failed_is_solved_again_by_the_tree(
+def test_the_tree_solves_proposals_too_and_the_better_one_counts(
     proposals: Proposals, swung: SearchResult
 ) -> None:
-    """From starts of its own, which a proposal has none of."""
+    """The relaxed motion of a sequence may be nearer to a dearer minimum than its parent's, or to
+    none that is confirmed."""
     candidates, best = Candidates(proposals, ENDLESS), swung.best
-    assert best is not None
-    candidates.nodes = {("left",): Node(("left",), Verdict.FAILED), best.sequence: best}
-    assert list(candidates.surrounded().known) == [("left", "left")]
+    assert best is not None and best.cost is not None
+    words, cost = best.sequence, best.cost
+    dear, doubted = replace(best, cost=2 * cost), replace(best, verdict=Verdict.UNVERIFIED)
+    failed = Node(words, Verdict.FAILED)
+    for before, own, kept in (
+        (dear, best, best), (best, dear, best), (doubted, dear, dear), (dear, doubted, dear),
+        (failed, doubted, doubted), (doubted, failed, doubted),
+    ):  # fmt: skip
+        candidates.nodes = {words: before}
+        tree = candidates.surrounded()
+        assert not tree.known and (tree.best() is None) == (before.verdict in UNCONFIRMED)
+        tree.nodes = {words: own}
+        assert tree.joined() == {words: kept}
 
 
 def test_where_none_is_confirmed_the_cheapest_has_neighbours_once(
