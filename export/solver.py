@@ -174,6 +174,7 @@ def _planner_files(
     """The texts of the files of a planner."""
     if guess is not None:
         raise ProblemError("a guess beside a Planner: expected none, a Planner has its solution.")
+    _check_verified(planner.solution)
     rests, begins = carried_rests(name, planner)
     along = None if feedback is None else checked(feedback, planner.begin().plan.trajectory)
     solvers = [memory_of(carried) for carried in rests]
@@ -206,11 +207,7 @@ def _new_folder(folder: Any) -> tuple[str, Path]:
 def carried_by(name: str, problem: Problem, solution: Solution) -> tuple[Carried, tuple[int, int]]:
     """What a solver is made of, and the iterations that it takes from the first motion and from the
     answer."""
-    if solution.status is Status.NOT_VERIFIED:
-        raise ProblemError(
-            f"the solution is not verified ({solution.message}): a solver has its mesh, so take "
-            "more steps."
-        )
+    _check_verified(solution)
     if not solution.minimum:
         raise ProblemError(
             f"the problem has no solution to begin with ({solution.message}): a solver carries the "
@@ -231,6 +228,14 @@ def carried_by(name: str, problem: Problem, solution: Solution) -> tuple[Carried
     layout = kkt_layout(nlp)
     numbers = numbers_of(nlp)
     return Carried(name, nlp, layout, numbers, x, outcome.duals, first, problem.reach), counts
+
+
+def _check_verified(solution: Solution) -> None:
+    if solution.status is Status.NOT_VERIFIED:
+        raise ProblemError(
+            f"the solution is not verified ({solution.message}): a solver has its mesh, so take "
+            "more steps."
+        )
 
 
 def _solved(nlp: Transcription, x: Array, duals: Duals | None) -> Outcome:

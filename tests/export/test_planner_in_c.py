@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from systems import block_on_floor, landing_problem, unit_mass
 
 import dmoc
 from dmoc.base.errors import ProblemError
+from dmoc.solvers.outcome import Status
 
 X, U = dynamicsymbols("x u")
 SOLVED, INFEASIBLE, ITERATIONS, TIME, BAD, NO_REST, BEHIND, NEARLY = 0, 1, 2, 3, 7, 9, 10, 11
@@ -265,7 +266,7 @@ def test_what_sticks_does_not_move(tmp_path: Path) -> None:
 def test_constraints_and_ranges_of_the_final_time(order: int, tmp_path: Path) -> None:
     """A state off the rod is moved onto it, its velocity along it; a horizon of at most 1.1 s that
     recedes."""
-    problem = linkage(order).but(final_time=(0.0, 1.1))
+    problem = linkage(order).but(steps=48 // order, final_time=(0.0, 1.1))
     planner = dmoc.Planner(problem, horizon="recedes")
     steps = [Step(0.1, (0.05, -0.99, 0.5, 0.1)), Step(0.3, (0.2, -0.97, 0.9, 0.0))]
     found = planned(folder_of(planner, tmp_path / "swung"), tmp_path / "swung", steps)
@@ -326,3 +327,9 @@ def test_what_is_refused(bounced: dmoc.Planner, tmp_path: Path) -> None:
         dmoc.generate_solver(bounced, tmp_path / "a", guess="random")
     with pytest.raises(ProblemError, match="bytes of memory"):
         dmoc.generate_solver(bounced, tmp_path / "a", most_bytes=100_000)
+    doubted = replace(bounced.solution, status=Status.NOT_VERIFIED)
+    unsure = dmoc.Planner(bounced.problem, doubted)
+    with pytest.raises(ProblemError, match="the solution is not verified"):
+        dmoc.generate_solver(unsure, tmp_path / "unsure")
+    with pytest.raises(ProblemError, match="the solution is not verified"):
+        dmoc.generate_solver(bounced.problem, tmp_path / "unsure", guess=doubted)
