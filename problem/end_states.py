@@ -113,7 +113,7 @@ def _check_path(problem: Problem, end: str, boundary: Boundary) -> None:
     if problem.measured or problem.design or not rows or (place[:, 0] != place[:, 1]).any():
         return
     q = place[:, 0]
-    v = _fixed_velocity(boundary, problem, q)
+    v = fixed_velocity(boundary, problem, q)
     at = q, np.zeros(problem.nq) if v is None else v, np.zeros(problem.nu), 0.0
     kept, scale = problem.model.path_at(*at), problem.model.path_terms(*at)
     for row, value, size in zip(rows, kept, scale, strict=True):
@@ -128,7 +128,7 @@ def _check_path(problem: Problem, end: str, boundary: Boundary) -> None:
 
 def _check_leaving(problem: Problem, q: Array, j: int, state: str) -> None:
     """Refuse a start on a surface with a fixed velocity that moves into it."""
-    v = _fixed_velocity(problem.start_bounds, problem, q)
+    v = fixed_velocity(problem.start_bounds, problem, q)
     if v is None:
         return
     rate, slope = float(problem.model.gap_rates(q, v)[j]), problem.model.gap_slopes(q)[j]
@@ -140,7 +140,7 @@ def _check_leaving(problem: Problem, q: Array, j: int, state: str) -> None:
         )
 
 
-def _fixed_velocity(boundary: Boundary, problem: Problem, q: Array) -> Array | None:
+def fixed_velocity(boundary: Boundary, problem: Problem, q: Array) -> Array | None:
     """The velocity at an end where it is fixed, by itself or by momenta."""
     velocity, momentum = boundary.velocity, boundary.momentum
     if (velocity[:, 0] == velocity[:, 1]).all():
@@ -227,7 +227,7 @@ def _check_joined(problem: Problem, end: str, boundary: Boundary) -> None:
                 f"constraint {name!r} does not hold at the {end}, where it is {miss:.3g} instead "
                 f"of 0: give a {end} that fits it."
             )
-    v = _fixed_velocity(boundary, problem, q)
+    v = fixed_velocity(boundary, problem, q)
     if v is None:
         return
     rates, slopes = model.joint_rates(q, v), model.joint_slopes(q)
@@ -245,7 +245,7 @@ def _check_start_in_contact(problem: Problem) -> None:
     model, mode, q = problem.model, problem.touch.modes[0], problem.start_position
     position = problem.start_bounds.position
     fixed = position[:, 0] == position[:, 1]
-    v = _fixed_velocity(problem.start_bounds, problem, q) if fixed.all() else None
+    v = fixed_velocity(problem.start_bounds, problem, q) if fixed.all() else None
     gaps, sizes, chosen = model.gaps(q), gap_sizes(problem, q), by_design(problem, "surface")
     for j in mode.closed:
         name = problem.kernels.surfaces[j]

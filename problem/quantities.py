@@ -13,6 +13,7 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
 from dmoc.problem.design import by_design, moves_by_design
+from dmoc.problem.end_states import fixed_velocity
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
@@ -39,7 +40,7 @@ class QuantityRanges:
 
 
 def quantity_ranges(problem: Problem) -> QuantityRanges:
-    """The ranges that a problem states; those that its fixed start decides are checked."""
+    """The ranges that a problem states; those that its fixed ends decide are checked."""
     rows = problem.kernels.quantity_rows
     via = problem.via or (None,) * len(problem.sequence)
     events = [
@@ -52,13 +53,10 @@ def quantity_ranges(problem: Problem) -> QuantityRanges:
                     f"via of event {i + 1}: quantity {row['name']!r} contains velocities, inputs "
                     "or forces, which jump there: expected one of places."
                 )
-    start = _ranges(problem, problem.start, "start")
-    if problem.start_bounds.is_state:
-        start = _decided(problem, start)
+    start = _left(problem, "start", _ranges(problem, problem.start, "start"))
+    goal = _left(problem, "goal", _ranges(problem, problem.goal, "goal"))
     shape = len(problem.sequence), len(rows), 2
-    return QuantityRanges(
-        start, _ranges(problem, problem.goal, "goal"), np.array(events, dtype=float).reshape(shape)
-    )
+    return QuantityRanges(start, goal, np.array(events, dtype=float).reshape(shape))
 
 
 def _ranges(problem: Problem, values: Mapping[str, Any], what: str) -> Array:
@@ -76,38 +74,45 @@ def _ranges(problem: Problem, values: Mapping[str, Any], what: str) -> Array:
     return np.array(ranges, dtype=float).reshape(len(names), 2)
 
 
-def _decided(problem: Problem, ranges: Array) -> Array:
-    """The ranges that a fixed start leaves to be kept: those of quantities that contain inputs;
-    the others are known, and checked."""
-    rows = problem.kernels.quantity_rows
-    left = np.tile((-np.inf, np.inf), (len(rows), 1))
-    if not rows:
-        return left
-    model, q = problem.model, problem.start_bounds.position[:, 0]
-    v = problem.start_bounds.velocity[:, 0]
-    if not np.isfinite(v).all():
-        v = model.velocity(q, problem.start_bounds.momentum[:, 0])
-    values = model.quantities(q, v, np.zeros(problem.nu), 0.0)
-    chosen = by_design(problem, "quantity_point")
-    if moves_by_design(problem, problem.start_bounds):
-        chosen = chosen | [row["velocities"] for row in rows]
+def _left(problem: Problem, end: str, ranges: Array) -> Array:
+    """The ranges that a fixed start or goal leaves to be kept: those of quantities that it does not
+    decide; the others are known, and checked."""
+    rows, boundary = problem.kernels.quantity_rows, getattr(problem, f"{end}_bounds")
+    q, model = boundary.position[:, 0], problem.model
+    if not rows or (q != boundary.position[:, 1]).any():
+        return ranges
+    v = fixed_velocity(boundary, problem, q)
+    at = q, np.zeros(problem.nq) if v is None else v, np.zeros(problem.nu), 0.0
+    values, slopes = model.quantities(*at), np.abs(model.quantity_slopes(*at))
+    sizes = slopes[:, : 2 * problem.nq] @ _largest(problem)
+    moves = v is None or moves_by_design(problem, boundary)
+    open_ = by_design(problem, "quantity_point") | [
+        row["inputs"] or (row["velocities"] and moves) or (row["time"] and end == "goal")
+        for row in rows
+    ]
     for j, row in enumerate(rows):
-        if row["inputs"] or chosen[j]:
-            left[j] = ranges[j]
+        if open_[j]:
             continue
         for said, (low, high) in (
             ("is given as", ranges[j]), ("is bounded to", problem.quantity_bounds[j]),
         ):  # fmt: skip
             if problem.measured and said == "is bounded to":
                 continue
-            near = KEPT * max(abs(e) for e in (low, high, values[j], 1.0) if np.isfinite(e))
+            near = KEPT * max(abs(e) for e in (low, high, values[j], sizes[j]) if np.isfinite(e))
             if not low - near <= values[j] <= high + near:
                 between = f"{low:g}" if low == high else f"{low:g} to {high:g}"
                 raise ProblemError(
-                    f"quantity {row['name']!r} is {values[j]:g} at the start, which the "
+                    f"quantity {row['name']!r} is {values[j]:g} at the {end}, which the "
                     f"coordinates and velocities decide, and {said} {between}: change one of them."
                 )
-    return left
+    return np.where(open_[:, None], ranges, (-np.inf, np.inf))
+
+
+def _largest(problem: Problem) -> Array:
+    """The largest coordinates and velocities of the start and the goal, shape (2 nq,)."""
+    ends = problem.start_bounds, problem.goal_bounds
+    states = np.abs([[end.position, end.velocity] for end in ends])
+    return np.asarray(np.where(np.isfinite(states), states, 0.0).max(axis=(0, 3)).ravel())
 
 
 def onto_quantities(problem: Problem, end: str, q: Array) -> Array:

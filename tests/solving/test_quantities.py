@@ -245,6 +245,8 @@ SAID: dict[str, tuple[dict[str, Any], str]] = {
     "start beyond a bound": ({"bounds": {"tip_y": (-1, None)}}, "is bounded to -1 to inf"),
     "goal beyond a bound": ({"bounds": {"tip_x": (None, 0.5)}, "start": {"a": 0, "b": 0}},
                             r"the goal of tip_x \(1 to 1\) lies outside its bounds"),
+    "goal": ({"goal": {"a": 0.5, "b": 2}, "bounds": {"tip_x": (None, 1.2)}},
+             "is 1.38872 at the goal, which the coordinates and velocities decide"),
     "momentum": ({"start": {"a": 0, "b": 0, "p_a": 3.0}, "bounds": {"p_a": (0, 1)}},
                  r"the start of p_a \(3 to 3\) lies outside its bounds 0 to 1"),
     "reversed": ({"bounds": {"power": (3, 1)}}, "bounds of power"),
@@ -316,6 +318,12 @@ def test_kernels_without_their_system_have_no_momenta_to_bound(arms):
         reaching(alone, bounds={"p_a": (0, 1)})
 
 
+def test_a_small_unit_excuses_no_bound():
+    named = {"tiny": 1e-9 * x}
+    with pytest.raises(ProblemError, match="is bounded to -inf to 1e-09"):
+        dmoc.Problem(mass(quantities=named), {x: 2}, {x: 0}, bounds={"tiny": (None, 1e-9)})
+
+
 def test_a_quantity_of_velocities_is_none_of_an_event():
     with pytest.raises(
         ProblemError, match="contains velocities, inputs or forces, which jump there"
@@ -351,5 +359,7 @@ def test_first_positions_at_the_goal_follow_time_and_what_is_periodic():
     problem = dmoc.Problem(dmoc.build(system), {x: 1, y: None}, {"ahead": 0.5}, steps=4)
     np.testing.assert_allclose(problem.but(final_time=3).goal_position, [6.5, 0])
     np.testing.assert_allclose(problem.goal_position, [1, 0])
+    known = problem.but(start={x: 1, y: 0}, goal={x: 6.5, y: 0, "ahead": 0.5}, final_time=3)
+    np.testing.assert_allclose(known.goal_position, [6.5, 0])  # said twice, and not refused
     gait = problem.but(goal={}, periodic={x: (x, (0.2, 0.8)), y: (-x, (3, None))})
     np.testing.assert_allclose(gait.goal_position, [1.5, 2])
