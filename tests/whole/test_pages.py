@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import matplotlib
@@ -15,6 +15,7 @@ from dmoc.base import errors
 from dmoc.cli.app import command_line
 from dmoc.sequences.nodes import Verdict
 from dmoc.solvers.outcome import Status
+from dmoc.solving.multistart.exploration import Effort
 
 pytestmark = pytest.mark.slow
 
@@ -30,10 +31,12 @@ def name(page: Path) -> str:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Iterator[Path]:
+def folder(tmp_path: Path, effort: Callable[..., Effort]) -> Iterator[Path]:
+    """A folder where pages run, with as many starts as users have."""
     write_shared(tmp_path)
     with matplotlib.rc_context(), pytest.MonkeyPatch.context() as patch:
         patch.setenv("MPLBACKEND", "Agg")
+        patch.setattr(Effort, "of", effort)
         yield tmp_path
 
 

@@ -3,6 +3,7 @@ and `infeasible` only after them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import pi
 from typing import Any
@@ -24,6 +25,14 @@ from dmoc.solving.attempts import Attempt
 from dmoc.solving.mesh import one_mesh
 from dmoc.solving.multistart import exploration, ranking
 from dmoc.solving.multistart.exploration import Effort
+
+
+@pytest.fixture(scope="module", autouse=True)
+def as_users(effort: Callable[..., Effort]) -> Iterator[None]:
+    """Explore from as many starts as users do."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Effort, "of", effort)
+        yield
 
 
 @pytest.fixture(scope="module")
