@@ -38,7 +38,7 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
     )
     assert " ".join(found) == keys
     assert found["cost"] == pytest.approx(129.6024, rel=1e-5)
-    assert found["starts"] >= 16 and 1 <= found["found"] <= found["starts"]
+    assert found["starts"] > 5 and 1 <= found["found"] <= found["starts"]
     assert found["message"].endswith(
         f"{found['found']} of {found['starts']} starts led to it, none to another one"
     )

@@ -21,6 +21,8 @@ from dmoc.control.disturbance import read_disturbance
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.models.registry import find
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def swing() -> tuple[dmoc.Solution, Any]:

@@ -21,6 +21,8 @@ import dmoc
 from dmoc.base.errors import SimulationError
 from dmoc.models.registry import find
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 LINE = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])  # A and B of a unit mass
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import sympy as sp
-from pytest import approx
+from pytest import approx, mark
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 from sympy.physics.mechanics import dynamicsymbols
@@ -53,6 +53,7 @@ def walker() -> dmoc.MechanicalSystem:
     )  # fmt: skip
 
 
+@mark.slow
 def test_its_multipliers_are_those_of_its_return_map() -> None:
     fixed = fsolve(lambda z: step(z)[0] - z, [0.2, -0.2], xtol=1e-12)
     assert fixed == approx([0.200310900544287, -0.199832473004977], abs=1e-8)  # as published

@@ -19,6 +19,8 @@ from systems import block_system, bouncer_problem, landing_problem, unit_mass
 import dmoc
 from dmoc.base.errors import SimulationError
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 x = dynamicsymbols("x")
 
@@ -68,7 +70,6 @@ def test_the_rimless_wheel_loses_deviations_at_its_landings(order: int) -> None:
     assert made.stable and not made.notes
 
 
-@pytest.mark.slow
 def test_the_multipliers_of_the_compass_gait_are_those_of_its_return_map() -> None:
     """Of a map by SciPy's integrator, by central differences at its fixed point."""
     solution = dmoc.solve(compass_gait.problem(30), "ipm", starts=1)

@@ -67,6 +67,7 @@ def block(solvers: dict[str, LoadedSolver]) -> Iterator[LoadedSolver]:
     yield from as_exported(solvers["block"], solvers["block"].numbers)
 
 
+@pytest.mark.slow
 def test_numbers_are_set_as_a_problem_has_them(bob: LoadedSolver, bob_folder: Path) -> None:
     """Another goal and another time: the answer of a solve in Python from the same start."""
     before = sorted(p.name for p in bob_folder.iterdir())
@@ -101,6 +102,7 @@ def test_restitution_is_set_as_a_problem_has_it(block: LoadedSolver) -> None:
     assert ends[1].message == "restitution.wall = 0: expected a coefficient above 0, at most 1."
 
 
+@pytest.mark.slow
 def test_differences_of_both_ends_are_set_as_a_problem_has_them(tmp_path: Path) -> None:
     solver = load_solver(carried(stride(), tmp_path / "stride"))
     periodic = {"x": ("x", 0.7), "x_dot": ("x_dot", (0.1, 0.2))}
@@ -235,6 +237,7 @@ def test_a_constraint_without_speeds_has_no_rest(bob: LoadedSolver) -> None:
         bob.shift(0.1)
 
 
+@pytest.mark.slow
 def test_the_rest_of_a_motion_keeps_its_constraint(tmp_path: Path) -> None:
     """Between nodes of order 4 a bob stays on its rod, to rounding; the cost is that of Python's
     own solve of the rest."""
@@ -275,6 +278,7 @@ def test_several_starts(bob: LoadedSolver) -> None:
         bob.explore(3)
 
 
+@pytest.mark.slow
 def test_static_friction_is_no_less_than_kinetic(tmp_path: Path) -> None:
     """Which of two numbers is refused is the one that spoils it, in their order."""
     x, u = dynamicsymbols("x u")

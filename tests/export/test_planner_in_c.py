@@ -16,6 +16,8 @@ import dmoc
 from dmoc.base.errors import ProblemError
 from dmoc.solvers.outcome import Status
 
+pytestmark = pytest.mark.slow
+
 X, U = dynamicsymbols("x u")
 SOLVED, INFEASIBLE, ITERATIONS, TIME, BAD, NO_REST, BEHIND, NEARLY = 0, 1, 2, 3, 7, 9, 10, 11
 

@@ -173,6 +173,7 @@ def test_positions_behind_a_surface_are_no_answer(tmp_path: Path) -> None:
     assert answered(program, target, "start.x=1.2").status in (1, OUTSIDE)
 
 
+@pytest.mark.slow
 def test_what_slides_where_it_sticks_is_no_answer(tmp_path: Path) -> None:
     """The block rests on its floor: fixed values settle the rows of its sticking."""
     system = block_on_floor("carried_rest", 1.0, 10.0, 0.5, cost=dynamicsymbols("u") ** 2)
@@ -323,6 +324,7 @@ def test_the_sources_are_those_of_the_package(folder: Path) -> None:
 MINE = ("main.c", "test.c", "driver.c")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("language", [("cc", "-std=c11"), ("c++", "-x", "c++", "-std=c++17")])
 def test_clang_has_nothing_against_it(
     language: tuple[str, ...], folder: Path, tmp_path: Path
@@ -372,6 +374,7 @@ def test_names_that_something_else_has_are_refused(name: str, tmp_path: Path) ->
         dmoc.generate_solver(linkage(2), tmp_path / name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tool", ["make", "cmake"])
 def test_the_folder_tests_itself(tool: str, folder: Path, tmp_path: Path) -> None:
     """An optimising compiler sees more that is worth a warning; cmake need not optimise, too."""

@@ -113,6 +113,7 @@ WAYS = (  # course, left slides, restitution, tilt and rates, mu
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["ipm", "slsqp"])
 @pytest.mark.parametrize(("course", "left", "e", "state", "mu"), WAYS)
 def test_a_foot_lands_or_hits_while_the_other_one_slides(

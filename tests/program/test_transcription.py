@@ -29,37 +29,37 @@ def differences(f: object, x: np.ndarray, step: float = 1e-6) -> np.ndarray:
     return np.array([(f(x + step * d) - f(x - step * d)) / (2 * step) for d in np.eye(len(x))]).T  # type: ignore[operator]
 
 
+# Forms that take longer to build, or differ from others in their last event.
+MORE = (
+    *("contacts, order 4", "contacts, periodic, order 6"),
+    *("joints, order 6", "joints, periodic, order 4"),
+    *("driven, design", "driven, design, order 4", "driven, design, scaled"),
+    *("contacts, design", "joints, periodic, design"),
+    *("relaxed, moving, design", "relaxed, design", "rebound, design"),
+    *("hits with friction, design", "hits with friction, design, order 4"),
+    *("slippery contacts, order 2", "slippery contacts, order 4"),
+    *("slippery hits", "slippery tangential", "slippery relaxed"),
+    *("forces, constant", "forces, linear", "forces, order 4", "forces, order 6"),
+    *("forces, design, order 4", "slowed, order 2", "slowed, design, order 4"),
+    *("slowed, order 6", "kinked", "kinked, linear", "kinked, order 4", "kinked, order 6"),
+    *("kinked, constant, design, order 4", "ending kinked, order 4", "ending kinked, linear"),
+    *("ending constant", "ending driven, linear", "ending driven, scaled"),
+    *("ending contacts", "ending contacts, periodic, order 4", "ending joints, order 6"),
+    *("ending joints, periodic", "ending hits with friction", "ending tangential"),
+    *("ending forces, linear", "ending forces, order 4", "ending rebound, design"),
+    *("ending slippery contacts, order 4", "ending forces, constant"),
+)
+
+
 @pytest.fixture(
     scope="module",
     params=[
         *("constant", "linear", "puck", "driven", "driven, by rates", "driven, order 4"),
         *("driven, linear", "driven, scaled"),
         *("pendulum, order 4", "contacts", "contacts, periodic"),
-        *(
-            "hits with friction",
-            "hits with friction, order 4",
-            "tangential",
-            "joints",
-            "joints, periodic",
-        ),
-        *("relaxed", "relaxed, periodic", "relaxed, moving"),
-        *("contacts, order 4", "contacts, periodic, order 6"),
-        *("joints, order 6", "joints, periodic, order 4"),
-        *("driven, design", "driven, design, order 4", "driven, design, scaled"),
-        *("contacts, design", "joints, periodic, design"),
-        *("relaxed, moving, design", "relaxed, design", "rebound, design"),
-        *("hits with friction, design", "hits with friction, design, order 4"),
-        *("slippery contacts, order 2", "slippery contacts, order 4"),
-        *("slippery hits", "slippery tangential", "slippery relaxed"),
-        *("forces, constant", "forces, linear", "forces, order 4", "forces, order 6"),
-        *("forces, design, order 4", "slowed, order 2", "slowed, design, order 4"),
-        *("slowed, order 6", "kinked", "kinked, linear", "kinked, order 4", "kinked, order 6"),
-        *("kinked, constant, design, order 4", "ending kinked, order 4", "ending kinked, linear"),
-        *("ending constant", "ending driven, linear", "ending driven, scaled"),
-        *("ending contacts", "ending contacts, periodic, order 4", "ending joints, order 6"),
-        *("ending joints, periodic", "ending hits with friction", "ending tangential"),
-        *("ending forces, linear", "ending forces, order 4", "ending rebound, design"),
-        *("ending slippery contacts, order 4", "ending forces, constant"),
+        *("hits with friction", "hits with friction, order 4", "tangential", "joints"),
+        *("joints, periodic", "relaxed", "relaxed, periodic", "relaxed, moving"),
+        *(pytest.param(form, marks=pytest.mark.slow) for form in MORE),
     ],
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:

@@ -29,6 +29,7 @@ def test_the_search_finds_when_to_stick_and_when_to_slide() -> None:
     assert not counts.get("failed") and counts["infeasible"] >= 1
 
 
+@pytest.mark.slow
 def test_the_tree_tries_what_two_contacts_can_only_do_together() -> None:
     """Both lower corners of a box that is pushed begin to slide at once: int u^2 / 2 with the
     friction F = mu m g and the least acceleration from rest to rest is F^2 T / 2 + 6 m^2 d^2 / T^3,

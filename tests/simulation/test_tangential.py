@@ -24,6 +24,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError, SimulationError
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def ball():

@@ -109,6 +109,7 @@ def test_a_final_group_without_diagonal_is_factorised() -> None:
     np.testing.assert_allclose(dense @ x, right, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "source",
     ["program/passes.c", *(f"solvers/{p.name}" for p in sorted((ROOT / "solvers").glob("*.c")))],

@@ -20,6 +20,8 @@ from dmoc.guess.random_motions import random_motions
 from dmoc.solving.mesh.error import changes
 from dmoc.solving.starts import starts_of
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 ORDERS = pytest.mark.parametrize("order", [2, 4])
 
@@ -298,7 +300,6 @@ def test_a_derivation_lists_the_kernels() -> None:
         dmoc.derive(block_system(), design=["u"])
 
 
-@pytest.mark.slow
 def test_the_slope_on_which_a_passive_walker_has_a_given_period() -> None:
     """The compass gait of Goswami, Thuilot and Espiau: 3 degrees have the period 0.734346391 s, by
     event-driven integration to 1e-12 (docs/known_answers.md); at order 4 the period is right to

@@ -18,6 +18,8 @@ from dmoc.mechanics.touch import Open
 from dmoc.problem.relaxed import relaxed
 from dmoc.program.transcription import Transcription
 
+pytestmark = pytest.mark.slow
+
 G, MU = 9.81, 0.5
 t = dynamicsymbols._t
 x, y, a, u, w = dynamicsymbols("x y a u w")

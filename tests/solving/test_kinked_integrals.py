@@ -18,6 +18,8 @@ from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import ModelError, ProblemError
 from dmoc.inspection.kernel_check import checked
 
+pytestmark = pytest.mark.slow
+
 x, y, u = dynamicsymbols("x y u")
 v, c, k = x.diff(), *sp.symbols("c k")
 FORMS = [(order, form) for order, d in DISCRETISATIONS.items() for form in d.controls]

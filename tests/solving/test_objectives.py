@@ -14,6 +14,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError
 
+pytestmark = pytest.mark.slow
+
 x, u, F = dynamicsymbols("x u F")
 c, k = sp.symbols("c k")
 ORDERS = (2, 4)

@@ -16,6 +16,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError
 
+pytestmark = pytest.mark.slow
+
 t = dynamicsymbols._t
 x, y, u, w, a, b = dynamicsymbols("x y u w a b")
 m, l = sp.symbols("m l")

@@ -10,6 +10,7 @@ import dmoc
 x, u = dynamicsymbols("x u")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4, 6])
 @pytest.mark.parametrize("e", [1.0, 0.5, 0.0])
 def test_a_hit_of_a_body_at_rest_is_none(order: int, e: float) -> None:

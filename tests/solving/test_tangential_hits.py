@@ -29,6 +29,8 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_a_program_has_the_hit_of_the_simulation(law):

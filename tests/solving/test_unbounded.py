@@ -10,6 +10,8 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 
+pytestmark = pytest.mark.slow
+
 x, u = dynamicsymbols("x u")
 k = sp.Symbol("k")
 
@@ -75,7 +77,6 @@ def test_what_runs_away_is_named(name: str) -> None:
     assert latest == float("inf") or solution.final_time == pytest.approx(latest, rel=1e-9)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a price of the end", "a speed at the start", "a parameter"])
 def test_it_is_named_without_a_compiler(name: str) -> None:
     """SLSQP ends somewhere on the way, and calls it solved."""

@@ -20,6 +20,8 @@ from dmoc.export.loaded import load_solver
 from dmoc.export.solver import generate_solver
 from dmoc.motion.trajectory import Trajectory
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_solution_begins_another_one() -> None:
     """On other meshes, in other orders and forms of the inputs, and after a phase that goes on."""

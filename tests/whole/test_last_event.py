@@ -19,6 +19,8 @@ from dmoc.base.errors import ProblemError
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.outcome import Status
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = str(Path(__file__).resolve().parents[2] / "examples")
 
 
@@ -299,7 +301,6 @@ def test_a_gait_of_one_phase_is_the_one_that_is_known(monkeypatch: pytest.Monkey
         assert solution.phases[-1].mode == "right:stick"
 
 
-@pytest.mark.slow
 def test_a_step_of_a_walker_costs_the_same_from_mid_stance_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -22,6 +22,8 @@ import dmoc
 from dmoc.base.errors import MotionError
 from dmoc.codegen.kernels import Array
 
+pytestmark = pytest.mark.slow
+
 T = np.linspace(0.0, 0.5, 51)
 
 

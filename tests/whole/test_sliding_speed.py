@@ -15,6 +15,8 @@ import dmoc
 from dmoc.base.errors import ModelError, ProblemError, SimulationError
 from dmoc.inspection.kernel_check import checked
 
+pytestmark = pytest.mark.slow
+
 SPEED = dmoc.sliding_speed
 # From 0.5 at rest towards 0.2, and up again.
 STRIBECK = sp.Rational(1, 5) + sp.Rational(3, 10) * sp.exp(-2 * SPEED) + SPEED / 50

@@ -14,6 +14,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError
 
+pytestmark = pytest.mark.slow
+
 # F_s = 2 N and F_k = 1 N: the violin sticks for 2 (F_s - F_k)/(k v), and slips for
 # 2 (pi - atan((F_s - F_k) w/(k v)))/w with w = 2/s.
 STICKS, SLIPS = 0.5, np.pi - np.arctan(0.5)

@@ -15,6 +15,8 @@ from twenty_problems import CASES
 
 import dmoc
 
+pytestmark = pytest.mark.slow
+
 CASE = {case.name: case for case in CASES}
 
 
@@ -51,7 +53,6 @@ def test_words_name_what_the_system_may_touch(case: twenty.Case) -> None:
     assert {part.lstrip("+-").partition(":")[0] for part in parts} <= touching
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_every_problem_is_stated(case: twenty.Case) -> None:
     assert case.problem().sequence == () and case.named.sequence == case.word

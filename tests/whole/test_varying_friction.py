@@ -15,6 +15,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError, SimulationError
 
+pytestmark = pytest.mark.slow
+
 B = dynamicsymbols("B")
 # From 0.45 on the street to 0.05 on the ice, beyond x = 1.
 ICY = 0.25 - sp.tanh(5 * (x - 1)) / 5
