@@ -64,10 +64,10 @@ def reach_of(problem: Problem) -> Array:
 
 
 def gap_sizes(problem: Problem, q: Array, t: float = 0.0) -> Array:
-    """Sizes of the gaps at a position, of what makes them there and of how far they may move, shape
-    (nc,)."""
+    """Sizes of the gaps at a position, of what makes them there and of how far they may move, where
+    that is a number, shape (nc,)."""
     moved = np.abs(problem.model.gap_slopes(q, t)[:, :-1]) @ problem.reach
-    return np.maximum(problem.model.gap_sizes(q, t), moved)
+    return np.asarray(np.fmax(problem.model.gap_sizes(q, t), moved))
 
 
 def rate_sizes(problem: Problem, slopes: Array, v: Array) -> Array:
