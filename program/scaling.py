@@ -13,6 +13,7 @@ import numpy as np
 
 from dmoc.base.tolerances import BALANCED, ROUNDING
 from dmoc.codegen.kernels import Array
+from dmoc.problem.end_states import fixed_velocity
 from dmoc.problem.problem import Problem
 from dmoc.program.force_unknowns import sizes as pushing
 from dmoc.program.force_values import quantity_inputs
@@ -23,6 +24,8 @@ from dmoc.program.scale import Scale
 # What hardly moves counts by this share of what it could do with the kinetic energy that others
 # have.
 STILL = 0.1
+# Inputs below this share of what balances the forces that there are say nothing of their size.
+FAINT = 1e-2
 # Share of the slopes and curvatures of a cost, over the sizes of the unknowns, that its size is at
 # least.
 FLAT = 1e-3
@@ -54,7 +57,9 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         size_v = np.maximum(np.abs(rates).max(axis=0), size_q / time)
         p = model.momentum(middle, rates, now)
         size_p = np.maximum(_finite(np.abs(p).max(axis=0), 0.0), inertia * size_q / time)
-        size_u = _inputs(problem, x[lay.index_u], (middle, rates, now), size_p / time)
+        there = 0.0 if minimum else _finite(np.abs(F).max(axis=0), 0.0)
+        forces = size_p / time, np.maximum(size_p / time, there)
+        size_u = _inputs(problem, x[lay.index_u], (middle, rates, now), forces)
         moving = (size_q, size_v, time)
         gap, rate = _places(model.gap_slopes(q, t), moving)
         _, slide = _places(model.tangent_slopes(q, t), moving)
@@ -137,9 +142,10 @@ def _finite(values: Array, otherwise: float) -> Array:
 def _ranges(
     problem: Problem, q: Array, time: float, inertia: Array, kinetic: float, force: Array
 ) -> Array:
-    """Ranges of the coordinates; one that hardly moves by its share of the energy, and where
-    nothing moves by what there is to go by."""
-    spread = np.maximum(np.ptp(q, axis=0), STILL * time * np.sqrt(2 * kinetic / inertia))
+    """Ranges of the coordinates; one that hardly moves by its share of the energy or of its speed
+    at an end, and where nothing moves by what there is to go by."""
+    fast = np.maximum(np.sqrt(2 * kinetic / inertia), _end_speeds(problem))
+    spread = np.maximum(np.ptp(q, axis=0), STILL * time * fast)
     box = problem.coordinate_bounds
     width = np.where(
         np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0
@@ -157,17 +163,37 @@ def _ranges(
     return np.where(spread > 0, spread, 1.0)
 
 
-def _inputs(problem: Problem, u: Array, state: tuple[Array, Array, Array], force: Array) -> Array:
-    """Sizes of the inputs: of their values and of what changes a momentum by its size, at most
-    their bounds."""
+def _end_speeds(problem: Problem) -> Array:
+    """Speeds that are fixed at the start or at the goal, shape (nq,); 0 where they are not."""
+    ends = (
+        (problem.start_bounds, problem.start_position), (problem.goal_bounds, problem.goal_position)
+    )  # fmt: skip
+    fixed = [fixed_velocity(boundary, problem, q) for boundary, q in ends]
+    speeds = [np.abs(v) for v in fixed if v is not None and np.isfinite(v).all()]
+    return np.asarray(np.max([np.zeros(problem.nq), *speeds], axis=0))
+
+
+def _inputs(
+    problem: Problem, u: Array, state: tuple[Array, Array, Array], forces: tuple[Array, Array]
+) -> Array:
+    """Sizes of the inputs: of their values and of what changes a momentum by its size, or, where
+    that is next to nothing beside it, of what balances the larger ``forces`` that there are; at
+    most their bounds."""
     if not problem.nu:
         return np.zeros(0)
     q, v, t = state
     reach = np.abs(problem.model.input_matrix(q, v, t=t)).max(axis=0)
-    needed = np.where(reach > 0, force[:, None] / np.where(reach > 0, reach, 1.0), np.inf).min(
-        axis=0
+    needed, balancing = (
+        _finite(
+            np.where(reach > 0, force[:, None] / np.where(reach > 0, reach, 1.0), np.inf).min(
+                axis=0
+            ),
+            0.0,
+        )
+        for force in forces
     )
-    size = np.maximum(np.abs(u).max(axis=0, initial=0.0), _finite(needed, 0.0))
+    size = np.maximum(np.abs(u).max(axis=0, initial=0.0), needed)
+    size = np.where(size > FAINT * balancing, size, balancing)
     box = problem.input_bounds
     limit = np.abs(box).max(axis=1)
     size = np.where(np.isfinite(limit) & (limit > 0), np.minimum(size, limit), size)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from systems import block_system, there_and_back
+from systems import block_system, bryson_denham, there_and_back
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -55,3 +55,12 @@ def test_each_size_has_its_unit(
     for name, powers in POWERS.items():
         unit = np.prod(np.array(units) ** np.array(powers, dtype=float))
         assert getattr(other, name) == pytest.approx(unit * getattr(plain, name), rel=1e-9), name
+
+
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("way", [1e-6, 1e-9])
+def test_a_guess_that_hardly_moves_is_no_measure_of_fixed_speeds(order: int, way: float) -> None:
+    """Bryson and Denham's problem, which begins with 1 m/s: 4/(9 l) = 4."""
+    guess = {"u": way, "x": [0, way, 0]}
+    solution = dmoc.solve(bryson_denham(40, order), "ipm", guess=guess)
+    assert solution.solved and solution.cost == pytest.approx(4, rel=2e-3)

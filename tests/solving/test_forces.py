@@ -64,18 +64,48 @@ def solved(problem: dmoc.Problem, **options: Any) -> dmoc.Solution:
     return solution
 
 
+def above(order: int, **fields: Any) -> Any:
+    """1 kg on the floor, 1 kg above it, and a force between them."""
+    system = dmoc.MechanicalSystem(
+        "above", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2 - G * (x + y), {}, [u],
+        {x: -u, y: u}, surfaces={"floor": x >= 0}, quantities={"load": dmoc.normal("floor")},
+        **fields,
+    )  # fmt: skip
+    return dmoc.build(system, order=order)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_the_limit_of_a_load_near_the_least_there_is(order: int) -> None:
+    """From rest to rest by d = 0.2 m in T = 0.5 s, with an acceleration of A = limit - 2 g at most
+    and then one that falls evenly for 3 (T/2 - d/(A T)): a convex program, which has one minimum.
+    Up with A and down with the weight of both it comes 0.2 m high for A = 1.742."""
+    T, d, A = 0.5, 0.2, 22.5 - 2 * G
+    problem = dmoc.Problem(
+        above(order, cost=u**2 / 2), {x: 0, y: 1}, {y: 1 + d, "y_dot": 0}, contacts=["floor"],
+        final_time=T, steps=20, bounds={"load": (None, 2 * G + A)},
+    )  # fmt: skip
+    fall = 3 * (T / 2 - d / (A * T))
+    last = A - 2 * A * T / fall
+    exact = G**2 * T / 2 + A**2 * (T - fall) / 2 + (A**3 - last**3) / (A - last) * fall / 6
+    solution = dmoc.solve(problem)
+    assert solution.solved and not solution.others and solution.found == solution.starts
+    assert solution.cost == pytest.approx(exact, rel={2: 1e-3, 4: 1e-5}[order])
+    idle = dmoc.solve(problem, "ipm", guess={"u": 1e-9, "y": [1, 1 + d]})
+    assert idle.solved and idle.cost == pytest.approx(solution.cost, rel=1e-8)
+    above_it = dmoc.solve(problem.but(bounds={"load": (None, 2 * G + 1.8)}), "ipm")
+    assert above_it.minimum
+    below = dmoc.solve(problem.but(bounds={"load": (None, 2 * G + 1.7)}), "ipm")
+    assert below.status == "infeasible" and below.conflicts
+
+
 @pytest.mark.parametrize(("order", "controls"), FORMS)
 def test_the_least_peak_of_a_landing_mass(order: int, controls: str) -> None:
     """1 kg above 1 kg on the floor comes down with 2 m/s and stops in 0.2 m, which takes 0.2 s:
     (m + m) g + m v^2/(2 s)."""
-    system = dmoc.MechanicalSystem(
-        "above", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2 - G * (x + y), {}, [u],
-        {x: -u, y: u}, surfaces={"floor": x >= 0}, quantities={"load": dmoc.normal("floor")},
-        objective=dmoc.peak("load"),
-    )  # fmt: skip
     problem = dmoc.Problem(
-        dmoc.build(system, order=order), {x: 0, y: 1, "y_dot": -2}, {y: (0.8, None), "y_dot": 0},
-        contacts=["floor"], final_time=0.2, controls=controls, steps=20,
+        above(order, objective=dmoc.peak("load")), {x: 0, y: 1, "y_dot": -2},
+        {y: (0.8, None), "y_dot": 0}, contacts=["floor"], final_time=0.2, controls=controls,
+        steps=20,
     )  # fmt: skip
     solution = solved(problem)
     assert solution.cost == pytest.approx(29.62, rel=1e-8)
