@@ -6,7 +6,8 @@
 
 with D_a the slopes of the shape functions at places c of a step: its middle, where the velocity is
 one along the step, otherwise the places that a polynomial of its degree goes through, both ends
-among them.  At the ends of phases velocities are unknowns, which have bounds.
+among them.  At the ends of phases velocities are unknowns, which have bounds; their polynomials are
+bounded half the way to the next place, or they would jump there.
 """
 
 from __future__ import annotations
@@ -52,6 +53,15 @@ class VelocityLaw(Law):
             return np.array([0.5])
         return np.sort(DISCRETISATIONS[2 * (degree - 1)].nodes)
 
+    @property
+    def slopes(self) -> Array:
+        """Slopes of the shape functions there, shape (total, places, degree + 1)."""
+        lay, places = self.lay, np.tile(self.places, (self.lay.total, 1))
+        if lay.inside:
+            first, last = lay.ends[: lay.stepped], lay.ends[1 : lay.stepped + 1] - 1
+            places[first, 0], places[last, -1] = self.places[:2].mean(), self.places[-2:].mean()
+        return lay.scheme.slopes(places.ravel()).reshape(*places.shape, -1)
+
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         if self.bounded:
             for index in (self.lay.impact.v_a, self.lay.impact.v_c, self.lay.index_w):
@@ -64,9 +74,6 @@ class VelocityLaw(Law):
         lay, nq, count = self.lay, self.lay.nq, len(self.places)
         stands = np.zeros((lay.total * self.bounded, count, 2, nq), dtype=bool)
         stands[:] = np.isfinite(self.limits).T
-        if self.bounded and lay.inside:
-            first, last = lay.ends[: lay.stepped], lay.ends[1 : lay.stepped + 1] - 1
-            stands[first, 0] = stands[last, -1] = False
         names = [velocity_name(q) for q in self.coordinates]
         steps = np.arange(len(stands))
 
@@ -90,7 +97,7 @@ class VelocityLaw(Law):
         within = lay.index_q_i.reshape(lay.total, -1, lay.nq)
         q = np.concatenate([lay.index_q[:-1, None], lay.index_q[1:, None], within], axis=1)
         entries = []
-        for place, slopes in enumerate(lay.scheme.slopes(self.places)):
+        for place, slopes in enumerate(np.moveaxis(self.slopes, 1, 0)):
             for side, sign in enumerate((1.0, -1.0)):
                 row = rows[:, place, side]
                 there: Bools = row >= 0
@@ -98,7 +105,11 @@ class VelocityLaw(Law):
                 h = np.broadcast_to(lay.index_h[lay.phase_of_step][:, None], row.shape)[there]
                 entries.append((row[there], h, -sign * bound))
                 entries += [
-                    (row[there], q[:, a][there], np.full(there.sum(), sign * slope))
-                    for a, slope in enumerate(slopes)
+                    (
+                        row[there],
+                        q[:, a][there],
+                        sign * np.broadcast_to(slope, row.T.shape).T[there],
+                    )
+                    for a, slope in enumerate(slopes.T)
                 ]
         return entries

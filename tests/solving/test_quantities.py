@@ -88,6 +88,20 @@ def test_a_speed_is_bounded_on_both_sides_of_a_hit(order):
     np.testing.assert_allclose(solution.cost, 0, atol=1e-3)
 
 
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_a_speed_holds_in_the_first_and_in_the_last_step_too(order):
+    """To the wall in x = 1 and half the way back in 2 s, from rest to rest: 1.5 m, which take 2.5 s
+    with 0.6 m/s.  With V it is 4 V^2/(3 t_1) with t_1 = 1.5 (2 - 1.5/V)."""
+    kernels = dmoc.build(mass(surfaces={"wall": x <= 1}), order=order)
+    problem = dmoc.Problem(
+        kernels, {"x": 0}, {"x": 0.5, "x_dot": 0}, ["wall"], steps=40, final_time=2,
+        bounds={"x_dot": (-0.9, 0.9)},
+    )  # fmt: skip
+    assert dmoc.solve(problem, "ipm").cost == pytest.approx(2.16, rel=1e-3)
+    slow = problem.but(bounds={"x_dot": (-0.6, 0.6)}, steps=10)
+    assert dmoc.solve(slow, "ipm").status == "infeasible"
+
+
 @pytest.mark.parametrize("limits", [{"bounds": {"push": (0, 0)}}, {}])
 def test_rounding_errors_of_what_is_nothing_exceed_no_bound(limits):
     """A mass that coasts: its force is nothing up to rounding errors."""
