@@ -259,7 +259,8 @@ def test_a_flat_foot_hops() -> None:
         bounds={"l": (0.2, 0.7), "th": (-1, 1)}, final_time=(0.3, 2),
         durations=[(0.1, None), (0.2, None), (0.1, None)],
     )  # fmt: skip
-    solution = answer_of(problem, "ipm", starts=16)
+    crouching = {"l": [0.4, 0.3, 0.45, 0.45, 0.4, 0.3, 0.4], "durations": [0.4, 0.3, 0.4]}
+    solution = answer_of(problem, "ipm", guess=crouching)
     for phase in solution.phases[::2]:
         np.testing.assert_allclose(phase.v[:, :3], 0, atol=1e-9)
 

@@ -107,7 +107,9 @@ def test_a_cart_pole_swings_up_against_the_friction_of_its_rail() -> None:
     assert "contacts=['rail:slip+']" in " ".join(result.notes)
     led = sum(p.starts for p in result.proposals)
     assert f"{led} of {led} relaxed starts" in " ".join(result.notes)  # each is solved
-    again = dmoc.solve(result.problem.but(sequence=result.best.sequence), "ipm", starts=4)
+    again = dmoc.solve(
+        result.problem.but(sequence=result.best.sequence), "ipm", guess=result.best.solution
+    )
     assert again.cost == pytest.approx(result.best.cost, rel=1e-3)
 
 
