@@ -4,10 +4,11 @@ from os import PathLike
 from typing import Any
 
 from numpy import float64
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 class Function:
     def __call__(self, *arrays: NDArray[float64]) -> None: ...
+    def rows(self, inputs: tuple[ArrayLike, ...]) -> tuple[NDArray[float64], ...]: ...
 
 class Library:
     path: str

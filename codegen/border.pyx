@@ -11,6 +11,8 @@ from cpython.pycapsule cimport PyCapsule_New
 
 from dmoc_kernel cimport DMOC_MOST, DMOC_TABLE, dmoc_array, dmoc_entry, dmoc_table
 
+from numpy import ascontiguousarray, empty
+
 
 cdef class Library:
     """The shared library of a model's kernels, loaded for good.
@@ -120,3 +122,22 @@ cdef class Function:
         finally:
             for a in range(held):
                 PyBuffer_Release(&views[a])
+
+    def rows(self, tuple inputs):
+        """Return the outputs (n, size) of rows of inputs, of which a vector or a number is one row;
+        a vector is n rows of an input of one value."""
+        cdef const dmoc_array *array = self.entry.array
+        cdef int a, count = self.entry.inputs
+        cdef Py_ssize_t n = 0, size
+        if len(inputs) != count:
+            name = self.entry.name.decode()
+            raise TypeError(f"{name}: expected {count} inputs, got {len(inputs)}")
+        arrays = []
+        for a in range(count):
+            one = ascontiguousarray(inputs[a], float)
+            size = array[a].size
+            n = max(n, one.size // size if size else len(one) if one.ndim > 1 else 1)
+            arrays.append(one)
+        results = [empty((n, array[a].size)) for a in range(count, count + self.entry.outputs)]
+        self(*arrays, *results)
+        return tuple(results)

@@ -6,12 +6,12 @@ from __future__ import annotations
 import types
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dmoc.base.errors import BuildError
 from dmoc.base.table import Shown, Table
@@ -155,7 +155,7 @@ class Kernels(Shown):
     def has(self, kernel: str) -> bool:
         return kernel in self.manifest["kernels"]
 
-    def call(self, kernel: str, *inputs: Array) -> tuple[Array, ...]:
+    def call(self, kernel: str, *inputs: ArrayLike) -> tuple[Array, ...]:
         """Evaluate a kernel on rows of inputs.
 
         Parameters
@@ -163,16 +163,33 @@ class Kernels(Shown):
         kernel : str
             Name of the kernel.
         inputs : arrays of shape (n, size) or (1, size)
-            In the order of the manifest; a single row serves all n.
+            In the order of the manifest; a single row serves all n.  A vector or a number is one
+            row, a vector n rows of an input of one value.
 
         Returns
         -------
         tuple of arrays of shape (n, size)
             The outputs in the order of the manifest; a matrix as its stored entries.
         """
-        n = max([len(a) for a in inputs])
+        return self._evaluations[kernel](inputs)
+
+    @cached_property
+    def _evaluations(self) -> dict[str, Callable[[tuple[ArrayLike, ...]], tuple[Array, ...]]]:
+        """Each kernel as a function of its inputs."""
+        if isinstance(self.module, Library):
+            return {name: function.rows for name, function in self.module.functions().items()}
+        return {name: partial(self._on_numpy, name) for name in self.manifest["kernels"]}
+
+    def _on_numpy(self, kernel: str, inputs: tuple[ArrayLike, ...]) -> tuple[Array, ...]:
+        sizes = [size for _, size in self.manifest["kernels"][kernel]["inputs"]]
+        arrays = [np.ascontiguousarray(a, dtype=float) for a in inputs]
+        rows = [
+            a.reshape(-1, size) if size else a if a.ndim > 1 else a[None]
+            for a, size in zip(arrays, sizes, strict=True)
+        ]
+        n = max(map(len, rows))
         results = tuple([np.empty((n, size)) for size in self._sizes[kernel]])
-        self.functions[kernel](*inputs, *results)
+        self.functions[kernel](*rows, *results)
         return results
 
     @cached_property

@@ -135,16 +135,16 @@ class BoundKernels:
         none where no quantity contains forces."""
         return (self.nq + self.nc + self.nt + self.nj) * self.kernels.has_forces
 
-    def _at(self, kernel: str, q: Array, *rows: Array) -> tuple[Array, ...]:
+    def _at(self, kernel: str, q: Array, *rows: ArrayLike) -> tuple[Array, ...]:
         """Results of a kernel at rows of states, or at a single one without the leading axis."""
-        results = self.kernels.call(kernel, as_rows(q), *rows, self.par)
+        results = self.kernels.call(kernel, q, *rows, self.par)
         return results if q.ndim > 1 else tuple([a[0] for a in results])
 
-    def _values(self, kernel: str, size: int, q: Array, *rows: Array) -> Array:
+    def _values(self, kernel: str, size: int, q: Array, *rows: ArrayLike) -> Array:
         """The one result of a kernel, shape (..., size); a model has none for no values."""
         return self._at(kernel, q, *rows)[0] if size else np.zeros((*q.shape[:-1], 0))
 
-    def _matrix(self, name: str, shape: tuple[int, int], q: Array, *rows: Array) -> Array:
+    def _matrix(self, name: str, shape: tuple[int, int], q: Array, *rows: ArrayLike) -> Array:
         """A matrix of first derivatives, the one of its kernel; a model has none of no rows."""
         if not shape[0]:
             return np.zeros((*q.shape[:-1], *shape))
@@ -152,7 +152,7 @@ class BoundKernels:
 
     def _bent(self, rate_D: str, size: int, q: Array, v: Array, t: ArrayLike) -> Array:
         """What rates change by along v and with the time."""
-        slopes = self._matrix(rate_D, (size, 2 * self.nq + 1), q, as_rows(v), as_column(t))
+        slopes = self._matrix(rate_D, (size, 2 * self.nq + 1), q, v, t)
         along = (slopes[..., : self.nq] @ v[..., None])[..., 0]
         return np.asarray(along + slopes[..., 2 * self.nq])
 
@@ -162,15 +162,14 @@ class BoundKernels:
         numbers = np.concatenate([q, self.par[0]])
         nudges = 1 + NUDGE * np.vstack([np.zeros(numbers.size), np.eye(numbers.size)])
         places, values = np.split(nudges * numbers, [self.nq], axis=1)
-        inputs = (np.ascontiguousarray(places), as_column(t), np.ascontiguousarray(values))
-        results = self.kernels.call(kernel, *inputs)[0] if size else np.zeros((2, 0))
+        results = self.kernels.call(kernel, places, t, values)[0] if size else np.zeros((2, 0))
         return np.asarray(np.abs(results[1:] - results[0]).sum(axis=0) / NUDGE)
 
     def _state(self, v: Array | None) -> Array:
-        return self._rest if v is None else as_rows(v)
+        return self._rest if v is None else v
 
     def _input(self, u: Array | None) -> Array:
-        return self._idle if u is None else as_rows(u)
+        return self._idle if u is None else u
 
     @cached_property
     def _rest(self) -> Array:
@@ -197,14 +196,3 @@ class BoundKernels:
         full = np.zeros((*stored.shape[:-1], *shape))
         full[..., rows, columns] = stored
         return full
-
-
-def as_rows(a: Array) -> Array:
-    """Rows as kernels take them; a vector is one row."""
-    a = np.ascontiguousarray(a)
-    return a if a.ndim > 1 else a[None]
-
-
-def as_column(t: ArrayLike) -> Array:
-    """Times, or other numbers one a row, as kernels take them."""
-    return np.ascontiguousarray(t, dtype=float)[:, None]

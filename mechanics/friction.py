@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.bound_kernels import BoundKernels, Index, as_column, as_rows
+from dmoc.mechanics.bound_kernels import BoundKernels, Index
 from dmoc.mechanics.contacts import RAIL
 
 
@@ -72,8 +72,8 @@ class FrictionModel(BoundKernels):
         u, one = self._input(u), np.ones((1, self.nt))
         speeds = 0 * one
         if self.slows and v is not None:
-            speeds = as_rows(np.abs(self.slide_rates(q, v, t)))
-        rows = speeds, u, u, np.zeros((1, 1)), one, as_column(t)
+            speeds = np.abs(self.slide_rates(q, v, t))
+        rows = speeds, u, u, np.zeros((1, 1)), one, t
         kernels = ("bearing", "holding")[: 1 + self.kernels.has("holding")]
         return [self._at(kernel, q, *rows)[0] for kernel in kernels]
 
@@ -110,7 +110,7 @@ class FrictionModel(BoundKernels):
 
     def slide_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Sliding velocities sigma, shape (..., nt)."""
-        return self._values("slide_rate", self.nt, q, as_rows(v), as_column(t))
+        return self._values("slide_rate", self.nt, q, v, t)
 
     @cached_property
     def has_friction(self) -> NDArray[np.bool_]:

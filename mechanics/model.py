@@ -25,7 +25,6 @@ from numpy.typing import ArrayLike
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import columns, solved
-from dmoc.mechanics.bound_kernels import as_column, as_rows
 from dmoc.mechanics.friction import FrictionModel
 
 
@@ -38,12 +37,12 @@ class Model(FrictionModel):
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
     ) -> tuple[Array, Array]:
         """M and F of the equations of motion M q'' = F, shapes (..., nq, nq) and (..., nq)."""
-        M, F = self._at("dynamics", q, self._state(v), self._input(u), as_column(t))
+        M, F = self._at("dynamics", q, self._state(v), self._input(u), t)
         return M.reshape(*F.shape, self.nq), F
 
     def balance(self, q: Array, v: Array, u: Array, t: Array) -> tuple[Array, Array, Array]:
         """M, F and the power Q . v - dL/dt of rows of states, shapes (n, nq, nq), (n, nq), (n,)."""
-        rows = (as_rows(q), as_rows(v), as_rows(u), as_column(t), self.par)
+        rows = q, v, u, t, self.par
         M, F = self.kernels.call("dynamics", *rows)
         power = self.kernels.call("force", *rows)[1]
         return M.reshape(*F.shape, self.nq), F, power[:, 0]
@@ -95,30 +94,29 @@ class Model(FrictionModel):
     ) -> Array:  # fmt: skip
         """Derivatives of F - M a at accelerations a with respect to (q, v), shape (..., nq, 2
         nq)."""
-        time = as_column(t)
-        (R,) = self._at("residual_jac", q, self._state(v), self._input(u), time, as_rows(a))
+        (R,) = self._at("residual_jac", q, self._state(v), self._input(u), t, a)
         return self._full("R_D", R)[..., : 2 * self.nq]
 
     def input_matrix(
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
     ) -> Array:
         """B = dQ/du, shape (..., nq, nu)."""
-        (B,) = self._at("input_matrix", q, self._state(v), self._input(u), as_column(t))
+        (B,) = self._at("input_matrix", q, self._state(v), self._input(u), t)
         return B.reshape(*B.shape[:-1], self.nq, self.nu)
 
     # Momentum and energy --------------------------------------------------------------------------
 
     def momentum(self, q: Array, v: Array | None = None, t: ArrayLike = 0.0) -> Array:
         """p = dL/dv, shape (..., nq)."""
-        return self._at("momentum", q, self._state(v), as_column(t))[0]
+        return self._at("momentum", q, self._state(v), t)[0]
 
     def momentum_slopes(self, q: Array, v: Array | None = None, t: ArrayLike = 0.0) -> Array:
         """Derivatives of p with respect to (q, v, t), shape (..., nq, 2 nq + 1)."""
-        return self._full("p_D", self._at("momentum_jac", q, self._state(v), as_column(t))[0])
+        return self._full("p_D", self._at("momentum_jac", q, self._state(v), t)[0])
 
     def energy(self, q: Array, v: Array | None = None, t: ArrayLike = 0.0) -> Array:
         """E = v . p - L, shape (...)."""
-        return self._at("energy", q, self._state(v), as_column(t))[0][..., 0]
+        return self._at("energy", q, self._state(v), t)[0][..., 0]
 
     def velocity(self, q: Array, p: Array, t: ArrayLike = 0.0) -> Array:
         """v = M^-1 (p - dL/dv(q, 0, t)), shape (..., nq); not a number where M is singular."""
@@ -128,15 +126,15 @@ class Model(FrictionModel):
 
     def gaps(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Gaps g <= 0, shape (..., nc)."""
-        return self._values("surface", self.nc, q, as_column(t))
+        return self._values("surface", self.nc, q, t)
 
     def gap_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Derivatives of the gaps with respect to (q, t), shape (..., nc, nq + 1)."""
-        return self._matrix("g_D", (self.nc, self.nq + 1), q, as_column(t))
+        return self._matrix("g_D", (self.nc, self.nq + 1), q, t)
 
     def gap_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Rates of the gaps along a motion, shape (..., nc)."""
-        return self._values("gap_rate", self.nc, q, as_rows(v), as_column(t))
+        return self._values("gap_rate", self.nc, q, v, t)
 
     def gap_accelerations(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Second derivatives of the gaps along a motion without acceleration, shape (..., nc)."""
@@ -167,19 +165,19 @@ class Model(FrictionModel):
         if not by_law.any():
             return np.broadcast_to(restitution, (*q.shape[:-1], self.nc))
         unit = np.ones((1, self.nc))
-        own = self._at("rebound", q, as_rows(v), unit, as_column(t))[1]
+        own = self._at("rebound", q, v, unit, t)[1]
         return np.where(by_law, own, restitution)
 
     # Friction -------------------------------------------------------------------------------------
 
     def tangents(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Tangential positions tau, shape (..., nt)."""
-        return self._values("tangent", self.nt, q, as_column(t))
+        return self._values("tangent", self.nt, q, t)
 
     def tangent_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Derivatives of the tangential positions with respect to (q, t), shape (..., nt, nq +
         1)."""
-        return self._matrix("tau_D", (self.nt, self.nq + 1), q, as_column(t))
+        return self._matrix("tau_D", (self.nt, self.nq + 1), q, t)
 
     def slide_accelerations(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Second derivatives of the tangential positions along a motion without acceleration, shape
@@ -190,15 +188,15 @@ class Model(FrictionModel):
 
     def joints(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """What joints keep at zero in every phase, phi, shape (..., nj)."""
-        return self._values("joint", self.nj, q, as_column(t))
+        return self._values("joint", self.nj, q, t)
 
     def joint_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Its derivatives with respect to (q, t), shape (..., nj, nq + 1)."""
-        return self._matrix("phi_D", (self.nj, self.nq + 1), q, as_column(t))
+        return self._matrix("phi_D", (self.nj, self.nq + 1), q, t)
 
     def joint_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Its rates along a motion, shape (..., nj)."""
-        return self._values("joint_rate", self.nj, q, as_rows(v), as_column(t))
+        return self._values("joint_rate", self.nj, q, v, t)
 
     def joint_accelerations(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Its second derivatives along a motion without acceleration, shape (..., nj)."""
@@ -218,30 +216,30 @@ class Model(FrictionModel):
         """Values of the shapes of the drawing, shape (..., columns)."""
         if not self.kernels.has("drawing"):
             return np.zeros((*q.shape[:-1], 0))
-        return self._at("drawing", q, as_column(t))[0]
+        return self._at("drawing", q, t)[0]
 
     # Costs ----------------------------------------------------------------------------------------
 
     def running_cost(self, q: Array, v: Array | None, u: Array, t: ArrayLike = 0.0) -> Array:
         """The integrand of the cost, shape (...)."""
-        return self._at("running_cost", q, self._state(v), as_rows(u), as_column(t))[0][..., 0]
+        return self._at("running_cost", q, self._state(v), u, t)[0][..., 0]
 
     def running_cost_curvatures(
         self, q: Array, v: Array | None, u: Array, t: ArrayLike = 0.0
     ) -> Array:
         """Second derivatives of the integrand in each input, shape (..., nu)."""
-        return self._at("running_cost", q, self._state(v), as_rows(u), as_column(t))[1]
+        return self._at("running_cost", q, self._state(v), u, t)[1]
 
     def terminal_cost(self, q: Array, v: Array, t: ArrayLike) -> Array:
         """The cost of the state and the time at the end, shape (...)."""
         size = int(self.kernels.has("terminal_cost"))
-        cost = self._values("terminal_cost", size, q, as_rows(v), as_column(t))
+        cost = self._values("terminal_cost", size, q, v, t)
         return np.asarray(cost.sum(axis=-1))
 
     def terminal_cost_slopes(self, q: Array, v: Array, t: ArrayLike) -> Array:
         """Its derivatives with respect to (q, v, t), shape (..., 2 nq + 1)."""
         size = int(self.kernels.has("terminal_cost"))
-        slopes = self._matrix("Phi_D", (size, 2 * self.nq + 1), q, as_rows(v), as_column(t))
+        slopes = self._matrix("Phi_D", (size, 2 * self.nq + 1), q, v, t)
         return np.asarray(slopes.sum(axis=-2))
 
     # Steps ----------------------------------------------------------------------------------------
@@ -292,16 +290,16 @@ class Model(FrictionModel):
 
     def path_at(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Path constraints of states, shape (..., nr)."""
-        return self._at("path_limit", q, as_rows(v), as_rows(u), as_column(t))[0]
+        return self._at("path_limit", q, v, u, t)[0]
 
     def path_slopes_at(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Their derivatives with respect to (q, v, u, t), shape (..., nr, 2 nq + nu + 1)."""
-        (slopes,) = self._at("path_limit_jac", q, as_rows(v), as_rows(u), as_column(t))
+        (slopes,) = self._at("path_limit_jac", q, v, u, t)
         return self._full("r_s_D", slopes)
 
     def path_terms(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Sums of the absolute values of the terms of the path constraints, shape (..., nr)."""
-        (terms,) = self._at("path_terms", q, as_rows(v), as_rows(u), as_column(t))
+        (terms,) = self._at("path_terms", q, v, u, t)
         counts = [row["terms"] for row in self.kernels.manifest["path_limits"]]
         begins = np.cumsum([0, *counts[:-1]])
         return np.asarray(np.add.reduceat(np.abs(terms), begins, axis=-1))
@@ -315,7 +313,7 @@ class Model(FrictionModel):
         self, q: Array, v: Array, u: Array, t: ArrayLike, y: Array | None = None
     ) -> Array:
         """Quantities of states with accelerations and forces y (..., ny), shape (..., nz)."""
-        rows = as_rows(v), as_rows(u), as_column(t), *self._pushed(y)
+        rows = v, u, t, *self._pushed(y)
         return self._values("quantity_value", self.nz, q, *rows)
 
     def quantity_slopes(
@@ -324,14 +322,14 @@ class Model(FrictionModel):
         """Their derivatives with respect to (q, v, u, t, y), shape (..., nz, 2 nq + nu + 1 +
         ny)."""
         shape = self.nz, 2 * self.nq + self.nu + 1 + self.ny
-        rows = as_rows(v), as_rows(u), as_column(t), *self._pushed(y)
+        rows = v, u, t, *self._pushed(y)
         return self._matrix("z_s_D", shape, q, *rows)
 
     def _pushed(self, y: Array | None) -> tuple[Array, ...]:
         """Accelerations and forces as kernels of quantities take them; none are zero."""
         if not self.ny:
             return ()
-        return (np.zeros((1, self.ny)) if y is None else as_rows(y),)
+        return (np.zeros((1, self.ny)) if y is None else y,)
 
     # Totals, objective ---------------------------------------------------------------------------
 
@@ -344,7 +342,7 @@ class Model(FrictionModel):
     def integrands(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Integrands of the integrals as they were stated, shape (..., number)."""
         number = len(self.kernels.integrals)
-        return self._values("integrand", number, q, as_rows(v), as_rows(u), as_column(t))
+        return self._values("integrand", number, q, v, u, t)
 
     @cached_property
     def peaks_of(self) -> list[tuple[int, bool]]:
@@ -380,14 +378,14 @@ class Model(FrictionModel):
         """The objective of totals, peaks, and positions and velocities at both ends."""
         if not self.has_objective:
             return 0.0
-        rows = (as_rows(a) for a in (totals, peaks, *start, *end))
-        return float(self.kernels.call("objective", *rows, self.par)[0][0, 0])
+        rows = totals, peaks, *start, *end, self.par
+        return float(self.kernels.call("objective", *rows)[0][0, 0])
 
     # Hidden unknowns ------------------------------------------------------------------------------
 
     def hidden(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """What the hidden unknowns are at a minimum, shape (..., ns)."""
-        return self._values("hidden", self.ns, q, as_rows(v), as_rows(u), as_column(t))
+        return self._values("hidden", self.ns, q, v, u, t)
 
     def lifted_costs(self, step: Sequence[Array]) -> Array:
         """What hidden unknowns, which stand behind x_k, add to the costs of steps, shape (n,)."""
@@ -402,7 +400,7 @@ class Model(FrictionModel):
     def hidden_slopes(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Their derivatives with respect to (q, v, u, t), shape (..., ns, 2 nq + nu + 1)."""
         shape = self.ns, 2 * self.nq + self.nu + 1
-        return self._matrix("s_D", shape, q, as_rows(v), as_rows(u), as_column(t))
+        return self._matrix("s_D", shape, q, v, u, t)
 
     # Minimal times --------------------------------------------------------------------------------
 
@@ -414,11 +412,10 @@ class Model(FrictionModel):
     def minimal_times(self, q_k: Array, q_kp1: Array, h: float, q_c: Array, a: Array) -> Array:
         """Shortest time to each surface at the acceleration a, from the middle of a phase's
         first step (q_k, q_kp1, h) to its collision q_c, shape (nc,)."""
-        return self._at("min_time", q_k, as_rows(q_kp1), as_column(h), as_rows(q_c), as_rows(a))[0]
+        return self._at("min_time", q_k, q_kp1, h, q_c, a)[0]
 
     def minimal_time_slopes(
         self, q_k: Array, q_kp1: Array, h: float, q_c: Array, a: Array
     ) -> Array:
         """Its derivatives with respect to (q_k, q_kp1, h, q_c, a), shape (nc, 4 nq + 1)."""
-        rows = (as_rows(q_kp1), as_column(h), as_rows(q_c), as_rows(a))
-        return self._full("T_min_D", self._at("min_time_jac", q_k, *rows)[0])
+        return self._full("T_min_D", self._at("min_time_jac", q_k, q_kp1, h, q_c, a)[0])

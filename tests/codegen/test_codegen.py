@@ -169,6 +169,25 @@ def test_one_row_of_an_argument_serves_all(block: Kernels) -> None:
         np.testing.assert_array_equal(x, y)
 
 
+@pytest.mark.parametrize("backend", ["compiled", "numpy"])
+def test_vectors_and_numbers_are_rows(backend: str) -> None:
+    kernels = dmoc.build(puck_system(), backend=backend)
+    par = np.array([[value or 1.0 for value in kernels.parameters.values()]])
+    q, t = np.linspace(0, 1, 6).reshape(3, 2), np.linspace(1, 2, 3)
+    u = np.ones((1, len(kernels.inputs)))
+    rows = kernels.call("dynamics", q, q[:1], u, t[:, None], par)
+    for alike in (
+        kernels.call("dynamics", q, q[0], u[0], t, par[0]),
+        kernels.call("dynamics", np.asfortranarray(q), q[0], u, t.tolist(), par),
+    ):
+        for a, b in zip(alike, rows, strict=True):
+            np.testing.assert_array_equal(a, b)
+    for a, b in zip(kernels.call("dynamics", q[2], q[0], u, 2.0, par), rows, strict=True):
+        np.testing.assert_array_equal(a, b[2:])
+    with pytest.raises((TypeError, ValueError)):
+        kernels.call("dynamics", q, q, u, par)
+
+
 def test_wrong_arrays_are_refused_by_name(block: Kernels) -> None:
     one = np.ones((3, 1))
     none, out = np.ones((3, 0)), [*(np.empty((3, 1)) for _ in range(3)), np.empty((3, 0))]
