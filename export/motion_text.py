@@ -12,7 +12,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.export.constants import Constants, initial, number
 from dmoc.export.numbers import Numbers
 from dmoc.mechanics.algebra import is_positive
-from dmoc.program.arrays import ElementData, PassData
+from dmoc.program.arrays import ElementPlaces, PassData
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.reactions import PhaseReaction
 from dmoc.program.transcription import Transcription
@@ -91,8 +91,9 @@ def momenta_of(nlp: Transcription) -> PassData:
     factors = [np.full(slot.shape, -1.0 if b == 0 else 1.0) for b, slot in enumerate(slots)]
     arguments = (*parts, np.tile(parameters, (lay.total, 1)))
     none = np.zeros(0, dtype=np.intp)
-    element = ElementData("step", arguments, tuple(slots), tuple(factors))
-    return PassData(np.zeros(0), none, none, np.zeros(0), (element,))
+    element = ElementPlaces("step", arguments, tuple(slots))
+    flat = np.concatenate([factor.ravel() for factor in factors])
+    return PassData(np.zeros(0), none, none, np.zeros(0), (element,), flat)
 
 
 def _chosen(nlp: Transcription) -> Index:

@@ -22,7 +22,7 @@ SAMPLES = 3
 # What depends on the values of design parameters.
 OF_DESIGN = {
     "design_values", "parameter_values", "model", "redundant", "start_position", "goal_position",
-    "inertia", "reach",
+    "inertia", "reach", "end_speeds",
 }  # fmt: skip
 
 
@@ -117,10 +117,7 @@ def designed(problem: Problem, values: Array) -> Problem:
     """The same problem, whose model has some values of its design parameters."""
     if not problem.design or np.array_equal(values, problem.design_values):
         return problem
-    other = object.__new__(type(problem))
-    kept = {k: v for k, v in problem.__dict__.items() if k not in OF_DESIGN}
-    other.__dict__.update(kept, design_values=np.array(values, dtype=float))
-    return other
+    return problem.like(OF_DESIGN, design_values=np.array(values, dtype=float))
 
 
 def designed_as(problem: Problem, parameters: Mapping[str, float]) -> Problem:

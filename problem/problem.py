@@ -3,10 +3,10 @@ bounds, parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -26,7 +26,13 @@ from dmoc.mechanics.possible_words import open_hits
 from dmoc.mechanics.redundancy import Redundancy, redundancy
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.design import at_bounds, by_design, design_bounds, first_design
-from dmoc.problem.end_states import check_admissible, check_contacts, check_kinks, check_mass_matrix
+from dmoc.problem.end_states import (
+    check_admissible,
+    check_contacts,
+    check_kinks,
+    check_mass_matrix,
+    end_speeds,
+)
 from dmoc.problem.quantities import QuantityRanges, onto_quantities, quantity_ranges
 from dmoc.problem.ranges import (
     Boundary,
@@ -50,6 +56,7 @@ from dmoc.problem.totals import total_bounds
 if TYPE_CHECKING:
     from dmoc.codegen.system_kernels import GivenModel
 
+T = TypeVar("T")
 # Steps of a phase, times the degree of the discretisation, of the first mesh of a solve that
 # chooses its own.
 FIRST_MESH = 100
@@ -233,9 +240,7 @@ class Problem(Shown):
     def in_rates(self) -> Problem:
         """Return the same problem, whose programs state the law of impact in the rates of the gaps
         instead of the discrete energies."""
-        other = object.__new__(Problem)
-        other.__dict__.update(self.__dict__, by_rates=True)
-        return other
+        return self.like(by_rates=True)
 
     def unchecked(self, **changes: Any) -> Problem:
         """Return the same problem with some fields replaced as they are: small changes may leave
@@ -248,11 +253,32 @@ class Problem(Shown):
     def meshed(self, steps: int | Sequence[int]) -> Problem:
         """Return the same problem with other numbers of steps, which nothing else that was checked
         or found depends on."""
-        other = object.__new__(Problem)
-        other.__dict__.update(self.__dict__, steps=steps)
+        other = self.like(steps=steps)
         object.__setattr__(other, "steps", steps_of(other))
         check_size(other)
         return other
+
+    def like(self, without: Collection[str] = (), **changes: Any) -> Problem:
+        """Return the same problem with some attributes replaced as they are, and what was found of
+        it, but for some attributes."""
+        other = object.__new__(Problem)
+        kept = {k: v for k, v in self.__dict__.items() if k not in without and k != "_made"}
+        other.__dict__.update(kept, **changes)
+        return other
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.like().__dict__
+
+    @cached_property
+    def _made(self) -> dict[Any, Any]:
+        return {}
+
+    def once(self, key: Any, make: Callable[[Problem], T]) -> T:
+        """What others make of the problem alone, made once for each key."""
+        if key not in self._made:
+            self._made[key] = make(self)
+        made: T = self._made[key]
+        return made
 
     # Sizes ----------------------------------------------------------------------------------------
 
@@ -428,6 +454,11 @@ class Problem(Shown):
         of the sequence, or, where that says nothing, what the inertias make of the reach of the
         others, shape (nq,)."""
         return reach_of(self)
+
+    @cached_property
+    def end_speeds(self) -> Array:
+        """Speeds that are fixed at the start or at the goal, shape (nq,); 0 where they are not."""
+        return end_speeds(self)
 
     @cached_property
     def start_bounds(self) -> Boundary:

@@ -80,10 +80,10 @@ def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[Act
 
 
 def _inequalities(nlp: Transcription, x: Array, w: Array) -> Iterator[ActiveBound]:
-    d, nodes = nlp.inequality(x), dict[tuple[BoundKind, str], set[int]]()
-    for block in nlp.inequalities:
-        rows = block.numbers - nlp.n_eq
-        held = np.flatnonzero(w[rows] > np.maximum(d[rows], NO_FORCE))
+    nodes = dict[tuple[BoundKind, str], set[int]]()
+    holds = w > np.maximum(nlp.inequality(x), NO_FORCE)
+    for block in nlp.inequalities if holds.any() else ():
+        held = np.flatnonzero(holds[block.numbers - nlp.n_eq])
         if block.counted is None:
             nodes |= {(BoundKind.OTHER, block.name_of(int(i))): set() for i in held}
             continue
@@ -102,7 +102,10 @@ def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
         free = nlp.lower < nlp.upper
         below = free & (z > np.maximum(x - nlp.lower, NO_FORCE))
         above = free & (-z > np.maximum(nlp.upper - x, NO_FORCE))
-    ends = ((">=", nlp.limits[0], below), ("<=", nlp.limits[1], above))
+    both = (">=", nlp.limits[0], below), ("<=", nlp.limits[1], above)
+    ends = [(side, limit, active) for side, limit, active in both if active.any()]
+    if not ends:
+        return
     for i, k in enumerate(lay.index_h):
         for side, limit, active in ends:
             if active[k]:

@@ -12,6 +12,7 @@ by its unit.  Results times their factors are added to slots of the target.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,26 +24,48 @@ Pattern = tuple[NDArray[np.int32], NDArray[np.int32]]
 
 
 @dataclass(frozen=True, eq=False)
-class ElementData:
-    """n rows of a kernel."""
+class ElementPlaces:
+    """n rows of a kernel: where its arguments are, and where its results go."""
 
     kernel: str
     # Where each argument stands in the pool, (n, size); one row of consecutive positions (1, size)
     # serves all n.
     arguments: tuple[Positions, ...]
     slots: tuple[Positions, ...]  # (n, size): what each result is added to; -1 drops a value
-    factors: tuple[Array, ...]  # (n, size): what the values are multiplied by
+
+
+@dataclass(frozen=True, eq=False)
+class ElementData(ElementPlaces):
+    """The same with what the values are multiplied by."""
+
+    factors: tuple[Array, ...]  # (n, size)
 
 
 @dataclass(frozen=True, eq=False)
 class PassData:
-    """target = constant + linear part + elements; target[rows] += coefficients * pool[columns]."""
+    """target = constant + linear part + elements; target[rows] += coefficients * pool[columns].
+
+    Problems of one form share places; ``factors`` are those of all results, one after the other.
+    """
 
     constant: Array
     rows: Positions
     columns: Positions
     coefficients: Array
-    elements: tuple[ElementData, ...]
+    places: tuple[ElementPlaces, ...]
+    factors: Array
+
+    @cached_property
+    def elements(self) -> tuple[ElementData, ...]:
+        """The elements one by one."""
+        elements, at = [], 0
+        for place in self.places:
+            cut = []
+            for slot in place.slots:
+                cut.append(self.factors[at : at + slot.size].reshape(slot.shape))
+                at += slot.size
+            elements.append(ElementData(place.kernel, place.arguments, place.slots, tuple(cut)))
+        return tuple(elements)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,17 +23,25 @@ def _pattern(pattern, rows, entries):
     start, column = pattern
     if len(start) != rows + 1 or start[len(start) - 1] != len(column) or len(column) != entries:
         raise ValueError(f"expected a pattern of {rows} rows and {entries} entries")
-    return np.append(start, 0).astype(np.intc), np.append(column, 0).astype(np.intc)
+    return _filled(start, len(start), np.intc), _filled(column, entries, np.intc)
+
+
+def _filled(array, ptrdiff_t size, dtype=np.float64):
+    """An array of numbers as C takes it, which has an address if it has no entries."""
+    if array.size != size:
+        raise ValueError(f"expected {size} numbers, got {array.size}")
+    return np.ascontiguousarray(array, dtype=dtype).reshape(-1) if size else np.zeros(1, dtype)
 
 
 cdef class Pass:
     """One pass over elements, from a :class:`dmoc.program.arrays.PassData`.
 
     Positions lie in the pool, slots in the target.  Arrays of positions that are those of ``like``
-    are shared with it, and were checked there.
+    are shared with it, and were checked there.  Arrays of numbers are those of the data.
     """
     cdef dmoc_pass c
     cdef object kernels, data, keep
+    cdef double[::1] scratch
     cdef bint compiled
 
     def __cinit__(self):
@@ -44,14 +52,22 @@ cdef class Pass:
 
     def __init__(self, kernels, data, ptrdiff_t pool, Pass like=None):
         cdef ptrdiff_t targets = len(data.constant), terms = len(data.coefficients)
-        cdef ptrdiff_t elements = len(data.elements)
+        cdef ptrdiff_t elements = len(data.places), at = 0
+        cdef const double[::1] factors
         self.kernels, self.data, self.keep = kernels, data, []
         self.compiled = kernels.backend == "compiled"
         self.c.targets, self.c.terms, self.c.elements = targets, terms, elements
-        _within(data.rows, 0, targets), _within(data.columns, 0, pool)
         self.c.constant = self._numbers(data.constant, targets)
-        self.c.row = self._indices(data.rows, terms)
-        self.c.column = self._indices(data.columns, terms)
+        if like is not None and like.c.targets == targets and (
+            like.data.rows is data.rows and like.data.columns is data.columns
+        ):
+            self.c.row, self.c.column = like.c.row, like.c.column
+            self.keep.append(like)
+        else:
+            _within(data.rows, 0, targets)
+            _within(data.columns, 0, pool)
+            self.c.row = self._indices(data.rows, terms)
+            self.c.column = self._indices(data.columns, terms)
         self.c.coefficient = self._numbers(data.coefficients, terms)
         self.c.element = <dmoc_element *>calloc(max(elements, 1), sizeof(dmoc_element))
         if self.c.element == NULL:
@@ -59,16 +75,21 @@ cdef class Pass:
         if self.compiled:
             kept = ()
             if like is not None and like.compiled and like.c.targets == targets:
-                kept = like.data.elements
+                kept = like.data.places
                 self.keep.append(like)
-            for e, element in enumerate(data.elements):
-                if e < len(kept) and _same_places(element, kept[e]):
+            factors = _filled(data.factors, sum([s.size for p in data.places for s in p.slots]))
+            self.keep.append(factors)
+            for e, element in enumerate(data.places):
+                if e < len(kept) and element is kept[e]:
                     self.c.element[e] = like.c.element[e]
                 else:
                     self._fill(&self.c.element[e], element, pool)
-                self._scale(&self.c.element[e], element)
+                for a, slots in enumerate(element.slots):
+                    self.c.element[e].factor[a] = &factors[at]
+                    at += slots.size
             size = dmoc_scratch_size(&self.c)
-            self.c.scratch = self._numbers(np.empty(size), size)
+            self.scratch = np.empty(max(size, 1))
+            self.c.scratch = &self.scratch[0]
 
     cdef int _fill(self, dmoc_element *c, element, ptrdiff_t pool) except -1:
         cdef const dmoc_array *array
@@ -101,31 +122,14 @@ cdef class Pass:
                 c.slot[a] = self._indices(slots, slots.size)
         return 0
 
-    cdef int _scale(self, dmoc_element *c, element) except -1:
-        """Set the factors of an element that has its slots."""
-        cdef const double[::1] view
-        cdef int a
-        for a, (slots, factors) in enumerate(zip(element.slots, element.factors, strict=True)):
-            if c.slot[a] != NULL:
-                view = np.ascontiguousarray(factors, dtype=np.float64).reshape(-1)
-                if view.shape[0] != slots.size:
-                    raise ValueError(f"expected {slots.size} numbers, got {view.shape[0]}")
-                self.keep.append(view)
-                c.factor[a] = &view[0]
-        return 0
-
     cdef const ptrdiff_t *_indices(self, array, ptrdiff_t size) except? NULL:
-        """Keep a copy of an array of positions and return its address."""
-        cdef ptrdiff_t[::1] view = np.append(array, 0).astype(np.intp)
-        if view.shape[0] != size + 1:
-            raise ValueError(f"expected {size} positions, got {view.shape[0] - 1}")
+        """Keep an array of positions and return its address."""
+        cdef const ptrdiff_t[::1] view = _filled(array, size, np.intp)
         self.keep.append(view)
         return &view[0]
 
-    cdef double *_numbers(self, array, ptrdiff_t size) except? NULL:
-        cdef double[::1] view = np.append(array, 0.0).astype(np.float64)
-        if view.shape[0] != size + 1:
-            raise ValueError(f"expected {size} numbers, got {view.shape[0] - 1}")
+    cdef const double *_numbers(self, array, ptrdiff_t size) except? NULL:
+        cdef const double[::1] view = _filled(array, size)
         self.keep.append(view)
         return &view[0]
 
@@ -152,12 +156,6 @@ cdef class Pass:
         return values
 
 
-cdef bint _same_places(element, kept):
-    """Whether the positions of two elements are the same arrays."""
-    return (element.kernel == kept.kernel and element.arguments is kept.arguments
-            and element.slots is kept.slots)
-
-
 cdef int _within(positions, ptrdiff_t least, ptrdiff_t end) except -1:
     """The C code trusts positions: refuse those outside."""
     cdef const ptrdiff_t[::1] view = np.ascontiguousarray(positions, dtype=np.intp).ravel()
@@ -174,7 +172,7 @@ cdef class Program:
     cdef dmoc_program c
     cdef Pass _values, _slopes, _curvatures
     cdef double[::1] pool, lower, upper, unit
-    cdef int[::1] row_start, column, hess_start, hess_column
+    cdef const int[::1] row_start, column, hess_start, hess_column
     cdef readonly bint compiled
     cdef readonly object data
 

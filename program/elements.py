@@ -15,13 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.program.arrays import ElementData, PassData, ProgramData
+from dmoc.program.arrays import ElementPlaces, PassData, ProgramData
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.sparse import SparsePattern
 from dmoc.program.terms import Term
@@ -85,8 +86,7 @@ class _Elements:
     """The elements of a pass, and what their factors are made of: left[rows] * right[columns] *
     factors, those of one result after those of another."""
 
-    parts: tuple[_Part, ...]
-    slots: tuple[tuple[Index, ...], ...]
+    places: tuple[ElementPlaces, ...]
     rows: Index
     columns: Index
     factors: Array
@@ -95,24 +95,18 @@ class _Elements:
     def of(cls, parts: Sequence[_Part], slots: Sequence[Index]) -> _Elements:
         remaining = iter(slots)
         return cls(
-            tuple(parts),
-            tuple(tuple(next(remaining) for _ in p.rows) for p in parts),
+            tuple(
+                ElementPlaces(p.kernel, p.arguments, tuple(next(remaining) for _ in p.rows))
+                for p in parts
+            ),
             _flat([r for p in parts for r in p.rows], np.intp),
             _flat([c for p in parts for c in p.columns], np.intp),
             _flat([f for p in parts for f in p.factors], np.float64),
         )
 
-    def filled(self, left: Array, right: Array) -> tuple[ElementData, ...]:
-        """The elements of one problem."""
-        factors = left[self.rows] * right[self.columns] * self.factors
-        elements, at = [], 0
-        for part, slots in zip(self.parts, self.slots, strict=True):
-            cut = []
-            for slot in slots:
-                cut.append(factors[at : at + slot.size].reshape(slot.shape))
-                at += slot.size
-            elements.append(ElementData(part.kernel, part.arguments, slots, tuple(cut)))
-        return tuple(elements)
+    def filled(self, left: Array, right: Array) -> tuple[tuple[ElementPlaces, ...], Array]:
+        """The elements of one problem, and their factors."""
+        return self.places, left[self.rows] * right[self.columns] * self.factors
 
 
 def _flat(arrays: Sequence[NDArray[Any]], dtype: type) -> NDArray[Any]:
@@ -131,6 +125,11 @@ class Structure:
     jacobian: SparsePattern
     hessian: SparsePattern
     _kept: dict[Hashable, Any] = field(default_factory=dict)
+
+    @cached_property
+    def linear_rows(self) -> Index:
+        """Rows of the linear part among (f | c | d)."""
+        return 1 + self.form.linear.rows
 
     @property
     def additions(self) -> int:
@@ -198,13 +197,13 @@ def assembled(structure: Structure, numbers: Numbers) -> Assembled:
     form, none = structure.form, np.zeros(0, dtype=np.intp)
     n, m, at = form.n, form.m, form.linear
     inverse = 1 / np.concatenate([[numbers.cost_unit], numbers.row_unit])  # of (f | c | d)
-    linear, ones = at.factors * inverse[1 + at.rows], np.ones(1)
+    linear, ones = at.factors * inverse[structure.linear_rows], np.ones(1)
     values = PassData(
         np.concatenate([[0.0], numbers.constants * inverse[1:]]),
-        1 + at.rows,
+        structure.linear_rows,
         at.columns,
         linear,
-        structure.values.filled(inverse, ones),
+        *structure.values.filled(inverse, ones),
     )
     constant = np.zeros(n + structure.jacobian.size)
     constant[n + structure.linear_slots] = linear * numbers.unit[at.columns]
@@ -218,8 +217,8 @@ def assembled(structure: Structure, numbers: Numbers) -> Assembled:
         unit=np.concatenate([numbers.unit, inverse[1:], inverse[:1]]),
         pool=np.concatenate([np.zeros(n + m + 2), numbers.parameters, numbers.shares]),
         values=values,
-        slopes=PassData(constant, none, none, np.zeros(0), slopes),
-        curvatures=PassData(zeros, none, none, np.zeros(0), curvatures),
+        slopes=PassData(constant, none, none, np.zeros(0), *slopes),
+        curvatures=PassData(zeros, none, none, np.zeros(0), *curvatures),
         jacobian=(structure.jacobian.indptr, structure.jacobian.indices),
         hessian=(structure.hessian.indptr, structure.hessian.indices),
     )

@@ -159,7 +159,10 @@ def loose_peaks(nlp: Transcription, x: Array) -> Array:
 def loose_totals(nlp: Transcription, x: Array) -> Array:
     """By how much totals at the scaled unknowns x lie above those of their integrands, in their
     sizes."""
-    lay, at = nlp.layout, nlp.physical(x)
+    lay = nlp.layout
+    if not lay.index_totals.size:
+        return np.zeros(0)
+    at = nlp.physical(x)
     problem = lay.problem_at(nlp.problem, at)
     totals = problem.model.totals(lifted(problem, lay, lay.step_inputs(at)))
     return np.asarray((at[lay.index_totals] - totals) / nlp.scale.totals)
@@ -314,10 +317,10 @@ def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[A
     are zero."""
 
     def collected(blocks: Sequence[Block]) -> Array:
-        parts = [np.ravel(named.get(b.name, ())) for b in blocks]
+        there = [b for b in blocks if b.count]
+        parts = [np.ravel(named.get(b.name, ())) for b in there]
         fitting = [
-            p if len(p) == b.count else np.zeros(b.count)
-            for p, b in zip(parts, blocks, strict=True)
+            p if len(p) == b.count else np.zeros(b.count) for p, b in zip(parts, there, strict=True)
         ]
         return np.concatenate([*fitting, np.zeros(0)])
 

@@ -30,6 +30,11 @@ class Layout(Unknowns):
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
+        """The layout of a problem."""
+        return problem.once(cls, cls._of)
+
+    @classmethod
+    def _of(cls, problem: Problem) -> Layout:
         _check_courses(problem)
         kernels = problem.kernels
         turning = {name for r in problem.relations for name in (*r.starts, r.end)}
@@ -187,11 +192,21 @@ class Layout(Unknowns):
 
     def reactions(self, i: int) -> tuple[PhaseReaction, ...]:
         """What pushes along phase i, of all laws."""
-        return (*self.contact.reactions(i), *self.joint.reactions(i))
+        return self._reactions[i]
 
     def impulses(self, i: int) -> tuple[EventImpulses, ...]:
         """What pushes at event i, of all laws."""
-        return (*self.contact.impulses(i), *self.impact.impulses(i), *self.joint.impulses(i))
+        return self._impulses[i]
+
+    @cached_property
+    def _reactions(self) -> list[tuple[PhaseReaction, ...]]:
+        laws = self.contact, self.joint
+        return [tuple(r for law in laws for r in law.reactions(i)) for i in range(self.phases)]
+
+    @cached_property
+    def _impulses(self) -> list[tuple[EventImpulses, ...]]:
+        laws, events = (self.contact, self.impact, self.joint), range(self.phases - 1)
+        return [tuple(r for law in laws for r in law.impulses(i)) for i in events]
 
     @cached_property
     def collision_nodes(self) -> Index:
@@ -254,6 +269,11 @@ class Layout(Unknowns):
         h = x[self.index_h][self.phase_of_step]
         return np.concatenate([[0.0], np.cumsum(h)])
 
+    @cached_property
+    def _index_of_parts(self) -> list[Index]:
+        """The unknowns of all steps by their parts."""
+        return [np.ascontiguousarray(part) for part in self.split(self.index_step)]
+
     def split(self, x_k: Index) -> list[Index]:
         """Split the unknowns of steps into q_k, q_kp1, u_k, u_kp1, h, t_k and q_i."""
         sizes = (self.nq, self.nq, self.nu, self.nu, 1, 1)
@@ -263,7 +283,7 @@ class Layout(Unknowns):
     def step_inputs(self, x: Array) -> list[Array]:
         """Return q_k, q_kp1, u_k, u_kp1, h, t_k and q_i of every step as arrays of shape (total,
         size)."""
-        parts = [np.ascontiguousarray(x[at]) for at in self.split(self.index_step)]
+        parts = [x[at] for at in self._index_of_parts]
         if not self.timed:
             parts[5] = np.zeros((self.total, 1))
         return parts

@@ -13,7 +13,6 @@ import numpy as np
 
 from dmoc.base.tolerances import BALANCED, ROUNDING
 from dmoc.codegen.kernels import Array
-from dmoc.problem.end_states import fixed_velocity
 from dmoc.problem.problem import Problem
 from dmoc.program.force_unknowns import sizes as pushing
 from dmoc.program.force_values import quantity_inputs
@@ -67,6 +66,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         energy = float(size_p @ size_v) / 2
         path, quantity = np.ones(len(problem.kernels.manifest["path_rows"])), np.ones(model.nz)
         u = x[lay.index_u[lay.row_u_k]]
+        step = lay.step_inputs(x)
         size_s = _hidden(problem, u, (middle, rates, now), (*moving, size_u))
         scale = Scale(
             time,
@@ -92,35 +92,36 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
             _designs(problem),
         )
         sizes = lay.units(scale)
-        cost = _cost(problem, lay, x, sizes, size_v) / (MINIMUM_COST if minimum else FIRST_COST)
-        sized, local = _sized(lay, x, scale), _local(lay, sizes)
-        path = _path(problem, (lay.step_inputs(x), sized), local, "path")
+        local = _local(lay, sizes)
+        cost = _cost(problem, lay, x, (sizes, local, size_v))
+        scale = replace(scale, cost=cost / (MINIMUM_COST if minimum else FIRST_COST))
+        if not (path.size or quantity.size or scale.totals.size):
+            return scale
+        sized = _sized(lay, step, scale)
+        path = _path(problem, (step, sized), local, "path")
         pushed = np.tile(pushing(scale)[: model.ny], (lay.total, lay.scheme.points))
         local = np.hstack([local, pushed])
-        sized += [pushed] * bool(lay.force.count)
-        along = quantity_inputs(problem, lay, x), sized
+        along = quantity_inputs(problem, lay, x), [*sized, *[pushed] * bool(lay.force.count)]
         quantity = _path(problem, along, local, "quantity")
         at = [j for j, _ in model.peaks_of]
-        return replace(
-            scale, cost=cost, path=path, quantity=quantity, peaks=quantity[at],
-            totals=_totals(problem, lay, x, scale),
-        )  # fmt: skip
+        totals = _totals(problem, lay, (step, sized))
+        return replace(scale, path=path, quantity=quantity, peaks=quantity[at], totals=totals)
 
 
-def _totals(problem: Problem, lay: Layout, x: Array, scale: Scale) -> Array:
+def _totals(problem: Problem, lay: Layout, steps: tuple[list[Array], list[Array]]) -> Array:
     """Sizes of the totals: of what bounds them, or of what all steps add to them without their
     signs, in the motion and in one whose velocities and inputs are of their sizes."""
-    model, step = problem.model, lay.step_inputs(x)
-    both = (lifted(problem, lay, s) for s in (step, _sized(lay, x, scale)))
+    model = problem.model
+    both = (lifted(problem, lay, step) for step in steps)
     parts = [np.abs(_finite(model.integrals(s), 0.0)).sum(axis=0) for s in both]
     bounds = np.where(np.isfinite(problem.total_bounds), np.abs(problem.total_bounds), 0.0)
     size = np.maximum(np.max(parts, axis=0), bounds.max(axis=1, initial=0.0))
     return np.where(size > 0, size, 1.0)
 
 
-def _sized(lay: Layout, x: Array, scale: Scale) -> list[Array]:
+def _sized(lay: Layout, step: list[Array], scale: Scale) -> list[Array]:
     """Steps that begin as those of a motion do, with velocities and inputs of their sizes."""
-    q, _, u, _, h, t, *_ = lay.step_inputs(x)
+    q, _, u, _, h, t, *_ = step
     u, end = u.copy(), q + h * scale.v
     u[:] = scale.u
     return [q, end, u, u, h, t, lay.scheme.within(q, end).reshape(lay.total, -1)]
@@ -144,7 +145,7 @@ def _ranges(
 ) -> Array:
     """Ranges of the coordinates; one that hardly moves by its share of the energy or of its speed
     at an end, and where nothing moves by what there is to go by."""
-    fast = np.maximum(np.sqrt(2 * kinetic / inertia), _end_speeds(problem))
+    fast = np.maximum(np.sqrt(2 * kinetic / inertia), problem.end_speeds)
     spread = np.maximum(np.ptp(q, axis=0), STILL * time * fast)
     box = problem.coordinate_bounds
     width = np.where(
@@ -161,16 +162,6 @@ def _ranges(
     for other in (unsaid, place, width, way):
         spread = np.where(spread > 0, spread, other)
     return np.where(spread > 0, spread, 1.0)
-
-
-def _end_speeds(problem: Problem) -> Array:
-    """Speeds that are fixed at the start or at the goal, shape (nq,); 0 where they are not."""
-    ends = (
-        (problem.start_bounds, problem.start_position), (problem.goal_bounds, problem.goal_position)
-    )  # fmt: skip
-    fixed = [fixed_velocity(boundary, problem, q) for boundary, q in ends]
-    speeds = [np.abs(v) for v in fixed if v is not None and np.isfinite(v).all()]
-    return np.asarray(np.max([np.zeros(problem.nq), *speeds], axis=0))
 
 
 def _inputs(
@@ -205,6 +196,8 @@ def _hidden(
     sizes: tuple[Array, Array, float, Array],
 ) -> Array:  # fmt: skip
     """Sizes of the hidden unknowns: of their values, and of what moves them."""
+    if not problem.model.ns:
+        return np.zeros(0)
     q, v, t = state
     size_q, size_v, time, size_u = sizes
     values = _finite(np.abs(problem.model.hidden(q, v, u, t)), 0.0).max(axis=0)
@@ -218,7 +211,8 @@ def _places(slopes: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Ar
     coordinates, velocities and a time of their sizes move them."""
     size_q, size_v, time = sizes
     slope = np.abs(_finite(slopes, 0.0)).max(axis=0)
-    place, rate = slope @ np.append(size_q, time), slope @ np.append(size_v, 1.0)
+    by_q, by_t = slope[:, :-1], slope[:, -1]
+    place, rate = by_q @ size_q + by_t * time, by_q @ size_v + by_t
     return np.where(place > 0, place, 1.0), np.where(rate > 0, rate, 1.0)
 
 
@@ -241,11 +235,11 @@ def cost_of(problem: Problem, lay: Layout, x: Array) -> float:
     return float(value + model.objective(*shared, start[:2], end[:2]))
 
 
-def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) -> float:
+def _cost(problem: Problem, lay: Layout, x: Array, of: tuple[Array, Array, Array]) -> float:
     """Size of the cost: its value, at least a small share of what its slopes and curvatures make
-    of the sizes of the unknowns."""
+    of the sizes ``of`` the unknowns, of those of each step, and of the velocities."""
     model, step = problem.model, lay.step_inputs(x)
-    local = _local(lay, sizes)
+    sizes, local, speeds = of
     slope = np.abs(model.step_cost_slopes(step) * local).sum()
     bend = np.abs(model.step_cost_curvatures(step) * local**2).sum() / 2
     if model.ns:

@@ -33,7 +33,7 @@ class Stations:
         """Whether steps that meet have impulses of their own at the node between them."""
         return self.scheme.inside > 0
 
-    @property
+    @cached_property
     def _counts(self) -> list[int]:
         """Rows of each phase."""
         return [n * (self.scheme.degree + 1) if self.own else n + (n > 0) for n in self.steps]

@@ -159,10 +159,15 @@ class Transcription(Evaluator):
     def physical(self, x: Array) -> Array:
         """Unknowns in units of the problem; what lies at a limit up to rounding lies at it."""
         y = x * self.unit
-        for limit in self.limits:
-            close = 4 * np.finfo(float).eps * np.where(np.isfinite(limit), np.abs(limit), 0.0)
+        for limit, close in zip(self.limits, self._rounding, strict=True):
             y = np.where(np.abs(y - limit) <= close, limit, y)
         return np.asarray(y)
+
+    @cached_property
+    def _rounding(self) -> list[Array]:
+        """How far from each limit rounding may put an unknown that lies at it."""
+        few = 4 * np.finfo(float).eps
+        return [few * np.where(np.isfinite(limit), np.abs(limit), 0.0) for limit in self.limits]
 
     def scaled(self, y: Array) -> Array:
         return np.asarray(y / self.unit)

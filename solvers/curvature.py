@@ -159,8 +159,8 @@ class SecondOrder:
         free = np.append(self.free, np.ones(nlp.n_in, dtype=bool))
 
         def every(of: Bools, equations: bool) -> Bools:
-            unknowns, rows = np.split(of & free, [nlp.n])
-            return np.concatenate([unknowns, np.full(nlp.n_eq, equations), rows])
+            of = of & free
+            return np.concatenate([of[: nlp.n], np.full(nlp.n_eq, equations), of[nlp.n :]])
 
         return every(held, True), every(~held & ~idle, False)
 
@@ -215,15 +215,10 @@ class SecondOrder:
         """Factorise K with a shift, with H or without, and compare its signs with a bowl's."""
         nlp, layout, (H, A) = self.nlp, self._layout, self._parts
         K = H + A if bent else A.copy()
-        unknowns, rows = np.split(held, [nlp.n])
-        diagonal = np.concatenate(
-            [
-                np.where(unknowns, HELD, shift * self.weights + self._unit * self._kept),
-                np.where(
-                    rows, np.where(np.arange(len(rows)) < nlp.n_eq, -RELAXED, -HELD_ROW), -IDLE
-                ),
-            ]
-        )
+        free = shift * self.weights + self._unit * self._kept
+        rows = np.where(held, -HELD_ROW, -IDLE)
+        rows[nlp.n : nlp.n + nlp.n_eq] = np.where(held[nlp.n : nlp.n + nlp.n_eq], -RELAXED, -IDLE)
+        diagonal = np.concatenate([np.where(held[: nlp.n], HELD, free), rows[nlp.n :]])
         at = layout.diagonal >= 0
         K[layout.diagonal[at]] += diagonal[at]
         positive, _, zero = self._factorisation.factor(K)

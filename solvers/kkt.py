@@ -47,7 +47,8 @@ def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:
     z = np.where(free, duals.z, 0.0)
     slope = np.where(free, nlp.lagrangian_gradient(x, duals.y, duals.w) - z, 0.0)
     # Steepness matters in proportion to how far an unknown can usefully move.
-    reach = np.where(np.isin(np.arange(nlp.n), nlp.layout.index_h), np.abs(x), 1.0)
+    reach = np.ones(nlp.n)
+    reach[nlp.layout.index_h] = np.abs(x[nlp.layout.index_h])
     products = np.concatenate([duals.w * nlp.inequality(x), z * _distance(nlp, x, z)])
     multipliers = np.concatenate([duals.y, duals.w, z])
     scale = max(SCALE_FROM, float(np.abs(multipliers).mean())) / SCALE_FROM

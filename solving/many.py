@@ -24,7 +24,7 @@ from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Status
 from dmoc.solving.keywords import BatchKeywords, Keywords
 from dmoc.solving.methods import SEARCHING, usual
-from dmoc.solving.solve import solve
+from dmoc.solving.solve import solved
 from dmoc.solving.starts import InitialGuess, loaded
 from dmoc.solving.workforce import NoMoreWork, Work, workforce
 
@@ -78,10 +78,12 @@ class Row:
 @dataclass(frozen=True)
 class Share:
     """Problems that travel together, by number, or the errors that stand in their place; the
-    keywords of each solve, whether its solution is kept, and until when all may take."""
+    keywords and the guess of each solve, whether its solution is kept, and until when all may
+    take."""
 
     problems: tuple[tuple[int, Problem | DmocError], ...]
-    keywords: Mapping[str, Any]
+    keywords: Keywords
+    guess: InitialGuess
     keep: bool
     deadline: Deadline
     attempts: int = 1
@@ -174,13 +176,13 @@ def batch_of(
     if method is None:
         stated = (p for p in problems if isinstance(p, Problem))
         method = usual(SEARCHING, all(p.kernels.compiled for p in stated))
-    keywords = _of_solves(method, batch)
+    of_solves = _of_solves(method, batch), loaded(batch.guess)
     begin, rows, reason = time.perf_counter(), dict[int, Row](), NO_TIME
     deadline = Deadline.after(batch.seconds)
     with ExitStack() as stack:
         tell = stack.enter_context(listener(batch.progress, "first solve"))
         try:
-            for answered in _answers(problems, keywords, batch, deadline, stack):
+            for answered in _answers(problems, of_solves, batch, deadline, stack):
                 rows |= {row.number: row for row in answered}
                 if any(row.status == Status.INTERRUPTED for row in answered):
                     raise KeyboardInterrupt
@@ -198,7 +200,7 @@ def batch_of(
     return replace(table, solutions=tuple(row.solution for row in kept)) if batch.keep else table
 
 
-def _of_solves(method: str, batch: BatchKeywords) -> dict[str, Any]:
+def _of_solves(method: str, batch: BatchKeywords) -> Keywords:
     """The keywords of each solve; what does not fit is refused before any begins."""
     for name, value in batch.options.items():
         if name not in OPTIONS:
@@ -206,13 +208,12 @@ def _of_solves(method: str, batch: BatchKeywords) -> dict[str, Any]:
                 f"{name} = {shown(value)} is no argument of solve_many; of solve it takes "
                 f"{', '.join(sorted(OPTIONS))}."
             )
-    read(Keywords, {"method": method, **batch.options}, ProblemError)
-    return {"method": method, "guess": loaded(batch.guess), **STARTS, **batch.options}
+    return read(Keywords, {"method": method, **STARTS, **batch.options}, ProblemError)
 
 
 def _answers(
     problems: Sequence[Problem | DmocError],
-    keywords: Mapping[str, Any],
+    of_solves: tuple[Keywords, InitialGuess],
     batch: BatchKeywords,
     deadline: Deadline,
     stack: ExitStack,
@@ -223,7 +224,7 @@ def _answers(
     size = TOGETHER if executor is not None else len(numbered) // (SHARES * workers) + 1
     size = 1 if alone else min(size, TOGETHER)
     shares = (
-        Share(tuple(numbered[i : i + size]), keywords, batch.keep, deadline)
+        Share(tuple(numbered[i : i + size]), *of_solves, batch.keep, deadline)
         for i in range(0, len(numbered), size)
     )
     if alone:
@@ -251,7 +252,8 @@ def _row(number: int, problem: Problem | DmocError, share: Share) -> Row:
     try:
         if isinstance(problem, DmocError):
             raise problem
-        s = solve(problem, seconds=share.deadline.seconds, **share.keywords)
+        keywords = replace(share.keywords, seconds=share.deadline.seconds)
+        s = solved(problem, keywords, share.guess)
     except KeyboardInterrupt:
         return Row(number, Status.INTERRUPTED, Status.INTERRUPTED.sentence)
     except DmocError as error:

@@ -127,8 +127,14 @@ def solve(
     :eq:`measures`.
     """
     check_problem(problem)
-    request = request_of(problem, read(Keywords, locals(), ProblemError))
-    guess = loaded(guess)
+    return solved(problem, read(Keywords, locals(), ProblemError), loaded(guess), progress)
+
+
+def solved(
+    problem: Problem, keywords: Keywords, guess: InitialGuess, progress: Listener[Iteration] = None
+) -> Solution:
+    """Solve a problem with keywords that were read, from a guess that was loaded."""
+    request, reference = request_of(problem, keywords), keywords.reference
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
     with listener(progress, "first guess") as tell:

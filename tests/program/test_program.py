@@ -21,8 +21,8 @@ def data(seed: dmoc.Problem) -> ProgramData:
 
 def changed(data: ProgramData, **fields: object) -> ProgramData:
     """The program with another first element of its values."""
-    first, *others = data.values.elements
-    return replace(data, values=replace(data.values, elements=(replace(first, **fields), *others)))
+    first, *others = data.values.places
+    return replace(data, values=replace(data.values, places=(replace(first, **fields), *others)))
 
 
 Change = Callable[[ProgramData], ProgramData]
@@ -35,23 +35,27 @@ WRONG: dict[str, tuple[Change, str]] = {
         "position .* expected 0 to",
     ),
     "argument": (
-        lambda d: changed(d, arguments=(d.values.elements[0].arguments[0] - 10**6, *_others(d))),
+        lambda d: changed(d, arguments=(d.values.places[0].arguments[0] - 10**6, *_others(d))),
         "position .* expected 0 to",
     ),
     "number of arguments": (lambda d: changed(d, arguments=_others(d)), "expected 8 arguments"),
     "size of an argument": (
-        lambda d: changed(d, arguments=(d.values.elements[0].arguments[0][:, :1], *_others(d))),
+        lambda d: changed(d, arguments=(d.values.places[0].arguments[0][:, :1], *_others(d))),
         r"q_k of shape \(8, 1\), expected \(8, 2\)",
     ),
+    "factors": (
+        lambda d: replace(d, values=replace(d.values, factors=d.values.factors[1:])),
+        "expected .* numbers, got",
+    ),
     "slots": (
-        lambda d: changed(d, slots=tuple(s + 10**6 for s in d.values.elements[0].slots)),
+        lambda d: changed(d, slots=tuple(s + 10**6 for s in d.values.places[0].slots)),
         "position .* expected -1 to",
     ),
 }
 
 
 def _others(data: ProgramData) -> tuple[np.ndarray, ...]:
-    return data.values.elements[0].arguments[1:]
+    return data.values.places[0].arguments[1:]
 
 
 @pytest.mark.parametrize("what", WRONG)
