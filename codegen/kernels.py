@@ -233,6 +233,18 @@ class Kernels(Shown):
             raise BuildError(f"kernel {kernel!r} of model {self.name!r} has no output {output!r}.")
         return self._patterns[kernel, output]
 
+    def shape(self, kernel: str, output: str) -> tuple[int, ...]:
+        """The shape of an output; of a matrix that of all of it."""
+        return self._shapes[kernel, output]
+
+    @cached_property
+    def _shapes(self) -> dict[tuple[str, str], tuple[int, ...]]:
+        return {
+            (kernel, o["name"]): tuple(o["shape"])
+            for kernel, facts in self.manifest["kernels"].items()
+            for o in facts["outputs"]
+        }
+
     @cached_property
     def _patterns(self) -> dict[tuple[str, str], tuple[NDArray[np.intp], NDArray[np.intp]]]:
         """Rows and columns of every matrix output; read-only, because all share them."""

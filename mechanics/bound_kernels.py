@@ -160,8 +160,8 @@ class BoundKernels:
         """Sizes of the values of a kernel at one position: the sum of what each coordinate and
         each parameter contributes, shape (size,)."""
         numbers = np.concatenate([q, self.par[0]])
-        nudges = 1 + NUDGE * np.vstack([np.zeros(numbers.size), np.eye(numbers.size)])
-        places, values = np.split(nudges * numbers, [self.nq], axis=1)
+        nudged = (1 + NUDGE * np.eye(numbers.size + 1, numbers.size, -1)) * numbers
+        places, values = nudged[:, : self.nq], nudged[:, self.nq :]
         results = self.kernels.call(kernel, places, t, values)[0] if size else np.zeros((2, 0))
         return np.asarray(np.abs(results[1:] - results[0]).sum(axis=0) / NUDGE)
 
@@ -179,20 +179,11 @@ class BoundKernels:
     def _idle(self) -> Array:
         return np.zeros((1, self.nu))
 
-    @cached_property
-    def _places(self) -> dict[str, tuple[list[int], Index, Index]]:
-        """Shape, rows and columns of the stored entries of each matrix."""
-        places = {}
-        for name, kernel in MATRICES.items():
-            if self.kernels.has(kernel):
-                outputs = self.kernels.manifest["kernels"][kernel]["outputs"]
-                (shape,) = (o["shape"] for o in outputs if o["name"] == name)
-                places[name] = (shape, *self.kernels.pattern(kernel, name))
-        return places
-
     def _full(self, matrix: str, stored: Array) -> Array:
         """Matrices from their stored entries, shape (..., rows, columns)."""
-        shape, rows, columns = self._places[matrix]
+        kernel = MATRICES[matrix]
+        rows, columns = self.kernels.pattern(kernel, matrix)
+        shape = self.kernels.shape(kernel, matrix)
         full = np.zeros((*stored.shape[:-1], *shape))
         full[..., rows, columns] = stored
         return full

@@ -82,12 +82,7 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
     if not problem.kernels.surfaces or not fixed.any():
         return
     at = np.where(fixed, boundary.position[:, 0], 0.0)
-    gaps = problem.model.gaps(at)
-    ends = [
-        np.where(b[:, 0] == b[:, 1], b[:, 0], 0.0)
-        for b in (problem.start_bounds.position, problem.goal_bounds.position)
-    ]
-    sizes = np.max([gap_sizes(problem, q) for q in (at, *ends)], axis=0)
+    gaps, sizes = problem.model.gaps(at), problem.once(_sizes_at_ends, _sizes_at_ends)
     chosen = by_design(problem, "surface")  # where they are is up to the solver
     for j, surface in enumerate(problem.kernels.surfaces):
         if chosen[j] or surface in problem.ignored:
@@ -105,6 +100,13 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
             )
         if end == "start" and fixed.all() and gaps[j] >= -near and not closed:
             _check_leaving(problem, at, j, state)
+
+
+def _sizes_at_ends(problem: Problem) -> Array:
+    """The larger sizes of the gaps at both ends, where what is not fixed there is zero, (nc,)."""
+    ends = problem.start_bounds.position, problem.goal_bounds.position
+    fixed = [np.where(box[:, 0] == box[:, 1], box[:, 0], 0.0) for box in ends]
+    return np.maximum(*(gap_sizes(problem, q) for q in fixed))
 
 
 def _check_path(problem: Problem, end: str, boundary: Boundary) -> None:
