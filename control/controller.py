@@ -104,8 +104,8 @@ class Controller(Pushed):
         noise, t = self.disturbed.noise, k * self.h
         seen = y + noise * self.random.standard_normal(len(y)) if noise.any() else y
         self.measured.append(Measured(self.phase, t, seen))
-        known = len(self.measured) > self.disturbed.delay
-        u = self.steers.steer(self.phase, t, self.h, self.measured.popleft() if known else None)
+        arrived = len(self.measured) > self.disturbed.delay
+        u = self.steers.steer(self.phase, t, self.h, self.measured.popleft() if arrived else None)
         return np.clip(u, self.steers.bounds[:, 0], self.steers.bounds[:, 1])
 
     def feel(self, k: int, collisions: Sequence[Collision], mode: Mode) -> None:

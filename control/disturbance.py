@@ -81,9 +81,9 @@ def read_disturbance(value: Any, states: Sequence[str], end: float) -> Disturbed
     if value is None:
         value = Disturbance()
     if isinstance(value, Mapping):
-        known = Disturbance.__dataclass_fields__
+        fields = Disturbance.__dataclass_fields__
         for name in value:
-            check_known(str(name), known, "field", "in disturb", SimulationError)
+            check_known(str(name), fields, "field", "in disturb", SimulationError)
         value = Disturbance(**{str(name): x for name, x in value.items()})
     if not isinstance(value, Disturbance):
         raise SimulationError(
@@ -120,11 +120,11 @@ def read_disturbance(value: Any, states: Sequence[str], end: float) -> Disturbed
 
 
 def _entries(values: Any, what: str, names: Sequence[str]) -> Array:
-    given = by_name(values, what, SimulationError)
-    for name in given:
+    entries = by_name(values, what, SimulationError)
+    for name in entries:
         check_known(name, names, "state", f"in {what}", SimulationError)
     return np.array(
-        [number(given.get(name, 0.0), f"{what}[{name!r}]", SimulationError) for name in names]
+        [number(entries.get(name, 0.0), f"{what}[{name!r}]", SimulationError) for name in names]
     )
 
 

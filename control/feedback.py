@@ -23,17 +23,17 @@ from dmoc.codegen.kernels import Array
 from dmoc.control.controller import BEYOND, Measured, digest_of
 from dmoc.control.linearisation import (
     PARTS,
-    Stage,
-    after,
+    LinearPhase,
     input_sizes,
     input_slopes,
     inputs_at,
+    linear_phase,
     projection,
     saltation,
-    stage,
-    unit_of,
+    state_sizes,
+    states_after,
 )
-from dmoc.control.riccati import Weights, gains, hamiltonian, repeated, sweep
+from dmoc.control.riccati import Weights, backward_sweep, gains, hamiltonian, periodic_sweep
 from dmoc.control.stability import back
 from dmoc.mechanics.model_values import by_name
 from dmoc.motion.trajectory import Collision, Trajectory
@@ -181,12 +181,12 @@ def _rows(f: Feedback) -> Iterator[tuple[Cell, ...]]:
     words = [*(c.word for c in f.events), ""]
     for i, (guide, word) in enumerate(zip(f.phases, words, strict=False)):
         largest = np.abs(guide.K).max(axis=0)
-        told = ", ".join(
+        largest_gains = ", ".join(
             f"{u} {x} {largest[a, b]:.4g}"
             for a, u in enumerate(f.inputs)
             for b, x in enumerate(f.states)
         )
-        yield f"{i + 1}", f"{guide.begin:.4g} s", f"{guide.end:.4g} s", word, told
+        yield f"{i + 1}", f"{guide.begin:.4g} s", f"{guide.end:.4g} s", word, largest_gains
 
 
 def follow(guide: Guide, t: float) -> tuple[Array, Array, Array]:
@@ -208,7 +208,7 @@ def feedback_along(
     motion: Motion, periodic: Mapping[str, Mapping[str, float]], Q: Weight | None, R: Weight | None
 ) -> Feedback:
     """The feedback of a motion; what is given, is said in :func:`dmoc.feedback`."""
-    trajectory, unit, input_unit = motion.trajectory, unit_of(motion), input_sizes(motion)
+    trajectory, unit, input_unit = motion.trajectory, state_sizes(motion), input_sizes(motion)
     names = motion.model.kernels.coordinates
     states, inputs = (*names, *map(velocity_name, names)), tuple(trajectory.inputs)
     if not inputs:
@@ -219,19 +219,19 @@ def feedback_along(
     q = weight(Q, "Q", states, np.diag(1 / unit**2))
     r = weight(R, "R", inputs, np.diag(1 / input_unit**2), definite=True)
     w = Weights(q * unit * unit[:, None], r * input_unit * input_unit[:, None], unit, input_unit)
-    stages = [stage(motion, i) for i in range(motion.stepped)]
+    phases = [linear_phase(motion, i) for i in range(motion.stepped)]
     jumps = [
         saltation(motion, i, inputs_at(motion, i)) / unit[:, None] * unit
         for i in range(len(trajectory.collisions))
     ]
-    hamiltonians = [hamiltonian(s, w) for s in stages]
+    hamiltonians = [hamiltonian(s, w) for s in phases]
     if periodic:
-        again = _again(motion, stages, jumps, periodic)
-        P_along = repeated(hamiltonians, jumps, again, stages, w)
+        again = _again(motion, phases, jumps, periodic)
+        P_along = periodic_sweep(hamiltonians, jumps, again, phases, w)
     else:
-        P_along = sweep(hamiltonians, jumps, trajectory.final_time * w.Q)
+        P_along = backward_sweep(hamiltonians, jumps, trajectory.final_time * w.Q)
     guides = tuple(
-        _guide(motion, i, s, p, w) for i, (s, p) in enumerate(zip(stages, P_along, strict=True))
+        _guide(motion, i, s, p, w) for i, (s, p) in enumerate(zip(phases, P_along, strict=True))
     )
     if not all(np.isfinite(guide.K).all() for guide in guides):
         raise SimulationError(
@@ -247,14 +247,14 @@ def feedback_along(
 
 def _again(
     motion: Motion,
-    stages: Sequence[Stage],
+    phases: Sequence[LinearPhase],
     jumps: Sequence[Array],
     periodic: Mapping[str, Mapping[str, float]],
 ) -> Array:
     """The deviation at the start of a period by that at the end of the one before, in sizes."""
-    unit = unit_of(motion)
+    unit = state_sizes(motion)
     whole_motion = np.eye(len(unit))
-    for i, s in enumerate(stages):
+    for i, s in enumerate(phases):
         for transition in s.transitions():
             whole_motion = transition @ whole_motion
         if i < len(jumps):
@@ -268,7 +268,7 @@ def _again(
     return again / unit[:, None] * unit
 
 
-def _guide(motion: Motion, i: int, s: Stage, P: Array, w: Weights) -> Guide:
+def _guide(motion: Motion, i: int, s: LinearPhase, P: Array, w: Weights) -> Guide:
     """The motion of a phase with its gains, extended past its events."""
     phase, mode = motion.trajectory.phases[i], motion.modes[i]
     u = np.vstack([s.u, motion.steps[i].u1[-1:]])
@@ -290,7 +290,7 @@ def _guide(motion: Motion, i: int, s: Stage, P: Array, w: Weights) -> Guide:
     )
 
 
-def beyond(motion: Motion, i: int, s: Stage, side: int) -> tuple[Array, Array]:
+def beyond(motion: Motion, i: int, s: LinearPhase, side: int) -> tuple[Array, Array]:
     """Times and states of a phase before its begin (side -1) or after its end (1), in its mode and
     with the inputs there, as far as they are finite."""
     mode, k = motion.modes[i], 0 if side < 0 else -1
@@ -300,7 +300,7 @@ def beyond(motion: Motion, i: int, s: Stage, side: int) -> tuple[Array, Array]:
     count = max(PARTS, round(BEYOND * len(s.h)))
     places = np.arange(1, count + 1) / count
     start = put(motion, mode, s.y[[k]], s.t[[k]])
-    y = after(motion, mode, start, steps, places)[0]
+    y = states_after(motion, mode, start, steps, places)[0]
     good = int(np.argmin(np.append(np.isfinite(y).all(axis=1), False)))
     t, y = s.t[k] + places[:good] * h, y[:good]
     return (t, y) if side > 0 else (t[::-1], y[::-1])
@@ -320,10 +320,10 @@ def weight(
         expected = f"expected a positive factor, numbers by name, or a matrix ({n}, {n})"
         return positive(value, name, expected, SimulationError) * default
     if isinstance(value, Mapping):
-        given = by_name(value, name, SimulationError)
-        for key in given:
+        diagonal = by_name(value, name, SimulationError)
+        for key in diagonal:
             check_known(key, names, "input" if definite else "state", f"in {name}", SimulationError)
-        entries = [number(given.get(x, 0.0), f"{name}[{x!r}]", SimulationError) for x in names]
+        entries = [number(diagonal.get(x, 0.0), f"{name}[{x!r}]", SimulationError) for x in names]
         for x, entry in zip(names, entries, strict=True):
             if entry < 0 or (definite and not entry):
                 raise SimulationError(

@@ -38,7 +38,7 @@ EDGE = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class LinearPhase:
     """Intervals of a phase, m of them: their times (m + 1,), the motion (m + 1, 2 nq), the inputs
     in their middles (m, nu), and A (m, 2, n, n) and B (m, 2, n, nu) of dy' = A dy + B du at the two
     points of Gauss of each, n = 2 nq."""
@@ -89,25 +89,25 @@ def exponentials(X: Array) -> Array:
     return np.asarray(result)
 
 
-def unit_of(motion: Motion) -> Array:
+def state_sizes(motion: Motion) -> Array:
     """Sizes of a state (2 nq,)."""
     return np.concatenate([motion.sizes.q, motion.sizes.v])
 
 
-def stage(motion: Motion, i: int) -> Stage:
+def linear_phase(motion: Motion, i: int) -> LinearPhase:
     """The linearised motion along phase i, which has steps."""
     phase, mode, steps = motion.trajectory.phases[i], motion.modes[i], motion.steps[i]
     shares = np.arange(PARTS + 1) / PARTS
     y0, held = put(motion, mode, np.hstack([phase.q[:-1], phase.v[:-1]]), phase.t[:-1])
     count = len(y0)
     places = np.concatenate([shares[:-1] + c / PARTS for c in (0, *GAUSS)])
-    rows = after(motion, mode, (y0, held), steps, places)
+    rows = states_after(motion, mode, (y0, held), steps, places)
     t = steps.t[:, None] + places * steps.h[:, None]
     u = np.stack([steps.inputs(float(s)) for s in places], axis=1)
     at, inputs = (x[:, PARTS:].reshape(2 * count * PARTS, x.shape[-1]) for x in (rows, u))
     points = motion, mode, at, inputs, t[:, PARTS:].ravel()
     last, _ = put(motion, mode, np.hstack([phase.q[-1:], phase.v[-1:]]), phase.t[-1:])
-    return Stage(
+    return LinearPhase(
         np.append(t[:, :PARTS].ravel(), phase.t[-1]),
         np.vstack([rows[:, :PARTS].reshape(count * PARTS, -1), last]),
         np.stack([steps.inputs(float(s)) for s in shares[:-1] + 0.5 / PARTS], axis=1).reshape(
@@ -124,7 +124,7 @@ def _by_interval(x: Array, steps: int) -> Array:
     return np.swapaxes(x, 1, 2).reshape(steps * PARTS, 2, *x.shape[3:])
 
 
-def after(
+def states_after(
     motion: Motion, mode: Mode, start: tuple[Array, Array], steps: Steps, places: Array
 ) -> Array:
     """States (N, places, 2 nq) at shares of steps in a mode, from those at their begins and what
@@ -141,7 +141,7 @@ def after(
     return y.reshape(len(steps), len(places), -1)
 
 
-def rates(motion: Motion, mode: Mode, y: Array, u: Array, t: Array) -> Array:
+def state_rates(motion: Motion, mode: Mode, y: Array, u: Array, t: Array) -> Array:
     """The rates (n, 2 nq) of states in a mode."""
     nq, model = motion.model.nq, motion.model
     q, v = (np.ascontiguousarray(part) for part in (y[:, :nq], y[:, nq:]))
@@ -162,7 +162,9 @@ def state_slopes(motion: Motion, mode: Mode, y: Array, u: Array, t: Array) -> Ar
         A[:, nq:] = solved(model.mass(q, t), R)
         if np.isfinite(A).all():
             return A
-    return slopes(lambda x: rates(motion, mode, x, _like(u, x), _like(t, x)), y, unit_of(motion))
+    return central_differences(
+        lambda x: state_rates(motion, mode, x, _like(u, x), _like(t, x)), y, state_sizes(motion)
+    )
 
 
 def input_slopes(motion: Motion, mode: Mode, y: Array, u: Array, t: Array) -> Array:
@@ -173,8 +175,8 @@ def input_slopes(motion: Motion, mode: Mode, y: Array, u: Array, t: Array) -> Ar
         B = np.zeros((len(y), 2 * nq, model.nu))
         B[:, nq:] = solved(model.mass(q, t), model.input_matrix(q, v, u, t))
         return B
-    return slopes(
-        lambda x: rates(motion, mode, _like(y, x), x, _like(t, x)), u, input_sizes(motion)
+    return central_differences(
+        lambda x: state_rates(motion, mode, _like(y, x), x, _like(t, x)), u, input_sizes(motion)
     )
 
 
@@ -183,7 +185,7 @@ def _like(rows: Array, x: Array) -> Array:
     return np.repeat(rows, len(x) // len(rows), axis=0)
 
 
-def slopes(f: Callable[[Array], Array], x: Array, unit: Array) -> Array:
+def central_differences(f: Callable[[Array], Array], x: Array, unit: Array) -> Array:
     """Derivatives (n, m, k) of a function of rows (n, k) with the values (n, m), by central
     differences in sizes (k,)."""
     n, k = x.shape
@@ -208,7 +210,9 @@ def projection(motion: Motion, mode: Mode, y: Array, t: Array) -> Array:
     """What remains of deviations from states where the conditions of a mode hold, (rows, n, n)."""
     if mode == FREE and not motion.model.nj:
         return np.broadcast_to(np.eye(y.shape[1]), (len(y), y.shape[1], y.shape[1]))
-    return slopes(lambda x: put(motion, mode, x, _like(t, x))[0], y, unit_of(motion))
+    return central_differences(
+        lambda x: put(motion, mode, x, _like(t, x))[0], y, state_sizes(motion)
+    )
 
 
 # Events -------------------------------------------------------------------------------------------
@@ -224,7 +228,7 @@ def saltation(motion: Motion, i: int, u: Array) -> Array:
     SimulationError
         If the event grazes.
     """
-    p, unit, n = motion.passages[i], unit_of(motion), 2 * motion.model.nq
+    p, unit, n = motion.passages[i], state_sizes(motion), 2 * motion.model.nq
     nq, time = motion.model.nq, np.array([p.c.time])
     before = np.concatenate([p.before.q[-1], p.before.v[-1]])[None]
     later = np.concatenate([p.after.q[0], p.after.v[0]])[None]
@@ -235,9 +239,9 @@ def saltation(motion: Motion, i: int, u: Array) -> Array:
         return np.hstack([q, p.after_law(q, v, late[:, 0]).velocity])
 
     at = np.hstack([before, [[0.0]]])
-    R = slopes(law, at, np.append(unit, motion.sizes.time))[0]
-    f0 = rates(motion, motion.modes[i], before, u[:1], time)[0]
-    f1 = rates(motion, motion.modes[i + 1], later, u[1:], time)[0]
+    R = central_differences(law, at, np.append(unit, motion.sizes.time))[0]
+    f0 = state_rates(motion, motion.modes[i], before, u[:1], time)[0]
+    f1 = state_rates(motion, motion.modes[i + 1], later, u[1:], time)[0]
     jump = f1 - R[:, :n] @ f0 - R[:, n]
     S = R[:, :n] + np.outer(jump, _sooner(motion, i, (before, u[:1], time), f0))
     return np.asarray(projection(motion, motion.modes[i + 1], later, time)[0] @ S)
@@ -261,7 +265,7 @@ def timed_inputs_at(motion: Motion, i: int) -> Array:
 def _sooner(motion: Motion, i: int, at: tuple[Array, Array, Array], f: Array) -> Array:
     """By how much event i comes sooner for each deviation of the state before it, shape (n,); zero
     where it comes at its time, or where nothing depends on that."""
-    p, unit, (y, u, t) = motion.passages[i], unit_of(motion), at
+    p, unit, (y, u, t) = motion.passages[i], state_sizes(motion), at
     value = _ends(motion, i)
     if value is None:
         return np.zeros(len(unit))
@@ -269,8 +273,8 @@ def _sooner(motion: Motion, i: int, at: tuple[Array, Array, Array], f: Array) ->
     def along(x: Array) -> Array:
         return value(y + x * f, _like(u, x), t + x[:, 0])
 
-    slope = slopes(lambda x: value(x, _like(u, x), _like(t, x)), y, unit)[0, 0]
-    rate = slopes(along, np.zeros((1, 1)), np.array([motion.sizes.time]))[0, 0, 0]
+    slope = central_differences(lambda x: value(x, _like(u, x), _like(t, x)), y, unit)[0, 0]
+    rate = central_differences(along, np.zeros((1, 1)), np.array([motion.sizes.time]))[0, 0, 0]
     size = float(np.abs(slope) @ unit) / motion.sizes.time
     if abs(rate) > GRAZES * size:
         return np.asarray(slope / rate)

@@ -15,7 +15,7 @@ import numpy as np
 
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Array
-from dmoc.control.linearisation import Stage, exponentials, magnus
+from dmoc.control.linearisation import LinearPhase, exponentials, magnus
 from dmoc.mechanics.algebra import solved
 
 REPEATED = 1e-8  # change of P in a period, beside its largest entry, of one that repeats
@@ -34,19 +34,19 @@ class Weights:
     input_unit: Array
 
 
-def hamiltonian(stage: Stage, w: Weights) -> Array:
+def hamiltonian(phase: LinearPhase, w: Weights) -> Array:
     """What the intervals of a phase make of (dy, P dy), shape (m, 2 n, 2 n)."""
     n = len(w.unit)
-    A = stage.A / w.unit[:, None] * w.unit
-    B = stage.B / w.unit[:, None] * w.input_unit
+    A = phase.A / w.unit[:, None] * w.unit
+    B = phase.B / w.unit[:, None] * w.input_unit
     H = np.zeros((*A.shape[:2], 2 * n, 2 * n))
     H[..., :n, :n], H[..., n:, n:] = A, -np.swapaxes(A, -1, -2)
     H[..., :n, n:] = -B @ np.linalg.solve(w.R, np.swapaxes(B, -1, -2))
     H[..., n:, :n] = -w.Q
-    return exponentials(magnus(H, stage.h))
+    return exponentials(magnus(H, phase.h))
 
 
-def along(E: Array, P: Array) -> Array:
+def along_phase(E: Array, P: Array) -> Array:
     """P (m + 1, n, n) at the ends of the intervals of a phase, from the one at its end."""
     n, rows = len(P), [P]
     for e in E[::-1]:
@@ -56,23 +56,23 @@ def along(E: Array, P: Array) -> Array:
     return np.array(rows[::-1])
 
 
-def sweep(hamiltonians: Sequence[Array], jumps: Sequence[Array], P: Array) -> list[Array]:
+def backward_sweep(hamiltonians: Sequence[Array], jumps: Sequence[Array], P: Array) -> list[Array]:
     """P along each phase, from the one after the last event; ``jumps`` are the saltation matrices
     in sizes, those of all events, of which the last may end the motion."""
-    found = list[Array]()
+    P_along = list[Array]()
     for i in reversed(range(len(hamiltonians))):
         if i < len(jumps):
             P = jumps[i].T @ P @ jumps[i]
-        found.append(along(hamiltonians[i], P))
-        P = found[-1][0]
-    return found[::-1]
+        P_along.append(along_phase(hamiltonians[i], P))
+        P = P_along[-1][0]
+    return P_along[::-1]
 
 
-def repeated(
+def periodic_sweep(
     hamiltonians: Sequence[Array],
     jumps: Sequence[Array],
     again: Array,
-    stages: Sequence[Stage],
+    phases: Sequence[LinearPhase],
     w: Weights,
 ) -> list[Array]:
     """P along each phase of a motion that goes on for ever, swept backwards until it repeats;
@@ -85,14 +85,14 @@ def repeated(
     SimulationError
         If the motion with its feedback goes astray.
     """
-    ways = (again, 1), (again @ reached(stages, jumps, again, w), 5)
+    ways = (again, 1), (again @ reachable(phases, jumps, again, w), 5)
     for kept, times in ways:
         P = w.Q
         for _ in range(times * MOST_PERIODS):
-            found = sweep(hamiltonians, jumps, kept.T @ P @ kept)
-            following, largest = found[0][0], np.abs(found[0][0]).max()
+            P_along = backward_sweep(hamiltonians, jumps, kept.T @ P @ kept)
+            following, largest = P_along[0][0], np.abs(P_along[0][0]).max()
             if np.abs(following - P).max() <= REPEATED * largest:
-                return _holding(found, again @ closed(hamiltonians, jumps, found))
+                return _stable(P_along, again @ closed_loop(hamiltonians, jumps, P_along))
             P = following
     raise SimulationError(
         "the gains of the periodic motion do not settle: its inputs hardly reach a deviation that "
@@ -100,25 +100,27 @@ def repeated(
     )
 
 
-def _holding(found: list[Array], held: Array) -> list[Array]:
+def _stable(P_along: list[Array], held: Array) -> list[Array]:
     """What was found, if the deviation after a period by that before it does not grow."""
     grows = float(np.abs(np.linalg.eigvals(held)).max())
     if grows < HELD:
-        return found
+        return P_along
     raise SimulationError(
         f"the periodic motion cannot be held: a deviation grows {grows:.3g} times in each period, "
         "whatever the inputs do; give the model inputs that reach it."
     )
 
 
-def reached(stages: Sequence[Stage], jumps: Sequence[Array], again: Array, w: Weights) -> Array:
+def reachable(
+    phases: Sequence[LinearPhase], jumps: Sequence[Array], again: Array, w: Weights
+) -> Array:
     """The projection (n, n) on the deviations that the inputs reach, in sizes."""
     n = len(w.unit)
     monodromy, pushes = again, list[Array]()
-    for i in reversed(range(len(stages))):
+    for i in reversed(range(len(phases))):
         if i < len(jumps):
             monodromy = monodromy @ jumps[i]
-        s = stages[i]
+        s = phases[i]
         B = s.B[:, 0] / w.unit[:, None] * w.input_unit
         for transition, b in zip(s.transitions()[::-1], B[::-1], strict=True):
             pushes.append(monodromy @ b)
@@ -133,11 +135,13 @@ def reached(stages: Sequence[Stage], jumps: Sequence[Array], again: Array, w: We
     return np.asarray(basis @ basis.T)
 
 
-def closed(hamiltonians: Sequence[Array], jumps: Sequence[Array], found: Sequence[Array]) -> Array:
+def closed_loop(
+    hamiltonians: Sequence[Array], jumps: Sequence[Array], P_along: Sequence[Array]
+) -> Array:
     """The deviation after a motion with its feedback by that before it, in sizes."""
-    n = found[0].shape[1]
+    n = P_along[0].shape[1]
     carried = np.eye(n)
-    for i, (E, P) in enumerate(zip(hamiltonians, found, strict=True)):
+    for i, (E, P) in enumerate(zip(hamiltonians, P_along, strict=True)):
         for e, p in zip(E, P, strict=False):
             carried = (e[:n, :n] + e[:n, n:] @ p) @ carried
         if i < len(jumps):

@@ -13,7 +13,14 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.table import Cell, Shown, Table
 from dmoc.check.checked_motion import Motion
 from dmoc.codegen.kernels import Array
-from dmoc.control.linearisation import projection, rates, saltation, stage, timed_inputs_at, unit_of
+from dmoc.control.linearisation import (
+    linear_phase,
+    projection,
+    saltation,
+    state_rates,
+    state_sizes,
+    timed_inputs_at,
+)
 
 # Singular values, as shares of the largest, of directions that conditions leave no deviation in.
 NONE = 1e-7
@@ -114,8 +121,8 @@ def _rows(s: Stability) -> Iterator[tuple[Cell, ...]]:
             name = time = ""
     if s.monodromy is not None:
         for multiplier, direction in zip(s.multipliers, s.directions, strict=True):
-            told = direction_in_words(s.states, direction)
-            yield "multiplier", "", _complex(multiplier), told, ""
+            words = direction_in_words(s.states, direction)
+            yield "multiplier", "", _complex(multiplier), words, ""
 
 
 def _factor(values: Array) -> str:
@@ -132,15 +139,15 @@ def direction_in_words(states: Sequence[str], direction: Array) -> str:
     lead = direction[np.argmax(np.abs(direction))]
     entries = direction * np.conj(lead) / abs(lead) if lead else direction
     large = np.flatnonzero(np.abs(entries) > LISTED * np.abs(entries).max())
-    told = large[np.argsort(-np.abs(entries[large]), kind="stable")]
-    return " ".join(f"{entries[k].real:+.2f} {states[k]}" for k in told)
+    order = large[np.argsort(-np.abs(entries[large]), kind="stable")]
+    return " ".join(f"{entries[k].real:+.2f} {states[k]}" for k in order)
 
 
 @np.errstate(all="ignore")  # what is not finite is told as that
 def stability(motion: Motion, periodic: Mapping[str, Mapping[str, float]]) -> Stability:
     """The stability of a motion; ``periodic`` are the states at the end as sums of states at the
     start."""
-    model, unit = motion.model, unit_of(motion)
+    model, unit = motion.model, state_sizes(motion)
     names = model.kernels.coordinates
     states = (*names, *map(velocity_name, names))
     phases, parts = motion.trajectory.phases, list[Growth]()
@@ -148,7 +155,7 @@ def stability(motion: Motion, periodic: Mapping[str, Mapping[str, float]]) -> St
     whole = projection(motion, motion.modes[0], *_state(motion, 0, 0))[0]
     for i in range(motion.stepped):
         slope = np.eye(len(unit))
-        for transition in stage(motion, i).transitions():
+        for transition in linear_phase(motion, i).transitions():
             slope = transition @ slope
         basis, time = allowed(motion, i, 0), phases[i].t[0]
         parts.append(_growth(f"phase {i + 1}, {phases[i].mode}", time, slope, basis, unit))
@@ -172,7 +179,7 @@ def _state(motion: Motion, i: int, k: int) -> tuple[Array, Array]:
 def allowed(motion: Motion, i: int, k: int) -> Array:
     """Deviations at a node that the conditions of its phase allow, in sizes: an orthonormal basis
     (n, k)."""
-    unit = unit_of(motion)
+    unit = state_sizes(motion)
     kept = projection(motion, motion.modes[i], *_state(motion, i, k))[0]
     left, factors, _ = np.linalg.svd(kept / unit[:, None] * unit)
     return np.asarray(left[:, factors > NONE])
@@ -233,7 +240,7 @@ def _repeated(
 def _flow(motion: Motion) -> Array:
     """The rate of the state at the start."""
     y, t = _state(motion, 0, 0)
-    return np.asarray(rates(motion, motion.modes[0], y, motion.steps[0].u0[:1], t)[0])
+    return np.asarray(state_rates(motion, motion.modes[0], y, motion.steps[0].u0[:1], t)[0])
 
 
 def depends_on_time(motion: Motion) -> bool:
@@ -254,7 +261,7 @@ def back(
 
     Coordinates that it leaves out go on as they are, if no other deviation depends on them.
     """
-    motion_names, unit = motion.model.kernels.coordinates, unit_of(motion)
+    motion_names, unit = motion.model.kernels.coordinates, state_sizes(motion)
     first, last = motion.trajectory.phases[0], motion.trajectory.phases[-1]
     ends = _state_slopes(motion, last.q[-1], last.v[-1], last.t[-1])
     starts = _state_slopes(motion, first.q[0], first.v[0], first.t[0])
