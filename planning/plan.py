@@ -71,7 +71,7 @@ class Plan:
 
 
 @dataclass
-class Last:
+class LastPlan:
     """Where the next plan starts from: the motion of the last one and its multipliers."""
 
     phase: int
@@ -81,22 +81,22 @@ class Last:
     duals: Duals | None
 
 
-def next_of(last: Last) -> Collision | None:
+def next_event(last: LastPlan) -> Collision | None:
     """The next event of the last plan."""
     return next(iter(last.motion.collisions), None)
 
 
-def left_of(last: Last, now: float) -> float:
+def time_left(last: LastPlan, now: float) -> float:
     """What is left of the motion."""
     return max(last.motion.final_time - (now - last.origin), 0.0)
 
 
-def after(last: Last, phase: int, now: float) -> Last:
+def from_phase(last: LastPlan, phase: int, now: float) -> LastPlan:
     """The last plan from one of its later phases on, which has begun by now."""
     over = phase - last.phase
     motion = last.motion
     rest = replace(motion, phases=motion.phases[over:], collisions=motion.collisions[over:])
-    return Last(phase, rest, last.origin, now, None)
+    return LastPlan(phase, rest, last.origin, now, None)
 
 
 def from_state(

@@ -16,8 +16,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.control.controller import Measured, digest_of
 from dmoc.guess.transfer import pieces_of, unknowns_along
 from dmoc.motion.trajectory import Collision, Trajectory
-from dmoc.planning.measured import arrival, held, is_over, read_state
-from dmoc.planning.plan import Last, Plan, after, from_state, left_of, next_of
+from dmoc.planning.measured_state import arrival, consistent, is_over, read_state
+from dmoc.planning.plan import LastPlan, Plan, from_phase, from_state, next_event, time_left
 from dmoc.planning.rest import check_recedes, planned, rest_of
 from dmoc.problem.problem import Problem
 from dmoc.program.bounds import SHORTEST_PHASE
@@ -140,7 +140,7 @@ class Planner:
         if not (problem.relations or missed):  # else its rest has other constraints or unknowns
             nlp, duals = at_solution(self.problem, solution)
             self._scales[0] = nlp.scale
-        self._first = Last(0, motion, 0.0, 0.0, duals)
+        self._first = LastPlan(0, motion, 0.0, 0.0, duals)
         self._planned = Plan(
             0.0, 0, solution.status, solution.message, motion, 0.0, solution.cost, 0.0, 0, True
         )
@@ -186,21 +186,21 @@ class Planner:
         reached = self._phase(phase, measured, now)
         before, self._measured = self._last, now
         if reached != before.phase:
-            before = after(before, reached, now)
+            before = from_phase(before, reached, now)
         ended: Outcome | None = None
         try:
-            at = held(self.problem, self.problem.touch.modes[reached], measured)
+            at = consistent(self.problem, self.problem.touch.modes[reached], measured)
             self._check_far(before, at, now)
             rest = rest_of(self.problem, reached, at, now, before.begun, self.shrinks)
             nlp, x = self._program(rest, reached, before, at, now)
             ended = self._solved(nlp, x, before.duals, deadline)
-            status, message = ended.status, _told(ended)
+            status, message = ended.status, _message(ended)
         except ProblemError as error:  # there is nothing left, or the state is none of the model
             status, message = Status.INFEASIBLE, str(error)
         good = ended is not None and _is_plan(ended)
         if good and ended is not None:
             motion = trajectory(nlp, ended.x)
-            self._last = Last(reached, motion, now, before.begun, ended.duals)
+            self._last = LastPlan(reached, motion, now, before.begun, ended.duals)
             cost, count = nlp.cost(ended.x) * nlp.scale.cost, ended.iterations
         else:
             self._last = before
@@ -216,8 +216,10 @@ class Planner:
         for i, phase in enumerate(self._first.motion.phases):
             if phase.steps:
                 begin = float(phase.t[0])
-                before = after(self._first, i, begin) if i else self._first
-                state = held(self.problem, self.problem.touch.modes[i], (phase.q[0], phase.v[0]))
+                before = from_phase(self._first, i, begin) if i else self._first
+                state = consistent(
+                    self.problem, self.problem.touch.modes[i], (phase.q[0], phase.v[0])
+                )
                 rest = rest_of(self.problem, i, state, begin, begin, self.shrinks)
                 nlp, x = self._program(rest, i, before, state, begin)
                 yield begin, nlp, x, self._solved(nlp, x, before.duals, Deadline.after(None))
@@ -259,11 +261,11 @@ class Planner:
             self._due = t + self.every
         return self.plan.input(t + h / 2)
 
-    def _phase(self, said: int | None, state: tuple[Array, Array], now: float) -> int:
+    def _phase(self, stated: int | None, state: tuple[Array, Array], now: float) -> int:
         """The phase that a state is in."""
         last = self._last
-        if said is not None:
-            reached = whole(said, "phase", last.phase, self.problem.phases - 1)
+        if stated is not None:
+            reached = whole(stated, "phase", last.phase, self.problem.phases - 1)
             return reached
         reached = last.phase
         while reached < self.problem.phases - 1:
@@ -277,23 +279,23 @@ class Planner:
             reached += 1
         return reached
 
-    def _check_far(self, before: Last, state: tuple[Array, Array], now: float) -> None:
+    def _check_far(self, before: LastPlan, state: tuple[Array, Array], now: float) -> None:
         """Refuse a state from which the next event comes sooner than a phase may last."""
-        event = next_of(before)
+        event = next_event(before)
         arrives = arrival(self.problem, event, state)
-        if event is not None and arrives < NEARLY * left_of(before, now):
+        if event is not None and arrives < NEARLY * time_left(before, now):
             raise ProblemError(
                 f"the next event ({event.word}) is {arrives:.2g} s away, less than a phase may "
                 "last."
             )
 
     def _program(
-        self, rest: Problem, phase: int, before: Last, state: tuple[Array, Array], now: float
+        self, rest: Problem, phase: int, before: LastPlan, state: tuple[Array, Array], now: float
     ) -> tuple[Transcription, Array]:
         """The program of the rest, and where it starts: along the last plan from now on."""
         pieces = pieces_of(before.motion)
-        left, time = left_of(before, now), now - before.origin
-        late = min(arrival(self.problem, next_of(before), state), LATE * left)
+        left, time = time_left(before, now), now - before.origin
+        late = min(arrival(self.problem, next_event(before), state), LATE * left)
         pieces[0] = from_state(pieces[0], time, state, NEARLY * left, late)
         impulses = [c.impulse for c in before.motion.collisions]
         x = unknowns_along(rest, pieces, impulses)
@@ -331,6 +333,6 @@ def _is_plan(ended: Outcome) -> bool:
     return ended.status is not Status.INFEASIBLE and ended.left.violation <= FEASIBLE
 
 
-def _told(ended: Outcome) -> str:
+def _message(ended: Outcome) -> str:
     detail = f" ({ended.detail})" if ended.detail else ""
     return ended.status.sentence + detail

@@ -13,7 +13,7 @@ from dmoc.base.arguments import Range, is_number
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.mechanics.modes import parts_of
-from dmoc.planning.measured import State
+from dmoc.planning.measured_state import MeasuredState
 from dmoc.problem.problem import Problem
 from dmoc.program.extraction import stated_as
 from dmoc.program.scaling import scale_of
@@ -56,7 +56,7 @@ def _around(value: Any, by: float) -> Any:
     return (value - by, value + by) if by and is_number(value) else value
 
 
-def _start(names: Sequence[str], state: State) -> dict[str, float]:
+def _start(names: Sequence[str], state: MeasuredState) -> dict[str, float]:
     """A state by name."""
     q, v = state
     rates = zip(map(velocity_name, names), v.tolist(), strict=True)
@@ -90,7 +90,7 @@ def check_recedes(problem: Problem) -> None:
 
 
 def rest_of(
-    problem: Problem, phase: int, state: State, elapsed: float, begun: float, shrinks: bool
+    problem: Problem, phase: int, state: MeasuredState, elapsed: float, begun: float, shrinks: bool
 ) -> Problem:
     """The problem from phase ``phase`` on, which began at the time ``begun``, from a state at the
     time ``elapsed``; with less time where its horizon shrinks."""

@@ -32,25 +32,25 @@ EARLY = 0.25
 # state of the model.
 BEYOND = 0.05
 
-State = tuple[Array, Array]
+MeasuredState = tuple[Array, Array]
 
 
-def read_state(problem: Problem, state: Any) -> State:
+def read_state(problem: Problem, state: Any) -> MeasuredState:
     """Positions and velocities of a state by name, or of (q, v) as one array or two."""
     names = problem.kernels.coordinates
     rates = [velocity_name(name) for name in names]
     if isinstance(state, Mapping):
-        given = by_name(state, "state")
-        for name in given:
+        entries = by_name(state, "state")
+        for name in entries:
             check_known(name, [*names, *rates], "coordinate or velocity", "in the state")
-        missing = [name for name in names if name not in given]
+        missing = [name for name in names if name not in entries]
         if missing:
             raise ProblemError(
                 f"the state leaves {', '.join(missing)} out: expected every coordinate, and "
                 "velocities that are not zero."
             )
         q, v = (
-            np.array([number(given.get(name, 0.0), f"{name} in the state") for name in part])
+            np.array([number(entries.get(name, 0.0), f"{name} in the state") for name in part])
             for part in (names, rates)
         )
         return q, v
@@ -68,7 +68,7 @@ def _is_pair(state: Any) -> bool:
     return isinstance(state, (tuple, list)) and len(state) == 2 and np.ndim(state[0]) == 1
 
 
-def held(problem: Problem, mode: Mode, state: State) -> State:
+def consistent(problem: Problem, mode: Mode, state: MeasuredState) -> MeasuredState:
     """The state moved to where the constraints hold and the mode's contacts are closed, as near as
     the reach of the coordinates and the masses of the velocities say; within bounds, and in front
     of what is open."""
@@ -126,7 +126,7 @@ def _along(problem: Problem, mode: Mode, q: Array, v: Array) -> Array:
     return np.where(np.abs(along) <= left, 0.0, along)
 
 
-def arrival(problem: Problem, event: Collision | None, state: State) -> float:
+def arrival(problem: Problem, event: Collision | None, state: MeasuredState) -> float:
     """Seconds until a state that goes on as it moves reaches the surface of an event; endless where
     it does not."""
     if event is None or not (event.surface or event.lands):
@@ -138,7 +138,7 @@ def arrival(problem: Problem, event: Collision | None, state: State) -> float:
 
 
 def is_over(
-    problem: Problem, event: Collision, state: State, late: float, lasts: float, step: float
+    problem: Problem, event: Collision, state: MeasuredState, late: float, lasts: float, step: float
 ) -> bool:
     """Whether a state shows that the next event of the plan has happened: ``late`` seconds after
     the plan's time of it, at the end of a phase that ``lasts`` as long, and ``step`` seconds after
