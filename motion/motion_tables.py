@@ -102,7 +102,7 @@ def to_json(motion: Trajectory) -> str:
     """The motion as a JSON object: model, parameters, units, columns, and the collisions between
     the phases; null for what is not finite."""
     table = {name: column.tolist() for name, column in columns(motion).items()}
-    said = {
+    document = {
         "model": motion.model,
         "order": motion.order,
         "controls": motion.controls,
@@ -114,7 +114,7 @@ def to_json(motion: Trajectory) -> str:
             for c in motion.collisions
         ],
     }
-    return json.dumps(said, indent=1) + "\n"
+    return json.dumps(document, indent=1) + "\n"
 
 
 def _finite(value: float) -> float | None:

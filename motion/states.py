@@ -189,10 +189,10 @@ def _times(t: ArrayLike, motion: Trajectory) -> Array:
 def _phases_of(motion: Trajectory, t: Array, side: str) -> NDArray[np.intp]:
     """Number of the phase of each time."""
     begins = np.array([phase.t[0] for phase in motion.phases[1:]])
-    return _found(begins, t, side)
+    return _nodes_before(begins, t, side)
 
 
-def _found(nodes: Array, t: Array, side: str) -> NDArray[np.intp]:
+def _nodes_before(nodes: Array, t: Array, side: str) -> NDArray[np.intp]:
     """How many nodes lie before each time, or, on the right side, at it."""
     return np.searchsorted(nodes, t, side="right" if side == "right" else "left")
 
@@ -205,7 +205,7 @@ def _in_phase(motion: Trajectory, phase: Phase, t: Array, side: str) -> tuple[Ar
         held = [rows[node] for _, rows in _all_forces(motion, phase)]
         quantities = phase.quantities.reshape(len(phase.t), len(motion.quantities))
         return phase.q[node], phase.v[node], phase.p[node], u, *held, quantities[node]
-    k = np.clip(_found(phase.t, t, side) - 1, 0, phase.steps - 1)
+    k = np.clip(_nodes_before(phase.t, t, side) - 1, 0, phase.steps - 1)
     h = phase.t[k + 1] - phase.t[k]
     share = np.clip((t - phase.t[k]) / h, 0.0, 1.0)
     q, v = positions(phase, k, share, h)

@@ -207,7 +207,7 @@ class Collision:
         return f"<Collision {self}>"
 
     def __str__(self) -> str:
-        return f"{self.word} at {self.time:.6g} s{impulses_told(self)}"
+        return f"{self.word} at {self.time:.6g} s{impulses_in_words(self)}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -394,7 +394,7 @@ def noun_of(words: Iterable[str]) -> str:
     return "collision" if hits else "event"
 
 
-def impulses_told(collision: Collision) -> str:
+def impulses_in_words(collision: Collision) -> str:
     """The impulses of an event, each with its contact where they are several or not of a hit
     alone."""
     if collision.grazes:
@@ -404,8 +404,8 @@ def impulses_told(collision: Collision) -> str:
     values = (*collision.impulses.values(), *collision.tractions.values())
     least = SAME * max(map(abs, values), default=0.0)
 
-    def told(what: str, of: Mapping[str, float]) -> str:
+    def in_words(what: str, of: Mapping[str, float]) -> str:
         return "".join(f", {what} {v if abs(v) > least else 0:.6g} of {n}" for n, v in of.items())
 
     along = "tangential" if collision.word == collision.surface else "friction"
-    return told("impulse", collision.impulses) + told(along, collision.tractions)
+    return in_words("impulse", collision.impulses) + in_words(along, collision.tractions)

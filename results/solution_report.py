@@ -18,7 +18,7 @@ from dmoc.base.errors import ModelError, OutputError, SimulationError
 from dmoc.base.html import page, picture, section
 from dmoc.base.table import Cell, Table, html_of, plain
 from dmoc.base.tolerances import ROUNDING
-from dmoc.motion.trajectory import Array, Trajectory, impulses_told
+from dmoc.motion.trajectory import Array, Trajectory, impulses_in_words
 from dmoc.report.canvas import new_figure
 from dmoc.report.rounding import without_rounding
 from dmoc.results.solution_table import in_words, table_of_solution
@@ -155,7 +155,7 @@ def _verified(s: Solution) -> Iterator[tuple[Cell, ...]]:
 
 
 def _caption(s: Solution) -> str:
-    events = "; ".join(f"{c.word} at {c.time:.4g} s{impulses_told(c)}" for c in s.collisions)
+    events = "; ".join(f"{c.word} at {c.time:.4g} s{impulses_in_words(c)}" for c in s.collisions)
     said = [part for part in (in_words(s.design), events) if part]
     return " ".join(["The motion over time.", *(f"{part}." for part in said[:-1]), *said[-1:]])
 

@@ -7,7 +7,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from dmoc.base.table import Cell, Table, passed
-from dmoc.motion.trajectory import impulses_told, largest_forces, noun_of
+from dmoc.motion.trajectory import impulses_in_words, largest_forces, noun_of
 
 if TYPE_CHECKING:
     from dmoc.results.solution import Solution
@@ -46,7 +46,7 @@ def _motion(s: Solution) -> Iterator[tuple[Cell, ...]]:
     if s.design:
         yield "design", in_words(s.design)
     for c in s.collisions:
-        yield f"{noun_of([c.word])} {c.word}", f"at {c.time:.6g} s{impulses_told(c)}"
+        yield f"{noun_of([c.word])} {c.word}", f"at {c.time:.6g} s{impulses_in_words(c)}"
     for force in largest_forces(s.trajectory):
         unit = "" if force.kind == "R" else " N"  # that of R follows from its constraint
         yield (
