@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.held import held_responses
+from dmoc.mechanics.impulse_response import held_responses
 from dmoc.mechanics.tangential import returned
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem

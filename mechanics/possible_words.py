@@ -9,7 +9,7 @@ from itertools import combinations
 from dmoc.base.errors import ProblemError
 from dmoc.mechanics.contact_mode import STICK, Course, Event, Mode, names_of
 from dmoc.mechanics.contacts import Contacts
-from dmoc.mechanics.modes import FRICTION, along, is_open
+from dmoc.mechanics.sequence_words import FRICTION, is_open, touch_along
 from dmoc.mechanics.touch import Touch
 from dmoc.motion.trajectory import FRICTION_WORDS
 
@@ -79,7 +79,7 @@ def possible_after(mode: Mode, words: Sequence[str], contacts: Contacts) -> Iter
     friction whose course is not said stands for all of them."""
     for word in words:
         try:
-            touch = along(mode, [word], contacts)
+            touch = touch_along(mode, [word], contacts)
         except ProblemError:
             continue
         (event,), (_, after) = touch.events, touch.modes

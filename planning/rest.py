@@ -12,7 +12,7 @@ import numpy as np
 from dmoc.base.arguments import Range, is_number
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
-from dmoc.mechanics.modes import parts_of
+from dmoc.mechanics.sequence_words import parts_of
 from dmoc.planning.measured_state import MeasuredState
 from dmoc.problem.problem import Problem
 from dmoc.program.extraction import stated_as

@@ -13,7 +13,7 @@ from dmoc.base.tolerances import KEPT, ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import is_positive
 from dmoc.mechanics.contact_mode import STICK
-from dmoc.mechanics.held import unknown_in_impacts
+from dmoc.mechanics.impulse_response import unknown_in_impacts
 from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.design import by_design

@@ -21,9 +21,9 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.contact_mode import FREE
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row, restitution_row
-from dmoc.mechanics.modes import along, mode_of, words_along
 from dmoc.mechanics.possible_words import open_hits
 from dmoc.mechanics.redundancy import Redundancy, redundancy
+from dmoc.mechanics.sequence_words import mode_of, touch_along, words_along
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.design import at_bounds, by_design, design_bounds, first_design
 from dmoc.problem.end_states import (
@@ -329,7 +329,7 @@ class Problem(Shown):
             names, plastic=plastic, rough=names.named(self.model.rough),
             tangential=names.named(self.model.tangential),
         )  # fmt: skip
-        return along(mode_of(self.contacts, contacts), self.sequence, contacts)
+        return touch_along(mode_of(self.contacts, contacts), self.sequence, contacts)
 
     @cached_property
     def redundant(self) -> tuple[Redundancy, ...]:

@@ -14,7 +14,7 @@ from dmoc.guess.folded import Folded
 from dmoc.guess.transfer import Piece
 from dmoc.mechanics.contact_mode import STICK, Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
-from dmoc.mechanics.modes import word_between
+from dmoc.mechanics.sequence_words import word_between
 from dmoc.mechanics.touch import Touch
 
 Words = tuple[str, ...]

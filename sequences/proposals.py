@@ -10,7 +10,7 @@ from typing import Any
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ProblemError, SearchError
 from dmoc.guess.folded import Folded
-from dmoc.mechanics.modes import parts_of, word_between
+from dmoc.mechanics.sequence_words import parts_of, word_between
 from dmoc.problem.problem import Problem
 from dmoc.sequences.reading import Reading, Relaxed
 from dmoc.sequences.relaxation import Relaxation

@@ -15,7 +15,7 @@ from dmoc.guess.hit_course import course_at
 from dmoc.guess.transfer import Piece, times_of_inputs
 from dmoc.mechanics.contact_mode import STICK, Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL
-from dmoc.mechanics.modes import word_between
+from dmoc.mechanics.sequence_words import word_between
 from dmoc.program.hit_stages import Passage
 from dmoc.program.transcription import Transcription
 

@@ -12,8 +12,8 @@ from dmoc.base.arguments import shown
 from dmoc.base.errors import ProblemError, SearchError
 from dmoc.base.options import read
 from dmoc.mechanics.contacts import Contacts
-from dmoc.mechanics.modes import event_of, mode_of, word_between
 from dmoc.mechanics.possible_words import possible_after, words_after
+from dmoc.mechanics.sequence_words import event_of, mode_of, word_between
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
 from dmoc.sequences.keywords import SearchKeywords

@@ -14,7 +14,7 @@ from dmoc.base.errors import SimulationError
 from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, STICK, Mode
-from dmoc.mechanics.held import unknown_in_impacts
+from dmoc.mechanics.impulse_response import unknown_in_impacts
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import Reaction, conditions
 from dmoc.simulation.hit_coefficients import hit_coefficients, several_by_law

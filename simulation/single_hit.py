@@ -10,7 +10,7 @@ import numpy as np
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
-from dmoc.mechanics.held import held_responses
+from dmoc.mechanics.impulse_response import held_responses
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import Reaction, borne
 from dmoc.simulation.poisson import Impulses, impulses, whole

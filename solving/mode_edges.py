@@ -26,7 +26,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode, mode_in_words
-from dmoc.mechanics.modes import word_between
+from dmoc.mechanics.sequence_words import word_between
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.active_constraints import NO_FORCE

@@ -8,7 +8,7 @@ from itertools import islice
 from dmoc.base.deadline import Deadline
 from dmoc.mechanics.contact_mode import STICK
 from dmoc.mechanics.contacts import NOWHERE
-from dmoc.mechanics.modes import along
+from dmoc.mechanics.sequence_words import touch_along
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution, saying
@@ -49,7 +49,7 @@ def _turned(problem: Problem, words: Sequence[str]) -> Iterator[tuple[str, ...]]
         yield tuple(words)
         return
     word, contacts = problem.sequence[len(words)], problem.touch.contacts
-    touch = along(problem.touch.modes[0], [*words, word], contacts)
+    touch = touch_along(problem.touch.modes[0], [*words, word], contacts)
     event, said = touch.events[-1], dict(touch.events[-1].friction)
     if event.hit != NOWHERE and event.course is None:
         for k, sign in touch.modes[-1].sliding:

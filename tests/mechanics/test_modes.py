@@ -5,18 +5,18 @@ from __future__ import annotations
 import pytest
 
 from dmoc.base.errors import ProblemError
-from dmoc.mechanics import modes
+from dmoc.mechanics import sequence_words
 from dmoc.mechanics.contact_mode import Course, mode_in_words
 from dmoc.mechanics.contacts import NOWHERE, Contacts
-from dmoc.mechanics.modes import event_of, mode_of, words_along
 from dmoc.mechanics.possible_words import courses_of, possible_after, words_after
+from dmoc.mechanics.sequence_words import event_of, mode_of, words_along
 from dmoc.motion.trajectory import COURSES
 
 FEET = Contacts(("left", "right", "wall"), ("left", "right", "rail"), (), ("left", "right"))
 
 
 def along(contacts: list[str], *words: str) -> list[str]:
-    touch = modes.along(mode_of(contacts, FEET), words, FEET)
+    touch = sequence_words.touch_along(mode_of(contacts, FEET), words, FEET)
     return [mode_in_words(FEET, mode) for mode in touch.modes]
 
 
@@ -43,7 +43,7 @@ def test_words_after_a_mode_are_those_that_are_possible() -> None:
     mode = mode_of(["left"], FEET)
     words = list(words_after(mode, FEET, FEET.surfaces))
     for word in words:
-        modes.along(mode, [word], FEET)
+        sequence_words.touch_along(mode, [word], FEET)
     assert {"wall", "wall rail:slip+", "+right", "+right:slip- -left", "-left", "left:slip+"} <= {
         *words
     }
@@ -70,7 +70,7 @@ def test_a_contact_that_slides_may_slide_back_after_a_hit() -> None:
 
 def test_a_word_of_an_open_surface_is_a_hit_and_of_a_closed_one_changes_its_friction() -> None:
     words = ["left:slip+", "+left", "left:slip+"]
-    hit, _, change = modes.along(mode_of([], FEET), words, FEET).events
+    hit, _, change = sequence_words.touch_along(mode_of([], FEET), words, FEET).events
     assert hit.hit == 0 and hit.course == Course(1) and not hit.friction
     assert change.hit == NOWHERE and change.course is None and change.friction == ((0, 1),)
     assert along([], *words) == [
@@ -80,11 +80,11 @@ def test_a_word_of_an_open_surface_is_a_hit_and_of_a_closed_one_changes_its_fric
 
 def test_courses_are_read_and_said_in_the_same_words() -> None:
     for course in COURSES[1:]:
-        touch = modes.along(mode_of([], FEET), [f"left:{course}"], FEET)
+        touch = sequence_words.touch_along(mode_of([], FEET), [f"left:{course}"], FEET)
         assert str(touch.events[0].course) == course
         assert words_along(touch) == (f"left:{course}",)
     for word, friction in (("+left:slip+:slip-", "slip-"), ("+left:slip-:stick", "stick")):
-        touch = modes.along(mode_of([], FEET), [word], FEET)
+        touch = sequence_words.touch_along(mode_of([], FEET), [word], FEET)
         assert mode_in_words(FEET, touch.modes[1]) == f"left:{friction} rail:stick"
         assert words_along(touch) == (word,)
 

@@ -10,7 +10,7 @@ import numpy as np
 import dmoc
 from dmoc.mechanics.contact_mode import Event, Mode, mode_by_names, names_of
 from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
-from dmoc.mechanics.modes import along, mode_of
+from dmoc.mechanics.sequence_words import mode_of, touch_along
 from dmoc.mechanics.touch import Touch
 
 FEET = Contacts(("left", "right", "wall"), ("rail", "right", "left"), (), ("left", "right"))
@@ -19,7 +19,7 @@ FEET = Contacts(("left", "right", "wall"), ("rail", "right", "left"), (), ("left
 def test_what_words_say_in_numbers() -> None:
     """Left stands, right lands beside it, left leaves while the wall is hit, right turns."""
     words = ["+right:slip+", "wall -left rail:slip-", "right:slip-"]
-    touch = along(mode_of(["left:slip-"], FEET), words, FEET)
+    touch = touch_along(mode_of(["left:slip-"], FEET), words, FEET)
     assert FEET.supports == (RAIL, 1, 0)
     assert touch.events == (
         Event(lands=(1,), friction=((1, 1),)),
@@ -41,7 +41,7 @@ def test_what_words_say_in_numbers() -> None:
 
 def test_masks_have_a_row_for_each_phase_or_event() -> None:
     words = ["+right:slip+", "wall right:slip-", "-right"]
-    touch = along(mode_of(["left"], FEET), words, FEET)
+    touch = touch_along(mode_of(["left"], FEET), words, FEET)
     expected = {
         "is_closed": ["L..", "LR.", "LR.", "L.."],
         "signs": ["...", ".+.", ".-.", "..."],
@@ -57,15 +57,15 @@ def test_masks_have_a_row_for_each_phase_or_event() -> None:
         values = np.array([[".+-".find(c) if c in "+-" else c != "." for c in row] for row in rows])
         mask = getattr(touch, name).reshape(values.shape)
         np.testing.assert_array_equal(mask, np.where(values == 2, -1, values), name)
-    hit = along(mode_of([], FEET), ["left:slip+:stick"], FEET)
+    hit = touch_along(mode_of([], FEET), ["left:slip+:stick"], FEET)
     np.testing.assert_array_equal(hit.passes, [[False, False, True]])
     assert not hit.rubs_in_impact.any() and not hit.free  # the rail rubs
 
 
 def test_motions_that_touch_alike_are_equal() -> None:
     contacts = Contacts(("wall",), ())
-    assert along(Mode(), ["wall"], contacts) == Touch(contacts, (Mode(), Mode()), (Event(0),))
-    assert along(Mode(), ["wall"], contacts).free
+    assert touch_along(Mode(), ["wall"], contacts) == Touch(contacts, (Mode(), Mode()), (Event(0),))
+    assert touch_along(Mode(), ["wall"], contacts).free
 
 
 def test_names_become_numbers_in_one_place() -> None:

@@ -22,7 +22,7 @@ import dmoc
 from dmoc.base import errors
 from dmoc.cli.option_values import read_guess, read_periodic
 from dmoc.mechanics.contacts import Contacts
-from dmoc.mechanics.modes import along, mode_of
+from dmoc.mechanics.sequence_words import mode_of, touch_along
 from dmoc.models.registry import find
 
 # Below each error and call: arguments, and words of the message; ... stands for anything.
@@ -363,7 +363,7 @@ def names(seed: dmoc.Problem) -> dict[str, Any]:
         "search": lambda **a: dmoc.search(pucks, **{"max_collisions": 1, **a}),
         "guessed": lambda guess: dmoc.solve(seed.but(steps=(8, 12)), "ipm", guess=guess),
         "bob_with": lambda value: made("bad", [X, Y], constraints=value),
-        "along": lambda contacts, words: along(mode_of(contacts, FEET), words, FEET),
+        "along": lambda contacts, words: touch_along(mode_of(contacts, FEET), words, FEET),
         "walled": block.but, "on_floor": on_floor, "rubbing": rubbing, "kinked": kinked,
         "forced": forced, "swing": swing, "simulate": simulate, "animate": animate, "back": back,
         "read_periodic": read_periodic, "read_guess": read_guess,

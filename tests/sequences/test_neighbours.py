@@ -11,7 +11,7 @@ from dmoc.base.deadline import ENDLESS
 from dmoc.guess.folded import Folded
 from dmoc.guess.transfer import Piece
 from dmoc.mechanics.contacts import Contacts
-from dmoc.mechanics.modes import along, mode_of
+from dmoc.mechanics.sequence_words import mode_of, touch_along
 from dmoc.sequences.neighbours import lifting, neighbours
 from dmoc.sequences.traversal import walked
 
@@ -33,7 +33,7 @@ def motion(events: int) -> Folded:
 def beside(
     contacts: Contacts, start: Sequence[str], *words: str, surfaces: Sequence[int] = ()
 ) -> dict[tuple[str, ...], Folded | None]:
-    touch = along(mode_of(start, contacts), words, contacts)
+    touch = touch_along(mode_of(start, contacts), words, contacts)
     return neighbours(touch, motion(len(words)), surfaces)
 
 
@@ -59,7 +59,7 @@ def test_an_event_less_leaves_the_contacts_of_all_other_phases_as_they_are() -> 
 def test_what_is_closed_lifts_while_something_lands() -> None:
     """As one corner of a box that tips over does; what has left before does not."""
     words = "-bl", "+tr:slip+ br:slip+", "-tr"
-    touch = along(mode_of(["bl", "br"], BOX), words, BOX)
+    touch = touch_along(mode_of(["bl", "br"], BOX), words, BOX)
     (sequence,) = ways = lifting(touch, motion(3))
     assert sequence == ("-bl", "+tr:slip+ -br", "-tr")
     assert [float(np.ptp(p.t)) for p in ways[sequence].pieces] == [1, 1, 1, 1]

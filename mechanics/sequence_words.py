@@ -50,7 +50,7 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
     numbers = contacts.surface_numbers
     for part in word.split():
         sign, rest = (part[0], part[1:]) if part[0] in "+-" else ("", part)
-        name, colon, said = rest.partition(":")
+        name, colon, course_words = rest.partition(":")
         if name in seen:
             raise ProblemError(f"{shown(word)} in the sequence names {name!r} twice: say it once.")
         seen.append(name)
@@ -64,7 +64,7 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
                     f"{part!r} in the sequence: {name} has tangential restitution and no friction, "
                     f"so that there is no way to say; say {sign + name!r}, or give it friction."
                 )
-            course = _course(part, said, name in contacts.tangents and sign != "-")
+            course = _course(part, course_words, name in contacts.tangents and sign != "-")
             if is_hit or course.then is not None:
                 _check_course(part, name, course, (is_hit, sign == "+"), contacts)
                 courses[name] = course
@@ -94,9 +94,9 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
     )
 
 
-def _course(part: str, said: str, rubs: bool) -> Course:
+def _course(part: str, course_words: str, rubs: bool) -> Course:
     """Read what a part of a word says after its first colon."""
-    first, *more = said.split(":")
+    first, *more = course_words.split(":")
     late = more[1:] == [LATE]
     turns = not more or (
         first != "stick" and more[0] in FRICTION and more[0] != first and (late or not more[1:])
@@ -146,7 +146,7 @@ def mode_of(parts: Sequence[str], contacts: Contacts) -> Mode:
     ProblemError
         If a name is unknown or a friction is none.
     """
-    closed, said = list[str](), dict[str, int]()
+    closed, friction = list[str](), dict[str, int]()
     for text in parts:
         name, colon, state = text.partition(":")
         check_known(name, (*contacts.surfaces, *contacts.rails), "contact", "in contacts")
@@ -154,15 +154,15 @@ def mode_of(parts: Sequence[str], contacts: Contacts) -> Mode:
             raise ProblemError(
                 f"{text!r} in contacts: expected a contact with friction and stick, slip+ or slip-."
             )
-        if name in closed or name in said:
+        if name in closed or name in friction:
             raise ProblemError(f"contacts names {name!r} twice: say it once.")
         if name in contacts.surfaces:
             closed.append(name)
         if colon:
-            said[name] = FRICTION[state]
+            friction[name] = FRICTION[state]
     on = [contacts.surface_numbers[name] for name in closed]
     return _mode(
-        on, {contacts.tangent_numbers[name]: state for name, state in said.items()}, contacts
+        on, {contacts.tangent_numbers[name]: state for name, state in friction.items()}, contacts
     )
 
 
@@ -188,7 +188,7 @@ def _mode(closed: Collection[int], friction: Mapping[int, int], contacts: Contac
     return Mode.of(closed, {k: friction.get(k, STICK) for k in rubs})
 
 
-def along(start: Mode, words: Iterable[str], contacts: Contacts) -> Touch:
+def touch_along(start: Mode, words: Iterable[str], contacts: Contacts) -> Touch:
     """The events that words say from a mode on, and the modes of all phases.
 
     Raises
