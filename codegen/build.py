@@ -80,7 +80,7 @@ def build_cached(
     """
     cache, digest = cache_directory(), _entry_key(key)
     if not force:
-        kernels = _found(cache, name, digest)
+        kernels = _cached_kernels(cache, name, digest)
         if kernels is not None:
             return kernels
     start = time.perf_counter()
@@ -190,7 +190,7 @@ def arrived(manifest: Mapping[str, Any], backend: str, files: Mapping[str, str])
     if folder and (folder / "manifest.json").read_text(encoding="utf-8") == files["manifest.json"]:
         kernels = load_installed(installed)
     else:
-        kernels = _found(cache_directory(), name, _entry_key(str(described["key"])))
+        kernels = _cached_kernels(cache_directory(), name, _entry_key(str(described["key"])))
     if kernels is not None and kernels.manifest == described:
         return kernels
     text = json.dumps(dict(files), sort_keys=True)
@@ -239,7 +239,7 @@ def _entry(folder: Path, name: str, digest: str) -> Path:
     return folder / f"{name}-{digest[:24]}"
 
 
-def _found(cache: Path, name: str, digest: str) -> Kernels | None:
+def _cached_kernels(cache: Path, name: str, digest: str) -> Kernels | None:
     """Return kernels from the cache folder, if it exists and holds them."""
     return (
         _load_entry(_entry(safe_folder(cache), name, digest), digest)

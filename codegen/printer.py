@@ -207,8 +207,8 @@ def listing(
 ) -> Listing:
     """Print a kernel: values that several others need as ``w0, w1, ...``, outputs; nothing that
     no output needs."""
-    wanted = [e for output in spec.outputs for e in output.expressions]
-    plan = schedule(wanted, dict(spec.definitions), functions)
+    expressions = [e for output in spec.outputs for e in output.expressions]
+    plan = schedule(expressions, dict(spec.definitions), functions)
     names = {
         s: printer.name_of(argument, i)
         for argument in spec.inputs

@@ -64,10 +64,10 @@ def schedule(
     results: Sequence[Node], definitions: Mapping[Node, Node], specs: Iterable[FunctionSpec]
 ) -> Schedule:
     """Arrange the computation of some nodes."""
-    wanted = len(results)
+    count = len(results)
     arranged = with_common_factors([*results, *definitions.values()])
-    results = arranged[:wanted]
-    definitions = dict(zip(definitions, arranged[wanted:], strict=True))
+    results = arranged[:count]
+    definitions = dict(zip(definitions, arranged[count:], strict=True))
     factors: dict[Node, list[Node]] = {}
     waiting = [node for node in reached(arranged) if node.kind == PRODUCT]
     while waiting:

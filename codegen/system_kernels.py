@@ -161,10 +161,10 @@ def with_momenta(model: Any, bounds: Mapping[str, Any]) -> tuple[Any, dict[str, 
 
 def _in_order(parameters: Iterable[str], design: Sequence[str]) -> list[str]:
     """Names of parameters in the order of the model."""
-    known = list(parameters)
+    names = list(parameters)
     for name in design:
-        check_known(name, known, "parameter", "in design")
-    return [name for name in known if name in design]
+        check_known(name, names, "parameter", "in design")
+    return [name for name in names if name in design]
 
 
 def _by_design(kernels: Kernels, design: Sequence[str]) -> Kernels:
