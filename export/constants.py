@@ -26,7 +26,7 @@ class Constants:
         key = kind, flat.tobytes()
         if key not in self.names:
             self.names[key] = f"{kind[0]}{len(self.names)}"
-            self._write(kind, self.names[key], len(flat), map(number, flat.tolist()))
+            self._write(kind, self.names[key], len(flat), map(literal, flat.tolist()))
             self.size += len(flat) * (4 if kind == "int" else 8)
         return self.names[key]
 
@@ -48,7 +48,7 @@ class Constants:
         self.lines += [line, "};"]
 
 
-def number(value: float | int) -> str:
+def literal(value: float | int) -> str:
     """A number in C."""
     if isinstance(value, int):
         return str(value)

@@ -7,7 +7,7 @@ from typing import Any
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ProblemError
 from dmoc.control.feedback import Feedback
-from dmoc.export.constants import Constants, initial, number
+from dmoc.export.constants import Constants, initial, literal
 from dmoc.motion.trajectory import Trajectory
 
 
@@ -30,7 +30,7 @@ def feedback_facts(feedback: Feedback) -> dict[str, Any]:
     c, phases = Constants(), list[str]()
     for g in feedback.phases:
         tables = (c.array("double", table) for table in (g.t, g.y, g.u, g.K))
-        phases.append(initial(number(g.begin), number(g.end), len(g.t), *tables))
+        phases.append(initial(literal(g.begin), literal(g.end), len(g.t), *tables))
     low, high = (c.array("double", bound) for bound in feedback.bounds.T)
     return {
         "tables": c.lines, "phases": phases, "low": low, "high": high, "table_bytes": c.size,

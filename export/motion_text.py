@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.export.constants import Constants, initial, number
-from dmoc.export.numbers import Numbers
+from dmoc.export.constants import Constants, initial, literal
+from dmoc.export.numbers import SolverNumbers
 from dmoc.mechanics.algebra import is_positive
 from dmoc.program.arrays import ElementPlaces, PassData
 from dmoc.program.blocks import NOWHERE, Index
@@ -27,7 +27,7 @@ KINDS = {
 COORDINATE, VALUE, AMOUNT = range(3)
 
 
-class Table(NamedTuple):
+class ResultTable(NamedTuple):
     """A table of what follows from the unknowns: its place among the results, what it has."""
 
     name: str
@@ -47,14 +47,14 @@ class Track(NamedTuple):
     coordinate: int = 0
 
 
-def derived_tables(nlp: Transcription) -> list[Table]:
+def derived_tables(nlp: Transcription) -> list[ResultTable]:
     """Momenta, velocities and forces at the nodes of all phases."""
     lay, names = nlp.layout, nlp.kernels.coordinates
-    rows, first, tables = lay.total + lay.phases, 0, list[Table]()
+    rows, first, tables = lay.total + lay.phases, 0, list[ResultTable]()
     of = {"momenta": names, "velocities": names, **_functions(nlp)}
     for name, columns in of.items():
         if columns:
-            tables.append(Table(name, first, rows, len(columns), ", ".join(columns)))
+            tables.append(ResultTable(name, first, rows, len(columns), ", ".join(columns)))
             first += rows * len(columns)
     return tables
 
@@ -117,7 +117,7 @@ def motion_text(c: Constants, nlp: Transcription, entries: Mapping[str, str], mo
         holds = r.holds & ~np.isin(np.array(r.columns), others)
         arrays = (c.array("int", np.asarray(a)) for a in (r.columns, holds * 1, r.unknowns))
         place = [*KINDS].index(r.kind)
-        rows.append(initial(i, place, len(r.columns), number(float(r.sign)), *arrays))
+        rows.append(initial(i, place, len(r.columns), literal(float(r.sign)), *arrays))
     return initial(
         momenta, entries["dynamics"], initial(*functions), lay.nu, len(rows), lay.scheme.degree,
         int(lay.index_p_E[0]), c.structs("dmoc_reaction", "reactions", rows),
@@ -137,7 +137,7 @@ def work_of(nlp: Transcription) -> int:
     return sizes + int(nlp.par.shape[1]) + model.nu + model.nc + model.nj + 2 * model.nt + 1
 
 
-def has_rest(nlp: Transcription, numbers: Numbers) -> bool:
+def has_rest(nlp: Transcription, numbers: SolverNumbers) -> bool:
     """Whether the rest of the motion is the same program with other numbers."""
     lay, problem, taken = nlp.layout, nlp.problem, {n.name for n in numbers.taken}
     start = numbers.states[0]
@@ -148,7 +148,7 @@ def has_rest(nlp: Transcription, numbers: Numbers) -> bool:
     return possible and not (lay.index_totals.size or lay.index_peaks.size)
 
 
-def rest_text(c: Constants, nlp: Transcription, numbers: Numbers) -> str:
+def rest_text(c: Constants, nlp: Transcription, numbers: SolverNumbers) -> str:
     """What a shift to the rest of the motion needs, and random courses."""
     lay, possible = nlp.layout, has_rest(nlp, numbers)
     times = [

@@ -115,7 +115,7 @@ def _with(whole: Any, way: Sequence[str | int], key: Any, value: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class State:
+class FixedState:
     """A fixed state at one end: names of the numbers of q and v, "" where there is none; values;
     the unknowns that are its momenta."""
 
@@ -125,7 +125,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Result:
+class PassResult:
     """A result of an element of a pass, by their numbers."""
 
     of_pass: int
@@ -137,17 +137,17 @@ class Result:
 
 
 @dataclass(frozen=True)
-class Numbers:
+class SolverNumbers:
     """What a solver takes, what it does not, the states at both ends that are fixed, and the
     results of elements whose factors numbers move."""
 
     taken: tuple[Number, ...]
     kept: tuple[str, ...]
-    states: tuple[State | None, State | None]
-    results: tuple[Result, ...]
+    states: tuple[FixedState | None, FixedState | None]
+    results: tuple[PassResult, ...]
 
 
-def moved_arrays(data: ProgramData, results: Sequence[Result]) -> list[Array]:
+def moved_arrays(data: ProgramData, results: Sequence[PassResult]) -> list[Array]:
     """The arrays that numbers move: lower and upper bounds, constants, coefficients, constants of
     the slopes, and the factors of some results, one after the other."""
     return [
@@ -156,10 +156,10 @@ def moved_arrays(data: ProgramData, results: Sequence[Result]) -> list[Array]:
     ]  # fmt: skip
 
 
-def _results(data: ProgramData) -> list[Result]:
+def _results(data: ProgramData) -> list[PassResult]:
     """The results of all elements."""
     return [
-        Result(i, j, k)
+        PassResult(i, j, k)
         for i, elements in enumerate(passes_of(data))
         for j, element in enumerate(elements)
         for k in range(len(element.factors))
@@ -170,7 +170,7 @@ def passes_of(data: ProgramData) -> list[tuple[ElementData, ...]]:
     return [p.elements for p in (data.values, data.slopes, data.curvatures)]
 
 
-def numbers_of(nlp: Transcription) -> Numbers:
+def numbers_of(nlp: Transcription) -> SolverNumbers:
     """Try all numbers of the problem of a program."""
     problem, base = nlp.problem, nlp.assembled.data
     states = _state(nlp, ENDS[0]), _state(nlp, ENDS[1])
@@ -187,10 +187,10 @@ def numbers_of(nlp: Transcription) -> Numbers:
     if not _add_up(nlp, base, taken, fixed):
         kept += [n.name for n in taken if n.pool != NOT_ONE and len(n.entries)]
         taken = [n for n in taken if n.pool == NOT_ONE or not len(n.entries)]
-    return _in_short(base, Numbers(tuple(taken), tuple(kept), states, tuple(_results(base))))
+    return _in_short(base, SolverNumbers(tuple(taken), tuple(kept), states, tuple(_results(base))))
 
 
-def _in_short(data: ProgramData, numbers: Numbers) -> Numbers:
+def _in_short(data: ProgramData, numbers: SolverNumbers) -> SolverNumbers:
     """The same with the factors alone that are moved, which come last."""
     others = sum(map(len, moved_arrays(data, ())))
     sizes = np.array([r.factors(data).size for r in numbers.results])
@@ -203,7 +203,7 @@ def _in_short(data: ProgramData, numbers: Numbers) -> Numbers:
     return replace(numbers, taken=taken, results=results)
 
 
-def _stated(problem: Problem, states: Sequence[State | None]) -> Iterator[Number]:
+def _stated(problem: Problem, states: Sequence[FixedState | None]) -> Iterator[Number]:
     """All numbers of a problem."""
     values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
     for j, (name, value) in enumerate(values.items()):
@@ -243,7 +243,7 @@ def _ends(path: tuple[str | int, ...], value: Any) -> Iterator[Number]:
             yield Number(path, end, side)
 
 
-def _state(nlp: Transcription, end: str) -> State | None:
+def _state(nlp: Transcription, end: str) -> FixedState | None:
     """The state at an end, where position and velocity are fixed and momenta stand for them."""
     problem, lay = nlp.problem, nlp.layout
     boundary: Boundary = problem.start_bounds if end == "start" else problem.goal_bounds
@@ -254,13 +254,13 @@ def _state(nlp: Transcription, end: str) -> State | None:
     p = lay.index_p_B if end == "start" else lay.index_p_E
     velocities = [velocity_name(q) for q in names]
     v = problem.model.velocity(place[:, 0], boundary.momentum[:, 0])
-    said = [stated.get(name) for name in velocities]
-    values = [x if isinstance(x, (int, float)) else y for x, y in zip(said, v, strict=True)]
+    stated_v = [stated.get(name) for name in velocities]
+    values = [x if isinstance(x, (int, float)) else y for x, y in zip(stated_v, v, strict=True)]
     if problem.kernels.joints:  # what is not said is what the constraints make of it
-        velocities = [n if x is not None else "" for n, x in zip(velocities, said, strict=True)]
-    given = [f"{end}.{q}" if stated.get(q) is not None else "" for q in names]
-    named = [f"{end}.{name}" if name else "" for name in velocities]
-    return State((*given, *named), np.array([*place[:, 0], *values], dtype=float), p)
+        velocities = [n if x is not None else "" for n, x in zip(velocities, stated_v, strict=True)]
+    q_names = [f"{end}.{q}" if stated.get(q) is not None else "" for q in names]
+    v_names = [f"{end}.{name}" if name else "" for name in velocities]
+    return FixedState((*q_names, *v_names), np.array([*place[:, 0], *values], dtype=float), p)
 
 
 def _tried(nlp: Transcription, base: ProgramData, number: Number, fixed: Index) -> Number | None:
@@ -293,10 +293,10 @@ def _pool(base: ProgramData, moved: ProgramData, number: Number) -> int | None:
     """Where a parameter stands in the pool; NOT_ONE for another number, None if more differs."""
     at = np.flatnonzero(base.pool != moved.pool)
     first = base.n + base.m + 2
-    wanted = [first + number.pool] if number.pool != NOT_ONE else []
-    if at.tolist() != wanted:
+    expected = [first + number.pool] if number.pool != NOT_ONE else []
+    if at.tolist() != expected:
         return None
-    return wanted[0] if wanted else NOT_ONE
+    return expected[0] if expected else NOT_ONE
 
 
 def _moved(nlp: Transcription, base: ProgramData, number: Number, steps: float) -> ProgramData:
@@ -363,9 +363,9 @@ def _add_up(nlp: Transcription, base: ProgramData, numbers: Sequence[Number], fi
         problem = number.changed(problem, 1.0)
         expected[number.entries] += number.slopes * number.change
     try:
-        found = _flat(_data(nlp, problem), fixed)
+        combined = _flat(_data(nlp, problem), fixed)
     except (ProblemError, ValueError):
         return False
-    if found.shape != expected.shape:
+    if combined.shape != expected.shape:
         return False
-    return bool(np.isclose(found, expected, rtol=TOGETHER, atol=TOGETHER).all())
+    return bool(np.isclose(combined, expected, rtol=TOGETHER, atol=TOGETHER).all())

@@ -21,7 +21,7 @@ from dmoc.base.files import check_file, write_whole
 from dmoc.base.names import velocity_name
 from dmoc.codegen.compiler import packaged
 from dmoc.export.numbers import Number
-from dmoc.export.program_text import Carried
+from dmoc.export.program_text import CarriedProgram
 from dmoc.export.solver import solver_files
 from dmoc.motion.scene import FINE, shapes_in
 from dmoc.problem.problem import Problem
@@ -142,8 +142,8 @@ def _compiled(command: list[str], texts: Mapping[str, str], sizes: Mapping[str, 
         for name, text in {**texts, SOURCE: own}.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
         sources = sorted(n for n in texts if n.endswith(".c") and n not in ("main.c", "test.c"))
-        given = [f"-D{name}={value}" for name, value in sizes.items()]
-        words = [*command, *TARGET, *given, SOURCE, *sources, "-o", "page.wasm"]
+        defines = [f"-D{name}={value}" for name, value in sizes.items()]
+        words = [*command, *TARGET, *defines, SOURCE, *sources, "-o", "page.wasm"]
         done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise BuildError(f"the compiler of the page failed: {done.stderr.strip()}")
@@ -186,7 +186,7 @@ def _events(layout: Layout, solution: Solution) -> list[dict[str, Any]]:
     return events
 
 
-def _parameters(carried: Carried) -> list[dict[str, Any]]:
+def _parameters(carried: CarriedProgram) -> list[dict[str, Any]]:
     """Of each parameter of the drawing its value, and the number or the unknown that it is."""
     nlp = carried.nlp
     unknowns = dict(zip(nlp.problem.design, nlp.layout.index_design.tolist(), strict=True))
@@ -198,7 +198,7 @@ def _parameters(carried: Carried) -> list[dict[str, Any]]:
     ]
 
 
-def _numbers(carried: Carried, solution: Solution) -> list[dict[str, Any]]:
+def _numbers(carried: CarriedProgram, solution: Solution) -> list[dict[str, Any]]:
     """The numbers as sliders show them, in the order in which the solver has them."""
     kernels, motion = carried.nlp.kernels, solution.trajectory
     units = {**kernels.manifest["units"]}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.export.constants import Constants, initial, number
+from dmoc.export.constants import Constants, initial, literal
 from dmoc.export.motion_text import (
     derived_tables,
     momenta_of,
@@ -20,9 +20,9 @@ from dmoc.export.motion_text import (
 from dmoc.export.numbers import (
     ENDS,
     SIDES,
+    FixedState,
     Number,
-    Numbers,
-    State,
+    SolverNumbers,
     moved_arrays,
     passes_of,
 )
@@ -43,7 +43,7 @@ SIZES = ("n", "entries", "pivots", "chain", "blocks")
 
 
 @dataclass(frozen=True)
-class Carried:
+class CarriedProgram:
     """What a solver is made of: the program with its analysis, the numbers it takes, the scaled
     answer with its multipliers, the scaled first motion, and how far coordinates may move, in the
     whole motion where this is a rest of one."""
@@ -51,14 +51,14 @@ class Carried:
     name: str
     nlp: Transcription
     layout: KKTLayout
-    numbers: Numbers
+    numbers: SolverNumbers
     x: Array
     duals: Duals
     first: Array
     reach: Array
 
 
-def program_text(carried: Carried) -> tuple[list[str], int]:
+def program_text(carried: CarriedProgram) -> tuple[list[str], int]:
     """The lines of all constants, of which the last ones are the problem itself, and bytes."""
     c, nlp, data = Constants(), carried.nlp, carried.nlp.assembled.data
     kernels, numbers = nlp.kernels, carried.numbers
@@ -96,7 +96,7 @@ def program_text(carried: Carried) -> tuple[list[str], int]:
         initial(*(_state(c, s, numbers.taken) for s in numbers.states)), places,
         motion_text(c, nlp, entries, momenta), rest_text(c, nlp, numbers),
         together_text(c, nlp, entries),
-        c.array("int", np.array(nlp.layout.steps)), number(float(nlp.scale.cost)),
+        c.array("int", np.array(nlp.layout.steps)), literal(float(nlp.scale.cost)),
         c.array("double", carried.x), c.array("double", carried.duals.rows),
         c.array("double", carried.duals.z), c.array("double", carried.first),
     ]  # fmt: skip
@@ -181,7 +181,7 @@ def _ldl(c: Constants, layout: KKTLayout) -> str:
     return initial(*(a[name] for name in SIZES), *arrays, *written)
 
 
-def _number_rows(nlp: Transcription, numbers: Numbers) -> tuple[list[str], list[str]]:
+def _number_rows(nlp: Transcription, numbers: SolverNumbers) -> tuple[list[str], list[str]]:
     """The numbers, and what they move."""
     arrays = moved_arrays(nlp.assembled.data, numbers.results)
     ends = np.cumsum([0, *map(len, arrays)])
@@ -193,14 +193,14 @@ def _number_rows(nlp: Transcription, numbers: Numbers) -> tuple[list[str], list[
         first = len(changes)
         for entry, slope in zip(n.entries.tolist(), n.slopes.tolist(), strict=True):
             array = int(np.searchsorted(ends, entry, side="right")) - 1
-            changes.append(initial(array, entry - int(ends[array]), number(slope)))
+            changes.append(initial(array, entry - int(ends[array]), literal(slope)))
         count = len(changes) - first
         fit = *limits, int(n.share)
-        rows.append(initial(f'"{n.name}"', number(n.value), n.pool, first, count, *fit))
+        rows.append(initial(f'"{n.name}"', literal(n.value), n.pool, first, count, *fit))
     return rows, changes
 
 
-def _factors(c: Constants, data: ProgramData, numbers: Numbers) -> list[str | int]:
+def _factors(c: Constants, data: ProgramData, numbers: SolverNumbers) -> list[str | int]:
     """The factors that numbers move, and the results of elements that they are those of."""
     (*_, factors), at, rows = moved_arrays(data, numbers.results), 0, list[str]()
     for r in numbers.results:
@@ -211,12 +211,12 @@ def _factors(c: Constants, data: ProgramData, numbers: Numbers) -> list[str | in
     ]  # fmt: skip
 
 
-def elements_moved(data: ProgramData, numbers: Numbers) -> int:
+def elements_moved(data: ProgramData, numbers: SolverNumbers) -> int:
     """The elements that a solver has copies of: all where numbers move factors."""
     return sum(map(len, passes_of(data))) if numbers.results else 0
 
 
-def _state(c: Constants, state: State | None, taken: Sequence[Number]) -> str:
+def _state(c: Constants, state: FixedState | None, taken: Sequence[Number]) -> str:
     if state is None:
         return initial(0, "NULL", "NULL", "NULL")
     places = {n.name: i for i, n in enumerate(taken)}
@@ -225,7 +225,7 @@ def _state(c: Constants, state: State | None, taken: Sequence[Number]) -> str:
     return initial(1, *arrays)
 
 
-def _places(c: Constants, carried: Carried, entries: Mapping[str, str]) -> str:
+def _places(c: Constants, carried: CarriedProgram, entries: Mapping[str, str]) -> str:
     """What positions must keep."""
     nlp = carried.nlp
     kernels, lay, scale, problem = nlp.kernels, nlp.layout, nlp.scale, nlp.problem

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from dmoc.base.errors import ProblemError
-from dmoc.export.constants import Constants, initial, number
+from dmoc.export.constants import Constants, initial, literal
 from dmoc.export.motion_text import has_rest
 from dmoc.export.numbers import numbers_of
-from dmoc.export.program_text import Carried
+from dmoc.export.program_text import CarriedProgram
 from dmoc.planning.planner import Planner
 from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Status
@@ -18,9 +18,9 @@ from dmoc.solvers.outcome import Status
 OF_PLANNER = 32
 
 
-def carried_rests(name: str, planner: Planner) -> tuple[list[Carried], list[float]]:
+def carried_rests(name: str, planner: Planner) -> tuple[list[CarriedProgram], list[float]]:
     """The rests from each phase on, of which the first is the whole motion, and when they begin."""
-    rests, begins = list[Carried](), list[float]()
+    rests, begins = list[CarriedProgram](), list[float]()
     for i, (begin, nlp, x, ended) in enumerate(planner.rests()):
         if ended.status is not Status.SOLVED:
             raise ProblemError(
@@ -35,24 +35,24 @@ def carried_rests(name: str, planner: Planner) -> tuple[list[Carried], list[floa
                 "ways that a planner in C cannot follow: plan with dmoc.Planner."
             )
         reach = planner.problem.reach
-        rests.append(Carried(own, nlp, layout, numbers, ended.x, ended.duals, x, reach))
+        rests.append(CarriedProgram(own, nlp, layout, numbers, ended.x, ended.duals, x, reach))
         begins.append(begin)
     return rests, begins
 
 
-def rests_facts(rests: Sequence[Carried], begins: Sequence[float], planner: Planner) -> Any:
+def rests_facts(rests: Sequence[CarriedProgram], begins: Sequence[float], planner: Planner) -> Any:
     """What rests.c and the header say."""
     c, rows = Constants(), list[str]()
     for r, begin in zip(rests, begins, strict=True):
         lay = r.nlp.layout
         ends = (c.array("int", lay.index_u[at]) for at in (lay.row_u_k, lay.row_u_kp1))
-        rows.append(initial(f"&{r.name}_problem", number(begin), initial(*ends)))
+        rows.append(initial(f"&{r.name}_problem", literal(begin), initial(*ends)))
     events = c.array("int", planner.problem.touch.surfaces)
     motion = initial(planner.problem.phases, len(rows), int(not planner.shrinks), events, "rests")
     return {"lines": c.lines, "rows": rows, "motion": motion, "names": [r.name for r in rests[1:]]}
 
 
-def planner_doubles(rests: Sequence[Carried], solvers: Sequence[int]) -> int:
+def planner_doubles(rests: Sequence[CarriedProgram], solvers: Sequence[int]) -> int:
     """Doubles that a planner takes, of solvers that take so many."""
     kept = max(2 * r.nlp.n + r.nlp.n_eq + r.nlp.n_in for r in rests)
     numbers = max(len(r.numbers.taken) for r in rests)

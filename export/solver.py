@@ -28,7 +28,7 @@ from dmoc.export.feedback_text import checked, feedback_facts
 from dmoc.export.motion_text import derived_tables, momenta_of, work_of
 from dmoc.export.numbers import moved_arrays, numbers_of
 from dmoc.export.program_text import (
-    Carried,
+    CarriedProgram,
     analysis_of,
     elements_moved,
     program_text,
@@ -155,7 +155,7 @@ def solver_files(
     guess: InitialGuess,
     most: int | None,
     feedback: Feedback | None = None,
-) -> tuple[Carried, Solution, dict[str, str]]:
+) -> tuple[CarriedProgram, Solution, dict[str, str]]:
     """What a solver is made of, the solution that it carries, and the texts of its files."""
     if not problem.kernels.compiled:
         raise ProblemError(
@@ -204,7 +204,9 @@ def _new_folder(folder: Any) -> tuple[str, Path]:
     return name, target
 
 
-def carried_by(name: str, problem: Problem, solution: Solution) -> tuple[Carried, tuple[int, int]]:
+def carried_by(
+    name: str, problem: Problem, solution: Solution
+) -> tuple[CarriedProgram, tuple[int, int]]:
     """What a solver is made of, and the iterations that it takes from the first motion and from the
     answer."""
     _check_verified(solution)
@@ -227,7 +229,9 @@ def carried_by(name: str, problem: Problem, solution: Solution) -> tuple[Carried
     x = np.clip(outcome.x, nlp.lower, nlp.upper)
     layout = kkt_layout(nlp)
     numbers = numbers_of(nlp)
-    return Carried(name, nlp, layout, numbers, x, outcome.duals, first, problem.reach), counts
+    return CarriedProgram(
+        name, nlp, layout, numbers, x, outcome.duals, first, problem.reach
+    ), counts
 
 
 def _check_verified(solution: Solution) -> None:
@@ -245,11 +249,11 @@ def _solved(nlp: Transcription, x: Array, duals: Duals | None) -> Outcome:
 
 
 def _texts(
-    carried: Carried,
+    carried: CarriedProgram,
     counts: tuple[int, int],
     most: int | None,
     feedback: Feedback | None,
-    others: Sequence[Carried] = (),
+    others: Sequence[CarriedProgram] = (),
     rests: Mapping[str, Any] | None = None,
 ) -> dict[str, str]:
     """All files of a folder; those of a planner have other rests than the whole motion, and what
@@ -293,7 +297,7 @@ def _texts(
     return texts | {file: _template(name).render(facts) for name, file in files.items()}
 
 
-def memory_of(carried: Carried) -> int:
+def memory_of(carried: CarriedProgram) -> int:
     """Doubles that a solver takes where pointers have eight bytes: dmoc_solver.c shares them out
     so, with one more behind each part."""
     nlp, layout, data = carried.nlp, carried.layout, carried.nlp.assembled.data
@@ -324,7 +328,7 @@ def _scratch(nlp: Transcription) -> int:
     return ROWS * max(map(of, every), default=0)
 
 
-def _facts(carried: Carried, lines: list[str], counts: tuple[int, int]) -> dict[str, Any]:
+def _facts(carried: CarriedProgram, lines: list[str], counts: tuple[int, int]) -> dict[str, Any]:
     """What the files say of a problem."""
     nlp, name, upper = carried.nlp, carried.name, carried.name.upper()
     blocks, taken, derived = tables_of(nlp), carried.numbers.taken, derived_tables(nlp)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from dmoc.base.errors import DmocError as DmocError
     from dmoc.check.check import verify as verify
     from dmoc.control.disturbance import Disturbance as Disturbance
-    from dmoc.export.loaded import load_solver as load_solver
+    from dmoc.export.loaded_solver import load_solver as load_solver
     from dmoc.export.page import generate_page as generate_page
     from dmoc.export.solver import generate_solver as generate_solver
     from dmoc.inspection.system_derivation import derive as derive
@@ -87,7 +87,7 @@ _PLACES = {
     "feedback": "dmoc.results.feedback",
     "generate_page": "dmoc.export.page",
     "generate_solver": "dmoc.export.solver",
-    "load_solver": "dmoc.export.loaded",
+    "load_solver": "dmoc.export.loaded_solver",
     "derive": "dmoc.inspection.system_derivation",
     "load": "dmoc.models.registry",
     "search": "dmoc.sequences.search",

@@ -21,7 +21,7 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import BuildError, ProblemError
 from dmoc.export.constants import Constants
-from dmoc.export.loaded import LoadedSolver, load_solver
+from dmoc.export.loaded_solver import LoadedSolver, load_solver
 from dmoc.export.motion_text import rest_text
 from dmoc.export.solver import carried_by
 

@@ -16,7 +16,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import ProblemError, SimulationError
-from dmoc.export.loaded import load_solver
+from dmoc.export.loaded_solver import load_solver
 from dmoc.export.solver import generate_solver
 from dmoc.motion.trajectory import Trajectory
 

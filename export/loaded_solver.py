@@ -20,8 +20,8 @@ from dmoc.base.messages import path as path_of
 from dmoc.base.messages import place
 from dmoc.base.tolerances import ITERATIONS
 from dmoc.codegen.kernels import Array
-from dmoc.export.ends import HEAD, Ends, LoadedEnd, address
 from dmoc.export.library import library_of, sources_in
+from dmoc.export.loaded_end import HEAD, Ends, LoadedEnd, address
 from dmoc.export.numbers import SIDES
 from dmoc.results.batch import NOT_TRIED, REFUSED
 from dmoc.solvers.outcome import Status
