@@ -37,7 +37,7 @@ class Checked:
     error: float
 
 
-def checked(system: MechanicalSystem, kernels: Kernels) -> tuple[Checked, ...]:
+def kernel_errors(system: MechanicalSystem, kernels: Kernels) -> tuple[Checked, ...]:
     """Compare the kernels of a system, of any order, with an independent evaluation at random
     points and along random directions; kernels that are not listed were not compared."""
     with mp.workdps(DIGITS):
@@ -117,9 +117,9 @@ def _compared(
     parts = np.split(x, np.cumsum(sizes)[:-1]) if sizes else []
     rows = [*(part[None] for part in parts), values[None]]
     point, d, e = ([mp.mpf(float(z)) for z in v] for v in (x, *rng.normal(size=(2, len(x)))))
-    wanted = function(point)
+    expected = function(point)
     values_of = dict(zip(kernels.outputs(name), kernels.call(name, *rows), strict=True))
-    errors_of = [Checked(name, max(_error(values_of[a][0], v) for a, v in wanted.items()))]
+    errors_of = [Checked(name, max(_error(values_of[a][0], v) for a, v in expected.items()))]
     if kernels.has(f"{name}_jac"):
         high, low = (function(moved(point, d, s * STEP)) for s in (1, -1))
         errors = []
@@ -132,7 +132,7 @@ def _compared(
             errors.append(_error(along, slope))
         errors_of.append(Checked(f"{name}_jac", max(errors)))
     if kernels.has(f"{name}_hess"):
-        weights = {a: rng.normal(size=len(v)) for a, v in wanted.items()}
+        weights = {a: rng.normal(size=len(v)) for a, v in expected.items()}
         (entries,) = kernels.call(f"{name}_hess", *rows, *(w[None] for w in weights.values()))
         bent = _curvature(function, weights, (point, d, e))
         i, j = kernels.pattern(f"{name}_hess", "hess")
@@ -155,10 +155,10 @@ def _curvature(
     return total / (4 * STEP**2)
 
 
-def _error(values: Array, wanted: Sequence[Any]) -> float:
+def _error(values: Array, expected: Sequence[Any]) -> float:
     """The largest difference relative to the largest value."""
-    if not len(wanted):
+    if not len(expected):
         return 0.0
-    size = max(max(abs(w) for w in wanted), max(abs(mp.mpf(float(g))) for g in values))
-    worst = max(abs(mp.mpf(float(g)) - w) for g, w in zip(values, wanted, strict=True))
+    size = max(max(abs(w) for w in expected), max(abs(mp.mpf(float(g))) for g in values))
+    worst = max(abs(mp.mpf(float(g)) - w) for g, w in zip(values, expected, strict=True))
     return float(worst / size) if size > NOTHING else 0.0

@@ -20,7 +20,7 @@ from dmoc.base.table import Table, html_of
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.operation_counts import count_of
 from dmoc.codegen.system_kernels import kernels_of
-from dmoc.inspection.kernel_check import checked
+from dmoc.inspection.kernel_check import kernel_errors
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Block
 from dmoc.program.transcription import Transcription
@@ -142,10 +142,10 @@ def derive(
 
 def _chosen(system: MechanicalSystem, design: Sequence[str]) -> tuple[str, ...]:
     """Names of parameters in the order of the system."""
-    known = [name_of(s) for s in system.parameters]
+    names = [name_of(s) for s in system.parameters]
     for name in design:
-        check_known(name, known, "parameter", "in design", ModelError)
-    return tuple(name for name in known if name in design)
+        check_known(name, names, "parameter", "in design", ModelError)
+    return tuple(name for name in names if name in design)
 
 
 def _by_design(system: MechanicalSystem, order: int, design: tuple[str, ...]) -> list[Section]:
@@ -262,7 +262,7 @@ def _work(derivation: SystemDerivation) -> str:
 
 def _check(system: MechanicalSystem, kernels: Kernels) -> str:
     """The kernels beside an independent evaluation."""
-    errors = checked(system, kernels)
+    errors = kernel_errors(system, kernels)
     if not errors:
         return paragraph(
             "The functions of the system are not real at any of the random points: the kernels "

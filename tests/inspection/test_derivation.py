@@ -19,7 +19,7 @@ from dmoc.base.discretisation import ORDERS
 from dmoc.base.errors import OutputError
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.operation_counts import count_of
-from dmoc.inspection.kernel_check import checked
+from dmoc.inspection.kernel_check import kernel_errors
 from dmoc.inspection.system_derivation import small_problem
 from dmoc.symbolic.graph import Graph
 from dmoc.symbolic.spec import Input, KernelSpec, Output
@@ -40,7 +40,7 @@ def towed_system() -> dmoc.MechanicalSystem:
 @pytest.mark.parametrize("make", [driven_system, rod_system, puck_system, towed_system])
 def test_kernels_agree_with_an_evaluation_in_many_digits(make: Any, order: int) -> None:
     kernels = dmoc.build(make(), order=order)
-    found = checked(make(), kernels)
+    found = kernel_errors(make(), kernels)
     names = {c.kernel for c in found}
     assert max(c.error for c in found) < 1e-11
     left_out = set(kernels.manifest["kernels"]) - names
@@ -60,7 +60,7 @@ def test_a_wrong_kernel_is_found(monkeypatch: pytest.MonkeyPatch, wrong: str) ->
         return found
 
     monkeypatch.setattr(Kernels, "call", off)
-    errors = {c.kernel: c.error for c in checked(puck_system(), kernels)}
+    errors = {c.kernel: c.error for c in kernel_errors(puck_system(), kernels)}
     assert [name for name, error in errors.items() if error > 1e-10] == [wrong]
 
 
@@ -106,7 +106,7 @@ def test_a_function_that_is_nowhere_real_is_told() -> None:
         "nowhere", [x], x.diff() ** 2 / 2 - k * sp.sqrt(-3 - x**2), {k: 1.0}, inputs=[u],
         forces={x: u}, cost=u**2,
     )  # fmt: skip
-    assert checked(system, dmoc.build(system)) == ()
+    assert kernel_errors(system, dmoc.build(system)) == ()
     assert "not real at any of the random points" in dmoc.derive(system).html()
 
 

@@ -183,10 +183,10 @@ def test_hits_at_once_by_a_law_of_their_speeds_are_refused():
 
 
 def test_kernels_of_the_law_agree_with_numbers_of_many_digits():
-    from dmoc.inspection.kernel_check import checked
+    from dmoc.inspection.kernel_check import kernel_errors
 
     system = ball()
-    errors = {c.kernel: c.error for c in checked(system, dmoc.build(system))}
+    errors = {c.kernel: c.error for c in kernel_errors(system, dmoc.build(system))}
     assert {k for k in errors if k.startswith("rebound")} and max(errors.values()) < 1e-10
 
 

@@ -180,9 +180,9 @@ def test_a_search_finds_how_a_hit_with_friction_goes():
 
 
 def test_kernels_and_derivation_have_the_coefficient():
-    from dmoc.inspection.kernel_check import checked
+    from dmoc.inspection.kernel_check import kernel_errors
 
-    errors = {c.kernel: c.error for c in checked(disc(), dmoc.build(disc()))}
+    errors = {c.kernel: c.error for c in kernel_errors(disc(), dmoc.build(disc()))}
     assert errors["tangential"] == 0 and max(errors.values()) < 1e-10
     shown = str(disc(restitution={"floor": sp.exp(-dmoc.approach_speed)}).summary())
     assert "e_t_floor" in shown and "e_floor" in shown and "mu_floor" not in shown

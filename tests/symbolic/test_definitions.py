@@ -16,7 +16,7 @@ from systems import double_pendulum
 import dmoc
 from dmoc.base.errors import ModelError
 from dmoc.codegen.kernels import Kernels
-from dmoc.inspection.kernel_check import checked
+from dmoc.inspection.kernel_check import kernel_errors
 from dmoc.symbolic.families import model_key, model_spec
 
 T = dynamicsymbols._t
@@ -63,7 +63,7 @@ def test_kernels_with_definitions_are_those_without(relative: bool, order: int) 
 @pytest.mark.slow
 def test_kernels_with_definitions_are_those_of_their_numbers() -> None:
     """Rates of definitions are differences in 90 digits there."""
-    errors = checked(double_pendulum(True, relative=True), pendulum_kernels(True, True))
+    errors = kernel_errors(double_pendulum(True, relative=True), pendulum_kernels(True, True))
     assert len(errors) > 40 and max(c.error for c in errors) < 1e-12
 
 
@@ -72,7 +72,7 @@ def test_a_gap_whose_time_cancels_through_a_definition_does_not_move() -> None:
         "still", [a, b], a.diff() ** 2 + b.diff() ** 2, cost=1,
         definitions={x: sp.sin(T) + sp.cos(a) * sp.sin(b)}, surfaces={"wall": x <= sp.sin(T)},
     )  # fmt: skip
-    assert max(c.error for c in checked(system, dmoc.build(system, backend="numpy"))) < 1e-12
+    assert max(c.error for c in kernel_errors(system, dmoc.build(system, backend="numpy"))) < 1e-12
 
 
 def test_places_that_move_with_the_time_have_its_rate() -> None:

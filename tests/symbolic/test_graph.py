@@ -23,7 +23,7 @@ from dmoc.codegen.build import numpy_kernels
 from dmoc.codegen.operation_counts import count_of
 from dmoc.codegen.schedule import functions_of, schedule
 from dmoc.codegen.text import c_files, manifest, numpy_text
-from dmoc.inspection.kernel_check import checked
+from dmoc.inspection.kernel_check import kernel_errors
 from dmoc.symbolic import families
 from dmoc.symbolic.arrangement import with_common_factors
 from dmoc.symbolic.conversion import to_nodes
@@ -217,7 +217,7 @@ def test_a_lagrangian_without_parameters_may_be_a_function(
     mass = 2 + sp.sin(x + dynamicsymbols._t) * sp.cos(y)
     made = dmoc.MechanicalSystem("bare", [x, y], mass * (x.diff() ** 2 + y.diff() ** 2) - x * y)
     kernels = dmoc.build(made, backend=backend)
-    errors = checked(made, kernels)
+    errors = kernel_errors(made, kernels)
     assert errors and all(c.error < 1e-12 for c in errors)
 
 
@@ -226,7 +226,7 @@ def test_kernels_of_a_chain_of_four_are_those_of_its_lagrangian() -> None:
     """Its Lagrangian is a function of its own; the numbers are differences of 40 digits."""
     system = chain_system(4, relative=True)
     kernels = dmoc.build(system, backend="numpy")
-    assert all(c.error < 1e-10 for c in checked(system, kernels))
+    assert all(c.error < 1e-10 for c in kernel_errors(system, kernels))
 
 
 @pytest.mark.slow

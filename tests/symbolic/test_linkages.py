@@ -16,7 +16,7 @@ from sympy.physics.mechanics import KanesMethod, LagrangesMethod, Lagrangian, dy
 import dmoc
 from dmoc.base.errors import ModelError
 from dmoc.codegen.text import c_files
-from dmoc.inspection.kernel_check import checked
+from dmoc.inspection.kernel_check import kernel_errors
 from dmoc.models.registry import find
 from dmoc.symbolic.continuous import energy, mass_matrix, readable, right_hand_side
 from dmoc.symbolic.families import model_spec
@@ -365,7 +365,7 @@ def test_velocities_of_points_in_space_are_those_of_their_frames() -> None:
 
 @pytest.mark.slow
 def test_compiled_kernels_of_an_arm_in_space_agree_with_90_digits() -> None:
-    errors = checked(arm(), dmoc.build(arm()))
+    errors = kernel_errors(arm(), dmoc.build(arm()))
     assert len(errors) > 10 and max(c.error for c in errors) < 1e-11
 
 

@@ -13,7 +13,7 @@ from sliding import G, T, block, stick_and_slip, u, violin, x, y
 
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError, SimulationError
-from dmoc.inspection.kernel_check import checked
+from dmoc.inspection.kernel_check import kernel_errors
 
 pytestmark = pytest.mark.slow
 
@@ -185,7 +185,7 @@ def test_the_kernels_agree_with_an_independent_evaluation(order: int) -> None:
         friction={"floor": (sp.S(2), u**2 + y**2 * sp.exp(-SPEED / s))},
     )  # fmt: skip
     kernels = dmoc.build(system, order=order, backend="numpy")
-    errors = {c.kernel: c.error for c in checked(system, kernels)}
+    errors = {c.kernel: c.error for c in kernel_errors(system, kernels)}
     assert {"bearing", "holding", "bearing_work", "dragging"} <= set(errors)
     assert max(errors.values()) < 1e-12
 
