@@ -120,12 +120,12 @@ def has_forces(system: MechanicalSystem) -> bool:
 
 def check_forces(system: MechanicalSystem) -> None:
     """Refuse forces of what the model has not."""
-    known = forces_of(system)
+    forces = forces_of(system)
     for name, value in system.quantities.items():
         for part in forces_in(value):
-            if part not in known:
+            if part not in forces:
                 what = KINDS[part.func.__name__]
-                names = [str(f.args[0]) for f in known if f.func == part.func]
+                names = [str(f.args[0]) for f in forces if f.func == part.func]
                 raise ModelError(
                     f"quantity {name!r} contains {part}: expected the name of a {what} of the "
                     f"model, one of {', '.join(names) or 'none'}."

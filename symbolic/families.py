@@ -34,7 +34,7 @@ from dmoc.symbolic.design import SHOWN, check_design
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
 from dmoc.symbolic.graph import Graph, Node, gradient, reverse
-from dmoc.symbolic.hidden import hidden_facts, hidden_kernels, hidden_names
+from dmoc.symbolic.hidden_unknowns import hidden_facts, hidden_kernels, hidden_names
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
 from dmoc.symbolic.kinks import split
 from dmoc.symbolic.objectives import integrand_kernels, objective_facts, objective_kernels

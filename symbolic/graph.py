@@ -363,12 +363,12 @@ def _below(root: Node, bits: int, done: Callable[[Node], bool]) -> list[Node]:
 def reverse(expression: Node, symbols: Sequence[Node]) -> list[Node]:
     """Partial derivatives of an expression by symbols, or by other nodes that no other of them
     contains, from its end to its beginning."""
-    g, wanted, bits = expression.graph, set(symbols), _bits(symbols)
+    g, variables, bits = expression.graph, set(symbols), _bits(symbols)
     adjoints: dict[Node, list[tuple[Node, float]]] = {expression: [(g.one, 1.0)]}
     totals: dict[Node, Node] = {}
     for node in reversed(_below(expression, bits, lambda n: False)):
         total = totals[node] = g.sum(adjoints.pop(node, []))
-        if node not in wanted:
+        if node not in variables:
             for child, slope in node.partials():
                 if child.symbols & bits:
                     adjoints.setdefault(child, []).append((total * slope, 1.0))

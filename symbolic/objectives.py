@@ -15,7 +15,7 @@ from dmoc.symbolic.continuous import Continuous
 from dmoc.symbolic.conversion import to_nodes
 from dmoc.symbolic.discrete import StepElement
 from dmoc.symbolic.expressions import atoms_of, expression_in, final_time, reference
-from dmoc.symbolic.hidden import with_hidden
+from dmoc.symbolic.hidden_unknowns import with_hidden
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
 from dmoc.symbolic.kinks import check_smooth, split
 from dmoc.symbolic.spec import Input, KernelSpec, Output
@@ -200,9 +200,9 @@ def check_objective(system: MechanicalSystem) -> None:
         check_smooth(value, f"integral {name!r}")
     parts = objective_of(system)
     check_smooth(parts.value, "the objective", kinks=True)
-    known = {TOTAL: system.integrals, PEAK: system.quantities, LARGEST: system.quantities}
+    names_by_kind = {TOTAL: system.integrals, PEAK: system.quantities, LARGEST: system.quantities}
     for part in sorted(parts.value.atoms(AppliedUndef), key=str):
-        names = known.get(part.func.__name__)
+        names = names_by_kind.get(part.func.__name__)
         if names is not None and part.args[0].name not in names:
             what = "an integral" if part.func.__name__ == TOTAL else "a quantity"
             raise ModelError(
@@ -217,7 +217,7 @@ def check_objective(system: MechanicalSystem) -> None:
                     f"the objective contains {atom} at the {end}: expected coordinates, "
                     "velocities and parameters."
                 )
-    kinds = (*known, START, END)
+    kinds = (*names_by_kind, START, END)
     references = {p for p in parts.value.atoms(AppliedUndef) if p.func.__name__ in kinds}
     rest = parts.value.xreplace({p: sp.Dummy() for p in references})
     for atom in sorted(atoms_of(rest) - {*system.parameters, final_time}, key=str):

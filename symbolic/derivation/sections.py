@@ -22,7 +22,7 @@ from dmoc.symbolic.derivation.discrete_sections import (
 )
 from dmoc.symbolic.derivation.document import Derivation
 from dmoc.symbolic.derivation.structure import (
-    Structure,
+    NamedStructure,
     is_large,
     pattern_sections,
     structure_sections,
@@ -52,7 +52,7 @@ def derive(system: MechanicalSystem, order: int = 2, expanded: bool = False) -> 
             *derivative_sections(element, names),
         ]
     else:
-        structure = Structure.of(system, f, names)
+        structure = NamedStructure.of(system, f, names)
         element = _readable_element(system, order, names, structure.opaque)
         in_names = (
             *discrete_sections(system, element, names),

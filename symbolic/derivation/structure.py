@@ -71,7 +71,7 @@ class Named(sp.Function):  # type: ignore[misc]
 
 
 @dataclass(frozen=True)
-class Structure:
+class NamedStructure:
     """A system with its functions on a graph, and the names that are given."""
 
     system: MechanicalSystem
@@ -84,7 +84,7 @@ class Structure:
     defined: list[tuple[Any, Any]]
 
     @classmethod
-    def of(cls, system: MechanicalSystem, f: Continuous, own: DisplayNames) -> Structure:
+    def of(cls, system: MechanicalSystem, f: Continuous, own: DisplayNames) -> NamedStructure:
         graph, defined = Graph(), _defined(f)
         symbols = (*f.q, *f.v, *f.u, f.t, *f.par, *(x for x, _ in defined))
         *named, L, R = f.as_nodes([*symbols, f.L, f.R], graph)
@@ -149,7 +149,7 @@ def _shown(right: Any) -> Any:
     return right.xreplace({e: e.symbol for e in right.atoms(Named)})
 
 
-def structure_sections(s: Structure) -> Iterator[Section]:
+def structure_sections(s: NamedStructure) -> Iterator[Section]:
     """Sections of what is continuous."""
     f, nodes, own = s.f, s.nodes, s.own
     names = [str(q) for q in f.q]
@@ -219,7 +219,7 @@ def _defined(f: Continuous) -> list[tuple[Any, Any]]:
     return made[::-1]
 
 
-def _force_section(s: Structure, names: Sequence[str], tex: Sequence[str]) -> Section:
+def _force_section(s: NamedStructure, names: Sequence[str], tex: Sequence[str]) -> Section:
     f, own = s.f, s.own
     forces: list[Equation] = []
     Q = f.Q
@@ -234,7 +234,7 @@ def _force_section(s: Structure, names: Sequence[str], tex: Sequence[str]) -> Se
     return Section("Virtual work and generalised forces", "delta W = Q . delta q.", tuple(forces))
 
 
-def _surface_section(s: Structure) -> Iterator[Section]:
+def _surface_section(s: NamedStructure) -> Iterator[Section]:
     """Gaps, and the entries of their gradients that are not zero."""
     if not s.f.g:
         return
@@ -255,7 +255,7 @@ def _surface_section(s: Structure) -> Iterator[Section]:
     )
 
 
-def pattern_sections(s: Structure, order: int, shown: StepElement) -> Iterator[Section]:
+def pattern_sections(s: NamedStructure, order: int, shown: StepElement) -> Iterator[Section]:
     """Where the derivatives of a step are not identically zero."""
     g = s.nodes.L.graph
     e = step_element(s.nodes, order, g.symbol, float)

@@ -20,7 +20,7 @@ class DisplayNames:
 
     def __init__(self, taken: Iterable[str]) -> None:
         self._taken = {form for name in taken for form in (name, latex_symbol(name))}
-        self._given: dict[tuple[str, str], str] = {}
+        self._names: dict[tuple[str, str], str] = {}
 
     @classmethod
     def beside(cls, system: MechanicalSystem) -> DisplayNames:
@@ -32,13 +32,13 @@ class DisplayNames:
     def __call__(self, usual: str, meaning: str) -> str:
         """Return the name of the quantity whose usual name and meaning are given, the same one
         each time."""
-        if (usual, meaning) not in self._given:
+        if (usual, meaning) not in self._names:
             name = usual
             while name in self._taken or latex_symbol(name) in self._taken:
                 name += MARK
             self._taken |= {name, latex_symbol(name)}
-            self._given[usual, meaning] = name
-        return self._given[usual, meaning]
+            self._names[usual, meaning] = name
+        return self._names[usual, meaning]
 
     def symbol(self, usual: str, meaning: str) -> Any:
         return sp.Symbol(self(usual, meaning))
@@ -46,7 +46,7 @@ class DisplayNames:
     @property
     def marked(self) -> list[str]:
         """The names given so far that are not the usual ones."""
-        return sorted(name for name in self._given.values() if name.endswith(MARK))
+        return sorted(name for name in self._names.values() if name.endswith(MARK))
 
 
 def latex_symbol(name: str) -> str:
