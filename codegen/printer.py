@@ -13,7 +13,7 @@ from typing import ClassVar
 from dmoc.base.errors import GenerationError
 from dmoc.codegen.schedule import MANY, Schedule, is_unit, schedule
 from dmoc.symbolic import graph
-from dmoc.symbolic.graph import Node
+from dmoc.symbolic.graph import GraphNode
 from dmoc.symbolic.spec import FunctionSpec, Input, KernelSpec, Output
 
 _SUM, _PRODUCT, _ATOM = 1, 2, 3  # how tightly a text binds
@@ -42,11 +42,11 @@ class Printer:
     component: ClassVar[str]  # of an input or output
     call: ClassVar[tuple[str, ...]]  # of a function of its own
 
-    def __init__(self, plan: Schedule, names: Mapping[Node, str]) -> None:
+    def __init__(self, plan: Schedule, names: Mapping[GraphNode, str]) -> None:
         self.plan, self.statements = plan, list[tuple[str, str]]()
         self._texts = {node: (name, _ATOM) for node, name in names.items()}
-        self._calls: dict[tuple[FunctionSpec, tuple[Node, ...]], str] = {}
-        self._terms: dict[Node, list[tuple[bool, str]]] = {}  # of sums without a name
+        self._calls: dict[tuple[FunctionSpec, tuple[GraphNode, ...]], str] = {}
+        self._terms: dict[GraphNode, list[tuple[bool, str]]] = {}  # of sums without a name
         self._values = 0
         self.constants = _long_numbers(plan)
         for node in plan.order:
@@ -57,10 +57,10 @@ class Printer:
     def name_of(cls, argument: Input | Output, i: int) -> str:
         return cls.component.format(name=argument.name, i=i)
 
-    def text(self, node: Node) -> str:
+    def text(self, node: GraphNode) -> str:
         return self._texts[node][0]
 
-    def _kept(self, node: Node) -> tuple[str, int]:
+    def _kept(self, node: GraphNode) -> tuple[str, int]:
         """What stands for a node: a name where several read it, or its text."""
         text, binds = self._print(node)
         if self.plan.uses[node] < 2 and node not in self.plan.definitions:
@@ -73,7 +73,7 @@ class Printer:
         self.statements.append((name, text))
         return name, _ATOM
 
-    def _print(self, node: Node) -> tuple[str, int]:
+    def _print(self, node: GraphNode) -> tuple[str, int]:
         if node.kind == graph.NUMBER:
             sign = "" if node.value >= 0 else "-"
             return sign + self._number(abs(node.value)), _SUM if sign else _ATOM
@@ -104,7 +104,7 @@ class Printer:
     def _number(self, magnitude: float) -> str:
         return self.constants.get(magnitude) or _number(magnitude)
 
-    def _sum(self, node: Node) -> tuple[str, int]:
+    def _sum(self, node: GraphNode) -> tuple[str, int]:
         terms: list[tuple[bool, str]] = []  # whether negative, magnitude
         if node.value:
             terms.append((node.value < 0, self._number(abs(node.value))))
@@ -121,7 +121,7 @@ class Printer:
         first = ("-" if terms[0][0] else "") + text[3:]
         return first, _PRODUCT if len(terms) == 1 and not terms[0][0] else _SUM
 
-    def _product(self, node: Node) -> tuple[str, int]:
+    def _product(self, node: GraphNode) -> tuple[str, int]:
         factors = self.plan.factors[node]
         if is_unit(node):
             (base,) = factors
@@ -136,11 +136,11 @@ class Printer:
             text += f"/{divisor}" if len(below) == 1 else f"/({divisor})"
         return text, _PRODUCT
 
-    def _divides(self, factor: Node) -> bool:
+    def _divides(self, factor: GraphNode) -> bool:
         """Whether it is the inverse of something, which nobody else needs."""
         return is_unit(factor) and factor.parts[0][1] == -1 and self.plan.uses[factor] == 1
 
-    def _result(self, node: Node) -> str:
+    def _result(self, node: GraphNode) -> str:
         function, place = self.plan.functions[node]
         key = function, node.parts
         if key not in self._calls:
@@ -156,7 +156,7 @@ class Printer:
             self.statements += [("", line) for line in lines]
         return f"d{self._calls[key]}[{place}]"
 
-    def _wrap(self, node: Node, at_least: int) -> str:
+    def _wrap(self, node: GraphNode, at_least: int) -> str:
         text, binds = self._texts[node]
         return text if binds >= at_least else f"({text})"
 

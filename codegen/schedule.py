@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from dmoc.symbolic.arrangement import with_common_factors
-from dmoc.symbolic.graph import PRODUCT, RESULT, Node
+from dmoc.symbolic.graph import PRODUCT, RESULT, GraphNode
 from dmoc.symbolic.pairs import Part, share_pairs
 from dmoc.symbolic.scalar import Scalar
 from dmoc.symbolic.spec import FunctionSpec, KernelSpec
@@ -26,23 +26,23 @@ class Schedule:
     """The values that ``results`` need; ``factors`` of products, each as often as it counts;
     ``definitions`` of symbols."""
 
-    results: tuple[Node, ...]
-    factors: Mapping[Node, Sequence[Node]]
-    definitions: Mapping[Node, Node]
+    results: tuple[GraphNode, ...]
+    factors: Mapping[GraphNode, Sequence[GraphNode]]
+    definitions: Mapping[GraphNode, GraphNode]
     specs: Sequence[FunctionSpec]
 
-    def operands(self, node: Node) -> Sequence[Node]:
+    def operands(self, node: GraphNode) -> Sequence[GraphNode]:
         if node in self.definitions:
             return (self.definitions[node],)
         return self.factors.get(node, node.children)
 
     @cached_property
-    def order(self) -> list[Node]:
+    def order(self) -> list[GraphNode]:
         """All nodes, operands first."""
         return in_order(self.results, self.operands)
 
     @cached_property
-    def uses(self) -> Counter[Node]:
+    def uses(self) -> Counter[GraphNode]:
         """How often a node is read; one that is several results is stored at once, where they are
         few."""
         uses = Counter(self.results if len(self.results) > MANY else dict.fromkeys(self.results, 1))
@@ -51,7 +51,7 @@ class Schedule:
         return uses
 
     @cached_property
-    def functions(self) -> dict[Node, tuple[FunctionSpec, int]]:
+    def functions(self) -> dict[GraphNode, tuple[FunctionSpec, int]]:
         """The function that gives a result, and its place there."""
         results = [n for n in self.order if n.kind == RESULT]
         orders = dict(_by_function(results).keys())
@@ -61,14 +61,16 @@ class Schedule:
 
 
 def schedule(
-    results: Sequence[Node], definitions: Mapping[Node, Node], specs: Iterable[FunctionSpec]
+    results: Sequence[GraphNode],
+    definitions: Mapping[GraphNode, GraphNode],
+    specs: Iterable[FunctionSpec],
 ) -> Schedule:
     """Arrange the computation of some nodes."""
     count = len(results)
     arranged = with_common_factors([*results, *definitions.values()])
     results = arranged[:count]
     definitions = dict(zip(definitions, arranged[count:], strict=True))
-    factors: dict[Node, list[Node]] = {}
+    factors: dict[GraphNode, list[GraphNode]] = {}
     waiting = [node for node in reached(arranged) if node.kind == PRODUCT]
     while waiting:
         node = waiting.pop()
@@ -81,19 +83,19 @@ def schedule(
     return Schedule(tuple(results), factors, definitions, tuple(specs))
 
 
-def _product_of(a: Node, b: Node, ratio: float, owners: Sequence[Node]) -> Part:
+def _product_of(a: GraphNode, b: GraphNode, ratio: float, owners: Sequence[GraphNode]) -> Part:
     if owners:
         return owners[0], 1.0
     parts = ((a, 2),) if a is b else ((a, 1), (b, 1))
     return a.graph.make(PRODUCT, None, parts), 1.0
 
 
-def is_unit(node: Node) -> bool:
+def is_unit(node: GraphNode) -> bool:
     """Whether a product is an inverse or a root, which are values of their own."""
     return node.kind == PRODUCT and len(node.parts) == 1 and node.parts[0][1] in (-1, 0.5)
 
 
-def _factors(node: Node) -> list[Node]:
+def _factors(node: GraphNode) -> list[GraphNode]:
     """The factors of a product, each with exponent 1; inverses, roots and powers as nodes."""
     if is_unit(node):
         return [node.parts[0][0]]
@@ -123,12 +125,12 @@ def functions_of(kernels: Iterable[KernelSpec]) -> list[FunctionSpec]:
     ]
 
 
-def _expressions(kernel: KernelSpec) -> list[Node]:
+def _expressions(kernel: KernelSpec) -> list[GraphNode]:
     values = [e for output in kernel.outputs for e in output.expressions]
     return [*values, *(e for _, e in kernel.definitions)]
 
 
-def _by_function(results: Iterable[Node]) -> dict[tuple[Scalar, int], list[tuple[int, ...]]]:
+def _by_function(results: Iterable[GraphNode]) -> dict[tuple[Scalar, int], list[tuple[int, ...]]]:
     """The derivatives of functions with the order of the highest one."""
     paths: dict[Scalar, list[tuple[int, ...]]] = {}
     for node in results:

@@ -6,28 +6,28 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from heapq import heapify, heappop, heappush
 
-from dmoc.symbolic.graph import PRODUCT, SUM, Node
+from dmoc.symbolic.graph import PRODUCT, SUM, GraphNode
 from dmoc.symbolic.pairs import Part, with_shared_sums
 from dmoc.symbolic.traversal import operations, reached
 
 
-def cheapest(ways: Iterable[list[list[Node]]]) -> list[list[Node]]:
+def cheapest(ways: Iterable[list[list[GraphNode]]]) -> list[list[GraphNode]]:
     """Of the ways to write some rows the one that takes fewest operations."""
     first, *others = ways
     return min((first, *others), key=_cost) if others else first
 
 
-def shared(rows: list[list[Node]]) -> list[list[Node]]:
+def shared(rows: list[list[GraphNode]]) -> list[list[GraphNode]]:
     """The same rows with sums that share what they have in common."""
     entries = iter(with_shared_sums([e for row in rows for e in row]))
     return [[next(entries) for _ in row] for row in rows]
 
 
-def _cost(rows: list[list[Node]]) -> int:
+def _cost(rows: list[list[GraphNode]]) -> int:
     return operations(with_common_factors([e for row in rows for e in row]))
 
 
-def flat(terms: Sequence[tuple[Node, Node]]) -> Node:
+def flat(terms: Sequence[tuple[GraphNode, GraphNode]]) -> GraphNode:
     """The sum of products of two nodes, of which the second may be a sum, as one sum."""
     parts: list[Part] = []
     for factor, value in terms:
@@ -37,13 +37,13 @@ def flat(terms: Sequence[tuple[Node, Node]]) -> Node:
     return terms[0][1].graph.sum(parts)
 
 
-def with_common_factors(results: Sequence[Node]) -> list[Node]:
+def with_common_factors(results: Sequence[GraphNode]) -> list[GraphNode]:
     """The same values, where sums have taken out what terms that nobody else needs share."""
     nodes = reached(results)
     uses = Counter(results)
     for node in nodes:
         uses.update(node.children)
-    new: dict[Node, Node] = {}
+    new: dict[GraphNode, GraphNode] = {}
     for node in nodes:
         if node.kind != SUM or len(node.parts) < 2:
             new[node] = node.rebuilt(new)
@@ -55,7 +55,7 @@ def with_common_factors(results: Sequence[Node]) -> list[Node]:
     return [new[r] for r in results]
 
 
-def _opened(node: Node, uses: Counter[Node]) -> tuple[list[Part], float]:
+def _opened(node: GraphNode, uses: Counter[GraphNode]) -> tuple[list[Part], float]:
     """The terms of a sum and its constant, and those of sums in it that nobody else needs."""
     terms, constant = [], node.value
     for n, c in node.parts:
@@ -74,7 +74,7 @@ def _factored(terms: Sequence[Part]) -> list[Part]:
     if len(terms) < 2:
         return [*map(_plain, terms)]
     products, taken = dict(enumerate(map(_plain, terms))), list[Part]()
-    owners: defaultdict[tuple[Node, int], list[int]] = defaultdict(list)
+    owners: defaultdict[tuple[GraphNode, int], list[int]] = defaultdict(list)
     for i, (node, _) in products.items():
         if node.kind == PRODUCT:
             for n, e in node.parts:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from dmoc.symbolic.contact_kernels import at_speeds
-from dmoc.symbolic.continuous import Continuous, dot, rates, total
+from dmoc.symbolic.continuous import Continuous, dot, rates, sum_of
 from dmoc.symbolic.graph import gradient
 from dmoc.symbolic.kernel_family import contracted
 from dmoc.symbolic.spec import Input
@@ -46,7 +46,7 @@ def equations_of_forces(f: Continuous, supports: Sequence[int | None]) -> list[A
     a, forces = f.y[:n], f.y[n:]
     signs = [-1] * len(f.g) + [1] * (len(f.tau) + len(f.phi))
     pushed = gradient(
-        total(s * force * p for s, force, p in zip(signs, forces, places, strict=True)), f.q
+        sum_of(s * force * p for s, force, p in zip(signs, forces, places, strict=True)), f.q
     )
     bent = [
         dot(gradient(r, f.q), f.v) + dot(gradient(r, f.v), a) + r.diff(f.t)

@@ -12,10 +12,10 @@ from dmoc.symbolic.continuous import (
     impact_work,
     mass_matrix,
     rates,
-    total,
+    sum_of,
 )
 from dmoc.symbolic.expressions import sliding_speed
-from dmoc.symbolic.graph import RELATION, Node, gradient
+from dmoc.symbolic.graph import RELATION, GraphNode, gradient
 from dmoc.symbolic.kernel_family import family, state_inputs
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
@@ -163,7 +163,7 @@ def _dragging(
     inputs = (q, around, slopes, length, *more, N, t)
     rates = tuple((v, dot(slopes.symbols, around.symbols[i::n]) / h) for i, v in enumerate(f.v))
 
-    def chain(partial: Callable[[Sequence[Node]], list[Node]]) -> list[Node]:
+    def chain(partial: Callable[[Sequence[GraphNode]], list[GraphNode]]) -> list[GraphNode]:
         own = [s for i in inputs for s in i.symbols]
         by = dict(zip(own, (every := partial([*own, *f.v])), strict=False))
         pulls = [slope / h for slope in every[len(own) :]]
@@ -254,6 +254,6 @@ def _turns(f: Continuous, start: tuple[Input, Input], end: tuple[Input, Input]) 
     masses = [_at(f, row[i], start) for i, row in enumerate(mass_matrix(f))]
     slopes = [gradient(phi, f.q) for phi in f.phi]
     return [
-        total(_at(f, s, start) * _at(f, s, end) / m for s, m in zip(row, masses, strict=True))
+        sum_of(_at(f, s, start) * _at(f, s, end) / m for s, m in zip(row, masses, strict=True))
         for row in slopes
     ]

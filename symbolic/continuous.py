@@ -20,7 +20,7 @@ from dmoc.symbolic.conversion import plain_nodes, to_nodes
 from dmoc.symbolic.definitions import rate_of, rate_symbol, symbols_of
 from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.expressions import approach_speed, atoms_of, coefficients_of, sliding_speed
-from dmoc.symbolic.graph import Graph, Node, gradient
+from dmoc.symbolic.graph import Graph, GraphNode, gradient
 from dmoc.symbolic.kinks import split
 
 if TYPE_CHECKING:
@@ -156,8 +156,11 @@ class Continuous:
         return _table(system, self.q, self.v, self.u, self.t, self.par, self.x, self.x_dot)
 
     def as_nodes(
-        self, functions: Sequence[Any], graph: Graph, constants: Mapping[Any, Node] | None = None
-    ) -> list[Node]:
+        self,
+        functions: Sequence[Any],
+        graph: Graph,
+        constants: Mapping[Any, GraphNode] | None = None,
+    ) -> list[GraphNode]:
         """More functions in these symbols as nodes, and those of some constants, which are exact
         then."""
         speeds = approach_speed, sliding_speed
@@ -237,13 +240,13 @@ def jacobian(expressions: Sequence[Any], symbols: Sequence[Any]) -> list[list[An
 
 
 def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    return total(x * y for x, y in zip(a, b, strict=True))
+    return sum_of(x * y for x, y in zip(a, b, strict=True))
 
 
-def total(terms: Iterable[Any]) -> Any:
+def sum_of(terms: Iterable[Any]) -> Any:
     """The sum of nodes, or of expressions of SymPy."""
     terms = list(terms)
-    if terms and isinstance(terms[0], Node):
+    if terms and isinstance(terms[0], GraphNode):
         return terms[0].graph.sum((term, 1.0) for term in terms)
     return sp.Add(*terms) if all(isinstance(term, sp.Basic) for term in terms) else sum(terms)
 

@@ -11,7 +11,7 @@ from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import Boolean
 
 from dmoc.base.errors import GenerationError
-from dmoc.symbolic.graph import JUNCTION, RELATION, Graph, Node
+from dmoc.symbolic.graph import JUNCTION, RELATION, Graph, GraphNode
 from dmoc.symbolic.pairs import with_shared_sums
 from dmoc.symbolic.slopes import SLOPES
 
@@ -24,16 +24,20 @@ PLAIN = (sp.Add, sp.Mul, sp.Pow, sp.Symbol, sp.exp, sp.Piecewise, Boolean, sp.Ra
 FUNCTIONS = frozenset(SLOPES) - {"pow", "exp"}
 
 
-def to_nodes(graph: Graph, expressions: Sequence[Any], table: Mapping[Any, Node]) -> list[Node]:
+def to_nodes(
+    graph: Graph, expressions: Sequence[Any], table: Mapping[Any, GraphNode]
+) -> list[GraphNode]:
     """Expressions of SymPy as nodes; ``table`` has the nodes of their symbols."""
     return with_shared_sums(plain_nodes(graph, expressions, table))
 
 
-def plain_nodes(graph: Graph, expressions: Sequence[Any], table: Mapping[Any, Node]) -> list[Node]:
+def plain_nodes(
+    graph: Graph, expressions: Sequence[Any], table: Mapping[Any, GraphNode]
+) -> list[GraphNode]:
     """The same, with sums as SymPy writes them."""
-    made: dict[Any, Node] = dict(table)
+    made: dict[Any, GraphNode] = dict(table)
 
-    def convert(e: Any) -> Node:
+    def convert(e: Any) -> GraphNode:
         node = made.get(e)
         if node is None:
             node = made[e] = _converted(graph, e, convert)
@@ -42,7 +46,7 @@ def plain_nodes(graph: Graph, expressions: Sequence[Any], table: Mapping[Any, No
     return [convert(_checked(e)) for e in expressions]
 
 
-def _converted(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
+def _converted(g: Graph, e: Any, convert: Callable[[Any], GraphNode]) -> GraphNode:
     if isinstance(e, sp.Expr) and e.is_number:
         value = _constant(e)
         if value is not None:
@@ -79,8 +83,8 @@ def _constant(e: Any) -> float | None:
     return float(value)
 
 
-def _choice(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
-    parts: list[Node] = []
+def _choice(g: Graph, e: Any, convert: Callable[[Any], GraphNode]) -> GraphNode:
+    parts: list[GraphNode] = []
     for value, condition in e.args:
         if condition is sp.true:
             return g.choice([*parts, convert(value)])
@@ -89,10 +93,10 @@ def _choice(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
     raise GenerationError(f"the Piecewise {e} has no value elsewhere: end it with (value, True).")
 
 
-def _kink(g: Graph, e: Any, convert: Callable[[Any], Node]) -> Node:
+def _kink(g: Graph, e: Any, convert: Callable[[Any], GraphNode]) -> GraphNode:
     """A function with a kink as a choice, which can be differentiated."""
 
-    def relation(a: Node, sign: str, b: Node) -> Node:
+    def relation(a: GraphNode, sign: str, b: GraphNode) -> GraphNode:
         return g.make(RELATION, sign, (a, b))
 
     first, *others = (convert(a) for a in e.args)

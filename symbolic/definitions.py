@@ -13,7 +13,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from dmoc.base.errors import ModelError
 from dmoc.base.names import name_of
 from dmoc.symbolic.expressions import atoms_of
-from dmoc.symbolic.graph import SUM, Node
+from dmoc.symbolic.graph import SUM, GraphNode
 from dmoc.symbolic.kinks import check_smooth
 from dmoc.symbolic.traversal import reached
 
@@ -111,7 +111,7 @@ def written_out(system: MechanicalSystem) -> MechanicalSystem:
     return replace(system, definitions={}, drawing=(), **fields)
 
 
-def rate_of(node: Node, rates: dict[Node, Node]) -> Node:
+def rate_of(node: GraphNode, rates: dict[GraphNode, GraphNode]) -> GraphNode:
     """The derivative of a node along the motion; ``rates`` are those of symbols, and of all nodes
     once they are asked for."""
     g = node.graph

@@ -33,7 +33,7 @@ import sympy as sp
 
 from dmoc.base.discretisation import DISCRETISATIONS, known_order
 from dmoc.symbolic.arrangement import flat
-from dmoc.symbolic.continuous import Continuous, dot, total
+from dmoc.symbolic.continuous import Continuous, dot, sum_of
 from dmoc.symbolic.graph import gradient
 
 
@@ -131,7 +131,7 @@ class StepElement:
         return [flat(self._parts(by.__getitem__, i)) for i in range(len(self.x_k))]
 
     def _total(self, by: Callable[[Any], Any], i: int) -> Any:
-        return total(factor * value for factor, value in self._parts(by, i))
+        return sum_of(factor * value for factor, value in self._parts(by, i))
 
     def _parts(self, by: Callable[[Any], Any], i: int) -> list[tuple[Any, Any]]:
         """What the total derivative by ``x_k[i]`` is the sum of: factors and partial
@@ -185,7 +185,7 @@ class StepElement:
             @cache
             def by(b: Any) -> Any:
                 own = [c * second(a, b) for c, a in parts]
-                return total(own + [c.diff(b) * first(a) for c, a in parts if c.has(b)])
+                return sum_of(own + [c.diff(b) * first(a) for c, a in parts if c.has(b)])
 
             return [self._total(by, j) for j in range(i, len(self.x_k))]
 
@@ -193,7 +193,7 @@ class StepElement:
 
     def _sum(self, value: Callable[[QuadraturePoint], Any]) -> Any:
         """h sum_i b_i value_i."""
-        return total(self.h * p.b * value(p) for p in self.points)
+        return sum_of(self.h * p.b * value(p) for p in self.points)
 
     @cached_property
     def L_d(self) -> Any:

@@ -33,7 +33,7 @@ from dmoc.symbolic.continuous import (
 from dmoc.symbolic.design import SHOWN, check_design
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
-from dmoc.symbolic.graph import Graph, Node, gradient, reverse
+from dmoc.symbolic.graph import Graph, GraphNode, gradient, reverse
 from dmoc.symbolic.hidden_unknowns import hidden_facts, hidden_kernels, hidden_names
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
 from dmoc.symbolic.kinks import split
@@ -334,7 +334,7 @@ def _feasibility_kernels(f: Continuous) -> list[KernelSpec]:
     times = [e.h / 2 + first_root(*approach(g, f, a.symbols, half_way)) for g in f.g]
     inputs = (Input("q_k", e.q_k), Input("q_kp1", e.q_kp1), Input("h", (e.h,)), q_c, a)
 
-    def chain(partial: Callable[[Sequence[Node]], list[Node]]) -> list[Node]:
+    def chain(partial: Callable[[Sequence[GraphNode]], list[GraphNode]]) -> list[GraphNode]:
         own = (*q_c.symbols, *a.symbols)
         slopes = partial((*e.symbols, *own))
         of_step = e.chain(lambda symbols: slopes[: len(symbols)])

@@ -4,8 +4,8 @@ A sum holds a constant and its terms with coefficients, a product its factors wi
 merge equal parts when they are made, so that what cancels is gone.  A sum inside a sum stays what
 it is, because others may use it.  Nodes are numbered in the order in which they are made, so that
 an expression comes after its parts.  :func:`reverse` differentiates one expression by all symbols
-at once, at a few times its own size; :meth:`Node.diff` differentiates by one symbol, and whoever
-asks again finds what was there.
+at once, at a few times its own size; :meth:`GraphNode.diff` differentiates by one symbol, and
+whoever asks again finds what was there.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from dmoc.symbolic.slopes import SLOPES
 if TYPE_CHECKING:
     from dmoc.symbolic.scalar import Scalar
 
-Operand: TypeAlias = "Node | float"
+Operand: TypeAlias = "GraphNode | float"
 
 NUMBER, SYMBOL, SUM, PRODUCT, CALL, CHOICE, RELATION, JUNCTION, RESULT = range(9)
 
 
-class Node:
+class GraphNode:
     """An expression.
 
     ``kind`` says what ``parts`` are: of a sum (node, coefficient), of a product (node, exponent),
@@ -44,26 +44,26 @@ class Node:
     def __init__(self, graph: Graph, number: int, kind: int, value: Any, parts: Any) -> None:
         self.graph, self.number, self.kind = graph, number, kind
         self.value, self.parts = value, parts
-        self.children: Sequence[Node] = (
+        self.children: Sequence[GraphNode] = (
             [node for node, _ in parts] if kind in (SUM, PRODUCT) else parts
         )
         self.symbols = _bits(self.children)  # bits of the symbols that it depends on
-        self._slopes: dict[Node, Node] = {}  # derivatives by symbols
-        self._partials: list[tuple[Node, Node]] | None = None  # and by children
+        self._slopes: dict[GraphNode, GraphNode] = {}  # derivatives by symbols
+        self._partials: list[tuple[GraphNode, GraphNode]] | None = None  # and by children
 
-    def __add__(self, other: Operand) -> Node:
+    def __add__(self, other: Operand) -> GraphNode:
         return self.graph.sum([(self, 1.0), (self.graph.node(other), 1.0)])
 
-    def __sub__(self, other: Operand) -> Node:
+    def __sub__(self, other: Operand) -> GraphNode:
         return self.graph.sum([(self, 1.0), (self.graph.node(other), -1.0)])
 
-    def __rsub__(self, other: Operand) -> Node:
+    def __rsub__(self, other: Operand) -> GraphNode:
         return self.graph.sum([(self.graph.node(other), 1.0), (self, -1.0)])
 
-    def __neg__(self) -> Node:
+    def __neg__(self) -> GraphNode:
         return self.graph.sum([(self, -1.0)])
 
-    def __mul__(self, other: Operand) -> Node:
+    def __mul__(self, other: Operand) -> GraphNode:
         g, other = self.graph, self.graph.node(other)
         if self is g.one or other is g.zero:
             return other
@@ -71,13 +71,13 @@ class Node:
             return self
         return g.product([(self, 1), (other, 1)])
 
-    def __truediv__(self, other: Operand) -> Node:
+    def __truediv__(self, other: Operand) -> GraphNode:
         return self.graph.product([(self, 1), (self.graph.node(other), -1)])
 
-    def __rtruediv__(self, other: Operand) -> Node:
+    def __rtruediv__(self, other: Operand) -> GraphNode:
         return self.graph.product([(self.graph.node(other), 1), (self, -1)])
 
-    def __pow__(self, exponent: Operand) -> Node:
+    def __pow__(self, exponent: Operand) -> GraphNode:
         return self.graph.power(self, exponent)
 
     __radd__, __rmul__ = __add__, __mul__
@@ -85,20 +85,20 @@ class Node:
     def __repr__(self) -> str:
         if self.kind == SYMBOL:
             return str(self.value)
-        return f"<Node {self.number}: {self.value} of {len(self.parts)} parts>"
+        return f"<GraphNode {self.number}: {self.value} of {len(self.parts)} parts>"
 
     @property
-    def free_symbols(self) -> set[Node]:
+    def free_symbols(self) -> set[GraphNode]:
         return {s for i, s in enumerate(self.graph.symbols) if self.symbols >> i & 1}
 
-    def subs(self, new: Mapping[Node, Node]) -> Node:
+    def subs(self, new: Mapping[GraphNode, GraphNode]) -> GraphNode:
         """The same expression of other nodes in the place of symbols, or of some nodes."""
         made = dict(new)
         for node in _below(self, _bits(new), lambda n: n in made):
             made[node] = node.rebuilt(made)
         return made.get(self, self)
 
-    def rebuilt(self, new: Mapping[Node, Node]) -> Node:
+    def rebuilt(self, new: Mapping[GraphNode, GraphNode]) -> GraphNode:
         """The same expression of other parts, where there are others."""
         g = self.graph
         if all(new.get(n, n) is n for n in self.children):
@@ -114,13 +114,13 @@ class Node:
             return g.choice(parts)
         return g.make(self.kind, self.value, tuple(parts))
 
-    def diff(self, symbol: Node) -> Node:
+    def diff(self, symbol: GraphNode) -> GraphNode:
         """Partial derivative by a symbol."""
         for node in _below(self, symbol.symbols, lambda n: symbol in n._slopes):
             node._slopes[symbol] = node._slope(symbol)
         return self._slopes.get(symbol, self.graph.zero)
 
-    def _slope(self, symbol: Node) -> Node:
+    def _slope(self, symbol: GraphNode) -> GraphNode:
         g, bit = self.graph, symbol.symbols
         if self is symbol:
             return g.one
@@ -128,13 +128,13 @@ class Node:
             return g.sum((n._slopes[symbol], c) for n, c in self.parts if n.symbols & bit)
         return g.sum((p * n._slopes[symbol], 1.0) for n, p in self.partials() if n.symbols & bit)
 
-    def partials(self) -> list[tuple[Node, Node]]:
+    def partials(self) -> list[tuple[GraphNode, GraphNode]]:
         """Its partial derivatives by its children."""
         if self._partials is None:
             self._partials = list(self._by_children())
         return self._partials
 
-    def _by_children(self) -> Iterator[tuple[Node, Node]]:
+    def _by_children(self) -> Iterator[tuple[GraphNode, GraphNode]]:
         g = self.graph
         if self.kind == SUM:
             for child, coefficient in self.parts:
@@ -160,38 +160,38 @@ class Node:
 class Graph:
     """The nodes of expressions that belong together."""
 
-    symbols: list[Node] = field(default_factory=list)
-    _nodes: dict[tuple[Any, ...], Node] = field(default_factory=dict)
+    symbols: list[GraphNode] = field(default_factory=list)
+    _nodes: dict[tuple[Any, ...], GraphNode] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.zero, self.one = self.node(0.0), self.node(1.0)
 
-    def make(self, kind: int, value: Any, parts: tuple[Any, ...] = ()) -> Node:
+    def make(self, kind: int, value: Any, parts: tuple[Any, ...] = ()) -> GraphNode:
         key = (kind, value, parts)
         node = self._nodes.get(key)
         if node is None:
             if kind == SUM:
                 _check_finite(value, *(coefficient for _, coefficient in parts))
-            node = self._nodes[key] = Node(self, len(self._nodes), kind, value, parts)
+            node = self._nodes[key] = GraphNode(self, len(self._nodes), kind, value, parts)
         return node
 
-    def node(self, value: Operand) -> Node:
+    def node(self, value: Operand) -> GraphNode:
         """A number as a node; a node as it is."""
-        if isinstance(value, Node):
+        if isinstance(value, GraphNode):
             return value
         _check_finite(value)
         return self.make(NUMBER, float(value) + 0.0)
 
-    def symbol(self, name: str) -> Node:
+    def symbol(self, name: str) -> GraphNode:
         node = self.make(SYMBOL, name)
         if not node.symbols:
             node.symbols = 1 << len(self.symbols)
             self.symbols.append(node)
         return node
 
-    def sum(self, terms: Iterable[tuple[Node, float]], constant: float = 0.0) -> Node:
+    def sum(self, terms: Iterable[tuple[GraphNode, float]], constant: float = 0.0) -> GraphNode:
         """The sum of nodes times coefficients."""
-        merged: dict[Node, float] = {}
+        merged: dict[GraphNode, float] = {}
         for node, coefficient in terms:
             if node.kind == NUMBER:
                 constant += coefficient * node.value
@@ -215,10 +215,10 @@ class Graph:
         plain = self.make(SUM, constant / scale + 0.0, tuple((n, c / scale) for n, c in parts))
         return plain if scale == 1 else self.make(SUM, 0.0, ((plain, scale),))
 
-    def product(self, factors: Iterable[tuple[Node, float]]) -> Node:
+    def product(self, factors: Iterable[tuple[GraphNode, float]]) -> GraphNode:
         """The product of nodes with numbers as exponents."""
         coefficient = 1.0
-        merged: dict[Node, float] = {}
+        merged: dict[GraphNode, float] = {}
         waiting = list(factors)[::-1]
         while waiting:
             node, e = waiting.pop()
@@ -244,7 +244,7 @@ class Graph:
             return self.make(SUM, 0.0, ((node, coefficient),))
         return node if coefficient == 1 else self.sum([(node, coefficient)])
 
-    def divided(self, product: Node, factor: Node, sign: int) -> Node:
+    def divided(self, product: GraphNode, factor: GraphNode, sign: int) -> GraphNode:
         """A product without one of its factors, to the power 1 or -1, that it has at least."""
         parts = tuple(
             (n, e - sign if n is factor else e)
@@ -254,13 +254,13 @@ class Graph:
         alone = len(parts) == 1 and parts[0][1] == 1
         return parts[0][0] if alone else self.make(PRODUCT, None, parts) if parts else self.one
 
-    def power(self, base: Node, exponent: Operand) -> Node:
-        if isinstance(exponent, Node) and exponent.kind != NUMBER:
+    def power(self, base: GraphNode, exponent: Operand) -> GraphNode:
+        if isinstance(exponent, GraphNode) and exponent.kind != NUMBER:
             return self.apply("pow", base, exponent)
-        e = exponent.value if isinstance(exponent, Node) else float(exponent)
+        e = exponent.value if isinstance(exponent, GraphNode) else float(exponent)
         return self.product([(base, int(e) if e == int(e) else e)])
 
-    def apply(self, function: str, *arguments: Node) -> Node:
+    def apply(self, function: str, *arguments: GraphNode) -> GraphNode:
         """A function of nodes; of numbers it is a number."""
         if function not in SLOPES:
             raise GenerationError(f"the function {function} has no derivative here.")
@@ -276,27 +276,29 @@ class Graph:
                 ) from None
         return self.make(CALL, function, arguments)
 
-    def choice(self, parts: Sequence[Node]) -> Node:
+    def choice(self, parts: Sequence[GraphNode]) -> GraphNode:
         """The first value whose condition holds, or the last one."""
         same = all(value is parts[-1] for value in parts[::2])
         return parts[-1] if same else self.make(CHOICE, None, tuple(parts))
 
-    def result(self, function: Scalar, path: tuple[int, ...], arguments: tuple[Node, ...]) -> Node:
+    def result(
+        self, function: Scalar, path: tuple[int, ...], arguments: tuple[GraphNode, ...]
+    ) -> GraphNode:
         """A function, or a derivative of it, at arguments."""
         if function.derivative(path) is self.zero:
             return self.zero
         return self.make(RESULT, (function, path), arguments)
 
 
-def _cancel(terms: dict[Node, float]) -> float:
+def _cancel(terms: dict[GraphNode, float]) -> float:
     """Open the sums among terms of which a part cancels another term, or a part of another one;
     return their constants."""
     sums = [n for n in terms if n.kind == SUM]
     if not sums:
         return 0.0
-    seen: dict[Node, float] = dict(terms)
-    opened: dict[Node, None] = {}
-    sources: dict[Node, list[Node]] = {}
+    seen: dict[GraphNode, float] = dict(terms)
+    opened: dict[GraphNode, None] = {}
+    sources: dict[GraphNode, list[GraphNode]] = {}
     for node in sums:
         for part, c in node.parts:
             value = terms[node] * c
@@ -314,7 +316,7 @@ def _cancel(terms: dict[Node, float]) -> float:
     return constant
 
 
-def _number(part: tuple[Node, float]) -> int:
+def _number(part: tuple[GraphNode, float]) -> int:
     return part[0].number
 
 
@@ -341,16 +343,16 @@ def _check_finite(*constants: float) -> None:
             )
 
 
-def _bits(symbols: Iterable[Node]) -> int:
+def _bits(symbols: Iterable[GraphNode]) -> int:
     bits = 0
     for s in symbols:
         bits |= s.symbols
     return bits
 
 
-def _below(root: Node, bits: int, done: Callable[[Node], bool]) -> list[Node]:
+def _below(root: GraphNode, bits: int, done: Callable[[GraphNode], bool]) -> list[GraphNode]:
     """What a node is made of that depends on symbols and is not done, parts first."""
-    open_nodes: set[Node] = set()
+    open_nodes: set[GraphNode] = set()
     waiting = [root]
     while waiting:
         node = waiting.pop()
@@ -360,12 +362,12 @@ def _below(root: Node, bits: int, done: Callable[[Node], bool]) -> list[Node]:
     return sorted(open_nodes, key=lambda n: n.number)
 
 
-def reverse(expression: Node, symbols: Sequence[Node]) -> list[Node]:
+def reverse(expression: GraphNode, symbols: Sequence[GraphNode]) -> list[GraphNode]:
     """Partial derivatives of an expression by symbols, or by other nodes that no other of them
     contains, from its end to its beginning."""
     g, variables, bits = expression.graph, set(symbols), _bits(symbols)
-    adjoints: dict[Node, list[tuple[Node, float]]] = {expression: [(g.one, 1.0)]}
-    totals: dict[Node, Node] = {}
+    adjoints: dict[GraphNode, list[tuple[GraphNode, float]]] = {expression: [(g.one, 1.0)]}
+    totals: dict[GraphNode, GraphNode] = {}
     for node in reversed(_below(expression, bits, lambda n: False)):
         total = totals[node] = g.sum(adjoints.pop(node, []))
         if node not in variables:
@@ -377,6 +379,6 @@ def reverse(expression: Node, symbols: Sequence[Node]) -> list[Node]:
 
 def gradient(expression: Any, symbols: Sequence[Any]) -> list[Any]:
     """Partial derivatives of a node, or of an expression of SymPy."""
-    if isinstance(expression, Node):
+    if isinstance(expression, GraphNode):
         return reverse(expression, symbols)
     return [expression.diff(s) for s in symbols]

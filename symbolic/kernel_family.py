@@ -8,7 +8,7 @@ from typing import Any
 
 from dmoc.symbolic.arrangement import cheapest, shared
 from dmoc.symbolic.continuous import Continuous, dot
-from dmoc.symbolic.graph import RESULT, Node, reverse
+from dmoc.symbolic.graph import RESULT, GraphNode, reverse
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 from dmoc.symbolic.traversal import operations, reached
 
@@ -20,7 +20,7 @@ DESIGN = "_design"
 
 # The derivatives of an expression by all components, from its partial derivatives: a function that
 # takes those by the symbols that it is given.
-Chain = Callable[[Callable[[Sequence[Node]], list[Node]]], list[Node]]
+Chain = Callable[[Callable[[Sequence[GraphNode]], list[GraphNode]]], list[GraphNode]]
 
 
 def state_inputs(f: Continuous) -> tuple[Input, Input, Input, Input, Input]:
@@ -69,7 +69,7 @@ def family(
     values = tuple(Output.vector(a, v) for a, v in outputs.items())
     specs = [KernelSpec(name, summary, arguments, values, definitions)]
     specs += _derivatives(specs[0], outputs, ways, size, f"({listed})", second)
-    free = set[Node]().union(*(e.free_symbols for v in outputs.values() for e in v))
+    free = set[GraphNode]().union(*(e.free_symbols for v in outputs.values() for e in v))
     if second and free & set(par.design):
         wider = {way: with_more(way, par.design) for way in ways}
         both, size = (wider[ways[0]], wider[ways[1]]), size + len(par.design)
@@ -79,7 +79,7 @@ def family(
     return specs
 
 
-def with_more(way: Chain, more: Sequence[Node]) -> Chain:
+def with_more(way: Chain, more: Sequence[GraphNode]) -> Chain:
     """Derivatives by some more symbols behind the others."""
     return lambda partial: [*way(partial), *partial(more)]
 
@@ -112,15 +112,15 @@ def _derivatives(
     return specs
 
 
-def _forward(expression: Node) -> Callable[[Sequence[Node]], list[Node]]:
+def _forward(expression: GraphNode) -> Callable[[Sequence[GraphNode]], list[GraphNode]]:
     return lambda symbols: [expression.diff(s) for s in symbols]
 
 
-def _backward(expression: Node) -> Callable[[Sequence[Node]], list[Node]]:
+def _backward(expression: GraphNode) -> Callable[[Sequence[GraphNode]], list[GraphNode]]:
     return lambda symbols: reverse(expression, symbols)
 
 
-def _second(total: Node, chain: Chain, spread: Chain) -> list[list[Node]]:
+def _second(total: GraphNode, chain: Chain, spread: Chain) -> list[list[GraphNode]]:
     """Upper triangle of the second derivatives."""
     whole, zero = contracted(total), total.graph.zero
     ways = [(spread, _backward), (chain, _forward)] if whole is total else [(spread, _backward)]
@@ -130,7 +130,7 @@ def _second(total: Node, chain: Chain, spread: Chain) -> list[list[Node]]:
     )
 
 
-def contracted(total: Node) -> Node:
+def contracted(total: GraphNode) -> GraphNode:
     """The same sum, linear in the slopes of functions: their weighted sum is a function of its own,
     which has second derivatives where its parts had third ones."""
     results = [n for n in reached([total]) if n.kind == RESULT]

@@ -8,26 +8,27 @@ from heapq import heappop, heappush
 from itertools import combinations
 from typing import TypeAlias
 
-from dmoc.symbolic.graph import SUM, Node, is_normal
+from dmoc.symbolic.graph import SUM, GraphNode, is_normal
 from dmoc.symbolic.traversal import in_order, reached
 
-Part: TypeAlias = tuple[Node, float]
+Part: TypeAlias = tuple[GraphNode, float]
 
 # Terms that several sums share all at once: of more, the pairs would be thousands.
 MANY = 40
 
 
 def share_pairs(
-    parts: dict[Node, list[Part]], combined: Callable[[Node, Node, float, Sequence[Node]], Part]
+    parts: dict[GraphNode, list[Part]],
+    combined: Callable[[GraphNode, GraphNode, float, Sequence[GraphNode]], Part],
 ) -> None:
     """Replace pairs of parts (a, w), (b, w ratio) that several owners have by one part, those that
     most have first; ``combined(a, b, ratio, owners)`` is the node that stands for (a, 1) and
     (b, ratio), and its weight, where these owners have no other parts."""
-    nodes: dict[int, Node] = {}
-    owners: dict[tuple[int, int, float], set[Node]] = defaultdict(set)
+    nodes: dict[int, GraphNode] = {}
+    owners: dict[tuple[int, int, float], set[GraphNode]] = defaultdict(set)
     heap: list[tuple[int, int, int, float]] = []
 
-    def enter(owner: Node, x: Part, y: Part) -> None:
+    def enter(owner: GraphNode, x: Part, y: Part) -> None:
         (a, weight), (b, other) = (x, y) if x[0].number <= y[0].number else (y, x)
         ratio = other / weight
         if not is_normal(ratio) or not is_normal(weight / other):
@@ -39,7 +40,7 @@ def share_pairs(
             heappush(heap, (-len(owners[key]), *key))
 
     # What one owner has alone is in no pair that others have.
-    owners_of: dict[Node, dict[Node, None]] = defaultdict(dict)
+    owners_of: dict[GraphNode, dict[GraphNode, None]] = defaultdict(dict)
     for owner, own in parts.items():
         for n, _ in own:
             owners_of[n][owner] = None
@@ -47,7 +48,7 @@ def share_pairs(
     def shared(own: Sequence[Part]) -> list[Part]:
         return [part for part in own if len(owners_of[part[0]]) > 1]
 
-    def give(node: Node, new: Sequence[Node]) -> None:
+    def give(node: GraphNode, new: Sequence[GraphNode]) -> None:
         before = [*owners_of[node]]
         owners_of[node].update(dict.fromkeys(new))
         if len(before) == 1 < len(owners_of[node]):
@@ -87,21 +88,21 @@ def share_pairs(
         owners[key] = {node}
 
 
-def _place(own: Sequence[Part], node: Node) -> int:
+def _place(own: Sequence[Part], node: GraphNode) -> int:
     for i, (n, _) in enumerate(own):
         if n is node:
             return i
     return -1
 
 
-def _has(own: Sequence[Part], a: Node, b: Node, ratio: float) -> bool:
+def _has(own: Sequence[Part], a: GraphNode, b: GraphNode, ratio: float) -> bool:
     i = _place(own, a)
     rest = [*own[:i], *own[i + 1 :]] if i >= 0 else []
     j = _place(rest, b)
     return j >= 0 and rest[j][1] / own[i][1] == ratio
 
 
-def with_shared_sums(results: Sequence[Node]) -> list[Node]:
+def with_shared_sums(results: Sequence[GraphNode]) -> list[GraphNode]:
     """The same expressions with nested sums: SymPy writes them as flat ones."""
     parts = {
         node: list(node.parts)
@@ -110,7 +111,7 @@ def with_shared_sums(results: Sequence[Node]) -> list[Node]:
     }
     _share_bundles(parts)
     share_pairs(parts, _sum_of)
-    new: dict[Node, Node] = {}
+    new: dict[GraphNode, GraphNode] = {}
     for node in in_order(results, lambda n: [p for p, _ in parts[n]] if n in parts else n.children):
         new[node] = (
             node.graph.sum([(new[n], c) for n, c in parts[node]], node.value)
@@ -120,9 +121,9 @@ def with_shared_sums(results: Sequence[Node]) -> list[Node]:
     return [new[r] for r in results]
 
 
-def _share_bundles(parts: dict[Node, list[Part]]) -> None:
+def _share_bundles(parts: dict[GraphNode, list[Part]]) -> None:
     """Replace many terms that the same sums have in the same ratios by one, at once."""
-    owners: dict[Node, list[Part]] = defaultdict(list)
+    owners: dict[GraphNode, list[Part]] = defaultdict(list)
     for owner, own in parts.items():
         for node, c in own:
             owners[node].append((owner, c))
@@ -143,7 +144,7 @@ def _share_bundles(parts: dict[Node, list[Part]]) -> None:
                     parts[owner] = [*rest, (node, ratio * factor)]
 
 
-def _sum_of(a: Node, b: Node, ratio: float, _: Sequence[Node]) -> Part:
+def _sum_of(a: GraphNode, b: GraphNode, ratio: float, _: Sequence[GraphNode]) -> Part:
     node = a.graph.sum([(a, 1.0), (b, ratio)])
     if len(node.parts) == 1:  # a multiple of the sum
         ((plain, factor),) = node.parts

@@ -18,13 +18,13 @@ import sympy as sp
 from dmoc.symbolic.contact_forces import equations_of_forces, forces_input
 from dmoc.symbolic.continuous import Continuous, dot
 from dmoc.symbolic.discrete import StepElement, at_ends
-from dmoc.symbolic.graph import Node
+from dmoc.symbolic.graph import GraphNode
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs, with_more
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 
 def path_rows(
-    f: Continuous, names: Sequence[str], functions: Sequence[Node]
+    f: Continuous, names: Sequence[str], functions: Sequence[GraphNode]
 ) -> list[dict[str, Any]]:
     """What each path constraint, or other function, depends on: numbers of the coordinates,
     whether on velocities, inputs and the time."""
@@ -115,7 +115,7 @@ def quantity_values(f: Continuous) -> list[KernelSpec]:
     return family("quantity_value", "Quantities z.", tuple(state), {"z_s": f.z}, par, second=False)
 
 
-def path_limits(f: Continuous, terms: Sequence[Node]) -> list[KernelSpec]:
+def path_limits(f: Continuous, terms: Sequence[GraphNode]) -> list[KernelSpec]:
     """Path constraints as they were stated, for the check, and their terms."""
     if not f.r:
         return []
@@ -150,7 +150,7 @@ def _at_node(name: str, a: str, text: str, f: Continuous, par: Input) -> list[Ke
     inputs = (before, Input("q_k", f.q), after, Input("u_k", f.u), Input("h", (h,)),
               Input("t_k", (f.t,)), *forces_input([f]))  # fmt: skip
 
-    def chain(partial: Callable[[Sequence[Node]], list[Node]]) -> list[Node]:
+    def chain(partial: Callable[[Sequence[GraphNode]], list[GraphNode]]) -> list[GraphNode]:
         symbols = (*f.q, *f.v, *f.u, h, f.t, *f.y)
         by = dict(zip(symbols, partial(symbols), strict=True))
         rates = [by[v] / (2 * h) for v in f.v]

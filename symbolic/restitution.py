@@ -10,7 +10,7 @@ from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
 from dmoc.symbolic.continuous import Continuous, dot, gap_rates
 from dmoc.symbolic.expressions import approach_speed
-from dmoc.symbolic.graph import Node
+from dmoc.symbolic.graph import GraphNode
 from dmoc.symbolic.kernel_family import family, state_inputs
 from dmoc.symbolic.kinks import check_smooth
 from dmoc.symbolic.spec import Input, KernelSpec, Output
@@ -100,7 +100,7 @@ def tangential_kernels(f: Continuous) -> list[KernelSpec]:
     return [KernelSpec("tangential", text, (state_inputs(f)[-1],), out)]
 
 
-def coefficients(f: Continuous, rates: list[Any]) -> list[Node]:
+def coefficients(f: Continuous, rates: list[Any]) -> list[GraphNode]:
     """The coefficients of restitution at the rates of the gaps, as nodes."""
     speed = f.L.graph.symbol(approach_speed.name)
     return [e.subs({speed: rate}) for e, rate in zip(f.e, rates, strict=True)]

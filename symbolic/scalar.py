@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from dmoc.symbolic.graph import Node, reverse
+from dmoc.symbolic.graph import GraphNode, reverse
 
 
 @dataclass(frozen=True)
@@ -15,16 +15,16 @@ class Scalar:
     derivatives by the symbols.  What it contains beside them are ``constants`` for it."""
 
     name: str
-    symbols: tuple[Node, ...]
-    body: Node
-    constants: tuple[Node, ...] = ()
+    symbols: tuple[GraphNode, ...]
+    body: GraphNode
+    constants: tuple[GraphNode, ...] = ()
     _weighted: dict[tuple[int, ...], Scalar] = field(default_factory=dict, compare=False)
 
-    def __call__(self, arguments: Sequence[Node]) -> Node:
+    def __call__(self, arguments: Sequence[GraphNode]) -> GraphNode:
         return self.body.graph.result(self, (), tuple(arguments))
 
     @cached_property
-    def slopes(self) -> list[Node]:
+    def slopes(self) -> list[GraphNode]:
         return reverse(self.body, self.symbols)
 
     def weighted(self, places: tuple[int, ...]) -> Scalar:
@@ -38,7 +38,7 @@ class Scalar:
             self._weighted[places] = Scalar(name, (*self.symbols, *weights), body, self.constants)
         return self._weighted[places]
 
-    def derivative(self, path: tuple[int, ...]) -> Node:
+    def derivative(self, path: tuple[int, ...]) -> GraphNode:
         """Its derivative by the symbols of these numbers."""
         if not path:
             return self.body

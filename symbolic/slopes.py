@@ -6,15 +6,15 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dmoc.symbolic.graph import Graph, Node
+    from dmoc.symbolic.graph import Graph, GraphNode
 
 
-def _of_power(g: Graph, b: Node, e: Node) -> tuple[Node, Node]:
+def _of_power(g: Graph, b: GraphNode, e: GraphNode) -> tuple[GraphNode, GraphNode]:
     return e * g.apply("pow", b, e - 1), g.apply("pow", b, e) * g.apply("log", b)
 
 
 # By the names that they have in C.
-SLOPES: dict[str, Callable[..., tuple[Node, ...]]] = {
+SLOPES: dict[str, Callable[..., tuple[GraphNode, ...]]] = {
     "sin": lambda g, x: (g.apply("cos", x),),
     "cos": lambda g, x: (-g.apply("sin", x),),
     "tan": lambda g, x: (1 + g.apply("tan", x) ** 2,),

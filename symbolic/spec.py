@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from dmoc.symbolic.graph import Graph, Node
+from dmoc.symbolic.graph import Graph, GraphNode
 from dmoc.symbolic.pairs import with_shared_sums
 from dmoc.symbolic.scalar import Scalar
 
@@ -22,8 +22,8 @@ class Input:
     those that a solver may choose."""
 
     name: str
-    symbols: tuple[Node, ...]
-    design: tuple[Node, ...] = ()
+    symbols: tuple[GraphNode, ...]
+    design: tuple[GraphNode, ...] = ()
 
     @classmethod
     def vector(cls, graph: Graph, name: str, size: int) -> Input:
@@ -47,10 +47,10 @@ class Output:
     name: str
     shape: tuple[int, ...]
     entries: tuple[tuple[int, ...], ...]
-    expressions: tuple[Node, ...]
+    expressions: tuple[GraphNode, ...]
 
     @classmethod
-    def vector(cls, name: str, expressions: Sequence[Node]) -> Output:
+    def vector(cls, name: str, expressions: Sequence[GraphNode]) -> Output:
         """Make a dense vector output."""
         size = len(expressions)
         return cls(
@@ -62,7 +62,7 @@ class Output:
 
     @classmethod
     def matrix(
-        cls, name: str, rows: Sequence[Sequence[Node]], columns: int, upper: bool = False
+        cls, name: str, rows: Sequence[Sequence[GraphNode]], columns: int, upper: bool = False
     ) -> Output:
         """Make a sparse matrix output: entries that are identically zero are left out, as is a
         strict lower triangle when ``upper`` is set."""
@@ -89,7 +89,7 @@ class KernelSpec:
     summary: str
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
-    definitions: tuple[tuple[Node, Node], ...] = ()
+    definitions: tuple[tuple[GraphNode, GraphNode], ...] = ()
 
 
 @dataclass(frozen=True)

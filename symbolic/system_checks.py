@@ -27,7 +27,7 @@ from dmoc.symbolic.expressions import (
     sliding_speed,
     unknown_symbol,
 )
-from dmoc.symbolic.graph import Graph, Node, reverse
+from dmoc.symbolic.graph import Graph, GraphNode, reverse
 from dmoc.symbolic.kinks import check_smooth, split
 from dmoc.symbolic.objectives import check_objective
 from dmoc.symbolic.restitution import check_restitution, check_tangential_restitution
@@ -349,7 +349,7 @@ def _constants(expressions: Sequence[Any]) -> list[Any]:
     return list(constants)
 
 
-def _is_singular(mass: list[list[Node]], constants: Mapping[Node, Any]) -> bool:
+def _is_singular(mass: list[list[GraphNode]], constants: Mapping[GraphNode, Any]) -> bool:
     """Tell whether M is singular at several fixed generic points, hence everywhere."""
     entries = [entry for row in mass for entry in row]
     symbols = entries[0].graph.symbols

@@ -7,15 +7,15 @@ import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from dmoc.symbolic.graph import CALL, JUNCTION, NUMBER, PRODUCT, RELATION, SUM, SYMBOL, Node
+from dmoc.symbolic.graph import CALL, JUNCTION, NUMBER, PRODUCT, RELATION, SUM, SYMBOL, GraphNode
 
 
-def reached(results: Iterable[Node]) -> list[Node]:
+def reached(results: Iterable[GraphNode]) -> list[GraphNode]:
     """What results are made of, parts first."""
     return in_order(results, lambda n: n.children)
 
 
-def operations(results: Iterable[Node]) -> int:
+def operations(results: Iterable[GraphNode]) -> int:
     """About how many operations results take."""
     count = 0
     for node in reached(results):
@@ -26,10 +26,12 @@ def operations(results: Iterable[Node]) -> int:
     return count
 
 
-def in_order(results: Iterable[Node], operands: Callable[[Node], Sequence[Node]]) -> list[Node]:
+def in_order(
+    results: Iterable[GraphNode], operands: Callable[[GraphNode], Sequence[GraphNode]]
+) -> list[GraphNode]:
     """Results and what they need, operands first."""
-    order: list[Node] = []
-    seen: set[Node] = set()
+    order: list[GraphNode] = []
+    seen: set[GraphNode] = set()
     waiting: list[Any] = [*results][::-1]
     while waiting:
         node = waiting.pop()
@@ -42,7 +44,9 @@ def in_order(results: Iterable[Node], operands: Callable[[Node], Sequence[Node]]
     return order
 
 
-def evaluated(results: Sequence[Node], values: Mapping[Node, Any], functions: Any) -> list[Any]:
+def evaluated(
+    results: Sequence[GraphNode], values: Mapping[GraphNode, Any], functions: Any
+) -> list[Any]:
     """Values of expressions at values of their symbols; ``functions`` is a module that has those
     of the expressions, such as mpmath."""
     done = dict(values)
@@ -59,7 +63,7 @@ def evaluated(results: Sequence[Node], values: Mapping[Node, Any], functions: An
     return [done[r] for r in results]
 
 
-def _value(node: Node, parts: Sequence[Any], functions: Any) -> Any:
+def _value(node: GraphNode, parts: Sequence[Any], functions: Any) -> Any:
     if node.kind == CALL and node.value == "pow":
         return parts[0] ** parts[1]
     if node.kind == CALL:

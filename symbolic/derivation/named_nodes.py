@@ -10,7 +10,17 @@ import sympy as sp
 
 from dmoc.symbolic.derivation.document import Equation
 from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
-from dmoc.symbolic.graph import CALL, CHOICE, JUNCTION, NUMBER, PRODUCT, RELATION, SUM, SYMBOL, Node
+from dmoc.symbolic.graph import (
+    CALL,
+    CHOICE,
+    JUNCTION,
+    NUMBER,
+    PRODUCT,
+    RELATION,
+    SUM,
+    SYMBOL,
+    GraphNode,
+)
 from dmoc.symbolic.traversal import in_order
 
 SHORT = 4  # symbols of an expression that is written again where it is used again
@@ -20,9 +30,9 @@ DENOMINATOR = 1000  # of numbers that are written as fractions
 class NamedNodes:
     """Writes nodes with the names that some of them have, and names what they share."""
 
-    def __init__(self, own: DisplayNames, names: Iterable[tuple[Node, Any]]) -> None:
+    def __init__(self, own: DisplayNames, names: Iterable[tuple[GraphNode, Any]]) -> None:
         self._own = own
-        self._names: dict[Node, Any] = {}
+        self._names: dict[GraphNode, Any] = {}
         for node, symbol in names:
             if node.kind != NUMBER:
                 self._names.setdefault(node, symbol)
@@ -32,16 +42,16 @@ class NamedNodes:
                     self._names.setdefault(plain, symbol / _number(sign))
         self._count = 0
 
-    def write(self, results: Sequence[Node]) -> tuple[list[Equation], list[Any]]:
+    def write(self, results: Sequence[GraphNode]) -> tuple[list[Equation], list[Any]]:
         """Equations of the names that are new, and the results."""
         order = in_order(results, lambda n: () if n in self._names else n.children)
-        uses: dict[Node, int] = dict.fromkeys(results, 1)
+        uses: dict[GraphNode, int] = dict.fromkeys(results, 1)
         for node in order:
             for child in () if node in self._names else node.children:
                 uses[child] = uses.get(child, 0) + 1
         new: list[Equation] = []
-        written: dict[Node, Any] = {}
-        size: dict[Node, int] = {}
+        written: dict[GraphNode, Any] = {}
+        size: dict[GraphNode, int] = {}
         for node in order:
             if node in self._names:
                 written[node], size[node] = self._names[node], 1
@@ -62,7 +72,7 @@ def _number(value: float) -> Any:
     return sp.Rational(near) if float(near) == value else sp.Float(value)
 
 
-def _expression(node: Node, written: dict[Node, Any]) -> Any:
+def _expression(node: GraphNode, written: dict[GraphNode, Any]) -> Any:
     if node.kind == NUMBER:
         return _number(node.value)
     if node.kind == SUM:

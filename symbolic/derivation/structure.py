@@ -26,7 +26,7 @@ from dmoc.symbolic.derivation.document import (
 from dmoc.symbolic.derivation.named_nodes import NamedNodes
 from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
 from dmoc.symbolic.discrete import StepElement, step_element
-from dmoc.symbolic.graph import Graph, Node, reverse
+from dmoc.symbolic.graph import Graph, GraphNode, reverse
 from dmoc.symbolic.system import MechanicalSystem
 from dmoc.symbolic.traversal import operations
 
@@ -79,8 +79,8 @@ class NamedStructure:
     nodes: Continuous
     own: DisplayNames
     names: NamedNodes
-    stated: Node  # L in the nodes that have names
-    damping: list[Node]  # slopes by the velocities of a dissipation that contains definitions
+    stated: GraphNode  # L in the nodes that have names
+    damping: list[GraphNode]  # slopes by the velocities of a dissipation that contains definitions
     defined: list[tuple[Any, Any]]
 
     @classmethod
@@ -94,7 +94,7 @@ class NamedStructure:
         return cls(system, f, nodes, own, names, L, damping, defined)
 
     def written(
-        self, results: Sequence[Node], equations: Callable[[list[Any]], Iterable[Equation]]
+        self, results: Sequence[GraphNode], equations: Callable[[list[Any]], Iterable[Equation]]
     ) -> tuple[Equation, ...]:
         """Equations of results, behind those of the names that they need."""
         new, values = self.names.write(results)
@@ -129,7 +129,7 @@ class NamedStructure:
         return replace(f, L=L_at, g=tuple(g_at), Q=Q)
 
     def _named(
-        self, name: str, arguments: Sequence[Any], slopes: Sequence[str], by: Sequence[Node]
+        self, name: str, arguments: Sequence[Any], slopes: Sequence[str], by: Sequence[GraphNode]
     ) -> Any:
         kept = [s if d is not d.graph.zero else "" for s, d in zip(slopes, by, strict=False)]
         kept = kept or [""] * len(arguments)
@@ -280,7 +280,7 @@ def pattern_sections(s: NamedStructure, order: int, shown: StepElement) -> Itera
         yield Section(f"Second derivatives ({title})", text, (), marks)
 
 
-def _marks(e: StepElement, expression: Node, first: int = 0) -> str:
+def _marks(e: StepElement, expression: GraphNode, first: int = 0) -> str:
     """An x for each component of x_k that an expression depends on, from the first one."""
     zero = expression.graph.zero
     by = e.chain(lambda symbols: [s if s.symbols & expression.symbols else zero for s in symbols])

@@ -27,7 +27,7 @@ from dmoc.inspection.kernel_check import kernel_errors
 from dmoc.symbolic import families
 from dmoc.symbolic.arrangement import with_common_factors
 from dmoc.symbolic.conversion import to_nodes
-from dmoc.symbolic.graph import RESULT, SUM, Graph, Node, reverse
+from dmoc.symbolic.graph import RESULT, SUM, Graph, GraphNode, reverse
 from dmoc.symbolic.pairs import with_shared_sums
 from dmoc.symbolic.scalar import Scalar
 from dmoc.symbolic.slopes import SLOPES
@@ -51,7 +51,7 @@ def joined(parts: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     )
 
 
-def nodes_of(*expressions: Any) -> tuple[list[Node], dict[Any, Node]]:
+def nodes_of(*expressions: Any) -> tuple[list[GraphNode], dict[Any, GraphNode]]:
     graph = Graph()
     table = {s: graph.symbol(s.name) for s in SYMBOLS}
     return to_nodes(graph, expressions, table), table
@@ -329,7 +329,7 @@ def test_constants_far_apart_neither_overflow_nor_vanish() -> None:
     ],
 )
 def test_constants_that_are_no_numbers_of_c_are_refused(
-    make: Callable[[Graph, Node], Node], message: str
+    make: Callable[[Graph, GraphNode], GraphNode], message: str
 ) -> None:
     g = Graph()
     with pytest.raises(GenerationError, match=message):
