@@ -56,7 +56,7 @@ class Candidates(Tree):
         """The tree of all sequences, which knows what is confirmed of these: it solves them from
         their parents' motions too, which may be nearer to a better one."""
         tree = Tree(self.problem, self.settings)
-        tree.journal, tree.known, tree.before = self.journal, self.known, self.nodes
+        tree.journal, tree.recorded, tree.before = self.journal, self.recorded, self.nodes
         return tree
 
     def rounds(self) -> Iterator[list[Words]]:
@@ -164,8 +164,8 @@ class Candidates(Tree):
         """Those with a motion that a search may try, and has not, join the frontier."""
         new = {s: way for s, way in ways.items() if self.proposals.fits(s)}
         self.ways = new | self.ways
-        known = {*self.nodes, *self.frontier}
-        self.frontier += [s for s in new if s not in known]
+        seen = {*self.nodes, *self.frontier}
+        self.frontier += [s for s in new if s not in seen]
 
     def _neighbours(self) -> bool:
         """Put what the motion of the best proposes into the frontier; whether there is anything."""

@@ -23,7 +23,7 @@ FEWEST = 6
 
 
 @dataclass(frozen=True)
-class Phase:
+class EventPhase:
     """A phase with the event that begins it, its motion and the impulse of the event."""
 
     event: Event
@@ -38,14 +38,17 @@ def neighbours(touch: Touch, motion: Folded, surfaces: Sequence[int]) -> dict[Wo
     before and after it, or one of some surfaces is closed that is open.  With one hit more beside
     one of its own, one less, and two exchanged, it has none."""
     contacts, phases = touch.contacts, _phases(touch, motion)
-    own, hits = said(contacts, phases)[0], [said(contacts, other)[0] for other in _hits(phases)]
+    own, hits = (
+        words_and_motion(contacts, phases)[0],
+        [words_and_motion(contacts, other)[0] for other in _hits(phases)],
+    )
     ways = dict[Words, Folded | None].fromkeys(hits)
     for other in (
         *_less(phases),
         *_rubbing(phases, contacts),
         *_touching(phases, surfaces, contacts),
     ):
-        words, way = said(contacts, other)
+        words, way = words_and_motion(contacts, other)
         ways.setdefault(words, way)
     ways.pop(own, None)
     return ways
@@ -53,7 +56,7 @@ def neighbours(touch: Touch, motion: Folded, surfaces: Sequence[int]) -> dict[Wo
 
 def shorter(touch: Touch, motion: Folded) -> dict[Words, Folded]:
     """Those with one event less, with their motions."""
-    return dict(said(touch.contacts, other) for other in _less(_phases(touch, motion)))
+    return dict(words_and_motion(touch.contacts, other) for other in _less(_phases(touch, motion)))
 
 
 def lifting(touch: Touch, motion: Folded) -> dict[Words, Folded]:
@@ -65,7 +68,7 @@ def lifting(touch: Touch, motion: Folded) -> dict[Words, Folded]:
             continue
         for j in sorted(staying):
             opened = [replace(p, mode=_without(p.mode, j, contacts)) for p in phases[i:]]
-            words, way = said(contacts, [*phases[:i], *opened])
+            words, way = words_and_motion(contacts, [*phases[:i], *opened])
             ways[words] = way
     return ways
 
@@ -76,7 +79,7 @@ def _without(mode: Mode, j: int, contacts: Contacts) -> Mode:
     return Mode.of({*mode.closed} - {j}, rubbing)
 
 
-def said(contacts: Contacts, phases: Sequence[Phase]) -> tuple[Words, Folded]:
+def words_and_motion(contacts: Contacts, phases: Sequence[EventPhase]) -> tuple[Words, Folded]:
     """The words of phases, and their motion; those between which nothing happens are one."""
     words, names, impulses = list[str](), list[str](), list[float]()
     pieces = [phases[0].piece]
@@ -92,15 +95,15 @@ def said(contacts: Contacts, phases: Sequence[Phase]) -> tuple[Words, Folded]:
     return tuple(words), Folded(tuple(names), tuple(pieces), tuple(impulses))
 
 
-def _phases(touch: Touch, motion: Folded) -> list[Phase]:
+def _phases(touch: Touch, motion: Folded) -> list[EventPhase]:
     """Events keep what is hit, and how; that a contact lands is in the modes, and by which course
     it came to slide or stick is left to the program."""
     hits = [Event(e.hit, course=e.course) if e.hit != NOWHERE else Event() for e in touch.events]
     parts = zip([Event(), *hits], touch.modes, motion.pieces, (0.0, *motion.impulses), strict=True)
-    return [Phase(*part) for part in parts]
+    return [EventPhase(*part) for part in parts]
 
 
-def _hits(phases: list[Phase]) -> Iterator[list[Phase]]:
+def _hits(phases: list[EventPhase]) -> Iterator[list[EventPhase]]:
     """One hit of a surface, at which nothing else changes, left out or repeated; two exchanged."""
     plain = [False] + [b.event.hit != NOWHERE and a.mode == b.mode for a, b in pairwise(phases)]
     for i, phase in enumerate(phases):
@@ -111,14 +114,14 @@ def _hits(phases: list[Phase]) -> Iterator[list[Phase]]:
                 yield [*phases[:i], phases[i + 1], phase, *phases[i + 2 :]]
 
 
-def _less(phases: list[Phase]) -> Iterator[list[Phase]]:
+def _less(phases: list[EventPhase]) -> Iterator[list[EventPhase]]:
     """Without one of the events and the phase that it begins."""
     for i in range(1, len(phases)):
         longer = replace(phases[i - 1], piece=phases[i - 1].piece.followed_by(phases[i].piece))
         yield [*phases[: i - 1], longer, *phases[i + 1 :]]
 
 
-def _rubbing(phases: list[Phase], contacts: Contacts) -> Iterator[list[Phase]]:
+def _rubbing(phases: list[EventPhase], contacts: Contacts) -> Iterator[list[EventPhase]]:
     """With other friction after an event, of one contact or of all, and with another course of a
     hit from the same sliding."""
     for i, phase in enumerate(phases[1:], 1):
@@ -153,8 +156,8 @@ def other_returns(touch: Touch, words: Sequence[str]) -> Iterator[tuple[str, ...
 
 
 def _touching(
-    phases: list[Phase], surfaces: Sequence[int], contacts: Contacts
-) -> Iterator[list[Phase]]:
+    phases: list[EventPhase], surfaces: Sequence[int], contacts: Contacts
+) -> Iterator[list[EventPhase]]:
     """With a phase in which a surface is open, or closed, that is not before and after it."""
     for i, phase in enumerate(phases):
         if len(phase.piece.t) <= FEWEST:
@@ -165,12 +168,12 @@ def _touching(
             tangent = contacts.rubs_on(j)
             if tangent is not None and rubbing.pop(tangent, None) is None:
                 rubbing[tangent] = STICK
-            between = Phase(Event(), Mode.of(closed, rubbing), middle)
-            after = Phase(Event(), phase.mode, last)
+            between = EventPhase(Event(), Mode.of(closed, rubbing), middle)
+            after = EventPhase(Event(), phase.mode, last)
             yield [*phases[:i], replace(phase, piece=first), between, after, *phases[i + 1 :]]
 
 
-def _with(phases: list[Phase], i: int, other: Phase) -> list[Phase]:
+def _with(phases: list[EventPhase], i: int, other: EventPhase) -> list[EventPhase]:
     return [*phases[:i], other, *phases[i + 1 :]]
 
 

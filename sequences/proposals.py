@@ -12,8 +12,8 @@ from dmoc.base.errors import ProblemError, SearchError
 from dmoc.guess.folded import Folded
 from dmoc.mechanics.sequence_words import parts_of, word_between
 from dmoc.problem.problem import Problem
-from dmoc.sequences.reading import Reading, Relaxed
 from dmoc.sequences.relaxation import Relaxation
+from dmoc.sequences.relaxed_motion import Reading, RelaxedMotion
 from dmoc.sequences.settings import BEYOND, Settings
 
 # So many starts that have led to the cheapest sequence are enough.
@@ -73,7 +73,7 @@ class Proposals:
     starts: int = 0
     proposed: dict[Words, Proposed] = field(default_factory=dict)
     motions: dict[Words, Folded] = field(default_factory=dict)
-    relaxed: dict[Words, Relaxed] = field(default_factory=dict)
+    relaxed: dict[Words, RelaxedMotion] = field(default_factory=dict)
     refused: dict[Words, str] = field(default_factory=dict)
 
     @property
@@ -85,7 +85,7 @@ class Proposals:
         """The cheapest first."""
         return tuple(sorted(self.proposed.values(), key=lambda p: (p.cost, p.sequence)))
 
-    def take(self, motions: Iterable[Relaxed | None]) -> list[Words]:
+    def take(self, motions: Iterable[RelaxedMotion | None]) -> list[Words]:
         """Add what some motions propose; return the sequences that are new."""
         new = list[Words]()
         for motion in motions:
@@ -164,7 +164,7 @@ def proposals_of(problem: Problem, settings: Settings, deadline: Deadline) -> Pr
     relaxation = Relaxation.of(problem, settings)
     if relaxation.nothing_touches:
         raise SearchError(_nothing_proposed(problem))
-    motions = list[Relaxed | None]()
+    motions = list[RelaxedMotion | None]()
     for some in relaxation.motions(settings.max_collisions, settings.seed, deadline):
         motions += some
         if _met_often(motions):
@@ -199,13 +199,13 @@ def _nothing_proposed(problem: Problem) -> str:
     )
 
 
-def _cheapest(motions: Iterable[Relaxed | None]) -> Reading | None:
+def _cheapest(motions: Iterable[RelaxedMotion | None]) -> Reading | None:
     """What the cheapest motion says."""
     good = [m for m in motions if m is not None]
     return min(good, key=lambda m: m.cost).reading if good else None
 
 
-def _met_often(motions: Sequence[Relaxed | None]) -> bool:
+def _met_often(motions: Sequence[RelaxedMotion | None]) -> bool:
     """Whether enough starts have led to the sequence of the cheapest motion."""
     best = _cheapest(motions)
     if best is None:
@@ -214,7 +214,7 @@ def _met_often(motions: Sequence[Relaxed | None]) -> bool:
     return len(same) >= OFTEN
 
 
-def _begun_as(problem: Problem, motions: Sequence[Relaxed | None]) -> Problem:
+def _begun_as(problem: Problem, motions: Sequence[RelaxedMotion | None]) -> Problem:
     """The problem with the contacts at its start that the cheapest motion has, where the problem
     itself says nothing of them."""
     cheapest = _cheapest(motions)

@@ -29,7 +29,7 @@ from dmoc.program.laws.complementarity import OF_HITS
 from dmoc.program.scale import Scale
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
-from dmoc.sequences.reading import Relaxed
+from dmoc.sequences.relaxed_motion import RelaxedMotion
 from dmoc.sequences.settings import Settings
 from dmoc.solvers.ipm import solve_ipm
 from dmoc.solvers.judge import judged
@@ -110,7 +110,9 @@ class Relaxation:
     def nothing_touches(self) -> bool:
         return not (self.left_open.surfaces or self.left_open.tangents or self.mirrors)
 
-    def motions(self, most: int, seed: int, deadline: Deadline) -> Iterator[list[Relaxed | None]]:
+    def motions(
+        self, most: int, seed: int, deadline: Deadline
+    ) -> Iterator[list[RelaxedMotion | None]]:
         """Motions from random starts, which have ``most`` hits each at most, some together and in
         their order; None for a start that leads to none."""
         led, starts, named = False, self._starts(most, seed), self._named(most, seed)
@@ -137,7 +139,7 @@ class Relaxation:
         """The hits of a start, and its unknowns."""
         return start.hits, start.unknowns(self._relaxed(start.hits))
 
-    def beside(self, motion: Folded, most: int, deadline: Deadline) -> list[Relaxed | None]:
+    def beside(self, motion: Folded, most: int, deadline: Deadline) -> list[RelaxedMotion | None]:
         """Motions from one that is bent to one hit more, of each surface in each of its phases, and
         where contacts close from the motion itself; whatever they keep of its hits."""
         motion = motion.between_hits()
@@ -196,13 +198,13 @@ class Relaxation:
             self._problems[hits] = relaxed(self.problem, self.left_open, hits, steps, EVERY[0])
         return self._problems[hits]
 
-    def _solved(self, points: Sequence[Point], deadline: Deadline) -> list[Relaxed | None]:
+    def _solved(self, points: Sequence[Point], deadline: Deadline) -> list[RelaxedMotion | None]:
         """Solve from some starts, in threads."""
         for hits, x in points:  # the same sizes in all threads, those of the first start
             if hits not in self._scales:
                 self._scales[hits] = self._scale(self._relaxed(hits), x)
         stopped, count = threading.Event(), max(1, min(free_threads(), len(points)))
-        ends: list[Relaxed | None] = [None] * len(points)
+        ends: list[RelaxedMotion | None] = [None] * len(points)
         turns = iter(range(len(points)))  # a thread takes the next one as soon as it is free
 
         def every(k: int) -> None:
@@ -229,7 +231,7 @@ class Relaxation:
         x: Array,
         deadline: Deadline,
         stopped: threading.Event,
-    ) -> Relaxed | None:
+    ) -> RelaxedMotion | None:
         """Follow one start as eps falls, until it is stopped; each motion begins with the one
         before."""
         programs = self._programs(thread, hits)
@@ -243,7 +245,7 @@ class Relaxation:
             if outcome.status is not Status.SOLVED or stopped.is_set():
                 return None
             z, duals = outcome.x, outcome.duals
-        return Relaxed(nlp, nlp.physical(z), nlp.cost(z) * nlp.scale.cost)
+        return RelaxedMotion(nlp, nlp.physical(z), nlp.cost(z) * nlp.scale.cost)
 
     def _programs(self, thread: int, hits: tuple[str, ...]) -> list[Transcription]:
         """Those of some hits, for eps that falls; a thread has its own."""

@@ -36,16 +36,16 @@ class Settings(SearchKeywords):
     shortest_phase: float
 
 
-def surfaces_of(problem: Problem, wanted: Sequence[str] | None) -> tuple[str, ...]:
+def surfaces_of(problem: Problem, names: Sequence[str] | None) -> tuple[str, ...]:
     """The surfaces that may be hit: all of the model, or some of them."""
     surfaces = problem.kernels.surfaces
-    if not surfaces and problem.kernels.tangents and wanted is None:
+    if not surfaces and problem.kernels.tangents and names is None:
         return ()
     if not surfaces:
         raise SearchError(
             f"model {problem.kernels.name!r} has no surfaces: there are no sequences to search."
         )
-    chosen = tuple(surfaces if wanted is None else wanted)
+    chosen = tuple(surfaces if names is None else names)
     for name in chosen:
         if name not in surfaces:
             raise SearchError(
@@ -60,11 +60,11 @@ def surfaces_of(problem: Problem, wanted: Sequence[str] | None) -> tuple[str, ..
     return chosen
 
 
-def events_of(problem: Problem, wanted: Sequence[str] | None) -> tuple[str, ...] | None:
+def events_of(problem: Problem, words: Sequence[str] | None) -> tuple[str, ...] | None:
     """The words that may happen; None for all that can."""
-    if wanted is None:
+    if words is None:
         return None
-    chosen = tuple(wanted)
+    chosen = tuple(words)
     for word in chosen:
         try:
             _check_word(word, problem.touch.contacts)
@@ -126,16 +126,16 @@ def refusal(problem: Problem, sequence: tuple[str, ...]) -> str:
     return ""
 
 
-def shortest_of(problem: Problem, wanted: float | None) -> float:
+def shortest_of(problem: Problem, seconds: float | None) -> float:
     """The shortest duration of a phase; 0 for none."""
     latest = problem.final_time_bounds[1]
-    if wanted is None:
+    if seconds is None:
         return SHORTEST * latest if np.isfinite(latest) else 0.0
-    if wanted < 0:
+    if seconds < 0:
         raise SearchError(
-            f"shortest_phase = {shown(wanted)}: expected a duration in seconds, 0 or more."
+            f"shortest_phase = {shown(seconds)}: expected a duration in seconds, 0 or more."
         )
-    return wanted
+    return seconds
 
 
 def settings_of(problem: Problem, keywords: Mapping[str, Any]) -> Settings:

@@ -36,7 +36,7 @@ class Tree:
     def __init__(self, problem: Problem, settings: Settings) -> None:
         self.problem, self.settings = problem, settings
         self.nodes: dict[tuple[str, ...], Node] = {}
-        self.known: dict[tuple[str, ...], Node] = {}
+        self.recorded: dict[tuple[str, ...], Node] = {}
         # Those of a search that this one goes on with.
         self.before: dict[tuple[str, ...], Node] = {}
         self.journal: Journal | None = None
@@ -51,7 +51,7 @@ class Tree:
         """Record nodes in a journal; its own count, but failed ones get another chance."""
         self.journal = journal
         finished = journal.finished()
-        self.known = {s: n for s, n in finished.items() if n.verdict is not Verdict.FAILED}
+        self.recorded = {s: n for s, n in finished.items() if n.verdict is not Verdict.FAILED}
 
     @property
     def waiting(self) -> int:
@@ -103,8 +103,8 @@ class Tree:
         room = len(sequences) if most is None else max(most - self.count, 0)
         sequences = sequences[:room]
         for s in sequences:
-            if s in self.known:
-                yield self._add(self.known[s])
+            if s in self.recorded:
+                yield self._add(self.recorded[s])
         tasks = [self._task(s) for s in sequences if s not in self.nodes]
         for node in workers(tasks, deadline):
             self._add(node)

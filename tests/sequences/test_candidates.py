@@ -61,7 +61,7 @@ def test_the_tree_solves_proposals_too_and_the_better_one_counts(
     ):  # fmt: skip
         candidates.nodes = {words: before}
         tree = candidates.surrounded()
-        assert not tree.known and (tree.best() is None) == (before.verdict in UNCONFIRMED)
+        assert not tree.recorded and (tree.best() is None) == (before.verdict in UNCONFIRMED)
         tree.nodes = {words: own}
         assert tree.joined() == {words: kept}
 

@@ -22,8 +22,8 @@ import dmoc
 from dmoc.base.deadline import ENDLESS
 from dmoc.base.errors import ProblemError, SearchError
 from dmoc.mechanics.contact_mode import FREE, Mode
-from dmoc.sequences.reading import at_hits, cleaned
 from dmoc.sequences.relaxation import Relaxation
+from dmoc.sequences.relaxed_motion import at_hits, cleaned
 from dmoc.sequences.search import SearchResult
 from dmoc.sequences.settings import settings_of
 

@@ -49,7 +49,7 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Relaxed:
+class RelaxedMotion:
     """A motion of a relaxed program, in units of the problem, and its cost."""
 
     nlp: Transcription
@@ -59,12 +59,12 @@ class Relaxed:
     @cached_property
     def reading(self) -> Reading:
         """What it says, without what trembles."""
-        return read(self, FEWEST)
+        return sequence_in(self, FEWEST)
 
     @property
     def in_detail(self) -> Reading:
         """What it says step by step."""
-        return read(self, 1)
+        return sequence_in(self, 1)
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Hit:
     course: Course | None = None
 
 
-def read(relaxed: Relaxed, fewest: int) -> Reading:
+def sequence_in(relaxed: RelaxedMotion, fewest: int) -> Reading:
     """The sequence that a motion has, without modes that last for fewer steps."""
     lay, (modes, hits) = relaxed.nlp.layout, _bumps(relaxed, _modes(relaxed))
     hits |= _hits(relaxed)
@@ -99,7 +99,7 @@ def read(relaxed: Relaxed, fewest: int) -> Reading:
     return Reading(modes[0], tuple(words), motion)
 
 
-def _hits(relaxed: Relaxed) -> dict[int, Hit]:
+def _hits(relaxed: RelaxedMotion) -> dict[int, Hit]:
     """The hits of the program, by their nodes, at which something is hit."""
     nlp, lay, x = relaxed.nlp, relaxed.nlp.layout, relaxed.x
     surfaces, t = lay.touch.surfaces, lay.times(x)
@@ -112,7 +112,7 @@ def _hits(relaxed: Relaxed) -> dict[int, Hit]:
     }
 
 
-def _bumps(relaxed: Relaxed, modes: Sequence[Mode]) -> tuple[list[Mode], dict[int, Hit]]:
+def _bumps(relaxed: RelaxedMotion, modes: Sequence[Mode]) -> tuple[list[Mode], dict[int, Hit]]:
     """Modes without the stays of elastic smooth surfaces that are as short as a hit, and these
     hits, by their nodes."""
     lay, x, problem = relaxed.nlp.layout, relaxed.x, relaxed.nlp.problem
@@ -136,7 +136,7 @@ def _stays(modes: Sequence[Mode], j: int) -> list[tuple[int, int]]:
     return list(zip(edges[::2], edges[1::2], strict=True))
 
 
-def _course(relaxed: Relaxed, i: int) -> Course | None:
+def _course(relaxed: RelaxedMotion, i: int) -> Course | None:
     """The course that a hit with friction takes from the velocity before it."""
     lay, x = relaxed.nlp.layout, relaxed.x
     contacts = lay.touch.contacts
@@ -149,7 +149,7 @@ def _course(relaxed: Relaxed, i: int) -> Course | None:
     return course_at(lay.problem_at(relaxed.nlp.problem, x), hit, state)
 
 
-def _modes(relaxed: Relaxed) -> list[Mode]:
+def _modes(relaxed: RelaxedMotion) -> list[Mode]:
     """The mode of each step.  Of two factors whose product vanishes the one counts that is the
     larger, in its size: a contact is closed where it presses, and slides where its friction leaves
     the cone no room."""
@@ -215,7 +215,7 @@ def _runs(modes: Sequence[Mode]) -> list[tuple[int, int]]:
     return list(pairwise(at))
 
 
-def _pieces(relaxed: Relaxed, cuts: Sequence[int]) -> tuple[Piece, ...]:
+def _pieces(relaxed: RelaxedMotion, cuts: Sequence[int]) -> tuple[Piece, ...]:
     """The motion between some nodes."""
     lay, x = relaxed.nlp.layout, relaxed.x
     t, q, u = lay.times(x), x[lay.index_q], x[lay.index_u]
