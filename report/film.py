@@ -84,7 +84,7 @@ class Take:
                 if name in at:
                     place = self.scene.of(at[name], phase)[-1]
                     push = _push(place, event, name) / largest
-                    words = _told(event, name)
+                    words = _mark_in_words(event, name)
                     marks.append({"contact": name, "at": place, "impulse": push, "told": words})
             words = ", ".join(_in_words(event, name, several) for name in names).strip(", ")
             events.append({"time": event.time, "word": event.word, "told": words, "marks": marks})
@@ -150,7 +150,7 @@ def _contacts(event: Collision) -> list[str]:
     return list(dict.fromkeys(name for part in (surface, *parts) for name in part))
 
 
-def _told(event: Collision, name: str) -> str:
+def _mark_in_words(event: Collision, name: str) -> str:
     """What happens to a contact in the word of its event, and its impulses."""
     words = [w for w in event.word.split() if w.lstrip("+-").split(":")[0] == name] or [name]
     return " ".join([*words, _in_words(event, name, False)]).strip()

@@ -91,7 +91,7 @@ def _bounds(axes: Axes, panel: Panel, style: Style) -> list[Artist]:
     values = np.concatenate([v for c in panel.curves for v in c.values if v is not None])
     low, high = float(values.min()), float(values.max())
     span = max(high - low, ROUNDING * max(abs(low), abs(high)))
-    said: list[Artist] = []
+    handles: list[Artist] = []
     near = False
     for curve in panel.curves:
         far = ["", ""]
@@ -104,8 +104,8 @@ def _bounds(axes: Axes, panel: Panel, style: Style) -> list[Artist]:
                 far[side] = rf"\leq {bound:g}" if side else rf"{bound:g}\leq "
         if any(far):
             text = f"${far[0]}{curve.label.tex}{far[1]}$"
-            said.append(Line2D([], [], linestyle="none", label=text))
-    return [*said, _dotted(style, "bounds")] if near else said
+            handles.append(Line2D([], [], linestyle="none", label=text))
+    return [*handles, _dotted(style, "bounds")] if near else handles
 
 
 def _largest(panel: Panel) -> float:
@@ -126,8 +126,8 @@ def _limits(axes: Axes, panel: Panel, motion: Trajectory, far: float, style: Sty
             for side in () if limit is None else (limit, -limit):
                 axes.plot(t, side, color=colour, ls=DOTS, lw=1.2, zorder=1, gid="limit")
     kinds = {name in phase.closed for phase in motion.phases for name in phase.rubbing}
-    said = " and ".join([r"$\pm\mu N$"] * (True in kinds) + [r"$\pm F$"] * (False in kinds))
-    return [_dotted(style, said + (f" ({', '.join(outside)}: outside)" if outside else ""))]
+    label = " and ".join([r"$\pm\mu N$"] * (True in kinds) + [r"$\pm F$"] * (False in kinds))
+    return [_dotted(style, label + (f" ({', '.join(outside)}: outside)" if outside else ""))]
 
 
 def _impulses(

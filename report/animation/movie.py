@@ -45,7 +45,7 @@ def movie_of(film: Film, ending: str, speed: float | None, fps: int, style: Styl
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         path = folder / f"movie{ending}"
         writer = _writer(ending, fps, stack)
-        stack.enter_context(_told())
+        stack.enter_context(_ffmpeg_errors())
         with writer.saving(figure, os.fspath(path), dpi=DOTS):
             for t in times:
                 for draw in stages:
@@ -55,7 +55,7 @@ def movie_of(film: Film, ending: str, speed: float | None, fps: int, style: Styl
 
 
 @contextmanager
-def _told() -> Iterator[None]:
+def _ffmpeg_errors() -> Iterator[None]:
     """Say that ffmpeg has failed; a Ctrl-C, which ends ffmpeg too, stays what it is."""
     try:
         yield

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 ARROW = 0.22  # of the smaller side of the room: the largest contact force
 SHORT = 0.015  # of that side: the shortest arrow that is drawn
-TOLD = 0.18  # of the whole time, for which a hit is told
+SHOWN = 0.18  # of the whole time, for which a hit is told
 WIDE, LINE = 5.2, 12  # points of a character of what is told, about, and of a line of it
 WEIGHT = 1.5  # of lines, which are finer in figures
 
@@ -69,14 +69,14 @@ def stage_of(axes: Axes, take: Take, room: Room, style: Style) -> Drawn:
             hit(t)
         clock.set_text(f"{end:.3f} s")
         mode.set_text(motion.phases[phase_at(scene, end)].mode if motion.lasting else "")
-        banner.set_text(_told(take, t))
+        banner.set_text(_banner_text(take, t))
 
     return draw
 
 
-def _told(take: Take, t: float) -> str:
+def _banner_text(take: Take, t: float) -> str:
     """What is told of the event that has just been, where its place is not known."""
-    since = TOLD * take.trajectory.final_time
+    since = SHOWN * take.trajectory.final_time
     recent = [e for e in take.events if not e["marks"] and e["time"] <= t < e["time"] + since]
     return ": ".join(filter(None, (recent[-1]["word"], recent[-1]["told"]))) if recent else ""
 
@@ -174,7 +174,7 @@ def _hit(axes: Axes, take: Take, i: int, room: Room, style: Style) -> Drawn:
         artists.append((ring, cross, label, push, number))
 
     def draw(t: float) -> None:
-        since = (t - event["time"]) / (TOLD * take.trajectory.final_time)
+        since = (t - event["time"]) / (SHOWN * take.trajectory.final_time)
         for ring, cross, label, push, number in artists:
             for artist, seen in ((ring, since >= 0), (cross, since >= 0), (number, since >= 1),
                                  (label, 0 <= since < 1), (push, 0 <= since < 1)):  # fmt: skip
