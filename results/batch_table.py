@@ -42,8 +42,8 @@ def table_of_batch(batch: Batch) -> Table:
     rate = batch.tried / max(batch.total_seconds, 1e-9)
     notes.append(f"{counted(batch)}; in {batch.total_seconds:.1f} s ({rate:.1f} a second)")
     chosen = [f"chosen {name}" for name in batch.design]
-    given = map(column_of, batch.given)
-    head = (*given, "status", "cost", "end [s]", *chosen, *times, "iterations")
+    varied = map(column_of, batch.given)
+    head = (*varied, "status", "cost", "end [s]", *chosen, *times, "iterations")
     return Table(tuple(rows), head, tuple(notes))
 
 

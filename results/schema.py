@@ -292,12 +292,12 @@ class Stored:
 
     def read(self, data: Any, where: str, context: Context) -> Array:
         shape = Listed(Whole()).read(data, f"the shape of {where}", context)
-        wanted = self.shape or (None,) * len(shape)
-        if len(shape) != len(wanted) or not 1 <= len(shape) <= 2:
+        sizes = self.shape or (None,) * len(shape)
+        if len(shape) != len(sizes) or not 1 <= len(shape) <= 2:
             raise Refused(
                 f"{where} has {len(shape)} dimensions, expected {len(self.shape) or '1 or 2'}"
             )
-        for size, number in zip(wanted, shape, strict=True):
+        for size, number in zip(sizes, shape, strict=True):
             context.check(size, number, where)
         array = context.take(where, shape) if 0 not in shape else np.zeros(shape)
         if not self.special and not (np.abs(array) <= LARGEST_NUMBER).all():

@@ -40,8 +40,8 @@ def kernels_for(solution: Solution, kernels: Any, error: type[DmocError]) -> Ker
 
 def check_same_model(solution: Solution, kernels: Kernels) -> None:
     """Raise SolutionFileError unless the kernels are those of the solution's model."""
-    wanted, theirs = solution.trajectory.fingerprint, kernels.manifest["fingerprint"]
-    if wanted != theirs:
+    fingerprint, theirs = solution.trajectory.fingerprint, kernels.manifest["fingerprint"]
+    if fingerprint != theirs:
         raise SolutionFileError(
             f"the solution was made for another version of model {solution.trajectory.model!r} "
             f"than {kernels.name!r} as it is now: solve again, or give the model it was made for."

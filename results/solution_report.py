@@ -156,8 +156,8 @@ def _verified(s: Solution) -> Iterator[tuple[Cell, ...]]:
 
 def _caption(s: Solution) -> str:
     events = "; ".join(f"{c.word} at {c.time:.4g} s{impulses_in_words(c)}" for c in s.collisions)
-    said = [part for part in (in_words(s.design), events) if part]
-    return " ".join(["The motion over time.", *(f"{part}." for part in said[:-1]), *said[-1:]])
+    parts = [part for part in (in_words(s.design), events) if part]
+    return " ".join(["The motion over time.", *(f"{part}." for part in parts[:-1]), *parts[-1:]])
 
 
 def _html(solution: Solution) -> bytes:
