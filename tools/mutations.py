@@ -61,7 +61,7 @@ class Fate:
 
     change: Change
     word: str
-    told: str
+    evidence: str
 
     @property
     def expected(self) -> bool:
@@ -85,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             survivors += fate.word == "survived"
             mark = " " if fate.expected else "!"
             reason = f" ({fate.change.survives})" if fate.change.survives else ""
-            print(f"{mark} {fate.word:9}{fate.change}{reason}: {fate.told[:160]}", flush=True)
+            print(f"{mark} {fate.word:9}{fate.change}{reason}: {fate.evidence[:160]}", flush=True)
     print(f"{len(changes)} changes, {survivors} survived, {unexpected} not as expected")
     return 1 if unexpected else 0
 
@@ -129,9 +129,9 @@ def fate(change: Change, copy: Path) -> Fate:
         path.write_text(text, encoding="utf-8")
         if path.suffix in COMPILED:
             built(copy)
-    test = seen.told.removeprefix("FAILED ").removeprefix("ERROR ").split(" - ")[0]
-    if test != seen.told and fails_anyway(test, copy):
-        return Fate(change, "unfit", f"without the change it fails too: {seen.told}")
+    test = seen.evidence.removeprefix("FAILED ").removeprefix("ERROR ").split(" - ")[0]
+    if test != seen.evidence and fails_anyway(test, copy):
+        return Fate(change, "unfit", f"without the change it fails too: {seen.evidence}")
     return seen
 
 
@@ -141,11 +141,11 @@ def noticed(change: Change, copy: Path) -> Fate:
         return Fate(change, "died", "it does not compile")
     groups = [change.tests] if change.tests else list(nearest(change.file))
     for group in groups:
-        told = run(group if change.tests else ("-m", "not slow", *group), copy)
-        if told == str(NO_FILE):
+        evidence = run(group if change.tests else ("-m", "not slow", *group), copy)
+        if evidence == str(NO_FILE):
             return Fate(change, "unfit", f"{' '.join(group)}: no such tests")
-        if told is not None:
-            return Fate(change, "died", told)
+        if evidence is not None:
+            return Fate(change, "died", evidence)
     return Fate(change, "survived", "in " + ", ".join(" ".join(group) for group in groups))
 
 

