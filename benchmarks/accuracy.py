@@ -64,7 +64,7 @@ CASES = (
         Case(
             f"block and wall, e = {e:g}",
             lambda n, o, e=e: block_and_wall.problem(e, n, o),
-            block_and_wall.known(e)[0],
+            block_and_wall.closed_form(e)[0],
         )
         for e in (1.0, 0.8, 0.5, 0.0)
     ),

@@ -81,7 +81,7 @@ class Optimum:
 
 
 def optima() -> tuple[Optimum, ...]:
-    cost, time, speed = block_and_wall.known(0.8)
+    cost, time, speed = block_and_wall.closed_form(0.8)
     finest = dmoc.solve(reference_problem.problem(320, 6), "ipm", starts=1, verify=False)
     return (
         Optimum(

@@ -19,13 +19,13 @@ Run:  ``python examples/block_and_wall.py [FOLDER]``
 """
 
 import sympy as sp
+from example_report import show
 from scipy.optimize import minimize
-from showing import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 
-KNOWN = {
+EXACT = {
     1.0: (24.0, 0.5, 3.0),
     0.8: (24.58630915, 0.48174700, 3.30175954),
     0.0: (50.95584412, 2**0.5 - 1, 3.62132035),
@@ -79,7 +79,7 @@ def problem(restitution: float, steps: int = 50, order: int = 2) -> dmoc.Problem
     )
 
 
-def known(e: float) -> tuple[float, float, float]:
+def closed_form(e: float) -> tuple[float, float, float]:
     """Cost, time and speed of the impact, from the closed form."""
 
     def cost(z):
@@ -89,13 +89,13 @@ def known(e: float) -> tuple[float, float, float]:
             6 - 6 * e * w * s + 2 * (e * w * s) ** 2
         ) / s**3
 
-    found = minimize(
+    minimum = minimize(
         cost,
         (0.45, 3.4),
         method="Nelder-Mead",
         options={"xatol": 1e-12, "fatol": 1e-14, "maxiter": 4000},
     )
-    return float(found.fun), *map(float, found.x)
+    return float(minimum.fun), *map(float, minimum.x)
 
 
 # %%
@@ -111,13 +111,13 @@ def main() -> None:
         for order in (2, 4):
             solution = dmoc.solve(problem(e, order=order), "ipm")
             collision = solution.collisions[0]
-            for what, found, exact in zip(
+            for what, value, exact in zip(
                 ("cost", "time", "speed"),
                 (solution.cost, collision.time, collision.momentum_before[0]),
-                known(e),
+                closed_form(e),
                 strict=True,
             ):
-                rows.append((f"{what}, e = {e:g}, order {order}", found, exact))
+                rows.append((f"{what}, e = {e:g}, order {order}", value, exact))
     show("block_and_wall", rows, solution)
 
 

@@ -21,7 +21,7 @@ Run:  ``python examples/cart_links.py [FOLDER]``
 import sys
 
 import sympy as sp
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc

@@ -22,7 +22,7 @@ Run:  ``python examples/compass_gait.py [FOLDER]``
 from math import radians
 
 import sympy as sp
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc

@@ -21,7 +21,7 @@ from math import sin
 
 import numpy as np
 import sympy as sp
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc

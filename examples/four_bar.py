@@ -26,7 +26,7 @@ Run:  ``python examples/four_bar.py [FOLDER]``
 """
 
 import sympy as sp
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
@@ -35,7 +35,7 @@ CRANK, COUPLER, ROCKER, BASE = 0.1, 0.3, 0.25, 0.3  # lengths in m
 HAMMER = {"length": 0.45, "mass": 1.5, "centre": 0.35, "inertia": 0.02}  # coupler with head
 ANVIL, TIME = 0.3, 0.5
 
-KNOWN, BLOW, IMPULSE = 0.8356290, 0.23244627, 5.885965  # of the machine with one coordinate
+EFFORT, BLOW, IMPULSE = 0.8356290, 0.23244627, 5.885965  # of the machine with one coordinate
 
 
 # %%
@@ -98,7 +98,7 @@ def main() -> None:
     solution = dmoc.solve(problem(), "ipm", starts=20)
     blow = solution.collisions[0]
     rows = [
-        ("effort", solution.cost, KNOWN),
+        ("effort", solution.cost, EFFORT),
         ("moment of the blow in s", blow.time, BLOW),
         ("impulse of the anvil in N s", blow.impulse, IMPULSE),
         *((f"impulse of {name} in N s", R, None) for name, R in blow.reactions.items()),

@@ -16,7 +16,7 @@ give no value; the midpoint rule is compared with steps of order 4.
 Run:  ``python examples/hanging.py [FOLDER]``
 """
 
-from showing import show
+from example_report import show
 
 import dmoc
 from dmoc.models.registry import find

@@ -18,7 +18,7 @@ Run:  ``python examples/hopper.py [FOLDER]``
 """
 
 import sympy as sp
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc

@@ -23,8 +23,8 @@ Run:  ``python examples/hopper_spring.py [FOLDER]``
 from math import atan, pi
 
 import sympy as sp
+from example_report import show
 from scipy.optimize import brentq
-from showing import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc

@@ -19,7 +19,7 @@ Run:  ``python examples/hops.py [FOLDER]``
 """
 
 import hopper
-from showing import show
+from example_report import show
 
 import dmoc
 

@@ -14,7 +14,7 @@ Unfolding the walls makes every sequence a free motion: a hit mirrors the table,
 Run:  ``python examples/puck.py [FOLDER]``
 """
 
-from showing import show
+from example_report import show
 
 import dmoc
 from dmoc.models.registry import find
@@ -22,7 +22,7 @@ from dmoc.models.registry import find
 SEQUENCE = ("east", "north", "west")
 
 
-def known(start: dict, goal: dict, T: float) -> float:
+def least_cost(start: dict, goal: dict, T: float) -> float:
     """The least cost of the sequence east, north, west on a table of 1 by 1: x unfolds to x + 2,
     y to 2 - y."""
     unfolded = (
@@ -57,7 +57,7 @@ def problem(steps: int = 40, order: int = 2) -> dmoc.Problem:
 
 def main() -> None:
     p = problem(20)
-    exact = known(p.start, p.goal, 2.0)
+    exact = least_cost(p.start, p.goal, 2.0)
     tree = dmoc.search(p.but(sequence=()), max_collisions=3)
     print(f"best of {len(tree.nodes)} sequences: {', '.join(tree.best.sequence)}")
     fine = dmoc.solve(problem(20, 4), "ipm")

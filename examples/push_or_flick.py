@@ -17,7 +17,7 @@ Run:  ``python examples/push_or_flick.py [FOLDER]``
 """
 
 import sympy as sp
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc

@@ -19,7 +19,7 @@ Run:  ``python examples/pushed_block.py [FOLDER]``
 """
 
 import sympy as sp
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc

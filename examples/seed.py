@@ -20,12 +20,12 @@ transcription of the same discrete problem.
 Run:  ``python examples/seed.py [FOLDER]``
 """
 
-from showing import show
+from example_report import show
 
 import dmoc
 from dmoc.models.registry import find
 
-KNOWN = {"cost": 129.6024, "phases": (0.09640, 0.90360)}
+REFERENCE = {"cost": 129.6024, "phases": (0.09640, 0.90360)}
 LIMIT = 129.98434  # as the steps get smaller, from both discretisations
 
 
@@ -49,10 +49,10 @@ def problem(steps: int = 100, order: int = 2) -> dmoc.Problem:
 def main() -> None:
     solution = dmoc.solve(problem())
     fine = dmoc.solve(problem(10, 4), tolerance=1e-6)
-    rows = [("cost, N = 100", solution.cost, KNOWN["cost"])]
+    rows = [("cost, N = 100", solution.cost, REFERENCE["cost"])]
     rows += [
         (f"duration of phase {i}", p.duration, exact)
-        for i, (p, exact) in enumerate(zip(solution.phases, KNOWN["phases"], strict=True))
+        for i, (p, exact) in enumerate(zip(solution.phases, REFERENCE["phases"], strict=True))
     ]
     rows += [
         ("impulse", solution.collisions[0].impulse, None),

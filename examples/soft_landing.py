@@ -20,7 +20,7 @@ Run:  ``python examples/soft_landing.py [FOLDER]``
 """
 
 import sympy as sp
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc

@@ -28,7 +28,7 @@ Run:  ``python examples/superball.py [FOLDER]``
 """
 
 import sympy as sp
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
@@ -36,7 +36,7 @@ import dmoc
 RADIUS, TABLE, HAND, GRAVITY = 0.03, 0.75, 0.5, 9.81
 AHEAD, FALL = 3.0, -6.0  # the throw, in m/s
 
-KNOWN = 5 * AHEAD / (26 * RADIUS)  # rad/s
+SPIN = 5 * AHEAD / (26 * RADIUS)  # rad/s
 
 
 # %%
@@ -101,7 +101,7 @@ def main() -> None:
     masses = (1, 1, 0.4 * RADIUS**2)
     energies = [sum(m * s**2 / 2 for m, s in zip(masses, v, strict=True)) for v in (first, last)]
     rows = [
-        ("spin of the throw", first[2], KNOWN),
+        ("spin of the throw", first[2], SPIN),
         ("energy that comes back", energies[1], energies[0]),
     ]
     show("superball", rows, solution)

@@ -23,7 +23,7 @@ from dataclasses import replace
 import numpy as np
 import sympy as sp
 import walker
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc

@@ -18,14 +18,14 @@ Run:  ``python examples/two_bounces.py [FOLDER]``
 """
 
 import sympy as sp
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 
 E, PEAK, GRAVITY = 0.9, 0.5, 9.81
 V0 = (2 * GRAVITY * PEAK) ** 0.5 / E**2
-KNOWN = {"v0": V0, "phases": (2 * V0 / GRAVITY, 2 * E * V0 / GRAVITY, E**2 * V0 / GRAVITY)}
+EXACT = {"v0": V0, "phases": (2 * V0 / GRAVITY, 2 * E * V0 / GRAVITY, E**2 * V0 / GRAVITY)}
 
 
 # %%
@@ -78,10 +78,10 @@ def problem(steps: int = 50, order: int = 2) -> dmoc.Problem:
 
 def main() -> None:
     solution = dmoc.solve(problem(), "ipm")
-    rows = [("speed at the start", solution.phases[0].v[0, 0], KNOWN["v0"])]
-    for i, (phase, exact) in enumerate(zip(solution.phases, KNOWN["phases"], strict=True)):
+    rows = [("speed at the start", solution.phases[0].v[0, 0], EXACT["v0"])]
+    for i, (phase, exact) in enumerate(zip(solution.phases, EXACT["phases"], strict=True)):
         rows.append((f"duration of phase {i}", phase.duration, exact))
-    rows.append(("final time", solution.final_time, sum(KNOWN["phases"])))
+    rows.append(("final time", solution.final_time, sum(EXACT["phases"])))
     show("two_bounces", rows, solution)
 
 

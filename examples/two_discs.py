@@ -20,12 +20,12 @@ Run:  ``python examples/two_discs.py [FOLDER]``
 
 import numpy as np
 import sympy as sp
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 
-KNOWN = {"cost": 1.39654216, "time": 0.683220, "speed": 2.554109}
+EXACT = {"cost": 1.39654216, "time": 0.683220, "speed": 2.554109}
 RADIUS = 0.2
 
 
@@ -92,9 +92,9 @@ def main() -> None:
         / np.linalg.norm(normal)
     )
     rows = [
-        ("cost", solution.cost, KNOWN["cost"]),
-        ("time of the hit", collision.time, KNOWN["time"]),
-        ("normal speed", speed, KNOWN["speed"]),
+        ("cost", solution.cost, EXACT["cost"]),
+        ("time of the hit", collision.time, EXACT["time"]),
+        ("normal speed", speed, EXACT["speed"]),
     ]
     show("two_discs", rows, solution)
 

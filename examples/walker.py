@@ -20,7 +20,7 @@ Run:  ``python examples/walker.py [FOLDER]``
 
 import numpy as np
 import sympy as sp
-from showing import show
+from example_report import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc

@@ -51,7 +51,7 @@ def test_each_row_is_what_a_solve_of_its_own_finds(block: dmoc.Problem) -> None:
     assert batch.complete and batch.solved.all() and batch.counts == {"solved": 3}
     assert batch.check == ("passed",) * 3 and batch.collisions == ("wall",) * 3
     # The force and the impulse grow with the mass, the motion stays.
-    least, at, _ = block_and_wall.KNOWN[0.8]
+    least, at, _ = block_and_wall.EXACT[0.8]
     assert batch.cost == pytest.approx(least * np.square(MASSES), rel=1e-5)
     assert batch.collision_times[:, 0] == pytest.approx(at, abs=1e-4)
     assert batch.impulses[:, 0] / MASSES == pytest.approx(batch.impulses[1, 0], rel=1e-6)

@@ -15,7 +15,7 @@ import dmoc
 pytestmark = pytest.mark.slow
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-BESIDE = {"showing", "search_dask"}  # what all share, and what needs a cluster
+BESIDE = {"example_report", "search_dask"}  # what all share, and what needs a cluster
 NAMES = sorted({path.stem for path in EXAMPLES.glob("*.py")} - BESIDE)
 # What searches find: numbers of hops as their tree says, hits of a block as relaxed motions say,
 # and the free motion to the puck's mirror image.

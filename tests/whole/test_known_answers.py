@@ -44,7 +44,7 @@ def orders(error: Callable[[int, int], float], steps: tuple[int, int]) -> dict[i
 
 @pytest.mark.parametrize("e", [1.0, 0.8, 0.5, 0.0])
 def test_block_and_wall(e: float) -> None:
-    exact, time, speed = block_and_wall.known(e)
+    exact, time, speed = block_and_wall.closed_form(e)
     errors = {}
     for order, steps in ((2, 20), (2, 40), (4, 10), (4, 20)):
         solution = answer_of(block_and_wall.problem(e, steps, order), "ipm", starts=1)
@@ -62,15 +62,15 @@ def test_block_and_wall(e: float) -> None:
 
 @pytest.mark.parametrize("e", [0.8, 0.5])
 def test_lossy_impacts_keep_order_4(e: float) -> None:
-    exact, *_ = block_and_wall.known(e)
+    exact, *_ = block_and_wall.closed_form(e)
     assert (
         3.6 < orders(lambda n, o: cost(block_and_wall.problem(e, n, o)) - exact, (10, 20))[4] < 4.3
     )
 
 
-@pytest.mark.parametrize("e", block_and_wall.KNOWN)
+@pytest.mark.parametrize("e", block_and_wall.EXACT)
 def test_the_closed_form_of_the_block_gives_the_published_digits(e: float) -> None:
-    assert block_and_wall.known(e) == pytest.approx(block_and_wall.KNOWN[e], abs=1e-7)
+    assert block_and_wall.closed_form(e) == pytest.approx(block_and_wall.EXACT[e], abs=1e-7)
 
 
 def test_the_elastic_law_is_kept_to_rounding_and_the_others_to_second_order() -> None:
@@ -256,7 +256,7 @@ def test_kellys_cart_pole() -> None:
         dmoc.solve(problem, "ipm"),
     )
     assert kelly.solved and kelly.cost == pytest.approx(cart_pole.LIMIT, rel=1e-5)
-    assert kelly.cost == pytest.approx(cart_pole.KNOWN, rel=2e-3)
+    assert kelly.cost == pytest.approx(cart_pole.DYMOS, rel=2e-3)
     assert best.solved and best.cost == pytest.approx(57.9449, rel=1e-5)
 
 
@@ -275,7 +275,7 @@ def test_hanging_pendulum_at_both_orders() -> None:
 
 def test_puck_among_walls() -> None:
     problem = puck.problem(20, 4)
-    assert puck.known(problem.start, problem.goal, 2.0) == pytest.approx(0.415, abs=1e-12)
+    assert puck.least_cost(problem.start, problem.goal, 2.0) == pytest.approx(0.415, abs=1e-12)
     assert cost(problem) == pytest.approx(0.415, rel=1e-8)
     assert cost(puck.problem()) == pytest.approx(0.415, rel=1e-4)
 

@@ -111,7 +111,7 @@ def solved_until(most: int, ended: Status) -> Solve:
 
 @pytest.mark.parametrize("ended", [Status.STALLED, Status.INFEASIBLE, Status.ITERATION_LIMIT])
 def test_a_confirmed_mesh_is_kept_where_a_finer_one_fails(ended: Status) -> None:
-    problem, exact = block_and_wall.problem(0.8, 20), block_and_wall.known(0.8)[0]
+    problem, exact = block_and_wall.problem(0.8, 20), block_and_wall.closed_form(0.8)[0]
     answer = refined(problem, 1e-9, ENDLESS, solved_until(40, ended), checked)
     assert answer.steps == (40, 40) and answer.verification and answer.verification.passed
     assert answer.status == "not_verified"  # 1e-9 was asked for
@@ -121,7 +121,7 @@ def test_a_confirmed_mesh_is_kept_where_a_finer_one_fails(ended: Status) -> None
 
 
 def test_one_mesh_alone_is_measured_against_a_coarser_one() -> None:
-    problem, exact = block_and_wall.problem(0.8, 40), block_and_wall.known(0.8)[0]
+    problem, exact = block_and_wall.problem(0.8, 40), block_and_wall.closed_form(0.8)[0]
     answer = refined(problem, 5e-3, ENDLESS, solved_until(40, Status.STALLED), checked)
     assert answer.status == "solved" and [m.steps[0] for m in answer.meshes] == [20, 40]
     assert "the mesh of 80 steps a phase ended stalled" in answer.message

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.slow
 def test_the_estimate_bounds_the_error_against_the_closed_form(
     order: int, tolerance: float
 ) -> None:
-    exact, time, _ = block_and_wall.known(0.8)
+    exact, time, _ = block_and_wall.closed_form(0.8)
     solution = dmoc.solve(block_and_wall.problem(0.8, 8, order), tolerance=tolerance)
     assert (
         solution.solved
@@ -157,7 +157,7 @@ def test_a_motion_that_costs_nothing_needs_no_finest_mesh() -> None:
 @pytest.mark.parametrize("confirmed", [True, False])
 def test_a_dearer_minimum_takes_the_place_only_of_one_that_is_contradicted(confirmed: bool) -> None:
     """Meshes of 10 and 20 steps agree, that of 80 is led to something that costs more."""
-    problem, exact = block_and_wall.problem(0.8, 10), block_and_wall.known(0.8)[0]
+    problem, exact = block_and_wall.problem(0.8, 10), block_and_wall.closed_form(0.8)[0]
 
     def solve(given: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
         found = dmoc.solve(given, "ipm", guess=guess, starts=1, verify=False)

@@ -15,9 +15,11 @@ def show(name: str, rows: list[tuple[str, float, float | None]], solution: dmoc.
     not solved and confirmed by the simulation."""
     console = Console()
     table = Table(name, "found", "known", "difference", box=None, header_style="bold")
-    for what, found, known in rows:
-        difference = "" if known is None else f"{found - known:+.1e}"
-        table.add_row(what, f"{found:.9g}", "" if known is None else f"{known:.9g}", difference)
+    for what, value, reference in rows:
+        difference = "" if reference is None else f"{value - reference:+.1e}"
+        table.add_row(
+            what, f"{value:.9g}", "" if reference is None else f"{reference:.9g}", difference
+        )
     console.print(table, highlight=False)
     check = solution.verification
     errors = (
