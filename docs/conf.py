@@ -23,7 +23,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "mathml",
     "diagrams",
-    "runs",
+    "gallery",
 ]
 exclude_patterns = ["_build", "_ext", "examples/*.py", "examples/*.ipynb"]
 nitpicky = True
@@ -51,10 +51,10 @@ sphinx_gallery_conf = {
     "gallery_dirs": "examples",
     "ignore_pattern": r"(example_report|search_dask|__init__)\.py$",
     "filename_pattern": "/",
-    "image_scrapers": ("runs.written",),
+    "image_scrapers": ("gallery.written",),
     "reset_modules": (),
     "thumbnail_size": (480, 360),
-    "within_subsection_order": "runs.Order",
+    "within_subsection_order": "gallery.Order",
     "copyfile_regex": r"example_report\.py",
     "download_all_examples": False,
     "show_memory": False,

@@ -180,8 +180,8 @@ def modes(style: Style) -> Figure:
 def _reference(order: int, steps: Sequence[int]) -> dmoc.Problem:
     """The reference problem on a mesh."""
     reference = find("cart_pendulum")
-    given = reference.defaults | {"steps": list(steps)}
-    return dmoc.Problem(reference.kernels(order), **given)
+    fields = reference.defaults | {"steps": list(steps)}
+    return dmoc.Problem(reference.kernels(order), **fields)
 
 
 def _swing_up(problem: dmoc.Problem) -> dmoc.Solution:
