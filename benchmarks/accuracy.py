@@ -51,9 +51,9 @@ class Case:
 
     name: str
     problem: Callable[..., dmoc.Problem]
-    known: float
+    reference: float
     source: str = "closed form"
-    found: Callable[[dmoc.Solution], float] = lambda s: s.cost
+    quantity: Callable[[dmoc.Solution], float] = lambda s: s.cost
     start: Callable[[dmoc.Problem], np.ndarray] = guess
 
 
@@ -72,7 +72,7 @@ CASES = (
         "two bounces up to a peak: v0",
         two_bounces.problem,
         two_bounces.V0,
-        found=lambda s: float(s.phases[0].v[0, 0]),
+        quantity=lambda s: float(s.phases[0].v[0, 0]),
     ),
     Case("two discs", two_discs.problem, 1.39654216, "Zhong, Han, Brikis (2022), task 3"),
     Case("puck: east, north, west", puck.problem, 0.415, "closed form (unfolded)"),
@@ -126,7 +126,7 @@ CONTACT_CASES = (
         "rimless wheel: rate before a spoke lands",
         contacts.rimless,
         contacts.rimless_rate(),
-        found=lambda s: abs(float(s.phases[0].v[-1, 2])),
+        quantity=lambda s: abs(float(s.phases[0].v[-1, 2])),
     ),
     Case(
         "passive compass gait: period",
@@ -135,7 +135,7 @@ CONTACT_CASES = (
         ),
         compass_gait.PERIOD,
         "event-driven Runge-Kutta of order 8, 1e-12",
-        found=lambda s: s.final_time,
+        quantity=lambda s: s.final_time,
     ),
     *(
         Case(
@@ -143,7 +143,7 @@ CONTACT_CASES = (
             lambda n, rod=(angle, v, mu, course): hits.fallen_rod(*rod, n),
             tangential,
             "Poisson's law by hand, 9 digits",
-            found=lambda s: float(s.collisions[0].tractions["floor"]),
+            quantity=lambda s: float(s.collisions[0].tractions["floor"]),
         )
         for angle, v, mu, _, _, tangential, course in hits.RODS
     ),
@@ -185,7 +185,7 @@ def table(cases: Sequence[Case], solved: Solved) -> tuple[list[str], Work]:
             if solution.status != "solved":
                 cells.append(str(solution.status))
                 continue
-            errors.append(abs(case.found(solution) - case.known) / abs(case.known))
+            errors.append(abs(case.quantity(solution) - case.reference) / abs(case.reference))
             cells.append(f"{errors[-1]:.1e}")
             work.setdefault(case.name, []).append((seconds, errors[-1]))
         row = (case.name, *cells, shown_order(errors))
@@ -242,7 +242,7 @@ def main() -> None:
         alone = partial(solve, order=order)
         tables[order], work[order] = table(CASES, lambda case, n, _, alone=alone: alone(case, n))
     contacts_lines, _ = table(CONTACT_CASES, from_the_mesh_before)
-    sources = [f"- {c.name}, {c.known:.9g}: {c.source}." for c in (*CASES, *CONTACT_CASES)]
+    sources = [f"- {c.name}, {c.reference:.9g}: {c.source}." for c in (*CASES, *CONTACT_CASES)]
     text = [
         "# Known answers",
         "",

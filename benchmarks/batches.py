@@ -70,7 +70,7 @@ def peer_pendulum() -> Peer:
     case = casadi_pendulum.Case(alpha=base.start["alpha"], steps=STEPS[PENDULUM])
     built = casadi_pendulum.program(case, **NEAR)
     nlp, x = _first(base)
-    found = built.solver(x0=built.start(*casadi_start(nlp, x)), **built.bounds)
+    minimum = built.solver(x0=built.start(*casadi_start(nlp, x)), **built.bounds)
     n, q = 2 * STEPS[PENDULUM], 2
     first, inputs = q, q + 2 * (n + 1)  # of the angle at the start, and of the forces
 
@@ -82,7 +82,7 @@ def peer_pendulum() -> Peer:
             bounds[key][inputs : inputs + n] = sign * b * case.force
         bounds["lbx"][:q] = 1e-3 * c
         bounds["ubg"][-1] = c
-        built.solver(x0=found["x"], lam_x0=found["lam_x"], lam_g0=found["lam_g"], **bounds)
+        built.solver(x0=minimum["x"], lam_x0=minimum["lam_x"], lam_g0=minimum["lam_g"], **bounds)
         return str(built.solver.stats()["return_status"]) == SOLVED
 
     return solve
@@ -98,7 +98,7 @@ def _first(base: dmoc.Problem) -> tuple[Any, np.ndarray]:
 def peer_quadrotor() -> Peer:
     statement, base = quadrotor(), nominal(QUADROTOR)
     solver = transcribed(statement, base, SECONDS, **NEAR)
-    _, found = solver.solve()
+    _, minimum = solver.solve()
     thrust = solver.bounds["ubx"] == 45.9
 
     def solve(instance: Instance) -> bool:
@@ -108,7 +108,7 @@ def peer_quadrotor() -> Peer:
         for key in ("lbg", "ubg"):  # y, z and their rates are the last rows
             bounds[key][-4:-2] = 5.0 * a, 2.5 * b
         status, _ = solver.solve(
-            x0=found["x"], lam_x0=found["lam_x"], lam_g0=found["lam_g"], **bounds
+            x0=minimum["x"], lam_x0=minimum["lam_x"], lam_g0=minimum["lam_g"], **bounds
         )
         return status == SOLVED
 
@@ -163,11 +163,11 @@ def compare(quick: bool) -> Section:
         every = instances(count // 20 if quick else count)
         for workers in dict.fromkeys((1, cores)):
             some = every if workers == cores else every[: len(every) // 4]
-            peer, found = by_peer(name, some, workers)
+            peer, peer_solved = by_peer(name, some, workers)
             bare, solved = by_dmoc(name, some, workers, False)
             whole, passed = by_dmoc(name, some, workers, True)
             section.row(
-                name, len(some), workers, found, f"{len(some) / peer:.0f}", solved,
+                name, len(some), workers, peer_solved, f"{len(some) / peer:.0f}", solved,
                 f"{len(some) / bare:.0f}", ratio(peer, bare), passed, f"{len(some) / whole:.0f}",
             )  # fmt: skip
     return section

@@ -144,8 +144,8 @@ def rows(series: Series, results: list[Result]) -> Iterator[list[Any]]:
         ends = Counter(r.status.split(":")[0] for r in own).most_common()
         worst = [max((r.errors[c] for r in judged if c in r.errors), default=None) for c in MOST]
         shown = ("-" if w is None else f"{w:.1e}" for w in worst)
-        told = ", ".join(f"{n} {s}" for s, n in ends)
-        yield [kind, method, len(own), told, len(judged) - bad, bad, doubted, *shown]
+        statuses = ", ".join(f"{n} {s}" for s, n in ends)
+        yield [kind, method, len(own), statuses, len(judged) - bad, bad, doubted, *shown]
 
 
 def wrong_ones(results: list[Result]) -> list[Result]:
@@ -192,11 +192,11 @@ def main() -> int:
     parser.add_argument("--contacts", action="store_true", help="contacts that last and friction")
     parser.add_argument("--problems", type=int)
     parser.add_argument("--verbose", action="store_true", help="a line for each problem")
-    given = parser.parse_args()
-    series = HELD if given.contacts else FREE
-    problems = given.problems or series.problems
+    options = parser.parse_args()
+    series = HELD if options.contacts else FREE
+    problems = options.problems or series.problems
     results = judged_by_simulation(series, problems)
-    for r in results if given.verbose else ():
+    for r in results if options.verbose else ():
         errors = ", ".join(f"{n} {x:.1e}" for n, x in r.errors.items())
         sys.stdout.write(f"{r.kind} {r.number} {r.status}: {'; '.join(r.against)} [{errors}]\n")
     sys.stdout.write(section(series, results, problems).markdown())

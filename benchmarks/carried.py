@@ -133,9 +133,9 @@ def _twice(
     cold: Any, warm: Any, start: np.ndarray, bounds: tuple[Any, Any], runs: int
 ) -> tuple[Timed, Timed]:
     """From a start, and a neighbour from the minimum and its multipliers."""
-    seconds, found = timed(lambda: cold(x0=start, **bounds[0]), runs)
+    seconds, minimum = timed(lambda: cold(x0=start, **bounds[0]), runs)
     first = _ended(cold, seconds)
-    point = {"x0": found["x"], "lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
+    point = {"x0": minimum["x"], "lam_x0": minimum["lam_x"], "lam_g0": minimum["lam_g"]}
     seconds, _ = timed(lambda: warm(**point, **bounds[1]), runs)
     return first, _ended(warm, seconds)
 

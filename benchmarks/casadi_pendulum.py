@@ -69,14 +69,14 @@ class Program:
     def solve(self, x0: np.ndarray) -> tuple[float, float, int, str, float, np.ndarray]:
         """Return seconds, cost, iterations, status, violation and unknowns."""
         s = self.sizes or Sizes(np.ones(len(x0)), np.ones(len(self.bounds["lbg"])), 1.0)
-        seconds, found = clocked(lambda: self.solver(x0=x0 / s.x, **self.bounds))
+        seconds, result = clocked(lambda: self.solver(x0=x0 / s.x, **self.bounds))
         stats = self.solver.stats()
-        g, x = np.array(found["g"]).ravel() * s.g, np.array(found["x"]).ravel() * s.x
+        g, x = np.array(result["g"]).ravel() * s.g, np.array(result["x"]).ravel() * s.x
         b = {k: v * (s.x if k in ("lbx", "ubx") else s.g) for k, v in self.bounds.items()}
         excess = [b["lbg"] - g, g - b["ubg"], b["lbx"] - x, x - b["ubx"]]
         return (
-            seconds, float(found["f"]) * s.f, int(stats["iter_count"]), str(stats["return_status"]),
-            float(np.max(np.concatenate(excess))), x,
+            seconds, float(result["f"]) * s.f, int(stats["iter_count"]),
+            str(stats["return_status"]), float(np.max(np.concatenate(excess))), x,
         )  # fmt: skip
 
 

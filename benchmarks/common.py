@@ -289,15 +289,15 @@ def casadi_sizes(nlp: Transcription) -> tuple[np.ndarray, np.ndarray, float]:
     return x, np.concatenate([*g, [scale.time]]), scale.cost
 
 
-def from_casadi(nlp: Transcription, x: np.ndarray, found: np.ndarray) -> np.ndarray:
+def from_casadi(nlp: Transcription, x: np.ndarray, casadi_x: np.ndarray) -> np.ndarray:
     """Unknowns with what CasADi found, the others as in x."""
     lay, y = nlp.layout, x.copy()
     phases, coordinates = lay.phases, (lay.total + 1) * 2
     inputs = phases + coordinates
-    y[lay.index_h] = found[:phases] / np.array(lay.steps)
-    y[lay.index_q] = found[phases:inputs].reshape(-1, 2)
-    y[lay.index_u] = found[inputs : inputs + lay.total].reshape(-1, 1)
-    y[lay.impact.lam] = found[inputs + lay.total :]
+    y[lay.index_h] = casadi_x[:phases] / np.array(lay.steps)
+    y[lay.index_q] = casadi_x[phases:inputs].reshape(-1, 2)
+    y[lay.index_u] = casadi_x[inputs : inputs + lay.total].reshape(-1, 1)
+    y[lay.impact.lam] = casadi_x[inputs + lay.total :]
     return y
 
 

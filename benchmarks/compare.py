@@ -256,18 +256,18 @@ def main() -> None:
         help="interpreter of the other checkout (default: OTHER/.venv/bin/python)",
     )
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.serve:
+    options = parser.parse_args()
+    if options.serve:
         serve()
         return
-    if given.other is None and given.python is None:
+    if options.other is None and options.python is None:
         parser.error("name the folder of the other checkout, or its interpreter")
-    other = given.python or given.other.resolve() / PYTHON
+    other = options.python or options.other.resolve() / PYTHON
     if not other.exists():
         parser.error(
             f"{other} does not exist: install the other checkout into an environment of its own"
         )
-    print(table(compare(Path(sys.executable), other, max(given.rounds, 1))))
+    print(table(compare(Path(sys.executable), other, max(options.rounds, 1))))
 
 
 if __name__ == "__main__":

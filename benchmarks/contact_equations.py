@@ -61,12 +61,12 @@ class ContactEquations(Mechanism):
     """Equations of motion with contacts and friction; everything is a function of the row ``par``
     of parameter values."""
 
-    def __init__(self, given: Description) -> None:
-        super().__init__(given)
+    def __init__(self, system: Description) -> None:
+        super().__init__(system)
         t = dynamicsymbols._t
         q, v = (sp.symbols(f"{a}:{self.nq}") for a in ("q_", "v_"))
-        tau, par = sp.Symbol("tau_time"), list(given.parameters)
-        names = dict(zip(given.coordinates, q, strict=True))
+        tau, par = sp.Symbol("tau_time"), list(system.parameters)
+        names = dict(zip(system.coordinates, q, strict=True))
 
         def kinematics(expressions: Sequence[Any]) -> Callable[..., list[float]]:
             """Values, rates, slopes by q, and what accelerations have beside slope . a."""
@@ -83,16 +83,16 @@ class ContactEquations(Mechanism):
             ]
             return _numeric([*q, *v, tau, *par], results)
 
-        self.tangents = list(given.tangents)
+        self.tangents = list(system.tangents)
         self.rails = [k for k, name in enumerate(self.tangents) if name not in self.surfaces]
         self.rubs = {
             self.surfaces.index(name): k
             for k, name in enumerate(self.tangents)
             if name in self.surfaces
         }
-        self._gap_motion = kinematics([r.lts - r.gts for r in given.surfaces.values()])
-        self._slide_motion = kinematics(list(given.tangents.values()))
-        self._friction = _numeric(par, [sp.sympify(f) for f in given.friction.values()])
+        self._gap_motion = kinematics([r.lts - r.gts for r in system.surfaces.values()])
+        self._slide_motion = kinematics(list(system.tangents.values()))
+        self._friction = _numeric(par, [sp.sympify(f) for f in system.friction.values()])
 
     def friction(self, par: Array) -> Array:
         """Coefficients, or forces of rails, in the order of the tangents."""

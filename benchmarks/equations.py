@@ -35,26 +35,26 @@ class Mechanism:
     """Numeric equations of motion of a description; ``par`` is the row of parameter
     values in its order."""
 
-    def __init__(self, given: Description) -> None:
+    def __init__(self, system: Description) -> None:
         t = dynamicsymbols._t
-        rates = [c.diff(t) for c in given.coordinates]
+        rates = [c.diff(t) for c in system.coordinates]
         q, v, u = (
             sp.symbols(f"{letter}:{n}")
-            for letter, n in (("q_", len(rates)), ("v_", len(rates)), ("u_", len(given.inputs)))
+            for letter, n in (("q_", len(rates)), ("v_", len(rates)), ("u_", len(system.inputs)))
         )
-        tau, names = sp.Symbol("tau_time"), [*given.coordinates, *given.inputs]
+        tau, names = sp.Symbol("tau_time"), [*system.coordinates, *system.inputs]
 
         def plain(expression: Any) -> Any:
             e = sp.sympify(expression).subs(dict(zip(rates, v, strict=True)))
             return e.subs(dict(zip(names, [*q, *u], strict=True))).subs(t, tau)
 
-        lagrangian = plain(given.lagrangian)
+        lagrangian = plain(system.lagrangian)
         momenta = sp.Matrix([lagrangian.diff(s) for s in v])
-        Q = sp.Matrix([plain(given.forces.get(c, 0)) for c in given.coordinates])
+        Q = sp.Matrix([plain(system.forces.get(c, 0)) for c in system.coordinates])
         slope = sp.Matrix([lagrangian.diff(s) for s in q])
         force = Q + slope - momenta.jacobian(q) * sp.Matrix(v) - momenta.diff(tau)
-        self.surfaces = list(given.surfaces)
-        par = list(given.parameters)
+        self.surfaces = list(system.surfaces)
+        par = list(system.parameters)
         state = [*q, *v, *u, tau, *par]
         self.nq = len(rates)
         self._motion = _numeric(state, [*momenta.jacobian(v), *force])

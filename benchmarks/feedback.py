@@ -46,9 +46,9 @@ def shipped(name: str, steps: int) -> dmoc.Problem:
     return dmoc.Problem(reference.kernels(4), **{**reference.defaults, "steps": steps})
 
 
-def example(name: str, *given: int) -> dmoc.Problem:
+def example(name: str, *arguments: int) -> dmoc.Problem:
     """The problem of an example."""
-    made: dmoc.Problem = import_module(name).problem(*given)
+    made: dmoc.Problem = import_module(name).problem(*arguments)
     return made
 
 

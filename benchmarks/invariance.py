@@ -27,7 +27,7 @@ T = dynamicsymbols._t
 
 
 @dataclass(frozen=True)
-class Told:
+class Frame:
     """What a metre, a kilogram and a second are in the units that a problem is told in, and where
     its origin is, in metres."""
 
@@ -150,118 +150,119 @@ class Kind:
     """A system, and a problem of it in any units and at any place."""
 
     system: Callable[[], dmoc.MechanicalSystem]
-    problem: Callable[[Told], dict[str, Any]]
+    problem: Callable[[Frame], dict[str, Any]]
 
 
-def weight(told: Told, **more: float) -> dict[str, float]:
-    return {"m": told.mass(1.0), "g": told.acceleration(9.81), **more}
+def weight(frame: Frame, **more: float) -> dict[str, float]:
+    return {"m": frame.mass(1.0), "g": frame.acceleration(9.81), **more}
 
 
-def at_rest(told: Told) -> dict[str, Any]:
-    here = {"x": told.place(0), "y": told.place(0)}
+def at_rest(frame: Frame) -> dict[str, Any]:
+    here = {"x": frame.place(0), "y": frame.place(0)}
     return {
-        "start": here, "contacts": ["floor:stick"], "steps": 10, "final_time": told.time(1),
-        "parameters": weight(told, c=told.place(0)),
+        "start": here, "contacts": ["floor:stick"], "steps": 10, "final_time": frame.time(1),
+        "parameters": weight(frame, c=frame.place(0)),
     }  # fmt: skip
 
 
-def hopper_at_rest(told: Told) -> dict[str, Any]:
+def hopper_at_rest(frame: Frame) -> dict[str, Any]:
     return {
-        "start": {"x": told.place(0.5), "y": told.place(0)},
-        "goal": {"x": told.place(0.5), "x_dot": 0.0}, "contacts": ["ground"], "steps": 12,
-        "final_time": told.time(0.8), "parameters": weight(told, c=told.place(0)),
+        "start": {"x": frame.place(0.5), "y": frame.place(0)},
+        "goal": {"x": frame.place(0.5), "x_dot": 0.0}, "contacts": ["ground"], "steps": 12,
+        "final_time": frame.time(0.8), "parameters": weight(frame, c=frame.place(0)),
     }  # fmt: skip
 
 
-def held(told: Told) -> dict[str, Any]:
-    angle = {"a": 1.0 + told.shift}
+def held(frame: Frame) -> dict[str, Any]:
+    angle = {"a": 1.0 + frame.shift}
     return {
-        "start": angle, "goal": {**angle, "a_dot": 0.0}, "steps": 20, "final_time": told.time(1),
-        "parameters": weight(told, l=told.length(0.7), c=told.shift),
+        "start": angle, "goal": {**angle, "a_dot": 0.0}, "steps": 20, "final_time": frame.time(1),
+        "parameters": weight(frame, l=frame.length(0.7), c=frame.shift),
     }  # fmt: skip
 
 
-def idle(told: Told) -> dict[str, Any]:
-    here = {"x": told.place(0.4)}
+def idle(frame: Frame) -> dict[str, Any]:
+    here = {"x": frame.place(0.4)}
     return {
-        "start": here, "goal": {**here, "x_dot": 0.0}, "steps": 10, "final_time": told.time(1),
-        "parameters": {"m": told.mass(1), "c": told.place(1)},
+        "start": here, "goal": {**here, "x_dot": 0.0}, "steps": 10, "final_time": frame.time(1),
+        "parameters": {"m": frame.mass(1), "c": frame.place(1)},
     }  # fmt: skip
 
 
-def there_and_back(told: Told) -> dict[str, Any]:
+def there_and_back(frame: Frame) -> dict[str, Any]:
     return {
-        "start": {"x": told.place(0)}, "goal": {"x": told.place(0), "x_dot": 0.0},
-        "sequence": ["wall"], "steps": 20, "final_time": told.time(1), "restitution": 0.7,
-        "parameters": {"m": told.mass(1), "c": told.place(1)},
+        "start": {"x": frame.place(0)}, "goal": {"x": frame.place(0), "x_dot": 0.0},
+        "sequence": ["wall"], "steps": 20, "final_time": frame.time(1), "restitution": 0.7,
+        "parameters": {"m": frame.mass(1), "c": frame.place(1)},
     }  # fmt: skip
 
 
-def bounce(told: Told) -> dict[str, Any]:
+def bounce(frame: Frame) -> dict[str, Any]:
     return {
-        "start": {"x": told.place(0), "y": told.place(1), "x_dot": told.speed(1)},
-        "goal": {"x": told.place(1), "y": told.place(0.6)}, "sequence": ["floor"], "steps": 20,
-        "final_time": (told.time(0.2), told.time(2)), "restitution": 0.8,
-        "parameters": weight(told, c=told.place(0)),
+        "start": {"x": frame.place(0), "y": frame.place(1), "x_dot": frame.speed(1)},
+        "goal": {"x": frame.place(1), "y": frame.place(0.6)}, "sequence": ["floor"], "steps": 20,
+        "final_time": (frame.time(0.2), frame.time(2)), "restitution": 0.8,
+        "parameters": weight(frame, c=frame.place(0)),
     }  # fmt: skip
 
 
-def pushed(told: Told) -> dict[str, Any]:
+def pushed(frame: Frame) -> dict[str, Any]:
     return {
-        "start": {"x": told.place(0), "y": told.place(0)},
-        "goal": {"x": told.place(0.4), "x_dot": 0.0}, "contacts": ["floor:stick"],
-        "sequence": ["floor:slip+", "floor:stick"], "steps": 16, "final_time": told.time(1),
-        "parameters": weight(told, c=told.place(0)),
+        "start": {"x": frame.place(0), "y": frame.place(0)},
+        "goal": {"x": frame.place(0.4), "x_dot": 0.0}, "contacts": ["floor:stick"],
+        "sequence": ["floor:slip+", "floor:stick"], "steps": 16, "final_time": frame.time(1),
+        "parameters": weight(frame, c=frame.place(0)),
     }  # fmt: skip
 
 
-def leaning(told: Told) -> dict[str, Any]:
-    here = {"x": told.place(0), "y": told.place(0), "b": told.place(0)}
+def leaning(frame: Frame) -> dict[str, Any]:
+    here = {"x": frame.place(0), "y": frame.place(0), "b": frame.place(0)}
     return {
-        "start": here, "contacts": ["floor:stick", "side"], "steps": 10, "final_time": told.time(1),
-        "parameters": weight(told, c=told.place(0), push=told.force(0.024)),
+        "start": here, "contacts": ["floor:stick", "side"], "steps": 10,
+        "final_time": frame.time(1),
+        "parameters": weight(frame, c=frame.place(0), push=frame.force(0.024)),
     }  # fmt: skip
 
 
-def shoved(told: Told) -> dict[str, Any]:
+def shoved(frame: Frame) -> dict[str, Any]:
     """The finger, whose own mass changes its force, pushes the block along."""
     return {
-        "start": {"x": told.place(0), "y": told.place(0), "b": told.place(0)},
-        "goal": {"x": told.place(0.2), "x_dot": 0.0}, "contacts": ["floor:slip+", "side"],
-        "steps": 20, "final_time": told.time(1),
-        "parameters": weight(told, c=told.place(0), push=told.force(0.024)),
+        "start": {"x": frame.place(0), "y": frame.place(0), "b": frame.place(0)},
+        "goal": {"x": frame.place(0.2), "x_dot": 0.0}, "contacts": ["floor:slip+", "side"],
+        "steps": 20, "final_time": frame.time(1),
+        "parameters": weight(frame, c=frame.place(0), push=frame.force(0.024)),
     }  # fmt: skip
 
 
-def swung(told: Told) -> dict[str, Any]:
+def swung(frame: Frame) -> dict[str, Any]:
     return {
-        "start": {"x": told.place(0), "a": 0.0},
-        "goal": {"x": told.place(0.5), "x_dot": 0.0, "a": 0.0, "a_dot": 0.0},
-        "contacts": ["rail:slip+"], "steps": 40, "final_time": told.time(1.5),
-        "parameters": weight(told, l=told.length(0.5), push=told.force(0.5)),
+        "start": {"x": frame.place(0), "a": 0.0},
+        "goal": {"x": frame.place(0.5), "x_dot": 0.0, "a": 0.0, "a_dot": 0.0},
+        "contacts": ["rail:slip+"], "steps": 40, "final_time": frame.time(1.5),
+        "parameters": weight(frame, l=frame.length(0.5), push=frame.force(0.5)),
     }  # fmt: skip
 
 
-def slides_down(told: Told) -> dict[str, Any]:
+def slides_down(frame: Frame) -> dict[str, Any]:
     """From 60 degrees, at rest."""
     angle = float(sp.pi / 3)
-    place = {"x": told.place(float(sp.cos(angle))), "y": told.place(float(sp.sin(angle)))}
+    place = {"x": frame.place(float(sp.cos(angle))), "y": frame.place(float(sp.sin(angle)))}
     return {
         "start": {**place, "a": angle}, "contacts": ["floor", "wall"], "steps": 30,
-        "goal": {"a": angle - 0.3}, "final_time": told.time(0.6),
-        "parameters": weight(told, l=told.length(1), c=told.place(0)),
+        "goal": {"a": angle - 0.3}, "final_time": frame.time(0.6),
+        "parameters": weight(frame, l=frame.length(1), c=frame.place(0)),
     }  # fmt: skip
 
 
-def seed(told: Told) -> dict[str, Any]:
-    force = told.force(200)
+def seed(frame: Frame) -> dict[str, Any]:
+    force = frame.force(200)
     return {
-        "start": {"alpha": 0.471, "x": told.place(0)},
+        "start": {"alpha": 0.471, "x": frame.place(0)},
         "goal": {"alpha": 1.5707, "p_alpha": 0.0, "p_x": 0.0}, "sequence": ["left"], "steps": 100,
-        "final_time": (None, told.time(1)), "bounds": {"F": (-force, force)},
+        "final_time": (None, frame.time(1)), "bounds": {"F": (-force, force)},
         "parameters": {
-            "m_p": told.mass(1), "m_c": told.mass(1), "l": told.length(0.5),
-            "g": told.acceleration(10),
+            "m_p": frame.mass(1), "m_c": frame.mass(1), "l": frame.length(0.5),
+            "g": frame.acceleration(10),
         },
     }  # fmt: skip
 
@@ -278,19 +279,19 @@ KINDS = {
 }  # fmt: skip
 
 
-def tellings(quick: bool = False) -> list[Told]:
+def tellings(quick: bool = False) -> list[Frame]:
     """The same problem otherwise: shifted, in other units of one kind, and of all."""
     powers = [10.0**k for k in (QUICK if quick else POWERS)]
-    told = [Told(shift=shift) for shift in SHIFTS]
-    told += [Told(**{unit: p}) for unit in ("metre", "kilogram", "second") for p in powers]
-    return [*told, Told(1e3, 1e-6, 1e4), Told(1e-3, 1e6, 1e-2, 3.0)]
+    frames = [Frame(shift=shift) for shift in SHIFTS]
+    frames += [Frame(**{unit: p}) for unit in ("metre", "kilogram", "second") for p in powers]
+    return [*frames, Frame(1e3, 1e-6, 1e4), Frame(1e-3, 1e6, 1e-2, 3.0)]
 
 
-def answers(kind: Kind, told: list[Told]) -> list[tuple[Told, dmoc.Solution]]:
+def answers(kind: Kind, frames: list[Frame]) -> list[tuple[Frame, dmoc.Solution]]:
     """The solutions of a problem in all its tellings."""
     kernels = dmoc.build(kind.system())
-    problems = [dmoc.Problem(kernels, **kind.problem(t)) for t in told]
-    return [(t, dmoc.solve(p, "ipm", starts=1)) for t, p in zip(told, problems, strict=True)]
+    problems = [dmoc.Problem(kernels, **kind.problem(t)) for t in frames]
+    return [(t, dmoc.solve(p, "ipm", starts=1)) for t, p in zip(frames, problems, strict=True)]
 
 
 def invariance(quick: bool) -> Section:
@@ -315,9 +316,9 @@ def main(words: list[str]) -> int:
     for name, kind in KINDS.items():
         if words and not any(word in name for word in words):
             continue
-        for told, solution in answers(kind, tellings()):
+        for frame, solution in answers(kind, tellings()):
             differ += not solution.solved
-            print(f"{name}: {told}: {solution.status}: {solution.message[:300]}")
+            print(f"{name}: {frame}: {solution.status}: {solution.message[:300]}")
     return int(differ > 0)
 
 

@@ -135,7 +135,7 @@ def _segments(
     """Largest error of a simulation over a tenth of a phase, from the motion's own nodes, and
     impacts that were not planned."""
     mechanism: Any = motion.mechanism
-    worst, told = 0.0, list[str]()
+    worst, objections = 0.0, list[str]()
     for i, p in enumerate(motion.phases):
         ends = np.unique(np.linspace(0, len(p["t"]) - 1, SEGMENTS + 1).round().astype(int))
         event = solution.collisions[i] if i < len(solution.collisions) else None
@@ -152,9 +152,9 @@ def _segments(
                 p["inputs"], p["t"][a], p["t"][b], p["q"][a], p["v"][a], motion.par, sizes, e,
                 planned, _passed(mechanism, solution, i),
             )  # fmt: skip
-            told += [f"an impact on {s} at {t:.4g} s was not planned" for s, t in run.impacts]
+            objections += [f"an impact on {s} at {t:.4g} s was not planned" for s, t in run.impacts]
             worst = max(worst, _distance(motion, run.q, run.v, p["q"][b], p["v"][b], p["t"][b]))
-    return worst, told
+    return worst, objections
 
 
 def _distance(
@@ -170,7 +170,7 @@ def _events(
     """Largest differences of the velocity after an event, and of an impulse, to the nearest outcome
     that the laws allow, largest gap there, and what no law allows."""
     mechanism: Any = motion.mechanism
-    worst, told = dict.fromkeys(("event", "law", "impulse", "gap"), 0.0), list[str]()
+    worst, objections = dict.fromkeys(("event", "law", "impulse", "gap"), 0.0), list[str]()
 
     def put(name: str, error: float) -> None:
         worst[name] = max(worst[name], float(error))
@@ -182,9 +182,9 @@ def _events(
         q, v, t = before["q"][-1], before["v"][-1], float(before["t"][-1])
 
         def off(
-            wanted: np.ndarray, q: np.ndarray = q, t: float = t, after: np.ndarray = after
+            velocity: np.ndarray, q: np.ndarray = q, t: float = t, after: np.ndarray = after
         ) -> float:
-            return motion.length(q, t, after - wanted) / motion.speed
+            return motion.length(q, t, after - velocity) / motion.speed
 
         hit = [mechanism.surfaces.index(s) for s in dict.fromkeys((c.surface, *c.lands)) if s]
         if not hit:
@@ -198,14 +198,14 @@ def _events(
         push = motion.length(q, t, np.linalg.solve(M, normals[hit[0]]) * c.impulse)
         if not c.lands and abs(rates[hit[0]]) < least and push < NO_EFFECT * motion.speed:
             if solution.status == "solved":
-                told.append(f"{c.word} has no effect")
+                objections.append(f"{c.word} has no effect")
             continue
         if not c.lands and rates[hit[0]] < 0:
-            told.append(f"{c.word} departs before it hits")
+            objections.append(f"{c.word} departs before it hits")
         elastic = [0.0 if s in c.lands else r for s, r in zip(mechanism.surfaces, e, strict=True)]
         outcomes = list(mechanism.impacts(hit, q, v, u, t, motion.par, sizes, elastic, passed))
         if not outcomes:
-            told.append(f"no law gives an outcome of {c.word}")
+            objections.append(f"no law gives an outcome of {c.word}")
             continue
         nearest = min(outcomes, key=lambda o: off(o.motion))
         put("event", off(nearest.motion))
@@ -214,14 +214,14 @@ def _events(
             rate, (j, *_) = mechanism.gap_motion(q, after, t, motion.par)[1], hit
             put("law", abs(rate[j] + elastic[j] * rates[j]) / max(abs(rates[j]), least))
         size = max(abs(nearest.normal[hit[0]]), NO_EFFECT * most) if smooth else most
-        given = {c.surface: c.impulse, **c.impulses} if c.surface else dict(c.impulses)
+        planned_impulses = {c.surface: c.impulse, **c.impulses} if c.surface else dict(c.impulses)
         for names, planned, lawful in (
-            (mechanism.surfaces, given, nearest.normal),
+            (mechanism.surfaces, planned_impulses, nearest.normal),
             (mechanism.tangents, c.tractions, nearest.tangential),
         ):
             for name, value in zip(names, lawful, strict=True):
                 put("impulse", abs(planned.get(name, 0.0) - value) / size)
-    return worst, told
+    return worst, objections
 
 
 def _forces(motion: Motion, solution: dmoc.Solution, sizes: Sizes) -> tuple[float, list[str]]:
@@ -231,29 +231,29 @@ def _forces(motion: Motion, solution: dmoc.Solution, sizes: Sizes) -> tuple[floa
         max(float(np.abs(getattr(p, name)).max(initial=0.0)) for p in solution.phases)
         for name in ("normal", "tangential")
     ]
-    worst, told = 0.0, list[str]()
+    worst, objections = 0.0, list[str]()
     for i, (p, phase) in enumerate(zip(motion.phases, solution.phases, strict=True)):
         passed = _passed(mechanism, solution, i)
         for k in range(EDGE, len(p["t"]) - EDGE):
             try:
-                found = mechanism.forces(
+                consistent = mechanism.forces(
                     p["q"][k], p["v"][k], p["inputs"][1][k], p["t"][k], motion.par, sizes,
                     passed=passed,
                 )  # fmt: skip
             except ArithmeticError as error:
-                told.append(str(error))
+                objections.append(str(error))
                 continue
             normal = dict(zip(phase.closed, phase.normal[k] if phase.closed else (), strict=True))
             rubbing = phase.tangential[k] if phase.rubbing else ()
             tangential = dict(zip(phase.rubbing, rubbing, strict=True))
             for size, planned, names, forces in (
-                (most[0], normal, mechanism.surfaces, found.normal),
-                (most[1], tangential, mechanism.tangents, found.tangential),
+                (most[0], normal, mechanism.surfaces, consistent.normal),
+                (most[1], tangential, mechanism.tangents, consistent.tangential),
             ):
                 for name, force in zip(names, forces, strict=True):
                     error = abs(planned.get(name, 0.0) - force)
                     worst = max(worst, error / max(size, LEAST * max(most), 1e-300))
-    return worst, told[:3]
+    return worst, objections[:3]
 
 
 def _limits(motion: Motion, instance: Instance, solution: dmoc.Solution) -> float:
@@ -289,8 +289,8 @@ def _boundary(motion: Motion, problem: Mapping[str, Any], solution: dmoc.Solutio
     start = problem["start"]
     if not problem.get("periodic"):  # at rest where nothing else is said
         start = {f"{n}_dot": 0.0 for n in names} | start
-    for state, given in zip(ends, (start, problem["goal"]), strict=True):
-        for name, value in given.items():
+    for state, bounds in zip(ends, (start, problem["goal"]), strict=True):
+        for name, value in bounds.items():
             low, high = value if isinstance(value, tuple) else (value, value)
             low, high = (-np.inf if low is None else low), (np.inf if high is None else high)
             worst = max(worst, (low - state[name]) / size[name], (state[name] - high) / size[name])

@@ -71,12 +71,12 @@ class Try:
 
     @property
     def row(self) -> tuple[Any, ...]:
-        known = self.rung.known
+        reference = self.rung.least_cost
         ended = np.isfinite(self.cost)
         return (
             self.rung.name, self.order, self.steps, self.method,
             self.result if self.met else f"**{self.result}**", f"{self.cost:.6g}" if ended else "-",
-            f"{(self.cost - known) / abs(known):+.1e}" if ended else "-",
+            f"{(self.cost - reference) / abs(reference):+.1e}" if ended else "-",
             *(ms(part) for part in self.parts),
         )  # fmt: skip
 
@@ -99,8 +99,8 @@ def peer(rung: Rung, order: int, steps: int, method: str) -> Try:
     start, explore = None, 0.0
     if method == EXPLORED:
         coarse = rung.make(COARSE, order)
-        explore, found = clocked(lambda: dmoc.solve(coarse, "ipm", seconds=SECONDS))
-        start = ladder_casadi.Motion(found)
+        explore, solution = clocked(lambda: dmoc.solve(coarse, "ipm", seconds=SECONDS))
+        start = ladder_casadi.Motion(solution)
     answer = ladder_casadi.solve(rung.state(), rung.make(steps, order), SECONDS, start)
     return Try(
         rung, order, steps, method,
@@ -133,7 +133,7 @@ def tries(
 def ladder(quick: bool, folder: Path) -> Section:
     methods = tuple(dict.fromkeys(("ipm", DEFAULT))) if quick else (*METHODS, *PEERS)
     steps = STEPS[:1] if quick else STEPS
-    found = list(tries(RUNGS, methods, steps=steps))
+    results = list(tries(RUNGS, methods, steps=steps))
     section = Section(
         "Published problems from the automatic start",
         f"Orders 2 and 4 with N = {', '.join(map(str, steps))} steps a phase, from a statement "
@@ -145,17 +145,17 @@ def ladder(quick: bool, folder: Path) -> Section:
         ["problem", "known cost", "source", *methods],
     )
     for rung in RUNGS:
-        own_tries = [t for t in found if t.rung is rung]
+        own_tries = [t for t in results if t.rung is rung]
         shares = (_share([t for t in own_tries if t.method == m]) for m in methods)
-        section.row(rung.name, f"{rung.known:.8g}", rung.source, *shares)
+        section.row(rung.name, f"{rung.least_cost:.8g}", rung.source, *shares)
     for order in ORDERS:
-        groups = ([t for t in found if (t.method, t.order) == (m, order)] for m in methods)
+        groups = ([t for t in results if (t.method, t.order) == (m, order)] for m in methods)
         section.row(f"all of order {order}", "", "", *map(_share, groups))
     for part in ("explore", "guess", "solve", "check", "total"):
-        medians = (_median([t for t in found if t.met and t.method == m], part) for m in methods)
+        medians = (_median([t for t in results if t.met and t.method == m], part) for m in methods)
         section.row(f"{part}, ms", "", "", *medians)
-    section.after = _failures(found, methods)
-    text = f"# The ladder\n\n{section.markdown()}\n{_every(found)}"
+    section.after = _failures(results, methods)
+    text = f"# The ladder\n\n{section.markdown()}\n{_every(results)}"
     (folder / "ladder.md").write_text(text, encoding="utf-8")
     return section
 
@@ -170,28 +170,28 @@ def _median(group: Sequence[Try], part: str) -> str:
     return ms(median(values)) if values else "-"
 
 
-def _failures(found: Sequence[Try], methods: Sequence[str]) -> str:
+def _failures(results: Sequence[Try], methods: Sequence[str]) -> str:
     """What dmoc's own methods missed, by name."""
     own_methods = [m for m in methods if m in ("ipm", DEFAULT)]
     lines = []
     for method in dict.fromkeys(own_methods):
         missed = [
             f"{t.rung.name} (order {t.order}, N = {t.steps}: {t.result})"
-            for t in found
+            for t in results
             if t.method == method and not t.met
         ]
         lines.append(f"Missed by `{method}`: {'; '.join(missed) or 'nothing'}.")
     return "\n\n".join(lines)
 
 
-def _every(found: Sequence[Try]) -> str:
+def _every(results: Sequence[Try]) -> str:
     text = (
         "## Every solve\n\nA result in bold is a failure: *dearer* than the known cost by more "
         "than the tolerance, *below* it without a check, or the status; times are in ms."
     )
     sections = []
-    for rung in dict.fromkeys(t.rung for t in found):
-        rows = [t.row[1:] for t in found if t.rung is rung]
+    for rung in dict.fromkeys(t.rung for t in results):
+        rows = [t.row[1:] for t in results if t.rung is rung]
         sections.append(f"### {rung.name}\n\n{table(HEADER[1:], rows)}\n")
     return filled(text) + "\n\n" + "\n".join(sections)
 
@@ -206,10 +206,10 @@ def main() -> None:
     )
     parser.add_argument("--steps", nargs="+", type=int, default=STEPS)
     parser.add_argument("--order", nargs="+", type=int, choices=ORDERS, default=ORDERS)
-    given = parser.parse_args()
-    rungs = [rung for rung in RUNGS if given.rung in rung.name]
+    options = parser.parse_args()
+    rungs = [rung for rung in RUNGS if options.rung in rung.name]
     sys.stdout.write("| " + " | ".join(HEADER) + " |\n" + len(HEADER) * "|---" + "|\n")
-    for one in tries(rungs, given.method, given.order, given.steps):
+    for one in tries(rungs, options.method, options.order, options.steps):
         sys.stdout.write("| " + " | ".join(map(str, one.row)) + " |\n")
         sys.stdout.flush()
 

@@ -144,10 +144,10 @@ class Solver:
     start: np.ndarray
     names: list[str]
 
-    def solve(self, **given: Any) -> tuple[str, dict[str, Any]]:
+    def solve(self, **changes: Any) -> tuple[str, dict[str, Any]]:
         """Its status and its results, with other bounds or another start where they are given."""
-        found = self.function(**{"x0": self.start, **self.bounds, **given})
-        return str(self.function.stats()["return_status"]), found
+        result = self.function(**{"x0": self.start, **self.bounds, **changes})
+        return str(self.function.stats()["return_status"]), result
 
 
 class Start(Protocol):
@@ -225,8 +225,8 @@ def _along(rows: np.ndarray, share: float) -> np.ndarray:
 
 def _middle(bounds: np.ndarray, otherwise: Any) -> np.ndarray:
     """Where both bounds are finite their middle."""
-    known = np.isfinite(bounds).all(axis=1)
-    return np.where(known, np.where(known[:, None], bounds, 0.0).mean(axis=1), otherwise)
+    finite = np.isfinite(bounds).all(axis=1)
+    return np.where(finite, np.where(finite[:, None], bounds, 0.0).mean(axis=1), otherwise)
 
 
 def solve(
@@ -234,8 +234,8 @@ def solve(
 ) -> Answer:
     """Transcribe a problem, which must not be periodic, with its steps and order, and solve it."""
     build, solver = clocked(lambda: transcribed(statement, problem, seconds, start))
-    spent, (status, found) = clocked(solver.solve)
-    return Answer(status, float(found["f"]), build, spent)
+    spent, (status, result) = clocked(solver.solve)
+    return Answer(status, float(result["f"]), build, spent)
 
 
 State = tuple[ca.SX, ca.SX]  # positions and velocities of a node

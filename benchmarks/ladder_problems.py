@@ -48,7 +48,7 @@ class Rung:
 
     name: str
     state: Callable[[], Statement]
-    known: float
+    least_cost: float
     tolerance: float
     source: str
 
@@ -61,7 +61,7 @@ class Rung:
     def compared(self, cost: float, checked: bool) -> str:
         """What a minimum is worth: a cost well below the known one is an error of the
         discretisation, unless the simulation has confirmed the motion."""
-        excess, allowed = cost - self.known, self.tolerance * abs(self.known)
+        excess, allowed = cost - self.least_cost, self.tolerance * abs(self.least_cost)
         if abs(excess) <= allowed:
             return SOLVED
         if excess > 0:

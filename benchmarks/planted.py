@@ -58,8 +58,8 @@ class Case:
         j = int(self.rng.choice(np.flatnonzero(ranges > 1e-3 * ranges.max())))
         return j, float(ranges[j])
 
-    def phase(self, wanted: Callable[[Phase], bool] = lambda _: True) -> int | None:
-        places = [i for i, p in enumerate(self.motion.phases) if wanted(p)]
+    def phase(self, allows: Callable[[Phase], bool] = lambda _: True) -> int | None:
+        places = [i for i, p in enumerate(self.motion.phases) if allows(p)]
         return int(self.rng.choice(places)) if places else None
 
     def with_phase(self, i: int, **changes: object) -> Trajectory:

@@ -43,8 +43,8 @@ def compare(quick: bool) -> Section:
     )  # fmt: skip
     for name, (model, changes, depth) in list(CASES.items())[: 1 if quick else None]:
         reference = find(model)
-        given: dict[str, Any] = {**reference.defaults, **changes, "steps": 40, "sequence": ()}
-        problem = dmoc.Problem(reference.kernels(), **given)
+        fields: dict[str, Any] = {**reference.defaults, **changes, "steps": 40, "sequence": ()}
+        problem = dmoc.Problem(reference.kernels(), **fields)
         words = len(problem.kernels.surfaces)
         result = dmoc.search(problem, depth)
         cut = [n.sequence for n in result.nodes if str(n.verdict) == "unreachable"]

@@ -134,8 +134,8 @@ def _judged(problem: dmoc.Problem, claim: Claim, claimed: float | None) -> Judge
         notes.append(f"open loop: {error}")
     windows, cost, followed, runs = list[Window](), run.cost, "open loop", [run]
     if deviation > TOLERANCE and claim.v is not None:
-        pieces, windows, told = _piecewise(replay)
-        notes += told
+        pieces, windows, reasons = _piecewise(replay)
+        notes += reasons
         if windows:
             followed, runs = "piecewise", pieces
             cost, end = sum(p.cost for p in pieces), pieces[-1].states[-1]

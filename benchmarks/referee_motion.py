@@ -62,8 +62,8 @@ def read(path: Path, problem: dmoc.Problem, form: str | None = None) -> Claim:
         missing, or the times do not increase.
     """
     lines = _lines(path)
-    said = [line[1:].partition(":") for line in lines if line.startswith("#")]
-    forms = [value.strip() for key, _, value in said if key.strip() == "inputs"]
+    comments = [line[1:].partition(":") for line in lines if line.startswith("#")]
+    forms = [value.strip() for key, _, value in comments if key.strip() == "inputs"]
     rows = list(csv.reader(line for line in lines if not line.startswith("#")))
     table = _columns(path, rows, problem)
     form = form or (forms[0] if forms else None)

@@ -134,9 +134,9 @@ def _peer(instance: int, method: str, p: dmoc.Problem, x: np.ndarray) -> Trial:
     nlp = program(p, x)
     sizes = casadi_pendulum.Sizes(*casadi_sizes(nlp)) if "scaled" in method else None
     peer = casadi_pendulum.program(case, sizes=sizes, max_cpu_time=SECONDS)
-    seconds, cost, iterations, status, _, found = peer.solve(peer.start(*casadi_start(nlp, x)))
+    seconds, cost, iterations, status, _, y = peer.solve(peer.start(*casadi_start(nlp, x)))
     solved = status == "Solve_Succeeded"
-    passed = solved and confirmed(p, from_casadi(nlp, x, found))
+    passed = solved and confirmed(p, from_casadi(nlp, x, y))
     return Trial(
         instance, method, "solved" if solved else status.lower(), passed, iterations,
         seconds, cost,

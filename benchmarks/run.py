@@ -93,27 +93,27 @@ def main() -> None:
     parser.add_argument(
         "--out", type=Path, default=Path(__file__).parent / "results", help="folder of the report"
     )
-    given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
-    every = sections(given.out)
-    chosen = given.only.split(",") if given.only else [n for n in every if n not in APART]
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    every = sections(options.out)
+    chosen = options.only.split(",") if options.only else [n for n in every if n not in APART]
     if unknown := [name for name in chosen if name not in every]:
         parser.error(
-            f"--only {given.only}: no section {unknown[0]}: expected some of {', '.join(every)}"
+            f"--only {options.only}: no section {unknown[0]}: expected some of {', '.join(every)}"
         )
     texts = []
     for name in chosen:
         sys.stderr.write(f"{name} ... ")
         sys.stderr.flush()
-        seconds, section = clocked(lambda n=name: every[n](given.quick))
+        seconds, section = clocked(lambda n=name: every[n](options.quick))
         texts.append(section.markdown())
         sys.stderr.write(f"{seconds:.0f} s\n")
-    if given.only:
+    if options.only:
         sys.stdout.write("\n".join(texts))
         return
-    head = HEAD.format(machine=machine(), quick=" with `--quick`" if given.quick else "")
+    head = HEAD.format(machine=machine(), quick=" with `--quick`" if options.quick else "")
     head = filled(head.strip()) + "\n"
-    path = given.out / "README.md"
+    path = options.out / "README.md"
     path.write_text("\n".join([head, *texts]), encoding="utf-8")
     sys.stdout.write(f"written: {path}\n")
 

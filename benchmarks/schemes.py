@@ -122,9 +122,9 @@ def compare(quick: bool) -> Section:
     )  # fmt: skip
     for optimum in optima():
         for name, (order, rule) in SCHEMES.items():
-            known = optimum.cost, optimum.time, optimum.impulse
+            reference = optimum.cost, optimum.time, optimum.impulse
             solved = np.array([_solved(optimum, n, order, rule) for n in steps])
-            costs, times, impulses = np.abs(solved / known - 1).T.tolist()
+            costs, times, impulses = np.abs(solved / reference - 1).T.tolist()
             exact = max(costs[-2:]) < 1e-9
             shown = "exact" if exact else f"{math.log2(costs[-2] / costs[-1]):.1f}"
             section.row(

@@ -34,8 +34,8 @@ class Answer:
 
 
 def solve(rung: Rung, problem: dmoc.Problem, seed: int, **more: Any) -> Answer:
-    given = {"seed": seed, "seconds": SECONDS, **more}
-    seconds, solution = clocked(lambda: dmoc.solve(problem, "ipm", **given))
+    options = {"seed": seed, "seconds": SECONDS, **more}
+    seconds, solution = clocked(lambda: dmoc.solve(problem, "ipm", **options))
     status = str(solution.status)
     result = rung.compared(solution.cost, True) if status == "solved" else status
     return Answer(result, solution.starts or 1, solution.found or 1, seconds)
@@ -58,16 +58,16 @@ def compare(quick: bool) -> Section:
     missed, runs = 0, 0
     for rung in RUNGS:
         problem = rung.make(STEPS, ORDER)
-        found = [solve(rung, problem, seed) for seed in range(seeds)]
+        answers = [solve(rung, problem, seed) for seed in range(seeds)]
         alone = solve(rung, problem, 0, starts=1)
-        good = sum(a.good for a in found)
+        good = sum(a.good for a in answers)
         missed, runs = missed + seeds - good, runs + seeds
-        others = Counter(a.result for a in found if not a.good)
+        others = Counter(a.result for a in answers if not a.good)
         section.row(
             rung.name, f"{good}/{seeds}", "met" if alone.good else alone.result,
-            f"{median(a.starts for a in found):g}", min(a.starts for a in found),
-            max(a.starts for a in found), f"{median(a.met / a.starts for a in found):.2f}",
-            f"{median(a.seconds for a in found):.2f}",
+            f"{median(a.starts for a in answers):g}", min(a.starts for a in answers),
+            max(a.starts for a in answers), f"{median(a.met / a.starts for a in answers):.2f}",
+            f"{median(a.seconds for a in answers):.2f}",
             ", ".join(f"{n} {result}" for result, n in others.items()) or "-",
         )  # fmt: skip
     section.after = f"Missed in all: {missed} of {runs}."

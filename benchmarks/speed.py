@@ -80,10 +80,10 @@ def comparison(quick: bool) -> Section:
         )  # fmt: skip
     for method, repeats in (("ipm", 51), ("slsqp", 5), ("ipopt", 5), ("uno", 1)):
         seconds, own = clocked(lambda m=method: program(problem, x, m))
-        found = solves(own, x, method, min(repeats, 3) if quick else repeats)
-        last = found.outcome
+        timing = solves(own, x, method, min(repeats, 3) if quick else repeats)
+        last = timing.outcome
         section.row(
-            method, found.share, ms(found.seconds), ratio(reference, found.seconds),
+            method, timing.share, ms(timing.seconds), ratio(reference, timing.seconds),
             last.iterations, f"{own_cost(own, last):.6f}", f"{violation(own, last):.0e}",
             ms(seconds),
         )  # fmt: skip
@@ -175,8 +175,8 @@ def _peer_answer(problem: dmoc.Problem) -> Answer:
     nlp = program(problem, x)
     case = casadi_pendulum.Case(alpha=problem.start["alpha"], steps=problem.phase_steps[0])
     built = casadi_pendulum.program(case)
-    solving, cost, _, status, _, found = built.solve(built.start(*casadi_start(nlp, x)))
-    checking, passed = clocked(lambda: simulated(nlp, from_casadi(nlp, x, found)))
+    solving, cost, _, status, _, y = built.solve(built.start(*casadi_start(nlp, x)))
+    checking, passed = clocked(lambda: simulated(nlp, from_casadi(nlp, x, y)))
     total = guessing + solving + checking
     return Answer(guessing, solving, checking, total, status == SOLVED and passed, cost)
 
@@ -189,9 +189,9 @@ def _middle(answers: list[Answer]) -> tuple[Answer, str]:
 
 
 def _answer_cells(own: tuple[Answer, str], peer: tuple[Answer, str]) -> tuple[Any, ...]:
-    found, share = own
-    parts = (found.guess, found.solve, found.check, found.total)
-    return share, *map(ms, parts), ratio(peer[0].total, found.total), f"{found.cost:.6f}"
+    answer, share = own
+    parts = (answer.guess, answer.solve, answer.check, answer.total)
+    return share, *map(ms, parts), ratio(peer[0].total, answer.total), f"{answer.cost:.6f}"
 
 
 def where(quick: bool) -> Section:
@@ -272,11 +272,11 @@ def _measure(what: str, steps: int, repeats: int) -> dict[str, Any]:
         Path("/proc/self/clear_refs").write_text("5")  # from here the peak is that of the solve
         solves(nlp, x, "ipm", 1)
         memory = _memory("VmHWM") - before
-        found = solves(nlp, x, "ipm", repeats)
+        timing = solves(nlp, x, "ipm", repeats)
         return {
-            "seconds": found.seconds,
-            "iterations": found.outcome.iterations,
-            "solved": found.share,
+            "seconds": timing.seconds,
+            "iterations": timing.outcome.iterations,
+            "solved": timing.share,
             "memory": memory,
         }
     casadi = casadi_pendulum.program(

@@ -147,17 +147,17 @@ def run(name: str, tool: str, seconds: float) -> Record:
     """The same in a process of its own, which ends with its budget."""
     command = [sys.executable, __file__, "--unit", name, tool, "--seconds", str(seconds)]
     threads = {f"{kind}_NUM_THREADS": "1" for kind in ("OMP", "OPENBLAS")}
-    told, error, late = "", "no message", False
+    output, error, late = "", "no message", False
     try:
         done = subprocess.run(
             command, capture_output=True, text=True,
             timeout=seconds + (STARTING_NOSNOC if tool == "nosnoc" else STARTING),
             env=os.environ | threads,
         )  # fmt: skip
-        told, error = done.stdout, (done.stderr.strip().splitlines() or [error])[-1]
+        output, error = done.stdout, (done.stderr.strip().splitlines() or [error])[-1]
     except subprocess.TimeoutExpired as stopped:
-        told, late = (stopped.stdout or b"").decode(), True
-    records = [json.loads(line) for line in told.splitlines() if line.startswith("{")]
+        output, late = (stopped.stdout or b"").decode(), True
+    records = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
     head = {"problem": name, "tool": tool, "budget": seconds}
     if not records:
         return head | {"status": f"more than {seconds:.0f} s" if late else f"error: {error[:200]}"}
@@ -238,8 +238,8 @@ def _words_of(case: Case, by: Mapping[tuple[str, str], Mapping[str, Any]]) -> st
     """The words of the best known motion, and those of searches that found others."""
     best = _words(case.named.contacts, case.word)
     others = [(tool, by.get((case.name, tool), {})) for tool in ("propose", "tree")]
-    told = [(tool, _words(r["contacts"], r["word"])) for tool, r in others if "word" in r]
-    return "; ".join([best, *(f"{tool} {words}" for tool, words in told if words != best)])
+    searched = [(tool, _words(r["contacts"], r["word"])) for tool, r in others if "word" in r]
+    return "; ".join([best, *(f"{tool} {words}" for tool, words in searched if words != best)])
 
 
 def _words(contacts: Sequence[str], words: Sequence[str]) -> str:
@@ -326,10 +326,10 @@ def main() -> None:
         if unknown := [value for value in values if value not in possible]:
             parser.error(f"--{kind} {unknown[0]}: expected some of {', '.join(possible)}")
     records = every(chosen, tools, asked.seconds, asked.out, asked.again)
-    told = section(records, asked.seconds)
+    report = section(records, asked.seconds)
     if chosen == names and tools == list(TOOLS):
-        _write(told, asked.out)
-    print(told.markdown())
+        _write(report, asked.out)
+    print(report.markdown())
 
 
 if __name__ == "__main__":

@@ -86,11 +86,11 @@ def cpwf_problem() -> dmoc.Problem:
 def discs() -> dmoc.MechanicalSystem:
     q = dynamicsymbols("x1 y1 x2 y2")
     x1, y1, x2, y2 = q
-    wanted = tracked(q, (-1, 1, 0, 0), (5, 5, 10, 10))
+    deviation = tracked(q, (-1, 1, 0, 0), (5, 5, 10, 10))
     return dmoc.MechanicalSystem(
         "nosbench_discm", q, kinetic(2, x1, y1) + kinetic(1, x2, y2), {}, inputs=[U, W],
         forces={x1: U, y1: W}, surfaces={"discs": sp.sqrt((x1 - x2) ** 2 + (y1 - y2) ** 2) >= 0.5},
-        cost=wanted + (U**2 + W**2) / 10, terminal_cost=100 * wanted,
+        cost=deviation + (U**2 + W**2) / 10, terminal_cost=100 * deviation,
     )  # fmt: skip
 
 
@@ -105,12 +105,12 @@ def discs_problem() -> dmoc.Problem:
 def carts() -> dmoc.MechanicalSystem:
     q = dynamicsymbols("x1 x2 x3")
     x1, x2, x3 = q
-    wanted = tracked(with_rates(q), (-5, 0, 5, 0, 0, 0), (10, 1, 10, 0.1, 0.1, 0.1))
+    deviation = tracked(with_rates(q), (-5, 0, 5, 0, 0, 0), (10, 1, 10, 0.1, 0.1, 0.1))
     return dmoc.MechanicalSystem(
         "nosbench_3cptf", q, kinetic(1, *q), {}, inputs=[U], forces={x2: U},
         dissipation=sum(x.diff(T) ** 2 for x in q),
-        surfaces={"left": x2 - x1 >= 2, "right": x3 - x2 >= 2}, cost=wanted + U**2 / 10,
-        terminal_cost=100 * wanted, path_constraints=slower(x1=5, x2=5, x3=5),
+        surfaces={"left": x2 - x1 >= 2, "right": x3 - x2 >= 2}, cost=deviation + U**2 / 10,
+        terminal_cost=100 * deviation, path_constraints=slower(x1=5, x2=5, x3=5),
     )  # fmt: skip
 
 
@@ -126,13 +126,13 @@ def rough_carts() -> dmoc.MechanicalSystem:
     q = dynamicsymbols("x1 x2 x3")
     x1, x2, x3 = q
     f = sp.Symbol("f")
-    wanted = tracked(with_rates(q), (-7, 0, 5, 0, 0, 0), (10, 1, 10, 0.1, 0.1, 0.1))
+    deviation = tracked(with_rates(q), (-7, 0, 5, 0, 0, 0), (10, 1, 10, 0.1, 0.1, 0.1))
     names = ("floor1", "floor2", "floor3")
     return dmoc.MechanicalSystem(
         "nosbench_3cpcls", q, kinetic(1, *q), {f: 0.2 * FALL}, inputs=[U], forces={x2: U},
         surfaces={"left": x2 - x1 >= 2, "right": x3 - x2 >= 2},
         tangents=dict(zip(names, q, strict=True)), friction=dict.fromkeys(names, f),
-        cost=wanted + U**2 / 10, terminal_cost=100 * wanted,
+        cost=deviation + U**2 / 10, terminal_cost=100 * deviation,
     )  # fmt: skip
 
 

@@ -69,8 +69,8 @@ class Robot:
         names = [*system.coordinates, *system.velocities, *system.inputs]
 
         def read(expression: Any) -> ca.SX:
-            known = sp.sympify(expression).subs(system.parameters).doit()
-            return ca.SX(sp.lambdify(names, known, modules=[FUNCTIONS, "math"])(*symbols))
+            numeric = sp.sympify(expression).subs(system.parameters).doit()
+            return ca.SX(sp.lambdify(names, numeric, modules=[FUNCTIONS, "math"])(*symbols))
 
         lagrangian = read(system.lagrangian)
         p = ca.gradient(lagrangian, v)
@@ -209,14 +209,14 @@ def walk(quick: bool) -> Section:
     )  # fmt: skip
     for steps in (10,) if quick else (10, 20, 30):
         solver = transcribed(WALK, steps).solver
-        seconds, (status, found) = clocked(solver.solve)
+        seconds, (status, result) = clocked(solver.solve)
         count = solver.function.stats()["iter_count"]
-        cost = float(found["f"])
+        cost = float(result["f"])
         section.row("CasADi + IPOPT", steps, status, f"{cost:.3f}", count, 1, ms(seconds))
         half = walker.TIME / 2
         problem = walker.problem(steps, 2).but(durations=[half, half])
-        for name, given in (("dmoc", {}), ("dmoc, one start", {"starts": 1})):
-            seconds, solution = clocked(lambda p=problem, g=given: dmoc.solve(p, **g))
+        for name, options in (("dmoc", {}), ("dmoc, one start", {"starts": 1})):
+            seconds, solution = clocked(lambda p=problem, g=options: dmoc.solve(p, **g))
             section.row(
                 name, steps, str(solution.status), f"{solution.cost:.3f}", solution.iterations,
                 solution.starts or 1, ms(seconds),
@@ -280,9 +280,9 @@ def _by_hand(section: Section, steps: int) -> None:
         return metre.solver.solve(x0=x)
 
     for name, run in (("CasADi + IPOPT", metre.solver.solve), ("CasADi, from a step", from_step)):
-        seconds, (status, found) = _core(run)
+        seconds, (status, result) = _core(run)
         section.row(
-            name, 4, steps, status, *_recomputed(float(found["f"]), metre.claim(found["x"])),
+            name, 4, steps, status, *_recomputed(float(result["f"]), metre.claim(result["x"])),
             metre.solver.function.stats()["iter_count"], 1, f"{seconds:.2f}",
         )  # fmt: skip
 
@@ -307,6 +307,6 @@ def _recomputed(cost: float, claim: Claim) -> tuple[str, ...]:
         **walker.STEPPING,
     )
     judgement, length = judge(problem, claim), claim.q[-1, 0]
-    told = f"{judgement.cost / length:.3f}"
-    told = told if judgement.agrees else f"({told})"
-    return f"{cost:.3f}", told, f"{length:.4f}", f"{claim.t[-1]:.4f}"
+    cell = f"{judgement.cost / length:.3f}"
+    cell = cell if judgement.agrees else f"({cell})"
+    return f"{cost:.3f}", cell, f"{length:.4f}", f"{claim.t[-1]:.4f}"

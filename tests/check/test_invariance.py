@@ -19,15 +19,15 @@ from dmoc.motion.trajectory import Trajectory
 from dmoc.simulation.sizes import sizes_of
 
 TELLINGS = [
-    invariance.Told(), invariance.Told(shift=3.0), invariance.Told(shift=-0.7),
-    invariance.Told(metre=1e-6), invariance.Told(kilogram=1e6), invariance.Told(second=1e-6),
-    invariance.Told(second=1e6), invariance.Told(1e3, 1e-6, 1e4),
-    invariance.Told(1e-3, 1e6, 1e-2, 3.0),
+    invariance.Frame(), invariance.Frame(shift=3.0), invariance.Frame(shift=-0.7),
+    invariance.Frame(metre=1e-6), invariance.Frame(kilogram=1e6), invariance.Frame(second=1e-6),
+    invariance.Frame(second=1e6), invariance.Frame(1e3, 1e-6, 1e4),
+    invariance.Frame(1e-3, 1e6, 1e-2, 3.0),
 ]  # fmt: skip
 
 
 @cache
-def answers(name: str) -> list[tuple[invariance.Told, dmoc.Solution]]:
+def answers(name: str) -> list[tuple[invariance.Frame, dmoc.Solution]]:
     return invariance.answers(invariance.KINDS[name], TELLINGS)
 
 
@@ -91,7 +91,7 @@ def test_what_stands_still_where_the_model_moves_it_is_refused(share: float, pas
 @pytest.mark.parametrize("far", [1.0, 1e6, 1e9])
 def test_errors_do_not_hide_in_what_is_far_away(far: float) -> None:
     """A wall, limits and inputs far beyond the motion change none of its sizes."""
-    problem = invariance.KINDS["block and wall"].problem(invariance.Told())
+    problem = invariance.KINDS["block and wall"].problem(invariance.Frame())
     kernels = dmoc.build(invariance.free_system())
     solution = dmoc.solve(dmoc.Problem(kernels, **problem), "ipm", starts=1)
     motion = replace(solution.trajectory, phases=solution.phases[:1], collisions=())

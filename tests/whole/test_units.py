@@ -11,7 +11,7 @@ import sympy as sp
 from answers import answer_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from invariance import KINDS, Told
+from invariance import KINDS, Frame
 from methods import INSTALLED, OWN
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, there_and_back
@@ -24,12 +24,12 @@ pytestmark = pytest.mark.slow
 DECADES = st.integers(-6, 6)
 
 
-def told(length: int, mass: int = 0, time: int = 0) -> Told:
+def told(length: int, mass: int = 0, time: int = 0) -> Frame:
     """Units that are smaller by powers of ten."""
-    return Told(10.0**length, 10.0**mass, 10.0**time)
+    return Frame(10.0**length, 10.0**mass, 10.0**time)
 
 
-def effort(told: Told) -> float:
+def effort(told: Frame) -> float:
     """The unit of a cost int u^2 dt."""
     return told.time(told.force(1.0) ** 2)
 
@@ -47,7 +47,7 @@ def block(order: int) -> Kernels:
 
 
 @cache
-def answer(order: int, method: str, told: Told, e: float | None = None) -> dmoc.Solution:
+def answer(order: int, method: str, told: Frame, e: float | None = None) -> dmoc.Solution:
     """Of the block and its wall, or where no restitution is said of the pendulum on its cart: the
     best of a few starts."""
     if e is None:
@@ -55,7 +55,7 @@ def answer(order: int, method: str, told: Told, e: float | None = None) -> dmoc.
     return dmoc.solve(block_problem(block(order), told, e), method, starts=4)
 
 
-def block_problem(kernels: Kernels, told: Told, e: float) -> dmoc.Problem:
+def block_problem(kernels: Kernels, told: Frame, e: float) -> dmoc.Problem:
     """Back from the wall in T = 1 s: J = 24 m^2 L^2 / T^3 for e = 1 (the block of the README,
     limits and a terminal speed beside it)."""
     force = told.force(40)
@@ -73,7 +73,7 @@ def test_a_block_and_its_wall(
     order: int, method: str, length: int, mass: int, time: int, e: float
 ) -> None:
     units = told(length, mass, time)
-    plain, other = (answer(order, method, t, e) for t in (Told(), units))
+    plain, other = (answer(order, method, t, e) for t in (Frame(), units))
     assert (plain.status, other.status) == ("solved", "solved"), (plain.message, other.message)
     assert other.cost / effort(units) == pytest.approx(plain.cost, rel=1e-6)
     a, b = plain.collisions[0], other.collisions[0]
@@ -83,7 +83,7 @@ def test_a_block_and_its_wall(
     )
 
 
-def cart_problem(order: int, told: Told) -> dmoc.Problem:
+def cart_problem(order: int, told: Frame) -> dmoc.Problem:
     """The reference problem with fewer steps: an angle, which has no unit, beside a length."""
     fields = KINDS["seed"].problem(told)
     fields["bounds"]["x"] = (-told.length(10), told.length(10))
@@ -98,7 +98,7 @@ def test_the_pendulum_on_its_cart(
     order: int, method: str, length: int, mass: int, time: int
 ) -> None:
     units = told(length, mass, time)
-    plain, other = (answer(order, method, t) for t in (Told(), units))
+    plain, other = (answer(order, method, t) for t in (Frame(), units))
     # A minimum, which 30 steps are too few for.
     status = "not_verified" if order == 2 else "solved"
     assert (plain.status, other.status) == (status, status), (plain.message, other.message)
@@ -114,7 +114,7 @@ def test_the_pendulum_on_its_cart(
 def test_a_mass_matrix_is_judged_whatever_its_units(order: int, length: int) -> None:
     """Its entries are a mass, a mass times a length, and a mass times its square."""
     units = told(length)
-    plain, other = (answer(order, "ipm", t) for t in (Told(), units))
+    plain, other = (answer(order, "ipm", t) for t in (Frame(), units))
     assert other.status == plain.status
     assert other.cost / effort(units) == pytest.approx(plain.cost, rel=1e-6)
 
@@ -174,6 +174,6 @@ def test_on_the_surface_is_relative_to_the_gap(order: int) -> None:
 
 @ORDERS
 def test_the_result_shows_its_scale(order: int) -> None:
-    solution = answer(order, "ipm", Told(), 1.0)
+    solution = answer(order, "ipm", Frame(), 1.0)
     assert {"time", "cost", "x", "x_dot", "p_x", "u", "gap to wall"} <= set(solution.scale)
     assert all(size > 0 for size in solution.scale.values())
