@@ -60,7 +60,7 @@ setup(script_args=["-q", "build_ext", "--build-lib", "built"], ext_modules=cytho
 
 
 @dataclass(frozen=True)
-class Start:
+class ProgramStart:
     """A program's problem with the unknowns to begin with, in its own units."""
 
     problem: dmoc.Problem
@@ -76,17 +76,17 @@ class End:
     seconds: float
 
 
-def starts(rung: Rung, order: int) -> Iterator[Start]:
+def starts(rung: Rung, order: int) -> Iterator[ProgramStart]:
     """The first automatic guess, and random motions."""
     problem = rung.make(STEPS, order)
     first = guess(problem)
     scale = scale_of(problem, first)
-    yield Start(problem, first, scale)
+    yield ProgramStart(problem, first, scale)
     for x in random_motions(problem, [first], natural_time(problem), range(RANDOM)):
-        yield Start(problem, x, scale)
+        yield ProgramStart(problem, x, scale)
 
 
-def run(start: Start, scaled: bool = True) -> End:
+def run(start: ProgramStart, scaled: bool = True) -> End:
     scale = start.scale if scaled else Scale.none(start.problem)
     nlp = Transcription(start.problem, scale)
     options = Options(iterations=ITERATIONS, deadline=Deadline.after(SECONDS))

@@ -45,7 +45,7 @@ TITLES = {
 
 
 @dataclass(frozen=True)
-class Case:
+class ReferenceCase:
     """A problem by steps (and order), the known value of a quantity, which is the cost if nothing
     else is said, and where that comes from."""
 
@@ -58,36 +58,36 @@ class Case:
 
 
 CASES = (
-    Case("double integrator, rest to rest", double_integrator, 12.0),
-    Case("Bryson-Denham, l = 1/9", bryson_denham, 4.0),
+    ReferenceCase("double integrator, rest to rest", double_integrator, 12.0),
+    ReferenceCase("Bryson-Denham, l = 1/9", bryson_denham, 4.0),
     *(
-        Case(
+        ReferenceCase(
             f"block and wall, e = {e:g}",
             lambda n, o, e=e: block_and_wall.problem(e, n, o),
             block_and_wall.closed_form(e)[0],
         )
         for e in (1.0, 0.8, 0.5, 0.0)
     ),
-    Case(
+    ReferenceCase(
         "two bounces up to a peak: v0",
         two_bounces.problem,
         two_bounces.V0,
         quantity=lambda s: float(s.phases[0].v[0, 0]),
     ),
-    Case("two discs", two_discs.problem, 1.39654216, "Zhong, Han, Brikis (2022), task 3"),
-    Case("puck: east, north, west", puck.problem, 0.415, "closed form (unfolded)"),
-    Case(
+    ReferenceCase("two discs", two_discs.problem, 1.39654216, "Zhong, Han, Brikis (2022), task 3"),
+    ReferenceCase("puck: east, north, west", puck.problem, 0.415, "closed form (unfolded)"),
+    ReferenceCase(
         "periodic bouncer, e = 0.7",
         lambda n, o: bouncer_problem(0.7, n, o)[0],
         bouncer_problem(0.7)[1],
     ),
-    Case(
+    ReferenceCase(
         "cart-pendulum, left",
         seed.problem,
         seed.LIMIT,
         "dmoc's own, both discretisations, N = 1600 and 320",
     ),
-    Case(
+    ReferenceCase(
         "cart-pole, Kelly's motion",
         cart_pole.problem,
         cart_pole.LIMIT,
@@ -98,37 +98,37 @@ CASES = (
 
 
 CONTACT_CASES = (
-    Case("pushed block: stick, slide, stick", contacts.pushed, contacts.PUSHED),
-    Case("pushed block, sliding all along", contacts.sliding, 2.09375),
-    Case(
+    ReferenceCase("pushed block: stick, slide, stick", contacts.pushed, contacts.PUSHED),
+    ReferenceCase("pushed block, sliding all along", contacts.sliding, 2.09375),
+    ReferenceCase(
         "there and back in least time",
         contacts.there_and_back,
         contacts.THERE_AND_BACK,
         "closed form of three arcs; opty's gallery",
     ),
-    Case("block and wall, friction, e = 1", lambda n: contacts.against_wall(n, 1.0), 24.5),
-    Case(
+    ReferenceCase("block and wall, friction, e = 1", lambda n: contacts.against_wall(n, 1.0), 24.5),
+    ReferenceCase(
         "block and wall, friction, e = 0.5",
         lambda n: contacts.against_wall(n, 0.5),
         contacts.wall_with_friction(0.5),
         "closed form, least over time and speed of the hit",
     ),
-    Case(
+    ReferenceCase(
         "Coulomb friction in least time", contacts.turned, contacts.TURNED, "closed form (Driessen)"
     ),
-    Case(
+    ReferenceCase(
         "a mass lands on another and pushes it",
         contacts.pushers,
         contacts.pushed_together(),
         "closed form, least over times and speed of the landing",
     ),
-    Case(
+    ReferenceCase(
         "rimless wheel: rate before a spoke lands",
         contacts.rimless,
         contacts.rimless_rate(),
         quantity=lambda s: abs(float(s.phases[0].v[-1, 2])),
     ),
-    Case(
+    ReferenceCase(
         "passive compass gait: period",
         lambda n: compass_gait.problem(n, order=2).but(
             start={"x": 0.0, "a": 0.0}, durations=[(0.05, None)] * 2
@@ -138,7 +138,7 @@ CONTACT_CASES = (
         quantity=lambda s: s.final_time,
     ),
     *(
-        Case(
+        ReferenceCase(
             f"rod on a floor, {course}: impulse",
             lambda n, rod=(angle, v, mu, course): hits.fallen_rod(*rod, n),
             tangential,
@@ -147,11 +147,11 @@ CONTACT_CASES = (
         )
         for angle, v, mu, _, _, tangential, course in hits.RODS
     ),
-    Case("spinning ball that comes back", lambda n: hits.back(steps=n), hits.cost_back()),
+    ReferenceCase("spinning ball that comes back", lambda n: hits.back(steps=n), hits.cost_back()),
 )
 
 
-def solve(case: Case, steps: int, order: int) -> tuple[float, dmoc.Solution]:
+def solve(case: ReferenceCase, steps: int, order: int) -> tuple[float, dmoc.Solution]:
     """Median time of a solve without guess and check, and the solution."""
     problem = case.problem(steps, order)
     x = case.start(problem)
@@ -168,10 +168,10 @@ def shown_order(errors: list[float]) -> str:
 
 
 Work = dict[str, list[tuple[float, float]]]  # seconds and errors of each problem
-Solved = Callable[[Case, int, dmoc.Solution | None], tuple[float, dmoc.Solution]]
+Solved = Callable[[ReferenceCase, int, dmoc.Solution | None], tuple[float, dmoc.Solution]]
 
 
-def table(cases: Sequence[Case], solved: Solved) -> tuple[list[str], Work]:
+def table(cases: Sequence[ReferenceCase], solved: Solved) -> tuple[list[str], Work]:
     """A line for each problem; a solve may begin with the motion on the mesh before."""
     lines = [
         "| problem | " + " | ".join(f"N = {n}" for n in STEPS) + " | order |",
@@ -195,7 +195,7 @@ def table(cases: Sequence[Case], solved: Solved) -> tuple[list[str], Work]:
 
 
 def from_the_mesh_before(
-    case: Case, steps: int, before: dmoc.Solution | None
+    case: ReferenceCase, steps: int, before: dmoc.Solution | None
 ) -> tuple[float, dmoc.Solution]:
     return clocked(lambda: dmoc.solve(case.problem(steps), "ipm", guess=before))
 

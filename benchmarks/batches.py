@@ -67,7 +67,7 @@ def varied(name: str, base: dmoc.Problem, instance: Instance) -> dmoc.Problem:
 def peer_pendulum() -> Peer:
     """CasADi's program with the minimum of the nominal problem, in this process."""
     base = nominal(PENDULUM)
-    case = casadi_pendulum.Case(alpha=base.start["alpha"], steps=STEPS[PENDULUM])
+    case = casadi_pendulum.PendulumCase(alpha=base.start["alpha"], steps=STEPS[PENDULUM])
     built = casadi_pendulum.program(case, **NEAR)
     nlp, x = _first(base)
     minimum = built.solver(x0=built.start(*casadi_start(nlp, x)), **built.bounds)

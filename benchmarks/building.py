@@ -56,13 +56,13 @@ def compare(quick: bool) -> Section:
         section.row(
             f"dmoc, {name}", f"{cold:.2f}", f"{1e3 * warm:.1f}", f"{bytes_of_c(system):,} (any N)"
         )
-    built = casadi_pendulum.program(casadi_pendulum.Case())
+    built = casadi_pendulum.program(casadi_pendulum.PendulumCase())
     section.row(
         "CasADi, cart-pendulum, N = 100 + 100, not compiled", f"{built.seconds:.2f}", "no cache",
         "-",
     )  # fmt: skip
     if not quick:
-        jit = casadi_pendulum.program(casadi_pendulum.Case(), compiled=True)
+        jit = casadi_pendulum.program(casadi_pendulum.PendulumCase(), compiled=True)
         section.row("CasADi with JIT at -O2, the same", f"{jit.seconds:.2f}", "no cache", "-")
     for links in (1, 4):
         try:

@@ -26,7 +26,7 @@ import numpy as np
 from campaign_kinds import Draw, Instance
 from common import Section
 from contact_driven import ContactMechanism
-from judging import MOST, NO_EFFECT, Result, judge
+from judging import MOST, NO_EFFECT, JudgedSolve, judge
 
 import dmoc
 
@@ -83,7 +83,7 @@ def system_of(instance: Instance) -> dmoc.MechanicalSystem:
     return dmoc.MechanicalSystem(**vars(d), cost=cost)
 
 
-def run_group(series: Series, numbers: list[int]) -> list[Result]:
+def run_group(series: Series, numbers: list[int]) -> list[JudgedSolve]:
     """Problems of one model and order: the kernels and the equations of motion are made once."""
     _, order, first = series.draw(numbers[0])
     kernels = dmoc.build(system_of(first), order=order)
@@ -97,9 +97,9 @@ def run_group(series: Series, numbers: list[int]) -> list[Result]:
 
 def _solved(
     series: Series, number: int, method: str, kernels: Any, mechanism: ContactMechanism
-) -> Result:
+) -> JudgedSolve:
     kind, order, instance = series.draw(number)
-    result = Result(kind, number, order, method, "")
+    result = JudgedSolve(kind, number, order, method, "")
     try:
         problem = dmoc.Problem(kernels, steps=STEPS[order], **instance.problem)
         solution = dmoc.solve(problem, method, seconds=series.seconds)
@@ -134,7 +134,7 @@ with the status `not_verified` that the judge finds right. The columns after it 
 all answers that are `solved` or `grazes`."""
 
 
-def rows(series: Series, results: list[Result]) -> Iterator[list[Any]]:
+def rows(series: Series, results: list[JudgedSolve]) -> Iterator[list[Any]]:
     """A line of the table for each kind and method."""
     for kind, method in dict.fromkeys((r.kind, r.method) for r in results):
         own = [r for r in results if (r.kind, r.method) == (kind, method)]
@@ -148,12 +148,12 @@ def rows(series: Series, results: list[Result]) -> Iterator[list[Any]]:
         yield [kind, method, len(own), statuses, len(judged) - bad, bad, doubted, *shown]
 
 
-def wrong_ones(results: list[Result]) -> list[Result]:
+def wrong_ones(results: list[JudgedSolve]) -> list[JudgedSolve]:
     """Answers that are vouched for and contradicted, and tracebacks."""
     return [r for r in results if r.against and r.status != "not_verified"]
 
 
-def section(series: Series, results: list[Result], problems: int) -> Section:
+def section(series: Series, results: list[JudgedSolve], problems: int) -> Section:
     judged = [r for r in results if r.status in VOUCHED]
     contradicted = sum(bool(r.against) for r in judged)
     wrong = [
@@ -175,7 +175,7 @@ def section(series: Series, results: list[Result], problems: int) -> Section:
     return Section(series.title, text, [*header, *MOST], list(rows(series, results)), after)
 
 
-def judged_by_simulation(series: Series, problems: int) -> list[Result]:
+def judged_by_simulation(series: Series, problems: int) -> list[JudgedSolve]:
     with ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
         parts = pool.map(partial(run_group, series), series.groups(problems))
         results = [r for part in parts for r in part]

@@ -106,7 +106,7 @@ def in_c(folder: Path, runs: int) -> tuple[Timed, Timed]:
 
 def by_casadi(problem: dmoc.Problem, steps: int, runs: int) -> tuple[Timed, Timed]:
     """The same transcription by hand, with IPOPT."""
-    case = casadi_pendulum.Case(alpha=problem.start["alpha"], steps=steps)
+    case = casadi_pendulum.PendulumCase(alpha=problem.start["alpha"], steps=steps)
     cold, warm = (casadi_pendulum.program(case, **options) for options in ({}, NEAR))
     x = guess(problem)
     start = cold.start(*casadi_start(program(problem, x), x))
@@ -118,7 +118,7 @@ def by_casadi(problem: dmoc.Problem, steps: int, runs: int) -> tuple[Timed, Time
 
 def by_fatrop(problem: dmoc.Problem, steps: int, runs: int) -> tuple[Timed, Timed]:
     """The same in stages, with FATROP."""
-    case = casadi_pendulum.Case(alpha=problem.start["alpha"], steps=steps)
+    case = casadi_pendulum.PendulumCase(alpha=problem.start["alpha"], steps=steps)
     near = {"mu_init": 1e-5}
     (cold, bounds), (warm, others) = (
         fatrop_pendulum.solver(c, **options)

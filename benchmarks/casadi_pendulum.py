@@ -18,7 +18,7 @@ HALF = 0.5
 
 
 @dataclass(frozen=True)
-class Case:
+class PendulumCase:
     """Data of one instance: parameters, start angle, bounds of force and final time, steps of
     each phase, sequence of limiters."""
 
@@ -35,7 +35,7 @@ class Case:
     right: float = 9 * np.pi / 10
 
 
-def step_function(case: Case) -> ca.Function:
+def step_function(case: PendulumCase) -> ca.Function:
     """Momenta at both ends of a step, discrete energies at both ends and cost, as functions of
     (q_k, q_kp1, u, h)."""
     a, b, u, h = ca.SX.sym("a", 2), ca.SX.sym("b", 2), ca.SX.sym("u"), ca.SX.sym("h")
@@ -52,14 +52,14 @@ def step_function(case: Case) -> ca.Function:
 
 
 @dataclass
-class Program:
+class PendulumProgram:
     """A solver for one case with the bounds it needs, and the seconds it took to build."""
 
     solver: Any
     bounds: dict[str, np.ndarray]
-    case: Case
+    case: PendulumCase
     seconds: float
-    sizes: Sizes | None = None
+    sizes: ProgramSizes | None = None
 
     def start(
         self, durations: np.ndarray, q: np.ndarray, u: np.ndarray, impulses: np.ndarray
@@ -68,7 +68,7 @@ class Program:
 
     def solve(self, x0: np.ndarray) -> tuple[float, float, int, str, float, np.ndarray]:
         """Return seconds, cost, iterations, status, violation and unknowns."""
-        s = self.sizes or Sizes(np.ones(len(x0)), np.ones(len(self.bounds["lbg"])), 1.0)
+        s = self.sizes or ProgramSizes(np.ones(len(x0)), np.ones(len(self.bounds["lbg"])), 1.0)
         seconds, result = clocked(lambda: self.solver(x0=x0 / s.x, **self.bounds))
         stats = self.solver.stats()
         g, x = np.array(result["g"]).ravel() * s.g, np.array(result["x"]).ravel() * s.x
@@ -81,7 +81,7 @@ class Program:
 
 
 @dataclass(frozen=True)
-class Sizes:
+class ProgramSizes:
     """What unknowns, rows and the cost are divided by."""
 
     x: np.ndarray
@@ -93,20 +93,20 @@ class Sizes:
 
 
 def program(
-    case: Case,
+    case: PendulumCase,
     compiled: bool = False,
     unrolled: bool = True,
-    sizes: Sizes | None = None,
+    sizes: ProgramSizes | None = None,
     **ipopt: Any,
-) -> Program:
+) -> PendulumProgram:
     """Build the program; unrolled into scalar operations (fastest to evaluate), or with a map
     over the steps (fastest to build)."""
     seconds, (solver, bounds) = clocked(lambda: built(case, compiled, unrolled, sizes, **ipopt))
-    return Program(solver, bounds, case, seconds, sizes)
+    return PendulumProgram(solver, bounds, case, seconds, sizes)
 
 
 def built(
-    case: Case, compiled: bool, unrolled: bool, sizes: Sizes | None, **ipopt: Any
+    case: PendulumCase, compiled: bool, unrolled: bool, sizes: ProgramSizes | None, **ipopt: Any
 ) -> tuple[Any, dict[str, np.ndarray]]:
     """CasADi's solver and the bounds, of the program in units of its sizes."""
     n, phases = case.steps, len(case.sequence) + 1

@@ -16,8 +16,8 @@ from contact_equations import (
     STICK,
     Array,
     ContactEquations,
-    Forces,
-    Sizes,
+    ContactForces,
+    ContactSizes,
 )
 from equations import Inputs
 from scipy.integrate import solve_ivp
@@ -28,7 +28,7 @@ RELATIVE, ABSOLUTE = 1e-9, 1e-11  # of the integrator: far below the errors of t
 
 
 @dataclass
-class Run:
+class ContactRun:
     """State at the end of a simulation, impacts (surface, time), and surfaces that hold nothing."""
 
     q: Array
@@ -43,12 +43,12 @@ class ContactMechanism(ContactEquations):
 
     def run(
         self, inputs: Inputs, begin: float, end: float, q: Array, v: Array, par: Array,
-        sizes: Sizes, e: Sequence[float], spared: Callable[[int, float], bool],
+        sizes: ContactSizes, e: Sequence[float], spared: Callable[[int, float], bool],
         passed: Collection[int] = (),
-    ) -> Run:  # fmt: skip
+    ) -> ContactRun:  # fmt: skip
         """Simulate from one time to another; surfaces that are ``passed`` hold nothing, nor do
         those whose impact is ``spared`` (surface, time) from there on."""
-        run = Run(np.array(q, dtype=float), np.array(v, dtype=float), passed=set(passed))
+        run = ContactRun(np.array(q, dtype=float), np.array(v, dtype=float), passed=set(passed))
         nodes, first, last = inputs
         mode: tuple[Any, ...] = ()
         over = False
@@ -67,8 +67,8 @@ class ContactMechanism(ContactEquations):
         return run
 
     def _stretch(
-        self, u: Callable[[float], Array], span: tuple[float, float], run: Run, par: Array,
-        sizes: Sizes, e: Sequence[float], spared: Callable[[int, float], bool],
+        self, u: Callable[[float], Array], span: tuple[float, float], run: ContactRun, par: Array,
+        sizes: ContactSizes, e: Sequence[float], spared: Callable[[int, float], bool],
         last: tuple[tuple[Any, ...], bool],
     ) -> tuple[float, tuple[Any, ...], bool]:  # fmt: skip
         """One mode with smooth inputs over a span or to the end of the mode: the time that is
@@ -77,7 +77,7 @@ class ContactMechanism(ContactEquations):
         f = self.forces(run.q, run.v, u(a), a, par, sizes, last[0], run.passed, last[1])
         mode, nq, nc, mu = f.mode, self.nq, len(self.surfaces), self.friction(par)
 
-        def solved(t: float, y: Array) -> Forces:
+        def solved(t: float, y: Array) -> ContactForces:
             q, v = y[:nq], y[nq:]
             M, F = self.motion(q, v, u(t), t, par)
             forces = self.solved(mode, M, F, self.conditions(q, v, t, par), mu)
@@ -161,8 +161,8 @@ class ContactMechanism(ContactEquations):
         return v - sigma[k] / (d[k] @ back) * back
 
     def _met(
-        self, j: int, u: Array, t: float, run: Run, par: Array, sizes: Sizes, e: Sequence[float],
-        spared: Callable[[int, float], bool],
+        self, j: int, u: Array, t: float, run: ContactRun, par: Array, sizes: ContactSizes,
+        e: Sequence[float], spared: Callable[[int, float], bool],
     ) -> None:  # fmt: skip
         """Go through an impact, by the first of its outcomes."""
         w = self.gap_motion(run.q, run.v, t, par)[1][j]

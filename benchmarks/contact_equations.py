@@ -37,7 +37,7 @@ def slides(status: Any) -> bool:
 
 
 @dataclass(frozen=True)
-class Sizes:
+class ContactSizes:
     """Of a motion: gaps (nc,), their rates (nc,), sliding rates (nt,) and the time."""
 
     gap: Array
@@ -47,7 +47,7 @@ class Sizes:
 
 
 @dataclass(frozen=True)
-class Forces:
+class ContactForces:
     """A consistent set: statuses of surfaces and rails, accelerations or velocities, normal forces
     (nc,) and friction forces (nt,), or impulses."""
 
@@ -126,14 +126,20 @@ class ContactEquations(Mechanism):
     # Forces ---------------------------------------------------------------------------------------
 
     def near(
-        self, q: Array, v: Array, t: float, par: Array, sizes: Sizes, passed: Collection[int] = ()
+        self,
+        q: Array,
+        v: Array,
+        t: float,
+        par: Array,
+        sizes: ContactSizes,
+        passed: Collection[int] = (),
     ) -> list[int]:
         """Surfaces that are touched and not approached or left."""
         g, w, _, _ = self.gap_motion(q, v, t, par)
         close = (g > -NEAR * sizes.gap) & (np.abs(w) < SLOW * sizes.rate)
         return [int(j) for j in np.flatnonzero(close) if j not in passed]
 
-    def _choices(self, near: Sequence[int], sigma: Array, sizes: Sizes) -> list[list[Any]]:
+    def _choices(self, near: Sequence[int], sigma: Array, sizes: ContactSizes) -> list[list[Any]]:
         """Statuses that each surface (nc) and each rail may have."""
 
         def rubbing(k: int) -> list[Any]:
@@ -149,7 +155,7 @@ class ContactEquations(Mechanism):
 
     def solved(
         self, mode: Sequence[Any], M: Array, force: Array, parts: tuple[Array, ...], mu: Array
-    ) -> Forces | None:
+    ) -> ContactForces | None:
         """The motion z with M z = force - lam_n n + lam_t d and the conditions of a mode, slopes
         and rests of gaps and tangents; none where the mode does not determine it."""
         n, rest_n, d, rest_d = parts
@@ -199,10 +205,15 @@ class ContactEquations(Mechanism):
         for k, status in zip(self.rails, mode[nc:], strict=True):
             if status != STICK:
                 tangential[k] = -status * mu[k]
-        return Forces(tuple(mode), z[: self.nq], normal, tangential)
+        return ContactForces(tuple(mode), z[: self.nq], normal, tangential)
 
     def _holds(
-        self, f: Forces, near: Sequence[int], parts: tuple[Array, ...], mu: Array, still: Array
+        self,
+        f: ContactForces,
+        near: Sequence[int],
+        parts: tuple[Array, ...],
+        mu: Array,
+        still: Array,
     ) -> bool:
         """Whether no contact pulls, leaves its cone, enters its surface or slides the wrong way;
         ``still`` are the tangents that do not slide yet."""
@@ -230,9 +241,9 @@ class ContactEquations(Mechanism):
         return True
 
     def forces(
-        self, q: Array, v: Array, u: Array, t: float, par: Array, sizes: Sizes,
+        self, q: Array, v: Array, u: Array, t: float, par: Array, sizes: ContactSizes,
         last: tuple[Any, ...] = (), passed: Collection[int] = (), over: bool = False,
-    ) -> Forces:  # fmt: skip
+    ) -> ContactForces:  # fmt: skip
         """Consistent forces and accelerations; those of the ``last`` mode where it still is
         possible, and where it is ``over`` those of another one."""
         M, F = self.motion(q, v, u, t, par)
@@ -252,9 +263,9 @@ class ContactEquations(Mechanism):
     # Impacts --------------------------------------------------------------------------------------
 
     def impacts(
-        self, hit: Sequence[int], q: Array, v: Array, u: Array, t: float, par: Array, sizes: Sizes,
-        e: Sequence[float], passed: Collection[int] = (),
-    ) -> Iterator[Forces]:  # fmt: skip
+        self, hit: Sequence[int], q: Array, v: Array, u: Array, t: float, par: Array,
+        sizes: ContactSizes, e: Sequence[float], passed: Collection[int] = (),
+    ) -> Iterator[ContactForces]:  # fmt: skip
         """Every outcome of an impact on some surfaces that the laws allow."""
         M = self.motion(q, v, u, t, par)[0]
         g, w, n, _ = self.gap_motion(q, v, t, par)
@@ -287,7 +298,7 @@ class ContactEquations(Mechanism):
     def _poisson(
         self, j: int, M: Array, v: Array, w: float, n: Array, d: Array, sigma: Array, mu: Array,
         e: float,
-    ) -> Forces:  # fmt: skip
+    ) -> ContactForces:  # fmt: skip
         """Poisson's law of one contact with friction: the rates of the gap and of sliding are
         carried along the normal impulse, piece by piece."""
         k = self.rubs[j]
@@ -333,4 +344,4 @@ class ContactEquations(Mechanism):
         normal, tangential = np.zeros(len(self.surfaces)), np.zeros(len(self.tangents))
         normal[j], tangential[k] = P, T
         after = v + inverse @ (-P * n[j] + T * d[k])
-        return Forces(("Poisson",), after, normal, tangential)
+        return ContactForces(("Poisson",), after, normal, tangential)

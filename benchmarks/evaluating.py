@@ -10,7 +10,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from casadi_pendulum import Case, step_function
+from casadi_pendulum import PendulumCase, step_function
 from common import Section, ratio, timed
 
 import dmoc
@@ -42,7 +42,7 @@ void loop(function *f, long long n, int inputs, const double **in, const long lo
 
 def functions() -> dict[str, ca.Function]:
     """Residual, Jacobian and Hessian of a step in (q_k, q_kp1, u, h)."""
-    step = step_function(Case())
+    step = step_function(PendulumCase())
     a, b, u, h = (ca.SX.sym(n, k) for n, k in (("a", 2), ("b", 2), ("u", 1), ("h", 1)))
     sigma, mu_minus, mu_plus = ca.SX.sym("sigma"), ca.SX.sym("mm", 2), ca.SX.sym("mp", 2)
     r_minus, r_plus, _, _, cost = step(a, b, u, h)

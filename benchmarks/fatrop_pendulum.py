@@ -8,12 +8,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from casadi_pendulum import Case, step_function
+from casadi_pendulum import PendulumCase, step_function
 
 STATES = 7
 
 
-def solver(case: Case, **options: Any) -> tuple[Any, dict[str, np.ndarray]]:
+def solver(case: PendulumCase, **options: Any) -> tuple[Any, dict[str, np.ndarray]]:
     """CasADi's solver, and bounds of unknowns and rows."""
     n, step = case.steps, step_function(case)
     w, g, low, high, w_low, w_high = [], [], [], [], [], []

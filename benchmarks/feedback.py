@@ -26,7 +26,7 @@ NOISE = 1e-3, 1e-2  # of coordinates and velocities, in m and rad
 
 
 @dataclass(frozen=True)
-class Case:
+class FeedbackCase:
     """A motion: its problem, the states that have to arrive, what of its model is wrong by a tenth,
     and, by names, by how much else."""
 
@@ -55,18 +55,18 @@ def example(name: str, *arguments: int) -> dmoc.Problem:
 LINKS = ("torso", "thigh_l", "shin_l", "thigh_r", "shin_r")
 LIMITERS = {"alpha_min": 0.02, "alpha_max": 0.02}
 CASES = (
-    Case("swing-up", lambda: shipped("cart_pendulum", 40), ("alpha", "alpha_dot", "x_dot"),
+    FeedbackCase("swing-up", lambda: shipped("cart_pendulum", 40), ("alpha", "alpha_dot", "x_dot"),
          ("m_p", "m_c"), LIMITERS, restitution=0.1),
-    Case("swing-up from hanging", lambda: shipped("cart_pendulum_hanging", 60),
+    FeedbackCase("swing-up from hanging", lambda: shipped("cart_pendulum_hanging", 60),
          ("alpha", "alpha_dot", "x_dot"), ("m_p", "m_c"), LIMITERS, restitution=0.1),
-    Case("hop", lambda: example("hopper", 40, 4), ("y", "phi", "r"), ("M", "m"),
+    FeedbackCase("hop", lambda: example("hopper", 40, 4), ("y", "phi", "r"), ("M", "m"),
          start={"y": 0.01}, restitution=0.1, weights={"Q": 100.0}, tolerance=0.04),
-    Case("step of a walker", lambda: example("walker"), ("x", *LINKS),
+    FeedbackCase("step of a walker", lambda: example("walker"), ("x", *LINKS),
          start={f"{name}_dot": 0.05 for name in LINKS}, tolerance=0.02),
 )  # fmt: skip
 
 
-def wrong(case: Case, motion: dmoc.Solution, random: np.random.Generator) -> dict[str, Any]:
+def wrong(case: FeedbackCase, motion: dmoc.Solution, random: np.random.Generator) -> dict[str, Any]:
     """Arguments of a simulation of a model that is wrong."""
     trajectory = motion.trajectory
 
@@ -93,7 +93,9 @@ def wrong(case: Case, motion: dmoc.Solution, random: np.random.Generator) -> dic
     return change
 
 
-def off(case: Case, motion: dmoc.Solution, sizes: dict[str, float], run: dmoc.Simulation) -> float:
+def off(
+    case: FeedbackCase, motion: dmoc.Solution, sizes: dict[str, float], run: dmoc.Simulation
+) -> float:
     """By how much the end is off, in the sizes of states."""
     names = motion.trajectory.coordinates
     every = (*names, *(f"{n}_dot" for n in names))
@@ -147,7 +149,7 @@ def compare(quick: bool, folder: Path) -> Section:
 
 
 def tried(
-    case: Case, motion: dmoc.Solution, sizes: dict[str, float], steers: Any, models: int
+    case: FeedbackCase, motion: dmoc.Solution, sizes: dict[str, float], steers: Any, models: int
 ) -> tuple[Array, float]:
     """By how much the ends of runs on some models are off, infinite where a run has no end, and the
     median of their seconds."""

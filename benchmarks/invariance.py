@@ -146,7 +146,7 @@ def cart_system() -> dmoc.MechanicalSystem:
 
 
 @dataclass(frozen=True)
-class Kind:
+class FramedProblem:
     """A system, and a problem of it in any units and at any place."""
 
     system: Callable[[], dmoc.MechanicalSystem]
@@ -268,15 +268,19 @@ def seed(frame: Frame) -> dict[str, Any]:
 
 
 KINDS = {
-    "block at rest": Kind(floor_system, at_rest),
-    "hopper at rest": Kind(hopper_system, hopper_at_rest),
-    "held pendulum": Kind(pendulum_system, held), "mass at rest": Kind(free_system, idle),
-    "block and wall": Kind(free_system, there_and_back), "ball": Kind(ball_system, bounce),
-    "block that sticks and slides": Kind(floor_system, pushed),
-    "finger that leans": Kind(finger_system, leaning),
-    "finger that pushes": Kind(finger_system, shoved), "pole on a rail": Kind(pole_system, swung),
-    "ladder": Kind(ladder_system, slides_down), "seed": Kind(cart_system, seed),
-}  # fmt: skip
+    "block at rest": FramedProblem(floor_system, at_rest),
+    "hopper at rest": FramedProblem(hopper_system, hopper_at_rest),
+    "held pendulum": FramedProblem(pendulum_system, held),
+    "mass at rest": FramedProblem(free_system, idle),
+    "block and wall": FramedProblem(free_system, there_and_back),
+    "ball": FramedProblem(ball_system, bounce),
+    "block that sticks and slides": FramedProblem(floor_system, pushed),
+    "finger that leans": FramedProblem(finger_system, leaning),
+    "finger that pushes": FramedProblem(finger_system, shoved),
+    "pole on a rail": FramedProblem(pole_system, swung),
+    "ladder": FramedProblem(ladder_system, slides_down),
+    "seed": FramedProblem(cart_system, seed),
+}
 
 
 def tellings(quick: bool = False) -> list[Frame]:
@@ -287,7 +291,7 @@ def tellings(quick: bool = False) -> list[Frame]:
     return [*frames, Frame(1e3, 1e-6, 1e4), Frame(1e-3, 1e6, 1e-2, 3.0)]
 
 
-def answers(kind: Kind, frames: list[Frame]) -> list[tuple[Frame, dmoc.Solution]]:
+def answers(kind: FramedProblem, frames: list[Frame]) -> list[tuple[Frame, dmoc.Solution]]:
     """The solutions of a problem in all its tellings."""
     kernels = dmoc.build(kind.system())
     problems = [dmoc.Problem(kernels, **kind.problem(t)) for t in frames]

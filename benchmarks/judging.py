@@ -12,7 +12,7 @@ import numpy as np
 import sympy as sp
 from campaign_kinds import Instance
 from contact_driven import ContactMechanism
-from contact_equations import Sizes
+from contact_equations import ContactSizes
 
 import dmoc
 
@@ -40,7 +40,7 @@ EDGE = 2  # nodes beside an event at which forces, which may jump there, are not
 
 
 @dataclass
-class Result:
+class JudgedSolve:
     """One solve: how it ended, the worst of each error, and what contradicts it."""
 
     kind: str
@@ -53,7 +53,7 @@ class Result:
 
 
 @dataclass(frozen=True)
-class Motion:
+class JudgedMotion:
     """A solution as plain arrays, with the velocities that the judge finds from the momenta."""
 
     mechanism: ContactMechanism
@@ -70,7 +70,7 @@ class Motion:
         return float(np.sqrt(max(a @ M @ a, 0.0)))
 
 
-def read(solution: dmoc.Solution, mechanism: ContactMechanism) -> Motion:
+def read(solution: dmoc.Solution, mechanism: ContactMechanism) -> JudgedMotion:
     par = np.array(list(solution.trajectory.parameters.values()))
     phases = []
     for p in solution.trajectory.phases:
@@ -80,16 +80,16 @@ def read(solution: dmoc.Solution, mechanism: ContactMechanism) -> Motion:
         phases.append(
             {"t": p.t, "q": p.q, "v": v, "inputs": (p.t, np.asarray(first), np.asarray(last))}
         )
-    bare = Motion(mechanism, par, phases, 1.0, 1.0)
+    bare = JudgedMotion(mechanism, par, phases, 1.0, 1.0)
     middle = np.vstack([p["q"] for p in phases]).mean(axis=0)
     rows = [(q, t, v) for p in phases for q, t, v in zip(p["q"], p["t"], p["v"], strict=True)]
     extent = max(bare.length(q, t, q - middle) for q, t, _ in rows)
     speed = max(bare.length(q, t, v) for q, t, v in rows)
-    return Motion(mechanism, par, phases, extent, speed)
+    return JudgedMotion(mechanism, par, phases, extent, speed)
 
 
 def judge(
-    result: Result, instance: Instance, solution: dmoc.Solution, mechanism: ContactMechanism
+    result: JudgedSolve, instance: Instance, solution: dmoc.Solution, mechanism: ContactMechanism
 ) -> None:
     """Put the errors of a solution, and what contradicts it, into its result."""
     motion, e = read(solution, mechanism), list(solution.trajectory.restitution.values())
@@ -108,7 +108,7 @@ def judge(
     result.against += [f"{name} {x:.2g}" for name, x in worst.items() if not x <= MOST[name]]
 
 
-def _sizes(motion: Motion, solution: dmoc.Solution) -> Sizes:
+def _sizes(motion: JudgedMotion, solution: dmoc.Solution) -> ContactSizes:
     """Of the gaps, their rates and the sliding rates of a motion."""
     mechanism: Any = motion.mechanism
     rows = [row for p in motion.phases for row in zip(p["q"], p["v"], p["t"], strict=True)]
@@ -120,7 +120,7 @@ def _sizes(motion: Motion, solution: dmoc.Solution) -> Sizes:
     gap = np.maximum(np.ptp(gaps[:, 0], axis=0), LEAST * extent)
     rate = np.maximum(np.abs(gaps[:, 1]).max(axis=0), LEAST * max(speeds))
     slide = np.maximum(np.abs(slides).max(axis=0), LEAST * max(speeds))
-    return Sizes(gap, rate, slide, float(motion.phases[-1]["t"][-1]))
+    return ContactSizes(gap, rate, slide, float(motion.phases[-1]["t"][-1]))
 
 
 def _passed(mechanism: ContactMechanism, solution: dmoc.Solution, i: int) -> set[int]:
@@ -130,7 +130,7 @@ def _passed(mechanism: ContactMechanism, solution: dmoc.Solution, i: int) -> set
 
 
 def _segments(
-    motion: Motion, solution: dmoc.Solution, sizes: Sizes, e: list[float]
+    motion: JudgedMotion, solution: dmoc.Solution, sizes: ContactSizes, e: list[float]
 ) -> tuple[float, list[str]]:
     """Largest error of a simulation over a tenth of a phase, from the motion's own nodes, and
     impacts that were not planned."""
@@ -158,14 +158,19 @@ def _segments(
 
 
 def _distance(
-    motion: Motion, q: np.ndarray, v: np.ndarray, q_goal: np.ndarray, v_goal: np.ndarray, t: float
+    motion: JudgedMotion,
+    q: np.ndarray,
+    v: np.ndarray,
+    q_goal: np.ndarray,
+    v_goal: np.ndarray,
+    t: float,
 ) -> float:
     place = motion.length(q_goal, t, q - q_goal) / motion.extent
     return max(place, motion.length(q_goal, t, v - v_goal) / motion.speed)
 
 
 def _events(
-    motion: Motion, solution: dmoc.Solution, sizes: Sizes, e: list[float]
+    motion: JudgedMotion, solution: dmoc.Solution, sizes: ContactSizes, e: list[float]
 ) -> tuple[dict[str, float], list[str]]:
     """Largest differences of the velocity after an event, and of an impulse, to the nearest outcome
     that the laws allow, largest gap there, and what no law allows."""
@@ -224,7 +229,9 @@ def _events(
     return worst, objections
 
 
-def _forces(motion: Motion, solution: dmoc.Solution, sizes: Sizes) -> tuple[float, list[str]]:
+def _forces(
+    motion: JudgedMotion, solution: dmoc.Solution, sizes: ContactSizes
+) -> tuple[float, list[str]]:
     """Largest difference of a contact or friction force at a node to the consistent one."""
     mechanism: Any = motion.mechanism
     most = [
@@ -256,7 +263,7 @@ def _forces(motion: Motion, solution: dmoc.Solution, sizes: Sizes) -> tuple[floa
     return worst, objections[:3]
 
 
-def _limits(motion: Motion, instance: Instance, solution: dmoc.Solution) -> float:
+def _limits(motion: JudgedMotion, instance: Instance, solution: dmoc.Solution) -> float:
     """Largest violation of an input's limits anywhere in a step, relative to their range: linear
     inputs are largest at its ends."""
     worst = 0.0
@@ -275,7 +282,7 @@ def _limits(motion: Motion, instance: Instance, solution: dmoc.Solution) -> floa
     return worst
 
 
-def _boundary(motion: Motion, problem: Mapping[str, Any], solution: dmoc.Solution) -> float:
+def _boundary(motion: JudgedMotion, problem: Mapping[str, Any], solution: dmoc.Solution) -> float:
     """Largest error of a value that is given at the start or the goal, and of a periodic state."""
     names, worst = solution.trajectory.coordinates, 0.0
     ends = []
@@ -302,7 +309,7 @@ def _boundary(motion: Motion, problem: Mapping[str, Any], solution: dmoc.Solutio
     return worst
 
 
-def _path(motion: Motion, instance: Instance) -> float:
+def _path(motion: JudgedMotion, instance: Instance) -> float:
     """Largest violation of a path constraint at a node, relative to its largest value."""
     d, worst = instance.description, 0.0
     for relation in d.path_constraints.values():
@@ -312,7 +319,7 @@ def _path(motion: Motion, instance: Instance) -> float:
     return worst
 
 
-def _cost(motion: Motion, solution: dmoc.Solution) -> float:
+def _cost(motion: JudgedMotion, solution: dmoc.Solution) -> float:
     """Difference of the cost to the integral of u^2 / 2, or, where there is no input, to the time.
 
     Inputs that are linear in a step count by the trapezoid rule at order 2, else exactly.

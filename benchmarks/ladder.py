@@ -100,7 +100,7 @@ def peer(rung: Rung, order: int, steps: int, method: str) -> Try:
     if method == EXPLORED:
         coarse = rung.make(COARSE, order)
         explore, solution = clocked(lambda: dmoc.solve(coarse, "ipm", seconds=SECONDS))
-        start = ladder_casadi.Motion(solution)
+        start = ladder_casadi.SolvedMotion(solution)
     answer = ladder_casadi.solve(rung.state(), rung.make(steps, order), SECONDS, start)
     return Try(
         rung, order, steps, method,

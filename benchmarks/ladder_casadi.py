@@ -31,7 +31,7 @@ FUNCTIONS = {
 
 
 @dataclass(frozen=True)
-class Answer:
+class PeerAnswer:
     """What IPOPT says, the cost, and the seconds of building and of solving."""
 
     status: str
@@ -44,7 +44,7 @@ class Answer:
         return self.status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 
 
-class Model:
+class CasadiModel:
     """The functions of a system with the parameters of a problem, of CasADi's symbols.
 
     nq coordinates, nu inputs; a = acceleration(q, v, u, t) without friction, p = momentum(q, v, t).
@@ -93,7 +93,7 @@ class Model:
         self.friction = [float(read(system.friction[name])) for name in system.tangents]
 
 
-class Program:
+class CasadiProgram:
     """A nonlinear program that is stated piece by piece."""
 
     def __init__(self) -> None:
@@ -150,7 +150,7 @@ class Solver:
         return str(self.function.stats()["return_status"]), result
 
 
-class Start(Protocol):
+class InitialGuess(Protocol):
     """Where a program begins: durations of the phases, the state and the inputs at a share of a
     phase, the velocity after a collision and its impulse."""
 
@@ -161,7 +161,7 @@ class Start(Protocol):
 
 
 @dataclass(frozen=True)
-class Line:
+class StraightLine:
     """The straight line: positions from the start to the goal, the velocity on it, the time, and
     the nodes at the ends of the phases."""
 
@@ -172,7 +172,7 @@ class Line:
     nu: int
 
     @classmethod
-    def of(cls, problem: dmoc.Problem) -> Line:
+    def of(cls, problem: dmoc.Problem) -> StraightLine:
         low, high = problem.final_time_bounds
         if not np.isfinite(high):
             time = max(low, 1.0)
@@ -198,7 +198,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Motion:
+class SolvedMotion:
     """A motion that dmoc has found."""
 
     solution: dmoc.Solution
@@ -230,24 +230,24 @@ def _middle(bounds: np.ndarray, otherwise: Any) -> np.ndarray:
 
 
 def solve(
-    statement: Statement, problem: dmoc.Problem, seconds: float, start: Start | None = None
-) -> Answer:
+    statement: Statement, problem: dmoc.Problem, seconds: float, start: InitialGuess | None = None
+) -> PeerAnswer:
     """Transcribe a problem, which must not be periodic, with its steps and order, and solve it."""
     build, solver = clocked(lambda: transcribed(statement, problem, seconds, start))
     spent, (status, result) = clocked(solver.solve)
-    return Answer(status, float(result["f"]), build, spent)
+    return PeerAnswer(status, float(result["f"]), build, spent)
 
 
-State = tuple[ca.SX, ca.SX]  # positions and velocities of a node
+NodeState = tuple[ca.SX, ca.SX]  # positions and velocities of a node
 
 
-class Transcription(Program):
+class CasadiTranscription(CasadiProgram):
     """The program of a problem, which begins at a line."""
 
-    def __init__(self, model: Model, problem: dmoc.Problem, start: Start) -> None:
+    def __init__(self, model: CasadiModel, problem: dmoc.Problem, start: InitialGuess) -> None:
         super().__init__()
         self.model, self.problem, self.start = model, problem, start
-        self.longest = Line.of(problem).time
+        self.longest = StraightLine.of(problem).time
         self.phase, self.share = 0, 0.0  # where the step is that is stated
 
     def durations(self) -> ca.SX:
@@ -260,7 +260,7 @@ class Transcription(Program):
         self.demand(ca.sum1(T), problem.final_time_bounds)
         return T
 
-    def node(self, phase: int, share: float) -> State:
+    def node(self, phase: int, share: float) -> NodeState:
         place, velocity = self.start.state(phase, share)
         q = self.unknown("q", place, self.problem.coordinate_bounds)
         return q, self.unknown("v", velocity, (-np.inf, np.inf))
@@ -269,7 +269,7 @@ class Transcription(Program):
         begin = self.start.inputs(self.phase, self.share)
         return self.unknown("u", begin, self.problem.input_bounds)
 
-    def boundary(self, at: Any, state: State, t: ca.SX) -> None:
+    def boundary(self, at: Any, state: NodeState, t: ca.SX) -> None:
         """The state at one end is as it is bounded."""
         momentum = self.model.momentum(*state, 0, t)
         for value, bounds in zip(
@@ -278,7 +278,7 @@ class Transcription(Program):
             for i in np.flatnonzero(np.isfinite(bounds).any(axis=1)):
                 self.demand(value[int(i)], bounds[i])
 
-    def collision(self, hit: int, before: State, t: ca.SX) -> State:
+    def collision(self, hit: int, before: NodeState, t: ca.SX) -> NodeState:
         """The state after a collision: an impulse along the normal, and Newton's law of impact."""
         (q, v), model, problem = before, self.model, self.problem
         surface = list(problem.kernels.surfaces).index(problem.sequence[hit])
@@ -294,7 +294,7 @@ class Transcription(Program):
         return q, after
 
     def midpoint(
-        self, before: State, after: State, u: ca.SX | None, t: ca.SX, h: ca.SX
+        self, before: NodeState, after: NodeState, u: ca.SX | None, t: ca.SX, h: ca.SX
     ) -> tuple[ca.SX, None]:
         """A step of the implicit midpoint rule; its cost."""
         (q0, v0), (q1, v1), model = before, after, self.model
@@ -305,7 +305,7 @@ class Transcription(Program):
         return h * model.cost(*at), None
 
     def simpson(
-        self, before: State, after: State, u: ca.SX | None, t: ca.SX, h: ca.SX
+        self, before: NodeState, after: NodeState, u: ca.SX | None, t: ca.SX, h: ca.SX
     ) -> tuple[ca.SX, ca.SX]:
         """A step of Hermite and Simpson's rule; its cost and the inputs at its end."""
         (q0, v0), (q1, v1), model = before, after, self.model
@@ -327,15 +327,15 @@ def transcribed(
     statement: Statement,
     problem: dmoc.Problem,
     seconds: float,
-    start: Start | None = None,
-    kind: type[Transcription] = Transcription,
+    start: InitialGuess | None = None,
+    kind: type[CasadiTranscription] = CasadiTranscription,
     rule: str = "",
     **ipopt: Any,
 ) -> Solver:
     """The program of a problem, whose goal is in its last rows; ``rule`` names the step, if it is
     not that of the order."""
-    model = Model(statement.system, problem)
-    program = kind(model, problem, start or Line.of(problem))
+    model = CasadiModel(statement.system, problem)
+    program = kind(model, problem, start or StraightLine.of(problem))
     step = getattr(program, rule or ("midpoint" if problem.order == 2 else "simpson"))
     T = program.durations()
     cost, t = ca.SX(0), ca.SX(0)

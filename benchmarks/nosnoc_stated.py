@@ -24,7 +24,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from ladder_casadi import Model
+from ladder_casadi import CasadiModel
 from referee_laws import velocity_bounds
 
 import dmoc
@@ -33,7 +33,7 @@ MOST_REGIONS = 64
 
 
 @dataclass(frozen=True)
-class Setting:
+class NosnocSetting:
     """Control intervals, stiffness of the springs behind surfaces (per mass in their direction),
     and the acceleration behind plastic ones, which must exceed all others there."""
 
@@ -42,7 +42,7 @@ class Setting:
     push: float
 
 
-SETTINGS = (Setting(15, 10.0, 20.0), Setting(20, 100.0, 100.0))
+SETTINGS = (NosnocSetting(15, 10.0, 20.0), NosnocSetting(20, 100.0, 100.0))
 
 
 class NotStatedError(Exception):
@@ -64,15 +64,15 @@ class Switch:
     freezes: bool
 
 
-class Statement:
+class NosnocStatement:
     """State (q, v, clock, cost), switches and final time of a problem."""
 
     def __init__(
-        self, system: dmoc.MechanicalSystem, problem: dmoc.Problem, setting: Setting
+        self, system: dmoc.MechanicalSystem, problem: dmoc.Problem, setting: NosnocSetting
     ) -> None:
         _check(problem)
         self.setting = setting
-        self.problem, self.model = problem, Model(system, problem)
+        self.problem, self.model = problem, CasadiModel(system, problem)
         self.nq = self.model.nq
         self.x = ca.SX.sym("x", 2 * self.nq + 2)
         self.u = ca.SX.sym("u", self.model.nu)
@@ -166,7 +166,7 @@ def _check(problem: dmoc.Problem) -> None:
         raise NotStatedError("nothing that touches")
 
 
-def solver_of(statement: Statement) -> Any:
+def solver_of(statement: NosnocStatement) -> Any:
     """The optimal control problem as nosnoc takes it."""
     import nosnoc
 
@@ -208,7 +208,7 @@ def solver_of(statement: Statement) -> Any:
     )  # fmt: skip
 
 
-def _demands(statement: Statement) -> ca.SX:
+def _demands(statement: NosnocStatement) -> ca.SX:
     """What the goal fixes, zero where it is reached."""
     problem, goal = statement.problem, statement.problem.goal_bounds
     rates = velocity_bounds(problem, goal, goal.position[:, 0], statement.span[1])
@@ -225,7 +225,7 @@ def _demands(statement: Statement) -> ca.SX:
     return ca.vertcat(*demands)
 
 
-def _options(nosnoc: Any, statement: Statement, in_pieces: bool) -> Any:
+def _options(nosnoc: Any, statement: NosnocStatement, in_pieces: bool) -> Any:
     options = nosnoc.NosnocOpts()
     options.terminal_time = 1.0 if statement.free else float(statement.span[1])
     options.N_stages = statement.setting.stages
@@ -244,7 +244,7 @@ def _options(nosnoc: Any, statement: Statement, in_pieces: bool) -> Any:
 
 
 def solve(
-    system: dmoc.MechanicalSystem, problem: dmoc.Problem, setting: Setting, motion: Path
+    system: dmoc.MechanicalSystem, problem: dmoc.Problem, setting: NosnocSetting, motion: Path
 ) -> tuple[str, float]:
     """Solve with nosnoc and write its motion for the referee; return its status and its cost.
 
@@ -253,7 +253,7 @@ def solve(
     NotStatedError
         If the problem cannot be stated.
     """
-    statement, stages = Statement(system, problem, setting), setting.stages
+    statement, stages = NosnocStatement(system, problem, setting), setting.stages
     answer = solver_of(statement).solve()
     x, u = np.array(answer["x_traj"]), np.array(answer["u_list"]).reshape(stages, -1)
     horizon = float(np.ravel(answer["v_global"])[0]) if statement.free else 1.0

@@ -32,7 +32,7 @@ QUICK = ("cart-pendulum", "ball", "block")
 
 
 @dataclass(frozen=True)
-class Case:
+class TrueMotion:
     """A true motion, its model, the share that is to be planted, and random numbers."""
 
     motion: Trajectory
@@ -73,10 +73,10 @@ class Case:
         return replace(self.motion, collisions=tuple(events))
 
 
-Kind = Callable[[Case], Trajectory | None]
+Kind = Callable[[TrueMotion], Trajectory | None]
 
 
-def impulse(case: Case) -> Trajectory | None:
+def impulse(case: TrueMotion) -> Trajectory | None:
     """An impulse that is off, with the momentum after it."""
     if not case.hits:
         return None
@@ -92,7 +92,7 @@ def impulse(case: Case) -> Trajectory | None:
     return _starting(replace(case, motion=wrong), i + 1, after.p[0] + p - c.momentum_after)
 
 
-def _starting(case: Case, i: int, p: np.ndarray) -> Trajectory:
+def _starting(case: TrueMotion, i: int, p: np.ndarray) -> Trajectory:
     """The motion with another momentum at the start of a phase."""
     phase = case.motion.phases[i]
     v = case.model.velocity(phase.q[:1], p[None], phase.t[:1])[0]
@@ -101,7 +101,7 @@ def _starting(case: Case, i: int, p: np.ndarray) -> Trajectory:
     )
 
 
-def late(case: Case) -> Trajectory | None:
+def late(case: TrueMotion) -> Trajectory | None:
     """An event that happens later than its phase brings it about."""
     if not case.motion.collisions:
         return None
@@ -116,7 +116,7 @@ def late(case: Case) -> Trajectory | None:
     return replace(case.motion, phases=tuple(phases), collisions=tuple(events))
 
 
-def limit(case: Case) -> Trajectory | None:
+def limit(case: TrueMotion) -> Trajectory | None:
     """A limit of a coordinate that the motion exceeds."""
     j, extent = case.moving()
     bounds = case.motion.coordinate_bounds.copy()
@@ -124,7 +124,7 @@ def limit(case: Case) -> Trajectory | None:
     return replace(case.motion, coordinate_bounds=bounds)
 
 
-def friction(case: Case) -> Trajectory | None:
+def friction(case: TrueMotion) -> Trajectory | None:
     """A friction force of what slides that is not that of its law."""
     i = case.phase(lambda p: any(p.rubbing.values()))
     if i is None:
@@ -132,7 +132,7 @@ def friction(case: Case) -> Trajectory | None:
     return case.with_phase(i, tangential=(1 + case.size) * case.motion.phases[i].tangential)
 
 
-def cone(case: Case) -> Trajectory | None:
+def cone(case: TrueMotion) -> Trajectory | None:
     """What sticks with more than its friction: the coefficient is that much too small."""
     need = [
         float(np.abs(p.tangential[:, k] / p.normal[:, p.closed.index(name)]).max())
@@ -147,7 +147,7 @@ def cone(case: Case) -> Trajectory | None:
     )
 
 
-def scaled(case: Case) -> Trajectory | None:
+def scaled(case: TrueMotion) -> Trajectory | None:
     """Inputs that are too large."""
     if not case.motion.inputs:
         return None
@@ -155,7 +155,7 @@ def scaled(case: Case) -> Trajectory | None:
     return replace(case.motion, phases=tuple(phases))
 
 
-def wall(case: Case) -> Trajectory | None:
+def wall(case: TrueMotion) -> Trajectory | None:
     """A thin post in the way, between two nodes."""
     if "up" not in case.motion.parameters:
         return None
@@ -167,7 +167,7 @@ def wall(case: Case) -> Trajectory | None:
     return replace(case.motion, parameters={**case.motion.parameters, **place})
 
 
-def turned(case: Case) -> Trajectory | None:
+def turned(case: TrueMotion) -> Trajectory | None:
     """A momentum that an event turns by an angle."""
     if not case.hits or len(case.motion.coordinates) < 2:
         return None
@@ -178,7 +178,7 @@ def turned(case: Case) -> Trajectory | None:
     return _starting(replace(case, motion=case.with_event(i, momentum_after=p)), i + 1, p)
 
 
-def jump(case: Case) -> Trajectory | None:
+def jump(case: TrueMotion) -> Trajectory | None:
     """A position that jumps at an event."""
     j, extent = case.moving()
     i = int(case.rng.integers(1, len(case.motion.phases)))
@@ -187,7 +187,7 @@ def jump(case: Case) -> Trajectory | None:
     return case.with_phase(i, q=q)
 
 
-def node(case: Case) -> Trajectory | None:
+def node(case: TrueMotion) -> Trajectory | None:
     """One node beside the path."""
     j, extent = case.moving()
     i = int(case.rng.integers(len(case.motion.phases)))
@@ -196,7 +196,7 @@ def node(case: Case) -> Trajectory | None:
     return case.with_phase(i, q=q)
 
 
-def drift(case: Case) -> Trajectory | None:
+def drift(case: TrueMotion) -> Trajectory | None:
     """A closed contact that comes off its surface, little by little."""
     i = case.phase(lambda p: bool(p.closed))
     if i is None:
@@ -210,7 +210,7 @@ def drift(case: Case) -> Trajectory | None:
     return case.with_phase(i, q=phase.q + share * away)
 
 
-def parameter(case: Case) -> Trajectory | None:
+def parameter(case: TrueMotion) -> Trajectory | None:
     """A parameter of another value."""
     idle = {"at", "up", "r", "mu", "a", "b"}  # what the motions do not feel; for mu there is a kind
     names = [n for n, value in case.motion.parameters.items() if value and n not in idle]
@@ -219,7 +219,7 @@ def parameter(case: Case) -> Trajectory | None:
     return replace(case.motion, parameters={**case.motion.parameters, name: value})
 
 
-def word(case: Case) -> Trajectory | None:
+def word(case: TrueMotion) -> Trajectory | None:
     """An event by another name: another surface, another friction, a contact that stays."""
     i = int(case.rng.integers(len(case.motion.collisions)))
     c, after = case.motion.collisions[i], case.motion.phases[i + 1]
@@ -260,7 +260,7 @@ def plant(names: tuple[str, ...], number: int, seed: int = 1) -> list[Planted]:
         (name, kind)
         for name, motion, kernels in motions
         for kind in KINDS
-        if KINDS[kind](Case(motion, kernels, LARGE, np.random.default_rng(0))) is not None
+        if KINDS[kind](TrueMotion(motion, kernels, LARGE, np.random.default_rng(0))) is not None
     ]
     rounds, done = -(-number // (len(places) * len(SIZES))), list[Planted]()
     for name, motion, kernels in motions:
@@ -268,7 +268,7 @@ def plant(names: tuple[str, ...], number: int, seed: int = 1) -> list[Planted]:
             for size in SIZES:
                 for turn in range(rounds):
                     rng = np.random.default_rng([seed, number_of_kind, turn])
-                    wrong = KINDS[kind](Case(motion, kernels, size, rng))
+                    wrong = KINDS[kind](TrueMotion(motion, kernels, size, rng))
                     if wrong is not None:
                         check = dmoc.verify(wrong, kernels)
                         done.append(

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from referee_laws import Violation, missed, velocity_bounds, violations
 from referee_motion import FORMS, Claim, read
-from referee_replay import Replay, Run, Sizes
+from referee_replay import ClaimSizes, Replay, ReplayRun
 
 import dmoc
 from dmoc.base.errors import ProblemError, SimulationError
@@ -120,17 +120,17 @@ def _judged(problem: dmoc.Problem, claim: Claim, claimed: float | None) -> Judge
         steps = claim.steps
         velocities[steps] = np.diff(claim.q, axis=0)[steps] / np.diff(claim.t)[steps, None]
         notes.append("the table has no velocities: impacts, forces and energy are not judged")
-    sizes = Sizes.of(problem, claim.t, claim.q, velocities)
+    sizes = ClaimSizes.of(problem, claim.t, claim.q, velocities)
     replay = Replay(problem, claim, sizes)
     last, nq = len(claim.t) - 1, problem.nq
     v_0 = _start_velocity(problem, claim) if claim.v is None else claim.v[0]
-    run, end = Run(), None
+    run, end = ReplayRun(), None
     try:
         run = replay.run(np.concatenate([claim.q[0], v_0]), 0, last)
         end = run.states[-1]
         deviation, which = _deviation(replay, run)
     except SimulationError as error:
-        run, deviation, which = Run(cost=np.nan), np.inf, "the simulation stops"
+        run, deviation, which = ReplayRun(cost=np.nan), np.inf, "the simulation stops"
         notes.append(f"open loop: {error}")
     windows, cost, followed, runs = list[Window](), run.cost, "open loop", [run]
     if deviation > TOLERANCE and claim.v is not None:
@@ -170,7 +170,7 @@ def _terminal(problem: dmoc.Problem, end: Array, t: float) -> float:
     return float(problem.model.terminal_cost(q[None], v[None], np.array([t]))[0])
 
 
-def _deviation(replay: Replay, run: Run) -> tuple[float, str]:
+def _deviation(replay: Replay, run: ReplayRun) -> tuple[float, str]:
     """The largest share of its size by which a row is off the simulation.  Velocities count away
     from hits, whose times differ a little."""
     claim, sizes, nq = replay.claim, replay.sizes, replay.model.nq
@@ -185,7 +185,7 @@ def _deviation(replay: Replay, run: Run) -> tuple[float, str]:
     return float(off[k, j]), f"{names[j]} at {claim.t[run.rows[k]]:.5g} s"
 
 
-def _at_hits(replay: Replay, run: Run) -> Array:
+def _at_hits(replay: Replay, run: ReplayRun) -> Array:
     """Rows beside a jump of the claim or a hit of the simulation."""
     t = replay.claim.t[run.rows]
     times = [*t[1:][np.diff(t) == 0], *(c.time for c in run.journal.collisions)]
@@ -196,7 +196,7 @@ def _at_hits(replay: Replay, run: Run) -> Array:
     return beside
 
 
-def _piecewise(replay: Replay) -> tuple[list[Run], list[Window], list[str]]:
+def _piecewise(replay: Replay) -> tuple[list[ReplayRun], list[Window], list[str]]:
     """Simulations from the claim's own states at some rows, away from its jumps."""
     claim, sizes, nq = replay.claim, replay.sizes, replay.model.nq
     assert claim.v is not None
@@ -205,7 +205,7 @@ def _piecewise(replay: Replay) -> tuple[list[Run], list[Window], list[str]]:
     picked = apart[np.linspace(0, len(apart) - 1, WINDOWS + 1).round().astype(int)[1:-1]] if len(
         apart) else apart  # fmt: skip
     edges = np.unique(np.concatenate([[0], picked, [len(claim.t) - 1]])).tolist()
-    runs, windows = list[Run](), list[Window]()
+    runs, windows = list[ReplayRun](), list[Window]()
     for a, b in pairwise(edges):
         try:
             run = replay.run(np.concatenate([claim.q[a], claim.v[a]]), a, b)
@@ -220,7 +220,7 @@ def _piecewise(replay: Replay) -> tuple[list[Run], list[Window], list[str]]:
     return runs, windows, []
 
 
-def _events(runs: list[Run]) -> list[str]:
+def _events(runs: list[ReplayRun]) -> list[str]:
     """Hits and stretches of contact and friction, in the order of their times."""
     events = [(c.time, f"hits {c.surface} at {c.time:.5g} s") for r in runs
               for c in r.journal.collisions]  # fmt: skip

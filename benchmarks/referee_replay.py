@@ -36,7 +36,7 @@ INSTANT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Sizes:
+class ClaimSizes:
     """Sizes of a motion: of coordinates and velocities (nq,), and its time."""
 
     q: Array
@@ -44,7 +44,7 @@ class Sizes:
     time: float
 
     @classmethod
-    def of(cls, problem: dmoc.Problem, t: Array, q: Array, v: Array) -> Sizes:
+    def of(cls, problem: dmoc.Problem, t: Array, q: Array, v: Array) -> ClaimSizes:
         """Ranges; what hardly moves counts by a hundredth of what the energy could give it."""
         M = problem.model.mass(q, t)
         inertia = np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0)
@@ -64,7 +64,7 @@ class Sizes:
 
 
 @dataclass(eq=False)
-class Run:
+class ReplayRun:
     """What a simulation comes to: states (q | v) at rows, its cost, and its events."""
 
     rows: list[int] = field(default_factory=list)
@@ -76,7 +76,7 @@ class Run:
 class Replay:
     """Simulations of one claim."""
 
-    def __init__(self, problem: dmoc.Problem, claim: Claim, sizes: Sizes) -> None:
+    def __init__(self, problem: dmoc.Problem, claim: Claim, sizes: ClaimSizes) -> None:
         self.problem, self.claim, self.sizes = problem, claim, sizes
         self.model, self.part = problem.model, sizes.time / PARTS
         e = problem.restitution_values.copy()
@@ -105,9 +105,9 @@ class Replay:
         settle(mode, rows, at, model.tangents(rows[:, :nq].copy(), at))
         return np.asarray(rows[0])
 
-    def run(self, y: Array, first: int, last: int) -> Run:
+    def run(self, y: Array, first: int, last: int) -> ReplayRun:
         """From a state at a row to another row."""
-        claim, run = self.claim, Run()
+        claim, run = self.claim, ReplayRun()
         t, reach, mode = float(claim.t[first]), Reach(), FREE
         y = self.placed(y, t)
         nothing = np.zeros(self.model.nc), np.zeros(self.model.nt)

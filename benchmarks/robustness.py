@@ -128,11 +128,11 @@ def confirmed(p: dmoc.Problem, x: np.ndarray) -> bool:
 
 def _peer(instance: int, method: str, p: dmoc.Problem, x: np.ndarray) -> Trial:
     d = draw(instance)
-    case = casadi_pendulum.Case(
+    case = casadi_pendulum.PendulumCase(
         d["m_p"], d["m_c"], d["l"], alpha=d["alpha"], force=d["F"], final_time=d["T"]
     )
     nlp = program(p, x)
-    sizes = casadi_pendulum.Sizes(*casadi_sizes(nlp)) if "scaled" in method else None
+    sizes = casadi_pendulum.ProgramSizes(*casadi_sizes(nlp)) if "scaled" in method else None
     peer = casadi_pendulum.program(case, sizes=sizes, max_cpu_time=SECONDS)
     seconds, cost, iterations, status, _, y = peer.solve(peer.start(*casadi_start(nlp, x)))
     solved = status == "Solve_Succeeded"

@@ -12,7 +12,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 from common import Section
-from ladder_casadi import Motion, State, Transcription, transcribed
+from ladder_casadi import CasadiTranscription, NodeState, SolvedMotion, transcribed
 from ladder_smooth import Statement
 from long_runs import LOBATTO, RADAU, collocation
 
@@ -29,27 +29,27 @@ SECONDS = 60.0  # limit of a solve
 STEPS = (10, 20, 40)
 
 
-class Rules(Transcription):
+class Rules(CasadiTranscription):
     """Steps whose inputs are linear in a step, as those of dmoc are at order 4."""
 
     def hermite(
-        self, before: State, after: State, _: ca.SX | None, t: ca.SX, h: ca.SX
+        self, before: NodeState, after: NodeState, _: ca.SX | None, t: ca.SX, h: ca.SX
     ) -> tuple[ca.SX, None]:
         """Hermite and Simpson's rule; its cost."""
         return self._collocated(LOBATTO, before, after, t, h)
 
     def radau3(
-        self, before: State, after: State, _: ca.SX | None, t: ca.SX, h: ca.SX
+        self, before: NodeState, after: NodeState, _: ca.SX | None, t: ca.SX, h: ca.SX
     ) -> tuple[ca.SX, None]:
         return self._collocated(RADAU[2], before, after, t, h)
 
     def radau5(
-        self, before: State, after: State, _: ca.SX | None, t: ca.SX, h: ca.SX
+        self, before: NodeState, after: NodeState, _: ca.SX | None, t: ca.SX, h: ca.SX
     ) -> tuple[ca.SX, None]:
         return self._collocated(RADAU[3], before, after, t, h)
 
     def _collocated(
-        self, places: np.ndarray, before: State, after: State, t: ca.SX, h: ca.SX
+        self, places: np.ndarray, before: NodeState, after: NodeState, t: ca.SX, h: ca.SX
     ) -> tuple[ca.SX, None]:
         (A, b), u_0, u_1 = collocation(places), self.inputs(), self.inputs()
         stages = []
@@ -145,7 +145,7 @@ def _solved(optimum: Optimum, steps: int, order: int, rule: str) -> tuple[float,
         return solution.cost, solution.collisions[0].time, solution.collisions[0].impulse
     statement = Statement(optimum.system(), {})
     program = transcribed(
-        statement, problem, SECONDS, Motion(solution), Rules, rule, tol=1e-11, max_iter=500
+        statement, problem, SECONDS, SolvedMotion(solution), Rules, rule, tol=1e-11, max_iter=500
     )
     status, answer = program.solve()
     if status != "Solve_Succeeded":

@@ -19,7 +19,7 @@ SECONDS = 60.0  # limit of one solve
 
 
 @dataclass(frozen=True)
-class Answer:
+class SeedAnswer:
     """What one solve says: its status or how its cost compares, starts that were tried, how many
     of them met the minimum, and seconds."""
 
@@ -33,12 +33,12 @@ class Answer:
         return self.result in (SOLVED, BETTER)
 
 
-def solve(rung: Rung, problem: dmoc.Problem, seed: int, **more: Any) -> Answer:
+def solve(rung: Rung, problem: dmoc.Problem, seed: int, **more: Any) -> SeedAnswer:
     options = {"seed": seed, "seconds": SECONDS, **more}
     seconds, solution = clocked(lambda: dmoc.solve(problem, "ipm", **options))
     status = str(solution.status)
     result = rung.compared(solution.cost, True) if status == "solved" else status
-    return Answer(result, solution.starts or 1, solution.found or 1, seconds)
+    return SeedAnswer(result, solution.starts or 1, solution.found or 1, seconds)
 
 
 def compare(quick: bool) -> Section:

@@ -55,7 +55,7 @@ def comparison(quick: bool) -> Section:
         ["method", "solved", "ms", f"{PEER} takes", "iterations", "cost", "violation", "build, ms"],
     )
     reference = np.nan
-    sizes = casadi_pendulum.Sizes(*casadi_sizes(nlp))
+    sizes = casadi_pendulum.ProgramSizes(*casadi_sizes(nlp))
     for name, compiled, scaled in (
         (PEER, False, None),
         (f"{PEER}, scaled as dmoc", False, sizes),
@@ -65,7 +65,9 @@ def comparison(quick: bool) -> Section:
         if quick and compiled:
             continue
         built = casadi_pendulum.program(
-            casadi_pendulum.Case(alpha=problem.start["alpha"]), compiled=compiled, sizes=scaled
+            casadi_pendulum.PendulumCase(alpha=problem.start["alpha"]),
+            compiled=compiled,
+            sizes=scaled,
         )
         start = built.start(*casadi_start(nlp, x))
         built.solve(start)
@@ -153,7 +155,7 @@ def answer(quick: bool) -> Section:
 
 
 @dataclass(frozen=True)
-class Answer:
+class TimedAnswer:
     """Seconds of the parts of a way to a checked answer, whether it was confirmed, and the cost."""
 
     guess: float
@@ -164,31 +166,31 @@ class Answer:
     cost: float
 
 
-def _own_answer(problem: dmoc.Problem, method: str) -> Answer:
+def _own_answer(problem: dmoc.Problem, method: str) -> TimedAnswer:
     total, solution = clocked(lambda: dmoc.solve(problem, method))
     parts = (solution.seconds.get(part, np.nan) for part in ("guess", "solve", "verify"))
-    return Answer(*parts, total, solution.status == "solved", solution.cost)
+    return TimedAnswer(*parts, total, solution.status == "solved", solution.cost)
 
 
-def _peer_answer(problem: dmoc.Problem) -> Answer:
+def _peer_answer(problem: dmoc.Problem) -> TimedAnswer:
     guessing, x = clocked(lambda: guess(problem))
     nlp = program(problem, x)
-    case = casadi_pendulum.Case(alpha=problem.start["alpha"], steps=problem.phase_steps[0])
+    case = casadi_pendulum.PendulumCase(alpha=problem.start["alpha"], steps=problem.phase_steps[0])
     built = casadi_pendulum.program(case)
     solving, cost, _, status, _, y = built.solve(built.start(*casadi_start(nlp, x)))
     checking, passed = clocked(lambda: simulated(nlp, from_casadi(nlp, x, y)))
     total = guessing + solving + checking
-    return Answer(guessing, solving, checking, total, status == SOLVED and passed, cost)
+    return TimedAnswer(guessing, solving, checking, total, status == SOLVED and passed, cost)
 
 
-def _middle(answers: list[Answer]) -> tuple[Answer, str]:
+def _middle(answers: list[TimedAnswer]) -> tuple[TimedAnswer, str]:
     """The answer of median time among those that were confirmed, and how many were."""
     good = sorted((a for a in answers if a.confirmed), key=lambda a: a.total)
     share = f"{len(good)}/{len(answers)}"
     return (good[len(good) // 2] if good else replace(answers[0], total=np.nan)), share
 
 
-def _answer_cells(own: tuple[Answer, str], peer: tuple[Answer, str]) -> tuple[Any, ...]:
+def _answer_cells(own: tuple[TimedAnswer, str], peer: tuple[TimedAnswer, str]) -> tuple[Any, ...]:
     answer, share = own
     parts = (answer.guess, answer.solve, answer.check, answer.total)
     return share, *map(ms, parts), ratio(peer[0].total, answer.total), f"{answer.cost:.6f}"
@@ -280,7 +282,7 @@ def _measure(what: str, steps: int, repeats: int) -> dict[str, Any]:
             "memory": memory,
         }
     casadi = casadi_pendulum.program(
-        casadi_pendulum.Case(alpha=problem.start["alpha"], steps=steps)
+        casadi_pendulum.PendulumCase(alpha=problem.start["alpha"], steps=steps)
     )
     seconds, _, iterations, status, _, _ = casadi.solve(casadi.start(*casadi_start(nlp, x)))
     good = status == SOLVED

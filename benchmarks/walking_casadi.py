@@ -23,7 +23,7 @@ import numpy as np
 import referee_motion
 import sympy as sp
 from common import Section, clocked, ms
-from ladder_casadi import FUNCTIONS, Program, Solver
+from ladder_casadi import FUNCTIONS, CasadiProgram, Solver
 from referee import judge
 from referee_motion import Claim
 from scipy.interpolate import CubicHermiteSpline
@@ -45,7 +45,7 @@ ROWS = 8  # of a table for the referee, in a step
 
 
 @dataclass(frozen=True)
-class Task:
+class StepTask:
     """A step on a floor with friction; with a speed, its length and time are free, and its cost is
     that of a metre."""
 
@@ -53,7 +53,7 @@ class Task:
     speed: float | None = None
 
 
-WALK, TRANSPORT = Task(0.7), Task(transport.FRICTION, transport.SPEED)
+WALK, TRANSPORT = StepTask(0.7), StepTask(transport.FRICTION, transport.SPEED)
 
 
 class Robot:
@@ -118,10 +118,10 @@ class Transcribed:
         return Claim(t, q, v, u[:-1], u[1:], "linear", ())
 
 
-def transcribed(task: Task, steps: int, **ipopt: Any) -> Transcribed:
+def transcribed(task: StepTask, steps: int, **ipopt: Any) -> Transcribed:
     """The program with as many steps in each of the two phases.  Where the time is free, step sizes
     and sums are unknowns of each step: one for all would fill IPOPT's matrices."""
-    robot, program = Robot(), Program()
+    robot, program = Robot(), CasadiProgram()
     nq, nu, size = robot.nq, robot.nu, walker.TIME / 2 / steps
     box = np.array([FREE, FREE, (-0.6, 0.6), *[(-1.8, 1.2)] * 4])
 

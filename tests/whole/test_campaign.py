@@ -13,11 +13,11 @@ import pytest
 from answers import answer_of
 from campaign import HELD, system_of
 from campaign_kinds import Instance, block, block_cost
-from contact_driven import ContactMechanism, Run
-from contact_equations import Sizes
+from contact_driven import ContactMechanism, ContactRun
+from contact_equations import ContactSizes
 from contact_kinds import bar, block_on
 from hit_problems import RODS
-from judging import Result, judge
+from judging import JudgedSolve, judge
 
 import dmoc
 
@@ -28,11 +28,13 @@ Solved = tuple[Instance, dmoc.Solution, ContactMechanism]
 Wrong = Callable[[dmoc.Solution], dmoc.Solution]
 
 
-def run(u: list[float], v: list[float], y: float = 0.0, e: float = 0.0, end: float = 4.0) -> Run:
+def run(
+    u: list[float], v: list[float], y: float = 0.0, e: float = 0.0, end: float = 4.0
+) -> ContactRun:
     """A block on a floor; the force is linear between values at equal times."""
     forces = np.array(u)[:, None]
     inputs = np.linspace(0.0, end, len(u)), forces[:-1], forces[1:]
-    sizes = Sizes(ONE, ONE, ONE, end)
+    sizes = ContactSizes(ONE, ONE, ONE, end)
     return ContactMechanism(block_on(False)).run(
         inputs, 0.0, end, np.array([0.0, y]), np.array(v), PAR, sizes, [e], lambda j, t: False
     )
@@ -74,7 +76,7 @@ def test_a_rod_is_hit_by_poissons_law(
     par = np.array([1.0, 0.5, 1 / 12, 10.0, mu])
     turn = np.radians(angle) if angle > 2 * np.pi else angle
     q = np.array([0.0, 0.5 * np.sin(turn), turn])
-    sizes = Sizes(ONE, ONE, ONE, 1.0)
+    sizes = ContactSizes(ONE, ONE, ONE, 1.0)
     outcome, *_ = mechanism.impacts([0], q, np.array(v), np.zeros(1), 0.0, par, sizes, [0.5])
     np.testing.assert_allclose(outcome.motion, after, atol=1e-8)
     assert outcome.normal[0] == pytest.approx(normal, abs=1e-8)
@@ -108,7 +110,7 @@ def pushed() -> Solved:
 
 
 def judged(instance: Instance, solution: dmoc.Solution, mechanism: ContactMechanism) -> list[str]:
-    result = Result("a kind", 0, 2, "ipm", solution.status)
+    result = JudgedSolve("a kind", 0, 2, "ipm", solution.status)
     judge(result, instance, solution, mechanism)
     return result.against
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planted import KINDS, Case
+from planted import KINDS, TrueMotion
 from planted_motions import true_motions
 
 import dmoc
@@ -30,7 +30,7 @@ def motions() -> Motions:
 def test_a_planted_error_is_refused(motions: Motions, kind: str) -> None:
     """A tenth of what is changed, or of the range."""
     motion, kernels = motions[PLACES[kind]]
-    wrong = KINDS[kind](Case(motion, kernels, 0.1, np.random.default_rng(3)))
+    wrong = KINDS[kind](TrueMotion(motion, kernels, 0.1, np.random.default_rng(3)))
     assert wrong is not None and dmoc.verify(motion, kernels).passed
     check = dmoc.verify(wrong, kernels)
     assert not check.passed and check.message
@@ -40,7 +40,7 @@ def test_a_planted_error_is_refused(motions: Motions, kind: str) -> None:
 def test_a_post_between_two_nodes_is_seen_by_its_own_size(motions: Motions, size: float) -> None:
     """Its gap r^2 - d^2 is tiny beside what the motion makes of it far away."""
     motion, kernels = motions["ball"]
-    wrong = KINDS["wall"](Case(motion, kernels, size, np.random.default_rng(3)))
+    wrong = KINDS["wall"](TrueMotion(motion, kernels, size, np.random.default_rng(3)))
     assert wrong is not None
     check = dmoc.verify(wrong, kernels)
     assert not check.passed
@@ -55,7 +55,7 @@ def test_small_errors_that_add_up_over_a_phase_are_refused(
 ) -> None:
     """No tenth of the phase is off by 1 %."""
     motion, kernels = motions[name]
-    wrong = KINDS[kind](Case(motion, kernels, size, np.random.default_rng([1, 1, 0])))
+    wrong = KINDS[kind](TrueMotion(motion, kernels, size, np.random.default_rng([1, 1, 0])))
     assert wrong is not None
     check = dmoc.verify(wrong, kernels)
     assert check.max_segment_defect < 0.01 and check.message.startswith("phase error")

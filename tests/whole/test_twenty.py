@@ -77,7 +77,7 @@ def test_nosnoc_that_is_missing_is_told(tmp_path: Path, monkeypatch: pytest.Monk
 def test_behind_a_wall_the_clock_stands_while_the_law_of_impact_comes_about(e: float) -> None:
     system = block_system()
     problem = dmoc.Problem(dmoc.build(system), {"x": 0.0}, restitution=e, final_time=1.0)
-    stated = nosnoc_stated.Statement(system, problem, nosnoc_stated.SETTINGS[0])
+    stated = nosnoc_stated.NosnocStatement(system, problem, nosnoc_stated.SETTINGS[0])
     _, motions = stated.regions()
     behind = ca.Function("behind", [stated.x], [ca.substitute(motions[:, -1], stated.u, 1.0)])
 
