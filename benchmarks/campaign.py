@@ -23,10 +23,10 @@ from typing import Any
 import campaign_kinds
 import contact_kinds
 import numpy as np
+from campaign_judge import MOST, NO_EFFECT, JudgedSolve, judge
 from campaign_kinds import Draw, Instance
 from common import Section
-from contact_driven import ContactMechanism
-from judging import MOST, NO_EFFECT, JudgedSolve, judge
+from event_simulation import ContactMechanism
 
 import dmoc
 
@@ -123,8 +123,8 @@ as a user would: {solves} solves, {judged} of them `solved` or `grazes`, {confir
 {contradicted} contradicted, {broken} tracebacks. Orders {orders} in turn, with {steps} steps a
 phase{slsqp}.
 
-The judge (`benchmarks/contact_driven.py`) is told no mode: from the motion's own nodes it looks for
-consistent contact and friction forces, follows them through lift-off, sticking and sliding, and
+The judge (`benchmarks/event_simulation.py`) is told no mode: from the motion's own nodes it looks
+for consistent contact and friction forces, follows them through lift-off, sticking and sliding, and
 compares impacts with the nearest outcome of Newton's law without friction, of Poisson's law for one
 contact with friction, or of plastic impacts of several. An answer is confirmed if no error exceeds:
 {limits}. No tenth of a phase may meet an impact that was not planned. `excess` is the cost above

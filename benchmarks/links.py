@@ -11,9 +11,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import sympy as sp
-from building import cold_and_warm
+from build_times import cold_and_warm
 from common import Section, bytes_of_c, clocked, ratio, timed
-from evaluating import STEPS, generated, sizes_of
+from evaluation_times import STEPS, generated, sizes_of
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc

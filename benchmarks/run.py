@@ -17,24 +17,24 @@ from pathlib import Path
 
 import ablation
 import batches
-import building
+import build_times
 import campaign
-import carried
-import evaluating
+import evaluation_times
+import exported_solver
 import feedback
 import invariance
 import ladder
 import links
 import long_runs
-import planted
+import planted_errors
 import pruning
 import robustness
 import schemes
-import searching
+import search_speed
 import seeds
 import speed
 import twenty
-import walking_casadi
+import walker_casadi
 from common import Section, clocked, filled, machine
 
 HEAD = """# Benchmarks
@@ -59,14 +59,14 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "contact": speed.contact,
         "ladder": lambda quick: ladder.ladder(quick, folder),
         "growth": lambda quick: speed.growth(quick, folder),
-        "kernels": evaluating.compare,
+        "kernels": evaluation_times.compare,
         "links": links.compare,
-        "build": building.compare,
+        "build": build_times.compare,
         "robust": robustness.compare,
         "campaign": partial(campaign.campaign, campaign.FREE),
         "contacts": partial(campaign.campaign, campaign.HELD),
         "invariance": invariance.invariance,
-        "planted": planted.compare,
+        "planted": planted_errors.compare,
         "schemes": schemes.compare,
         "long": long_runs.compare,
         "seeds": seeds.compare,
@@ -74,13 +74,13 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "ablation": ablation.compare,
         "warm": speed.warm,
         "batches": batches.compare,
-        "carried": carried.compare,
-        "threads": carried.batch,
+        "carried": exported_solver.compare,
+        "threads": exported_solver.batch,
         "feedback": lambda quick: feedback.compare(quick, folder),
-        "search": searching.compare,
+        "search": search_speed.compare,
         "twenty": lambda quick: twenty.compare(quick, folder),
-        "walker": walking_casadi.walk,
-        "transport": walking_casadi.transported,
+        "walker": walker_casadi.walk,
+        "transport": walker_casadi.transported,
     }
 
 

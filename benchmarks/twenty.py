@@ -24,7 +24,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
-import nosnoc_stated
+import nosnoc_problems
 from common import Section, filled, machine
 from referee import judge
 from referee_motion import read
@@ -91,15 +91,15 @@ def searched(strategy: str) -> Callable[[Case, float, Path], Iterator[Record]]:
 def by_nosnoc(case: Case, seconds: float, motion: Path) -> Iterator[Record]:
     """What nosnoc finds with one setting after the other; it is stopped at the end of its
     budget."""
-    if nosnoc_stated.version() is None:
+    if nosnoc_problems.version() is None:
         yield {"status": MISSING}
         return
     problem, system, begin = case.problem(), case.system(), clocks()
-    for setting in nosnoc_stated.SETTINGS:
+    for setting in nosnoc_problems.SETTINGS:
         record: Record = {"setting": asdict(setting)}
         try:
-            status, cost = nosnoc_stated.solve(system, problem, setting, motion)
-        except nosnoc_stated.NotStatedError as reason:
+            status, cost = nosnoc_problems.solve(system, problem, setting, motion)
+        except nosnoc_problems.NotStatedError as reason:
             yield {"status": f"not stated: {reason}"}
             return
         record |= {"status": status, **_since(begin)}
@@ -184,8 +184,8 @@ def section(records: Sequence[Mapping[str, Any]], seconds: float) -> Section:
         "(docs/referee.md); in brackets where it refuses the motion. A star: within 1 % of the "
         "best known. How often: relaxed starts that led to the word, of those that led to any; 0 "
         "where a neighbour of a proposal is best. nosnoc is stated from the same model "
-        "(benchmarks/nosnoc_stated.py), with two settings one after the other, of which the better "
-        "counts; its seconds have its building.",
+        "(benchmarks/nosnoc_problems.py), with two settings one after the other, of which the "
+        "better counts; its seconds have its building.",
         [
             "problem", "known: contacts", "events", "cost", "source", "named",
             "propose: cost", "often", "s", "CPU s", "tree: cost", "s", "CPU s",

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from answers import answer_of
 from campaign import HELD, system_of
+from campaign_judge import JudgedSolve, judge
 from campaign_kinds import Instance, block, block_cost
-from contact_driven import ContactMechanism, ContactRun
 from contact_equations import ContactSizes
 from contact_kinds import bar, block_on
+from event_simulation import ContactMechanism, ContactRun
 from hit_problems import RODS
-from judging import JudgedSolve, judge
 
 import dmoc
 

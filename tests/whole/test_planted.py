@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planted import KINDS, TrueMotion
+from planted_errors import KINDS, TrueMotion
 from planted_motions import true_motions
 
 import dmoc

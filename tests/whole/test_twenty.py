@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import casadi as ca
-import nosnoc_stated
+import nosnoc_problems
 import pytest
 import twenty
 from scipy.integrate import solve_ivp
@@ -67,7 +67,7 @@ def test_a_run_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_nosnoc_that_is_missing_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(nosnoc_stated, "version", lambda: None)
+    monkeypatch.setattr(nosnoc_problems, "version", lambda: None)
     (record,) = twenty.unit("puck", "nosnoc", 1.0, tmp_path)
     told = twenty.section([{"problem": "puck", "tool": "nosnoc", **record}], 1.0).markdown()
     assert "pip install nosnoc==0.2.0" in told and "not installed" in told
@@ -77,7 +77,7 @@ def test_nosnoc_that_is_missing_is_told(tmp_path: Path, monkeypatch: pytest.Monk
 def test_behind_a_wall_the_clock_stands_while_the_law_of_impact_comes_about(e: float) -> None:
     system = block_system()
     problem = dmoc.Problem(dmoc.build(system), {"x": 0.0}, restitution=e, final_time=1.0)
-    stated = nosnoc_stated.NosnocStatement(system, problem, nosnoc_stated.SETTINGS[0])
+    stated = nosnoc_problems.NosnocStatement(system, problem, nosnoc_problems.SETTINGS[0])
     _, motions = stated.regions()
     behind = ca.Function("behind", [stated.x], [ca.substitute(motions[:, -1], stated.u, 1.0)])
 

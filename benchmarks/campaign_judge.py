@@ -1,5 +1,5 @@
 """The judge of the campaigns: what a solution may miss and still be confirmed by the event-driven
-simulation of `contact_driven.py`, which is told no mode."""
+simulation of `event_simulation.py`, which is told no mode."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 from campaign_kinds import Instance
-from contact_driven import ContactMechanism
 from contact_equations import ContactSizes
+from event_simulation import ContactMechanism
 
 import dmoc
 

@@ -1,6 +1,6 @@
 """Errors planted in true motions, and how many of them pass the check: its rate of false positives.
 
-    python planted.py [planted motions]
+    python planted_errors.py [planted motions]
 
 Solved and confirmed motions of several systems are made wrong in one way at a time, by shares of
 what is changed or of the motion's ranges.  What passes at 0.1 % is no fault: the check is for
