@@ -19,7 +19,7 @@ from dmoc.check.arcs import allowance, arcs_of
 from dmoc.check.findings import infinite_where_none
 from dmoc.check.passages import EventPassage, passage_of
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.mechanics.algebra import columns
+from dmoc.mechanics.algebra import solved_transpose
 from dmoc.mechanics.contact_mode import Mode, mode_by_names
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
@@ -118,7 +118,7 @@ class Motion:
         model, parts = self.model, [np.zeros(self.model.nu)]
         for phase in self.trajectory.phases if model.nu else ():
             B = np.swapaxes(model.input_matrix(phase.q, phase.v, t=phase.t), 1, 2)
-            response = columns(model.mass(phase.q, phase.t), B)
+            response = solved_transpose(model.mass(phase.q, phase.t), B)
             parts.append(np.einsum("nmi,nim->nm", B, response).max(axis=0))
         inertia = np.sqrt(np.max(parts, axis=0))
         return np.asarray(self.sizes.acceleration / inertia)

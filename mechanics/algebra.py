@@ -25,7 +25,7 @@ def solved(A: Array, b: Array) -> Array:
     return np.asarray(x[..., 0] if stacked else x)
 
 
-def columns(M: Array, B: Array) -> Array:
+def solved_transpose(M: Array, B: Array) -> Array:
     """M^-1 B^T (..., nq, m) for rows B (..., m, nq); not a number as in :func:`solved`."""
     return solved(M, np.ascontiguousarray(np.swapaxes(B, -1, -2)))
 

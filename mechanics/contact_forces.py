@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import columns, solved
+from dmoc.mechanics.algebra import solved, solved_transpose
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
@@ -42,7 +42,7 @@ def accelerations_and_forces(
         model.gap_accelerations(q, v, t)[:, closed],
         model.slide_accelerations(q, v, t)[:, stuck], model.joint_accelerations(q, v, t),
     ])  # fmt: skip
-    response = columns(M, B)
+    response = solved_transpose(M, B)
     missing = (C @ solved(M, F)[..., None])[..., 0] + bent
     forces = -_multipliers(C @ response, missing)
     y = np.zeros((len(q), model.nq + model.nc + model.nt + model.nj))

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import columns, solved
+from dmoc.mechanics.algebra import solved, solved_transpose
 from dmoc.mechanics.friction import FrictionModel
 
 
@@ -77,16 +77,16 @@ class Model(FrictionModel):
     ) -> Array:
         """Those forces lam (..., m, nj) beside several forces F (..., m, nq) at each position."""
         J = self.joint_slopes(q, t)[..., :-1]
-        response = columns(M, J)
+        response = solved_transpose(M, J)
         missing = F @ response + (0.0 if bent is None else bent[..., None, :])
-        return -np.swapaxes(columns(J @ response, missing), -1, -2)
+        return -np.swapaxes(solved_transpose(J @ response, missing), -1, -2)
 
     def responses(self, q: Array, B: Array, t: ArrayLike = 0.0) -> Array:
         """Changes M^-1 B^T of velocities by impulses B where the joints hold: of one at each
         position (..., nq) of this shape, of several (..., m, nq) as columns (..., nq, m)."""
         M = self.mass(q, t)
         impulses = self.with_joints(M, B, q, t)
-        return solved(M, impulses) if B.ndim == q.ndim else columns(M, impulses)
+        return solved(M, impulses) if B.ndim == q.ndim else solved_transpose(M, impulses)
 
     def equations_slopes(
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0,

@@ -30,7 +30,7 @@ from dmoc.base.arguments import check_known, shown
 from dmoc.base.errors import ProblemError
 from dmoc.mechanics.contact_mode import LATE, STICK, Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
-from dmoc.mechanics.touch import Touch, changes
+from dmoc.mechanics.touch import Touch, friction_changes
 from dmoc.motion.trajectory import FRICTION_WORDS, event_word
 
 FRICTION = {word: state for state, word in FRICTION_WORDS.items()}
@@ -262,7 +262,7 @@ def word_between(contacts: Contacts, before: Mode, after: Mode, event: Event | N
     hit = contacts.surfaces[event.hit] if event.hit != NOWHERE else ""
     leaves = contacts.named(j for j in before.closed if j not in after.closed)
     lands = contacts.named(j for j in after.closed if j not in before.closed or j in event.lands)
-    rubs = {contacts.tangents[k]: s for k, s in changes(before, after).items()}
+    rubs = {contacts.tangents[k]: s for k, s in friction_changes(before, after).items()}
     if not (hit or lands or leaves or rubs):
         return ""
     return event_word(hit, lands, leaves, rubs, str(event.course or ""))

@@ -153,6 +153,6 @@ class Touch:
         return passes
 
 
-def changes(before: Mode, after: Mode) -> dict[int, int]:
+def friction_changes(before: Mode, after: Mode) -> dict[int, int]:
     """Friction of the tangents that rub otherwise in the later mode."""
     return {k: s for k, s in after.rubbing.items() if before.rubbing.get(k) != s}

@@ -12,7 +12,7 @@ from dmoc.base.arguments import array, check_known, number, shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import velocity_name
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import columns
+from dmoc.mechanics.algebra import solved_transpose
 from dmoc.mechanics.contact_mode import STICK, Mode
 from dmoc.mechanics.model_values import by_name
 from dmoc.mechanics.projection import REDUNDANT, onto
@@ -120,7 +120,7 @@ def _along(problem: Problem, mode: Mode, q: Array, v: Array) -> Array:
     C = np.vstack(rows)
     if not len(C):
         return v
-    back = columns(model.mass(q), C)
+    back = solved_transpose(model.mass(q), C)
     along = v - back @ (np.linalg.pinv(C @ back, rcond=REDUNDANT) @ (C @ v))
     left = LEFT_OF_ZERO * problem.reach * np.abs(v / problem.reach).max()
     return np.where(np.abs(along) <= left, 0.0, along)

@@ -13,7 +13,7 @@ from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.contact_forces import accelerations_and_forces
 from dmoc.mechanics.contact_mode import Mode, names_of, without_rails
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.touch import changes
+from dmoc.mechanics.touch import friction_changes
 from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import FORCES, Collision, Phase, Trajectory
 from dmoc.problem.problem import Problem
@@ -101,7 +101,10 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 not effect,
                 contacts.named(event.lands),
                 contacts.named(event.leaves),
-                {contacts.tangents[k]: s for k, s in changes(*lay.touch.modes[i : i + 2]).items()},
+                {
+                    contacts.tangents[k]: s
+                    for k, s in friction_changes(*lay.touch.modes[i : i + 2]).items()
+                },
                 impulses["normal"],
                 impulses["tangential"],
                 "" if event.course is None else str(event.course),

@@ -20,7 +20,7 @@ from dmoc.base.deadline import Deadline
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import natural_time
 from dmoc.guess.folded import Folded, folded_motions
-from dmoc.mechanics.algebra import columns
+from dmoc.mechanics.algebra import solved_transpose
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.touch import Open
 from dmoc.problem.problem import Problem
@@ -267,7 +267,7 @@ class Relaxation:
 
         def sizes(slopes: Array) -> tuple[Array, Array, Array]:
             place = np.abs(slopes) @ reach
-            square = np.einsum("ji,ij->j", slopes, columns(mass, slopes))
+            square = np.einsum("ji,ij->j", slopes, solved_transpose(mass, slopes))
             place = np.where(place > 0, place, 1.0)
             return place, place / time, place / time / np.where(square > 0, square, 1.0)
 

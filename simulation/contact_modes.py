@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import columns
+from dmoc.mechanics.algebra import solved_transpose
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
@@ -82,12 +82,12 @@ def condition_rates(model: Model, mode: Mode, q: Array, v: Array, t: Array) -> A
 def answers(M: Array, c: Conditions, wanted: Array) -> tuple[Array, Array]:
     """The change M^-1 B^T lam of an acceleration or a velocity (n, nq) that changes C a by what is
     wanted (n, m), and its multipliers lam (n, m): the smallest where several would do."""
-    response = columns(M, c.B)
+    response = solved_transpose(M, c.B)
     A = c.C @ response
     if A.shape[1] == 1:
         lam = np.asarray(wanted / A[:, 0])
     else:
-        squares = np.einsum("nmi,nim->nm", c.C, columns(M, c.C))
+        squares = np.einsum("nmi,nim->nm", c.C, solved_transpose(M, c.C))
         lam = _multipliers(A, np.where(squares > 0, np.sqrt(np.abs(squares)), 1.0), wanted)
     return (response @ lam[..., None])[..., 0], lam
 
@@ -125,7 +125,7 @@ def without_effect(model: Model, mode: Mode, q: Array, t: Array) -> Array:
     """Projections (n, m, m) of the multipliers of a mode on those that accelerate nothing; zero
     where all are determined, and not a number where the masses are none."""
     c, M = conditions(model, mode, q, t), model.mass(q, t)
-    squares = np.einsum("nmi,nim->nm", c.C, columns(M, c.C))
+    squares = np.einsum("nmi,nim->nm", c.C, solved_transpose(M, c.C))
     size = np.where(squares > 0, np.sqrt(np.abs(squares)), 1.0)
     mass = np.sqrt(np.abs(np.diagonal(M, axis1=1, axis2=2)))
     push = np.swapaxes(c.B / size[:, :, None] / np.where(mass > 0, mass, 1.0)[:, None, :], 1, 2)

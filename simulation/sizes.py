@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import columns
+from dmoc.mechanics.algebra import solved_transpose
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import Trajectory
 
@@ -112,7 +112,7 @@ def pushes(model: Model, sizes: Sizes, q: Array, t: Array, slopes: Array) -> Arr
     """Forces along gradients (n, m, nq + 1) at rows of positions that accelerate as much as a
     small share of the forces of the motion, shape (m,)."""
     along = slopes[..., :-1]
-    response = columns(model.mass(q, t), along)
+    response = solved_transpose(model.mass(q, t), along)
     inertia = np.einsum("nmi,nim->nm", along, response).max(axis=0, initial=0.0)
     return np.asarray(WEAK * sizes.acceleration / np.sqrt(np.where(inertia > 0, inertia, np.inf)))
 
