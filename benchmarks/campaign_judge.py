@@ -70,7 +70,7 @@ class JudgedMotion:
         return float(np.sqrt(max(a @ M @ a, 0.0)))
 
 
-def read(solution: dmoc.Solution, mechanism: ContactMechanism) -> JudgedMotion:
+def judged_motion(solution: dmoc.Solution, mechanism: ContactMechanism) -> JudgedMotion:
     par = np.array(list(solution.trajectory.parameters.values()))
     phases = []
     for p in solution.trajectory.phases:
@@ -92,7 +92,7 @@ def judge(
     result: JudgedSolve, instance: Instance, solution: dmoc.Solution, mechanism: ContactMechanism
 ) -> None:
     """Put the errors of a solution, and what contradicts it, into its result."""
-    motion, e = read(solution, mechanism), list(solution.trajectory.restitution.values())
+    motion, e = judged_motion(solution, mechanism), list(solution.trajectory.restitution.values())
     sizes, worst = _sizes(motion, solution), result.errors
     worst["segment"], unplanned = _segments(motion, solution, sizes, e)
     errors, outside = _events(motion, solution, sizes, e)

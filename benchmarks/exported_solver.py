@@ -82,7 +82,7 @@ def timed(run: Callable[[], Any], repeats: int) -> tuple[float, Any]:
     return median(times), result
 
 
-def carried(steps: int, folder: Path) -> dmoc.Problem:
+def exported(steps: int, folder: Path) -> dmoc.Problem:
     problem = seed(steps=steps)
     dmoc.generate_solver(problem, folder)
     return problem
@@ -168,7 +168,7 @@ def compare(quick: bool) -> Section:
 
 def _rows(section: Section, steps: int, folder: Path, quick: bool) -> None:
     runs = 5 if quick else 101
-    problem = carried(steps, folder)
+    problem = exported(steps, folder)
     text = (folder / "README.md").read_text(encoding="utf-8")
     size = sum(
         int(line.split("|")[2].split()[0]) for line in text.splitlines()
@@ -213,7 +213,7 @@ def batch(quick: bool) -> Section:
     )
     some = instances(100 if quick else 2000)
     with tempfile.TemporaryDirectory() as work:
-        problem = carried(100, Path(work) / "carried")
+        problem = exported(100, Path(work) / "carried")
         solver = dmoc.load_solver(Path(work) / "carried")
     angle = problem.start["alpha"]
     numbers = [

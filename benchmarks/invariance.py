@@ -153,7 +153,7 @@ class FramedProblem:
     problem: Callable[[Frame], dict[str, Any]]
 
 
-def weight(frame: Frame, **more: float) -> dict[str, float]:
+def parameters(frame: Frame, **more: float) -> dict[str, float]:
     return {"m": frame.mass(1.0), "g": frame.acceleration(9.81), **more}
 
 
@@ -161,7 +161,7 @@ def at_rest(frame: Frame) -> dict[str, Any]:
     here = {"x": frame.place(0), "y": frame.place(0)}
     return {
         "start": here, "contacts": ["floor:stick"], "steps": 10, "final_time": frame.time(1),
-        "parameters": weight(frame, c=frame.place(0)),
+        "parameters": parameters(frame, c=frame.place(0)),
     }  # fmt: skip
 
 
@@ -169,7 +169,7 @@ def hopper_at_rest(frame: Frame) -> dict[str, Any]:
     return {
         "start": {"x": frame.place(0.5), "y": frame.place(0)},
         "goal": {"x": frame.place(0.5), "x_dot": 0.0}, "contacts": ["ground"], "steps": 12,
-        "final_time": frame.time(0.8), "parameters": weight(frame, c=frame.place(0)),
+        "final_time": frame.time(0.8), "parameters": parameters(frame, c=frame.place(0)),
     }  # fmt: skip
 
 
@@ -177,7 +177,7 @@ def held(frame: Frame) -> dict[str, Any]:
     angle = {"a": 1.0 + frame.shift}
     return {
         "start": angle, "goal": {**angle, "a_dot": 0.0}, "steps": 20, "final_time": frame.time(1),
-        "parameters": weight(frame, l=frame.length(0.7), c=frame.shift),
+        "parameters": parameters(frame, l=frame.length(0.7), c=frame.shift),
     }  # fmt: skip
 
 
@@ -202,7 +202,7 @@ def bounce(frame: Frame) -> dict[str, Any]:
         "start": {"x": frame.place(0), "y": frame.place(1), "x_dot": frame.speed(1)},
         "goal": {"x": frame.place(1), "y": frame.place(0.6)}, "sequence": ["floor"], "steps": 20,
         "final_time": (frame.time(0.2), frame.time(2)), "restitution": 0.8,
-        "parameters": weight(frame, c=frame.place(0)),
+        "parameters": parameters(frame, c=frame.place(0)),
     }  # fmt: skip
 
 
@@ -211,7 +211,7 @@ def pushed(frame: Frame) -> dict[str, Any]:
         "start": {"x": frame.place(0), "y": frame.place(0)},
         "goal": {"x": frame.place(0.4), "x_dot": 0.0}, "contacts": ["floor:stick"],
         "sequence": ["floor:slip+", "floor:stick"], "steps": 16, "final_time": frame.time(1),
-        "parameters": weight(frame, c=frame.place(0)),
+        "parameters": parameters(frame, c=frame.place(0)),
     }  # fmt: skip
 
 
@@ -220,7 +220,7 @@ def leaning(frame: Frame) -> dict[str, Any]:
     return {
         "start": here, "contacts": ["floor:stick", "side"], "steps": 10,
         "final_time": frame.time(1),
-        "parameters": weight(frame, c=frame.place(0), push=frame.force(0.024)),
+        "parameters": parameters(frame, c=frame.place(0), push=frame.force(0.024)),
     }  # fmt: skip
 
 
@@ -230,7 +230,7 @@ def shoved(frame: Frame) -> dict[str, Any]:
         "start": {"x": frame.place(0), "y": frame.place(0), "b": frame.place(0)},
         "goal": {"x": frame.place(0.2), "x_dot": 0.0}, "contacts": ["floor:slip+", "side"],
         "steps": 20, "final_time": frame.time(1),
-        "parameters": weight(frame, c=frame.place(0), push=frame.force(0.024)),
+        "parameters": parameters(frame, c=frame.place(0), push=frame.force(0.024)),
     }  # fmt: skip
 
 
@@ -239,7 +239,7 @@ def swung(frame: Frame) -> dict[str, Any]:
         "start": {"x": frame.place(0), "a": 0.0},
         "goal": {"x": frame.place(0.5), "x_dot": 0.0, "a": 0.0, "a_dot": 0.0},
         "contacts": ["rail:slip+"], "steps": 40, "final_time": frame.time(1.5),
-        "parameters": weight(frame, l=frame.length(0.5), push=frame.force(0.5)),
+        "parameters": parameters(frame, l=frame.length(0.5), push=frame.force(0.5)),
     }  # fmt: skip
 
 
@@ -250,7 +250,7 @@ def slides_down(frame: Frame) -> dict[str, Any]:
     return {
         "start": {**place, "a": angle}, "contacts": ["floor", "wall"], "steps": 30,
         "goal": {"a": angle - 0.3}, "final_time": frame.time(0.6),
-        "parameters": weight(frame, l=frame.length(1), c=frame.place(0)),
+        "parameters": parameters(frame, l=frame.length(1), c=frame.place(0)),
     }  # fmt: skip
 
 
@@ -291,7 +291,7 @@ def tellings(quick: bool = False) -> list[Frame]:
     return [*frames, Frame(1e3, 1e-6, 1e4), Frame(1e-3, 1e6, 1e-2, 3.0)]
 
 
-def answers(kind: FramedProblem, frames: list[Frame]) -> list[tuple[Frame, dmoc.Solution]]:
+def solutions(kind: FramedProblem, frames: list[Frame]) -> list[tuple[Frame, dmoc.Solution]]:
     """The solutions of a problem in all its tellings."""
     kernels = dmoc.build(kind.system())
     problems = [dmoc.Problem(kernels, **kind.problem(t)) for t in frames]
@@ -308,7 +308,7 @@ def invariance(quick: bool) -> Section:
         ("problem", "status", "same elsewhere"),
     )
     for name, kind in KINDS.items():
-        (_, plain), *others = answers(kind, tellings(quick))
+        (_, plain), *others = solutions(kind, tellings(quick))
         same = sum(other.status == plain.status for _, other in others)
         section.row(name, str(plain.status), f"{same} of {len(others)}")
     return section
@@ -320,7 +320,7 @@ def main(words: list[str]) -> int:
     for name, kind in KINDS.items():
         if words and not any(word in name for word in words):
             continue
-        for frame, solution in answers(kind, tellings()):
+        for frame, solution in solutions(kind, tellings()):
             differ += not solution.solved
             print(f"{name}: {frame}: {solution.status}: {solution.message[:300]}")
     return int(differ > 0)

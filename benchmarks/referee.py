@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 from referee_laws import Violation, missed, velocity_bounds, violations
-from referee_motion import FORMS, Claim, read
+from referee_motion import FORMS, Claim, read_claim
 from referee_replay import ClaimSizes, Replay, ReplayRun
 
 import dmoc
@@ -256,7 +256,7 @@ def main(arguments: list[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     try:
         problem = problem_of(asked.problem)
-        judgement = judge(problem, read(asked.motion, problem, asked.inputs), asked.claimed)
+        judgement = judge(problem, read_claim(asked.motion, problem, asked.inputs), asked.claimed)
     except dmoc.DmocError as error:
         sys.stderr.write(f"error: {error}\n")
         return 2

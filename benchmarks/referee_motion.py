@@ -52,7 +52,7 @@ class Claim:
         return np.flatnonzero(np.diff(self.t) > 0)
 
 
-def read(path: Path, problem: dmoc.Problem, form: str | None = None) -> Claim:
+def read_claim(path: Path, problem: dmoc.Problem, form: str | None = None) -> Claim:
     """Read a table with a header: ``t``, all coordinates, all inputs, and all velocities or none.
 
     Raises

@@ -27,7 +27,7 @@ from typing import Any
 import nosnoc_problems
 from common import Section, filled, machine
 from referee import judge
-from referee_motion import read
+from referee_motion import read_claim
 from twenty_problems import CASES, NOT_STATED, Case
 
 import dmoc
@@ -124,7 +124,7 @@ def _verdict(problem: dmoc.Problem, motion: Path, claimed: float) -> Record:
     """What the referee says of a motion."""
     judged: Record = {"claimed": claimed}
     try:
-        judgement = judge(problem, read(motion, problem), claimed)
+        judgement = judge(problem, read_claim(motion, problem), claimed)
     except dmoc.DmocError as error:
         return judged | {"agrees": False, "refused": str(error)}
     against = [v.text for v in judgement.violations]

@@ -249,7 +249,7 @@ def transported(quick: bool) -> Section:
             seconds, solution = _core(lambda p=problem, n=starts: dmoc.solve(p, starts=n))
             with tempfile.TemporaryDirectory() as folder:
                 path = solution.to_csv(Path(folder) / "motion.csv")
-                claim = referee_motion.read(path, problem)
+                claim = referee_motion.read_claim(path, problem)
             section.row(
                 name, order, steps, str(solution.status), *_recomputed(solution.cost, claim),
                 solution.iterations, solution.starts or 1, f"{seconds:.2f}",

@@ -28,7 +28,7 @@ TELLINGS = [
 
 @cache
 def answers(name: str) -> list[tuple[invariance.Frame, dmoc.Solution]]:
-    return invariance.answers(invariance.KINDS[name], TELLINGS)
+    return invariance.solutions(invariance.KINDS[name], TELLINGS)
 
 
 @pytest.mark.slow

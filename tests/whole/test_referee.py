@@ -14,7 +14,7 @@ import pytest
 import several_contacts
 from pages import ROOT
 from referee import Judgement, judge, main
-from referee_motion import read
+from referee_motion import read_claim
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_on_floor, block_system
 
@@ -64,7 +64,7 @@ def judged(tmp_path: Path) -> Judge:
         rows = zip(*np.broadcast_arrays(*columns.values()), strict=True)
         lines = [",".join(columns), *(",".join(map(repr, map(float, row))) for row in rows)]
         path.write_text("\n".join(lines))
-        return judge(problem, read(path, problem, form), claimed)
+        return judge(problem, read_claim(path, problem, form), claimed)
 
     return judged
 
@@ -244,7 +244,7 @@ def test_a_box_stands_and_slides_on_two_corners(tmp_path: Path) -> None:
     """Both corners rub along one line: how they share the friction is open."""
     problem = several_contacts.pushed()
     solution = dmoc.solve(problem, "ipm", starts=1)
-    judgement = judge(problem, read(solution.to_csv(tmp_path / "box.csv"), problem))
+    judgement = judge(problem, read_claim(solution.to_csv(tmp_path / "box.csv"), problem))
     assert judgement.agrees, judgement.lines
     assert judgement.cost == pytest.approx(several_contacts.PUSHED, rel=1e-2)
 
@@ -253,7 +253,7 @@ def test_linear_inputs_of_a_solution_of_one_phase_are_linear(tmp_path: Path) -> 
     """A block that slides all along, of 2.09375 in closed form."""
     problem = contact_problems.sliding(20)
     solution = dmoc.solve(problem, "ipm", starts=1)
-    judgement = judge(problem, read(solution.to_csv(tmp_path / "block.csv"), problem))
+    judgement = judge(problem, read_claim(solution.to_csv(tmp_path / "block.csv"), problem))
     assert judgement.agrees, judgement.lines
     assert judgement.cost == pytest.approx(2.09375, rel=2e-3)
 
@@ -314,7 +314,7 @@ def test_a_table_that_does_not_fit_is_refused_in_a_sentence(
     path = tmp_path / "motion.csv"
     path.write_text(text)
     with pytest.raises(MotionError, match=words):
-        read(path, wall)
+        read_claim(path, wall)
 
 
 def test_a_solution_keeps_the_laws_by_the_command(
