@@ -16,7 +16,7 @@ from dmoc.guess.folded import Folded
 from dmoc.guess.transfer import pieces_of
 from dmoc.problem.problem import Problem
 from dmoc.sequences.neighbours import lifting, neighbours, other_returns, shorter
-from dmoc.sequences.node_solve import Task
+from dmoc.sequences.node_solve import NodeTask
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Workers
 from dmoc.sequences.proposals import Proposals, Words
@@ -222,9 +222,9 @@ class Candidates(Tree):
     def _rank(self, sequence: Words) -> tuple[Any, ...]:
         return self._cheapest(sequence), *self.place(sequence)
 
-    def _task(self, sequence: Words) -> Task:
+    def _task(self, sequence: Words) -> NodeTask:
         s, problem = self.settings, self.problem_of(sequence)
-        return Task(
+        return NodeTask(
             problem, None, s.method, s.starts, s.seed, s.node_seconds,
             proposer=self.proposed.get(sequence), start=self._start(problem, sequence),
             near=self.best() is not None and sequence not in self.proposals.motions,

@@ -49,7 +49,7 @@ FALLING = 0.7
 
 
 @dataclass(frozen=True)
-class Task:
+class NodeTask:
     """One sequence to be solved: the problem, the parent's motion, further starts, method, limit
     in seconds, a motion that proposes it, unknowns of the coarse mesh to start from, and whether
     they are those of a sequence that differs little; or a node that is doubtful, to be looked at on
@@ -73,7 +73,7 @@ class Task:
         return tuple(self.problem.sequence)
 
 
-def solve_node(task: Task) -> Node:
+def solve_node(task: NodeTask) -> Node:
     """Solve from every start; return the node with its verdict.  An error is an answer too: the
     search goes on."""
     try:
@@ -82,12 +82,12 @@ def solve_node(task: Task) -> Node:
         return lost(task, f"{type(error).__name__}: {error}")
 
 
-def lost(task: Task, why: str) -> Node:
+def lost(task: NodeTask, why: str) -> Node:
     """A node without an answer."""
     return Node(task.sequence, Verdict.FAILED, evidence=(why,), attempts=task.attempts)
 
 
-def _solve(task: Task) -> Node:
+def _solve(task: NodeTask) -> Node:
     begin, task = time.perf_counter(), replace(task, problem=task.problem.in_rates())
     if task.doubtful is not None:
         node = _on_finer_meshes(task, task.doubtful)
@@ -97,7 +97,7 @@ def _solve(task: Task) -> Node:
     return replace(node, attempts=task.attempts, seconds=time.perf_counter() - begin)
 
 
-def _from_parent(task: Task) -> Node:
+def _from_parent(task: NodeTask) -> Node:
     """Solve from the parent's motion, else from the automatic guesses, by a method that needs no
     compiled kernels."""
     starts: list[Start] = []
@@ -118,7 +118,7 @@ def _from_parent(task: Task) -> Node:
     return Node(task.sequence, Verdict.FAILED, evidence=evidence, starts=tuple(starts))
 
 
-def _explored(task: Task) -> Node:
+def _explored(task: NodeTask) -> Node:
     """Solve from the best of some starts on a coarse mesh, the parent's motion among them."""
     deadline = Deadline.after(task.seconds)
     half = deadline.share(0.5)
@@ -166,7 +166,7 @@ def _explored(task: Task) -> Node:
     return replace(_node(task, solutions), starts=starts, minima=tuple(minima))
 
 
-def _on_finer_meshes(task: Task, node: Node) -> Node:
+def _on_finer_meshes(task: NodeTask, node: Node) -> Node:
     """A node that the simulation contradicts, from its motion on finer meshes, until that is
     confirmed or its errors do not fall any more."""
     deadline, before, steps = Deadline.after(task.seconds), node.solution, task.problem.phase_steps
@@ -204,7 +204,7 @@ class _TimeIsUp(Exception):  # noqa: N818 - it is an answer
     """The limit of a node was reached."""
 
 
-def _late(task: Task, starts: Sequence[Start]) -> Node:
+def _late(task: NodeTask, starts: Sequence[Start]) -> Node:
     """The node of a task that is over its time, which leaves some starts untried."""
     return Node(
         task.sequence,
@@ -225,7 +225,7 @@ def _solved(
     return s
 
 
-def _node(task: Task, solutions: Sequence[Solution]) -> Node:
+def _node(task: NodeTask, solutions: Sequence[Solution]) -> Node:
     """The node of the first of some minima, the best one."""
     s = solutions[0]
     evidence: tuple[str, ...]
@@ -277,7 +277,7 @@ def extended(parent: Solution, problem: Problem) -> Array:
 
 
 def _without_minimum(
-    task: Task, coarse: Problem, starts: Sequence[Start], deadline: Deadline
+    task: NodeTask, coarse: Problem, starts: Sequence[Start], deadline: Deadline
 ) -> Node | Solution:
     """Why no start has led to a minimum: infeasible, unreachable; or a solution from the feasible
     motion that the search for the reason has found.  _TimeIsUp, if the deadline comes first."""

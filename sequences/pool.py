@@ -12,17 +12,17 @@ from functools import partial
 from typing import TypeAlias
 
 from dmoc.base.deadline import Deadline
-from dmoc.sequences.node_solve import Task, lost, solve_node
+from dmoc.sequences.node_solve import NodeTask, lost, solve_node
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.solvers.outcome import Status
 from dmoc.solving.workforce import Work, workforce
 
 ATTEMPTS = 2
 
-Workers: TypeAlias = Callable[[Sequence[Task], Deadline], Iterator[Node]]
+Workers: TypeAlias = Callable[[Sequence[NodeTask], Deadline], Iterator[Node]]
 
 
-def _again(task: Task, node: Node) -> tuple[Task, ...]:
+def _again(task: NodeTask, node: Node) -> tuple[NodeTask, ...]:
     """The task once more, if a worker was lost or the time ran out, and the node has not had its
     second attempt."""
     without = not node.starts or any(s.status == Status.TIME_LIMIT for s in node.starts)
@@ -36,7 +36,7 @@ LONGEST = 600.0
 WORK = Work(solve_node, lost, _again, lambda task: task.seconds or LONGEST)
 
 
-def here(tasks: Sequence[Task], deadline: Deadline) -> Iterator[Node]:
+def here(tasks: Sequence[NodeTask], deadline: Deadline) -> Iterator[Node]:
     """One after the other in this process, until the deadline."""
     for task in tasks:
         if deadline.passed:

@@ -15,7 +15,7 @@ from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
 from dmoc.sequences.comparison import best_of, better
 from dmoc.sequences.journal import Journal
-from dmoc.sequences.node_solve import Task
+from dmoc.sequences.node_solve import NodeTask
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Workers
 from dmoc.sequences.settings import Settings, children, hits_alone, proposed, refusal
@@ -154,11 +154,13 @@ class Tree:
         beside = (before or after for before, after in pairwise(hit))
         return problem.but(durations=[(shortest, None) if b else None for b in beside])
 
-    def _task(self, sequence: tuple[str, ...]) -> Task:
+    def _task(self, sequence: tuple[str, ...]) -> NodeTask:
         parent = self.nodes[sequence[:-1]].solution if sequence else None
         s, proposer = self.settings, self.proposed.get(sequence)
         problem = self.problem_of(sequence)
-        return Task(problem, parent, s.method, s.starts, s.seed, s.node_seconds, proposer=proposer)
+        return NodeTask(
+            problem, parent, s.method, s.starts, s.seed, s.node_seconds, proposer=proposer
+        )
 
     # Finer meshes ---------------------------------------------------------------------------------
 

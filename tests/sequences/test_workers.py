@@ -196,7 +196,7 @@ def test_the_limit_of_a_node_holds_for_the_search_for_the_reason_too(
     monkeypatch.setattr(node_solve, "explored", lambda *_, **__: NOTHING)
     monkeypatch.setattr(node_solve, "diagnose", no_violation)
     monkeypatch.setattr(node_solve, "solved_on_mesh", slow)
-    node = node_solve.solve_node(node_solve.Task(problem, None, "ipm", 0, 0, seconds))
+    node = node_solve.solve_node(node_solve.NodeTask(problem, None, "ipm", 0, 0, seconds))
     assert len(limits) == 2 and 0 < limits[0] < seconds and 0 < limits[1] <= seconds / 100
     assert node.verdict is Verdict.FAILED
     assert node.evidence == (f"the limit of {seconds:g} s was reached",)
@@ -226,7 +226,7 @@ def test_ctrl_c_in_the_solve_after_a_diagnosis_ends_the_search(
     monkeypatch.setattr(node_solve, "diagnose", no_violation)
     monkeypatch.setattr(node_solve, "solved_on_mesh", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        node_solve.solve_node(node_solve.Task(problem, None, "ipm", 0, 0, 10.0))
+        node_solve.solve_node(node_solve.NodeTask(problem, None, "ipm", 0, 0, 10.0))
     assert len(solves) == at
 
 
@@ -241,4 +241,4 @@ def test_ctrl_c_in_the_solve_by_another_method_ends_the_search(
     interrupted = replace(solved, status=Status.INTERRUPTED)
     monkeypatch.setattr(node_solve, "solved_on_mesh", lambda *_, **__: interrupted)
     with pytest.raises(KeyboardInterrupt):
-        node_solve.solve_node(node_solve.Task(problem, None, "slsqp", 0, 0, None))
+        node_solve.solve_node(node_solve.NodeTask(problem, None, "slsqp", 0, 0, None))
