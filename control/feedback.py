@@ -216,8 +216,8 @@ def feedback_along(
             f"the model {trajectory.model!r} has no inputs: there is nothing to feed back; its "
             "stability is solution.stability()."
         )
-    q = weight(Q, "Q", states, np.diag(1 / unit**2))
-    r = weight(R, "R", inputs, np.diag(1 / input_unit**2), definite=True)
+    q = weight_matrix(Q, "Q", states, np.diag(1 / unit**2))
+    r = weight_matrix(R, "R", inputs, np.diag(1 / input_unit**2), definite=True)
     w = Weights(q * unit * unit[:, None], r * input_unit * input_unit[:, None], unit, input_unit)
     phases = [linear_phase(motion, i) for i in range(motion.stepped)]
     jumps = [
@@ -309,7 +309,7 @@ def beyond(motion: Motion, i: int, s: LinearPhase, side: int) -> tuple[Array, Ar
 # Weights ------------------------------------------------------------------------------------------
 
 
-def weight(
+def weight_matrix(
     value: Weight | None, name: str, names: Sequence[str], default: Array, definite: bool = False
 ) -> Array:
     """Read a weight: a factor of the default, entries of a diagonal by name, or a matrix."""

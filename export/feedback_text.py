@@ -11,7 +11,7 @@ from dmoc.export.constants import Constants, initial, literal
 from dmoc.motion.trajectory import Trajectory
 
 
-def checked(feedback: Any, motion: Trajectory) -> Feedback:
+def checked_feedback(feedback: Any, motion: Trajectory) -> Feedback:
     """A feedback along the motion that a solver carries."""
     if not isinstance(feedback, Feedback):
         raise ProblemError(

@@ -24,7 +24,7 @@ from dmoc.base.tolerances import ITERATIONS
 from dmoc.codegen.build import header, sources
 from dmoc.codegen.kernels import Array
 from dmoc.control.feedback import Feedback
-from dmoc.export.feedback_text import checked, feedback_facts
+from dmoc.export.feedback_text import checked_feedback, feedback_facts
 from dmoc.export.motion_text import derived_tables, momenta_of, work_of
 from dmoc.export.numbers import moved_arrays, numbers_of
 from dmoc.export.program_text import (
@@ -164,7 +164,7 @@ def solver_files(
         )
     solution = guess if isinstance(guess, Solution) else solve(problem, "ipm", guess=guess)
     carried, iterations = carried_by(name, problem, solution)
-    along = None if feedback is None else checked(feedback, solution.trajectory)
+    along = None if feedback is None else checked_feedback(feedback, solution.trajectory)
     return carried, solution, _texts(carried, iterations, most, along)
 
 
@@ -176,7 +176,9 @@ def _planner_files(
         raise ProblemError("a guess beside a Planner: expected none, a Planner has its solution.")
     _check_verified(planner.solution)
     rests, begins = carried_rests(name, planner)
-    along = None if feedback is None else checked(feedback, planner.begin().plan.trajectory)
+    along = (
+        None if feedback is None else checked_feedback(feedback, planner.begin().plan.trajectory)
+    )
     solvers = [memory_of(carried) for carried in rests]
     facts = rests_facts(rests, begins, planner) | {"memory": planner_doubles(rests, solvers)}
     first = rests[0]

@@ -19,7 +19,7 @@ from dmoc.base.table import Shown, Table
 from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.drawing import Part, with_normal
 from dmoc.symbolic.expressions import slack_of
-from dmoc.symbolic.system_checks import check, check_names
+from dmoc.symbolic.system_checks import check_names, check_parts
 from dmoc.symbolic.system_fields import containers_of, entries_of
 
 
@@ -176,7 +176,7 @@ class MechanicalSystem(Shown):
         self._put(containers_of(self))
         check_names(self)
         self._put(entries_of(self))
-        check(self)
+        check_parts(self)
 
     def _put(self, values: Mapping[str, Any]) -> None:
         for name, value in values.items():

@@ -48,7 +48,7 @@ DEFINED = {
 DIGITS = 30  # in which it is seen whether a mass matrix is singular
 
 
-def check(system: MechanicalSystem) -> None:
+def check_parts(system: MechanicalSystem) -> None:
     """Raise ModelError where the parts of a system do not fit together."""
     check_definitions(system)
     check_restitution(system)
