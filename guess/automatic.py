@@ -12,12 +12,13 @@ keep their bounds.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dmoc.base.deadline import ENDLESS, Deadline
+from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import standing
 from dmoc.guess.hits import through_hits, with_hidden
@@ -78,76 +79,64 @@ def initial_guesses(problem: Problem, deadline: Deadline = ENDLESS) -> tuple[Gue
             x = standing(problem, natural_time(problem))
             lay = Layout.of(problem)
             return (Guess(x, float(lay.durations(x).sum()), (), 0, 0.0),)
-        return _without_drift(problem, _guesses(problem, deadline))
+        return _guesses(problem, deadline)
 
 
-def _guesses(problem: Problem, deadline: Deadline) -> list[Guess]:
-    planner = Planner.of(problem)
+def _guesses(problem: Problem, deadline: Deadline) -> tuple[Guess, ...]:
+    planner, lay = Planner.of(problem), Layout.of(problem)
     times = _final_times(planner)
-    prescribed = planner.prescribed(times[-1])
+    prescribed = planner.prescribed(float(times[-1]))
     final_time = _best_time(planner, prescribed, times, deadline)
     guesses = []
     for choice, length, even in _choices(problem, prescribed, final_time):
         if deadline.passed:
             break
-        guess = _guess(planner, choice, length, even)
-        if guess is not None:
-            guesses.append(guess)
+        plan = planner.plan(choice, length, even)
+        motion = planner.march(plan, choice, problem.phase_steps)
+        if motion is not None:
+            names = tuple(problem.kernels.coordinates[i] for i in choice)
+            x = _unknowns(problem, lay, plan, motion)
+            guesses.append(Guess(x, length, names, motion.free_steps, motion.excess))
     if not guesses:
         plan = planner.plan(prescribed, final_time)
-        x = _unknowns(problem, plan, resting(problem, plan))
+        x = _unknowns(problem, lay, plan, resting(problem, plan))
         guesses.append(Guess(x, final_time, (), 0, 0.0))
-    return guesses
+    return _without_drift(problem, lay, guesses)
 
 
-def _guess(planner: Planner, choice: Choice, final_time: float, even: bool) -> Guess | None:
-    """The motion along a plan on the mesh of the problem."""
-    problem, plan = planner.problem, planner.plan(choice, final_time, even)
-    motion = planner.march(plan, choice)
-    if motion is None:
-        return None
-    names = tuple(problem.kernels.coordinates[i] for i in choice)
-    x = _unknowns(problem, plan, motion)
-    return Guess(x, final_time, names, motion.free_steps, motion.excess)
-
-
-def _best_time(
-    planner: Planner, prescribed: Choice, times: Sequence[float], deadline: Deadline
-) -> float:
+def _best_time(planner: Planner, prescribed: Choice, times: Array, deadline: Deadline) -> float:
     """The final time whose motion keeps the bounds of the inputs at the least cost, or violates
     them least."""
     few = max(COARSE_STEPS // planner.problem.phases, FEWEST_STEPS)
     steps = tuple(min(n, few) for n in planner.problem.phase_steps)
-    best: tuple[float, float, float] | None = None
-    for final_time in times:
+    results = zip(*_trials(planner, prescribed, times, steps, deadline), times, strict=True)
+    ranks = [(max(excess, WITHIN), cost, t) for excess, cost, t in results if not np.isnan(excess)]
+    return float(min(ranks)[2] if ranks else times[-1])
+
+
+def _trials(
+    planner: Planner, choice: Choice, times: Array, steps: tuple[int, ...], deadline: Deadline
+) -> tuple[Array, Array]:
+    """Excesses and costs of motions along splines in some steps, with the objective and the bounds
+    of velocities and quantities that the problem has; excesses that are no numbers where a motion
+    grows without bound or the deadline has passed."""
+    problem = planner.problem
+    said = problem.limits or problem.kernels.integrals or problem.model.has_objective
+    if not (said or deadline.passed):
+        return planner.trials(choice, times, steps)
+    excess, cost = np.full((2, len(times)), np.nan)
+    coarse = problem.meshed(steps)
+    lay = Layout.of(coarse)
+    for i, final_time in enumerate(times):
         if deadline.passed:
             break
-        trial = _trial(planner, prescribed, final_time, steps)
-        if trial is None:
-            continue
-        excess, cost = trial
-        rank = (max(excess, WITHIN), cost, final_time)
-        if best is None or rank < best:
-            best = rank
-    return float(best[2] if best else times[-1])
-
-
-def _trial(
-    planner: Planner, choice: Choice, final_time: float, steps: tuple[int, ...]
-) -> tuple[float, float] | None:
-    """Excess and cost of a motion along splines in some steps, with the objective and the bounds of
-    velocities and quantities that the problem has; None where it grows without bound."""
-    trial, problem = planner.trial(choice, final_time, steps), planner.problem
-    said = problem.limits or problem.kernels.integrals or problem.model.has_objective
-    if trial is None or not said:
-        return trial
-    coarse = Planner.of(problem.meshed(steps))
-    plan = coarse.plan(choice, final_time)
-    motion = coarse.march(plan, choice)
-    if motion is None:
-        return None
-    lay, x = Layout.of(coarse.problem), _unknowns(coarse.problem, plan, motion)
-    return max(trial[0], _excess(coarse.problem, lay, x)), cost_of(coarse.problem, lay, x)
+        plan = planner.plan(choice, float(final_time))
+        motion = planner.march(plan, choice, steps)
+        if motion is not None:
+            x = _unknowns(coarse, lay, plan, motion)
+            excess[i] = max(motion.excess, _excess(coarse, lay, x))
+            cost[i] = cost_of(coarse, lay, x)
+    return excess, cost
 
 
 def _excess(problem: Problem, lay: Layout, x: Array) -> float:
@@ -185,9 +174,9 @@ def _choices(
         yield prescribed, final_time, True
 
 
-def _without_drift(problem: Problem, guesses: list[Guess]) -> tuple[Guess, ...]:
+def _without_drift(problem: Problem, lay: Layout, guesses: list[Guess]) -> tuple[Guess, ...]:
     """The guesses, the first one last if it has drifted off its goal and another one has not."""
-    if len(guesses) > 1:
+    if len(guesses) > 1 and _misses_goal(problem, guesses[0].x[lay.index_q[-1]]):
         nlp = Transcription(problem, scale_of(problem, guesses[-1].x))
         errors = [
             float(np.abs(nlp.equality(np.clip(nlp.scaled(g.x), nlp.lower, nlp.upper))).max())
@@ -198,21 +187,27 @@ def _without_drift(problem: Problem, guesses: list[Guess]) -> tuple[Guess, ...]:
     return tuple(guesses)
 
 
+def _misses_goal(problem: Problem, q: Array) -> bool:
+    """Whether a last position is out of its bounds by more than rounding."""
+    low, high = problem.goal_bounds.position.T
+    return bool((np.maximum(low - q, q - high) > SAME * problem.reach).any())
+
+
 # Choices ------------------------------------------------------------------------------------------
 
 
-def _final_times(planner: Planner) -> list[float]:
+def _final_times(planner: Planner) -> Array:
     """Final times to try, within the bounds of the final time and of the durations."""
     problem = planner.problem
     low, high = problem.final_time_bounds
     durations = problem.duration_bounds.sum(axis=0)
     low, high = max(low, durations[0]), min(high, durations[1])
     if low == high:
-        return [low]
+        return np.array([low])
     top = high if np.isfinite(high) else AROUND * max(natural_time(problem), low)
     bottom = max(low, top / 50)
     count = int(np.ceil(np.log(top / bottom) / np.log(TIME_RATIO))) + 1
-    return list(np.geomspace(bottom, top, max(count, 2)))
+    return np.geomspace(bottom, top, max(count, 2))
 
 
 def natural_time(problem: Problem) -> float:
@@ -246,13 +241,14 @@ def expected_time(problem: Problem) -> float | None:
 def _cheapest_decade(planner: Planner) -> float:
     """The final time, by powers of ten, whose motion along splines keeps its bounds best and costs
     least: all that a cost of time and effort says."""
-    every, steps = tuple(range(planner.problem.nq)), planner.problem.phase_steps
+    every = tuple(range(planner.problem.nq))
+    steps = tuple(min(n, FEWEST_STEPS) for n in planner.problem.phase_steps)
 
     def cost(final_time: float) -> tuple[float, float]:
-        trial = _trial(planner, every, final_time, tuple(np.minimum(FEWEST_STEPS, steps)))
-        if trial is None or not np.isfinite(trial[1]):
+        excess, cost = _trials(planner, every, np.array([final_time]), steps, ENDLESS)
+        if np.isnan(excess[0]) or not np.isfinite(cost[0]):
             return np.inf, np.inf
-        return max(trial[0], WITHIN), trial[1]
+        return max(excess[0], WITHIN), cost[0]
 
     at, least = NO_TIME, cost(NO_TIME)
     for ratio in (10.0, 0.1):
@@ -267,8 +263,7 @@ def _cheapest_decade(planner: Planner) -> float:
 # Unknowns -----------------------------------------------------------------------------------------
 
 
-def _unknowns(problem: Problem, plan: Plan, motion: March) -> Array:
-    lay = Layout.of(problem)
+def _unknowns(problem: Problem, lay: Layout, plan: Plan, motion: March) -> Array:
     x = lay.zeros(problem)
     x[lay.index_h] = lay.step_sizes(plan.durations)
     x[lay.index_q] = motion.q

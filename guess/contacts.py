@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.guess.hits import through_hits, with_hidden
+from dmoc.guess.hits import follows, through_hits, with_hidden
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.projection import onto
@@ -68,10 +68,23 @@ def in_contact(problem: Problem, x: Array) -> Array:
     """Unknowns with positions where phases are held, by contacts or constraints, and impulses that
     balance the momenta as well as they can, and with the ways through impacts with friction; those
     of a problem without either are as they were."""
+    (row,) = all_in_contact(problem, x[None])
+    return np.asarray(row)
+
+
+def all_in_contact(problem: Problem, x: Array) -> Array:
+    """The same for unknowns of several motions, shape (count, n)."""
     lay = Layout.of(problem)
+    held = any(map(lay.reactions, range(lay.phases)))
+    if not len(x) or not (held or follows(lay)):
+        return x
+    return np.array([_in_contact(problem, lay, row, held) for row in x])
+
+
+def _in_contact(problem: Problem, lay: Layout, x: Array, held: bool) -> Array:
     problem = lay.problem_at(problem, x)
     x = with_hidden(problem, lay, through_hits(problem, lay, x))
-    if not any(map(lay.reactions, range(lay.phases))):
+    if not held:
         return x
     x = x.copy()
     lay.put_times(x)

@@ -16,6 +16,13 @@ from dmoc.program.hit_stages import END, STOP, Passage
 from dmoc.program.layout import Layout
 
 
+def follows(lay: Layout) -> bool:
+    """Whether some unknowns are first values that follow from others: those within impacts, hidden
+    ones, totals, peaks and forces."""
+    sizes = (lay.index_totals.size, lay.index_peaks.size, lay.index_s.size, lay.force.count)
+    return bool(lay.hit.passages) or any(sizes)
+
+
 def through_hits(problem: Problem, lay: Layout, x: Array) -> Array:
     """Unknowns with velocities and impulses within impacts with friction that follow from the
     velocities before them; those of a problem without such impacts are as they were."""

@@ -13,20 +13,19 @@ problems.  Motion k of a seed is the same whichever others are asked for.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
-from dmoc.guess.contacts import in_contact
+from dmoc.guess.contacts import all_in_contact
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
 from dmoc.problem.design import designed, drawn
 from dmoc.problem.problem import Problem
 from dmoc.problem.quantities import onto_quantities
 from dmoc.problem.ranges import midpoints
-from dmoc.program.blocks import Index
 from dmoc.program.layout import Layout
 
 # Largest ratio of the longest and the shortest final time that is tried where bounds leave it open.
@@ -44,8 +43,8 @@ SHAKEN, IDLE, LOOSE, DRIVEN = range(4)
 KINDS = 4
 # Spread of the logarithm of the durations of a shaken motion.
 SHAKE = 0.7
-# Newton steps from a random point to a surface.
-NEWTON = 12
+# Newton steps from a random point to a surface, and the step, in reaches, after which none follows.
+NEWTON, ARRIVED = 12, 1e-15
 # Speed towards a surface that a motion has at least, relative to that of its straight way.
 APPROACH = 0.3
 
@@ -74,19 +73,23 @@ def random_motions(
 def _random_motions(
     problem: Problem, guesses: Sequence[Array], natural: float, numbers: range, seed: int
 ) -> Array:
+    lay = Layout.of(problem)
+    x = np.empty((len(numbers), lay.size))
+    shaken = np.array([bool(guesses) and k % KINDS == SHAKEN for k in numbers])
     with np.errstate(all="ignore"):
-        x = _unknowns(problem, _Drawn.of(problem, natural, numbers, seed))
-        for row, k in zip(x, numbers, strict=True):
-            if k % KINDS == SHAKEN and guesses:
-                guess = guesses[k // KINDS % len(guesses)]
-                row[:] = _shaken(problem, guess, np.random.default_rng([seed, k]))
-            row[:] = in_contact(problem, row)
-    return x
+        for i in np.flatnonzero(shaken):
+            k = numbers[i]
+            guess = guesses[k // KINDS % len(guesses)]
+            x[i] = _shaken(problem, lay, guess, np.random.default_rng([seed, k]))
+        others = [k for k, is_shaken in zip(numbers, shaken, strict=True) if not is_shaken]
+        if others:
+            x[~shaken] = _unknowns(problem, lay, _Drawn.of(problem, natural, others, seed))
+        return all_in_contact(problem, x)
 
 
-def _shaken(problem: Problem, guess: Array, rng: np.random.Generator) -> Array:
+def _shaken(problem: Problem, lay: Layout, guess: Array, rng: np.random.Generator) -> Array:
     """A guess with waves, other durations and less of its inputs."""
-    lay, x = Layout.of(problem), guess.copy()
+    x = guess.copy()
     x[lay.index_design] = problem.design_values
     size = SMALLEST * (LARGEST / SMALLEST) ** rng.random()
     m = np.pi * np.arange(1, WAVES + 1)
@@ -122,7 +125,7 @@ class _Drawn:
     driven: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, problem: Problem, natural: float, numbers: range, seed: int) -> _Drawn:
+    def of(cls, problem: Problem, natural: float, numbers: Sequence[int], seed: int) -> _Drawn:
         draws = [np.random.default_rng([seed, k]) for k in numbers]
         kind = np.array(numbers) % KINDS
         phases, nq = problem.phases, problem.nq
@@ -143,6 +146,10 @@ class _Drawn:
         legs = np.diff(points, axis=1) / np.where(durations > 0, durations, 1.0)[:, :, None]
         v_first, v_last, lam = _velocities(problem, durations, points, legs)
         return cls(durations, points, v_first, v_last, waves, whole, lam, kind == DRIVEN)
+
+    def of_rows(self, rows: NDArray[np.bool_]) -> _Drawn:
+        """Some of the motions."""
+        return _Drawn(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
 def _durations(problem: Problem, natural: float, uniform: Array, shares: Array) -> Array:
@@ -208,6 +215,8 @@ def _onto(problem: Problem, q: Array, t: Array, j: int) -> Array:
         step = np.where(square > 0, -gap * slope / np.where(square > 0, square, 1.0), 0.0)
         step /= np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True))
         at = at + step * reach
+        if np.abs(step).max() <= ARRIVED:
+            break
     return np.where(np.isfinite(at).all(axis=1, keepdims=True), at, q)
 
 
@@ -255,51 +264,46 @@ def _velocities(
     return v_first, v_last, lam
 
 
-def _along(drawn: _Drawn, i: int, s: Array) -> tuple[Array, Array, Array]:
-    """Positions, velocities and accelerations of phase i at shares s of it, shape (count, len(s),
-    nq) each."""
+def _along(drawn: _Drawn, i: int, s: Array, rates: int = 0) -> Array:
+    """Positions of phase i at shares s of it, without the waves of the whole time, and so many of
+    their derivatives by time, shape (rates + 1, count, len(s), nq)."""
     T = drawn.durations[:, i, None, None]
     q0, q1 = drawn.points[:, i, None], drawn.points[:, i + 1, None]
     d0, d1 = drawn.v_first[:, i, None] * T, drawn.v_last[:, i, None] * T
-    c2, c3 = 3 * (q1 - q0) - 2 * d0 - d1, 2 * (q0 - q1) + d0 + d1
-    x = s[None, :, None]
-    q = q0 + x * (d0 + x * (c2 + x * c3))
-    v = d0 + x * (2 * c2 + 3 * x * c3)
-    a = 2 * c2 + 6 * x * c3
+    cubic = [q0, d0, 3 * (q1 - q0) - 2 * d0 - d1, 2 * (q0 - q1) + d0 + d1]
+    parts = np.concatenate([*cubic, 4 * drawn.waves[:, i]], axis=1)
     m = np.pi * np.arange(1, WAVES + 1)
-    sin, cos = np.sin(np.outer(s, m)), np.cos(np.outer(s, m))
-    bump, slope = (s * (1 - s))[:, None], (1 - 2 * s)[:, None]
-    waves = drawn.waves[:, i]
-    q = q + 4 * np.einsum("sm,kmi->ksi", bump * sin, waves)
-    v = v + 4 * np.einsum("sm,kmi->ksi", slope * sin + bump * m * cos, waves)
-    a = a + 4 * np.einsum("sm,kmi->ksi", -2 * sin + 2 * slope * m * cos - bump * m * m * sin, waves)
-    begin, end = drawn.durations[:, :i].sum(axis=1), drawn.durations.sum(axis=1)
-    at = m * ((begin[:, None] + s * drawn.durations[:, i, None]) / end[:, None])[:, :, None]
-    rate = m * (drawn.durations[:, i] / end)[:, None, None]
-    q = q + np.einsum("ksm,kmi->ksi", np.sin(at), drawn.whole)
-    v = v + np.einsum("ksm,kmi->ksi", rate * np.cos(at), drawn.whole)
-    a = a - np.einsum("ksm,kmi->ksi", rate**2 * np.sin(at), drawn.whole)
-    return q, v / T, a / T**2
+    s = s[:, None]
+    sin, cos = np.sin(s * m), np.cos(s * m)
+    bump, slope, one, none = s * (1 - s), 1 - 2 * s, np.ones_like(s), np.zeros_like(s)
+    shapes = [
+        [one, s, s**2, s**3, bump * sin],
+        [none, one, 2 * s, 3 * s**2, slope * sin + bump * m * cos],
+        [none, none, 2 * one, 6 * s, -2 * sin + 2 * slope * m * cos - bump * m * m * sin],
+    ]
+    return np.stack([np.hstack(shapes[k]) @ parts / T**k for k in range(rates + 1)])
 
 
-def _unknowns(problem: Problem, drawn: _Drawn) -> Array:
-    lay = Layout.of(problem)
-    count = len(drawn.durations)
+def _everywhere(drawn: _Drawn, times: Array) -> Array:
+    """The waves of the whole time at times, shape (count, len(times), nq)."""
+    m = np.pi * np.arange(1, WAVES + 1)
+    shares = times / drawn.durations.sum(axis=1, keepdims=True)
+    return np.asarray(np.sin(shares[:, :, None] * m) @ drawn.whole)
+
+
+def _unknowns(problem: Problem, lay: Layout, drawn: _Drawn) -> Array:
+    count, degree = len(drawn.durations), lay.scheme.degree
     x = np.tile(lay.zeros(problem), (count, 1))
     x[:, lay.index_h] = lay.step_sizes(drawn.durations)
     begin = np.cumsum(np.hstack([np.zeros((count, 1)), drawn.durations]), axis=1)
-    inside, times = [], []
+    inside = np.sort(lay.scheme.nodes)[:-1]
     for i, n in enumerate(lay.steps[: lay.stepped]):
-        first = lay.ends[i]
-        nodes = np.linspace(0, 1, n + 1)
-        x[:, lay.index_q[first : first + n + 1]] = _along(drawn, i, nodes)[0]
-        times.append(begin[:, i, None] + drawn.durations[:, i, None] * nodes)
-        within = lay.scheme.within(nodes[:-1, None], nodes[1:, None])
-        places = np.asarray(within).reshape(-1)
-        inside.append(_along(drawn, i, places)[0].reshape(count, n, -1))
-    x[:, lay.index_q_i] = np.concatenate(inside, axis=1)
-    if lay.timed:
-        x[:, lay.index_t] = np.hstack([*(t[:, :-1] for t in times), times[-1][:, -1:]])
+        shares = np.append((np.arange(n)[:, None] + inside) / n, 1.0)
+        t = begin[:, i, None] + drawn.durations[:, i, None] * shares
+        at = lay.index_places[lay.places_of_phase(i)]
+        x[:, at] = _along(drawn, i, shares)[0] + _everywhere(drawn, t)
+        if lay.timed:
+            x[:, lay.index_t[lay.ends[i] : lay.ends[i + 1] + 1]] = t[:, ::degree]
     x[:, lay.index_u] = _inputs(problem, lay, drawn, begin)
     x[:, lay.impact.lam] = drawn.lam
     x[:, lay.impact.v_a], x[:, lay.impact.v_c] = drawn.v_last[:, :-1], drawn.v_first[:, 1:]
@@ -314,20 +318,20 @@ def _unknowns(problem: Problem, drawn: _Drawn) -> Array:
 
 
 def _inputs(problem: Problem, lay: Layout, drawn: _Drawn, begin: Array) -> Array:
-    """Inputs in the rows of their form, those that come closest to the accelerations in the middle
-    of the step of each row."""
-    count, nu = len(drawn.durations), problem.nu
-    if not nu:
-        return np.zeros((count, len(lay.step_of_input), 0))
-    inputs = []
-    for i, n in enumerate(lay.steps[: lay.stepped]):
-        middle = (np.arange(n) + 0.5) / n
-        q, v, a = (part.reshape(-1, lay.nq) for part in _along(drawn, i, middle))
-        t = (begin[:, i, None] + drawn.durations[:, i, None] * middle).reshape(-1)
-        u = inputs_for(problem, q, v, a, t)
-        inputs.append(u.reshape(count, n, nu))
-    steps: Index = lay.step_of_input
-    u = np.where(drawn.driven[:, None, None], np.concatenate(inputs, axis=1)[:, steps], 0.0)
+    """Inputs in the rows of their form; of driven motions those that come closest to the
+    accelerations in the middle of the step of each row."""
+    nu, steps = problem.nu, lay.step_of_input
+    u = np.zeros((len(drawn.durations), len(steps), nu))
+    driven = drawn.of_rows(drawn.driven)
+    if nu and drawn.driven.any():
+        inputs = []
+        for i, n in enumerate(lay.steps[: lay.stepped]):
+            middle = (np.arange(n) + 0.5) / n
+            q, v, a = _along(driven, i, middle, 2).reshape(3, -1, lay.nq)
+            t = begin[drawn.driven, i, None] + driven.durations[:, i, None] * middle
+            own = inputs_for(problem, q, v, a, t.reshape(-1))
+            inputs.append(own.reshape(-1, n, nu))
+        u[drawn.driven] = np.concatenate(inputs, axis=1)[:, steps]
     return np.clip(u, *problem.input_bounds.T)
 
 

@@ -8,7 +8,7 @@ alpha = k pi, where cart accelerations exert no torque on the pendulum): the win
 point is where nothing should be prescribed.
 """
 from libc.float cimport DBL_EPSILON
-from libc.math cimport INFINITY, fabs, fmax, fmin, isfinite, isnan, sqrt
+from libc.math cimport INFINITY, NAN, fabs, fmax, fmin, isfinite, isnan, sqrt
 from libc.string cimport memcmp, memcpy
 
 from dmoc_kernel cimport DMOC_MOST, dmoc_entry, find_kernel
@@ -227,30 +227,45 @@ cdef class Marcher(Equations):
                     record.after(i, self)
         return True
 
-    def trial(self, plan, tuple steps, tuple prescribed):
-        """Follow a plan; True where the motion stays bounded.  ``excess``, the largest violation of
-        an input bound relative to its range, and ``cost`` are then those of the motion."""
-        return self._follow(plan, steps, prescribed, None)
+    def trials(self, plans, tuple steps, tuple prescribed):
+        """Follow several plans; return the largest violation of an input bound relative to its
+        range, not a number where a motion grows without bound, and the cost of each, shape
+        (count,)."""
+        cdef const double[:, :, ::1] q = np.ascontiguousarray(plans.positions)
+        cdef const double[:, :, ::1] v = plans.velocities
+        cdef const double[:, ::1] T = plans.durations
+        cdef const ptrdiff_t[::1] n = self._checked(plans[0], steps)
+        cdef const int[::1] flags = self._flags(prescribed)
+        cdef ptrdiff_t i, count = T.shape[0]
+        cdef bint followed
+        results = np.empty(count), np.empty(count)
+        cdef double[::1] excess = results[0], cost = results[1]
+        with nogil:
+            for i in range(count):
+                followed = self.follow(q[i], v[i], T[i], n, flags, None)
+                excess[i], cost[i] = self.excess if followed else NAN, self.cost
+        return results
 
     def motion(self, plan, tuple steps, tuple prescribed):
-        """The same; return q (total + 1, nq), u (total, nu), impulses, velocities before and after
-        the collisions (collisions, nq) and at the end (nq,), or None."""
-        cdef _Record record = _Record(plan.positions[0], self.nu, sum(steps), len(steps) - 1)
-        if not self._follow(plan, steps, prescribed, record):
-            return None
-        return (*record.arrays, np.array(self.speed))
-
-    def _follow(self, plan, steps, prescribed, _Record record):
+        """Follow a plan; return q (total + 1, nq), u (total, nu), impulses, velocities before and
+        after the collisions (collisions, nq) and at the end (nq,), or None where the motion grows
+        without bound.  ``excess`` and ``cost`` are then those of the motion."""
         cdef const double[:, ::1] q = plan.positions, v = plan.velocities
         cdef const double[::1] T = plan.durations
-        cdef const ptrdiff_t[::1] n = np.array(steps, dtype=np.intp)
+        cdef const ptrdiff_t[::1] n = self._checked(plan, steps)
         cdef const int[::1] flags = self._flags(prescribed)
+        cdef _Record record = _Record(plan.positions[0], self.nu, sum(steps), len(steps) - 1)
         cdef bint followed
-        if not (len(T) + 1 == len(q) == len(v) == len(n) + 1 == len(self.hits) + 1):
-            raise ValueError(f"expected a plan of {len(self.hits)} phases and as many steps")
         with nogil:
             followed = self.follow(q, v, T, n, flags, record)
-        return followed
+        return (*record.arrays, np.array(self.speed)) if followed else None
+
+    def _checked(self, plan, steps):
+        """The steps as an array, if they and a plan have the phases of the problem."""
+        phases, ends = len(self.hits), (plan.positions, plan.velocities)
+        if not len(plan.durations) == len(steps) == phases == len(ends[0]) - 1 == len(ends[1]) - 1:
+            raise ValueError(f"expected a plan of {phases} phases and as many steps")
+        return np.array(steps, dtype=np.intp)
 
 
 cdef class _Record:

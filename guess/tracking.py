@@ -4,14 +4,14 @@ lines."""
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.guess.tracker import WINDOW, Marcher
-from dmoc.guess.waypoints import Plan, Route, Shares, plan_of, route_of, shares_of
+from dmoc.guess.waypoints import Plan, Route, plans_of, route_of, shares_of
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import midpoints
 
@@ -39,12 +39,11 @@ class March:
 @dataclass(frozen=True)
 class Planner:
     """Plans of a problem, and what marches along them; ``still`` is the route of all plans, if
-    there is one, with the ``shares`` that were asked for."""
+    there is one."""
 
     problem: Problem
     marcher: Marcher
     still: Route | None
-    shares: dict[tuple[Choice, bool], Shares] = field(default_factory=dict)
 
     @classmethod
     def of(cls, problem: Problem) -> Planner:
@@ -52,24 +51,25 @@ class Planner:
         return cls(problem, Marcher(problem), None if route.normals is None else route)
 
     def plan(self, choice: Choice, final_time: float, even: bool = False) -> Plan:
-        route = self._route(final_time)
-        shares = self.shares if route is self.still else {}
-        if (choice, even) not in shares:
-            shares[choice, even] = shares_of(route, choice, even)
-        return plan_of(self.problem, route, shares[choice, even], final_time)
+        return self._plans(self._route(final_time), choice, np.array([final_time]), even)[0]
 
-    def trial(
-        self, choice: Choice, final_time: float, steps: tuple[int, ...]
-    ) -> tuple[float, float] | None:
-        """Excess of the inputs and cost of a motion; None where it grows without bound."""
-        if not self.marcher.trial(self.plan(choice, final_time), steps, choice):
-            return None
-        return self.marcher.excess, self.marcher.cost
+    def trials(
+        self, choice: Choice, final_times: Array, steps: tuple[int, ...]
+    ) -> tuple[Array, Array]:
+        """Excesses of the inputs and costs of motions with some final times; excesses that are no
+        numbers where they grow without bound."""
+        if self.still is not None:
+            plans = self._plans(self.still, choice, final_times)
+            return self.marcher.trials(plans, steps, choice)
+        each = [self.plan(choice, float(t))[None] for t in final_times]
+        results = [self.marcher.trials(plan, steps, choice) for plan in each]
+        excess, cost = (np.concatenate(part) for part in zip(*results, strict=True))
+        return excess, cost
 
-    def march(self, plan: Plan, choice: Choice) -> March | None:
-        """Follow a plan on the mesh of the problem by the explicit midpoint rule; None where the
-        motion grows without bound."""
-        motion = self.marcher.motion(plan, self.problem.phase_steps, choice)
+    def march(self, plan: Plan, choice: Choice, steps: tuple[int, ...]) -> March | None:
+        """Follow a plan by the explicit midpoint rule; None where the motion grows without
+        bound."""
+        motion = self.marcher.motion(plan, steps, choice)
         if motion is None:
             return None
         q, u, lam, v_a, v_c, end = motion
@@ -94,6 +94,9 @@ class Planner:
             if any(self.marcher.control(q, choice) > WINDOW for q in points):
                 return tuple(sorted(choice))
         return tuple(range(nq))
+
+    def _plans(self, route: Route, choice: Choice, final_times: Array, even: bool = False) -> Plan:
+        return plans_of(self.problem, route, shares_of(route, choice, even), final_times)
 
     def _route(self, final_time: float) -> Route:
         return route_of(self.problem, final_time) if self.still is None else self.still

@@ -21,11 +21,15 @@ SHORTEST_SHARE = 0.04
 @dataclass(frozen=True)
 class Plan:
     """Via points of all coordinates: positions (phases + 1, nq), velocities before each via
-    point, and durations."""
+    point, and durations; of several plans with an axis before."""
 
     positions: Array
     velocities: Array
     durations: Array
+
+    def __getitem__(self, which: int | None) -> Plan:
+        """One of several, or one as the only one of several."""
+        return Plan(self.positions[which], self.velocities[which], self.durations[which])
 
 
 @dataclass(frozen=True)
@@ -46,8 +50,8 @@ class Route:
     it, the surfaces at the collisions, the length of the reach, and whether the last point is that
     of the last event.
 
-    Where a surface of the sequence moves, points depend on the final time, and there are no
-    ``normals``.
+    Where a surface of the sequence moves, points depend on the final time: a route is that of one,
+    and there are no ``normals``.
     """
 
     points: Array
@@ -120,44 +124,49 @@ def shares_of(route: Route, prescribed: tuple[int, ...], even: bool) -> Shares:
     return Shares(legs, whole, shares / shares.sum())
 
 
-def plan_of(problem: Problem, route: Route, shares: Shares, final_time: float) -> Plan:
-    """Durations by shares of the time, and velocities that continue smoothly in the mirror image
-    behind each surface."""
-    points = route.points
-    durations = np.clip(final_time * shares.times, *problem.duration_bounds.T)
-    speeds = shares.legs / np.where(durations > 0, durations, 1.0)[:, None]
-    velocities = np.zeros_like(points)
-    velocities[0] = route.start
+def plans_of(problem: Problem, route: Route, shares: Shares, final_times: Array) -> Plan:
+    """Plans for some final times: durations by shares of the time, and velocities that continue
+    smoothly in the mirror image behind each surface."""
+    points, count = route.points, len(final_times)
+    durations = np.clip(final_times[:, None] * shares.times, *problem.duration_bounds.T)
+    speeds = shares.legs / np.where(durations > 0, durations, 1.0)[:, :, None]
+    velocities = np.zeros((count, *points.shape))
+    velocities[:, 0] = route.start
+    slowest = shares.whole / final_times / 2
     for i in range(len(points) - 2):
-        # The way to an event that ends the motion says its velocity alone.
-        weights = durations[i : i + 2] if durations[i + 1] else np.array([0.0, 1.0])
         normal = (
-            _normal(problem, points[i + 1], i, float(durations[: i + 1].sum()))
+            _normal(problem, points[i + 1], i, float(durations[0, : i + 1].sum()))
             if route.normals is None
             else route.normals[i]
         )
-        slowest = shares.whole / final_time / 2
-        velocities[i + 1] = _through(normal, speeds[i : i + 2], weights, slowest)
+        beside = slice(i, i + 2)
+        velocities[:, i + 1] = _through(normal, speeds[:, beside], durations[:, beside], slowest)
     if route.goal is None:
-        natural = 1.5 * speeds[-1] - 0.5 * velocities[-2] if problem.phases == 1 else speeds[-1]
-        velocities[-1] = _by_velocity(problem.goal_bounds, natural)
+        last = speeds[:, -1]
+        natural = 1.5 * last - 0.5 * velocities[:, -2] if problem.phases == 1 else last
+        velocities[:, -1] = _by_velocity(problem.goal_bounds, natural)
     else:
-        velocities[-1] = route.goal
-    return Plan(points, velocities, durations)
+        velocities[:, -1] = route.goal
+    return Plan(np.broadcast_to(points, velocities.shape), velocities, durations)
 
 
-def _through(normal: Normal, speeds: Array, durations: Array, slowest: float) -> Array:
-    """Velocity before a collision, from the mean velocities of the phases before and after it and
-    their durations: their mean in the mirror image behind the surface, arriving not too slowly."""
+def _through(normal: Normal, speeds: Array, durations: Array, slowest: Array) -> Array:
+    """Velocities before a collision, from the mean velocities of the phases before and after it,
+    shape (count, 2, nq), and their durations: their mean in the mirror image behind the surface,
+    arriving not too slowly."""
     n, response, square = normal.slope, normal.response, normal.square
-    before, after = speeds
+    before, after = speeds[:, 0], speeds[:, 1]
     if square > 0:
-        after = after - (1 + 1 / normal.e) * float(n @ after) / square * response
-    velocity = (durations[1] * before + durations[0] * after) / (durations[0] + durations[1])
+        after = after - (1 + 1 / normal.e) * (after @ n / square)[:, None] * response
+    # The way to an event that ends the motion says its velocity alone.
+    goes_on = durations[:, 1:] > 0
+    share = np.where(goes_on, durations[:, :1], 0.0)
+    share /= np.where(goes_on, durations.sum(axis=1, keepdims=True), 1.0)
+    velocity = (1 - share) * before + share * after
     if square > 0:  # arrive with some speed, or there is no collision
         root = np.sqrt(square)
-        arrival = float(n @ velocity) / root
-        velocity = velocity + (max(arrival, slowest) - arrival) * response / root
+        arrival = velocity @ n / root
+        velocity = velocity + (np.maximum(arrival, slowest) - arrival)[:, None] * response / root
     return np.asarray(velocity)
 
 
