@@ -5,19 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from dmoc.cli.console import style_of, written
 from dmoc.cli.shared_options import out_option
+from dmoc.cli.words import argument, option
 
 
 def animate(
     solutions: Annotated[
         list[Path],
-        typer.Argument(
+        argument(
             metavar="SOLUTION...",
             help="Solution files (.npz); several play side by side.",
-            show_default=False,
         ),
     ],
     target: Annotated[
@@ -30,15 +28,15 @@ def animate(
     ] = None,
     speed: Annotated[
         float | None,
-        typer.Option(
+        option(
             help="Seconds of the motion in a second of a .gif or .mp4; by default 1, less for a "
             "motion of less than 3 s.  A page has a choice of speeds."
         ),
     ] = None,
-    fps: Annotated[int, typer.Option(help="Frames in a second of a .gif or .mp4.")] = 25,
+    fps: Annotated[int, option(help="Frames in a second of a .gif or .mp4.")] = 25,
     dark: Annotated[
         bool,
-        typer.Option(
+        option(
             "--dark", help="Draw a .gif or .mp4 on a dark background; a page follows its reader."
         ),
     ] = False,

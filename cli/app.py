@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import errno
 import io
+import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from importlib import import_module
-from typing import Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from dmoc.base.errors import DmocError
 from dmoc.base.files import REMEDY
-from dmoc.cli.console import err, out
+from dmoc.cli.console import err
 from dmoc.cli.groups import spread
-from dmoc.cli.shared_options import BAD_INPUT
+from dmoc.cli.plain_words import values_of
+from dmoc.cli.shared_options import BAD_INPUT, NOT_SOLVED
 
+if TYPE_CHECKING:
+    from typer import Typer
+
+COMPLETION = "_DMOC_COMPLETE"  # set by the shell that asks for words
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 # The commands and their modules, of which a call loads one, and help all.
 COMMANDS = {
@@ -29,45 +33,33 @@ COMMANDS = {
 }  # fmt: skip
 
 
-def command_line(words: Sequence[str] = ()) -> typer.Typer:
-    """The command that words begin with, or all commands."""
+def command_line(words: Sequence[str] = ()) -> Typer:
+    """The command that words begin with, or all commands, for Typer."""
     first = next((word for word in words if not word.startswith("-")), "")
-    return _app(tuple([first] if first in COMMANDS else COMMANDS))
+    return _for_typer(tuple([first] if first in COMMANDS else COMMANDS))
 
 
 @cache
-def _app(commands: tuple[str, ...]) -> typer.Typer:
-    app = typer.Typer(
-        help="Discrete mechanics and optimal control for mechanical systems with collisions.",
-        no_args_is_help=True,
-        pretty_exceptions_enable=False,
-        context_settings={"help_option_names": ["-h", "--help"]},
-        callback=_options,
-    )
-    for name in commands:
-        module = import_module(f"dmoc.cli.{COMMANDS[name]}")
-        app.command()(spread(getattr(module, name)))
-    return app
+def _for_typer(names: tuple[str, ...]) -> Typer:
+    from dmoc.cli.typed import application  # Typer takes longer to load than a solve
+
+    return application({name: _command(name) for name in names})
 
 
-def _version(asked: bool) -> None:
-    if asked:
-        from dmoc.cli.doctor import versions
-
-        out.print(versions())
-        raise typer.Exit()
+@cache
+def _command(name: str) -> Callable[..., None]:
+    return spread(getattr(import_module(f"dmoc.cli.{COMMANDS[name]}"), name))
 
 
-def _options(
-    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")] = False,
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version", "-V", callback=_version, is_eager=True, help="Show versions and backend."
-        ),
-    ] = False,
-) -> None:
-    del debug, version  # read before anything can fail
+def _run(words: Sequence[str]) -> None:
+    """Do what words say: plain ones at once, and whatever else Typer makes of them."""
+    if words and words[0] in COMMANDS and COMPLETION not in os.environ:
+        command = _command(words[0])
+        values = values_of(command, words[1:])
+        if values is not None:
+            command(**values)
+            sys.exit()
+    command_line(words)(prog_name="dmoc")
 
 
 def main() -> None:
@@ -80,8 +72,11 @@ def main() -> None:
             f"warning: {message}", soft_wrap=True
         )
     try:
-        command_line(sys.argv[1:])(prog_name="dmoc")
+        _run(sys.argv[1:])
     except (DmocError, OSError) as error:
+        if isinstance(error, BrokenPipeError):  # nobody reads any further
+            sys.stdout = io.StringIO()
+            sys.exit(NOT_SOLVED)
         if debug or (isinstance(error, OSError) and error.errno not in NO_ROOM):
             raise
         what = (

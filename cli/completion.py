@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from typing import Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from dmoc.solving.methods import METHODS
+
+if TYPE_CHECKING:
+    import typer
 
 APART = ","  # between the words of a sequence
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Annotated
 
-import typer
 from rich.table import Table
 from rich.text import Text
 
 from dmoc.cli.console import emit, out
 from dmoc.cli.shared_options import BAD_INPUT
+from dmoc.cli.words import option
 from dmoc.solving.methods import METHODS
 
 PACKAGES = ("numpy", "scipy", "sympy")
@@ -40,7 +41,7 @@ class Finding:
 
 
 def doctor(
-    json_: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+    json_: Annotated[bool, option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
     """Show compiler, versions, cache and optional parts, what is missing, and what cures it."""
     findings = [*_versions(), _compiler(), _cache(), *_models(), *_extras()]
@@ -49,7 +50,7 @@ def doctor(
         emit({"well": not wrong, "parts": [asdict(f) for f in findings]}, "-")
     else:
         _print(findings, wrong)
-    raise typer.Exit(BAD_INPUT if wrong else 0)
+    sys.exit(BAD_INPUT if wrong else 0)
 
 
 def versions() -> str:

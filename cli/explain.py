@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+import sys
 from typing import Annotated
 
-import typer
-
-from dmoc.cli.console import out
+from dmoc.cli.console import err, out
+from dmoc.cli.shared_options import BAD_INPUT
+from dmoc.cli.words import argument
 
 PAGE = "troubleshooting.md"
 # Items of the list: the title of an entry, and what it is found by.
@@ -20,9 +21,8 @@ ROLE, LINK = re.compile(r"\{\w+\}(?=`)"), re.compile(r"\[([^]]+)\]\([^)]+\)")
 def explain(
     words: Annotated[
         list[str] | None,
-        typer.Argument(
+        argument(
             help="Kind of an error, status, or words of a message; without it, what there is.",
-            show_default=False,
         ),
     ] = None,
 ) -> None:
@@ -35,10 +35,13 @@ def explain(
     asked = " ".join(words or ()).strip()
     chosen = _entries(text, asked) if asked else [text[: text.index("\n\nThe entries below")]]
     if not chosen:
-        raise typer.BadParameter(
-            f"no entry has {shown(asked)}: dmoc explain alone lists the words that entries are "
-            "found by."
+        err.print(
+            f"error: no entry has {shown(asked)}: dmoc explain alone lists the words that entries "
+            "are found by.",
+            style="red",
+            soft_wrap=True,
         )
+        sys.exit(BAD_INPUT)
     for entry in chosen:
         out.print(Markdown(LINK.sub(r"\1", ROLE.sub("", entry))))
 

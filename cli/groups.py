@@ -11,11 +11,10 @@ from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
-import typer
-
 from dmoc.base.options import Option, options_of
 from dmoc.cli import completion
 from dmoc.cli.option_values import read_names
+from dmoc.cli.words import option
 
 # What the command line takes where the library reads more.
 TYPES: Mapping[str, Any] = {"names": str | None, "path": Path | None}
@@ -34,14 +33,14 @@ class Stated:
 
 
 def stated(help: str, about: Stated | None = None, **words: Any) -> Any:
-    """An option of a group, with its words for Typer and what it states."""
+    """An option of a group, with its words and what it states."""
     names = [about.option] if about is not None and about.option else []
-    metadata = {WORDS: typer.Option(*names, help=help, **words), STATED: about}
+    metadata = {WORDS: option(*names, help=help, **words), STATED: about}
     return field(default=None, metadata=metadata)
 
 
 def spread(command: Callable[..., None]) -> Callable[..., None]:
-    """A command whose signature, which Typer reads, has the options of a group in its place."""
+    """A command whose signature has the options of a group in its place."""
     signature = inspect.signature(command, eval_str=True)
     parameters: list[inspect.Parameter] = []
     groups: dict[str, Any] = {}
@@ -68,7 +67,6 @@ def spread(command: Callable[..., None]) -> Callable[..., None]:
 
     read: Any = spread_out
     read.__signature__ = signature.replace(parameters=parameters)
-    read.__annotations__ = {p.name: p.annotation for p in parameters}
     return spread_out
 
 
@@ -78,23 +76,21 @@ def passed_on(keywords: Any) -> dict[str, Any]:
 
 
 def _shown(group: Any) -> dict[str, Any]:
-    """The options of a group, each with its annotation for Typer."""
+    """The options of a group, each with its type and words."""
     keywords = {name: _typed(name, o) for name, o in options_of(group).items() if o.help}
     types = get_type_hints(group)
     own = [f for f in fields(group) if WORDS in f.metadata]
     return keywords | {f.name: Annotated[types[f.name], f.metadata[WORDS]] for f in own}
 
 
-def _typed(name: str, option: Option) -> Any:
+def _typed(name: str, about: Option) -> Any:
     """The type and the words of a keyword on the command line."""
-    kind, completed = TYPES.get(option.reader, option.type), COMPLETED.get(name)
-    if option.reader == "choice" and completed is None:
+    kind, completed = TYPES.get(about.reader, about.type), COMPLETED.get(name)
+    if about.reader == "choice" and completed is None:
         make: Any = StrEnum
-        kind = make(name, {value: value for value in option.limits["choices"]})
-    flag = [f"--{name}"] if kind is bool else []
-    metavar = "FILE" if option.reader == "path" else None
-    words = typer.Option(*flag, help=option.help, metavar=metavar, autocompletion=completed)
-    return Annotated[kind, words]
+        kind = make(name, {value: value for value in about.limits["choices"]})
+    metavar = "FILE" if about.reader == "path" else None
+    return Annotated[kind, option(help=about.help, metavar=metavar, completed=completed)]
 
 
 def _read(group: Any, name: str, value: Any) -> Any:

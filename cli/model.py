@@ -6,7 +6,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from rich.table import Table
 
 from dmoc.base.discretisation import ORDERS_SHOWN
@@ -15,6 +14,7 @@ from dmoc.base.files import write_whole
 from dmoc.cli.console import out, print_text, written
 from dmoc.cli.option_values import read_names
 from dmoc.cli.shared_options import ModelArgument, out_option
+from dmoc.cli.words import option
 
 
 class TextFormat(StrEnum):
@@ -44,24 +44,22 @@ def derive(
     model: ModelArgument,
     format_: Annotated[
         TextFormat,
-        typer.Option(
+        option(
             "--format",
             help="Readable text, a LaTeX document, or a page with the check of the kernels.",
         ),
     ] = TextFormat.text,
-    order: Annotated[
-        int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
-    ] = 2,
+    order: Annotated[int, option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")] = 2,
     expanded: Annotated[
         bool,
-        typer.Option(
+        option(
             "--expanded",
             help="Write out large systems and definitions, whose structure is shown otherwise.",
         ),
     ] = False,
     design: Annotated[
         str,
-        typer.Option(
+        option(
             metavar="NAMES", help="Parameters that a solver chooses, as k,l: kernels that know it."
         ),
     ] = "",
@@ -96,19 +94,17 @@ def generate(
     ] = None,
     order: Annotated[
         int | None,
-        typer.Option(
+        option(
             help=f"Order of the discretisation, one of {ORDERS_SHOWN}; by default 2, or the order "
             "of the problem."
         ),
     ] = None,
     solver: Annotated[
-        bool, typer.Option("--solver", help="A solver of the problem, with all that it needs.")
+        bool, option("--solver", help="A solver of the problem, with all that it needs.")
     ] = False,
     page: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="A page (.html) that plans the motion again while one drags."
-        ),
+        option(metavar="FILE", help="A page (.html) that plans the motion again while one drags."),
     ] = None,
 ) -> None:
     """Write the C sources of a model, or of a solver of its problem, or this as a page."""
@@ -151,11 +147,9 @@ def _exported(model: str, target: Path | None, order: int | None, page: Path | N
 
 def build(
     model: ModelArgument,
-    order: Annotated[
-        int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
-    ] = 2,
+    order: Annotated[int, option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")] = 2,
     force: Annotated[
-        bool, typer.Option("--force", help="Build again even if the cache holds the kernels.")
+        bool, option("--force", help="Build again even if the cache holds the kernels.")
     ] = False,
 ) -> None:
     """Compile the kernels of a model into the cache."""

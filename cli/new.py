@@ -6,11 +6,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from dmoc.base.errors import ModelError, OutputError
 from dmoc.cli.console import out, written
 from dmoc.cli.shared_options import out_option
+from dmoc.cli.words import argument, option
 
 NAME = "my_system"  # in the templates
 
@@ -25,12 +24,10 @@ class TemplateKind(StrEnum):
 
 
 def new(
-    name: Annotated[
-        str, typer.Argument(help="Name of the system and of its file.", show_default=False)
-    ],
+    name: Annotated[str, argument(help="Name of the system and of its file.")],
     kind: Annotated[
         TemplateKind,
-        typer.Option(
+        option(
             help="A block that bounces off a wall; a block that rests and slides on a rough floor; "
             "a hammer with a constraint, a quantity, an objective and a design; a pendulum that "
             "meets nothing."

@@ -38,7 +38,7 @@ class CourseOptions:
         "left is hit and released, +left lands and stays closed, -left leaves, left:stick, "
         "left:slip+ and left:slip- change the friction; several at one event as '+right -left'.",
         Stated("sequence", read_names),
-        autocompletion=completion.surfaces,
+        completed=completion.surfaces,
     )
     steps: str | None = stated(
         "Steps of each phase, one number or one for each phase, as 100,50.",
@@ -66,7 +66,7 @@ class ModelOptions:
     set_: list[str] | None = stated(
         "Parameter value; several with commas, or repeat it.",
         Stated("parameters", option="--set"),
-        autocompletion=completion.parameters,
+        completed=completion.parameters,
         metavar="NAME=VALUE",
     )
     restitution: list[str] | None = stated(
@@ -93,26 +93,26 @@ class ProblemOptions(ModelOptions):
     bound: list[str] | None = stated(
         "Bounds of an input, coordinate, velocity or quantity; several with commas, or repeat it.",
         Stated("bounds", option="--bound"),
-        autocompletion=completion.bounded,
+        completed=completion.bounded,
         metavar="NAME=LOW:HIGH",
     )
     design: list[str] | None = stated(
         "Parameter that the solver chooses, within a range; several with commas, or repeat it.",
         Stated("design", option="--design"),
-        autocompletion=completion.parameters,
+        completed=completion.parameters,
         metavar="NAME=LOW:HIGH",
     )
     start: list[str] | None = stated(
         "Start state: x, x_dot, p_x or a quantity; a value, a range LOW:HIGH, or free; several "
         "with commas, or repeat it.",
         Stated("start", option="--start"),
-        autocompletion=completion.states,
+        completed=completion.states,
         metavar="NAME=VALUE",
     )
     goal: list[str] | None = stated(
         "Goal state, like --start, or the bound of an integral; several with commas, or repeat it.",
         Stated("goal", option="--goal"),
-        autocompletion=completion.states,
+        completed=completion.states,
         metavar="NAME=VALUE",
     )
     periodic: str | None = stated(
@@ -125,13 +125,13 @@ class ProblemOptions(ModelOptions):
         "Surfaces that are closed at the start and rails that slide then, as left,rail:slip+; "
         "what has friction sticks unless it is said to slide.",
         Stated("contacts", read_names),
-        autocompletion=completion.surfaces,
+        completed=completion.surfaces,
         metavar="CONTACTS",
     )
     ignored: str | None = stated(
         "Surfaces that hold nothing back where no event names them, as left,right.",
         Stated("ignored", read_names),
-        autocompletion=completion.surfaces,
+        completed=completion.surfaces,
         metavar="SURFACES",
     )
 

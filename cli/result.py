@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from dmoc.base.table import print_table
 from dmoc.cli.console import emit, out, prepare, style_of, written
 from dmoc.cli.shared_options import NOT_SOLVED, DarkOption, JsonOption, SolutionArgument, out_option
+from dmoc.cli.words import option
 
 
 def verify(
     solution: SolutionArgument,
     model: Annotated[
-        str | None, typer.Option(help="Model of the solution, if it is not shipped: file.py:name.")
+        str | None, option(help="Model of the solution, if it is not shipped: file.py:name.")
     ] = None,
     json_: JsonOption = None,
 ) -> None:
@@ -34,7 +34,7 @@ def verify(
     emit(asdict(check), json_)
     if json_ != "-":
         print_table(check.summary(), out)
-    raise typer.Exit(0 if check.passed else NOT_SOLVED)
+    sys.exit(0 if check.passed else NOT_SOLVED)
 
 
 def plot(
@@ -43,7 +43,7 @@ def plot(
         Path | None,
         out_option("Figure file (.png, .pdf, .svg); by default beside the solution, as .png."),
     ] = None,
-    velocities: Annotated[bool, typer.Option("--velocities", help="Draw velocities too.")] = False,
+    velocities: Annotated[bool, option("--velocities", help="Draw velocities too.")] = False,
     dark: DarkOption = False,
 ) -> None:
     """Draw a solution: snapshots, positions, momenta, inputs."""

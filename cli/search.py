@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
-
-import typer
 
 from dmoc.base.errors import SearchError
 from dmoc.base.table import print_table
@@ -13,6 +12,7 @@ from dmoc.cli.console import draw, emit, in_turn, out, prepare, written
 from dmoc.cli.groups import passed_on
 from dmoc.cli.problem_options import ProblemOptions, problem_fields
 from dmoc.cli.shared_options import NOT_SOLVED, DarkOption, JsonOption, ModelArgument, out_option
+from dmoc.cli.words import option
 from dmoc.sequences.keywords import SearchKeywords
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def search(
     *,
     model: ModelArgument,
-    steps: Annotated[int | None, typer.Option(help="Steps of each phase.")] = None,
+    steps: Annotated[int | None, option(help="Steps of each phase.")] = None,
     stated: ProblemOptions,
     keywords: SearchKeywords,
     target: Annotated[
@@ -34,7 +34,7 @@ def search(
         ),
     ] = None,
     verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Show durations and evidence too.")
+        bool, option("--verbose", "-v", help="Show durations and evidence too.")
     ] = False,
     dark: DarkOption = False,
     json_: JsonOption = None,
@@ -74,7 +74,7 @@ def search(
         lambda: draw(target and target / "tree.html", result.animate, quiet, dark),
         lambda: _complain(result),
     )
-    raise typer.Exit(0 if result.best is not None else NOT_SOLVED)
+    sys.exit(0 if result.best is not None else NOT_SOLVED)
 
 
 def _complain(result: SearchResult) -> None:

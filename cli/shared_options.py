@@ -5,31 +5,29 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from dmoc.cli import completion
+from dmoc.cli.words import argument, option
 
 NOT_SOLVED, BAD_INPUT = 1, 2
 
 
 def out_option(text: str, metavar: str | None = None) -> Any:
     """Where a command writes, with its own help."""
-    return typer.Option("-o", "--out", metavar=metavar, help=text)
+    return option("-o", "--out", metavar=metavar, help=text)
 
 
 ModelArgument = Annotated[
     str,
-    typer.Argument(
+    argument(
         help="Name of a shipped model or problem, or file.py:name.",
-        show_default=False,
-        autocompletion=completion.models,
+        completed=completion.models,
     ),
 ]
-SolutionArgument = Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)]
-DarkOption = Annotated[bool, typer.Option("--dark", help="Draw figures on a dark background.")]
+SolutionArgument = Annotated[Path, argument(help="Solution file (.npz).")]
+DarkOption = Annotated[bool, option("--dark", help="Draw figures on a dark background.")]
 JsonOption = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--json",
         metavar="FILE|-",
         help="Write the result as JSON; with - standard output is the JSON alone.",
@@ -37,7 +35,7 @@ JsonOption = Annotated[
 ]
 GuessOption = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         metavar="FILE|NAME=V1,V2,...",
         help="Start from a solution file with the same number of collisions, or along keyframes of "
         "coordinates and inputs, evenly spread over the time, with durations=T1,T2,... in seconds; "

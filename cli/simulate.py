@@ -6,8 +6,6 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from dmoc.base.errors import SimulationError
 from dmoc.base.table import print_table
 from dmoc.cli import completion
@@ -15,6 +13,7 @@ from dmoc.cli.console import draw, in_turn, out, prepare, written
 from dmoc.cli.option_values import read_pairs
 from dmoc.cli.problem_options import ModelOptions, problem_fields
 from dmoc.cli.shared_options import DarkOption, out_option
+from dmoc.cli.words import argument, option
 
 if TYPE_CHECKING:
     from dmoc.codegen.kernels import Kernels
@@ -27,33 +26,28 @@ def simulate(
     *,
     model: Annotated[
         str,
-        typer.Argument(
+        argument(
             metavar="MODEL|FILE.npz",
             help="Name of a shipped model, file.py:name, or a solution file.",
-            show_default=False,
-            autocompletion=completion.models,
+            completed=completion.models,
         ),
     ],
     start: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             metavar="NAME=VALUE",
             help="Start state of a model: x or x_dot, zero unless given; several with commas, or "
             "repeat it.",
         ),
     ] = None,
-    final_time: Annotated[
-        float | None, typer.Option(help="Final time of a model in seconds.")
-    ] = None,
+    final_time: Annotated[float | None, option(help="Final time of a model in seconds.")] = None,
     steps: Annotated[
         int | None,
-        typer.Option(
-            help=f"Steps; {STEPS} of a model, a quarter of its smallest step of a solution."
-        ),
+        option(help=f"Steps; {STEPS} of a model, a quarter of its smallest step of a solution."),
     ] = None,
     input_: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--input",
             metavar="NAME=VALUE",
             help="Constant input of a model; several with commas, or repeat it.",
@@ -62,9 +56,7 @@ def simulate(
     values: ModelOptions,
     own_model: Annotated[
         str | None,
-        typer.Option(
-            "--model", help="Model of a solution file, if it is not shipped: file.py:name."
-        ),
+        option("--model", help="Model of a solution file, if it is not shipped: file.py:name."),
     ] = None,
     target: Annotated[
         Path | None,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
 from rich.table import Table
 
 from dmoc.base.table import print_table
@@ -21,6 +21,7 @@ from dmoc.cli.shared_options import (
     ModelArgument,
     out_option,
 )
+from dmoc.cli.words import option
 from dmoc.solving.keywords import Keywords
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def solve(
     guess: GuessOption = None,
     sensitivities: Annotated[
         bool,
-        typer.Option(
+        option(
             "--sensitivities",
             help="Derivatives of the optimal cost with respect to what the problem is given.",
         ),
@@ -93,7 +94,7 @@ def solve(
         tell,
         lambda: draw(target and target / "solution.png", solution.plot, quiet, dark),
     )
-    raise typer.Exit(0 if solution.solved else NOT_SOLVED)
+    sys.exit(0 if solution.solved else NOT_SOLVED)
 
 
 def _print_sensitivities(derivatives: Sensitivities) -> None:

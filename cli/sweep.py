@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
-
-import typer
 
 from dmoc.base.errors import OutputError, ProblemError
 from dmoc.base.files import check_file
@@ -23,6 +22,7 @@ from dmoc.cli.shared_options import (
     ModelArgument,
     out_option,
 )
+from dmoc.cli.words import option
 from dmoc.solving.keywords import BatchKeywords
 
 ENDINGS = (".csv", ".npz")
@@ -36,12 +36,12 @@ def sweep(
     keywords: BatchKeywords,
     guess: GuessOption = None,
     starts: Annotated[
-        int, typer.Option(help="Starts that are explored for each; 1 is the automatic guess alone.")
+        int, option(help="Starts that are explored for each; 1 is the automatic guess alone.")
     ] = 1,
     target: Annotated[Path | None, out_option("Write the table, as .csv or .npz.", "FILE")] = None,
     plot: Annotated[
         Path | None,
-        typer.Option(
+        option(
             metavar="FILE",
             help="Draw cost and times of events over one value, or the cost over two.",
         ),
@@ -86,7 +86,7 @@ def sweep(
         save,
         lambda: draw(plot, batch.plot, quiet, dark),
     )
-    raise typer.Exit(0 if batch.solved.all() else NOT_SOLVED)
+    sys.exit(0 if batch.solved.all() else NOT_SOLVED)
 
 
 def _check_targets(target: Path | None, plot: Path | None, json_: str | None) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import pytest
 import typer
@@ -17,6 +17,8 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.options import option, options_of, read
 from dmoc.cli.app import command_line
 from dmoc.cli.groups import passed_on, spread
+from dmoc.cli.typed import typed
+from dmoc.cli.words import option as about
 from dmoc.sequences.keywords import SearchKeywords
 from dmoc.solving.keywords import BatchKeywords, Keywords
 from dmoc.solving.many import OPTIONS
@@ -92,11 +94,11 @@ def baked(words: Sequence[str]) -> tuple[int, str, dict[str, Any]]:
     """Status, output, and what the function of a command is called with."""
     calls = list[dict[str, Any]]()
 
-    def bake(*, name: str = "x", keywords: Bakery) -> None:
+    def bake(*, name: Annotated[str, about(help="Of it.")] = "x", keywords: Bakery) -> None:
         calls.append({"name": name, **passed_on(keywords)})
 
     one = typer.Typer(pretty_exceptions_enable=False)
-    one.command()(spread(bake))
+    one.command()(typed(spread(bake)))
     result = CliRunner().invoke(one, list(words))
     return result.exit_code, result.output, calls[0] if calls else {}
 
