@@ -7,7 +7,6 @@ stands under ``except Exception``.
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from inspect import signature
@@ -39,8 +38,13 @@ def is_number(value: Any) -> bool:
     if isinstance(value, (bool, np.bool_, str, bytes, complex, np.complexfloating)):
         return False
     if isinstance(value, np.ndarray):
-        return value.ndim == 0 and value.dtype.kind in "iuf" and not np.ma.is_masked(value)
+        return value.ndim == 0 and value.dtype.kind in "iuf" and not _is_masked(value)
     return hasattr(type(value), "__float__") or hasattr(type(value), "__index__")
+
+
+def _is_masked(value: Any) -> bool:
+    """Whether a value has masked entries, without numpy.ma, which takes long to load."""
+    return bool(np.any(getattr(value, "_mask", False)))
 
 
 def is_zero(value: Any) -> bool:
@@ -98,6 +102,8 @@ def check_known(
     """Check that a name is one of those known; the message shows the nearest of them."""
     names = list(among)
     if name not in names:
+        import difflib  # which only a mistake needs
+
         close = difflib.get_close_matches(name[:LONGEST_TEXT], names, 1)
         hint = f" (did you mean {close[0]!r}?)" if close else ""
         listed = f"expected one of {', '.join(names)}" if names else "the model has none"
@@ -170,7 +176,7 @@ def array(value: Any) -> NDArray[np.float64] | None:
         raw = np.asarray(value)
     except Exception:  # rows of different lengths, or a foreign class
         return None
-    if np.ma.is_masked(value):
+    if _is_masked(value):
         return None
     if raw.dtype.kind == "O":
         entries = [_float(entry) for entry in raw.ravel()]

@@ -99,19 +99,13 @@ class Discretisation:
     def nodes(self) -> Array:
         """Places of the nodes in [0, 1]: first, last, inside; shape (degree + 1,)."""
         import numpy as np
-        from numpy.polynomial import legendre
 
-        series = np.zeros(self.degree + 1)
-        series[-1] = 1.0
-        inside = np.sort(np.real(legendre.legroots(legendre.legder(series))))
-        return np.concatenate([[0.0, 1.0], (1 + inside) / 2])
+        return np.concatenate([[0.0, 1.0], gauss(self.degree - 1, 1)[0]])
 
     @cached_property
     def places(self) -> Array:
         """Places of the quadrature points in [0, 1], shape (degree,)."""
-        import numpy as np
-
-        return np.asarray((1 + np.polynomial.legendre.leggauss(self.degree)[0]) / 2)
+        return gauss(self.degree)[0]
 
     @cached_property
     def shapes(self) -> Array:
@@ -164,6 +158,20 @@ class Discretisation:
         share = self.nodes[2:].reshape(-1, *(1,) * (np.ndim(start) - 1))
         start, end = np.asarray(start)[:, None], np.asarray(end)[:, None]
         return np.asarray(start + share * (end - start))
+
+
+def gauss(n: int, a: int = 0) -> tuple[Array, Array]:
+    """Places on [0, 1] and weights, whose sum is 1, of Gauss's quadrature with n points for the
+    weight (x (1 - x))^a, by the eigenvalues of the recurrence of Jacobi's polynomials (G. H. Golub
+    and J. H. Welsch, Mathematics of Computation 23 (1969) 221-230): the places for a = 1 are the
+    nodes inside of Lobatto's n + 2."""
+    import numpy as np
+
+    k = np.arange(1.0, n)
+    beta = np.sqrt(k * (k + 2 * a) / ((2 * k + 2 * a - 1) * (2 * k + 2 * a + 1)))
+    roots, vectors = np.linalg.eigh(np.diag(beta, -1)) if n else (np.zeros(0), np.zeros((1, 0)))
+    weights = vectors[0] ** 2
+    return (1 + (roots - roots[::-1]) / 2) / 2, (weights + weights[::-1]) / 2
 
 
 DISCRETISATIONS = {

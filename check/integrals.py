@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dmoc.base.discretisation import gauss
 from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import infinite_where_none
 from dmoc.check.path_limits import ALMOST_NOTHING, Excess, IntegratedSteps
@@ -16,7 +17,7 @@ from dmoc.mechanics.bound_kernels import Index
 # Points of a part of a step, how often steps are halved, and the share of what a step adds that a
 # part and its halves may differ by.
 POINTS, DEEPEST, AGREES = 4, 10, 1e-6
-PLACES, WEIGHTS = (a / 2 for a in np.polynomial.legendre.leggauss(POINTS))
+PLACES, WEIGHTS = gauss(POINTS)
 
 
 def integral_errors(
@@ -84,7 +85,7 @@ def _integrals(motion: Motion, course: IntegratedSteps) -> Array:
 def _over(motion: Motion, course: IntegratedSteps, steps: Index, low: Array, width: Array) -> Array:
     """Integrals over parts of steps, and those of the magnitudes, shape (2, parts, number)."""
     own, parts = course.part(steps), []
-    for place, weight in zip(PLACES + 0.5, WEIGHTS, strict=True):
+    for place, weight in zip(PLACES, WEIGHTS, strict=True):
         c = motion.model.integrands(*own.at(low + width * place))
         parts.append((weight * width * own.steps.h)[:, None] * np.stack([c, np.abs(c)]))
     return np.asarray(np.sum(parts, axis=0))

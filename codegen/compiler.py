@@ -6,7 +6,6 @@ from __future__ import annotations
 import os
 import shlex
 import shutil
-import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -94,6 +93,8 @@ def compile_library(
     large = (folder / SOURCE).stat().st_size > LARGE
     words = [*command, *FLAGS, *(LARGE_FLAGS if large else ()), "-I", str(HEADERS)]
     words += [SOURCE, *others, "-lm", "-o", target]
+    import subprocess  # which loaded kernels do not need
+
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode != 0 or not (folder / target).exists():
         raise BuildError(

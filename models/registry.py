@@ -5,10 +5,10 @@ from __future__ import annotations
 import importlib.util
 import inspect
 import os
+import secrets
 import sys
 import traceback
 import types
-import uuid
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
@@ -173,7 +173,7 @@ def _from_file(path: Path, name: str) -> Any:
             f"{place(path)} does not exist: name a Python file and an object in it, as "
             "file.py:name."
         )
-    spec = importlib.util.spec_from_file_location(f"_dmoc_model_{uuid.uuid4().hex}", path)
+    spec = importlib.util.spec_from_file_location(f"_dmoc_model_{secrets.token_hex(16)}", path)
     if spec is None or spec.loader is None:
         raise ModelError(f"{place(path)} is not a Python file: expected a name ending in .py.")
     module = importlib.util.module_from_spec(spec)
