@@ -80,8 +80,8 @@ extensions += [
     Extension(
         "dmoc.simulation.integrator",
         ["simulation/integrator.pyx"],
-        depends=["simulation/elimination.pxd", *PARTS, KERNEL],
-        include_dirs=["codegen"],
+        depends=["simulation/elimination.pxd", "simulation/sums.h", *PARTS, KERNEL],
+        include_dirs=["codegen", "simulation"],
         extra_compile_args=SOLVER_FLAGS,
     ),
     Extension(

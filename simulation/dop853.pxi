@@ -38,8 +38,8 @@ cdef class Method(Dynamics):
         self.sizes, self.check_time = np.array(size), check_time
         if self.sizes.shape[0] != 2 * self.nq + 1:
             raise ValueError(f"expected {2 * self.nq + 1} sizes")
-        self.start, self.y, self.stage = (_space(rows * widest) for _ in range(3))
-        self.slopes = _space((STAGE + 1) * rows * widest)
+        self.start, self.y = (_space(rows * widest) for _ in range(2))
+        self.stage, self.slopes = (_space(n * rows * widest + FOUR) for n in (1, STAGE + 1))
         self.u0, self.u1 = _space(rows * self.nu), _space(rows * self.nu)
         self.begin, self.span, self.error, self.before = (_space(rows) for _ in range(4))
         self.row, self.which, self.step = (np.zeros(rows, dtype=np.intp) for _ in range(3))
@@ -69,31 +69,35 @@ cdef class Method(Dynamics):
         self, ptrdiff_t n, ptrdiff_t width, ptrdiff_t s, ptrdiff_t count, double *out
     ) noexcept nogil:
         """y plus a part of the step along the sum s of slopes."""
-        cdef ptrdiff_t i, c, e
-        cdef const double *slope
-        cdef double *row
-        cdef double share
+        cdef ptrdiff_t i, c
+        cdef const double *y = &self.y[0]
+        cdef double part
+        self.total(n * width, n * width, s, 0, out)
         for i in range(n):
-            row = out + i * width
-            for c in range(width):
-                row[c] = self.y[i * width + c]
-            for e in range(self.sum_start[s], self.sum_start[s + 1]):
-                share = self.span[i] / count * self.sum_factor[e]
-                slope = &self.slopes[(self.sum_index[e] * n + i) * width]
-                for c in range(width):
-                    row[c] += share * slope[c]
+            part = self.span[i] / count
+            for c in range(i * width, (i + 1) * width):
+                out[c] = y[c] + part * out[c]
+
+    cdef void total(
+        self, ptrdiff_t count, ptrdiff_t stride, ptrdiff_t s, ptrdiff_t begin, double *out
+    ) noexcept nogil:
+        """The sum s of so many slopes, from one on."""
+        cdef ptrdiff_t e = self.sum_start[s]
+        sum_of(
+            out, &self.slopes[begin], count, stride, self.sum_start[s + 1] - e,
+            &self.sum_index[e], &self.sum_factor[e],
+        )
 
     cdef double largest(
         self, ptrdiff_t n, ptrdiff_t width, ptrdiff_t s, ptrdiff_t count, ptrdiff_t i
     ) noexcept nogil:
         """Largest entry of an error estimate of row i relative to the sizes."""
-        cdef ptrdiff_t c, e
-        cdef double total, most = 0.0
-        for c in range(min(width, 2 * self.nq + (width == 2 * self.nq + 1))):
-            total = 0.0
-            for e in range(self.sum_start[s], self.sum_start[s + 1]):
-                total += self.sum_factor[e] * self.slopes[(self.sum_index[e] * n + i) * width + c]
-            most = fmax(most, fabs(self.span[i] / count * total) / self.sizes[c])
+        cdef ptrdiff_t c, first = 2 * self.nq + (width == 2 * self.nq + 1)
+        cdef double *estimate = &self.stage[0]
+        cdef double most = 0.0, part = fabs(self.span[i] / count)
+        self.total(first, n * width, s, i * width, estimate)
+        for c in range(first):
+            most = fmax(most, part * fabs(estimate[c]) / self.sizes[c])
         return most
 
     cdef int integrate(
@@ -234,7 +238,7 @@ cdef class Method(Dynamics):
     def advance(
         self, double[:, ::1] y, const ptrdiff_t[::1] first, const ptrdiff_t[::1] last,
         const double[::1] t, const double[::1] h, const double[:, ::1] u0,
-        const double[:, ::1] u1, mode=None, held=None, bint coarse=False
+        double[:, ::1] u1, mode=None, held=None, bint coarse=False, course=None
     ):
         """Integrate rows in place, each over the steps first to last - 1 of a list; in a step
         inputs are linear from u0 to u1.
@@ -254,6 +258,9 @@ cdef class Method(Dynamics):
         coarse : bool
             By the classical method of order 4 instead, one part a step, which tells no
             accelerations.
+        course : array of shape (N, 6 nq), optional
+            Into which go, of each step that a row is integrated over, the state before it, the
+            accelerations at both of its ends, and the state after it.
 
         Returns
         -------
@@ -262,6 +269,7 @@ cdef class Method(Dynamics):
         """
         cdef ptrdiff_t n = y.shape[0], width = y.shape[1], N = t.shape[0], nq = self.nq
         cdef ptrdiff_t begin = 0, i, j, m
+        cdef double[:, ::1] kept = course
         if width not in (2 * nq, 2 * nq + 1, 2 * nq * (2 * nq + 1)):
             raise ValueError(f"rows of {width} numbers: expected (q | v), and work or X")
         if not (h.shape[0] == u0.shape[0] == u1.shape[0] == N):
@@ -277,6 +285,8 @@ cdef class Method(Dynamics):
         for i in range(n):
             if not 0 <= first[i] <= last[i] <= N:
                 raise ValueError(f"steps {first[i]} to {last[i]}: expected 0 to {N}")
+        if kept is not None and not (kept.shape[0] == N and kept.shape[1] == 6 * nq):
+            raise ValueError(f"expected room for states and accelerations of {N} steps")
         accelerations = np.empty((n, 2, nq))
         cdef double[:, :, ::1] ends = accelerations
         self.worst, self.coarse = 0.0, coarse
@@ -290,14 +300,28 @@ cdef class Method(Dynamics):
                             if first[i] + j < last[i]:
                                 self.which[m], self.step[m] = i, first[i] + j
                                 m += 1
+                        if kept is not None:
+                            self.record(m, width, &y[0, 0], kept, 0)
                         self.advance_rows(
                             m, width, &y[0, 0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], &ends[0, 0, 0]
                         )
+                        if kept is not None:
+                            self.record(m, 2 * nq, &ends[0, 0, 0], kept, 2 * nq)
+                            self.record(m, width, &y[0, 0], kept, 4 * nq)
                         j += 1
                     begin += self.capacity
         finally:
             self.coarse = False
         return accelerations
+
+    cdef void record(
+        self, ptrdiff_t n, ptrdiff_t width, const double *y, double[:, ::1] kept, ptrdiff_t begin
+    ) noexcept nogil:
+        """Keep numbers of n rows, from a column on, as those of their steps."""
+        cdef ptrdiff_t i, c
+        for i in range(n):
+            for c in range(2 * self.nq):
+                kept[self.step[i], begin + c] = y[self.which[i] * width + c]
 
 
 cdef bint finite(ptrdiff_t n, const double *x) noexcept nogil:

@@ -3,7 +3,7 @@
 cdef class Dynamics(Conditions):
     """The equations of motion of one model in a mode."""
     cdef Rows dynamics, force, residual_jac
-    cdef double[::1] at, rates, mass, f, Q, power, R_D, G
+    cdef double[::1] at, rates, mass, f, Q, power, R_D
     cdef ptrdiff_t[::1] pivots, R_row, R_column
     # Places (n, nt) that what sticks keeps, and which of them are those of the rows.
     cdef const double[:, ::1] held
@@ -18,7 +18,7 @@ cdef class Dynamics(Conditions):
         self.at, self.rates = _space(rows * 2 * nq), _space(rows * 2 * nq)
         self.u, self.power = _space(rows * self.nu), _space(rows)
         self.mass, self.f, self.Q = _space(rows * nq * nq), _space(rows * nq), _space(rows * nq)
-        self.R_D, self.G = _space(rows * self.R_row.shape[0]), _space(2 * nq * nq)
+        self.R_D = _space(rows * self.R_row.shape[0])
         self.pivots = np.zeros(rows * nq, dtype=np.intp)  # of all rows
         self.holds = np.zeros(rows, dtype=np.intp)
         self.held = np.zeros((1, max(self.nt, 1)))
@@ -54,13 +54,13 @@ cdef class Dynamics(Conditions):
                 rate[j], rate[nq + j] = state[nq + j], self.f[i * nq + j]
             if not free:
                 self.conditions(i, state + nq, rate + nq)
-            if not factor(M, &self.pivot[0], nq, nq):
+            if not factored(M, &self.pivot[0], nq):
                 for j in range(nq, width):
                     rate[j] = NAN
                 for j in range(self.m):
                     self.lam[i * self.m + j] = NAN
                 continue
-            solve(M, &self.pivot[0], rate + nq, nq, nq, 1)
+            solved(M, &self.pivot[0], rate + nq, nq, 1)
             if self.m:
                 self.react(i, M, rate + nq)
             if width == 2 * nq + 1:
@@ -82,23 +82,19 @@ cdef class Dynamics(Conditions):
         return 0
 
     cdef void carry(self, ptrdiff_t i, const double *X, double *X_dot) noexcept nogil:
-        """X' = J X of row i, whose M is factored."""
-        cdef ptrdiff_t nq = self.nq, m = 2 * self.nq, e, r, c, k
-        cdef double *G = &self.G[0]
+        """X' = D X of row i, whose M is factored: M D = R below, by its stored entries."""
+        cdef ptrdiff_t nq = self.nq, m = 2 * self.nq, stored = self.R_row.shape[0], e, c
+        cdef const double *R = &self.R_D[i * stored]
+        cdef const double *row
+        cdef double *out
         for e in range(nq * m):
-            G[e] = 0.0
-        for e in range(self.R_row.shape[0]):
+            X_dot[e], X_dot[nq * m + e] = X[nq * m + e], 0.0
+        for e in range(stored):
             if self.R_column[e] < m:
-                G[self.R_row[e] * m + self.R_column[e]] = self.R_D[i * self.R_row.shape[0] + e]
-        solve(&self.mass[i * nq * nq], &self.pivots[i * nq], G, nq, nq, m)
-        for e in range(nq * m):
-            X_dot[e] = X[nq * m + e]
-        for r in range(nq):
-            for c in range(m):
-                X_dot[(nq + r) * m + c] = 0.0
-            for k in range(m):
+                row, out = X + self.R_column[e] * m, X_dot + (nq + self.R_row[e]) * m
                 for c in range(m):
-                    X_dot[(nq + r) * m + c] += G[r * m + k] * X[k * m + c]
+                    out[c] += R[e] * row[c]
+        solved(&self.mass[i * nq * nq], &self.pivots[i * nq], X_dot + nq * m, nq, m)
 
     cdef int settle_rows(
         self, ptrdiff_t n, ptrdiff_t width, double *y, ptrdiff_t turns
@@ -239,3 +235,23 @@ cdef class Dynamics(Conditions):
             if held is None or held.shape != (n, self.nt):
                 raise ValueError(f"expected places of {self.nt} tangents in {n} rows")
             self.held = held
+
+
+# Two coordinates are many models': constant numbers unroll the loops.
+
+
+cdef inline bint factored(double *M, ptrdiff_t *pivot, ptrdiff_t nq) noexcept nogil:
+    """The factors of masses in place; False where they are singular."""
+    return factor(M, pivot, 2, 2) if nq == 2 else factor(M, pivot, nq, nq)
+
+
+cdef inline void solved(
+    const double *LU, const ptrdiff_t *pivot, double *B, ptrdiff_t nq, ptrdiff_t columns
+) noexcept nogil:
+    """Solve M A = B in place, B of shape (nq, columns)."""
+    if nq != 2:
+        solve(LU, pivot, B, nq, nq, columns)
+    elif columns == 1:
+        solve(LU, pivot, B, 2, 2, 1)
+    else:
+        solve(LU, pivot, B, 2, 2, 4)

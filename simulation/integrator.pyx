@@ -32,6 +32,13 @@ from dmoc.mechanics.contacts import RAIL, Contacts
 from dmoc.simulation.contact_modes import Reaction
 from dmoc.simulation.dormand_prince import shares, sums
 
+cdef extern from "sums.h" nogil:
+    enum: FOUR
+    void sum_of(
+        double *out, const double *slopes, ptrdiff_t count, ptrdiff_t stride, ptrdiff_t terms,
+        const ptrdiff_t *which, const double *factor
+    )
+
 # Error that shows that a step is too long to be followed.
 cdef double ASTRAY = 1e-6
 
@@ -185,7 +192,7 @@ cdef class Integrator(Method):
     ):
         """Positions at shares of steps from y0 to y1 with the accelerations ``ends``, shape
         (shares, n, nq): the polynomial of degree 5."""
-        cdef ptrdiff_t n = y0.shape[0], nq = self.nq, i, s
+        cdef ptrdiff_t n = y0.shape[0], nq = self.nq, i
         if not (y1.shape[0] == ends.shape[0] == h.shape[0] == n and ends.shape[1] == 2):
             raise ValueError(f"expected {n} steps")
         if not (y0.shape[1] >= 2 * nq and y1.shape[1] >= 2 * nq and ends.shape[2] == nq):
@@ -193,9 +200,10 @@ cdef class Integrator(Method):
         places = np.empty((shares.shape[0], n, nq))
         cdef double[:, :, ::1] q = places
         with nogil:
-            for s in range(shares.shape[0]):
-                for i in range(n):
-                    quintic(nq, &y0[i, 0], &ends[i, 0, 0], &y1[i, 0], h[i], shares[s], &q[s, i, 0])
+            for i in range(n):
+                quintic(
+                    nq, &y0[i, 0], &ends[i, 0, 0], &y1[i, 0], h[i], shares, &q[0, i, 0], n * nq
+                )
         return places
 
     def quiet(
@@ -231,7 +239,7 @@ cdef class Integrator(Method):
         cdef double[::1] y1 = np.empty(2 * nq), ends = np.empty(2 * nq)
         cdef double[::1] path = _space(places * nq), moments = _space(places)
         cdef double[::1] gaps = _space(places * nc)
-        cdef bint lost = False, finite
+        cdef bint lost = False
         stops = np.array(first)
         cdef ptrdiff_t[::1] stop = stops
         if not (y.shape[1] == 2 * nq and first.shape[0] == last.shape[0] == n):
@@ -252,15 +260,13 @@ cdef class Integrator(Method):
             for row in range(n):
                 while stop[row] < last[row] and not lost:
                     k = stop[row]
-                    y1[:] = y[row]
+                    for i in range(2 * nq):
+                        y1[i] = y[row, i]
                     self.which[0], self.step[0] = 0, k
                     self.advance_rows(
                         1, 2 * nq, &y1[0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], &ends[0]
                     )
-                    finite = True
-                    for i in range(2 * nq):
-                        finite = finite and isfinite(y1[i])
-                    if not finite:
+                    if not finite(2 * nq, &y1[0]):
                         break
                     if nc:
                         self.look(
@@ -268,7 +274,8 @@ cdef class Integrator(Method):
                         )
                     if meets(places, nc, &gaps[0], &upper[0, 0, 0] + k * places * nc, &near[0]):
                         break
-                    y[row] = y1
+                    for i in range(2 * nq):
+                        y[row, i] = y1[i]
                     stop[row] = k + 1
                     for i in range(nq):
                         lost = lost or fabs(y[row, i] - q_wanted[k + 1, i]) > astray[i]
@@ -285,7 +292,7 @@ cdef class Integrator(Method):
         cdef ptrdiff_t s
         for s in range(shares.shape[0]):
             moments[s] = t + shares[s] * h
-            quintic(self.nq, y0, ends, y1, h, shares[s], &path[s * self.nq])
+        quintic(self.nq, y0, ends, y1, h, shares, &path[0], self.nq)
         args[0], args[1], args[2] = &path[0], &moments[0], &self.par[0]
         stride[0], stride[1], stride[2] = self.nq, 1, 0
         results[0] = &gaps[0]
@@ -308,18 +315,20 @@ cdef bint meets(
 
 
 cdef void quintic(
-    ptrdiff_t nq, const double *y0, const double *ends, const double *y1, double h, double x,
-    double *q
+    ptrdiff_t nq, const double *y0, const double *ends, const double *y1, double h,
+    const double[::1] shares, double *q, ptrdiff_t stride
 ) noexcept nogil:
-    """Positions at the share x of a step: the polynomial of degree 5 with the positions,
-    velocities and accelerations of its ends."""
-    cdef ptrdiff_t i
-    cdef double d, s, c
+    """Positions at shares of a step, which lie some stride apart: the polynomial of degree 5 with
+    the positions, velocities and accelerations of its ends."""
+    cdef ptrdiff_t i, s
+    cdef double v, a, d, e, f, x
     for i in range(nq):
-        d = y1[i] - y0[i] - h * y0[nq + i] - h * h / 2 * ends[i]
-        s = h * (y1[nq + i] - y0[nq + i] - h * ends[i])
-        c = h * h * (ends[nq + i] - ends[i])
-        q[i] = (
-            y0[i] + x * h * y0[nq + i] + (x * h) ** 2 / 2 * ends[i]
-            + x**3 * (10 * d - 4 * s + c / 2 + x * (-15 * d + 7 * s - c + x * (6 * d - 3 * s + c / 2)))
-        )
+        v, a = h * y0[nq + i], h * h * ends[i]
+        d, e, f = y1[i] - y0[i] - v - a / 2, h * y1[nq + i] - v - a, h * h * ends[nq + i] - a
+        for s in range(shares.shape[0]):
+            x = shares[s]
+            q[s * stride + i] = y0[i] + x * (
+                v + x * (a / 2 + x * (
+                    10 * d - 4 * e + f / 2 + x * (-15 * d + 7 * e - f + x * (6 * d - 3 * e + f / 2))
+                ))
+            )
