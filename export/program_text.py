@@ -30,7 +30,6 @@ from dmoc.mechanics.contact_mode import Mode
 from dmoc.program.arrays import ElementData, PassData, ProgramData, strided
 from dmoc.program.blocks import NOWHERE, Block, Index
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.compiled import Factorisation
 from dmoc.solvers.kkt_layout import KKTLayout
 from dmoc.solvers.outcome import Duals
 
@@ -160,11 +159,6 @@ def _element(c: Constants, entries: Mapping[str, str], data: ElementData) -> str
     return initial(entries[data.kernel], n, *lists)
 
 
-def analysis_of(layout: KKTLayout) -> dict[str, Any]:
-    """The analysis of the factorisation."""
-    return Factorisation(layout.first, layout.start, layout.row).analysis()
-
-
 def size_of(output: Mapping[str, Any]) -> int:
     """Values of one row of a kernel's output."""
     return len(output["rows"]) if "rows" in output else int(np.prod(output["shape"]))
@@ -172,12 +166,12 @@ def size_of(output: Mapping[str, Any]) -> int:
 
 def _ldl(c: Constants, layout: KKTLayout) -> str:
     """The analysis of the factorisation, as it is without memory."""
-    a = analysis_of(layout)
+    a = layout.factorisation.analysis()
     parts = [initial(*row) for row in a["part"].reshape(-1, 3).tolist()]
     part = c.structs("dmoc_part", "parts", parts)
     arrays = [part if name == "part" else c.array("int", a[name]) for name in LDL]
     arrays += [c.array("int", a[name]) for name in ("panel_start", "place")]
-    written = ["NULL"] * 5 + [a["panel_size"], a["work_size"], a["product_at"], 0, 0, 0]
+    written = ["NULL"] * 5 + [a["panel_size"], a["work_size"], a["product_at"], 0, 0, 0, 0]
     return initial(*(a[name] for name in SIZES), *arrays, *written)
 
 

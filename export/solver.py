@@ -29,7 +29,6 @@ from dmoc.export.motion_text import derived_tables, momenta_of, work_of
 from dmoc.export.numbers import moved_arrays, numbers_of
 from dmoc.export.program_text import (
     CarriedProgram,
-    analysis_of,
     elements_moved,
     program_text,
     shape_of,
@@ -304,7 +303,7 @@ def memory_of(carried: CarriedProgram) -> int:
     so, with one more behind each part."""
     nlp, layout, data = carried.nlp, carried.layout, carried.nlp.assembled.data
     n, m, lay = data.n, data.m, carried.nlp.layout
-    ldl = analysis_of(layout)
+    ldl = layout.factorisation.analysis()
     parts = [
         *(len(a) for a in moved_arrays(data, carried.numbers.results)),
         OF_ELEMENT * elements_moved(data, carried.numbers),

@@ -113,7 +113,7 @@ def size_of(value: Any, counted: set[int]) -> int:
     if id(value) in counted:
         return 0
     counted.add(id(value))
-    if isinstance(value, np.ndarray):
+    if hasattr(value, "nbytes"):
         return int(value.nbytes)
     if isinstance(value, Mapping):
         return sum(size_of(part, counted) for part in value.values())

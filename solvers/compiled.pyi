@@ -1,7 +1,7 @@
 """Entry to the interior-point method in C, and to its factorisation."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, overload
 
 from numpy.typing import NDArray
 
@@ -71,7 +71,11 @@ def kkt_pattern(
 class Factorisation:
     size: int
     entries: int
+    nbytes: int
+    @overload
     def __init__(self, first: Ints, start: Ints, row: Ints) -> None: ...
+    @overload
+    def __init__(self, *, like: Factorisation) -> None: ...
     def analysis(self) -> dict[str, Any]: ...
     def factor(self, values: Array, tiny: float = ...) -> tuple[int, int, int]: ...
     def solve(self, right: Array) -> Array: ...

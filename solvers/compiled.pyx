@@ -25,7 +25,9 @@ cdef extern from "ldl.h" nogil:
         const int *height
         const int *panel_start
         const int *place
+        int shares
     dmoc_ldl *dmoc_ldl_new(int n, int pivots, const int *first, const int *start, const int *row)
+    dmoc_ldl *dmoc_ldl_like(const dmoc_ldl *analysed)
     void dmoc_ldl_free(dmoc_ldl *f)
     void dmoc_ldl_factor(dmoc_ldl *f, const double *values, double tiny)
     void dmoc_ldl_solve(const dmoc_ldl *f, double *x)
@@ -56,7 +58,8 @@ cdef extern from "interior_point.h" nogil:
         double seconds_kernels, seconds_linear, seconds
     size_t dmoc_interior_memory(const dmoc_program *program, const dmoc_kkt *kkt)
     dmoc_result dmoc_interior_heap(const dmoc_program *program, const dmoc_kkt *kkt,
-                                   const dmoc_options *options, const double *size,
+                                   const dmoc_ldl *analysed, const dmoc_options *options,
+                                   const double *size,
                                    const double *stretch, double *x, double *y, double *z_lower,
                                    double *z_upper)
     ctypedef struct dmoc_starts:
@@ -72,8 +75,8 @@ cdef extern from "interior_point.h" nogil:
         int *turn
         const int *stop
     int dmoc_interior_starts(const dmoc_program *program, const dmoc_kkt *kkt,
-                             const dmoc_options *options, const double *stretch,
-                             const dmoc_starts *starts)
+                             const dmoc_ldl *analysed, const dmoc_options *options,
+                             const double *stretch, const dmoc_starts *starts)
 
 
 LACKING = "the interior-point method has not enough memory"
@@ -154,6 +157,7 @@ def interior_point(
     """
     cdef dmoc_program *c = <dmoc_program *>PyCapsule_GetPointer(program.capsule(), "dmoc_program")
     cdef dmoc_kkt kkt = _layout(c, layout)
+    cdef const dmoc_ldl *analysed = (<Factorisation?>layout.factorisation).f
     cdef dmoc_options options
     cdef dmoc_result result
     cdef _Listener listener = _Listener()
@@ -173,7 +177,7 @@ def interior_point(
     options.price = NULL if price is None else _numbers(price, c.m, "price", &none)
     options.report, options.user = _report, <void *>&hearing
     with nogil:
-        result = dmoc_interior_heap(c, &kkt, &options, sizes, stretches, unknowns, multipliers,
+        result = dmoc_interior_heap(c, &kkt, analysed, &options, sizes, stretches, unknowns, multipliers,
                                     lower, upper)
     if listener.raised is not None:
         raise listener.raised
@@ -206,6 +210,7 @@ def interior_points(
     """
     cdef dmoc_program *c = <dmoc_program *>PyCapsule_GetPointer(program.capsule(), "dmoc_program")
     cdef dmoc_kkt kkt = _layout(c, layout)
+    cdef const dmoc_ldl *analysed = (<Factorisation?>layout.factorisation).f
     cdef ptrdiff_t count = x.shape[0]
     cdef dmoc_options options
     cdef dmoc_starts starts
@@ -224,7 +229,7 @@ def interior_points(
     options.warm, options.least_violation, options.price = False, False, NULL
     options.seconds = seconds
     with nogil:
-        enough = dmoc_interior_starts(c, &kkt, &options, stretches, &starts)
+        enough = dmoc_interior_starts(c, &kkt, analysed, &options, stretches, &starts)
     if not enough:
         raise MemoryError(LACKING)
 
@@ -332,17 +337,37 @@ cdef int _targets(const dmoc_ldl *f):
 
 cdef class Factorisation:
     """Factorises symmetric matrices K of one pattern, upper triangle by columns in elimination
-    order, and solves with the last one."""
+    order, and solves with the last one; one that is ``like`` another has its pattern and shares its
+    analysis."""
     cdef dmoc_ldl *f
     cdef readonly int size, entries
+    cdef Factorisation analysed  # whose analysis it has, if it is not its own
 
-    def __cinit__(self, int[::1] first, int[::1] start, int[::1] row):
-        self.size = start.shape[0] - 1
-        self.entries = start[self.size]
-        cdef const int *rows = _indices(row, self.entries, "row")
-        self.f = dmoc_ldl_new(self.size, first.shape[0] - 1, &first[0], &start[0], rows)
+    def __cinit__(
+        self, int[::1] first=None, int[::1] start=None, int[::1] row=None, *,
+        Factorisation like=None
+    ):
+        cdef const int *rows
+        if like is not None:
+            self.size, self.entries, self.analysed = like.size, like.entries, like
+            self.f = dmoc_ldl_like(like.f)
+        elif first is None or start is None or row is None:
+            raise TypeError("expected a pattern, or another factorisation")
+        else:
+            self.size = start.shape[0] - 1
+            self.entries = start[self.size]
+            rows = _indices(row, self.entries, "row")
+            self.f = dmoc_ldl_new(self.size, first.shape[0] - 1, &first[0], &start[0], rows)
         if self.f == NULL:
             raise MemoryError()
+
+    @property
+    def nbytes(self):
+        """Bytes of the analysis and of the numbers, about."""
+        cdef const dmoc_ldl *f = self.f
+        return 8 * (f.panel_size + f.work_size + 3 * f.pivots) + 4 * (
+            f.entries + 2 * f.row_start[f.blocks] + 3 * f.part_start[f.blocks]
+        )
 
     def __dealloc__(self):
         dmoc_ldl_free(self.f)

@@ -173,7 +173,7 @@ class SecondOrder:
 
     @cached_property
     def _factorisation(self) -> Factorisation:
-        return Factorisation(self._layout.first, self._layout.start, self._layout.row)
+        return Factorisation(like=self._layout.factorisation)
 
     @cached_property
     def _parts(self) -> tuple[Array, Array]:

@@ -13,8 +13,17 @@ static double seconds(void)
     return (double)t.tv_sec + 1e-9*(double)t.tv_nsec;
 }
 
+/* A factorisation of kkt. */
+static dmoc_ldl *factorisation(const dmoc_kkt *kkt, const dmoc_ldl *analysed)
+{
+    if (analysed)
+        return dmoc_ldl_like(analysed);
+    return dmoc_ldl_new(kkt->size, kkt->pivots, kkt->first, kkt->start, kkt->row);
+}
+
 dmoc_result dmoc_interior_heap(const dmoc_program *program, const dmoc_kkt *kkt,
-                               const dmoc_options *options, const double *size,
+                               const dmoc_ldl *analysed, const dmoc_options *options,
+                               const double *size,
                                const double *stretch, double *x, double *y, double *z_lower,
                                double *z_upper)
 {
@@ -22,7 +31,7 @@ dmoc_result dmoc_interior_heap(const dmoc_program *program, const dmoc_kkt *kkt,
     dmoc_result result = {DMOC_NO_MEMORY, 0, 0, 0, 0, 0, 0};
     if (!timed.clock)
         timed.clock = seconds;
-    dmoc_ldl *ldl = dmoc_ldl_new(kkt->size, kkt->pivots, kkt->first, kkt->start, kkt->row);
+    dmoc_ldl *ldl = factorisation(kkt, analysed);
     void *memory = malloc(dmoc_interior_memory(program, kkt));
     if (ldl && memory)
         result = dmoc_interior_point(program, kkt, &timed, size, stretch, x, y, z_lower, z_upper,
@@ -40,14 +49,14 @@ static int stopped(void *stop, int iteration, double cost, double violation, dou
 }
 
 int dmoc_interior_starts(const dmoc_program *program, const dmoc_kkt *kkt,
-                         const dmoc_options *options, const double *stretch,
-                         const dmoc_starts *s)
+                         const dmoc_ldl *analysed, const dmoc_options *options,
+                         const double *stretch, const dmoc_starts *s)
 {
     const ptrdiff_t n = program->n, m = program->m;
     const double until = seconds() + options->seconds;
     dmoc_options own = *options;
     own.clock = seconds, own.report = stopped, own.user = (void *)s->stop;
-    dmoc_ldl *ldl = dmoc_ldl_new(kkt->size, kkt->pivots, kkt->first, kkt->start, kkt->row);
+    dmoc_ldl *ldl = factorisation(kkt, analysed);
     void *memory = malloc(dmoc_interior_memory(program, kkt));
     const int enough = ldl && memory;
     while (enough && !stopped(own.user, 0, 0, 0, 0, 0) && (own.seconds = until - seconds()) > 0) {

@@ -15,7 +15,9 @@ densely.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +25,9 @@ from numpy.typing import NDArray
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.laws.law import INEQUALITY, INPUT, RANKS, STATE, key
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.compiled import kkt_pattern
+from dmoc.solvers.compiled import Factorisation, kkt_pattern
+
+Pattern: TypeAlias = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,7 @@ class KKTLayout:
     unknowns.  ``first``: first position of each pivot, then the beginning of the final group.
     ``from_hess``, ``from_jac``: entry of K that each entry of the Hessian and of the Jacobian is
     added to, -1 for none.  ``diagonal``: entry of K on the diagonal of each index.
+    ``factorisation``: one of this pattern, whose analysis serves others.
     """
 
     place: NDArray[np.int32]
@@ -43,6 +48,17 @@ class KKTLayout:
     from_hess: NDArray[np.int32]
     from_jac: NDArray[np.int32]
     diagonal: NDArray[np.int32]
+    factorisation: Factorisation
+
+    @classmethod
+    def of(
+        cls, place: NDArray[np.int32], first: NDArray[np.int32], patterns: Iterable[Pattern]
+    ) -> KKTLayout:
+        """``patterns`` are those of H and A: starts of rows and columns of both."""
+        size = int((place >= 0).sum())
+        arrays = kkt_pattern(place, size, *patterns)
+        factorisation = Factorisation(first, arrays["start"], arrays["row"])
+        return cls(place, first=first, factorisation=factorisation, **arrays)
 
     @property
     def size(self) -> int:
@@ -111,6 +127,4 @@ def _analysed(nlp: Transcription) -> KKTLayout:
     place[order] = np.arange(len(order))
     hess, jac = nlp.assembled.hessian, nlp.assembled.jacobian
     patterns = (a.astype(np.int32) for a in (hess.indptr, hess.indices, jac.indptr, jac.indices))
-    return KKTLayout(
-        place, first=first.astype(np.int32), **kkt_pattern(place, len(order), *patterns)
-    )
+    return KKTLayout.of(place, first.astype(np.int32), patterns)

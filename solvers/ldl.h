@@ -48,10 +48,14 @@ typedef struct {
     int panel_size, work_size, product_at; /* doubles of panel and work; where the second part is */
     int positive, negative, zero; /* eigenvalues of D by sign after a factorisation; zero ones are
                                      counted twice, by the sign they are given */
+    int shares; /* whether the analysis is that of another one */
 } dmoc_ldl;
 
 /* Analyse. first[pivots + 1] gives the pivots; returns NULL without memory. */
 dmoc_ldl *dmoc_ldl_new(int n, int pivots, const int *first, const int *start, const int *row);
+/* Another one of the same pattern, with numbers of its own and the analysis of the first, which
+ * stays as long; returns NULL without memory. */
+dmoc_ldl *dmoc_ldl_like(const dmoc_ldl *analysed);
 void dmoc_ldl_free(dmoc_ldl *f);
 /* Factorise the values[entries] of K; pivots below tiny count as zero and are replaced by it. */
 void dmoc_ldl_factor(dmoc_ldl *f, const double *values, double tiny);

@@ -250,6 +250,17 @@ static int analyse(analysis *s)
     return 1;
 }
 
+/* Memory for numbers. */
+static int make_room(dmoc_ldl *f)
+{
+    f->panel = calloc((size_t)f->panel_size, sizeof(double));
+    f->work = calloc((size_t)f->work_size, sizeof(double));
+    f->D = malloc(sizeof(double)*3*((size_t)f->pivots + 2));
+    f->exchange = calloc((size_t)(f->n - f->chain) + 1, sizeof(int));
+    f->product = f->work ? f->work + f->product_at : NULL;
+    return f->panel && f->work && f->D && f->exchange;
+}
+
 /* Take over what has been found. */
 static int finish(analysis *s)
 {
@@ -263,13 +274,10 @@ static int finish(analysis *s)
     const size_t columns = (size_t)(tallest + FOUR)*(size_t)widest;
     f->panel_size = f->panel_start[f->blocks + 1] + FOUR;
     f->product_at = (int)columns, f->work_size = (int)columns + (tallest + FOUR)*FOUR;
-    f->panel = calloc((size_t)f->panel_size, sizeof(double));
-    f->work = calloc((size_t)f->work_size, sizeof(double));
     dmoc_part *part = malloc(sizeof(int)*((size_t)s->parts.count + 3));
     f->part = part;
-    if (!f->panel || !f->work || !part)
+    if (!part || !make_room(f))
         return 0;
-    f->product = f->work + columns;
     if (s->parts.count)
         memcpy(part, s->parts.at, sizeof(int)*(size_t)s->parts.count);
     f->row = s->rows.at, f->target = s->target.at;
@@ -292,7 +300,6 @@ dmoc_ldl *dmoc_ldl_new(int n, int pivots, const int *first, const int *start, co
     } const lasting[] = {
         {&s.first, many}, {&s.block, many}, {&s.row_start, many}, {&s.part_start, many},
         {&s.height, many}, {&s.panel_start, many + 1}, {&s.place, entries},
-        {&f->exchange, (size_t)(n - f->chain) + 1},
     }, passing[] = {
         {&s.owner, unknowns}, {&s.below_start, unknowns}, {&s.below, entries}, {&s.entry, entries},
         {&s.child, many}, {&s.sibling, many}, {&s.block_mark, unknowns}, {&s.pivot_mark, unknowns},
@@ -310,8 +317,6 @@ dmoc_ldl *dmoc_ldl_new(int n, int pivots, const int *first, const int *start, co
     f->first = s.first, f->block = s.block, f->row_start = s.row_start;
     f->part_start = s.part_start, f->height = s.height, f->panel_start = s.panel_start;
     f->place = s.place;
-    f->D = malloc(sizeof(double)*3*many);
-    ok = ok && f->D;
     if (ok) {
         memcpy(s.first, first, sizeof(int)*((size_t)pivots + 1));
         ok = analyse(&s) && finish(&s);
@@ -325,13 +330,30 @@ dmoc_ldl *dmoc_ldl_new(int n, int pivots, const int *first, const int *start, co
     return f;
 }
 
+dmoc_ldl *dmoc_ldl_like(const dmoc_ldl *analysed)
+{
+    dmoc_ldl *f = malloc(sizeof *f);
+    if (!f)
+        return NULL;
+    *f = *analysed;
+    f->shares = 1;
+    if (!make_room(f)) {
+        dmoc_ldl_free(f);
+        return NULL;
+    }
+    return f;
+}
+
 void dmoc_ldl_free(dmoc_ldl *f)
 {
     if (!f)
         return;
-    free((void *)f->first), free((void *)f->block), free((void *)f->row_start);
-    free((void *)f->row), free((void *)f->part_start), free((void *)f->part);
-    free((void *)f->target), free((void *)f->height), free((void *)f->panel_start);
-    free((void *)f->place), free(f->panel), free(f->D), free(f->exchange), free(f->work);
+    if (!f->shares) {
+        free((void *)f->first), free((void *)f->block), free((void *)f->row_start);
+        free((void *)f->row), free((void *)f->part_start), free((void *)f->part);
+        free((void *)f->target), free((void *)f->height), free((void *)f->panel_start);
+        free((void *)f->place);
+    }
+    free(f->panel), free(f->D), free(f->exchange), free(f->work);
     free(f);
 }

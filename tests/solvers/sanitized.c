@@ -202,7 +202,9 @@ static int the_same_twice(const dmoc_program *p, const dmoc_kkt *k, const dmoc_o
     const dmoc_starts starts = {
         2, sizes, mu, many, y, lower, upper, status, iterations, &turn, &stop,
     };
-    int same = dmoc_interior_starts(p, k, o, stretch, &starts);
+    dmoc_ldl *analysed = dmoc_ldl_new(k->size, k->pivots, k->first, k->start, k->row);
+    int same = analysed && dmoc_interior_starts(p, k, analysed, o, stretch, &starts);
+    dmoc_ldl_free(analysed);
     for (int i = 0; i < 2; ++i)
         same &= status[i] == r.status && iterations[i] == r.iterations;
     for (ptrdiff_t i = 0; i < 2*p->n; ++i)
@@ -219,7 +221,8 @@ static int solve(void)
     const double *size = numbers(), *stretch = numbers();
     double *x = numbers(), *y = numbers(), *z_lower = numbers(), *z_upper = numbers();
     double *before = two_of(x, p.n);
-    const dmoc_result r = dmoc_interior_heap(&p, &k, &o, size, stretch, x, y, z_lower, z_upper);
+    const dmoc_result r =
+        dmoc_interior_heap(&p, &k, NULL, &o, size, stretch, x, y, z_lower, z_upper);
     double *values = memory((size_t)p.m + 1, sizeof *values);
     dmoc_put(&p, x);
     dmoc_assemble(&p.values, p.pool, values);

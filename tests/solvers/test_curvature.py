@@ -11,7 +11,6 @@ import pytest
 import scipy.linalg
 import scipy.sparse
 
-from dmoc.solvers.compiled import kkt_pattern
 from dmoc.solvers.curvature import FALLS, LEVEL, Curvature, Landscape, SecondOrder
 from dmoc.solvers.kkt_layout import KKTLayout
 from dmoc.solvers.outcome import Duals
@@ -59,10 +58,7 @@ class Quadratic:
         columns = np.concatenate([np.arange(i, n) for i in range(n)])
         rows, every = np.arange(m + 1) * n, np.tile(np.arange(n), m)
         patterns = (a.astype(np.int32) for a in (starts, columns, rows, every))
-        size = int(kept.sum())
-        return KKTLayout(
-            place, first=np.zeros(1, dtype=np.int32), **kkt_pattern(place, size, *patterns)
-        )
+        return KKTLayout.of(place, np.zeros(1, dtype=np.int32), patterns)
 
     def cost(self, x: np.ndarray) -> float:
         return float(x @ self.Q @ x / 2 + self.g @ x + 1)
