@@ -13,8 +13,8 @@ from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.contact_forces import accelerations_and_forces
 from dmoc.mechanics.contact_mode import Mode, names_of, without_rails
 from dmoc.mechanics.model import Model
+from dmoc.mechanics.model_trajectory import motion_along
 from dmoc.mechanics.touch import friction_changes
-from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import FORCES, Collision, Phase, Trajectory
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block

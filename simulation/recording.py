@@ -12,7 +12,7 @@ from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode, names_of
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.trajectories import motion_along
+from dmoc.mechanics.model_trajectory import motion_along
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
 from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.contact_motion import ContactState

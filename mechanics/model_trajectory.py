@@ -12,7 +12,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_forces import accelerations_and_forces
 from dmoc.mechanics.contact_mode import mode_by_names
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.scenes import scene_of
+from dmoc.mechanics.model_scene import scene_of
 from dmoc.motion.states import PARTS, positions
 from dmoc.motion.trajectory import Collision, Phase, Trajectory, last_inputs
 
