@@ -137,7 +137,7 @@ def test_inputs_that_jump_are_told_inside_of_their_steps() -> None:
 
 def test_of_times_that_keep_the_inputs_the_cheapest_is_taken() -> None:
     """An excess of less than a thousandth is none."""
-    tried = {1.0: (2e-4, 5.0), 2.0: (9e-4, 3.0), 3.0: (0.5, 1.0), 4.0: None}
+    tried = {1.0: (2e-4, 5.0), 2.0: (9e-4, 3.0), 3.0: (0.5, 1.0), 4.0: (np.nan, 0.0)}
     planner: Any = SimpleNamespace(
         problem=SimpleNamespace(
             phases=1,
@@ -146,7 +146,8 @@ def test_of_times_that_keep_the_inputs_the_cheapest_is_taken() -> None:
             kernels=SimpleNamespace(integrals=[]),
             model=SimpleNamespace(has_objective=False),
         ),
-        trial=lambda choice, final_time, steps: tried[final_time],
+        trials=lambda choice, times, steps: np.array([tried[t] for t in times]).T,
     )
-    assert _best_time(planner, (0,), list(tried), ENDLESS) == 2.0
-    assert _best_time(planner, (0,), [3.0, 4.0], ENDLESS) == 3.0
+    assert _best_time(planner, (0,), np.array(list(tried)), ENDLESS) == 2.0
+    assert _best_time(planner, (0,), np.array([3.0, 4.0]), ENDLESS) == 3.0
+    assert _best_time(planner, (0,), np.array([4.0, 4.0]), ENDLESS) == 4.0
