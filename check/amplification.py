@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import cached_property, partial
 
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import largest
-from dmoc.check.segments import PERTURBED, Segment
+from dmoc.check.segments import PERTURBED, Segments
 from dmoc.codegen.kernels import Array
 
 SMALLEST = 1e-11  # error of a segment that is not told from those of the integration
@@ -19,66 +19,84 @@ SMALLEST = 1e-11  # error of a segment that is not told from those of the integr
 STEADY = 6.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Carried:
     """What the linearised flow makes of errors on the way, in sizes of positions and velocities:
-    the largest ratio of an error at the end to one at a segment's start, by how much an
-    open-loop run leaves the motion at the end of each segment (n, 2 nq), as the errors of the
-    segments until there predict, the largest error at the end of a phase that is followed from its
-    own first node, divided by its amplification beyond the steady one, and the predicted deviation
-    at the end of the motion."""
+    the largest ratio of an error at the end to one at a segment's start, the largest error at the
+    end of a phase that is followed from its own first node, divided by its amplification beyond the
+    steady one, and what predicts how far an open-loop run leaves the motion at the ends of segments
+    and of the motion (n + 1, 2 nq)."""
 
     amplification: float
-    deviations: Array
     phase_error: float
-    end: float
+    predict: Callable[[], Array]
+
+    @cached_property
+    def deviations(self) -> Array:
+        """By how much an open-loop run leaves the motion at the end of each segment, as the errors
+        of the segments until there predict, and in the last row at the end of the motion."""
+        return self.predict()
+
+    @property
+    def end(self) -> float:
+        """The predicted deviation at the end of the motion."""
+        return largest(self.deviations[-1])
 
 
-def carried(motion: Motion, segments: Sequence[Segment]) -> Carried:
+def carried(motion: Motion, parts: Segments) -> Carried:
     """Carry the errors of segments to the ends of those that follow."""
     unit = np.concatenate([motion.sizes.q, motion.sizes.v])
-    slopes = [segment.slope / unit[:, None] * unit for segment in segments]
-    own = np.maximum(np.abs([segment.defect / unit for segment in segments]), SMALLEST)
-    deviations, errors = np.empty(own.shape), np.empty((len(unit), len(segments)))
-    product, products = np.eye(len(unit)), [np.eye(len(unit))]
-    events = [
-        event_slope(motion, one.phase, unit) if one.phase < other.phase else None
-        for one, other in pairwise(segments)
-    ]
-    last = motion.stepped - 1
-    strikes = last < len(motion.trajectory.collisions)  # the motion ends with its last event
-    events.append(event_slope(motion, last, unit) if strikes else None)
-    for k, (slope, event) in enumerate(zip(slopes, events, strict=True)):
+    slopes, defects = parts.slope / unit[:, None] * unit, parts.defect / unit
+    # Where the motion ends with its last event, there is one after the last of its segments.
+    count = min(motion.stepped, len(motion.trajectory.collisions))
+    events = [event_slope(motion, i, unit) for i in range(count)]
+    rest = np.eye(len(unit))
+    products, phases = [rest[None]], []
+    for i in reversed(range(motion.stepped)):
+        own = parts.of_phase(i)
+        to_end = _to_end(slopes[own])
+        phases.append(_phase_error(to_end, defects[own]))
+        rest = rest @ events[i] if i < count else rest
+        products.append(rest @ to_end[:-1])
+        rest = products[-1][0]
+    every = np.concatenate(products)
+    finite = np.isfinite(every).all()
+    most = np.linalg.svd(every, compute_uv=False).max() if finite else np.inf
+    predict = partial(_deviations, parts, slopes, defects, events)
+    return Carried(float(most), max(phases), predict)
+
+
+def _to_end(slopes: Array) -> Array:
+    """Derivatives (n + 1, m, m) of the end of n segments by the start of each, and by itself."""
+    products = np.empty((len(slopes) + 1, *slopes.shape[1:]))
+    products[-1] = np.eye(slopes.shape[1])
+    for k in range(len(slopes) - 1, -1, -1):
+        np.matmul(products[k + 1], slopes[k], out=products[k])
+    return products
+
+
+def _phase_error(to_end: Array, defects: Array) -> float:
+    """The weighed error at the end of the segments of a phase."""
+    if not np.isfinite(to_end[0]).all():  # without limit: its segments are judged alone
+        return 0.0
+    off = (to_end[1:] @ defects[..., None]).sum(axis=0)
+    most = float(np.abs(to_end).sum(axis=2).max())
+    return largest(np.abs(off)) / max(1.0, most / STEADY)
+
+
+def _deviations(parts: Segments, slopes: Array, defects: Array, events: Sequence[Array]) -> Array:
+    """What errors of segments come to at the ends of those that follow, and at the end."""
+    own, errors = np.maximum(np.abs(defects), SMALLEST), np.zeros((slopes.shape[1], len(slopes)))
+    deviations = np.empty((len(own) + 1, own.shape[1]))
+    lasts = {parts.of_phase(i).stop - 1: event for i, event in enumerate(events)}
+    for k, slope in enumerate(slopes):
         errors[:, :k] = slope @ errors[:, :k]
         errors[:, k] = own[k]
-        np.abs(errors[:, : k + 1]).sum(axis=1, out=deviations[k])
-        if event is not None:
-            errors[:, : k + 1] = event @ errors[:, : k + 1]
-    end = np.abs(errors).sum(axis=1)
-    for slope, event in zip(reversed(slopes), reversed(events), strict=True):
-        product = (product if event is None else product @ event) @ slope
-        products.append(product)
-    finite = np.isfinite(products).all()
-    most = np.linalg.norm(np.array(products), 2, axis=(1, 2)).max() if finite else np.inf
-    pairs = list(zip(segments, slopes, strict=True))
-    phases = [
-        _phase_error([pair for pair in pairs if pair[0].phase == i], unit)
-        for i in range(motion.stepped)
-    ]
-    return Carried(float(most), deviations, max(phases), largest(end))
-
-
-def _phase_error(parts: Sequence[tuple[Segment, Array]], unit: Array) -> float:
-    """The weighed error at the end of the segments of a phase, with their scaled slopes."""
-    off, products = np.zeros(len(unit)), [np.eye(len(unit))]
-    for segment, slope in parts:
-        off = slope @ off + segment.defect / unit
-    for _, slope in reversed(parts):
-        products.append(products[-1] @ slope)
-    if not np.isfinite(products[-1]).all():  # without limit: its segments are judged alone
-        return 0.0
-    most = float(np.abs(products).sum(axis=2).max())
-    return largest(np.abs(off)) / max(1.0, most / STEADY)
+        deviations[k] = np.abs(errors).sum(axis=1)
+        if k in lasts:
+            errors[:, : k + 1] = lasts[k] @ errors[:, : k + 1]
+    deviations[-1] = np.abs(errors).sum(axis=1)
+    return deviations
 
 
 def event_slope(motion: Motion, i: int, unit: Array) -> Array:

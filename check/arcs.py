@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import Trajectory
-from dmoc.simulation.sizes import Sizes, gap_sizes_at
+from dmoc.simulation.sizes import Nodes, Sizes, gap_sizes
 
 # Largest gap g > 0 that counts as none, relative to how far the motion's ranges move the gap.
 PENETRATION = 0.002
@@ -31,21 +30,23 @@ class Arc:
     depth: float
 
 
-def arcs_of(trajectory: Trajectory, model: Model, sizes: Sizes) -> list[Arc]:
+def arcs_of(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> list[Arc]:
     """Where a motion lies on a surface without a planned collision."""
-    arcs: list[Arc] = []
-    if not model.nc:
+    arcs, model = list[Arc](), nodes.model
+    near = nodes.gaps >= -ON_ARC * sizes.gap
+    if not near.any():
         return arcs
+    local = gap_sizes(nodes.gap_slopes, sizes)
     hits = [
         (model.surface_numbers[c.surface], c.time)
         for c in trajectory.collisions
         if c.surface and not c.grazes
     ]
-    for phase in trajectory.phases:
+    for i, phase in enumerate(trajectory.phases):
         if not phase.steps:
             continue
-        on, h = model.gaps(phase.q, phase.t) >= -ON_ARC * sizes.gap, phase.step_size
-        local = gap_sizes_at(model, sizes, phase.q, phase.t)
+        own, h = nodes.of_phase(i), phase.step_size
+        on = near[own]
         on[:, [model.surface_numbers[name] for name in phase.closed]] = False
         for k, j in zip(*np.nonzero(on), strict=True):
             t = float(phase.t[k])
@@ -56,7 +57,7 @@ def arcs_of(trajectory: Trajectory, model: Model, sizes: Sizes) -> list[Arc]:
                 # What happens after the end is nobody's business.
                 ends = t >= sizes.time - h / 2
                 depth = PENETRATION if slides or ends else TOUCHING
-                arcs.append(Arc(int(j), t - h, t + h, depth * float(local[k, j])))
+                arcs.append(Arc(int(j), t - h, t + h, depth * float(local[own][k, j])))
     return arcs
 
 

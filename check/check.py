@@ -106,11 +106,11 @@ def _judged(motion: Motion) -> Verification:
     """Measure a motion and judge it."""
     plan, steps, parts = plan_errors(motion), step_errors(motion), segments(motion)
     (forces, sizes), events = force_errors(motion), event_errors(motion, steps.work)
-    run = planned_run(motion, sizes) if motion.has_modes else open_run(motion)
+    run = planned_run(motion, parts, sizes) if motion.has_modes else open_run(motion)
     flowed = carried(motion, parts)
     looks = (plan, steps.findings, forces, events)
     errors = {name: error for look in looks for name, error in look.measured.items()}
-    errors |= {"segment error": max(part.error for part in parts)}
+    errors |= {"segment error": float(parts.error.max())}
     errors |= {"phase error": flowed.phase_error}
     sentences = [s for look in (plan, forces, events, run) for s in look.contradictions]
     return judged(motion, Findings(errors, tuple(sentences)), steps.path, parts, flowed, run)

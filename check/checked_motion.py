@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sized
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import groupby, pairwise
 from typing import NamedTuple
@@ -19,7 +19,6 @@ from dmoc.check.arcs import allowance, arcs_of
 from dmoc.check.findings import infinite_where_none
 from dmoc.check.passages import EventPassage, passage_of
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.mechanics.algebra import solved_transpose
 from dmoc.mechanics.contact_mode import Mode, mode_by_names
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
@@ -27,7 +26,7 @@ from dmoc.mechanics.model_values import parameter_row, restitution_row
 from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import Phase, Trajectory
 from dmoc.simulation.flow import Flow, Steps
-from dmoc.simulation.sizes import Sizes, sizes_of
+from dmoc.simulation.sizes import Nodes, Sizes, inertia_along, nodes_of, sizes_of
 
 SEGMENTS = 10  # of a phase
 
@@ -38,19 +37,13 @@ class OutOfTimeError(SimulationError):
 
 @dataclass(frozen=True, eq=False)
 class ModeSpan:
-    """Phases one after the other in the same mode: their numbers, their steps, and the place of the
-    first step of each."""
+    """Phases one after the other in the same mode: their numbers, the places of their steps among
+    those of the motion, and these."""
 
     mode: Mode
     numbers: tuple[int, ...]
-    phases: tuple[Phase, ...]
+    places: slice
     steps: Steps
-    begins: NDArray[np.intp]
-
-    def nodes(self, which: slice) -> tuple[Array, ...]:
-        """Positions, velocities, momenta and times of some nodes of each phase."""
-        parts = ([getattr(phase, name)[which] for phase in self.phases] for name in "qvpt")
-        return tuple(np.concatenate(part) for part in parts)
 
 
 class Places(NamedTuple):
@@ -69,14 +62,17 @@ class Places(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion, its model with its parameters, its sizes, its phases as steps and as modes, and the
-    flow it is compared with."""
+    """A motion, its model with its parameters, its nodes and sizes, its steps, the places of the
+    first step of each phase and of the end, its phases as modes, and the flow it is compared
+    with."""
 
     trajectory: Trajectory
     model: Model
+    nodes: Nodes
     sizes: Sizes
     flow: Flow
-    steps: tuple[Steps, ...]
+    run: Steps
+    begins: NDArray[np.intp]
     modes: tuple[Mode, ...]
     check_time: Callable[[], None]
 
@@ -95,33 +91,54 @@ class Motion:
         model = Model(kernels, parameter_row(kernels, trajectory.parameters, SimulationError))
         check_coefficients(model, SimulationError)
         modes = tuple(_mode_of(phase, model) for phase in trajectory.phases)
-        sizes = sizes_of(trajectory, model)
-        arcs = arcs_of(trajectory, model, sizes)
-        steps = [
-            Steps(
-                *(
-                    np.ascontiguousarray(part, dtype=float)
-                    for part in (p.t[:-1], np.diff(p.t), *trajectory.input_ends(p))
-                )
-            )
-            for p in trajectory.phases
-        ]
+        nodes = nodes_of(trajectory, model)
+        sizes = sizes_of(trajectory, nodes)
+        arcs = arcs_of(trajectory, nodes, sizes)
+        steps = zip(
+            *(
+                (p.t[:-1], np.diff(p.t), *trajectory.input_ends(p))
+                for p in trajectory.phases
+                if p.steps
+            ),
+            strict=True,
+        )
+        run = Steps(*(np.concatenate(part, dtype=float) for part in steps))
+        begins = np.cumsum([0, *(p.steps for p in trajectory.phases)])
         ignored = tuple(model.surface_numbers[name] for name in trajectory.ignored)
         allowed = partial(allowance, arcs, model.nc, ignored)
         flow = Flow(model, sizes, restitution, allowed, check_time)
-        return cls(trajectory, model, sizes, flow, tuple(steps), modes, check_time)
+        return cls(trajectory, model, nodes, sizes, flow, run, begins, modes, check_time)
+
+    def steps_of(self, i: int) -> slice:
+        """The places of the steps of a phase."""
+        return slice(int(self.begins[i]), int(self.begins[i + 1]))
+
+    @cached_property
+    def starts(self) -> NDArray[np.intp]:
+        """The node at which each step starts, shape (N,)."""
+        counts = np.diff(self.begins)
+        return np.arange(len(self.run)) + np.repeat(np.arange(len(counts)), counts)
+
+    @cached_property
+    def steps(self) -> tuple[Steps, ...]:
+        """The steps of each phase."""
+        return tuple(self.run.part(self.steps_of(i)) for i in range(len(self.modes)))
+
+    @cached_property
+    def upper(self) -> Array:
+        """Gaps that no step exceeds without a contact, as :meth:`Flow.upper` has them."""
+        return self.flow.upper(self.run)
 
     @cached_property
     def needed_inputs(self) -> Array:
         """Inputs that accelerate as much as the forces of the motion, shape (nu,); infinite for one
         that does not."""
-        model, parts = self.model, [np.zeros(self.model.nu)]
-        for phase in self.trajectory.phases if model.nu else ():
-            B = np.swapaxes(model.input_matrix(phase.q, phase.v, t=phase.t), 1, 2)
-            response = solved_transpose(model.mass(phase.q, phase.t), B)
-            parts.append(np.einsum("nmi,nim->nm", B, response).max(axis=0))
-        inertia = np.sqrt(np.max(parts, axis=0))
-        return np.asarray(self.sizes.acceleration / inertia)
+        nodes = self.nodes
+        if not self.model.nu:
+            return np.zeros(0)
+        B = self.model.input_matrix(nodes.q, nodes.v, t=nodes.t)
+        inertia = inertia_along(nodes, np.swapaxes(B, 1, 2))
+        return np.asarray(self.sizes.acceleration / np.sqrt(inertia))
 
     @cached_property
     def passages(self) -> tuple[EventPassage, ...]:
@@ -212,11 +229,8 @@ class Motion:
         return tuple(self._piece(mode, list(numbers)) for mode, numbers in together)
 
     def _piece(self, mode: Mode, numbers: list[int]) -> ModeSpan:
-        steps, names = [self.steps[i] for i in numbers], [f.name for f in fields(Steps)]
-        joined = Steps(*(np.concatenate([getattr(s, name) for s in steps]) for name in names))
-        begins = np.cumsum([0, *map(len, steps[:-1])])
-        phases = tuple(self.trajectory.phases[i] for i in numbers)
-        return ModeSpan(mode, tuple(numbers), phases, joined, begins)
+        places = slice(int(self.begins[numbers[0]]), int(self.begins[numbers[-1] + 1]))
+        return ModeSpan(mode, tuple(numbers), places, self.run.part(places))
 
     def error(self, y: Array, t: Array, q_wanted: Array, p_wanted: Array) -> Array:
         """Largest relative error of each row's state y = (q | v ...)."""

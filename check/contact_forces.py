@@ -167,20 +167,20 @@ def left_out(motion: Motion) -> list[str]:
 def _sizes(motion: Motion, flows: list[Reaction]) -> tuple[Array, Array, Array]:
     """The largest contact forces (nc,), friction forces that are possible (nt,) and forces of
     joints (nj,) of a motion; what carries little counts by a share of the forces of the motion."""
-    model, phases = motion.model, motion.trajectory.phases
+    model = motion.model
     normal, taken, joint = (
         np.max([np.abs(getattr(f, kind)).max(axis=(0, 1)) for f in flows], axis=0, initial=0.0)
         for kind in ("normal", "tangential", "joint")
     )
-    q, t = np.vstack([p.q for p in phases]), np.concatenate([p.t for p in phases])
-    normal = np.maximum(normal, pushes(model, motion.sizes, q, t, model.gap_slopes(q, t)))
-    smooth = SMOOTH * pushes(model, motion.sizes, q, t, model.tangent_slopes(q, t))
+    nodes, sizes = motion.nodes, motion.sizes
+    normal = np.maximum(normal, pushes(nodes, sizes, nodes.gap_slopes))
+    smooth = SMOOTH * pushes(nodes, sizes, nodes.tangent_slopes)
     rubbing = [motion.rubbing(i) for i in range(motion.stepped)]
     kinds = [mu for there in rubbing for mu in (there.static_friction, there.friction)]
     most = np.max([mu.max(axis=(0, 1)) for mu in kinds], axis=0)
     bearing = model.with_coefficients(most).bearing(normal)
     friction = np.maximum.reduce([bearing, BEARABLE * taken, smooth])
-    joint = np.maximum(joint, pushes(model, motion.sizes, q, t, model.joint_slopes(q, t)))
+    joint = np.maximum(joint, pushes(nodes, sizes, model.joint_slopes(nodes.q, nodes.t)))
     return (*(np.maximum(size, NOTHING) for size in (normal, friction, joint)),)
 
 

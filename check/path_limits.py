@@ -38,7 +38,7 @@ class IntegratedSteps:
     ends: Array
     stop: Array
 
-    def part(self, which: Index) -> IntegratedSteps:
+    def part(self, which: Index | slice) -> IntegratedSteps:
         """Some of them."""
         ends = (a[which] for a in (self.start, self.ends, self.stop))
         return IntegratedSteps(self.steps.part(which), *ends)

@@ -38,10 +38,10 @@ def plan_errors(motion: Motion) -> Findings:
 def _times(motion: Motion) -> Iterator[str]:
     """Time that stands still or jumps, and events at another time than the end of their phase."""
     most = JOINED * motion.sizes.time
-    for phase in motion.trajectory.phases:
-        back = np.flatnonzero(~(np.diff(phase.t) > 0))
-        if len(back):
-            yield f"the time does not go on after {phase.t[back[0]]:.6g} s"
+    back = np.flatnonzero(~(motion.run.h > 0))
+    for i in dict.fromkeys(np.searchsorted(motion.begins, back, "right")):
+        first = back[np.searchsorted(back, motion.begins[i - 1])]
+        yield f"the time does not go on after {motion.run.t[first]:.6g} s"
     for p in motion.passages:
         c, before, after = p.c, p.before, p.after
         if not abs(after.t[0] - before.t[-1]) <= most:
@@ -52,13 +52,18 @@ def _times(motion: Motion) -> Iterator[str]:
 
 def _momenta(motion: Motion) -> Iterator[str]:
     """Nodes whose momentum is not that of their velocity."""
-    for phase in motion.trajectory.phases:
-        p = motion.model.momentum(phase.q, phase.v, phase.t)
-        k, which = _worst((phase.p - p) / motion.sizes.p, UNBALANCED)
+    nodes = motion.nodes
+    off = (nodes.p - nodes.momentum) / motion.sizes.p
+    if largest(np.abs(off)) <= UNBALANCED:
+        return
+    for i in range(len(motion.modes)):
+        own = nodes.of_phase(i)
+        k, which = _worst(off[own], UNBALANCED)
         if which >= 0:
             yield (
-                f"the momentum of {motion.trajectory.coordinates[which]} at {phase.t[k]:.4g} s, "
-                f"{phase.p[k, which]:.4g}, is not that of its velocity, {p[k, which]:.4g}"
+                f"the momentum of {motion.trajectory.coordinates[which]} at "
+                f"{nodes.t[own][k]:.4g} s, {nodes.p[own][k, which]:.4g}, is not that of its "
+                f"velocity, {nodes.momentum[own][k, which]:.4g}"
             )
 
 
@@ -136,7 +141,7 @@ def _input_excess(motion: Motion) -> float:
     """Largest excess of an input over its bounds in any step, relative to the largest input, or to
     one that the motion could use within them."""
     low, high = motion.trajectory.input_bounds.T
-    u = np.vstack([ends for s in motion.steps for ends in (s.u0, s.u1)])
+    u = np.vstack([motion.run.u0, motion.run.u1])
     excess = np.maximum(low - u, u - high)
     size = np.maximum(
         np.abs(u).max(axis=0, initial=0.0), np.minimum(high - low, motion.needed_inputs)
@@ -146,13 +151,24 @@ def _input_excess(motion: Motion) -> float:
 
 def _singular(motion: Motion) -> Iterator[str]:
     """A mass matrix that is not positive definite, up to rounding errors of its entries."""
-    for phase in motion.trajectory.phases:
-        M = motion.model.mass(phase.q, phase.t)
-        root = np.sqrt(np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0))
-        scaled = M / np.where(root > 0, root, 1.0)[:, None] / np.where(root > 0, root, 1.0)
-        good = np.array(np.isfinite(scaled).all(axis=(1, 2)))
-        good[good] = np.linalg.eigvalsh(scaled[good])[:, 0] > SINGULAR
-        if not good.all():
-            where = phase.t[int(np.argmin(good))]
-            yield f"the mass matrix is singular or negative on the way, first at {where:.4g} s"
-            return
+    nodes = motion.nodes
+    diagonal = np.abs(np.diagonal(nodes.mass, axis1=1, axis2=2))
+    root = np.sqrt(np.maximum.reduceat(diagonal, nodes.begins[:-1]))
+    root = np.repeat(np.where(root > 0, root, 1.0), np.diff(nodes.begins), axis=0)
+    scaled = nodes.mass / root[:, :, None] / root[:, None]
+    good = np.array(np.isfinite(scaled).all(axis=(1, 2)))
+    if good.all() and _positive(scaled - SINGULAR * np.eye(motion.model.nq)):
+        return
+    good[good] = np.linalg.eigvalsh(scaled[good])[:, 0] > SINGULAR
+    if not good.all():
+        where = nodes.t[int(np.argmin(good))]
+        yield f"the mass matrix is singular or negative on the way, first at {where:.4g} s"
+
+
+def _positive(M: Array) -> bool:
+    """Whether matrices are positive definite, up to rounding errors."""
+    try:
+        np.linalg.cholesky(M)
+    except np.linalg.LinAlgError:
+        return False
+    return True

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.check.checked_motion import Motion, nodes_of_segments
+from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import BEARABLE, ON_TIME, TURNED
 from dmoc.check.path_limits import IntegratedSteps
-from dmoc.check.runs import Departures, WholeRun, contacts_of_phase, is_planned
-from dmoc.check.segments import between, put
+from dmoc.check.runs import Departures, WholeRun, contacts_of_phases, is_planned
+from dmoc.check.segments import Segments, between, put
 from dmoc.check.verdict import PASSING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
@@ -33,19 +33,18 @@ from dmoc.simulation.roots import crossing
 LOCATED = 1e-6  # of a step
 
 
-def planned_run(motion: Motion, sizes: tuple[Array, ...]) -> WholeRun:
+def planned_run(motion: Motion, parts: Segments, sizes: tuple[Array, ...]) -> WholeRun:
     """The run through the plan; ``sizes`` are those of contact forces, friction and joints."""
     # What errors of discretisation explain.
     slack = BEARABLE * sizes[0], BEARABLE * sizes[1], TURNED * motion.sizes.slide
-    met, ends = left(motion, np.concatenate(slack))
+    met, ends = left(motion, parts, np.concatenate(slack))
     missed, early = list[Collision](), list[str]()
-    for i in range(motion.stepped):
-        if motion.trajectory.phases[i].free:
-            contacts = contacts_of_phase(motion, i)
-            planned = [c for c in contacts if is_planned(motion, i, c)]
-            met += [c for c in contacts if c not in planned]
-            early += [_early(motion, i, c) for c in planned if _too_early(motion, i, c)]
-            missed += _missed(motion, i, planned)
+    free = [i for i in range(motion.stepped) if motion.trajectory.phases[i].free]
+    for i, contacts in zip(free, contacts_of_phases(motion, parts, free), strict=True):
+        planned = [c for c in contacts if is_planned(motion, i, c)]
+        met += [c for c in contacts if c not in planned]
+        early += [_early(motion, i, c) for c in planned if _too_early(motion, i, c)]
+        missed += _missed(motion, i, planned)
     contacts = [c for c in met if c.jump > GRAZING]
     # What the segments meet counts for the run too.
     way = Departures(tuple(missed), tuple(contacts))
@@ -105,50 +104,45 @@ def _early(motion: Motion, i: int, c: SurfaceContact) -> str:
 
 
 @dataclass(frozen=True)
-class Stage:
-    """Steps of a phase side by side, one of each segment: the places of the segments, the steps as
-    they go, the positions that what sticks keeps, and what the mode keeps above zero at both ends
-    (2, n, nc + 2 nt)."""
+class HeldSteps:
+    """The steps of a phase in its mode, from the starts of its segments: the first of each step's
+    segment (N,), the steps as they go, the positions that what sticks keeps, and what the mode
+    keeps above zero at both ends (2, N, nc + 2 nt)."""
 
-    segments: NDArray[np.intp]
+    begins: NDArray[np.intp]
     course: IntegratedSteps
     held: Array
     kept: Array
 
 
-def left(motion: Motion, slack: Array) -> tuple[list[SurfaceContact], list[str]]:
+def left(motion: Motion, parts: Segments, slack: Array) -> tuple[list[SurfaceContact], list[str]]:
     """Contacts that are not planned and are met in phases with closed contacts or friction, and
     what ends a mode elsewhere than planned, in sentences; ``slack`` are the contact forces,
     friction and sliding velocities (nc + 2 nt) that errors of discretisation explain."""
     met, sentences = list[SurfaceContact](), list[str]()
     for i in range(motion.stepped):
         if not motion.trajectory.phases[i].free:
-            stages = list(_stages(motion, i))
-            met += [contact for stage in stages for contact in _met(motion, i, stage.course)]
-            sentences += passed_limits(motion, i, stages, slack)
+            steps = _held_steps(motion, parts, i)
+            met += _met(motion, i, steps.course)
+            sentences += passed_limits(motion, i, steps, slack)
     return met, sentences
 
 
-def _stages(motion: Motion, i: int) -> Iterator[Stage]:
-    """The steps of a phase in its mode, those of its segments side by side."""
-    phase, mode, steps = motion.trajectory.phases[i], motion.modes[i], motion.steps[i]
-    cuts = nodes_of_segments(phase.steps)
-    begins = cuts[:-1]
-    y, held = put(motion, mode, np.hstack([phase.q[begins], phase.v[begins]]), phase.t[begins])
-    for k in range(int(np.diff(cuts).max())):
-        on = np.flatnonzero(begins + k < cuts[1:])
-        step, start, stop = begins[on] + k, y[on], y[on]
-        ends = motion.flow.advance(stop, steps, step, step + 1, mode, held[on])
-        y[on], course = stop, IntegratedSteps(steps.part(step), start, ends, stop)
-        yield Stage(on, course, held[on], _kept_at_ends(motion, mode, course))
+def _held_steps(motion: Motion, parts: Segments, i: int) -> HeldSteps:
+    """The steps of a phase in its mode."""
+    own, course = parts.of_phase(i), parts.course.part(motion.steps_of(i))
+    counts = parts.last[own] - parts.first[own]
+    begins, held = np.repeat(parts.first[own], counts), np.repeat(parts.held[own], counts, axis=0)
+    return HeldSteps(begins, course, held, _kept_at_ends(motion, motion.modes[i], course))
 
 
 def _kept_at_ends(motion: Motion, mode: Mode, course: IntegratedSteps) -> Array:
     """What a mode keeps above zero at both ends of steps, shape (2, n, nc + 2 nt); infinite for
     surfaces that are open."""
     steps, react = course.steps, motion.flow.integrator.reaction
-    rows = (course.start, steps.u0, steps.t), (course.stop, steps.u1, steps.t + steps.h)
-    least = np.array([limits(motion.model, react, mode, one) for one in rows])
+    y, u = np.vstack([course.start, course.stop]), np.vstack([steps.u0, steps.u1])
+    t = np.concatenate([steps.t, steps.t + steps.h])
+    least = limits(motion.model, react, mode, (y, u, t)).reshape(2, len(steps), -1)
     least[..., [j for j in range(motion.model.nc) if j not in mode.closed]] = np.inf
     return least
 
@@ -179,48 +173,44 @@ def _jump(motion: Motion, y: Array, t: float, j: int) -> float:
     return float((np.abs(change) / motion.sizes.p).max()) if impulse > 0 else 0.0
 
 
-def passed_limits(motion: Motion, i: int, stages: list[Stage], slack: Array) -> Iterator[str]:
+def passed_limits(motion: Motion, i: int, steps: HeldSteps, slack: Array) -> Iterator[str]:
     """What ends the mode of a phase elsewhere than planned, in sentences with its time."""
     first: dict[int, float] = {}
-    for number, stage in enumerate(stages):
-        for n, j in zip(*np.nonzero((stage.kept < -slack).any(axis=0)), strict=True):
-            time = _passing(motion, i, stages[: number + 1], (int(n), int(j)))
-            first[int(j)] = min(time, first.get(int(j), np.inf))
+    for k, j in zip(*np.nonzero((steps.kept < -slack).any(axis=0)), strict=True):
+        time = _passing(motion, i, steps, (int(k), int(j)))
+        first[int(j)] = min(time, first.get(int(j), np.inf))
     for j, time in first.items():
         sentence = _sentence(motion, i, j, time)
         if sentence:
             yield sentence
 
 
-def _passing(motion: Motion, i: int, stages: list[Stage], where: tuple[int, int]) -> float:
-    """When the limit that is passed in the last stage passes zero."""
-    n, j = where
-    segment = stages[-1].segments[n]
-    for stage in reversed(stages):
-        row = int(np.flatnonzero(stage.segments == segment)[0])
-        (low, high), steps = stage.kept[:, row, j], stage.course.steps
-        t, h = float(steps.t[row]), float(steps.h[row])
+def _passing(motion: Motion, i: int, steps: HeldSteps, where: tuple[int, int]) -> float:
+    """When the limit that is passed in a step passes zero, there or before in its segment."""
+    (last, j), times = where, steps.course.steps
+    for k in range(last, int(steps.begins[last]) - 1, -1):
+        low, high = steps.kept[:, k, j]
         if low > 0 >= high:
-            return _crossing(motion, i, stage, (row, j))
+            return _crossing(motion, i, steps, (k, j))
         if low > 0:
-            return t + h  # between two steps whose inputs differ
-    return t
+            return float(times.t[k] + times.h[k])  # between two steps whose inputs differ
+    return float(times.t[steps.begins[last]])
 
 
-def _crossing(motion: Motion, i: int, stage: Stage, where: tuple[int, int]) -> float:
-    row, j = where
-    one, mode, flow = slice(row, row + 1), motion.modes[i], motion.flow
-    step = stage.course.steps.part(one)
+def _crossing(motion: Motion, i: int, steps: HeldSteps, where: tuple[int, int]) -> float:
+    k, j = where
+    one, mode, flow = slice(k, k + 1), motion.modes[i], motion.flow
+    step = steps.course.steps.part(one)
     t, h = float(step.t[0]), float(step.h[0])
 
     def limit(share: float) -> float:
-        u, y = step.inputs(share), stage.course.start[one].copy()
+        u, y = step.inputs(share), steps.course.start[one].copy()
         part = Steps(step.t, share * step.h, step.u0, u)
-        flow.advance(y, part, FIRST, LAST, mode, stage.held[one])
+        flow.advance(y, part, FIRST, LAST, mode, steps.held[one])
         at = np.array([t + share * h])
         return float(limits(motion.model, flow.integrator.reaction, mode, (y, u, at))[0, j])
 
-    low, high = stage.kept[:, row, j]
+    low, high = steps.kept[:, k, j]
     return t + h * crossing(limit, (0.0, float(low)), (1.0, float(high)), LOCATED)
 
 

@@ -3,17 +3,19 @@ segment."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dmoc.check.checked_motion import Motion, nodes_of_segments
+from dmoc.check.checked_motion import Motion
+from dmoc.check.path_limits import IntegratedSteps
 from dmoc.check.plan import JOINED
-from dmoc.check.segments import Segment
+from dmoc.check.segments import Segments, between
 from dmoc.codegen.kernels import Array
 from dmoc.motion.trajectory import GRAZING, Collision
-from dmoc.simulation.flow import Lost, SurfaceContact
+from dmoc.simulation.flow import PLACES, Lost, SurfaceContact
 
 # A contact belongs to a planned collision if it happens within this share of the final time from
 # it.
@@ -65,17 +67,19 @@ def open_run(motion: Motion) -> WholeRun:
 def open_loop(motion: Motion) -> tuple[float, list[SurfaceContact]]:
     """Simulate from the start with the motion's inputs; return the terminal error and the
     contacts."""
-    flow, sizes, nq = motion.flow, motion.sizes, motion.model.nq
+    flow, sizes, nq, upper = motion.flow, motion.sizes, motion.model.nq, motion.upper
     first, last = motion.trajectory.phases[0], motion.trajectory.phases[-1]
     strikes = motion.stepped - 1
     y, contacts = np.concatenate([first.q[0], first.v[0]]), list[SurfaceContact]()
     far = ASTRAY * sizes.q
     try:
-        for phase, steps in zip(motion.trajectory.phases, motion.steps, strict=True):
-            upper, wanted, k = flow.upper(steps), np.ascontiguousarray(phase.q), 0
+        for i, (phase, steps) in enumerate(
+            zip(motion.trajectory.phases, motion.steps, strict=True)
+        ):
+            most, wanted, k = upper[motion.steps_of(i)], np.ascontiguousarray(phase.q), 0
             end = np.array([len(steps)])
             while k < len(steps):
-                (k,), astray = flow.quiet(y[None], steps, upper, np.array([k]), end, wanted, far)
+                (k,), astray = flow.quiet(y[None], steps, most, np.array([k]), end, wanted, far)
                 if not astray and k < len(steps):
                     y = flow.through_contacts(y, steps, k, contacts)
                     k += 1
@@ -91,39 +95,62 @@ def open_loop(motion: Motion) -> tuple[float, list[SurfaceContact]]:
     return float(motion.error(y[None], last.t[-1:], last.q[-1:], last.p[-1:])[0]), contacts
 
 
-def on_the_way(motion: Motion) -> list[SurfaceContact]:
+def on_the_way(motion: Motion, parts: Segments) -> list[SurfaceContact]:
     """Contacts met in segments, each simulated from the motion's own state; one that ends in
     a planned collision meets it a little early or late."""
-    phases = range(motion.stepped)
-    return [contact for i in phases for contact in contacts_of_phase(motion, i)]
+    met = contacts_of_phases(motion, parts, range(motion.stepped))
+    return [contact for contacts in met for contact in contacts]
 
 
-def contacts_of_phase(motion: Motion, i: int) -> list[SurfaceContact]:
-    """Contacts met in the segments of one phase."""
-    contacts, phase, steps = list[SurfaceContact](), motion.trajectory.phases[i], motion.steps[i]
-    nodes, upper = nodes_of_segments(phase.steps), motion.flow.upper(steps)
-    wanted, everywhere = np.ascontiguousarray(phase.q), np.full(motion.model.nq, np.inf)
-    rows = np.hstack([phase.q[nodes[:-1]], phase.v[nodes[:-1]]])
-    stops, _ = motion.flow.quiet(rows, steps, upper, nodes[:-1], nodes[1:], wanted, everywhere)
-    for y, k, last in zip(rows, map(int, stops), map(int, nodes[1:]), strict=True):
-        met = list[SurfaceContact]()
-        try:
-            y = _segment(motion, i, upper, (y, k, last), met)
-            if last == phase.steps and i < len(motion.trajectory.collisions):
-                met += _late(motion, i, y, float(phase.t[last]), met)
-        except Lost:
-            pass  # what it has met until then does not fit
-        contacts += met
-    return contacts
+def contacts_of_phases(
+    motion: Motion, parts: Segments, phases: Sequence[int]
+) -> Iterator[list[SurfaceContact]]:
+    """Contacts met in the segments of some phases."""
+    meets = np.append(_meeting(motion, parts.course), True) if phases else np.zeros(0)
+    for i in phases:
+        contacts, end = list[SurfaceContact](), len(motion.steps[i])
+        own, begin = parts.of_phase(i), int(motion.begins[i])
+        for a, b in zip(parts.first[own].tolist(), parts.last[own].tolist(), strict=True):
+            k = min(a + int(np.argmax(meets[begin + a :])), b)
+            if k < b or (b == end and i < len(motion.trajectory.collisions)):
+                contacts += _met_in_segment(motion, parts, i, (k, b))
+        yield contacts
+
+
+def _meeting(motion: Motion, course: IntegratedSteps) -> NDArray[np.bool_]:
+    """Steps that might meet a surface, or whose ends are not finite, shape (N,)."""
+    times, path = between(motion, course, PLACES)
+    gaps = motion.model.gaps(path.reshape(-1, motion.model.nq), times.ravel())
+    gaps = gaps.reshape(*times.shape, motion.model.nc)
+    over = (gaps > np.swapaxes(motion.upper, 0, 1)).any(axis=(0, 2))
+    near = (np.abs(gaps[0]) <= motion.flow.near).any(axis=1)
+    return np.asarray(over | near | ~np.isfinite(course.stop).all(axis=1))
+
+
+def _met_in_segment(
+    motion: Motion, parts: Segments, i: int, steps: tuple[int, int]
+) -> list[SurfaceContact]:
+    """Contacts met in a segment from the first of its steps on that may meet one."""
+    (k, last), met = steps, list[SurfaceContact]()
+    phase, begin, course = motion.trajectory.phases[i], int(motion.begins[i]), parts.course
+    y = course.start[begin + k] if k < last else course.stop[begin + last - 1]
+    try:
+        y = _segment(motion, i, (y, k, last), met)
+        if last == phase.steps and i < len(motion.trajectory.collisions):
+            met += _late(motion, i, y, float(phase.t[last]), met)
+    except Lost:
+        pass  # what it has met until then does not fit
+    return met
 
 
 def _segment(
-    motion: Motion, i: int, upper: Array, stopped: tuple[Array, int, int], met: list[SurfaceContact]
+    motion: Motion, i: int, stopped: tuple[Array, int, int], met: list[SurfaceContact]
 ) -> Array:
     """Simulate what is left of a segment from a state before a step up to its last; where its
     planned collision is met early, the end is that of the motion without the impact."""
     (y, k, last), phase, steps = stopped, motion.trajectory.phases[i], motion.steps[i]
-    wanted, everywhere = np.ascontiguousarray(phase.q), np.full(motion.model.nq, np.inf)
+    upper, wanted = motion.upper[motion.steps_of(i)], np.ascontiguousarray(phase.q)
+    everywhere = np.full(motion.model.nq, np.inf)
     while k < last:
         before, count = y, len(met)
         y = motion.flow.through_contacts(y, steps, k, met)
@@ -180,7 +207,7 @@ def _same(motion: Motion, planned: Collision, contact: SurfaceContact) -> bool:
     return contact.surface == planned.surface and near
 
 
-def predicted(motion: Motion, run: Departures, parts: Sequence[Segment], deviations: Array) -> bool:
+def predicted(motion: Motion, run: Departures, parts: Segments, deviations: Array) -> bool:
     """Whether an open-loop run first departs from the motion where the deviations at the ends of
     segments, in sizes, say that it may: they move the gap of the first collision that it misses by
     what its rate makes up for in the time in which it would count, and close the gap to a surface
@@ -197,11 +224,11 @@ def predicted(motion: Motion, run: Departures, parts: Sequence[Segment], deviati
 
 
 def _moved(
-    motion: Motion, c: Collision | SurfaceContact, parts: Sequence[Segment], deviations: Array
+    motion: Motion, c: Collision | SurfaceContact, parts: Segments, deviations: Array
 ) -> float:
     """How far deviations move the gap of a contact at its time."""
-    phases, q = motion.trajectory.phases, _state(motion, c.time)[: motion.model.nq]
-    ends = [phases[part.phase].t[part.last] for part in parts[:-1]]
+    q = _state(motion, c.time)[: motion.model.nq]
+    ends = motion.nodes.t[motion.nodes.begins[parts.phase] + parts.last][:-1]
     k = np.searchsorted(ends, c.time - JOINED * motion.sizes.time)
     j = motion.model.surface_numbers[c.surface]
     slope = np.abs(motion.model.gap_slopes(q, c.time)[j, :-1])

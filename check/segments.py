@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,9 +80,9 @@ def step_errors(motion: Motion) -> StepErrors:
 
 def _course(motion: Motion, piece: ModeSpan) -> IntegratedSteps:
     """The steps of a piece, with their work."""
-    q, v, _, t = piece.nodes(slice(-1))
-    rows = np.hstack([q, v, np.zeros((len(q), 1))])
-    start, held = put(motion, piece.mode, rows, t)
+    nodes, at = motion.nodes, motion.starts[piece.places]
+    rows = np.hstack([nodes.q[at], nodes.v[at], np.zeros((len(at), 1))])
+    start, held = put(motion, piece.mode, rows, nodes.t[at])
     stop, first = start.copy(), np.arange(len(start))
     mode = None if piece.mode == FREE else piece.mode
     ends = motion.flow.advance(stop, piece.steps, first, first + 1, mode, held)
@@ -96,15 +96,20 @@ def _errors_on(motion: Motion, piece: ModeSpan, course: IntegratedSteps) -> Step
     times = times[: len(PLACES) - 1]
     gaps = penetration(motion.model, motion.sizes, path.reshape(-1, nq), times.ravel())
     low, high = motion.trajectory.coordinate_bounds.T
-    errors, _ = _errors(motion, piece.mode, course.stop, piece.nodes(slice(1, None)))
-    works = np.split(course.stop[:, -1], piece.begins[1:])
-    inner = _inside_errors(motion, nodes, [p.q_inside for p in piece.phases])
+    after = motion.starts[piece.places] + 1
+    errors, _ = _errors(motion, piece.mode, course.stop, [x[after] for x in motion.nodes.states])
+    begins = motion.begins[list(piece.numbers)] - piece.places.start
+    inner = _inside_errors(
+        motion, nodes, [motion.trajectory.phases[i].q_inside for i in piece.numbers]
+    )
     measured = {
         "step error": largest(np.maximum(errors, inner)),
         "penetration": largest(gaps[:, _open(motion, piece.mode)]),
         "excess of a limit": largest(np.maximum(low - path, path - high) / motion.sizes.q),
     }
-    return StepErrors(Findings(measured), tuple(float(work.sum()) for work in works))
+    return StepErrors(
+        Findings(measured), tuple(np.add.reduceat(course.stop[:, -1], begins).tolist())
+    )
 
 
 def between(motion: Motion, course: IntegratedSteps, places: Array) -> tuple[Array, Array]:
@@ -131,65 +136,80 @@ def _inside_errors(motion: Motion, path: Array, planned: Sequence[Array]) -> Arr
 # Segments -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Segment:
-    """Some steps of a phase integrated from their first node in its mode, without events: relative
-    error at the end, the derivative (2 nq, 2 nq) of the end by the start, and by how much positions
-    and velocities (2 nq,) are off at the end."""
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """Some steps of a phase each, integrated from their first node in its mode, without events: the
+    phases, and the first and last nodes (n,), relative errors at the ends (n,), derivatives
+    (n, 2 nq, 2 nq) of the ends by the starts, by how much positions and velocities (n, 2 nq) are
+    off at the ends, tangential positions (n, nt) that what sticks keeps, and all steps of the
+    motion on the way."""
 
-    phase: int
-    first: int
-    last: int
-    error: float
+    phase: Index
+    first: Index
+    last: Index
+    error: Array
     slope: Array
     defect: Array
+    held: Array
+    course: IntegratedSteps
+
+    def __len__(self) -> int:
+        return len(self.phase)
+
+    def of_phase(self, i: int) -> slice:
+        """The segments of a phase."""
+        begin, end = np.searchsorted(self.phase, [i, i + 1])
+        return slice(int(begin), int(end))
 
 
-def segments(motion: Motion) -> list[Segment]:
+def segments(motion: Motion) -> Segments:
     """The segments of all phases, in their order."""
-    return [segment for piece in motion.pieces for segment in _segments_of(motion, piece)]
+    parts = zip(*(_segments_of(motion, piece) for piece in motion.pieces), strict=True)
+    phase, first, last, error, slope, defect, held, course = map(np.concatenate, parts)
+    start, ends, stop = (np.ascontiguousarray(part) for part in np.split(course, 3, axis=1))
+    ends = ends.reshape(len(ends), 2, motion.model.nq)
+    whole = IntegratedSteps(motion.run, start, ends, stop)
+    return Segments(phase, first, last, error, slope, defect, held, whole)
 
 
-def _segments_of(motion: Motion, piece: ModeSpan) -> list[Segment]:
-    """The segments of a piece, integrated side by side."""
-    phases, m = motion.trajectory.phases, 2 * motion.model.nq
-    places = [
-        (i, int(a), int(b))
-        for i in piece.numbers
-        for a, b in pairwise(nodes_of_segments(phases[i].steps))
-    ]
-    begins = dict(zip(piece.numbers, piece.begins, strict=True))
-    first, last = (np.array([begins[place[0]] + place[n] for place in places]) for n in (1, 2))
-    q, v, _, t = (np.array([getattr(phases[i], x)[a] for i, a, _ in places]) for x in "qvpt")
-    start = np.hstack([q, v])
-    if piece.mode != FREE or motion.model.nj:
-        ends, slopes = _differences(motion, piece, (start, t), first, last)
+def _segments_of(motion: Motion, piece: ModeSpan) -> tuple[NDArray[Any], ...]:
+    """The segments of a piece, integrated side by side, and the course of its steps (N, 6 nq)."""
+    nodes, mode, m = motion.nodes, piece.mode, 2 * motion.model.nq
+    cuts = {i: nodes_of_segments(motion.trajectory.phases[i].steps) for i in piece.numbers}
+    phase = np.repeat(piece.numbers, [len(cut) - 1 for cut in cuts.values()])
+    first = np.concatenate([cut[:-1] for cut in cuts.values()])
+    last = np.concatenate([cut[1:] for cut in cuts.values()])
+    at, to = (nodes.begins[phase] + part for part in (first, last))
+    begin, end = (motion.begins[phase] - piece.places.start + part for part in (first, last))
+    start, t = np.hstack([nodes.q[at], nodes.v[at]]), nodes.t[at]
+    course = np.empty((len(piece.steps), 3 * m))
+    if mode != FREE or motion.model.nj:
+        ends, held = put(motion, mode, start.copy(), t)
+        motion.flow.advance(ends, piece.steps, begin, end, mode, held, course=course)
+        slopes = _differences(motion, piece, (start, t, ends), begin, end)
     else:
+        held = np.zeros((len(start), motion.model.nt))
         ends = np.hstack([start, np.tile(np.eye(m).ravel(), (len(start), 1))])
-        motion.flow.advance(ends, piece.steps, first, last)
+        motion.flow.advance(ends, piece.steps, begin, end, course=course)
         slopes = ends[:, m:].reshape(-1, m, m)
         bad = ~np.isfinite(slopes).all(axis=(1, 2))  # forces with a kink where the motion is
         if bad.any():
-            kinked = start[bad], t[bad]
-            slopes[bad] = _differences(motion, piece, kinked, first[bad], last[bad])[1]
-    planned = [np.array([getattr(phases[i], x)[b] for i, _, b in places]) for x in "qvpt"]
-    errors, defects = _errors(motion, piece.mode, ends, planned)
-    return [
-        Segment(*place, float(error), slope, defect)
-        for place, error, slope, defect in zip(places, errors, slopes, defects, strict=True)
-    ]
+            kinked = start[bad], t[bad], ends[bad, :m]
+            slopes[bad] = _differences(motion, piece, kinked, begin[bad], end[bad])
+    errors, defects = _errors(motion, mode, ends, [x[to] for x in nodes.states])
+    return phase, first, last, errors, slopes, defects, held, course
 
 
 def _differences(
-    motion: Motion, piece: ModeSpan, start: tuple[Array, Array], first: Index, last: Index
-) -> tuple[Array, Array]:
-    """Ends of segments from starts (q | v) at times, and their derivatives by the starts, from
-    differences: by a coarse integration where that gets to the same ends."""
-    (y, t), m = start, 2 * motion.model.nq
+    motion: Motion, piece: ModeSpan, planned: tuple[Array, Array, Array], first: Index, last: Index
+) -> Array:
+    """Derivatives of the ends of segments by their starts (q | v) at times, from differences: by a
+    coarse integration where that gets to the same ends (q | v)."""
+    (y, t, reached), m = planned, 2 * motion.model.nq
     unit = np.concatenate([motion.sizes.q, motion.sizes.v])
     changes = PERTURBED * np.vstack([np.zeros(m), np.diag(unit)])
 
-    def ends(changes: Array, which: Index, coarse: bool) -> Array:
+    def ends(which: Index, coarse: bool) -> Array:
         """Ends of changed starts, shape (which, changes, m)."""
         each = np.repeat(which, len(changes))
         rows = (y[which, None] + changes).reshape(-1, m)
@@ -198,10 +218,8 @@ def _differences(
         return rows.reshape(len(which), -1, m)
 
     every = np.arange(len(y))
-    planned = ends(changes[:1], every, False)[:, 0]
-    changed = ends(changes, every, True)
-    near = (np.abs(changed[:, 0] - planned) <= COARSE * unit).all(axis=1)
+    changed = ends(every, True)
+    near = (np.abs(changed[:, 0] - reached) <= COARSE * unit).all(axis=1)
     if not near.all():
-        changed[~near] = ends(changes, every[~near], False)
-    slopes = np.swapaxes(changed[:, 1:] - changed[:, :1], 1, 2) / (PERTURBED * unit)
-    return planned, slopes
+        changed[~near] = ends(every[~near], False)
+    return np.swapaxes(changed[:, 1:] - changed[:, :1], 1, 2) / (PERTURBED * unit)

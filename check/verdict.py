@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-import numpy as np
-
 from dmoc.base.table import Shown, Table, passed
 from dmoc.check.amplification import Carried
 from dmoc.check.arcs import PENETRATION
@@ -16,7 +14,7 @@ from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import Findings
 from dmoc.check.path_limits import Excess
 from dmoc.check.runs import EXPLAINED, Departures, WholeRun, departures, on_the_way, predicted
-from dmoc.check.segments import Segment
+from dmoc.check.segments import Segments
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.flow import SurfaceContact
 
@@ -234,7 +232,7 @@ def judged(
     motion: Motion,
     findings: Findings,
     paths: Sequence[Excess],
-    parts: Sequence[Segment],
+    parts: Segments,
     flowed: Carried,
     whole: WholeRun,
 ) -> Verification:
@@ -250,7 +248,7 @@ def judged(
     # What is contradicted already needs no other look.
     way = whole.way
     if way is None:
-        way = run if failures else departures(motion, on_the_way(motion))
+        way = run if failures else departures(motion, on_the_way(motion, parts))
     if not run and terminal <= TERMINAL:
         run = Departures(extra=way.extra)
     lost = lost_by(run.missed_texts, run.extra_texts, terminal)
@@ -271,7 +269,7 @@ def judged(
         terminal,
         amplified,
         errors["step error"],
-        np.array([part.error for part in parts]),
+        parts.error,
         errors["energy error"],
         errors["error of the law of impact"],
         run.missed_texts,

@@ -10,11 +10,13 @@ numbers.  Coordinates of different kinds are compared through the masses.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved_transpose
+from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import Trajectory
 
@@ -67,97 +69,143 @@ def _along(slopes: Array, q: Array, v: Array, time: float) -> tuple[Array, Array
     return np.maximum(place, NOTHING), np.maximum(rate, NOTHING)
 
 
-@dataclass(frozen=True)
-class _Nodes:
-    """All nodes of a motion, with the inputs of the steps that end and begin there, and their
-    masses."""
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """All nodes of a motion, those of one phase after those of another, and what the model makes of
+    them: where those of each phase begin, and the end (phases + 1,), the inputs of the steps that
+    end and begin there, their masses, and the forces of the positions alone."""
 
+    model: Model
     q: Array
     v: Array
     p: Array
     t: Array
-    step: float
+    begins: Index
     u: tuple[Array, Array]
     mass: Array
-    inertia: Array
+    force: Array
+
+    @property
+    def states(self) -> tuple[Array, Array, Array, Array]:
+        """Positions, velocities, momenta and times."""
+        return self.q, self.v, self.p, self.t
+
+    @cached_property
+    def inertia(self) -> Array:
+        """The largest inertia of each coordinate, of one that has none the largest of all."""
+        inertia = np.abs(np.diagonal(self.mass, axis1=1, axis2=2)).max(axis=0)
+        return np.asarray(np.where(inertia > 0, inertia, inertia.max()))
+
+    @cached_property
+    def momentum(self) -> Array:
+        """Momenta of the velocities."""
+        return self.model.momentum(self.q, self.v, self.t)
+
+    @cached_property
+    def energy(self) -> Array:
+        return self.model.energy(self.q, self.v, self.t)
+
+    @cached_property
+    def gaps(self) -> Array:
+        return self.model.gaps(self.q, self.t)
+
+    @cached_property
+    def gap_slopes(self) -> Array:
+        return self.model.gap_slopes(self.q, self.t)
+
+    @cached_property
+    def tangent_slopes(self) -> Array:
+        return self.model.tangent_slopes(self.q, self.t)
+
+    def of_phase(self, i: int) -> slice:
+        """The nodes of a phase."""
+        return slice(int(self.begins[i]), int(self.begins[i + 1]))
 
 
-def sizes_of(trajectory: Trajectory, model: Model) -> Sizes:
+def nodes_of(trajectory: Trajectory, model: Model) -> Nodes:
+    """All nodes of a motion."""
+    phases = trajectory.phases
+    q, v, p = (np.vstack([getattr(phase, name) for phase in phases]) for name in "qvp")
+    t = np.concatenate([phase.t for phase in phases])
+    begins = np.cumsum([0, *(len(phase.t) for phase in phases)])
+    before, after = zip(*map(trajectory.input_sides, phases), strict=True)
+    mass, force = model.equations(q, None, None, t)
+    return Nodes(model, q, v, p, t, begins, (np.vstack(before), np.vstack(after)), mass, force)
+
+
+def sizes_of(trajectory: Trajectory, nodes: Nodes) -> Sizes:
     """Read the sizes of a motion."""
-    nodes = _nodes(trajectory, model)
-    time = float(nodes.t[-1] - nodes.t[0])
+    model, time = nodes.model, float(nodes.t[-1] - nodes.t[0])
     root = np.sqrt(nodes.inertia)
-    kinetic = float(np.einsum("ki,kij,kj->k", nodes.v, nodes.mass, nodes.v).max()) / 2
+    kinetic = float((nodes.v * (nodes.mass @ nodes.v[..., None])[..., 0]).sum(axis=1).max()) / 2
     force = _forces(model, nodes)
     fastest = np.sqrt(2 * kinetic)
     strongest = float((force / root).max())
     speed = max(STILL * fastest, HELD * strongest * time)
-    speed = max(speed, ROOM * _room(trajectory, model, nodes) / time, NOTHING)
+    speed = max(speed, ROOM * _room(trajectory, nodes) / time, NOTHING)
     rounding = DIGITS * np.abs(nodes.q).max(axis=0)
-    way, least = speed * time / root, np.maximum(speed / root, rounding / nodes.step)
-    q = np.maximum.reduce([np.ptp(nodes.q, axis=0), way, rounding])
+    step = min(float(np.diff(phase.t).min()) for phase in trajectory.phases if phase.steps)
+    way, least = speed * time / root, np.maximum(speed / root, rounding / step)
+    q = np.maximum(np.maximum(np.ptp(nodes.q, axis=0), way), rounding)
     v = np.maximum(np.abs(nodes.v).max(axis=0), least)
     p = np.maximum(np.abs(nodes.p).max(axis=0), nodes.inertia * least)
-    energies = np.abs(model.energy(nodes.q, nodes.v, nodes.t))
-    energy = max(kinetic, float(force @ way), float(least @ p), DIGITS * float(energies.max()))
+    rounded = DIGITS * float(np.abs(nodes.energy).max())
+    energy = max(kinetic, float(force @ way), float(least @ p), rounded)
 
-    gap, rate = _along(model.gap_slopes(nodes.q, nodes.t), q, v, time)
-    place, slide = _along(model.tangent_slopes(nodes.q, nodes.t), q, v, time)
+    gap, rate = _along(nodes.gap_slopes, q, v, time)
+    place, slide = _along(nodes.tangent_slopes, q, v, time)
     acceleration = max(strongest, fastest / time, speed / time)
-    exchanged = max(energy, _lifted(model, nodes))
+    exchanged = max(energy, _lifted(nodes))
     return Sizes(q, v, p, gap, rate, place, slide, time, energy, exchanged, acceleration)
 
 
-def pushes(model: Model, sizes: Sizes, q: Array, t: Array, slopes: Array) -> Array:
-    """Forces along gradients (n, m, nq + 1) at rows of positions that accelerate as much as a
-    small share of the forces of the motion, shape (m,)."""
-    along = slopes[..., :-1]
-    response = solved_transpose(model.mass(q, t), along)
-    inertia = np.einsum("nmi,nim->nm", along, response).max(axis=0, initial=0.0)
-    return np.asarray(WEAK * sizes.acceleration / np.sqrt(np.where(inertia > 0, inertia, np.inf)))
+def pushes(nodes: Nodes, sizes: Sizes, slopes: Array) -> Array:
+    """Forces along gradients (n, m, nq + 1) at the nodes that accelerate as much as a small share
+    of the forces of the motion, shape (m,)."""
+    least = inertia_along(nodes, slopes[..., :-1])
+    return np.asarray(WEAK * sizes.acceleration / np.sqrt(np.where(least > 0, least, np.inf)))
 
 
-def _nodes(trajectory: Trajectory, model: Model) -> _Nodes:
-    phases = trajectory.phases
-    q, v, p = (np.vstack([getattr(phase, name) for phase in phases]) for name in "qvp")
-    t = np.concatenate([phase.t for phase in phases])
-    sides = [trajectory.input_sides(phase) for phase in phases]
-    before, after = (np.vstack(part) for part in zip(*sides, strict=True))
-    mass = model.mass(q, t)
-    inertia = np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0)
-    inertia = np.where(inertia > 0, inertia, inertia.max())
-    step = min(float(np.diff(phase.t).min()) for phase in phases if phase.steps)
-    return _Nodes(q, v, p, t, step, (before, after), mass, inertia)
+def inertia_along(nodes: Nodes, ways: Array) -> Array:
+    """The largest b . M^-1 b of each of the rows b of ways (n, m, nq) at the nodes, shape (m,)."""
+    if not ways.shape[1]:
+        return np.zeros(0)
+    response = np.swapaxes(solved_transpose(nodes.mass, ways), 1, 2)
+    return np.asarray((ways * response).sum(axis=2).max(axis=0, initial=0.0))
 
 
-def _forces(model: Model, nodes: _Nodes) -> Array:
+def _forces(model: Model, nodes: Nodes) -> Array:
     """Largest generalised forces (nq,) that act anywhere: of the position alone, of position and
     velocity, and of each input by itself, balanced or not."""
-    forces = [np.abs(model.equations(nodes.q, v, None, nodes.t)[1]) for v in (None, nodes.v)]
+    both = model.equations(nodes.q, nodes.v, None, nodes.t)[1]
+    most = np.maximum(np.abs(nodes.force).max(axis=0), np.abs(both).max(axis=0))
     if model.nu:
         B = np.abs(model.input_matrix(nodes.q, nodes.v, nodes.u[0], nodes.t))
-        forces += [(B @ np.abs(u)[..., None])[..., 0] for u in nodes.u]
-    return np.asarray(np.max(forces, axis=(0, 1)))
+        for u in nodes.u:
+            most = np.maximum(most, (B @ np.abs(u)[..., None]).max(axis=0)[:, 0])
+    return np.asarray(most)
 
 
-def _lifted(model: Model, nodes: _Nodes) -> float:
+def _lifted(nodes: Nodes) -> float:
     """The largest work that the forces of the position alone do on the way of one coordinate
     between any two nodes: a motion that inputs lift slowly exchanges far more energy than it has
     in its velocities."""
-    force = model.equations(nodes.q, None, None, nodes.t)[1]
-    work = np.cumsum((force[1:] + force[:-1]) / 2 * np.diff(nodes.q, axis=0), axis=0)
-    return float(np.ptp(np.vstack([np.zeros(model.nq), work]), axis=0).max())
+    force, way = nodes.force, np.diff(nodes.q, axis=0)
+    work = np.cumsum((force[1:] + force[:-1]) / 2 * way, axis=0)
+    most, least = work.max(axis=0, initial=0.0), work.min(axis=0, initial=0.0)
+    return float((most - least).max())
 
 
-def _room(trajectory: Trajectory, model: Model, nodes: _Nodes) -> float:
+def _room(trajectory: Trajectory, nodes: Nodes) -> float:
     """The shortest of the ways, measured by the masses, to a surface and between the limits of a
     coordinate; 0 where there are none."""
-    ways = list(np.ptp(trajectory.coordinate_bounds, axis=1) * np.sqrt(nodes.inertia))
-    if model.nc:
-        q, t = nodes.q[:1], nodes.t[:1]
-        slope = np.abs(model.gap_slopes(q, t))[0, :, :-1] / np.sqrt(nodes.inertia)
-        ways += list(np.abs(model.gaps(q, t)[0]) / np.linalg.norm(slope, axis=1))
-    return float(min((way for way in ways if 0 < way < np.inf), default=0.0))
+    ways = np.ptp(trajectory.coordinate_bounds, axis=1) * np.sqrt(nodes.inertia)
+    if nodes.model.nc:
+        slope = nodes.gap_slopes[0, :, :-1] / np.sqrt(nodes.inertia)
+        off = np.abs(nodes.gaps[0]) / np.sqrt((slope * slope).sum(axis=1))
+        ways = np.concatenate([ways, off])
+    ways = ways[(ways > 0) & (ways < np.inf)]
+    return float(ways.min()) if len(ways) else 0.0
 
 
 def penetration(model: Model, sizes: Sizes, q: Array, t: Array) -> Array:
@@ -166,11 +214,11 @@ def penetration(model: Model, sizes: Sizes, q: Array, t: Array) -> Array:
     gaps = model.gaps(q, t)
     shares, behind = gaps / sizes.gap, np.flatnonzero((gaps > 0).any(axis=1))
     if len(behind):
-        shares[behind] = gaps[behind] / gap_sizes_at(model, sizes, q[behind], t[behind])
+        shares[behind] = gaps[behind] / gap_sizes(model.gap_slopes(q[behind], t[behind]), sizes)
     return np.asarray(shares)
 
 
-def gap_sizes_at(model: Model, sizes: Sizes, q: Array, t: Array) -> Array:
-    """How far the motion's ranges move gaps at rows of positions, shape (n, nc)."""
-    slopes = np.abs(model.gap_slopes(q, t))
-    return np.asarray(np.maximum(slopes @ np.append(sizes.q, sizes.time), LEVEL * sizes.gap))
+def gap_sizes(slopes: Array, sizes: Sizes) -> Array:
+    """How far the motion's ranges move gaps with slopes (n, nc, nq + 1), shape (n, nc)."""
+    moved = np.abs(slopes) @ np.append(sizes.q, sizes.time)
+    return np.asarray(np.maximum(moved, LEVEL * sizes.gap))

@@ -72,7 +72,7 @@ def test_a_coarse_integration_of_neighbours_serves_where_it_gets_to_the_same_end
 
     def slopes(limit: float) -> np.ndarray:
         monkeypatch.setattr(segments_module, "COARSE", limit)
-        return np.array([part.slope for part in segments(motion)])
+        return segments(motion).slope
 
     usual = segments_module.COARSE
     fine, coarse, chosen = slopes(-1.0), slopes(np.inf), slopes(usual)

@@ -95,7 +95,7 @@ def test_one_judgement_excuses_the_end_of_a_run_alone(cube: Kernels) -> None:
     parts = segments(motion)
     calm, none = carried(motion, parts), Departures()
     errors = dict.fromkeys(PASSING, 0.0)
-    wild = Carried(1000.0, np.full((len(parts), 6), 0.11), 0.0, 0.11)
+    wild = Carried(1000.0, 0.0, lambda: np.full((len(parts) + 1, 6), 0.11))
     stray = Departures(extra=(EARLY,))
 
     def check(end: float, flowed: Carried, run: Departures, way: Departures) -> dmoc.Verification:
