@@ -35,6 +35,8 @@ ErrorKind = type[DmocError]
 def is_number(value: Any) -> bool:
     """Whether a value is one real number: a truth value, a text, a complex number, an array
     with a shape or a masked entry is none."""
+    if type(value) in (float, int):
+        return True
     if isinstance(value, (bool, np.bool_, str, bytes, complex, np.complexfloating)):
         return False
     if isinstance(value, np.ndarray):
@@ -224,6 +226,8 @@ def _bound(value: Any, what: str, none: float) -> float:
 
 def _float(value: Any) -> float | None:
     """A number as a float, NaN beyond the largest one; None for what is no number."""
+    if type(value) is float:  # nearly all
+        return value
     if not is_number(value):
         return None
     try:
