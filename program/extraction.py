@@ -31,9 +31,9 @@ NO_EFFECT = 1e-3
 FEWEST = 4
 
 
-def trajectory(nlp: Transcription, x: Array) -> Trajectory:
+def trajectory(nlp: Transcription, x: Array, drawn: bool = True) -> Trajectory:
     """Return the motion of the scaled unknowns x: times, coordinates, momenta, velocities,
-    inputs, collisions."""
+    inputs, collisions, and its scene if it is to be drawn."""
     nlp = nlp.designed(x)
     lay, problem, contacts = nlp.layout, nlp.problem, nlp.layout.touch.contacts
     scheme = lay.scheme
@@ -121,6 +121,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         ignored=problem.ignored,
         limits=problem.limits | problem.total_limits,
         totals=_totals(nlp, x),
+        drawn=drawn,
     )
 
 
