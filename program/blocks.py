@@ -157,6 +157,13 @@ class Numbering:
         return self.made[-1]
 
 
+def mask_of(count: int, numbers: Sequence[int] | Index) -> Bools:
+    """Which of so many have one of the numbers."""
+    mask = np.zeros(count, dtype=bool)
+    mask[list(numbers)] = True
+    return mask
+
+
 def two_sided(mask: Bools) -> Bools:
     """A mask with a last axis for two sides."""
     return np.repeat(mask[..., None], 2, axis=-1)

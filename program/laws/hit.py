@@ -53,6 +53,7 @@ from dmoc.program.blocks import (
     Missed,
     Numbering,
     in_columns,
+    mask_of,
 )
 from dmoc.program.coefficients import Product, at_events, entries_of, terms_of
 from dmoc.program.hit_stages import END, MOMENTS, STAGES, STOP, Passage, moment
@@ -118,8 +119,7 @@ class HitLaw(Law):
     @property
     def returning(self) -> Bools:
         """Hits that do not: those with tangential restitution, shape (events,)."""
-        events = [p.event for p in self.lay.hit.passages if p.returns]
-        return np.isin(np.arange(len(self.e)), events)
+        return mask_of(len(self.e), [p.event for p in self.lay.hit.passages if p.returns])
 
     # Rows -----------------------------------------------------------------------------------------
 

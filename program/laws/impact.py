@@ -45,6 +45,7 @@ from dmoc.program.blocks import (
     Missed,
     Numbering,
     in_columns,
+    mask_of,
     sizes_of,
 )
 from dmoc.program.interior import give_way
@@ -99,16 +100,16 @@ class ImpactLaw(Law):
 
     @classmethod
     def of(cls, problem: Problem, lay: Layout, touching: Index) -> ImpactLaw:
-        touches = np.isin(np.arange(len(lay.touch.surfaces)), touching)
+        count, passages = len(lay.touch.surfaces), lay.hit.passages
+        touches = mask_of(count, touching)
         landing = np.array([bool(event.lands) for event in problem.touch.events], dtype=bool)
         e = np.where(touches | landing, 0.0, restitution_of(problem, lay.touch.surfaces))
         by_law = np.isnan(e)
         e = np.where(by_law, 1.0, e)
         joined = bool(problem.kernels.joints)
         lasts = np.array([joined or not mode.free for mode in problem.touch.modes], dtype=bool)
-        rough = np.zeros(len(lay.touch.surfaces), dtype=bool)
-        rough[[p.event for p in lay.hit.passages if not (p.lands or p.returns)]] = True
-        returns = np.isin(np.arange(len(rough)), [p.event for p in lay.hit.passages if p.returns])
+        rough = mask_of(count, [p.event for p in passages if not (p.lands or p.returns)])
+        returns = mask_of(count, [p.event for p in passages if p.returns])
         last = ends_motion(lay)
         stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough | by_law | returns | last
         stated |= _moves_apart(problem, lay.touch.surfaces)

@@ -29,7 +29,17 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import STICK
-from dmoc.program.blocks import LAW, NOWHERE, Block, Bools, Entries, Missed, Numbering, in_columns
+from dmoc.program.blocks import (
+    LAW,
+    NOWHERE,
+    Block,
+    Bools,
+    Entries,
+    Missed,
+    Numbering,
+    in_columns,
+    mask_of,
+)
 from dmoc.program.coefficients import Product, at_events, entries_of, terms_of
 from dmoc.program.hit_stages import END, Passage
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
@@ -71,7 +81,7 @@ class TangentialLaw(Law):
 
     def _mask(self, passages: Iterable[Passage]) -> Bools:
         """The events of some hits, shape (events,)."""
-        return np.isin(np.arange(len(self.touching)), [p.event for p in passages])
+        return mask_of(len(self.touching), [p.event for p in passages])
 
     # Rows -----------------------------------------------------------------------------------------
 
