@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from copy import copy
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 
@@ -44,6 +45,13 @@ class Evaluator(ABC):
 
         first = self.assembled.structure.once("program", made)
         return first if first.data is data else Program(self.kernels, data, first)
+
+    def beside(self) -> Self:
+        """The same program for another thread."""
+        other = copy(self)
+        other.__dict__.pop("_memory", None)
+        other.__dict__["program"] = Program(self.kernels, self.assembled.data, self.program)
+        return other
 
     @cached_property
     def analyses(self) -> dict[str, Any]:

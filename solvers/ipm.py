@@ -55,8 +55,8 @@ def solve_starts(
     y, z_lower, z_upper = np.zeros((count, nlp.n_eq + nlp.n_in)), np.zeros_like(x), np.zeros_like(x)
     status, iterations = np.full(count, -1, np.intc), np.zeros(count, np.intc)
     turn, stop = np.zeros(1, np.intc), np.zeros(1, np.intc)
-    size = np.reshape([sizes(nlp, at) for at in x], x.shape)
-    mu = np.array([_first_barrier(nlp, at, COLD, LEAST) for at in x])
+    costs = np.array([nlp.program.values(at)[0] for at in x])
+    size, mu = sizes(nlp, x), np.maximum(COLD * np.abs(costs), LEAST)
     arrays = (size, _stretches(nlp), mu, x, y, z_lower, z_upper, status, iterations, turn, stop)
 
     def each(own: Transcription) -> None:
@@ -197,10 +197,10 @@ def _first_barrier(nlp: Transcription, x: Array, share: float, least: float) -> 
 
 
 def sizes(nlp: Transcription, x: Array) -> Array:
-    """Typical changes of the unknowns: step sizes count in their own size, all others in their
-    units."""
-    size = np.ones(nlp.n)
-    size[nlp.layout.index_h] = x[nlp.layout.index_h]
+    """Typical changes of unknowns (..., n): step sizes count in their own size, all others in
+    their units."""
+    size, h = np.ones(x.shape), nlp.layout.index_h
+    size[..., h] = x[..., h]
     return size
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -33,6 +33,10 @@ class Programs:
     def compiled(self) -> bool:
         """Whether the kernels are."""
         return self.problem.kernels.compiled
+
+    def beside(self) -> Programs:
+        """The same for another thread."""
+        return replace(self, _made={key: nlp.beside() for key, nlp in self._made.items()})
 
     def program(self, guided: bool = False, touching: Iterable[int] = ()) -> Transcription:
         """The program in which the given collisions touch their surface without an impulse."""

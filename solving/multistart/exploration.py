@@ -21,7 +21,7 @@ from dmoc.results.solution import Minimum, Solution
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import Attempt
 from dmoc.solving.multistart.minima import Basin, cost_of, gathered
-from dmoc.solving.multistart.parallel import attempts_from, free_threads
+from dmoc.solving.multistart.parallel import attempts_from
 from dmoc.solving.multistart.ranking import Ranked, Refinements, ranked
 from dmoc.solving.programs import Programs
 
@@ -156,7 +156,7 @@ def _minima(
     few = replace(options, iterations=min(options.iterations, most))
     named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
     scale = scale_of(coarse, next(iter(named.values())))
-    programs = [Programs(coarse, scale) for _ in range(free_threads())]
+    programs = Programs(coarse, scale)
     minima, starts = list[Basin](), list[Start]()
     begin, ends = 0, [0, effort.first, effort.most, effort.more]
     if effort.total is not None:
@@ -176,7 +176,7 @@ def _minima(
         if enough or len(attempts) < len(named):
             break
         if not minima and len(x):  # the first guess may be so small beside motions that exist
-            programs = [Programs(coarse, scale_of(coarse, x[-1])) for _ in programs]
+            programs = Programs(coarse, scale_of(coarse, x[-1]))
         named, begin = {}, numbers.stop
     if not minima and effort.widens:
         minima = _tightened(coarse, natural, effort.seed, few)
@@ -205,8 +205,7 @@ def _tightened(coarse: Problem, natural: float, seed: int, options: Options) -> 
     minima = list[Basin]()
     for factor in WIDER:
         tightened = _widened(coarse, factor)
-        programs = [Programs(tightened, scale) for _ in range(free_threads())]
-        minima = gathered([], attempts_from(programs, points, options))
+        minima = gathered([], attempts_from(Programs(tightened, scale), points, options))
         points = [b.attempt.nlp.physical(b.attempt.outcome.x) for b in minima[:FOLLOWED]]
         if not points:
             break

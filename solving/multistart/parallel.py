@@ -32,20 +32,16 @@ def free_threads() -> int:
     return min(len(os.sched_getaffinity(0)), MOST_THREADS)
 
 
-def attempts_from(
-    programs: Sequence[Programs], points: Sequence[Array], options: Options
-) -> list[Attempt]:
+def attempts_from(programs: Programs, points: Sequence[Array], options: Options) -> list[Attempt]:
     """Attempts from some points in units of the problem, in their order, as many as there is time
-    for.  Each of ``programs``, equal ones, is solved in a thread of its own; an interrupted solve
-    raises KeyboardInterrupt."""
-    programs = programs[: max(len(points), 1)]
-    count, stopped = len(programs), threading.Event()
-    nlps = [own.program() for own in programs]
-    endings = solve_starts(nlps, [nlps[0].scaled(x) for x in points], options)
+    for, in as many threads as are free; an interrupted solve raises KeyboardInterrupt."""
+    nlp, count = programs.program(), max(1, min(free_threads(), len(points)))
+    each, stopped = [programs, *(programs.beside() for _ in range(1, count))], threading.Event()
+    endings = solve_starts([own.program() for own in each], [*map(nlp.scaled, points)], options)
 
     def settled(k: int) -> list[Attempt]:
         with np.errstate(all="ignore"):
-            return _settled(programs[k], endings[k::count], options, stopped)
+            return _settled(each[k], endings[k::count], options, stopped)
 
     with ThreadPoolExecutor(count) as pool:
         try:
