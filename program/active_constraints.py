@@ -83,7 +83,9 @@ def _inequalities(nlp: Transcription, x: Array, w: Array) -> Iterator[ActiveBoun
     nodes = dict[tuple[BoundKind, str], set[int]]()
     holds = w > np.maximum(nlp.inequality(x), NO_FORCE)
     for block in nlp.inequalities if holds.any() else ():
-        held = np.flatnonzero(holds[block.numbers - nlp.n_eq])
+        held = holds[block.numbers - nlp.n_eq].nonzero()[0]
+        if not len(held):
+            continue
         if block.counted is None:
             nodes |= {(BoundKind.OTHER, block.name_of(int(i))): set() for i in held}
             continue
