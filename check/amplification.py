@@ -104,18 +104,19 @@ def event_slope(motion: Motion, i: int, unit: Array) -> Array:
     sizes.  A collision happens where its surface is met; events between modes, at their time."""
     p, model, nq = motion.passages[i], motion.model, motion.model.nq
     start = np.concatenate([p.before.q[-1], p.before.v[-1]])
-    rows = start + PERTURBED * np.vstack([np.diag(unit), -np.diag(unit)])
-    q, v = (np.ascontiguousarray(part) for part in np.hsplit(rows, 2))
+    changes = PERTURBED * np.diag(unit)
+    rows = start + np.concatenate([changes, -changes])
+    q, v = rows[:, :nq].copy(), rows[:, nq:].copy()
     late, a = np.zeros((len(q), 1)), np.zeros((2, nq))
     if not motion.has_modes:
         j = model.surface_numbers[p.c.surface]
         if p.c.grazes or not p.rates[0, j] > 0:
             return np.eye(2 * nq)
         late = -((q - p.before.q[-1]) @ p.normals[j])[:, None] / p.rates[0, j]
-        after = motion.trajectory.input_sides(p.after)[1][0]
-        sides = (p.before, -1, motion.steps[i].u1[-1]), (p.after, 0, after)
-        a = np.array([model.acceleration(x.q[k], x.v[k], u, p.c.time) for x, k, u in sides])
+        nodes, sides = motion.nodes, motion.nodes.begins[i + 1] - [1, 0]
+        u = np.array([side[k] for side, k in zip(nodes.u, sides, strict=True)])
+        a = model.acceleration(nodes.q[sides], nodes.v[sides], u, np.full(2, p.c.time))
     q, v = q + late * v, v + late * a[0]
     v = p.after_law(q, v, late[:, 0]).velocity
-    ends = np.hstack([q - late * v, v - late * a[1]])
+    ends = np.concatenate([q - late * v, v - late * a[1]], axis=1)
     return np.asarray((ends[: 2 * nq] - ends[2 * nq :]).T / (2 * PERTURBED * unit[:, None]))

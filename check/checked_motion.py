@@ -16,7 +16,6 @@ from dmoc.base.deadline import Deadline
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import SimulationError
 from dmoc.check.arcs import allowance, arcs_of
-from dmoc.check.findings import infinite_where_none
 from dmoc.check.passages import EventPassage, passage_of
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.contact_mode import Mode, mode_by_names
@@ -94,16 +93,8 @@ class Motion:
         nodes = nodes_of(trajectory, model)
         sizes = sizes_of(trajectory, nodes)
         arcs = arcs_of(trajectory, nodes, sizes)
-        steps = zip(
-            *(
-                (p.t[:-1], np.diff(p.t), *trajectory.input_ends(p))
-                for p in trajectory.phases
-                if p.steps
-            ),
-            strict=True,
-        )
-        run = Steps(*(np.concatenate(part, dtype=float) for part in steps))
-        begins = np.cumsum([0, *(p.steps for p in trajectory.phases)])
+        run = Steps(nodes.t[nodes.starts], nodes.h, *nodes.inputs)
+        begins = nodes.begins - np.arange(len(nodes.begins))
         ignored = tuple(model.surface_numbers[name] for name in trajectory.ignored)
         allowed = partial(allowance, arcs, model.nc, ignored)
         flow = Flow(model, sizes, restitution, allowed, check_time)
@@ -112,12 +103,6 @@ class Motion:
     def steps_of(self, i: int) -> slice:
         """The places of the steps of a phase."""
         return slice(int(self.begins[i]), int(self.begins[i + 1]))
-
-    @cached_property
-    def starts(self) -> NDArray[np.intp]:
-        """The node at which each step starts, shape (N,)."""
-        counts = np.diff(self.begins)
-        return np.arange(len(self.run)) + np.repeat(np.arange(len(counts)), counts)
 
     @cached_property
     def steps(self) -> tuple[Steps, ...]:
@@ -232,13 +217,13 @@ class Motion:
         places = slice(int(self.begins[numbers[0]]), int(self.begins[numbers[-1] + 1]))
         return ModeSpan(mode, tuple(numbers), places, self.run.part(places))
 
-    def error(self, y: Array, t: Array, q_wanted: Array, p_wanted: Array) -> Array:
-        """Largest relative error of each row's state y = (q | v ...)."""
-        nq = self.model.nq
-        q, p = y[:, :nq], self.model.momentum(y[:, :nq], y[:, nq : 2 * nq], t)
-        off_q = (np.abs(q - q_wanted) / self.sizes.q).max(axis=1)
-        off_p = (np.abs(p - p_wanted) / self.sizes.p).max(axis=1)
-        return infinite_where_none(np.maximum(off_q, off_p))
+    def errors(self, y: Array, t: Array, q_wanted: Array, p_wanted: Array) -> Array:
+        """Relative errors of the positions and momenta (n, 2 nq) of rows y = (q | v ...)."""
+        nq, off = self.model.nq, np.empty((len(y), 2 * self.model.nq))
+        q, v = y[:, :nq], y[:, nq : 2 * nq]
+        off[:, :nq] = (q - q_wanted) / self.sizes.q
+        off[:, nq:] = (self.model.momentum(q, v, t) - p_wanted) / self.sizes.p
+        return np.abs(off)
 
 
 def _check_shapes(trajectory: Trajectory) -> None:
@@ -293,4 +278,4 @@ def _mode_of(phase: Phase, model: Model) -> Mode:
 def nodes_of_segments(steps: int) -> NDArray[np.intp]:
     """First nodes of the segments of a phase, and its last node."""
     segments = min(SEGMENTS, steps)
-    return np.linspace(0, steps, segments + 1).round().astype(np.intp)
+    return (np.arange(segments + 1) * (steps / segments)).round().astype(np.intp)

@@ -46,7 +46,8 @@ def _imbalance(motion: Motion, work: tuple[float, ...]) -> float:
 
 def _energy_jump(p: EventPassage) -> float:
     """Difference of the energy after an event from that by the law."""
-    q, v = np.vstack([p.before.q[-1:], p.after.q[:1]]), np.vstack([p.law.velocity, p.after.v[:1]])
+    q = np.concatenate([p.before.q[-1:], p.after.q[:1]])
+    v = np.concatenate([p.law.velocity, p.after.v[:1]])
     by_law, after = p.model.energy(q, v, np.array([p.before.t[-1], p.after.t[0]]))
     return abs(float(after - by_law))
 

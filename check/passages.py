@@ -78,7 +78,7 @@ class EventPassage:
     @cached_property
     def rates(self) -> Array:
         """Rates of all gaps before, after, and after by the law, shape (3, nc)."""
-        v = np.vstack([self.before.v[-1:], self.after.v[:1], self.law.velocity])
+        v = np.concatenate([self.before.v[-1:], self.after.v[:1], self.law.velocity])
         q = np.repeat(self.before.q[-1:], 3, axis=0)
         return self.model.gap_rates(q, v, np.full(3, self.c.time))
 
@@ -94,7 +94,7 @@ class EventPassage:
         normal, tangential = self.planned
         change = tangential @ model.tangent_slopes(q, t)[:, :-1] - normal @ self.normals
         jump = self.after.p[0] - self.before.p[-1] - change
-        return model.with_joints(model.mass(q, t), jump, q, t)
+        return model.with_joints(model.mass(q, t), jump, q, t) if model.nj else jump
 
     def after_law(self, q: Array, v: Array, late: Array | float = 0.0) -> ImpactResult:
         """What the law makes of rows of states before the event, at times so much later."""

@@ -141,8 +141,10 @@ def _input_excess(motion: Motion) -> float:
     """Largest excess of an input over its bounds in any step, relative to the largest input, or to
     one that the motion could use within them."""
     low, high = motion.trajectory.input_bounds.T
-    u = np.vstack([motion.run.u0, motion.run.u1])
+    u = np.concatenate([motion.run.u0, motion.run.u1])
     excess = np.maximum(low - u, u - high)
+    if not (excess > 0).any():
+        return 0.0
     size = np.maximum(
         np.abs(u).max(axis=0, initial=0.0), np.minimum(high - low, motion.needed_inputs)
     )
@@ -152,13 +154,14 @@ def _input_excess(motion: Motion) -> float:
 def _singular(motion: Motion) -> Iterator[str]:
     """A mass matrix that is not positive definite, up to rounding errors of its entries."""
     nodes = motion.nodes
+    least = SINGULAR * nodes.inertia  # of the whole motion: at least those of each phase
+    if np.isfinite(nodes.mass).all() and _positive(nodes.mass - np.diag(least)):
+        return
     diagonal = np.abs(np.diagonal(nodes.mass, axis1=1, axis2=2))
     root = np.sqrt(np.maximum.reduceat(diagonal, nodes.begins[:-1]))
     root = np.repeat(np.where(root > 0, root, 1.0), np.diff(nodes.begins), axis=0)
     scaled = nodes.mass / root[:, :, None] / root[:, None]
     good = np.array(np.isfinite(scaled).all(axis=(1, 2)))
-    if good.all() and _positive(scaled - SINGULAR * np.eye(motion.model.nq)):
-        return
     good[good] = np.linalg.eigvalsh(scaled[good])[:, 0] > SINGULAR
     if not good.all():
         where = nodes.t[int(np.argmin(good))]

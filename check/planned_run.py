@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import BEARABLE, ON_TIME, TURNED
+from dmoc.check.findings import largest
 from dmoc.check.path_limits import IntegratedSteps
 from dmoc.check.runs import Departures, WholeRun, contacts_of_phases, is_planned
 from dmoc.check.segments import Segments, between, put
@@ -63,7 +64,7 @@ def _terminal_error(motion: Motion) -> float:
         if i + 1 < len(phases):
             q, v = (np.ascontiguousarray(a) for a in np.split(y, [nq], axis=1))
             y = np.hstack([q, motion.passages[i].after_law(q, v).velocity])
-    return float(motion.error(y, phase.t[-1:], phase.q[-1:], phase.p[-1:])[0])
+    return largest(motion.errors(y, phase.t[-1:], phase.q[-1:], phase.p[-1:]))
 
 
 def _missed(motion: Motion, i: int, planned: list[SurfaceContact]) -> list[Collision]:

@@ -7,15 +7,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dmoc.check.checked_motion import Motion
-from dmoc.check.path_limits import IntegratedSteps
+from dmoc.check.findings import largest
 from dmoc.check.plan import JOINED
-from dmoc.check.segments import Segments, between
+from dmoc.check.segments import Segments
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.bound_kernels import Index
 from dmoc.motion.trajectory import GRAZING, Collision
-from dmoc.simulation.flow import PLACES, Lost, SurfaceContact
+from dmoc.simulation.flow import Lost, SurfaceContact
 
 # A contact belongs to a planned collision if it happens within this share of the final time from
 # it.
@@ -92,7 +92,7 @@ def open_loop(motion: Motion) -> tuple[float, list[SurfaceContact]]:
         # It comes late: the end is that before the event, whose contact is to come.
         contacts += _late(motion, strikes, y, float(last.t[0]), [])
         last = motion.trajectory.phases[strikes]
-    return float(motion.error(y[None], last.t[-1:], last.q[-1:], last.p[-1:])[0]), contacts
+    return largest(motion.errors(y[None], last.t[-1:], last.q[-1:], last.p[-1:])), contacts
 
 
 def on_the_way(motion: Motion, parts: Segments) -> list[SurfaceContact]:
@@ -106,25 +106,24 @@ def contacts_of_phases(
     motion: Motion, parts: Segments, phases: Sequence[int]
 ) -> Iterator[list[SurfaceContact]]:
     """Contacts met in the segments of some phases."""
-    meets = np.append(_meeting(motion, parts.course), True) if phases else np.zeros(0)
+    stops = _stops(motion, parts) if phases else parts.first
     for i in phases:
-        contacts, end = list[SurfaceContact](), len(motion.steps[i])
-        own, begin = parts.of_phase(i), int(motion.begins[i])
-        for a, b in zip(parts.first[own].tolist(), parts.last[own].tolist(), strict=True):
-            k = min(a + int(np.argmax(meets[begin + a :])), b)
-            if k < b or (b == end and i < len(motion.trajectory.collisions)):
-                contacts += _met_in_segment(motion, parts, i, (k, b))
+        contacts, own = list[SurfaceContact](), parts.of_phase(i)
+        for k, last in zip(stops[own].tolist(), parts.last[own].tolist(), strict=True):
+            strikes = last == len(motion.steps[i]) and i < len(motion.trajectory.collisions)
+            if k < last or strikes:
+                contacts += _met_in_segment(motion, parts, i, (k, last))
         yield contacts
 
 
-def _meeting(motion: Motion, course: IntegratedSteps) -> NDArray[np.bool_]:
-    """Steps that might meet a surface, or whose ends are not finite, shape (N,)."""
-    times, path = between(motion, course, PLACES)
-    gaps = motion.model.gaps(path.reshape(-1, motion.model.nq), times.ravel())
-    gaps = gaps.reshape(*times.shape, motion.model.nc)
-    over = (gaps > np.swapaxes(motion.upper, 0, 1)).any(axis=(0, 2))
-    near = (np.abs(gaps[0]) <= motion.flow.near).any(axis=1)
-    return np.asarray(over | near | ~np.isfinite(course.stop).all(axis=1))
+def _stops(motion: Motion, parts: Segments) -> Index:
+    """The first step of each segment that might meet a surface, or its last node, (n,)."""
+    course, begins = parts.course, motion.begins[parts.phase]
+    states = course.start, course.ends, course.stop
+    meets = motion.flow.meets(*states, motion.run, motion.upper)
+    steps = np.append(np.flatnonzero(meets), len(meets))
+    first = steps[np.searchsorted(steps, begins + parts.first)] - begins
+    return np.minimum(first, parts.last)
 
 
 def _met_in_segment(
@@ -249,7 +248,7 @@ def _clearance(motion: Motion, c: SurfaceContact) -> float:
 
 
 def _gap_rate(motion: Motion, y: Array, t: float, j: int) -> float:
-    q, v = np.split(y, 2)
+    q, v = y[: motion.model.nq], y[motion.model.nq :]
     return float(motion.model.gap_rates(q, v, t)[j])
 
 

@@ -4,7 +4,6 @@ starts."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,16 +40,16 @@ def _holds(motion: Motion, mode: Mode) -> bool:
     return bool(mode.closed or mode.sticking or motion.model.nj)
 
 
-def _errors(motion: Motion, mode: Mode, y: Array, nodes: Sequence[Array]) -> tuple[Array, Array]:
-    """Largest relative errors of rows beside nodes (q, v, p, t), and by how much positions and
-    velocities are off.  What closed contacts and what sticks would not let pass is judged by
-    itself (:mod:`dmoc.check.contact_forces`)."""
-    q, v, p, t = nodes
-    planned, _ = put(motion, mode, np.hstack([q, v]), t)
-    at, rates = (np.ascontiguousarray(a) for a in np.hsplit(planned, 2))
+def _errors(motion: Motion, mode: Mode, y: Array, at: Index) -> tuple[Array, Array]:
+    """Relative errors of rows beside nodes, of positions and momenta (n, 2 nq), and the positions
+    and velocities that they should have.  What closed contacts and what sticks would not let pass
+    is judged by itself (:mod:`dmoc.check.contact_forces`)."""
+    nodes, nq = motion.nodes, motion.model.nq
+    planned, p, t = nodes.y[at], nodes.p[at], nodes.t[at]
     if _holds(motion, mode):
-        p = p + motion.model.momentum(at, rates, t) - motion.model.momentum(q, v, t)
-    return motion.error(y, t, at, p), y[:, : planned.shape[1]] - planned
+        planned, _ = put(motion, mode, planned, t)
+        p += motion.model.momentum(planned[:, :nq], planned[:, nq:], t) - nodes.momentum[at]
+    return motion.errors(y, t, planned[:, :nq], p), planned
 
 
 # Steps --------------------------------------------------------------------------------------------
@@ -80,8 +79,9 @@ def step_errors(motion: Motion) -> StepErrors:
 
 def _course(motion: Motion, piece: ModeSpan) -> IntegratedSteps:
     """The steps of a piece, with their work."""
-    nodes, at = motion.nodes, motion.starts[piece.places]
-    rows = np.hstack([nodes.q[at], nodes.v[at], np.zeros((len(at), 1))])
+    nodes, at = motion.nodes, motion.nodes.starts[piece.places]
+    rows = np.zeros((len(at), 2 * motion.model.nq + 1))
+    rows[:, :-1] = nodes.y[at]
     start, held = put(motion, piece.mode, rows, nodes.t[at])
     stop, first = start.copy(), np.arange(len(start))
     mode = None if piece.mode == FREE else piece.mode
@@ -90,26 +90,21 @@ def _course(motion: Motion, piece: ModeSpan) -> IntegratedSteps:
 
 
 def _errors_on(motion: Motion, piece: ModeSpan, course: IntegratedSteps) -> StepErrors:
-    inside, nq = motion.nodes_inside, motion.model.nq
-    times, path = between(motion, course, np.concatenate([PLACES[1:], inside]))
-    path, nodes = np.split(path, [len(PLACES) - 1])
-    times = times[: len(PLACES) - 1]
-    gaps = penetration(motion.model, motion.sizes, path.reshape(-1, nq), times.ravel())
-    low, high = motion.trajectory.coordinate_bounds.T
-    after = motion.starts[piece.places] + 1
-    errors, _ = _errors(motion, piece.mode, course.stop, [x[after] for x in motion.nodes.states])
-    begins = motion.begins[list(piece.numbers)] - piece.places.start
-    inner = _inside_errors(
-        motion, nodes, [motion.trajectory.phases[i].q_inside for i in piece.numbers]
-    )
+    nq, (low, high) = motion.model.nq, motion.trajectory.coordinate_bounds.T
+    times, path = between(motion, course, PLACES[1:])
+    path = path.reshape(-1, nq)
+    gaps = penetration(motion.model, motion.sizes, path, times.ravel(), _open(motion, piece.mode))
+    beside = path.T.copy()  # coordinates side by side have their extremes more quickly
+    over = np.maximum(low - beside.min(axis=1), beside.max(axis=1) - high)
+    errors, _ = _errors(motion, piece.mode, course.stop, motion.nodes.starts[piece.places] + 1)
     measured = {
-        "step error": largest(np.maximum(errors, inner)),
-        "penetration": largest(gaps[:, _open(motion, piece.mode)]),
-        "excess of a limit": largest(np.maximum(low - path, path - high) / motion.sizes.q),
+        "step error": max(largest(errors), _inside_error(motion, piece, course)),
+        "penetration": gaps,
+        "excess of a limit": largest(over / motion.sizes.q),
     }
-    return StepErrors(
-        Findings(measured), tuple(np.add.reduceat(course.stop[:, -1], begins).tolist())
-    )
+    begins = motion.begins[list(piece.numbers)] - piece.places.start
+    work = np.add.reduceat(course.stop[:, -1], begins)
+    return StepErrors(Findings(measured), tuple(work.tolist()))
 
 
 def between(motion: Motion, course: IntegratedSteps, places: Array) -> tuple[Array, Array]:
@@ -126,11 +121,14 @@ def _open(motion: Motion, mode: Mode) -> NDArray[np.bool_]:
     return watched
 
 
-def _inside_errors(motion: Motion, path: Array, planned: Sequence[Array]) -> Array:
-    """Largest relative error (N,) of the nodes inside steps beside a path there, (nodes, N, nq)."""
-    nodes = np.vstack(planned).reshape(path.shape[1], -1, motion.model.nq)
-    off = np.abs(np.swapaxes(path, 0, 1) - nodes) / motion.sizes.q
-    return infinite_where_none(off.max(axis=(1, 2), initial=0.0))
+def _inside_error(motion: Motion, piece: ModeSpan, course: IntegratedSteps) -> float:
+    """Largest relative error of the nodes inside steps beside their course."""
+    if not len(motion.nodes_inside):
+        return 0.0
+    _, path = between(motion, course, motion.nodes_inside)
+    planned = np.vstack([motion.trajectory.phases[i].q_inside for i in piece.numbers])
+    nodes = planned.reshape(path.shape[1], -1, motion.model.nq)
+    return largest(np.abs(np.swapaxes(path, 0, 1) - nodes) / motion.sizes.q)
 
 
 # Segments -----------------------------------------------------------------------------------------
@@ -166,7 +164,8 @@ def segments(motion: Motion) -> Segments:
     """The segments of all phases, in their order."""
     parts = zip(*(_segments_of(motion, piece) for piece in motion.pieces), strict=True)
     phase, first, last, error, slope, defect, held, course = map(np.concatenate, parts)
-    start, ends, stop = (np.ascontiguousarray(part) for part in np.split(course, 3, axis=1))
+    m = 2 * motion.model.nq
+    start, ends, stop = (course[:, k * m : (k + 1) * m].copy() for k in range(3))
     ends = ends.reshape(len(ends), 2, motion.model.nq)
     whole = IntegratedSteps(motion.run, start, ends, stop)
     return Segments(phase, first, last, error, slope, defect, held, whole)
@@ -181,7 +180,7 @@ def _segments_of(motion: Motion, piece: ModeSpan) -> tuple[NDArray[Any], ...]:
     last = np.concatenate([cut[1:] for cut in cuts.values()])
     at, to = (nodes.begins[phase] + part for part in (first, last))
     begin, end = (motion.begins[phase] - piece.places.start + part for part in (first, last))
-    start, t = np.hstack([nodes.q[at], nodes.v[at]]), nodes.t[at]
+    start, t = nodes.y[at], nodes.t[at]
     course = np.empty((len(piece.steps), 3 * m))
     if mode != FREE or motion.model.nj:
         ends, held = put(motion, mode, start.copy(), t)
@@ -189,15 +188,17 @@ def _segments_of(motion: Motion, piece: ModeSpan) -> tuple[NDArray[Any], ...]:
         slopes = _differences(motion, piece, (start, t, ends), begin, end)
     else:
         held = np.zeros((len(start), motion.model.nt))
-        ends = np.hstack([start, np.tile(np.eye(m).ravel(), (len(start), 1))])
+        ends = np.empty((len(start), m + m * m))
+        ends[:, :m], ends[:, m:] = start, np.eye(m).ravel()
         motion.flow.advance(ends, piece.steps, begin, end, course=course)
         slopes = ends[:, m:].reshape(-1, m, m)
         bad = ~np.isfinite(slopes).all(axis=(1, 2))  # forces with a kink where the motion is
         if bad.any():
             kinked = start[bad], t[bad], ends[bad, :m]
             slopes[bad] = _differences(motion, piece, kinked, begin[bad], end[bad])
-    errors, defects = _errors(motion, mode, ends, [x[to] for x in nodes.states])
-    return phase, first, last, errors, slopes, defects, held, course
+    errors, planned = _errors(motion, mode, ends, to)
+    worst, defects = infinite_where_none(errors.max(axis=1)), ends[:, :m] - planned
+    return phase, first, last, worst, slopes, defects, held, course
 
 
 def _differences(

@@ -76,7 +76,7 @@ def condition_rates(model: Model, mode: Mode, q: Array, v: Array, t: Array) -> A
     """Rates (n, m) of the conditions of a mode at rows of states."""
     normal, along = model.gap_rates(q, v, t), model.slide_rates(q, v, t)
     held = normal[:, list(mode.closed)], along[:, list(mode.sticking)]
-    return np.hstack([*held, model.joint_rates(q, v, t)])
+    return np.concatenate([*held, model.joint_rates(q, v, t)], axis=1)
 
 
 def answers(M: Array, c: Conditions, wanted: Array) -> tuple[Array, Array]:
@@ -139,9 +139,11 @@ def without_effect(model: Model, mode: Mode, q: Array, t: Array) -> Array:
 def borne(model: Model, mode: Mode, reaction: Reaction, q: Array, t: Array) -> Reaction:
     """A reaction whose forces are those with the same effect that stay furthest from pulling and
     from the edges of their cones, in rows whose smallest forces are not borne."""
+    if len(mode.closed) + len(mode.sticking) + model.nj < 2:
+        return reaction
     margins = _margins(model, mode, (reaction.normal, reaction.tangential))
     bad = np.flatnonzero(~(margins >= 0).all(axis=1))
-    if not len(bad) or len(mode.closed) + len(mode.sticking) + model.nj < 2:
+    if not len(bad):
         return reaction
     free = without_effect(model, mode, q[bad], t[bad])
     if not np.isfinite(free).all() or not free.any():
@@ -195,7 +197,7 @@ def _margins(model: Model, mode: Mode, forces: tuple[Array, Array]) -> Array:
     force that sticks, in either direction."""
     (N, T), stuck = forces, list(mode.sticking)
     held, rubs = model.bearing(N)[:, stuck], T[:, stuck]
-    return np.hstack([N[:, list(mode.closed)], held - rubs, held + rubs])
+    return np.concatenate([N[:, list(mode.closed)], held - rubs, held + rubs], axis=1)
 
 
 def _furthest(
@@ -245,7 +247,7 @@ def kept(model: Model, mode: Mode, reaction: Reaction, q: Array, v: Array, t: Ar
     sigma = model.slide_rates(q, v, t)
     for k, s in mode.sliding:
         slides[:, k] = s * sigma[:, k]
-    return np.hstack([least, bears, slides])
+    return np.concatenate([least, bears, slides], axis=1)
 
 
 def slack(mode: Mode, small: Tolerances) -> Array:

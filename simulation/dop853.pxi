@@ -17,6 +17,28 @@ cdef double ACCURACY = 1e-11
 cdef double ROUNDED = 1e-6, FALLING = 0.5
 
 
+# The coefficients of the method: of each sum the first of its terms, their stages and factors; where
+# the stages are.
+cdef ptrdiff_t SUM_START[SUMS + 1]
+cdef ptrdiff_t SUM_INDEX[TERMS]
+cdef double SUM_FACTOR[TERMS]
+cdef double SHARE[STAGE]
+
+
+def _read_coefficients():
+    cdef ptrdiff_t k = 0, s
+    for s, terms in enumerate(((), *sums())):
+        SUM_START[s] = k
+        for SUM_INDEX[k], SUM_FACTOR[k] in terms:
+            k += 1
+    SUM_START[SUMS] = k
+    for s, share in enumerate(shares()):
+        SHARE[s + 1] = share
+
+
+_read_coefficients()
+
+
 cdef class Method(Dynamics):
     """Integrates rows of states over steps whose inputs are linear."""
     cdef ptrdiff_t parts
@@ -26,10 +48,6 @@ cdef class Method(Dynamics):
     cdef readonly double worst  # error of the last rows
     cdef double[::1] start, y, stage, slopes, u0, u1, begin, span, error, before
     cdef ptrdiff_t[::1] row, which, step
-    cdef ptrdiff_t sum_start[SUMS + 1]
-    cdef ptrdiff_t sum_index[TERMS]
-    cdef double sum_factor[TERMS]
-    cdef double share[STAGE]
 
     def __init__(self, kernels, par, size, check_time):
         cdef ptrdiff_t rows, widest
@@ -43,19 +61,6 @@ cdef class Method(Dynamics):
         self.u0, self.u1 = _space(rows * self.nu), _space(rows * self.nu)
         self.begin, self.span, self.error, self.before = (_space(rows) for _ in range(4))
         self.row, self.which, self.step = (np.zeros(rows, dtype=np.intp) for _ in range(3))
-        self._sums()
-
-    def _sums(self):
-        """Read the coefficients of the method."""
-        cdef ptrdiff_t k = 0
-        for s, terms in enumerate(((), *sums())):
-            self.sum_start[<ptrdiff_t>s] = k
-            for j, factor in terms:
-                self.sum_index[k], self.sum_factor[k] = j, factor
-                k += 1
-        self.sum_start[SUMS] = k
-        for s, share in enumerate(shares()):
-            self.share[<ptrdiff_t>s + 1] = share
 
     cdef void moment(self, ptrdiff_t n, double share) noexcept nogil:
         """Times and inputs at a share of the steps."""
@@ -82,10 +87,10 @@ cdef class Method(Dynamics):
         self, ptrdiff_t count, ptrdiff_t stride, ptrdiff_t s, ptrdiff_t begin, double *out
     ) noexcept nogil:
         """The sum s of so many slopes, from one on."""
-        cdef ptrdiff_t e = self.sum_start[s]
+        cdef ptrdiff_t e = SUM_START[s]
         sum_of(
-            out, &self.slopes[begin], count, stride, self.sum_start[s + 1] - e,
-            &self.sum_index[e], &self.sum_factor[e],
+            out, &self.slopes[begin], count, stride, SUM_START[s + 1] - e, &SUM_INDEX[e],
+            &SUM_FACTOR[e],
         )
 
     cdef double largest(
@@ -120,7 +125,7 @@ cdef class Method(Dynamics):
         for k in range(count):
             for s in range(1, STAGE):
                 self.add(n, width, s, count, &self.stage[0])
-                self.moment(n, (k + self.share[s]) / count)
+                self.moment(n, (k + SHARE[s]) / count)
                 self.slope(n, width, &self.stage[0], &self.slopes[s * total])
             self.add(n, width, END, count, &self.stage[0])
             for c in range(total):

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
@@ -141,6 +142,13 @@ class Flow:
             y, *inputs, first, last, PLACES, upper, self.near, q_wanted, astray
         )
 
+    def meets(
+        self, start: Array, ends: Array, stop: Array, steps: Steps, upper: Array
+    ) -> NDArray[np.bool_]:
+        """Which steps between states, with the accelerations at both ends, might meet a surface,
+        or have ends that are not finite, shape (N,)."""
+        return self.integrator.meets(start, ends, stop, steps.t, steps.h, PLACES, upper, self.near)
+
     def through_contacts(
         self, y: Array, steps: Steps, k: int, contacts: list[SurfaceContact]
     ) -> Array:
@@ -208,14 +216,16 @@ class Flow:
         times = t + PLACES * h
         path = self.integrator.between(y[None], ends, y1[None], h, PLACES)[:, 0]
         gaps = self.model.gaps(path, times) - self.allowance(times)
-        touch, rates = TOUCH * self.sizes.gap, self.model.gap_rates(y[: self.nq], y[self.nq :], t)
-        first: tuple[float, int] | None = None
+        touch, first = TOUCH * self.sizes.gap, None
+        beyond = np.flatnonzero((gaps > touch).any(axis=0)).tolist()
+        if not beyond:
+            return None
+        rates = self.model.gap_rates(y[: self.nq], y[self.nq :], t)
 
         def gap(j: int, s: float) -> float:
-            q = until(s)[0][: self.nq] if s > t else y[: self.nq]
-            return float(self.model.gaps(q, s)[j] - self.allowance(np.array([s]))[0, j])
+            return until.gap(j, s) - float(self.allowance(np.array([s]))[0, j])
 
-        for j in range(self.model.nc):
+        for j in beyond:
             # What has entered a surface where it might, and leaves it, is met again only after it
             # has been outside.
             leaving = gaps[0, j] > touch[j] and rates[j] < 0
@@ -275,3 +285,8 @@ class _Until:
         t, h = np.array([self.t]), np.array([end - self.t])
         inputs, mode = (self.inputs(self.t), self.inputs(end)), self.mode
         return y[0], self.flow.integrator.advance(y, FIRST, LAST, t, h, *inputs, mode)
+
+    def gap(self, j: int, end: float) -> float:
+        """The gap to a surface at a later time."""
+        u = self.inputs(self.t)[0], self.inputs(end)[0]
+        return self.flow.integrator.gap(self.y, self.t, end - self.t, *u, j, self.mode)

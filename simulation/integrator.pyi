@@ -2,6 +2,9 @@
 
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.contact_mode import Mode
@@ -37,6 +40,27 @@ class Integrator:
         self, mode: Mode, y: Array, u: Array, h: float, first: int, shares: Array, reach: Array
     ) -> tuple[Array, Array, Array]: ...
     def between(self, y0: Array, ends: Array, y1: Array, h: Array, shares: Array) -> Array: ...
+    def meets(
+        self,
+        start: Array,
+        ends: Array,
+        stop: Array,
+        t: Array,
+        h: Array,
+        shares: Array,
+        upper: Array,
+        near: Array,
+    ) -> NDArray[np.bool_]: ...
+    def gap(
+        self,
+        y: Array,
+        t: float,
+        h: float,
+        u0: Array,
+        u1: Array,
+        surface: int,
+        mode: Mode | None = None,
+    ) -> float: ...
     def quiet(
         self,
         y: Array,

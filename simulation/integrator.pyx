@@ -206,6 +206,68 @@ cdef class Integrator(Method):
                 )
         return places
 
+    def meets(
+        self, const double[:, ::1] start, const double[:, :, ::1] ends, const double[:, ::1] stop,
+        const double[::1] t, const double[::1] h, const double[::1] shares,
+        const double[:, :, ::1] upper, const double[::1] near
+    ):
+        """Which steps between states (N, 2 nq) with the accelerations (N, 2, nq) at both ends
+        might meet a surface, as ``quiet`` sees it, or have ends that are not finite."""
+        cdef ptrdiff_t nq = self.nq, nc = self.nc, N = t.shape[0], places = shares.shape[0], k
+        cdef double[::1] path = _space(places * nq), moments = _space(places)
+        cdef double[::1] gaps = _space(places * nc)
+        met = np.zeros(N, dtype=np.uint8)
+        cdef unsigned char[::1] meet = met
+        if not (start.shape[0] == ends.shape[0] == stop.shape[0] == h.shape[0] == N):
+            raise ValueError(f"expected {N} steps")
+        if not (start.shape[1] == stop.shape[1] == 2 * nq == 2 * ends.shape[2]):
+            raise ValueError(f"expected {nq} coordinates")
+        self._look_at(N, places, upper, near)
+        with nogil:
+            for k in range(N):
+                if nc:
+                    self.look(
+                        &start[k, 0], &ends[k, 0, 0], &stop[k, 0], t[k], h[k], shares, path,
+                        moments, gaps
+                    )
+                meet[k] = not finite(2 * nq, &stop[k, 0]) or over(
+                    places, nc, &gaps[0], &upper[0, 0, 0] + k * places * nc, &near[0]
+                )
+        return met.view(bool)
+
+    def _look_at(self, N, places, const double[:, :, ::1] upper, const double[::1] near):
+        """Refuse limits of gaps that do not fit N steps and places in each."""
+        if not (upper.shape[0] == N and upper.shape[1] == places > 0):
+            raise ValueError(f"expected {N} steps and {places} places")
+        if not upper.shape[2] == near.shape[0] == self.nc:
+            raise ValueError(f"expected {self.nc} surfaces")
+
+    def gap(
+        self, const double[::1] y, double t, double h, const double[::1] u0, const double[::1] u1,
+        ptrdiff_t surface, mode=None
+    ):
+        """The gap to a surface after a step of a state (q | v) in a mode."""
+        cdef ptrdiff_t i
+        cdef const double *args[DMOC_MOST]
+        cdef ptrdiff_t stride[DMOC_MOST]
+        cdef double *results[DMOC_MOST]
+        cdef double[::1] row = np.array(y), gaps = _space(self.nc)
+        if not (y.shape[0] == 2 * self.nq and u0.shape[0] == u1.shape[0] == self.nu):
+            raise ValueError(f"expected {self.nq} coordinates and {self.nu} inputs")
+        if not 0 <= surface < self.nc:
+            raise ValueError(f"expected one of {self.nc} surfaces")
+        self._enter(mode)
+        if self.sticking:
+            raise ValueError("expected a mode in which nothing sticks")
+        self.which[0] = self.step[0] = 0
+        self.advance_rows(1, 2 * self.nq, &row[0], &t, &h, &u0[0], &u1[0], NULL)
+        t += h
+        args[0], args[1], args[2], results[0] = &row[0], &t, &self.par[0], &gaps[0]
+        for i in range(3):
+            stride[i] = 0
+        self.surface.run(1, args, stride, results)
+        return gaps[surface]
+
     def quiet(
         self, double[:, ::1] y, const double[::1] t, const double[::1] h, const double[:, ::1] u0,
         const double[:, ::1] u1, const ptrdiff_t[::1] first, const ptrdiff_t[::1] last,
@@ -249,10 +311,9 @@ cdef class Integrator(Method):
         for row in range(n):
             if not N >= last[row] >= first[row] >= 0:
                 raise ValueError(f"expected steps below {N}")
-        if not (u0.shape[1] == u1.shape[1] == self.nu and upper.shape[0] == N):
-            raise ValueError(f"expected {self.nu} inputs and {N} steps")
-        if not (upper.shape[1] == places > 0 and upper.shape[2] == near.shape[0] == nc):
-            raise ValueError(f"expected {places} places and {nc} surfaces")
+        if not u0.shape[1] == u1.shape[1] == self.nu:
+            raise ValueError(f"expected {self.nu} inputs")
+        self._look_at(N, places, upper, near)
         if not (q_wanted.shape[0] == N + 1 and q_wanted.shape[1] == astray.shape[0] == nq):
             raise ValueError(f"expected {N + 1} positions of {nq} coordinates")
         self._enter(None)
@@ -272,7 +333,7 @@ cdef class Integrator(Method):
                         self.look(
                             &y[row, 0], &ends[0], &y1[0], t[k], h[k], shares, path, moments, gaps
                         )
-                    if meets(places, nc, &gaps[0], &upper[0, 0, 0] + k * places * nc, &near[0]):
+                    if over(places, nc, &gaps[0], &upper[0, 0, 0] + k * places * nc, &near[0]):
                         break
                     for i in range(2 * nq):
                         y[row, i] = y1[i]
@@ -300,7 +361,7 @@ cdef class Integrator(Method):
         return 0
 
 
-cdef bint meets(
+cdef bint over(
     ptrdiff_t places, ptrdiff_t nc, const double *gaps, const double *upper, const double *near
 ) noexcept nogil:
     """Whether a gap at the start of a step is near, or one in it above what it may be."""

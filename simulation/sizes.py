@@ -11,8 +11,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved_transpose
@@ -64,16 +66,24 @@ class Sizes:
 
 
 def _along(slopes: Array, q: Array, v: Array, time: float) -> tuple[Array, Array]:
-    slope = np.abs(slopes).max(axis=0)
-    place, rate = slope @ np.append(q, time), slope @ np.append(v, 1.0)
+    slope = most_of(slopes)
+    place, rate = slope[:, :-1] @ q + slope[:, -1] * time, slope[:, :-1] @ v + slope[:, -1]
     return np.maximum(place, NOTHING), np.maximum(rate, NOTHING)
+
+
+def most_of(rows: Array) -> Array:
+    """The largest absolute values of the columns of rows (n, ...), which lie side by side for it:
+    that is quicker."""
+    beside = np.abs(rows.reshape(len(rows), -1).T, order="C")
+    return np.asarray(beside.max(axis=1).reshape(rows.shape[1:]))
 
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """All nodes of a motion, those of one phase after those of another, and what the model makes of
-    them: where those of each phase begin, and the end (phases + 1,), the inputs of the steps that
-    end and begin there, their masses, and the forces of the positions alone."""
+    """All nodes of a motion, those of one phase after those of another: where those of each phase
+    begin, and the end (phases + 1,), the nodes at which steps start (N,), the inputs at both ends
+    of these, and what the model makes of the nodes: masses, and the forces of the positions
+    alone."""
 
     model: Model
     q: Array
@@ -81,19 +91,35 @@ class Nodes:
     p: Array
     t: Array
     begins: Index
-    u: tuple[Array, Array]
+    starts: Index
+    inputs: tuple[Array, Array]
     mass: Array
     force: Array
 
-    @property
-    def states(self) -> tuple[Array, Array, Array, Array]:
-        """Positions, velocities, momenta and times."""
-        return self.q, self.v, self.p, self.t
+    @cached_property
+    def h(self) -> Array:
+        """Durations of the steps, shape (N,)."""
+        return np.asarray(self.t[self.starts + 1] - self.t[self.starts])
+
+    @cached_property
+    def u(self) -> tuple[Array, Array]:
+        """Inputs before and after each node: of the steps that end and begin there."""
+        (u0, u1), first = self.inputs, self.begins - np.arange(len(self.begins))
+        before, after = np.empty((2, len(self.t), u0.shape[1]))
+        before[self.starts + 1], after[self.starts] = u1, u0
+        before[self.begins[:-1]] = np.concatenate([u0, u1[-1:]])[first[:-1]]
+        after[self.begins[1:] - 1] = u1[first[1:] - 1]
+        return before, after
+
+    @cached_property
+    def y(self) -> Array:
+        """States (q | v)."""
+        return np.concatenate([self.q, self.v], axis=1)
 
     @cached_property
     def inertia(self) -> Array:
         """The largest inertia of each coordinate, of one that has none the largest of all."""
-        inertia = np.abs(np.diagonal(self.mass, axis1=1, axis2=2)).max(axis=0)
+        inertia = np.diagonal(most_of(self.mass))
         return np.asarray(np.where(inertia > 0, inertia, inertia.max()))
 
     @cached_property
@@ -125,30 +151,32 @@ class Nodes:
 def nodes_of(trajectory: Trajectory, model: Model) -> Nodes:
     """All nodes of a motion."""
     phases = trajectory.phases
-    q, v, p = (np.vstack([getattr(phase, name) for phase in phases]) for name in "qvp")
-    t = np.concatenate([phase.t for phase in phases])
-    begins = np.cumsum([0, *(len(phase.t) for phase in phases)])
-    before, after = zip(*map(trajectory.input_sides, phases), strict=True)
+    q, v, p, t = (np.concatenate([getattr(phase, name) for phase in phases]) for name in "qvpt")
+    begins = np.array([0, *accumulate(len(phase.t) for phase in phases)])
+    goes_on = np.ones(len(t), dtype=bool)
+    goes_on[begins[1:] - 1] = False
+    ends = zip(*(trajectory.input_ends(phase) for phase in phases if phase.steps), strict=True)
+    u0, u1 = (np.concatenate(u, dtype=float) for u in ends)
     mass, force = model.equations(q, None, None, t)
-    return Nodes(model, q, v, p, t, begins, (np.vstack(before), np.vstack(after)), mass, force)
+    return Nodes(model, q, v, p, t, begins, np.flatnonzero(goes_on), (u0, u1), mass, force)
 
 
 def sizes_of(trajectory: Trajectory, nodes: Nodes) -> Sizes:
     """Read the sizes of a motion."""
     model, time = nodes.model, float(nodes.t[-1] - nodes.t[0])
     root = np.sqrt(nodes.inertia)
-    kinetic = float((nodes.v * (nodes.mass @ nodes.v[..., None])[..., 0]).sum(axis=1).max()) / 2
+    kinetic = float(np.einsum("ki,kij,kj->k", nodes.v, nodes.mass, nodes.v).max()) / 2
     force = _forces(model, nodes)
     fastest = np.sqrt(2 * kinetic)
     strongest = float((force / root).max())
     speed = max(STILL * fastest, HELD * strongest * time)
     speed = max(speed, ROOM * _room(trajectory, nodes) / time, NOTHING)
-    rounding = DIGITS * np.abs(nodes.q).max(axis=0)
-    step = min(float(np.diff(phase.t).min()) for phase in trajectory.phases if phase.steps)
+    rounding = DIGITS * most_of(nodes.q)
+    moved, step = nodes.q.T.copy(), float(nodes.h.min())
     way, least = speed * time / root, np.maximum(speed / root, rounding / step)
-    q = np.maximum(np.maximum(np.ptp(nodes.q, axis=0), way), rounding)
-    v = np.maximum(np.abs(nodes.v).max(axis=0), least)
-    p = np.maximum(np.abs(nodes.p).max(axis=0), nodes.inertia * least)
+    q = np.maximum(np.maximum(moved.max(axis=1) - moved.min(axis=1), way), rounding)
+    v = np.maximum(most_of(nodes.v), least)
+    p = np.maximum(most_of(nodes.p), nodes.inertia * least)
     rounded = DIGITS * float(np.abs(nodes.energy).max())
     energy = max(kinetic, float(force @ way), float(least @ p), rounded)
 
@@ -178,11 +206,11 @@ def _forces(model: Model, nodes: Nodes) -> Array:
     """Largest generalised forces (nq,) that act anywhere: of the position alone, of position and
     velocity, and of each input by itself, balanced or not."""
     both = model.equations(nodes.q, nodes.v, None, nodes.t)[1]
-    most = np.maximum(np.abs(nodes.force).max(axis=0), np.abs(both).max(axis=0))
+    most = np.maximum(most_of(nodes.force), most_of(both))
     if model.nu:
         B = np.abs(model.input_matrix(nodes.q, nodes.v, nodes.u[0], nodes.t))
         for u in nodes.u:
-            most = np.maximum(most, (B @ np.abs(u)[..., None]).max(axis=0)[:, 0])
+            most = np.maximum(most, most_of((B * np.abs(u)[:, None]).sum(axis=2)))
     return np.asarray(most)
 
 
@@ -190,16 +218,18 @@ def _lifted(nodes: Nodes) -> float:
     """The largest work that the forces of the position alone do on the way of one coordinate
     between any two nodes: a motion that inputs lift slowly exchanges far more energy than it has
     in its velocities."""
-    force, way = nodes.force, np.diff(nodes.q, axis=0)
-    work = np.cumsum((force[1:] + force[:-1]) / 2 * way, axis=0)
-    most, least = work.max(axis=0, initial=0.0), work.min(axis=0, initial=0.0)
+    force, q = nodes.force.T.copy(), nodes.q.T.copy()
+    mean, way = (force[:, 1:] + force[:, :-1]) / 2, q[:, 1:] - q[:, :-1]
+    work = np.cumsum(mean * way, axis=1)
+    most, least = work.max(axis=1, initial=0.0), work.min(axis=1, initial=0.0)
     return float((most - least).max())
 
 
 def _room(trajectory: Trajectory, nodes: Nodes) -> float:
     """The shortest of the ways, measured by the masses, to a surface and between the limits of a
     coordinate; 0 where there are none."""
-    ways = np.ptp(trajectory.coordinate_bounds, axis=1) * np.sqrt(nodes.inertia)
+    low, high = trajectory.coordinate_bounds.T
+    ways = (high - low) * np.sqrt(nodes.inertia)
     if nodes.model.nc:
         slope = nodes.gap_slopes[0, :, :-1] / np.sqrt(nodes.inertia)
         off = np.abs(nodes.gaps[0]) / np.sqrt((slope * slope).sum(axis=1))
@@ -208,17 +238,24 @@ def _room(trajectory: Trajectory, nodes: Nodes) -> float:
     return float(ways.min()) if len(ways) else 0.0
 
 
-def penetration(model: Model, sizes: Sizes, q: Array, t: Array) -> Array:
-    """Gaps (n, nc) at rows of positions, relative to how far the motion's ranges move them: where
-    they are positive by their slopes there, which in a small obstacle are far below the largest."""
-    gaps = model.gaps(q, t)
-    shares, behind = gaps / sizes.gap, np.flatnonzero((gaps > 0).any(axis=1))
-    if len(behind):
-        shares[behind] = gaps[behind] / gap_sizes(model.gap_slopes(q[behind], t[behind]), sizes)
-    return np.asarray(shares)
+def penetration(
+    model: Model, sizes: Sizes, q: Array, t: Array, watched: NDArray[np.bool_]
+) -> float:
+    """The largest positive gap of some surfaces at rows of positions, relative to how far the
+    motion's ranges move it by its slopes there, which in a small obstacle are far below the
+    largest; infinite where one is not a number."""
+    gaps = model.gaps(q, t)[:, watched]
+    if np.isnan(gaps).any() or np.isnan(sizes.gap[watched]).any():
+        return np.inf
+    if not gaps.max(initial=0.0) > 0:
+        return 0.0
+    behind = np.flatnonzero((gaps > 0).any(axis=1))
+    slopes = model.gap_slopes(q[behind], t[behind])
+    return float((gaps[behind] / gap_sizes(slopes, sizes)[:, watched]).max())
 
 
 def gap_sizes(slopes: Array, sizes: Sizes) -> Array:
     """How far the motion's ranges move gaps with slopes (n, nc, nq + 1), shape (n, nc)."""
-    moved = np.abs(slopes) @ np.append(sizes.q, sizes.time)
+    slopes = np.abs(slopes)
+    moved = slopes[..., :-1] @ sizes.q + slopes[..., -1] * sizes.time
     return np.asarray(np.maximum(moved, LEVEL * sizes.gap))
