@@ -10,7 +10,7 @@ import numpy as np
 
 from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import largest
-from dmoc.check.segments import PERTURBED, Segments
+from dmoc.check.segments import Segments
 from dmoc.codegen.kernels import Array
 
 SMALLEST = 1e-11  # error of a segment that is not told from those of the integration
@@ -49,7 +49,7 @@ def carried(motion: Motion, parts: Segments) -> Carried:
     slopes, defects = parts.slope / unit[:, None] * unit, parts.defect / unit
     # Where the motion ends with its last event, there is one after the last of its segments.
     count = min(motion.stepped, len(motion.trajectory.collisions))
-    events = [event_slope(motion, i, unit) for i in range(count)]
+    events = [passage.slope for passage in motion.passages[:count]]
     rest = np.eye(len(unit))
     products, phases = [rest[None]], []
     for i in reversed(range(motion.stepped)):
@@ -97,26 +97,3 @@ def _deviations(parts: Segments, slopes: Array, defects: Array, events: Sequence
             errors[:, : k + 1] = lasts[k] @ errors[:, : k + 1]
     deviations[-1] = np.abs(errors).sum(axis=1)
     return deviations
-
-
-def event_slope(motion: Motion, i: int, unit: Array) -> Array:
-    """Derivative of the state after an event, at its planned time, by the state before it, in
-    sizes.  A collision happens where its surface is met; events between modes, at their time."""
-    p, model, nq = motion.passages[i], motion.model, motion.model.nq
-    start = np.concatenate([p.before.q[-1], p.before.v[-1]])
-    changes = PERTURBED * np.diag(unit)
-    rows = start + np.concatenate([changes, -changes])
-    q, v = rows[:, :nq].copy(), rows[:, nq:].copy()
-    late, a = np.zeros((len(q), 1)), np.zeros((2, nq))
-    if not motion.has_modes:
-        j = model.surface_numbers[p.c.surface]
-        if p.c.grazes or not p.rates[0, j] > 0:
-            return np.eye(2 * nq)
-        late = -((q - p.before.q[-1]) @ p.normals[j])[:, None] / p.rates[0, j]
-        nodes, sides = motion.nodes, motion.nodes.begins[i + 1] - [1, 0]
-        u = np.array([side[k] for side, k in zip(nodes.u, sides, strict=True)])
-        a = model.acceleration(nodes.q[sides], nodes.v[sides], u, np.full(2, p.c.time))
-    q, v = q + late * v, v + late * a[0]
-    v = p.after_law(q, v, late[:, 0]).velocity
-    ends = np.concatenate([q - late * v, v - late * a[1]], axis=1)
-    return np.asarray((ends[: 2 * nq] - ends[2 * nq :]).T / (2 * PERTURBED * unit[:, None]))

@@ -23,6 +23,8 @@ from dmoc.simulation.contact_modes import (
 from dmoc.simulation.hit_coefficients import said_of_law
 from dmoc.simulation.single_hit import single_hit
 
+PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
+
 
 @dataclass(frozen=True)
 class ImpactResult:
@@ -46,6 +48,10 @@ class EventPassage:
     c: Collision  # what is planned
     before: Phase
     after: Phase
+    unit: Array  # sizes of positions and velocities, (2 nq,)
+    # The inputs on both sides (2, nu) of a collision that happens where its surface is met; those
+    # of events that happen at their time are not asked for.
+    inputs: Array | None
     mode: Mode = FREE  # surfaces that take impulses, and the friction of their tangents
     hit: int | None = None  # the one of them that is released, by its coefficient of restitution
     # Its tangent where it has friction: then it is hit after Poisson while the others hold; or that
@@ -65,15 +71,53 @@ class EventPassage:
         )
 
     @cached_property
+    def starts(self) -> tuple[Array, Array, Array]:
+        """States at the event, by when they are late there (n, 1), and accelerations on both sides
+        (2, nq): of the end of the phase before, and of ends changed by a little either way, at
+        their surface if it is a collision that happens where this is met."""
+        nq, changes = self.model.nq, PERTURBED * np.diag(self.unit)
+        end = np.concatenate([self.before.q[-1], self.before.v[-1]])
+        y = end + np.concatenate([np.zeros((1, len(end))), changes, -changes])
+        late, a = np.zeros((len(y), 1)), np.zeros((2, nq))
+        if self.inputs is not None:
+            n, moving = self.slopes[self.model.surface_numbers[self.c.surface]], end[nq:]
+            rate = float(n[:-1] @ moving + n[-1])
+            if self.c.grazes or not rate > 0:
+                return y[:1], late[:1], a
+            sides = (self.before.q[-1:], self.after.q[:1]), (self.before.v[-1:], self.after.v[:1])
+            q, v = map(np.concatenate, sides)
+            a = self.model.acceleration(q, v, self.inputs, np.full(2, self.c.time))
+            late[1:] = -((y[1:, :nq] - end[:nq]) @ n[:-1])[:, None] / rate
+            y[1:, :nq] += late[1:] * y[1:, nq:]
+            y[1:, nq:] += late[1:] * a[0]
+        return y, late, a
+
+    @cached_property
+    def outcome(self) -> ImpactResult:
+        """What the law makes of these states."""
+        (y, late, _), nq = self.starts, self.model.nq
+        return self.after_law(y[:, :nq].copy(), y[:, nq:].copy(), late[:, 0])
+
+    @cached_property
     def law(self) -> ImpactResult:
         """What the law makes of the end of the phase before; of impulses that have the same effect
         those that are borne."""
-        q, t = self.before.q[-1:], np.array([self.c.time])
-        result = self.after_law(q, self.before.v[-1:])
-        joints = np.zeros((1, self.model.nj))
-        smallest = Reaction(result.velocity, result.normal, result.tangential, joints)
+        rows, q, t = self.outcome, self.before.q[-1:], np.array([self.c.time])
+        parts = rows.velocity[:1], rows.normal[:1], rows.tangential[:1]
+        smallest = Reaction(*parts, np.zeros((1, self.model.nj)))
         best = borne(self.model, self.mode, smallest, q, t)
-        return replace(result, normal=best.normal, tangential=best.tangential)
+        return replace(rows, velocity=parts[0], normal=best.normal, tangential=best.tangential)
+
+    @cached_property
+    def slope(self) -> Array:
+        """Derivative of the state after an event, at its planned time, by the state before it, in
+        sizes."""
+        (y, late, a), nq, v = self.starts, self.model.nq, self.outcome.velocity
+        if len(y) == 1:
+            return np.eye(2 * nq)
+        ends = np.concatenate([y[:, :nq] - late * v, v - late * a[1]], axis=1)
+        up, down = np.split(ends[1:], 2)
+        return np.asarray((up - down).T / (2 * PERTURBED * self.unit[:, None]))
 
     @cached_property
     def rates(self) -> Array:
@@ -83,9 +127,14 @@ class EventPassage:
         return self.model.gap_rates(q, v, np.full(3, self.c.time))
 
     @cached_property
+    def slopes(self) -> Array:
+        """Derivatives of the gaps by the position and the time, shape (nc, nq + 1)."""
+        return self.model.gap_slopes(self.before.q[-1], self.c.time)
+
+    @property
     def normals(self) -> Array:
         """Gradients of the gaps, shape (nc, nq)."""
-        return np.ascontiguousarray(self.model.gap_slopes(self.before.q[-1], self.c.time)[:, :-1])
+        return np.ascontiguousarray(self.slopes[:, :-1])
 
     @cached_property
     def missing(self) -> Array:
@@ -150,11 +199,17 @@ class EventPassage:
 
 
 def passage_of(
-    model: Model, restitution: Array, c: Collision, phases: tuple[Phase, Phase], own: Mode
+    model: Model,
+    restitution: Array,
+    c: Collision,
+    phases: tuple[Phase, Phase],
+    own: Mode,
+    around: tuple[Array, Array | None],
 ) -> EventPassage:
-    """What joins two phases, the later one in its mode ``own``."""
+    """What joins two phases, the later one in its mode ``own``; ``around`` are sizes of states and
+    the inputs on both sides, as :class:`EventPassage` has them."""
     before, after = phases
-    parts = model, restitution, c, before, after
+    parts = model, restitution, c, before, after, *around
     stay = [name for name in before.closed if name not in c.leaves]
     when, expected = f"at {c.time:.4g} s", {*stay, *c.lands}
     if expected != set(after.closed):

@@ -38,10 +38,11 @@ def plan_errors(motion: Motion) -> Findings:
 def _times(motion: Motion) -> Iterator[str]:
     """Time that stands still or jumps, and events at another time than the end of their phase."""
     most = JOINED * motion.sizes.time
-    back = np.flatnonzero(~(motion.run.h > 0))
-    for i in dict.fromkeys(np.searchsorted(motion.begins, back, "right")):
-        first = back[np.searchsorted(back, motion.begins[i - 1])]
-        yield f"the time does not go on after {motion.run.t[first]:.6g} s"
+    back = ~(motion.run.h > 0)
+    for i in range(motion.stepped if back.any() else 0):
+        own = np.flatnonzero(back[motion.steps_of(i)])
+        if len(own):
+            yield f"the time does not go on after {motion.steps[i].t[own[0]]:.6g} s"
     for p in motion.passages:
         c, before, after = p.c, p.before, p.after
         if not abs(after.t[0] - before.t[-1]) <= most:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
 from dmoc.check.findings import Findings, infinite_where_none, largest
 from dmoc.check.integrals import integral_errors
+from dmoc.check.passages import PERTURBED
 from dmoc.check.path_limits import Excess, IntegratedSteps, path_excess
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
@@ -20,7 +21,6 @@ from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.simulation.flow import PLACES
 from dmoc.simulation.sizes import penetration
 
-PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
 COARSE = 1e-3  # error of a coarse integration, in sizes, that still shows it
 
 

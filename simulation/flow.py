@@ -90,6 +90,7 @@ class Flow:
         self.integrator = Integrator(model.kernels, model.par, size, check_time)
         near = RESTING * TOUCH * sizes.gap
         self.near = np.where(restitution == 0, near, -1.0)  # none is negative
+        self.rests = bool((restitution == 0).any())
 
     # Surfaces -------------------------------------------------------------------------------------
 
@@ -188,12 +189,14 @@ class Flow:
         raise Lost
 
     def _jump(self, q: Array, before: Array, after: Array, t: float) -> float:
-        jump = self.model.momentum(q, after, t) - self.model.momentum(q, before, t)
-        return float((np.abs(jump) / self.sizes.p).max())
+        p = self.model.momentum(np.array([q, q]), np.array([before, after]), np.full(2, t))
+        return float((np.abs(p[1] - p[0]) / self.sizes.p).max())
 
     def _resting(self, y: Array, t: float, u: Array) -> Mode | None:
         """The mode in which the state goes on: on a plastic surface that it touches without
         approaching it, while the acceleration pushes into it; None for on none."""
+        if not self.rests:
+            return None
         q, v = y[: self.nq], y[self.nq :]
         near = np.flatnonzero(np.abs(self.model.gaps(q, t)) <= self.near)
         if not len(near):
@@ -220,7 +223,6 @@ class Flow:
         beyond = np.flatnonzero((gaps > touch).any(axis=0)).tolist()
         if not beyond:
             return None
-        rates = self.model.gap_rates(y[: self.nq], y[self.nq :], t)
 
         def gap(j: int, s: float) -> float:
             return until.gap(j, s) - float(self.allowance(np.array([s]))[0, j])
@@ -228,12 +230,10 @@ class Flow:
         for j in beyond:
             # What has entered a surface where it might, and leaves it, is met again only after it
             # has been outside.
-            leaving = gaps[0, j] > touch[j] and rates[j] < 0
-            outside = (
-                int(np.argmax(gaps[:, j] <= touch[j]))
-                if leaving and (gaps[:, j] <= touch[j]).any()
-                else 0
+            leaving = (
+                gaps[0, j] > touch[j] and self.model.gap_rates(y[: self.nq], y[self.nq :], t)[j] < 0
             )
+            outside = int(np.argmax(gaps[:, j] <= touch[j])) if leaving else 0
             over = np.flatnonzero(gaps[:, j] > touch[j])
             over = over[over > outside] if leaving else over
             if (

@@ -14,7 +14,7 @@ from systems import block_system
 import dmoc
 from dmoc.base.deadline import ENDLESS
 from dmoc.check import segments as segments_module
-from dmoc.check.amplification import carried, event_slope
+from dmoc.check.amplification import carried
 from dmoc.check.checked_motion import Motion
 from dmoc.check.segments import segments
 
@@ -97,4 +97,5 @@ def test_a_hit_of_a_wall_that_speeds_up_has_its_saltation_matrix() -> None:
     (hit,), v = solution.collisions, solution.phases[0].v[-1, 0]
     rate = 0.5 + 6 * hit.time - v
     expected = np.array([[-e, 0], [((1 + e) * (6 + g)) / rate, -e]])
-    np.testing.assert_allclose(event_slope(motion, 0, np.ones(2)), expected, rtol=1e-5, atol=1e-7)
+    passage = replace(motion.passages[0], unit=np.ones(2))
+    np.testing.assert_allclose(passage.slope, expected, rtol=1e-5, atol=1e-7)
