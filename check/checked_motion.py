@@ -175,9 +175,13 @@ class Motion:
             forces("reaction", phase.joints),
         )
 
-    def rubbing(self, i: int) -> Model:
-        """The model with its friction at the places of phase i, with the inputs before each and
-        after it, shape (2, n, nt)."""
+    @cached_property
+    def rubbing(self) -> tuple[Model, ...]:
+        """The model with its friction at the places of each phase that has steps, with the inputs
+        before each and after it, shape (2, n, nt)."""
+        return tuple(map(self._rubbing, range(self.stepped)))
+
+    def _rubbing(self, i: int) -> Model:
         at, model = self.places[i], self.model
         sides = [model.with_friction_at(at.q, at.v, u, at.t) for u in at.inputs]
         shape = 2, len(at.t), model.nt

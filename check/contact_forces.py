@@ -37,23 +37,14 @@ def forces(motion: Motion, i: int) -> Reaction:
     it: where others have the same effect, those next to the planned ones."""
     at, mode = motion.places[i], motion.modes[i]
     y, _ = put(motion, mode, np.hstack([at.q, at.v]), at.t)
-    q = np.ascontiguousarray(y[:, : motion.model.nq])
     planned = np.hstack([at.normal, _sticking(motion, i, at), at.reaction])
-    reactions = [
-        nearest(
-            motion.model.with_friction_at(q, at.v, u, at.t),
-            mode,
-            motion.flow.integrator.reaction(mode, y, u, at.t),
-            q,
-            at.t,
-            planned,
-        )
-        for u in at.inputs
-    ]
-    kinds = (field.name for field in fields(Reaction))
-    return Reaction(
-        *(np.array([getattr(reaction, kind) for reaction in reactions]) for kind in kinds)
-    )
+    y, v, t, planned = (np.concatenate([a, a]) for a in (y, at.v, at.t, planned))
+    q, u = np.ascontiguousarray(y[:, : motion.model.nq]), np.concatenate(at.inputs)
+    there = motion.model.with_friction_at(q, v, u, t)
+    reaction = motion.flow.integrator.reaction(mode, y, u, t)
+    best = nearest(there, mode, reaction, q, t, planned)
+    kinds = (getattr(best, field.name) for field in fields(Reaction))
+    return Reaction(*(kind.reshape(2, len(at.t), -1) for kind in kinds))
 
 
 def _sticking(motion: Motion, i: int, at: Places) -> Array:
@@ -175,7 +166,7 @@ def _sizes(motion: Motion, flows: list[Reaction]) -> tuple[Array, Array, Array]:
     nodes, sizes = motion.nodes, motion.sizes
     normal = np.maximum(normal, pushes(nodes, sizes, nodes.gap_slopes))
     smooth = SMOOTH * pushes(nodes, sizes, nodes.tangent_slopes)
-    rubbing = [motion.rubbing(i) for i in range(motion.stepped)]
+    rubbing = [motion.rubbing[i] for i in range(motion.stepped)]
     kinds = [mu for there in rubbing for mu in (there.static_friction, there.friction)]
     most = np.max([mu.max(axis=(0, 1)) for mu in kinds], axis=0)
     bearing = model.with_coefficients(most).bearing(normal)
@@ -233,7 +224,7 @@ def _off(motion: Motion, i: int) -> Iterator[str]:
 def _negative(motion: Motion, i: int) -> Iterator[str]:
     """Friction with a negative coefficient."""
     at, model = motion.places[i], motion.model
-    there = motion.rubbing(i)
+    there = motion.rubbing[i]
     for k, s in motion.modes[i].rubbing.items():
         coefficients = there.friction if s else there.static_friction
         coefficients = np.broadcast_to(coefficients, (2, len(at.t), model.nt))
@@ -280,7 +271,7 @@ def _pulling(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[st
 def _slipping(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[str]:
     """Friction beyond what its contact or rail holds."""
     at, model = motion.places[i], motion.model
-    there = motion.rubbing(i)
+    there = motion.rubbing[i]
     for j in motion.modes[i].sticking:
         bears = there.bearing(flow.normal)[..., j]
         needs = np.abs(flow.tangential[..., j])

@@ -32,6 +32,8 @@ from dmoc.simulation.tolerances import Tolerances
 REDUNDANT = 1e-11
 # Determinant, measured by the sizes of its rows and columns, of conditions that are far from that.
 REGULAR = 1e-6
+# And the share of the longest that each of them is at least.
+ALIKE = 1e-3
 # Entries of a projection on forces without effect above this are more than rounding errors.
 UNDETERMINED = 1e-6
 
@@ -131,9 +133,20 @@ def without_effect(model: Model, mode: Mode, q: Array, t: Array) -> Array:
     push = np.swapaxes(c.B / size[:, :, None] / np.where(mass > 0, mass, 1.0)[:, None, :], 1, 2)
     if not np.isfinite(push).all():
         return np.full((len(q), push.shape[2], push.shape[2]), np.nan)
+    if _independent(push):
+        return np.zeros((len(q), push.shape[2], push.shape[2]))
     rest = np.eye(push.shape[2]) - np.linalg.pinv(push, rcond=REDUNDANT) @ push
     rest = np.where(np.abs(rest) > UNDETERMINED, rest, 0.0)
     return np.asarray(rest / size[:, :, None] * size[:, None, :])
+
+
+def _independent(columns: Array) -> bool:
+    """Whether the columns of matrices (n, nq, m) are alike in length and far from dependent."""
+    length = np.sqrt((columns * columns).sum(axis=1))
+    if not (length.min(axis=1) > ALIKE * length.max(axis=1)).all():
+        return False
+    unit = columns / length[:, None]
+    return bool((np.linalg.det(np.swapaxes(unit, 1, 2) @ unit) > REGULAR).all())
 
 
 def borne(model: Model, mode: Mode, reaction: Reaction, q: Array, t: Array) -> Reaction:
