@@ -12,6 +12,7 @@ a manifest of different sources never meet.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.util
 import json
@@ -220,12 +221,18 @@ def write_files(directory: Path, files: Mapping[str, str]) -> list[Path]:
 
 def _entry_key(key: str) -> str:
     """Digest of the model, the generator, the compiler's command and the kind of machine."""
-    digest = hashlib.sha256(key.encode())
+    compiler_and_machine = f"{os.environ.get('CC')} {LIBRARY}"
+    return hashlib.sha256(key.encode() + _generator() + compiler_and_machine.encode()).hexdigest()
+
+
+@functools.cache
+def _generator() -> bytes:
+    """Digest of the generator, which stays what it was when it was loaded."""
+    digest = hashlib.sha256()
     for package in ("dmoc.symbolic", "dmoc.codegen"):
         for path in sorted(_sources(package)):
             digest.update(path.read_bytes())
-    digest.update(f"{os.environ.get('CC')} {LIBRARY}".encode())
-    return digest.hexdigest()
+    return digest.digest()
 
 
 def _sources(package: str) -> list[Path]:
