@@ -248,7 +248,7 @@ class MechanicalSystem(Shown):
 
     # Symbols --------------------------------------------------------------------------------------
 
-    @property
+    @cached_property
     def velocities(self) -> tuple[Any, ...]:
         """Generalised velocities q', in the order of the coordinates."""
         return tuple(q.diff(dynamicsymbols._t) for q in self.coordinates)
