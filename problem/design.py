@@ -12,6 +12,7 @@ from dmoc.base.arguments import Range, interval
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
+from dmoc.problem.derived import like
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
@@ -117,7 +118,7 @@ def designed(problem: Problem, values: Array) -> Problem:
     """The same problem, whose model has some values of its design parameters."""
     if not problem.design or np.array_equal(values, problem.design_values):
         return problem
-    return problem.like(OF_DESIGN, design_values=np.array(values, dtype=float))
+    return like(problem, OF_DESIGN, design_values=np.array(values, dtype=float))
 
 
 def designed_as(problem: Problem, parameters: Mapping[str, float]) -> Problem:

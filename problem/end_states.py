@@ -16,6 +16,7 @@ from dmoc.mechanics.contact_mode import STICK
 from dmoc.mechanics.impulse_response import unknown_in_impacts
 from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.problem.derived import once
 from dmoc.problem.design import by_design
 from dmoc.problem.reach import gap_sizes, rate_sizes
 
@@ -82,7 +83,7 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
     if not problem.kernels.surfaces or not fixed.any():
         return
     at = np.where(fixed, boundary.position[:, 0], 0.0)
-    gaps, sizes = problem.model.gaps(at), problem.once(_sizes_at_ends, _sizes_at_ends)
+    gaps, sizes = problem.model.gaps(at), once(problem, _sizes_at_ends)
     chosen = by_design(problem, "surface")  # where they are is up to the solver
     for j, surface in enumerate(problem.kernels.surfaces):
         if chosen[j] or surface in problem.ignored:

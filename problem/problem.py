@@ -3,10 +3,10 @@ bounds, parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from dmoc.mechanics.possible_words import open_hits
 from dmoc.mechanics.redundancy import Redundancy, redundancy
 from dmoc.mechanics.sequence_words import mode_of, touch_along, words_along
 from dmoc.mechanics.touch import Touch
+from dmoc.problem.derived import kept, like
 from dmoc.problem.design import at_bounds, by_design, design_bounds, first_design
 from dmoc.problem.end_states import (
     check_admissible,
@@ -56,7 +57,6 @@ from dmoc.problem.totals import total_bounds
 if TYPE_CHECKING:
     from dmoc.codegen.system_kernels import GivenModel
 
-T = TypeVar("T")
 # Steps of a phase, times the degree of the discretisation, of the first mesh of a solve that
 # chooses its own.
 FIRST_MESH = 100
@@ -240,7 +240,7 @@ class Problem(Shown):
     def in_rates(self) -> Problem:
         """Return the same problem, whose programs state the law of impact in the rates of the gaps
         instead of the discrete energies."""
-        return self.like(by_rates=True)
+        return like(self, by_rates=True)
 
     def unchecked(self, **changes: Any) -> Problem:
         """Return the same problem with some fields replaced as they are: small changes may leave
@@ -253,34 +253,15 @@ class Problem(Shown):
     def meshed(self, steps: int | Sequence[int]) -> Problem:
         """Return the same problem with other numbers of steps, which nothing else that was checked
         or found depends on."""
-        other = self.like(steps=steps)
+        other = like(self, steps=steps)
         object.__setattr__(other, "steps", steps_of(other))
         if self.steps is not None and other.phase_steps == self.phase_steps:
             return self
         check_size(other)
         return other
 
-    def like(self, without: Collection[str] = (), **changes: Any) -> Problem:
-        """Return the same problem with some attributes replaced as they are, and what was found of
-        it, but for some attributes."""
-        other = object.__new__(Problem)
-        kept = {k: v for k, v in self.__dict__.items() if k not in without and k != "_made"}
-        other.__dict__.update(kept, **changes)
-        return other
-
     def __getstate__(self) -> dict[str, Any]:
-        return self.like().__dict__
-
-    @cached_property
-    def _made(self) -> dict[Any, Any]:
-        return {}
-
-    def once(self, key: Any, make: Callable[[Problem], T]) -> T:
-        """What others make of the problem alone, made once for each key."""
-        if key not in self._made:
-            self._made[key] = make(self)
-        made: T = self._made[key]
-        return made
+        return kept(self)
 
     # Sizes ----------------------------------------------------------------------------------------
 

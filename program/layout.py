@@ -13,6 +13,7 @@ from dmoc.base.discretisation import FORMS
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
+from dmoc.problem.derived import once
 from dmoc.problem.design import designed, moves_by_design
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Index
@@ -31,7 +32,7 @@ class Layout(Unknowns):
     @classmethod
     def of(cls, problem: Problem) -> Layout:
         """The layout of a problem."""
-        return problem.once(cls, cls._of)
+        return once(problem, cls._of)
 
     @classmethod
     def _of(cls, problem: Problem) -> Layout:

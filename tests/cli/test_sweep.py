@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -22,8 +23,8 @@ SEED = ("cart_pendulum", "--steps", "12")
 def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     """The command ``dmoc sweep``."""
     # Few steps are quickly solved, and rightly not confirmed.
-    solve = many.solve
-    monkeypatch.setattr(many, "solve", lambda *a, **k: solve(*a, **{**k, "verify": False}))
+    solved = many.solved
+    monkeypatch.setattr(many, "solved", lambda p, k, g: solved(p, replace(k, verify=False), g))
     return partial(run, "sweep")
 
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ import dmoc
 from dmoc.base.errors import ProblemError
 from dmoc.motion.trajectory import Array
 from dmoc.solving import many
+from dmoc.solving.keywords import Keywords
 from dmoc.solving.many import BatchProgress
 
 pytestmark = pytest.mark.slow
@@ -73,13 +75,13 @@ def test_problems_are_explored_only_where_that_is_asked_for(
     block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[Any] = []
-    solve = many.solve
+    solved = many.solved
 
-    def noted(*given: Any, **options: Any) -> dmoc.Solution:
-        asked.append(options.pop("starts"))
-        return solve(*given, **options, starts=1)
+    def noted(problem: dmoc.Problem, keywords: Keywords, guess: Any) -> dmoc.Solution:
+        asked.append(keywords.starts)
+        return solved(problem, replace(keywords, starts=1), guess)
 
-    monkeypatch.setattr(many, "solve", noted)
+    monkeypatch.setattr(many, "solved", noted)
     dmoc.solve_many([block])
     dmoc.solve_many([block], starts=7)
     dmoc.sweep(block, {"m": [1.0]})
@@ -108,17 +110,17 @@ def test_collisions_of_different_numbers_leave_gaps(block: dmoc.Problem) -> None
 def test_a_problem_that_cannot_be_solved_is_a_row(
     block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    solve = many.solve
+    solved = many.solved
 
-    def flawed(problem: dmoc.Problem, *rest: Any, **options: Any) -> dmoc.Solution:
+    def flawed(problem: dmoc.Problem, *rest: Any) -> dmoc.Solution:
         m = problem.parameters["m"]
         if m == 1.0:
             raise ProblemError("the second is none.")
         if m == 2.0:
             raise ZeroDivisionError("by chance")
-        return solve(problem, *rest, **options)
+        return solved(problem, *rest)
 
-    monkeypatch.setattr(many, "solve", flawed)
+    monkeypatch.setattr(many, "solved", flawed)
     batch = dmoc.solve_many(masses(block, 0.5, 1.0, 2.0, 3.0))
     assert batch.status == ("solved", "refused", "failed", "solved")
     assert batch.message[1:3] == ("the second is none.", "ZeroDivisionError: by chance")
