@@ -31,6 +31,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.models.registry import find
 
 TOLERANCE = 0.01  # share of the sizes of a motion, as in the check of a solution
+ROUNDED = 1e-9  # deviation, in these sizes, that may be rounding errors
 WINDOWS = 20
 
 
@@ -62,6 +63,12 @@ class Judgement:
     violations: tuple[Violation, ...]
     notes: tuple[str, ...]
 
+    def _off(self) -> str:
+        """The deviation in words; rounding errors, which differ between machines, are one."""
+        if self.deviation <= ROUNDED:
+            return f"below {ROUNDED:g} of its size"
+        return f"{self.deviation:.3g} of its size, {self.deviation_of}"
+
     @property
     def lines(self) -> list[str]:
         """What a person reads."""
@@ -71,7 +78,7 @@ class Judgement:
             if np.isfinite(self.cost)
             else "cost           unknown",
             f"simulated      {self.followed}",
-            f"deviation      {self.deviation:.3g} of its size, {self.deviation_of}",
+            f"deviation      {self._off()}",
         ]
         if self.claimed is not None:
             lines.insert(1, f"claimed        {self.claimed:.8g}, {self._claim()}")

@@ -58,7 +58,7 @@ def _run(words: Sequence[str]) -> None:
         values = values_of(command, words[1:])
         if values is not None:
             command(**values)
-            sys.exit()
+            sys.exit(0)
     command_line(words)(prog_name="dmoc")
 
 
