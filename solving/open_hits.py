@@ -1,8 +1,9 @@
 """Hits with friction whose course is not said.
 
 The law of Poisson and Coulomb says which course a hit takes from the state before it.  So a motion
-says the courses of its hits, and the courses say the program whose motion is the next one.  From
-where that leads, the courses of one hit after the other are changed as long as the cost falls.
+says the courses of its hits, and the courses say the program whose motion is the next one; where
+that leads to no motion, all hits take one course after the other.  From where that leads, the
+courses of one hit after the other are changed as long as the cost falls.
 """
 
 from __future__ import annotations
@@ -57,6 +58,8 @@ def best_way(problem: Problem, guess: InitialGuess, request: Request) -> Solutio
     options = request.options
     tries = _Tries(problem, guess, request, options.deadline.share(SHARE))
     tries.follow_the_law()
+    if not tries.good:
+        tries.take_all_alike()
     tries.change_single_ones()
     if not tries.good:
         tries.enumerate()
@@ -108,6 +111,14 @@ class _Tries:
             states = [(p.q[-1], p.v[-1], float(p.t[-1])) for p in end.phases[:-1]]
             chosen = designed_as(way, end.trajectory.parameters)
             words = _said(self.problem, courses_at(chosen, states))
+
+    def take_all_alike(self) -> None:
+        """Try the ways in which all hits take the same course."""
+        words, count = _words(self.problem), max(map(len, self.problem.open_hits.values()))
+        for k in range(count):
+            way = tuple(of_event[min(k, len(of_event) - 1)] for of_event in words)
+            if way not in self.tried and self._goes_on:
+                self._try(way)
 
     def change_single_ones(self) -> None:
         """Change the course of one hit after the other, as long as that costs less."""
