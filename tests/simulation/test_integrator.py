@@ -280,6 +280,70 @@ def test_positions_between_nodes_are_those_of_the_motion(driven: Kernels) -> Non
         assert q == pytest.approx(known[:, :nq], abs=error)
 
 
+def chain(kernels: Kernels) -> tuple[np.ndarray, ...]:
+    """Two rows at rest over and before the surfaces, and the steps 0 to 2 and 3 to 6 of a motion
+    that they go over."""
+    t = 0.1 * np.arange(7)
+    u = np.sin(t)[:, None] * np.ones(len(kernels.inputs))
+    return np.array([[0.4, -0.2, 0.5, 0.1], [1.3, 0.3, 1.0, -0.5]]), t, np.full(7, 0.1), u, u + 0.1
+
+
+def test_a_course_has_every_step_on_the_way(driven: Kernels) -> None:
+    """As integrated one after the other, whatever rows are beside."""
+    flow = integrator(driven)
+    y, *steps = chain(driven)
+    course, ends = np.full((7, 12), np.nan), y.copy()
+    flow.advance(ends, np.array([0, 3]), np.array([3, 7]), *steps, course=course)
+    for row, first, last in ((0, 0, 3), (1, 3, 7)):
+        state = y[row : row + 1].copy()
+        for k in range(first, last):
+            before = state.copy()
+            a = flow.advance(state, np.array([k]), np.array([k + 1]), *steps)
+            known = np.hstack([before, a.reshape(1, 4), state])[0]
+            assert course[k] == pytest.approx(known, abs=1e-12)
+        assert ends[row] == pytest.approx(state[0], abs=1e-12)
+
+
+def test_steps_that_might_meet_a_surface_are_those_at_which_a_run_stops(driven: Kernels) -> None:
+    """The second row comes to a = 1.5 on its way; a row that is no number is told too."""
+    flow, shares, near = integrator(driven), np.linspace(0.0, 1.0, 9), np.full(2, -1.0)
+    y, *steps = chain(driven)
+    course, upper = np.empty((7, 12)), np.zeros((7, 9, 2))
+    first, last = np.array([0, 3]), np.array([3, 7])
+    flow.advance(y.copy(), first, last, *steps, course=course)
+    start, ends, stop = (course[:, 4 * k : 4 * k + 4].copy() for k in range(3))
+    ends = ends.reshape(7, 2, 2)
+
+    def meets() -> np.ndarray:
+        return flow.meets(start, ends, stop, *steps[:2], shares, upper, near)
+
+    beyond = stop[:, 0] > 1.5
+    assert beyond[3:].any() and (meets() | ~beyond).all() and not meets()[:3].any()
+    anywhere = np.full((8, 2), np.inf)
+    stops, _ = flow.quiet(
+        y.copy(), *steps, first, last, shares, upper, near, np.zeros((8, 2)), anywhere[0]
+    )
+    assert stops.tolist() == [3, int(np.flatnonzero(meets())[0])]
+    stop[1, 3] = np.nan
+    assert meets()[1]
+    with pytest.raises(ValueError, match="expected"):
+        flow.meets(start, ends, stop, *steps[:2], shares, upper[:6], near)
+
+
+def test_the_gap_after_a_step_is_that_of_the_state(driven: Kernels) -> None:
+    flow, model = integrator(driven), Model(driven, parameter_row(driven, {}))
+    y, t, h, u0, u1 = random_rows(driven, 4)
+    end = y.copy()
+    flow.advance(end, *once(4), t, h, u0, u1)
+    gaps = model.gaps(end[:, :2], t + h)
+    for k, j in np.ndindex(4, 2):
+        gap = flow.gap(y[k], t[k], h[k], u0[k], u1[k], j)
+        assert gap == pytest.approx(gaps[k, j], abs=1e-10)
+    for wrong in ((y[0, :3], u0[0], 0), (y[0], np.ones(3), 0), (y[0], u0[0], 2)):
+        with pytest.raises(ValueError, match="expected"):
+            flow.gap(wrong[0].copy(), 0.0, 0.1, wrong[1], u1[0], wrong[2])
+
+
 def test_a_row_that_is_no_number_leaves_the_others_alone(driven: Kernels) -> None:
     y, *steps = random_rows(driven, 3)
     alone, spoilt = y.copy(), y.copy()
@@ -305,6 +369,8 @@ def test_shapes_are_checked_before_c_sees_them(driven: Kernels) -> None:
         (y, *rows, t, h, u0, u1, Mode((2,))),
         (y, *rows, t, h, u0, u1, Mode((), (0,))),
         (np.hstack([y, np.ones((3, 16))]), *rows, t, h, u0, u1, Mode((0,))),
+        (y, *rows, t, h, u0, u1, None, None, False, np.empty((2, 12))),
+        (y, *rows, t, h, u0, u1, None, None, False, np.empty((3, 8))),
     ):
         with pytest.raises(ValueError, match="expected"):
             flow.advance(*wrong)
