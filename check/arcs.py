@@ -36,7 +36,6 @@ def arcs_of(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> list[Arc]:
     near = nodes.gaps >= -ON_ARC * sizes.gap
     if not near.any():
         return arcs
-    local = gap_sizes(nodes.gap_slopes, sizes)
     hits = [
         (model.surface_numbers[c.surface], c.time)
         for c in trajectory.collisions
@@ -57,7 +56,8 @@ def arcs_of(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> list[Arc]:
                 # What happens after the end is nobody's business.
                 ends = t >= sizes.time - h / 2
                 depth = PENETRATION if slides or ends else TOUCHING
-                arcs.append(Arc(int(j), t - h, t + h, depth * float(local[own][k, j])))
+                size = gap_sizes(nodes.gap_slopes[own][k], sizes)[j]
+                arcs.append(Arc(int(j), t - h, t + h, depth * float(size)))
     return arcs
 
 

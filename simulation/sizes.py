@@ -255,7 +255,7 @@ def penetration(
 
 
 def gap_sizes(slopes: Array, sizes: Sizes) -> Array:
-    """How far the motion's ranges move gaps with slopes (n, nc, nq + 1), shape (n, nc)."""
+    """How far the motion's ranges move gaps with slopes (..., nc, nq + 1), shape (..., nc)."""
     slopes = np.abs(slopes)
     moved = slopes[..., :-1] @ sizes.q + slopes[..., -1] * sizes.time
     return np.asarray(np.maximum(moved, LEVEL * sizes.gap))
