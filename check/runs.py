@@ -77,9 +77,8 @@ def open_loop(motion: Motion) -> tuple[float, list[SurfaceContact]]:
             zip(motion.trajectory.phases, motion.steps, strict=True)
         ):
             most, wanted, k = upper[motion.steps_of(i)], np.ascontiguousarray(phase.q), 0
-            end = np.array([len(steps)])
             while k < len(steps):
-                (k,), astray = flow.quiet(y[None], steps, most, np.array([k]), end, wanted, far)
+                k, astray = flow.quiet(y, steps, most, k, len(steps), wanted, far)
                 if not astray and k < len(steps):
                     y = flow.through_contacts(y, steps, k, contacts)
                     k += 1
@@ -157,9 +156,7 @@ def _segment(
         if early:
             del met[count + 1 :]
             return motion.flow.freely(before, steps, k, last)
-        (k,), _ = motion.flow.quiet(
-            y[None], steps, upper, np.array([k + 1]), np.array([last]), wanted, everywhere
-        )
+        k, _ = motion.flow.quiet(y, steps, upper, k + 1, last, wanted, everywhere)
     return y
 
 

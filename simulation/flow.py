@@ -132,11 +132,11 @@ class Flow:
         return np.ascontiguousarray(allowed.reshape(*times.shape, self.model.nc))
 
     def quiet(
-        self, y: Array, steps: Steps, upper: Array, first: Index, last: Index, q_wanted: Array,
+        self, y: Array, steps: Steps, upper: Array, first: int, last: int, q_wanted: Array,
         astray: Array,
-    ) -> tuple[Index, bool]:  # fmt: skip
-        """Integrate rows of states, in place, over steps that meet no surface; return the first
-        that might, or ``last``, and whether one has come further than ``astray`` from the positions
+    ) -> tuple[int, bool]:  # fmt: skip
+        """Integrate a state, in place, over steps that meet no surface; return the first that
+        might, or ``last``, and whether it has come further than ``astray`` from the positions
         (N + 1, nq) that are expected at the nodes."""
         inputs = steps.t, steps.h, steps.u0, steps.u1
         return self.integrator.quiet(

@@ -68,11 +68,11 @@ class Integrator:
         h: Array,
         u0: Array,
         u1: Array,
-        first: Index,
-        last: Index,
+        first: int,
+        last: int,
         shares: Array,
         upper: Array,
         near: Array,
         q_wanted: Array,
         astray: Array,
-    ) -> tuple[Index, bool]: ...
+    ) -> tuple[int, bool]: ...

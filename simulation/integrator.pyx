@@ -269,19 +269,19 @@ cdef class Integrator(Method):
         return gaps[surface]
 
     def quiet(
-        self, double[:, ::1] y, const double[::1] t, const double[::1] h, const double[:, ::1] u0,
-        const double[:, ::1] u1, const ptrdiff_t[::1] first, const ptrdiff_t[::1] last,
-        const double[::1] shares, const double[:, :, ::1] upper, const double[::1] near,
-        const double[:, ::1] q_wanted, const double[::1] astray
+        self, double[::1] y, const double[::1] t, const double[::1] h, const double[:, ::1] u0,
+        const double[:, ::1] u1, ptrdiff_t first, ptrdiff_t last, const double[::1] shares,
+        const double[:, :, ::1] upper, const double[::1] near, const double[:, ::1] q_wanted,
+        const double[::1] astray
     ):
-        """Integrate rows y = (q | v), in place, each over steps from ``first`` to before ``last``
-        as long as it can meet no surface.
+        """Integrate a state y = (q | v), in place, over steps from ``first`` to before ``last`` as
+        long as it can meet no surface.
 
         Parameters
         ----------
         t, h, u0, u1 : arrays of shapes (N,), (N,), (N, nu), (N, nu)
             Of all steps, as for ``advance``.
-        first, last : arrays of shape (n,)
+        first, last : int
         shares : array of shape (places,)
             Where in a step gaps are looked at; the first is its start.
         upper : array of shape (N, places, nc)
@@ -293,24 +293,19 @@ cdef class Integrator(Method):
 
         Returns
         -------
-        array of shape (n,), and bool
-            The steps that are not done, and whether any motion has gone astray before its own.
+        int, and bool
+            The first step that is not done, and whether the motion has gone astray before it.
         """
-        cdef ptrdiff_t nq = self.nq, nc = self.nc, places = shares.shape[0], N = u0.shape[0], i, k
-        cdef ptrdiff_t row, n = y.shape[0]
+        cdef ptrdiff_t nq = self.nq, nc = self.nc, places = shares.shape[0], N = u0.shape[0]
+        cdef ptrdiff_t i, k = first
         cdef double[::1] y1 = np.empty(2 * nq), ends = np.empty(2 * nq)
         cdef double[::1] path = _space(places * nq), moments = _space(places)
         cdef double[::1] gaps = _space(places * nc)
         cdef bint lost = False
-        stops = np.array(first)
-        cdef ptrdiff_t[::1] stop = stops
-        if not (y.shape[1] == 2 * nq and first.shape[0] == last.shape[0] == n):
-            raise ValueError(f"expected {n} rows of {nq} coordinates")
-        if not (t.shape[0] == h.shape[0] == u1.shape[0] == N):
-            raise ValueError(f"expected {N} steps")
-        for row in range(n):
-            if not N >= last[row] >= first[row] >= 0:
-                raise ValueError(f"expected steps below {N}")
+        if y.shape[0] != 2 * nq:
+            raise ValueError(f"expected {nq} coordinates and their rates")
+        if not (t.shape[0] == h.shape[0] == u1.shape[0] == N >= last >= first >= 0):
+            raise ValueError(f"expected {N} steps, and places among them")
         if not u0.shape[1] == u1.shape[1] == self.nu:
             raise ValueError(f"expected {self.nu} inputs")
         self._look_at(N, places, upper, near)
@@ -318,29 +313,25 @@ cdef class Integrator(Method):
             raise ValueError(f"expected {N + 1} positions of {nq} coordinates")
         self._enter(None)
         with nogil:
-            for row in range(n):
-                while stop[row] < last[row] and not lost:
-                    k = stop[row]
-                    for i in range(2 * nq):
-                        y1[i] = y[row, i]
-                    self.which[0], self.step[0] = 0, k
-                    self.advance_rows(
-                        1, 2 * nq, &y1[0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], &ends[0]
-                    )
-                    if not finite(2 * nq, &y1[0]):
-                        break
-                    if nc:
-                        self.look(
-                            &y[row, 0], &ends[0], &y1[0], t[k], h[k], shares, path, moments, gaps
-                        )
-                    if over(places, nc, &gaps[0], &upper[0, 0, 0] + k * places * nc, &near[0]):
-                        break
-                    for i in range(2 * nq):
-                        y[row, i] = y1[i]
-                    stop[row] = k + 1
-                    for i in range(nq):
-                        lost = lost or fabs(y[row, i] - q_wanted[k + 1, i]) > astray[i]
-        return stops, lost
+            while k < last and not lost:
+                for i in range(2 * nq):
+                    y1[i] = y[i]
+                self.which[0], self.step[0] = 0, k
+                self.advance_rows(
+                    1, 2 * nq, &y1[0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], &ends[0]
+                )
+                if not finite(2 * nq, &y1[0]):
+                    break
+                if nc:
+                    self.look(&y[0], &ends[0], &y1[0], t[k], h[k], shares, path, moments, gaps)
+                if over(places, nc, &gaps[0], &upper[0, 0, 0] + k * places * nc, &near[0]):
+                    break
+                for i in range(2 * nq):
+                    y[i] = y1[i]
+                k += 1
+                for i in range(nq):
+                    lost = lost or fabs(y[i] - q_wanted[k, i]) > astray[i]
+        return k, lost
 
     cdef int look(
         self, const double *y0, const double *ends, const double *y1, double t, double h,
