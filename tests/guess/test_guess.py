@@ -61,6 +61,18 @@ def test_guess_keeps_the_bounds_of_the_inputs_where_a_final_time_does(seed: dmoc
     assert initial_guesses(seed.but(final_time=(0.2, 0.2)))[0].input_excess > 0
 
 
+def test_a_motion_that_drifts_off_its_goal_is_the_last_guess(pendulum: Kernels) -> None:
+    """The cart follows from a swing-up of the pendulum alone, and ends where nobody wants it."""
+    rest = {"alpha_dot": 0.0, "x_dot": 0.0}
+    problem = dmoc.Problem(
+        pendulum, start={"alpha": -pi / 2, "x": 0.0}, goal={"alpha": pi / 2, "x": 0.5, **rest},
+        ignored=("left", "right"), steps=50, final_time=1.0,
+    )  # fmt: skip
+    assert [g.prescribed for g in initial_guesses(problem)] == [("alpha", "x"), ("alpha",)]
+    free = initial_guesses(problem.but(goal={"alpha": pi / 2, **rest}))
+    assert [g.prescribed for g in free] == [("alpha",), ("alpha", "x")]
+
+
 def test_guess_moves_freely_where_controllability_is_lost() -> None:
     """Inside the window: x'' = 0 and alpha'' = -g cos(alpha)/l; the window is crossed on the way
     up.
