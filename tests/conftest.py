@@ -49,11 +49,12 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="session", autouse=True)
 def flags() -> Iterator[tuple[str, ...]]:
-    """Compile kernels without optimisation, which gives the same numbers in a third of the time;
-    the flags of users are handed on."""
+    """Compile kernels without optimisation, which gives the same numbers in a third of the time,
+    and functions inside those that call them; the flags of users are handed on."""
     users = compiler.FLAGS
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiler, "FLAGS", (*users, "-O0"))
+        inside = "-Dinline=inline __attribute__((always_inline))"
+        patch.setattr(compiler, "FLAGS", (*users, "-O0", inside))
         patch.setattr(compiler, "LARGE_FLAGS", ())
         yield users
 
