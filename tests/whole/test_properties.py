@@ -3,6 +3,7 @@ impacts, and both directions of the same equations."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -73,31 +74,26 @@ def test_derivatives_equal_differences(
     x[lay.index_h] = rng.uniform(0.3, 0.5, 2)
     y, w = rng.normal(size=nlp.n_eq), rng.normal(size=nlp.n_in)
 
-    def values(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([[nlp.cost(x)], nlp.equality(x), nlp.inequality(x)])
+    def differences(f: Callable[[np.ndarray], np.ndarray], step: float = 1e-6) -> np.ndarray:
+        return np.array([(f(x + step * d) - f(x - step * d)) / (2 * step) for d in np.eye(nlp.n)])
 
-    def slopes(x: np.ndarray) -> np.ndarray:
-        return np.vstack(
-            [
-                nlp.cost_gradient(x),
-                nlp.equality_jacobian(x).toarray(),
-                nlp.inequality_jacobian(x).toarray(),
-            ]
-        )
-
-    step = 1e-6
-    numbers = [(values(x + step * d) - values(x - step * d)) / (2 * step) for d in np.eye(nlp.n)]
-    found = slopes(x)
+    found = np.vstack(
+        [
+            nlp.cost_gradient(x),
+            nlp.equality_jacobian(x).toarray(),
+            nlp.inequality_jacobian(x).toarray(),
+        ]
+    )
     np.testing.assert_allclose(
-        found, np.array(numbers).T, atol=1e-7 * max(1.0, np.abs(found).max())
+        found, differences(nlp.values).T, atol=1e-7 * max(1.0, np.abs(found).max())
     )
     weights = np.concatenate([[0.7], y, -w])
+    gradient = nlp.lagrangian_gradient(x, y / 0.7, w / 0.7)
+    np.testing.assert_allclose(0.7 * gradient, weights @ found, atol=1e-12 * np.abs(found).max())
     upper = nlp.lagrangian_hessian(x, y, w, sigma=0.7).toarray()
-    second = [
-        weights @ (slopes(x + step * d) - slopes(x - step * d)) / (2 * step) for d in np.eye(nlp.n)
-    ]
+    second = differences(lambda x: 0.7 * nlp.lagrangian_gradient(x, y / 0.7, w / 0.7))
     np.testing.assert_allclose(
-        upper + np.triu(upper, 1).T, np.array(second), atol=1e-6 * max(1.0, np.abs(upper).max())
+        upper + np.triu(upper, 1).T, second, atol=1e-6 * max(1.0, np.abs(upper).max())
     )
 
 
