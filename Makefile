@@ -8,6 +8,8 @@ INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 # Compiled modules and rewritten assertions are kept, whatever the environment says: every process of
 # the tests would make them again.
 export PYTHONDONTWRITEBYTECODE :=
+# SymPy remembers a thousand results of each of its functions; tests derive more than that.
+export SYMPY_CACHE_SIZE ?= 20000
 
 .PHONY: demo test test-fast test-browser test-processors test-wheels mutations check docs docs-check pictures linkcheck bench ladder twenty release clean
 
