@@ -150,6 +150,7 @@ def test_states_that_leave_a_constraint_are_no_answer(folder: Path, program: str
     assert done.returncode == 1
 
 
+@pytest.mark.slow
 def test_a_place_at_an_event_keeps_the_bounds_of_its_coordinate(tmp_path: Path) -> None:
     reference = find("puck_table")
     stated = {**reference.defaults, "sequence": ["east"], "steps": 8, "via": [{"y": 0.4}]}
@@ -163,6 +164,7 @@ def test_a_place_at_an_event_keeps_the_bounds_of_its_coordinate(tmp_path: Path) 
     assert done.stderr.startswith("via.0.y: expected no more than its upper bound")
 
 
+@pytest.mark.slow
 def test_positions_behind_a_surface_are_no_answer(tmp_path: Path) -> None:
     """The block starts behind the wall at 1."""
     problem = design().but(design={}, goal={"x": 0.5, "x_dot": 0})
@@ -200,6 +202,7 @@ def test_folders_that_are_refused(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["full"]
 
 
+@pytest.mark.slow
 def test_problems_that_are_refused(tmp_path: Path) -> None:
     problem = linkage(2)
     solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
@@ -338,6 +341,7 @@ def test_clang_has_nothing_against_it(
             assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_names_that_differ_in_capitals_alone(tmp_path: Path) -> None:
     """Parameters m and M, and the tables of the times and of friction."""
     x, u = dynamicsymbols("x u")
@@ -355,6 +359,7 @@ def test_names_that_differ_in_capitals_alone(tmp_path: Path) -> None:
     assert answered(program, tmp_path / "sled", "parameters.M=2.5").status == 0
 
 
+@pytest.mark.slow
 def test_speeds_at_the_ends_of_a_constraint(tmp_path: Path) -> None:
     """They are what the rod leaves: from below with 0.5 m/s to the side costs another effort."""
     rest = {"x_dot": 0, "y_dot": 0}

@@ -80,6 +80,7 @@ def test_states_between_nodes_have_their_orders(order: int) -> None:
     assert (np.abs(measured - BETWEEN[order]) < 0.35).all(), measured
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "controls"), [(2, "constant"), (2, "linear"), (4, "stages")])
 def test_nodes_and_inputs_are_met(order: int, controls: str) -> None:
     solution = bounce(order=order, controls=controls)

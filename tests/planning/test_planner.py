@@ -219,6 +219,7 @@ def test_a_limit_of_time_keeps_the_last_plan(bounced: Given) -> None:
     assert not plan.new and plan.status is Status.TIME_LIMIT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_a_landing_and_what_stays_closed(order: int) -> None:
     """A block slides to rest on a floor: a state off it is moved onto it, friction is what is left
@@ -298,6 +299,7 @@ def test_an_end_at_rest_may_be_missed_where_no_velocity_is_bounded(order: int) -
     assert plan.cost == pytest.approx(6 * d**2 - 6 * d * v + 2 * v**2, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_simulation_that_plans_arrives_where_the_inputs_alone_do_not(
     bounced: Given, tmp_path: Path
 ) -> None:

@@ -39,6 +39,7 @@ def between_ends(name: str, **fields: Any) -> dmoc.Problem:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_sizes_are_those_of_the_design_of_a_motion() -> None:
     """Momenta of twice the mass are twice as large."""
     plain = dmoc.Problem(
@@ -65,6 +66,7 @@ def test_a_path_constraint_at_a_fixed_end_is_one() -> None:
     assert s.design["w"] == pytest.approx(0.5, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_contact_at_a_fixed_start_is_an_equation() -> None:
     """The floor is where the block stands, though it would rather be higher."""
     h = sp.Symbol("h")
@@ -146,6 +148,7 @@ def test_a_momentum_at_the_start_leaves_the_velocity_to_the_mass() -> None:
         assert solved(stated).design["m"] == pytest.approx(0.5, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_chosen_is_named() -> None:
     """A parameter of the drawing alone, one of the tangential restitution, one without a value in a
     range without a middle, and kernels that do not know their system."""

@@ -136,6 +136,7 @@ SLIDES = (  # it sinks with, slides ahead with, mu of the floor, the way, T / P 
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["ipm", "slsqp"])
 @pytest.mark.parametrize(("sinking", "ahead", "under", "word"), SLIDES)
 def test_a_cart_that_slides_on_takes_a_hit(

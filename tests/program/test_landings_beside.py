@@ -191,6 +191,7 @@ def compass() -> dmoc.Kernels:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_gait_on_ice_steps_off_a_foot_that_slips() -> None:
     """Velocities of the start follow from momenta: what they leave of the resting gap is no
     rate."""

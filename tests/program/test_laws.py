@@ -18,6 +18,7 @@ def counts(law: Law) -> dict[str, int]:
     return {b.name: b.count for b in vars(law).values() if hasattr(b, "missed")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "stated",
     [

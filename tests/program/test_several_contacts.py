@@ -42,6 +42,7 @@ from dmoc.base.errors import ProblemError
 BOTH_METHODS = pytest.mark.parametrize("method", ["ipm", "slsqp"])
 
 
+@pytest.mark.slow
 @BOTH_METHODS
 def test_a_rough_box_that_falls_flat_is_at_rest(method: str) -> None:
     solution = answer_of(falling_flat(0.6, "+left +right"), method, starts=1)
@@ -109,6 +110,7 @@ def test_shared_friction_stays_within_the_cones_of_both_corners() -> None:
     assert left + right == pytest.approx(MASS * GRAVITY * FALL, rel=1e-6)
 
 
+@pytest.mark.slow
 @BOTH_METHODS
 def test_a_rocking_box_loses_what_housner_says(method: str) -> None:
     solution = answer_of(rocking(0.1), method, starts=1)
@@ -156,6 +158,7 @@ def test_order_four_shares_too() -> None:
     assert landing.time == pytest.approx(time_to_land(0.1), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_third_corner_between_two_carries_a_share() -> None:
     """Forces a, a at the corners and c in the middle, 2 a + c = m g, are shortest in the measure of
     the masses where c / a = (1/m + b^2/I) / (1/m)."""
@@ -214,6 +217,7 @@ def test_a_box_lands_on_one_corner_while_the_other_one_slips() -> None:
     assert [p for _, p in struck] == pytest.approx(impulses.tolist(), rel=1e-3)
 
 
+@pytest.mark.slow
 @BOTH_METHODS
 def test_two_fingers_catch_a_disc(method: str) -> None:
     """They close on it at once; each bears half of its weight at the edge of its friction."""
@@ -265,6 +269,7 @@ def test_a_flat_foot_hops() -> None:
         np.testing.assert_allclose(phase.v[:, :3], 0, atol=1e-9)
 
 
+@pytest.mark.slow
 @BOTH_METHODS
 def test_a_ladder_is_pushed_by_what_the_best_shared_forces_leave(method: str) -> None:
     """Floor and wall hold it with four forces of three conditions.  The least push at its middle

@@ -20,6 +20,7 @@ from dmoc.sequences.traversal import _looked_at
 from dmoc.sequences.tree import FINER, FINEST, Tree
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("problem", "options"),
     [

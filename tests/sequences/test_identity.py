@@ -47,6 +47,7 @@ def changed(problem: dmoc.Problem, name: str) -> dmoc.Problem:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [f.name for f in fields(dmoc.Problem) if f.name not in SEARCHED])
 def test_every_field_of_a_problem_tells_its_journal_from_others(
     problem: dmoc.Problem, name: str

@@ -79,6 +79,7 @@ def exact(e):
                     options={"xatol": 1e-10, "fatol": 1e-12}).fun  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", [lambda v, k: sp.exp(-k * v), lambda v, k: 1 / (1 + k * v**2)], ids=["exp", "square"]
 )
@@ -142,6 +143,7 @@ def test_a_check_refuses_a_law_that_creates_energy():
     assert "creates energy" in str(solution.verification) + solution.message
 
 
+@pytest.mark.slow
 def test_a_mass_hits_a_rough_wall_by_the_law_of_its_speed():
     x, y = dynamicsymbols("x y")
     system = dmoc.MechanicalSystem(
@@ -194,6 +196,7 @@ def test_the_derivation_shows_the_law():
     assert "e_floor" in str(dmoc.derive(ball()))
 
 
+@pytest.mark.slow
 def test_a_search_hits_by_the_law():
     kernels = dmoc.build(puck(lambda k: sp.exp(-k * dmoc.approach_speed)))
     problem = there_and_back(kernels).but(

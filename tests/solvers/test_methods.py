@@ -62,6 +62,7 @@ def test_starts_end_the_same_in_any_number_of_threads(seed: dmoc.Problem) -> Non
     assert ipm.solve_starts(programs, points, Options(deadline=Deadline.after(0.0))) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", SPARSE)
 @pytest.mark.parametrize("name", ["block", "puck", "seed"])
 def test_methods_agree_with_slsqp(

@@ -70,6 +70,7 @@ def test_contacts_that_last_are_solved_without_a_compiler() -> None:
     assert found.cost == pytest.approx(wanted.cost, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_the_full_program_has_the_minimum_of_the_condensed_one(order: int) -> None:
     condensed, full = (

@@ -16,6 +16,7 @@ X, Y, A, U = dynamicsymbols("x y a u")
 COMPUTED = [1.2e-16, -1e-15]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [*COMPUTED, 1e-9, -1e-6])
 def test_a_way_to_a_wall_is_that_to_the_wall(start: float) -> None:
     """There and back, to a wall at 1 m, in a second: 24."""
@@ -24,6 +25,7 @@ def test_a_way_to_a_wall_is_that_to_the_wall(start: float) -> None:
     assert solution.solved and solution.cost == pytest.approx(24, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [*COMPUTED, 1e-6, 1e-4])
 def test_who_jumps_lands_beside(start: float) -> None:
     """A body on a leg, at rest in the same place before and after, whose forces move it much
@@ -43,6 +45,7 @@ def test_who_jumps_lands_beside(start: float) -> None:
     assert moved.cost == pytest.approx(exact.cost, rel=1e-6 + 10 * start**2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", COMPUTED)
 def test_a_box_that_is_hardly_turned_stands_on_both_feet(angle: float) -> None:
     """From rest to rest over 1 m in 1 s, without friction: 6."""
@@ -63,6 +66,7 @@ def test_a_box_that_is_hardly_turned_stands_on_both_feet(angle: float) -> None:
     assert solution.solved and solution.cost == pytest.approx(6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [*COMPUTED, 1e-9])
 def test_what_stands_has_a_speed_of_rounding_errors(speed: float) -> None:
     """The rail holds the block at the end; a rod keeps a bob at its length."""

@@ -39,6 +39,7 @@ def problem() -> dmoc.Problem:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("course", "mu", "coupling"),
     [

@@ -175,6 +175,7 @@ def test_momenta_and_energies_do_without_the_slopes_by_coordinates() -> None:
     assert functions["momentum_hess"] < 0.6 * functions["step_hess"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_a_lagrangian_as_a_function_gives_the_same_kernels(
     order: int, monkeypatch: pytest.MonkeyPatch

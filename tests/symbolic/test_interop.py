@@ -126,6 +126,7 @@ def test_the_old_joints_method() -> None:
     assert system.forces[x] == F - sp.Symbol("d") * x.diff(t)
 
 
+@pytest.mark.slow
 def test_holonomic_constraints_come_in() -> None:
     """The cart that its pendulum drives like a rack: x = l theta, in one coordinate less."""
     imported = dmoc.MechanicalSystem.from_lagranges_method(

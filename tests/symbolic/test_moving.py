@@ -115,6 +115,7 @@ def test_gaps_accelerate_with_their_surface() -> None:
     assert model.gap_accelerations(q, v, t)[0, 0] == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_path_constraint_says_what_it_depends_on() -> None:
     """u a' <= 3 + t, in the coordinates (a, z)."""
     (row,) = dmoc.build(driven_system()).manifest["path_rows"]

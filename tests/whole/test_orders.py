@@ -102,6 +102,7 @@ def gauss(state: np.ndarray, h: float, order: int) -> np.ndarray:
     return np.asarray(state + h * b @ k)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ORDERS)
 def test_steps_are_those_of_the_gauss_methods(order: int) -> None:
     kernels, h = find("cart_pendulum").kernels(order), 0.05

@@ -230,6 +230,7 @@ def test_a_motion_at_rest_is_no_measure_of_what_its_next_start_is(
     assert solution.cost == pytest.approx(0.8 * 9.81**2, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_what_there_was_no_time_for_is_not_called_infeasible(
     block: Kernels, monkeypatch: pytest.MonkeyPatch
 ) -> None:
