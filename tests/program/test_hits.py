@@ -24,6 +24,7 @@ from dmoc.guess.hit_course import course_of
 from dmoc.program.hit_stages import END, STOP
 from dmoc.program.transcription import Transcription
 from dmoc.simulation.poisson import Impulses, impulses
+from dmoc.solving import open_hits
 
 COURSES = [
     "slip+", "slip-", "slip+:stick", "slip-:stick", "slip+:slip-", "slip-:slip+",
@@ -215,6 +216,21 @@ def test_the_courses_of_three_hits_follow_from_their_motions() -> None:
     assert [c.word for c in solution.collisions] == ["floor:slip+:stick"] * 3
     (tried,) = re.findall(r"of (\d+) ways through the hits", solution.message)
     assert int(tried) <= 100
+
+
+@pytest.mark.slow
+def test_hits_are_all_alike_where_their_motions_say_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of 100 ways some 30 are tried."""
+    monkeypatch.setattr(open_hits._Tries, "follow_the_law", lambda _: None)
+    twice = back(
+        sequence=["floor"] * 2, goal={"x": 0.9, "y": 0.3}, final_time=(0.2, 3.6), restitution=0.9
+    )
+    solution = answer_of(twice, starts=1)
+    assert [c.word for c in solution.collisions] == ["floor:slip+:stick"] * 2
+    (tried,) = re.findall(r"of (\d+) ways through the hits", solution.message)
+    assert int(tried) <= 40
 
 
 @pytest.mark.slow
