@@ -17,7 +17,7 @@ from systems import block_system
 
 import dmoc
 from dmoc.base.errors import BuildError
-from dmoc.codegen import compiler
+from dmoc.codegen import build, compiler
 from dmoc.codegen.build import LIBRARY
 from dmoc.models.registry import find
 
@@ -188,3 +188,15 @@ def test_problems_and_solutions_travel_between_processes(seed: dmoc.Problem) -> 
     problem = pickle.loads(pickle.dumps(seed.but(steps=20)))
     solution = pickle.loads(pickle.dumps(dmoc.solve(problem, method="ipm", verify=False)))
     assert solution.cost == dmoc.solve(seed.but(steps=20), method="ipm", verify=False).cost
+
+
+def test_another_generator_has_entries_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keys, source = set(), tmp_path / "families.py"
+    monkeypatch.setattr(build, "_sources", lambda _: [source])
+    monkeypatch.setattr(build, "_generator", build._generator.__wrapped__)
+    for text in ("a = 1", "a = 2"):
+        source.write_text(text)
+        keys.add(build._entry_key("model"))
+    assert len(keys) == 2
