@@ -145,6 +145,7 @@ def test_a_motion_that_ends_with_its_event_is_an_option(run: Run) -> None:
     assert found["phases"][1]["mode"] == "floor:slip+"
 
 
+@pytest.mark.slow
 def test_a_problem_in_a_file_holds_contacts(run: Run) -> None:
     code, out, err = run("solve models.py:problem --starts 1")
     assert code == 0, err
@@ -172,6 +173,7 @@ def test_a_sweep_names_the_events_of_each(run: Run) -> None:
     assert "event 1 [s]" in out and "collision" not in out
 
 
+@pytest.mark.slow
 def test_a_search_begins_in_contact_and_is_resumed(run: Run) -> None:
     options = f"{PUSHED} --start y=0 --start x_dot=0.1:1 --contacts floor:slip+ --ignored side"
     for more in ("", "--resume"):
@@ -182,6 +184,7 @@ def test_a_search_begins_in_contact_and_is_resumed(run: Run) -> None:
         assert json.loads(out)["best"] is not None
 
 
+@pytest.mark.slow
 def test_a_search_takes_the_events_that_may_happen(run: Run) -> None:
     options = f"search models.py:railed {PUSHED} --max-collisions 2"
     code, out, err = run(f"{options} --events 'rail:slip+, rail:stick' --json -")

@@ -211,6 +211,7 @@ def test_the_rest_of_a_motion(block: LoadedSolver) -> None:
     assert block.numbers == before
 
 
+@pytest.mark.slow
 def test_problems_that_have_no_rest() -> None:
     """A quantity that the start has a range of too, and a time that could not be shortened."""
     x, u = dynamicsymbols("x u")

@@ -167,6 +167,7 @@ def test_what_has_just_left_a_floor_at_zero_is_before_it() -> None:
         assert plan.cost == pytest.approx(least(0.0, 0.0, 0.3, 1.0) + 0.5, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_what_a_constraint_moves_into_a_surface_is_moved_before_it() -> None:
     """The bob on its rod of 1 m beside a wall at 0.5 m, measured a hundredth inside: the shortest
     way onto the rod ends behind the wall."""
@@ -182,6 +183,7 @@ def test_what_a_constraint_moves_into_a_surface_is_moved_before_it() -> None:
     assert 0.4999 < begin[0] < 0.5
 
 
+@pytest.mark.slow
 def test_what_constraints_and_friction_hold_is_at_rest() -> None:
     """A bob that rubs forwards is measured 0.1 mm/s backwards: of its velocity nothing is left, not
     even rounding errors, with which it would contradict its rod."""
@@ -279,6 +281,7 @@ def test_what_no_input_reaches_may_be_missed_by_a_tolerance() -> None:
         dmoc.Planner(problem, solution, tolerance=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_an_end_at_rest_may_be_missed_where_no_velocity_is_bounded(order: int) -> None:
     """Velocities at the end are unknowns of plans then, and none of the solution.  Moments

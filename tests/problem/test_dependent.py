@@ -34,6 +34,7 @@ def test_a_rate_that_is_left_out_follows(start: dict[Any, Any], rate: float) -> 
     assert v["xy".index(left[0])] == pytest.approx(rate, abs=1e-15)
 
 
+@pytest.mark.slow
 def test_rest_and_what_the_constraints_leave_open_stay_zero() -> None:
     for start in ({X: 0.6, Y: -0.8}, {X: 0.6, Y: -0.8, "x_dot": 0}, {X: 0.0, Y: -1.0, "y_dot": 0}):
         assert not stated(start).start_bounds.momentum.any()

@@ -120,6 +120,7 @@ def test_a_quantity_at_a_fixed_start_chooses() -> None:
     assert solved(problem).design["c"] == pytest.approx(2.0, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_velocity_at_the_start_is_none_of_a_mass_to_begin_with() -> None:
     """A quarter of the period 2 pi sqrt(m) in a second: m = 4 / pi^2; the speed is 1 at first."""
     m = sp.Symbol("m")

@@ -89,6 +89,7 @@ def test_the_way_through_a_hit_is_poissons_and_no_other_is_possible(number: int)
         assert not other.minimum, course
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("course", "order", "signs"),
     [

@@ -167,6 +167,7 @@ def test_a_cart_that_slides_on_takes_a_hit(
     np.testing.assert_allclose(run.v[-1], solution.phases[1].v[-1], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_box_that_stands_on_both_corners_holds_a_hit() -> None:
     """A ball rubs its side down at a fifth of a metre: P = 3, T = 3.6, and the moments about the
     left corner give the impulses below; of the friction the sum is -P, shared equally."""
@@ -213,6 +214,7 @@ def test_contacts_that_stop_or_turn_beside_a_hit_are_refused(floor: str, how: st
         along(2.9, 1.0, 0.3, f"side:slip- {floor}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("angle", "v", "mu", "after", "normal", "tangential", "course"), RODS)
 def test_constraints_hold_during_a_hit(
     angle: float, v: tuple[float, ...], mu: float, after: tuple[float, ...], normal: float,

@@ -162,6 +162,7 @@ def test_feet_that_turn_as_both_land_are_refused() -> None:
         )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_check_tells_what_turns_as_several_land() -> None:
     landed = answer_of(falling_flat(0.1, "+left:slip+ +right:slip+"), starts=1).trajectory
     before, after = landed.phases

@@ -57,6 +57,7 @@ def test_each_size_has_its_unit(
         assert getattr(other, name) == pytest.approx(unit * getattr(plain, name), rel=1e-9), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 @pytest.mark.parametrize("way", [1e-6, 1e-9])
 def test_a_guess_that_hardly_moves_is_no_measure_of_fixed_speeds(order: int, way: float) -> None:

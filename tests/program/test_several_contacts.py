@@ -175,6 +175,7 @@ def test_a_third_corner_between_two_carries_a_share() -> None:
     assert problem.redundant[0].sticking == (1, 2)
 
 
+@pytest.mark.slow
 def test_gaps_of_other_sizes_share_by_their_effect() -> None:
     """Two gaps of one floor, the second one twice the first: N1 + 2 N2 = m g, and the shares by
     effect are equal."""
@@ -302,6 +303,7 @@ def test_a_ladder_is_pushed_by_what_the_best_shared_forces_leave(method: str) ->
     assert solution.cost == pytest.approx(least**2 / 2, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_body_that_sticks_between_two_walls_is_held_by_the_least_that_bears_it() -> None:
     problem = dmoc.Problem(
         squeezed(), start=dict.fromkeys(("x", "y", "x_dot", "y_dot"), 0),
@@ -343,6 +345,7 @@ def test_contacts_that_cannot_be_closed_together_are_refused() -> None:
         )
 
 
+@pytest.mark.slow
 def test_belts_of_different_speeds_cannot_hold_one_body() -> None:
     belts = dmoc.MechanicalSystem(
         "belts", [X, Y], (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - 9.81 * Y, {MU: 0.5},

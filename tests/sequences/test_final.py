@@ -87,6 +87,7 @@ def test_a_sequence_that_coarse_meshes_speak_against_is_solved_on_finer_ones(ste
     assert node.cost == pytest.approx(fine.cost, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_nothing_is_refined_that_costs_more_than_the_best() -> None:
     result = dmoc.search(shipped("cart_pendulum", steps=10), 1)
     nodes = {n.sequence: n for n in result.nodes}

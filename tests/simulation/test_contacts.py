@@ -105,6 +105,7 @@ def test_a_blow_releases_what_is_approached(corner: Kernels) -> None:
         assert blow.velocity == pytest.approx([right - impulse, 0.0], abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [1.0, 0.8, 0.1, 0.0])
 def test_an_acute_corner_with_coupled_masses_is_left(e: float) -> None:
     """Elastic impacts keep the energy, others never add to it, and no surface is approached at

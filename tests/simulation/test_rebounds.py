@@ -136,6 +136,7 @@ def test_a_number_that_creates_energy_is_refused(e):
         ball(e=e)
 
 
+@pytest.mark.slow
 def test_a_check_refuses_a_law_that_creates_energy():
     kernels = dmoc.build(puck(lambda k: 2 - k * dmoc.approach_speed), order=4)
     solution = dmoc.solve(there_and_back(kernels), "ipm")

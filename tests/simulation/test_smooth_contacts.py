@@ -36,6 +36,7 @@ def answer(**fields: Any) -> dmoc.Solution:
     return dmoc.solve(dmoc.Problem(floored(), start={"x": 0, "y": 0}, **fields), starts=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sizes", [{}, {"m": 1e3}, {"g": 1e-3}])
 @pytest.mark.parametrize(
     "course",

@@ -86,6 +86,7 @@ def test_a_goal_on_the_surface_that_is_hit(block: Kernels, e: float) -> None:
     assert one.cost == pytest.approx(other.cost, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_a_limit_at_the_surface_itself(order: int) -> None:
     """A bound that a contact implies leaves no interior at the collision; one in front of the

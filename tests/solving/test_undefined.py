@@ -58,6 +58,7 @@ def test_a_cost_that_is_no_number_is_told() -> None:
     assert not solution.solved and "the cost is not a finite number" in solution.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["slsqp", "ipm"])
 @pytest.mark.parametrize(("m", "status"), [(1e-300, "solved"), (1e300, "stalled")])
 def test_masses_at_the_ends_of_the_numbers_end_in_a_status(
