@@ -94,7 +94,7 @@ def test_a_command_that_is_plain_does_not_load_typer() -> None:
         "try: main()\nexcept SystemExit as end: print(end.code, 'typer' in sys.modules)"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.splitlines()[-1] == "None False" and "cart_pendulum" in run.stdout
+    assert run.stdout.splitlines()[-1] == "0 False" and "cart_pendulum" in run.stdout
 
 
 def test_a_pipe_that_nobody_reads_ends_a_command_quietly(
