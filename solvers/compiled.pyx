@@ -177,8 +177,8 @@ def interior_point(
     options.price = NULL if price is None else _numbers(price, c.m, "price", &none)
     options.report, options.user = _report, <void *>&hearing
     with nogil:
-        result = dmoc_interior_heap(c, &kkt, analysed, &options, sizes, stretches, unknowns, multipliers,
-                                    lower, upper)
+        result = dmoc_interior_heap(c, &kkt, analysed, &options, sizes, stretches,
+                                    unknowns, multipliers, lower, upper)
     if listener.raised is not None:
         raise listener.raised
     if result.status == DMOC_NO_MEMORY:

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +25,6 @@ from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.laws.law import INEQUALITY, INPUT, RANKS, STATE, key
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.compiled import Factorisation, kkt_pattern
-
-Pattern: TypeAlias = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -52,7 +49,10 @@ class KKTLayout:
 
     @classmethod
     def of(
-        cls, place: NDArray[np.int32], first: NDArray[np.int32], patterns: Iterable[Pattern]
+        cls,
+        place: NDArray[np.int32],
+        first: NDArray[np.int32],
+        patterns: Iterable[NDArray[np.int32]],
     ) -> KKTLayout:
         """``patterns`` are those of H and A: starts of rows and columns of both."""
         size = int((place >= 0).sum())
