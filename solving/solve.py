@@ -39,8 +39,9 @@ def solve(
     """Solve an optimal control problem for its sequence of collisions.
 
     A hit with friction of which the sequence does not say how it goes ("wall" instead of
-    "wall:slip+") begins with the way that the law takes in the guess; then the ways of one hit
-    after the other are tried, from few starts on a coarse mesh, as long as the cost falls.  The
+    "wall:slip+") begins with the way that the law takes in the guess, or, where that leads to no
+    motion, with one way for all hits; then the ways of one hit after the other are tried, from few
+    starts on a coarse mesh, as long as the cost falls.  The
     best that is confirmed is the answer; its collisions tell the way.  The limits are those of all
     ways together.
 
