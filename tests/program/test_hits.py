@@ -207,13 +207,15 @@ def test_the_law_says_the_course_of_a_hit_as_the_check_does() -> None:
     assert courses == set(COURSES)
 
 
+def bouncing(hits: int) -> dmoc.Problem:
+    goal = {"x": 0.9, "y": 0.3}
+    return back(sequence=["floor"] * hits, goal=goal, final_time=(0.2, 3.6), restitution=0.9)
+
+
 @pytest.mark.slow
 def test_the_courses_of_three_hits_follow_from_their_motions() -> None:
     """There are 1000; a ball that bounces with e = 0.9 is at 0.3 m or higher all along."""
-    thrice = back(
-        sequence=["floor"] * 3, goal={"x": 0.9, "y": 0.3}, final_time=(0.2, 3.6), restitution=0.9
-    )
-    solution = answer_of(thrice, starts=1)
+    solution = answer_of(bouncing(hits=3), starts=1)
     assert [c.word for c in solution.collisions] == ["floor:slip+:stick"] * 3
     (tried,) = re.findall(r"of (\d+) ways through the hits", solution.message)
     assert int(tried) <= 100
@@ -225,10 +227,7 @@ def test_hits_are_all_alike_where_their_motions_say_nothing(
 ) -> None:
     """Of 100 ways some 30 are tried."""
     monkeypatch.setattr(open_hits._Tries, "follow_the_law", lambda _: None)
-    twice = back(
-        sequence=["floor"] * 2, goal={"x": 0.9, "y": 0.3}, final_time=(0.2, 3.6), restitution=0.9
-    )
-    solution = answer_of(twice, starts=1)
+    solution = answer_of(bouncing(hits=2), starts=1)
     assert [c.word for c in solution.collisions] == ["floor:slip+:stick"] * 2
     (tried,) = re.findall(r"of (\d+) ways through the hits", solution.message)
     assert int(tried) <= 40
