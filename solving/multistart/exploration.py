@@ -40,6 +40,8 @@ USUAL, LASTING = 60, 300
 # has helped, with so many starts, of which so many minima are followed.
 WIDER = (4.0, 2.8, 2.0, 1.6, 1.3, 1.12, 1.0)
 WIDE_STARTS, FOLLOWED = 32, 8
+# Starts that are made before the clock is looked at, where a number of them is given.
+TOGETHER = 400
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,8 @@ def _minima(
     minima, starts = list[Basin](), list[Start]()
     begin, ends = 0, [0, effort.first, effort.most, effort.more]
     if effort.total is not None:
-        ends = [max(effort.total - len(named), 0)]
+        last = max(effort.total - len(named), 0)
+        ends = [*range(TOGETHER, last, TOGETHER), last]
     for end in ends:
         numbers = range(begin, max(end, begin))
         x = random_motions(coarse, guesses, natural, numbers, effort.seed)
@@ -168,12 +171,8 @@ def _minima(
         attempts = attempts_from(programs, list(named.values()), few)
         starts += [_start(name, a) for name, a in zip(named, attempts, strict=False)]
         minima = gathered(minima, attempts)
-        agreed = effort.agree(minima, len(starts))
-        if not agreed and 0 < end == effort.first and 1 < len(minima) <= FEW:
-            agreed = effort.agree(refinements.merged(minima, few), len(starts))
-        met = _met_best(minima) >= effort.often
-        enough = (met and end >= effort.most) or (agreed and end >= effort.first)
-        if enough or len(attempts) < len(named):
+        late = len(attempts) < len(named)
+        if late or _enough(refinements, effort, minima, (len(starts), end), few):
             break
         if not minima and len(x):  # the first guess may be so small beside motions that exist
             programs = Programs(coarse, scale_of(coarse, x[-1]))
@@ -181,6 +180,24 @@ def _minima(
     if not minima and effort.widens:
         minima = _tightened(coarse, natural, effort.seed, few)
     return minima, starts
+
+
+def _enough(
+    refinements: Refinements,
+    effort: Effort,
+    minima: Sequence[Basin],
+    tried: tuple[int, int],
+    options: Options,
+) -> bool:
+    """Whether no more starts are needed after those that were tried, in all and random ones."""
+    if effort.total is not None:
+        return False
+    starts, random = tried
+    agreed = effort.agree(minima, starts)
+    if not agreed and 0 < random == effort.first and 1 < len(minima) <= FEW:
+        agreed = effort.agree(refinements.merged(minima, options), starts)
+    met = _met_best(minima) >= effort.often
+    return (met and random >= effort.most) or (agreed and random >= effort.first)
 
 
 def _met_best(minima: Sequence[Basin]) -> int:

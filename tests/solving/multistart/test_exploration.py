@@ -122,6 +122,32 @@ def test_a_number_of_starts_is_kept(hanging: dmoc.Problem) -> None:
     assert dmoc.solve(hanging, "ipm", starts=7, verify=False).starts == 7
 
 
+def test_starts_that_there_is_no_time_for_are_not_made(
+    block: Kernels, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are made some at a time; none after those at which the time is used up."""
+    problem = dmoc.Problem(
+        block, start={"x": 0}, goal={"x": 1, "x_dot": 0}, bounds={"u": (-9, 9)}, steps=4,
+        final_time=1.0,
+    )  # fmt: skip
+    asked, make = list[range](), exploration.random_motions
+
+    def made(problem: dmoc.Problem, *others: Any) -> Any:
+        asked.append(others[2])
+        return make(problem, *others)
+
+    monkeypatch.setattr(exploration, "random_motions", made)
+    monkeypatch.setattr(exploration, "TOGETHER", 20)
+    effort = Effort(total=50, widens=False)
+    ended = exploration.explored(problem, effort, Options())
+    assert len(ended.starts) == 50 and ended.ranked[0].minimum.starts == 50
+    assert [k for numbers in asked for k in numbers] == list(range(asked[-1].stop))
+    assert max(map(len, asked)) == 20
+    asked.clear()
+    few = exploration.explored(problem, effort, Options(deadline=Deadline.after(1e-9)))
+    assert len(asked) == 1 and len(few.starts) < 50
+
+
 @pytest.mark.slow
 def test_starts_that_agree_end_the_exploration() -> None:
     system = unit_mass("easy", cost=dynamicsymbols("u") ** 2)
