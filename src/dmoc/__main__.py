@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import threading
+from typing import Any
 
 INTERRUPTED = 130
 # Of NumPy's linear algebra, in this process and its workers: starting threads for it takes longer
@@ -16,6 +17,8 @@ THREADS = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 # New objects after which Python looks for cycles among them: what modules make stays, and looking
 # through it after every 700 takes a tenth of a short command. At its end nothing is looked through.
 NEW_OBJECTS = 100_000
+# Seconds after which a Ctrl-C that came in a callback comes again.
+AGAIN = 0.02
 
 
 def main() -> None:
@@ -32,6 +35,7 @@ def main() -> None:
 
         if listening:
             signal.signal(signal.SIGINT, signal.default_int_handler)
+            sys.unraisablehook = _lost
         cli.main()
     except KeyboardInterrupt:
         _leave()
@@ -46,6 +50,16 @@ def main() -> None:
         gc.freeze()
         if listening:
             signal.signal(signal.SIGINT, _leave)
+
+
+def _lost(error: Any) -> None:
+    """What is raised in a callback, or where an object ends, goes no further: Python tells it and
+    goes on.  A Ctrl-C that came there comes again."""
+    if isinstance(error.exc_value, KeyboardInterrupt):
+        main_thread = threading.main_thread().ident
+        threading.Timer(AGAIN, signal.pthread_kill, (main_thread, signal.SIGINT)).start()
+    else:
+        sys.__unraisablehook__(error)
 
 
 def _flush() -> None:

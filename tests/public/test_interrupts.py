@@ -228,6 +228,34 @@ def test_ctrl_c_at_any_moment_leaves_no_traceback_and_no_process(
     assert running.returncode in (0, 1, 130)
 
 
+def test_ctrl_c_is_not_lost_in_a_callback() -> None:
+    """Where Python would print it and go on, as while it forgets the lock of a module."""
+    ended = subprocess.run(
+        [sys.executable, "-c", IN_CALLBACK], capture_output=True, text=True, timeout=60
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
+
+
+IN_CALLBACK = """
+import signal, time, weakref
+from dmoc import cli
+from dmoc.__main__ import main
+
+class Forgotten:
+    pass
+
+def command():
+    it = Forgotten()
+    told = weakref.ref(it, lambda _: signal.raise_signal(signal.SIGINT))
+    del it
+    time.sleep(10)
+    print("nobody has stopped it")
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+cli.main = command
+main()
+"""
+
 # From here on Ctrl-C is the command's business, not that of the interpreter's start.
 STARTED = """
 from dmoc.__main__ import main
