@@ -68,6 +68,11 @@ def kkt_pattern(
     jac_column: Ints,
 ) -> dict[str, Ints]: ...
 
+class Room:
+    factorisation: Factorisation
+    nbytes: int
+    def __init__(self, program: Program, layout: KKTLayout) -> None: ...
+
 class Factorisation:
     size: int
     entries: int

@@ -33,7 +33,6 @@ cdef extern from "ldl.h" nogil:
     void dmoc_ldl_solve(const dmoc_ldl *f, double *x)
 
 cdef extern from "interior_point.h" nogil:
-    enum: DMOC_NO_MEMORY
     ctypedef int dmoc_report(void *user, int iteration, double cost, double violation, double mu,
                              int restoring) noexcept nogil
     ctypedef struct dmoc_options:
@@ -57,11 +56,11 @@ cdef extern from "interior_point.h" nogil:
         long factorisations
         double seconds_kernels, seconds_linear, seconds
     size_t dmoc_interior_memory(const dmoc_program *program, const dmoc_kkt *kkt)
-    dmoc_result dmoc_interior_heap(const dmoc_program *program, const dmoc_kkt *kkt,
-                                   const dmoc_ldl *analysed, const dmoc_options *options,
-                                   const double *size,
-                                   const double *stretch, double *x, double *y, double *z_lower,
-                                   double *z_upper)
+    dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt,
+                                    const dmoc_options *options, const double *size,
+                                    const double *stretch, double *x, double *y, double *z_lower,
+                                    double *z_upper, dmoc_ldl *ldl, void *memory)
+    double dmoc_clock()
     ctypedef struct dmoc_starts:
         int count
         const double *size
@@ -74,12 +73,11 @@ cdef extern from "interior_point.h" nogil:
         int *iterations
         int *turn
         const int *stop
-    int dmoc_interior_starts(const dmoc_program *program, const dmoc_kkt *kkt,
-                             const dmoc_ldl *analysed, const dmoc_options *options,
-                             const double *stretch, const dmoc_starts *starts)
+    void dmoc_interior_starts(const dmoc_program *program, const dmoc_kkt *kkt,
+                              const dmoc_options *options, const double *stretch,
+                              const dmoc_starts *starts, dmoc_ldl *ldl, void *memory)
 
 
-LACKING = "the interior-point method has not enough memory"
 # Seconds of processor time between two looks at signals where nobody listens to every iteration:
 # taking the lock of the interpreter that often would make solves in several threads wait for each
 # other.
@@ -157,7 +155,7 @@ def interior_point(
     """
     cdef dmoc_program *c = <dmoc_program *>PyCapsule_GetPointer(program.capsule(), "dmoc_program")
     cdef dmoc_kkt kkt = _layout(c, layout)
-    cdef const dmoc_ldl *analysed = (<Factorisation?>layout.factorisation).f
+    cdef Room room = _room(program, layout)
     cdef dmoc_options options
     cdef dmoc_result result
     cdef _Listener listener = _Listener()
@@ -173,16 +171,15 @@ def interior_point(
     options.optimality, options.demanded, options.violation = optimality, demanded, violation
     options.least_cost, options.infeasible, options.mu = least_cost, infeasible, mu
     options.warm, options.iterations, options.seconds = warm, iterations, seconds
-    options.least_violation, options.clock = least_violation, NULL
+    options.least_violation, options.clock = least_violation, dmoc_clock
     options.price = NULL if price is None else _numbers(price, c.m, "price", &none)
     options.report, options.user = _report, <void *>&hearing
     with nogil:
-        result = dmoc_interior_heap(c, &kkt, analysed, &options, sizes, stretches,
-                                    unknowns, multipliers, lower, upper)
+        result = dmoc_interior_point(c, &kkt, &options, sizes, stretches, unknowns, multipliers,
+                                     lower, upper, room.factorisation.f, &room.memory[0])
+    layout.rooms.append(room)
     if listener.raised is not None:
         raise listener.raised
-    if result.status == DMOC_NO_MEMORY:
-        raise MemoryError(LACKING)
     return result
 
 
@@ -210,12 +207,11 @@ def interior_points(
     """
     cdef dmoc_program *c = <dmoc_program *>PyCapsule_GetPointer(program.capsule(), "dmoc_program")
     cdef dmoc_kkt kkt = _layout(c, layout)
-    cdef const dmoc_ldl *analysed = (<Factorisation?>layout.factorisation).f
+    cdef Room room = _room(program, layout)
     cdef ptrdiff_t count = x.shape[0]
     cdef dmoc_options options
     cdef dmoc_starts starts
     cdef double *stretches = _numbers(stretch, c.n, "stretch", &_NONE)
-    cdef bint enough
     starts.count = count
     starts.size, starts.mu = _rows(size, count, c.n, "size"), _numbers(mu, count, "mu", &_NONE)
     starts.x, starts.y = _rows(x, count, c.n, "x"), _rows(y, count, c.m, "y")
@@ -229,9 +225,9 @@ def interior_points(
     options.warm, options.least_violation, options.price = False, False, NULL
     options.seconds = seconds
     with nogil:
-        enough = dmoc_interior_starts(c, &kkt, analysed, &options, stretches, &starts)
-    if not enough:
-        raise MemoryError(LACKING)
+        dmoc_interior_starts(c, &kkt, &options, stretches, &starts, room.factorisation.f,
+                             &room.memory[0])
+    layout.rooms.append(room)
 
 
 def interior_memory(program, layout):
@@ -239,6 +235,29 @@ def interior_memory(program, layout):
     cdef dmoc_program *c = <dmoc_program *>PyCapsule_GetPointer(program.capsule(), "dmoc_program")
     cdef dmoc_kkt kkt = _layout(c, layout)
     return dmoc_interior_memory(c, &kkt)
+
+
+cdef class Room:
+    """What a solve of one form works in: a factorisation, and memory of the method.  It serves one
+    solve after the other: new memory takes longer than an iteration."""
+    cdef readonly Factorisation factorisation
+    cdef double[::1] memory
+
+    def __init__(self, program, layout):
+        self.factorisation = Factorisation(like=layout.factorisation)
+        self.memory = np.empty(interior_memory(program, layout)//sizeof(double))
+
+    @property
+    def nbytes(self):
+        return self.factorisation.nbytes + self.memory.nbytes
+
+
+cdef Room _room(program, layout):
+    """One that is free, or a new one; it goes back to the others of its layout afterwards."""
+    try:
+        return layout.rooms.pop()
+    except IndexError:
+        return Room(program, layout)
 
 
 def kkt_pattern(

@@ -166,10 +166,7 @@ class SecondOrder:
 
     @cached_property
     def _layout(self) -> KKTLayout:
-        if "ipm" not in self.nlp.analyses:
-            self.nlp.analyses["ipm"] = kkt_layout(self.nlp)
-        layout: KKTLayout = self.nlp.analyses["ipm"]
-        return layout
+        return kkt_layout(self.nlp)
 
     @cached_property
     def _factorisation(self) -> Factorisation:

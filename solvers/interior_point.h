@@ -83,13 +83,8 @@ dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt
                                 const double *stretch, double *x, double *y, double *z_lower,
                                 double *z_upper, dmoc_ldl *ldl, void *memory);
 
-/* The same with memory from the heap and, if the options have none, the clock of the system;
- * without an analysis of kkt (NULL) it makes one. */
-dmoc_result dmoc_interior_heap(const dmoc_program *program, const dmoc_kkt *kkt,
-                               const dmoc_ldl *analysed, const dmoc_options *options,
-                               const double *size,
-                               const double *stretch, double *x, double *y, double *z_lower,
-                               double *z_upper);
+/* The clock of the system, in seconds. */
+double dmoc_clock(void);
 
 /* Starts of one program, which threads take one after the other, each with a program that works in
  * memory of its own: arrays have a row for each start. */
@@ -103,9 +98,9 @@ typedef struct {
 } dmoc_starts;
 
 /* Minimise from the starts whose turn comes here, within the seconds of the options, by the clock
- * of the system; reports are not heard. Returns 0 if there is not enough memory. */
-int dmoc_interior_starts(const dmoc_program *program, const dmoc_kkt *kkt,
-                         const dmoc_ldl *analysed, const dmoc_options *options,
-                         const double *stretch, const dmoc_starts *starts);
+ * of the system; reports are not heard. */
+void dmoc_interior_starts(const dmoc_program *program, const dmoc_kkt *kkt,
+                          const dmoc_options *options, const double *stretch,
+                          const dmoc_starts *starts, dmoc_ldl *ldl, void *memory);
 
 #endif

@@ -7,7 +7,7 @@
  *   interior_start.c        first point, scaling, multipliers, WB 3.6, 3.8
  *   interior_restoration.c  restoration, WB 3.3
  *   interior_point.c        iteration, WB algorithm A; parts of the memory, and entry
- *   interior_heap.c         the same with memory from the heap and the clock of the system
+ *   interior_starts.c       the same from many starts, by the clock of the system
  *
  * Constants have the letters and mostly the values of WB.
  */

@@ -61,7 +61,7 @@ def solve_starts(
 
     def each(own: Transcription) -> None:
         with np.errstate(all="ignore"):  # each thread has its own
-            program, layout = own.program, _prepared(own)
+            program, layout = own.program, kkt_layout(own)
         interior_points(
             program, layout, *arrays, **_demands(options), most=options.iterations,
             seconds=options.deadline.left,
@@ -115,7 +115,7 @@ def _run(
     z_lower, z_upper = np.maximum(start.z, 0.0), np.maximum(-start.z, 0.0)
     report, count = _listener(options)
     try:
-        prepared = _prepared(nlp)
+        prepared = kkt_layout(nlp)
         result = _minimise(
             nlp, prepared, x, y, z_lower, z_upper, options, duals is not None, price, least, report
         )
@@ -123,14 +123,6 @@ def _run(
     except KeyboardInterrupt:
         status, iterations = Status.INTERRUPTED, count()
     return Ending(status, "", x, Duals.of_rows(nlp.n_eq, y, z_lower - z_upper), iterations)
-
-
-def _prepared(nlp: Transcription) -> KKTLayout:
-    """The analysis of the linear system, once for every program."""
-    if "ipm" not in nlp.analyses:
-        nlp.analyses["ipm"] = kkt_layout(nlp)
-    layout: KKTLayout = nlp.analyses["ipm"]
-    return layout
 
 
 def _listener(options: Options) -> tuple[Report, Callable[[], int]]:

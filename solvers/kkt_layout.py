@@ -16,7 +16,7 @@ densely.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.laws.law import INEQUALITY, INPUT, RANKS, STATE, key
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.compiled import Factorisation, kkt_pattern
+from dmoc.solvers.compiled import Factorisation, Room, kkt_pattern
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,8 @@ class KKTLayout:
     unknowns.  ``first``: first position of each pivot, then the beginning of the final group.
     ``from_hess``, ``from_jac``: entry of K that each entry of the Hessian and of the Jacobian is
     added to, -1 for none.  ``diagonal``: entry of K on the diagonal of each index.
-    ``factorisation``: one of this pattern, whose analysis serves others.
+    ``factorisation``: one of this pattern, whose analysis serves others.  ``rooms``: where solves
+    of this form may work that nobody uses.
     """
 
     place: NDArray[np.int32]
@@ -46,6 +47,7 @@ class KKTLayout:
     from_jac: NDArray[np.int32]
     diagonal: NDArray[np.int32]
     factorisation: Factorisation
+    rooms: list[Room] = field(default_factory=list, init=False)
 
     @classmethod
     def of(
@@ -117,8 +119,11 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
 def kkt_layout(nlp: Transcription) -> KKTLayout:
     """Analyse K for a program without minimal times; programs of one structure with the same fixed
     unknowns share it."""
-    free = (nlp.lower < nlp.upper).tobytes()
-    return nlp.structure.once(("kkt", free), lambda: _analysed(nlp))
+    if "kkt" not in nlp.analyses:
+        free = (nlp.lower < nlp.upper).tobytes()
+        nlp.analyses["kkt"] = nlp.structure.once(("kkt", free), lambda: _analysed(nlp))
+    layout: KKTLayout = nlp.analyses["kkt"]
+    return layout
 
 
 def _analysed(nlp: Transcription) -> KKTLayout:

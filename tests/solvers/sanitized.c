@@ -187,6 +187,12 @@ static double *two_of(const double *row, ptrdiff_t n)
     return two;
 }
 
+/* Memory that the method works in. */
+static void *room(const dmoc_program *p, const dmoc_kkt *k)
+{
+    return memory(dmoc_interior_memory(p, k), 1);
+}
+
 /* Whether two starts at one point, without multipliers, end as a solve from there has ended. */
 static int the_same_twice(const dmoc_program *p, const dmoc_kkt *k, const dmoc_options *o,
                           const double *size, const double *stretch, const double *x,
@@ -203,7 +209,8 @@ static int the_same_twice(const dmoc_program *p, const dmoc_kkt *k, const dmoc_o
         2, sizes, mu, many, y, lower, upper, status, iterations, &turn, &stop,
     };
     dmoc_ldl *analysed = dmoc_ldl_new(k->size, k->pivots, k->first, k->start, k->row);
-    int same = analysed && dmoc_interior_starts(p, k, analysed, o, stretch, &starts);
+    int same = analysed != NULL;
+    dmoc_interior_starts(p, k, o, stretch, &starts, analysed, room(p, k));
     dmoc_ldl_free(analysed);
     for (int i = 0; i < 2; ++i)
         same &= status[i] == r.status && iterations[i] == r.iterations;
@@ -221,8 +228,12 @@ static int solve(void)
     const double *size = numbers(), *stretch = numbers();
     double *x = numbers(), *y = numbers(), *z_lower = numbers(), *z_upper = numbers();
     double *before = two_of(x, p.n);
-    const dmoc_result r =
-        dmoc_interior_heap(&p, &k, NULL, &o, size, stretch, x, y, z_lower, z_upper);
+    dmoc_ldl *ldl = dmoc_ldl_new(k.size, k.pivots, k.first, k.start, k.row);
+    if (!ldl)
+        return 1;
+    const dmoc_result r = dmoc_interior_point(&p, &k, &o, size, stretch, x, y, z_lower, z_upper,
+                                              ldl, room(&p, &k));
+    dmoc_ldl_free(ldl);
     double *values = memory((size_t)p.m + 1, sizeof *values);
     dmoc_put(&p, x);
     dmoc_assemble(&p.values, p.pool, values);

@@ -47,7 +47,7 @@ class Quadratic:
         self.g = -self.Q @ self.x - slope
         self.program, self.layout = self, SimpleNamespace(unknowns=(), total=0)
         self.laws = ()
-        self.analyses = {"ipm": self._whole()}
+        self.analyses = {"kkt": self._whole()}
 
     def _whole(self) -> KKTLayout:
         """K as one final group."""
