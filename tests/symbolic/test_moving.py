@@ -14,7 +14,8 @@ import dmoc
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row
 from dmoc.symbolic.continuous import impact_work, readable
-from dmoc.symbolic.discrete import StepElement, lobatto_nodes, step_element
+from dmoc.symbolic.discrete import StepElement, step_element
+from dmoc.symbolic.quadrature import lobatto_nodes
 
 T = dynamicsymbols._t
 

@@ -17,7 +17,7 @@ import dmoc
 from dmoc.base.discretisation import DISCRETISATIONS, FORMS, ORDERS
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
-from dmoc.symbolic.discrete import lobatto_nodes, quadrature
+from dmoc.symbolic.quadrature import lobatto_nodes, quadrature
 
 G = 9.81
 WALL = 1.2
