@@ -326,41 +326,6 @@ def last_inputs(phases: Sequence[Phase], form: InputForm) -> Array:
     return np.asarray(last.u[form.starts(last.steps)[-1] + form.width])
 
 
-@dataclass(frozen=True)
-class LargestForce:
-    """The largest force of a contact along a motion, "N" or "T", or of a constraint, "R": its
-    value, in newton for contacts, which has a sign for T and R, and its time in seconds."""
-
-    contact: str
-    kind: str
-    value: float
-    time: float
-
-
-def largest_forces(motion: Trajectory) -> list[LargestForce]:
-    """The largest normal force and the largest friction of each contact, and the largest force of
-    each constraint, at its first time, along phases that have steps."""
-    largest: dict[tuple[str, str], LargestForce] = {}
-    for phase in motion.phases:
-        if not phase.steps:
-            continue
-        rows = (
-            (kind, name, row)
-            for kind, names, forces in (
-                ("N", phase.closed, phase.normal), ("T", phase.rubbing, phase.tangential),
-                ("R", phase.joints, phase.reaction),
-            )
-            for name, row in zip(names, forces.T, strict=True)
-        )  # fmt: skip
-        for kind, name, forces in rows:
-            k = int(np.argmax(np.abs(forces)))
-            force = LargestForce(name, kind, float(forces[k]), float(phase.t[k]))
-            before = largest.get((name, kind))
-            if before is None or abs(force.value) > abs(before.value):
-                largest[name, kind] = force
-    return sorted(largest.values(), key=lambda force: (force.contact, force.kind))
-
-
 def mode_word(closed: Sequence[str], rubbing: Mapping[str, int]) -> str:
     """The contacts that are closed and the tangents that rub, as "left:stick"; "free" for none."""
     names = [f"{c}:{FRICTION_WORDS[rubbing[c]]}" if c in rubbing else c for c in closed]

@@ -13,13 +13,13 @@ from dmoc.base.arguments import path as path_of
 from dmoc.base.errors import ModelError
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Kernels
+from dmoc.motion.largest_forces import largest_forces
 from dmoc.motion.trajectory import (
     FRICTION_WORDS,
     Array,
     Collision,
     Phase,
     Trajectory,
-    largest_forces,
 )
 from dmoc.program.active_constraints import ActiveBound
 from dmoc.results.motion_result import MotionResult

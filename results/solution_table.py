@@ -7,7 +7,8 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from dmoc.base.table import Cell, Table, passed
-from dmoc.motion.trajectory import impulses_in_words, largest_forces, noun_of
+from dmoc.motion.largest_forces import largest_forces
+from dmoc.motion.trajectory import impulses_in_words, noun_of
 
 if TYPE_CHECKING:
     from dmoc.results.solution import Solution

@@ -10,7 +10,8 @@ from systems import landing_problem
 
 import dmoc
 from dmoc.base.errors import ProblemError
-from dmoc.motion.trajectory import Collision, Phase, largest_forces
+from dmoc.motion.largest_forces import largest_forces
+from dmoc.motion.trajectory import Collision, Phase
 from dmoc.problem.problem import Problem
 
 

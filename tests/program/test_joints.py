@@ -17,8 +17,8 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import DmocError
+from dmoc.motion.largest_forces import largest_forces
 from dmoc.motion.motion_tables import columns
-from dmoc.motion.trajectory import largest_forces
 
 pytestmark = pytest.mark.slow
 
