@@ -11,18 +11,13 @@ its contact (:mod:`dmoc.program.laws.contact`)::
     sticks     sigma(q_c, v+) = 0                 after an impact, with impulses T_c
     slides     T_c + s mu P_c = 0                 in an impact
     cone       mu_s P_k - |T_k| >= 0, mu P_c - |T_c| >= 0    where it sticks
-    direction  s (tau(q_kp1) - tau(q_k)) >= 0, s sigma >= 0 on both sides of an impact,
-               at the ends of the motion, and at nodes whose velocities are unknowns
 
+That what slides does so in its direction s is a law of its own (:mod:`dmoc.program.laws.sliding`).
 Where static friction is another one, mu_s, what sticks breaks away by rows of its own
 (:mod:`dmoc.program.laws.breakaway`).
 
-A contact that slides the other way after an impact than before has s of either phase on either
-side.  Where the impact presses it, P_c > 0, its friction turns at a moment within, which these rows
-do not know: the check refuses such a motion.
-
 A rail has the largest force F instead of mu P_k, times the time that the node stands for.  The
-places of stuck and direction are measured by how far the contact could move in one step.
+places of stuck are measured by how far the contact could move in one step.
 """
 
 from __future__ import annotations
@@ -37,7 +32,6 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import STICK
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.touch import Touch
-from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import (
     NOWHERE,
@@ -64,6 +58,7 @@ from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.impact import ends_motion
 from dmoc.program.laws.law import AT_REST, INPUT, Edge, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases
+from dmoc.program.laws.sliding import SlidingLaw
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import Settled
 from dmoc.program.scale import Scale
@@ -81,6 +76,8 @@ class FrictionLaw(Law):
     ----------
     contact : ContactLaw
         The law of the contacts at which it rubs.
+    direction : SlidingLaw
+        The law of what slides there.
     mu : array, shape (nt,)
         Coefficients of friction of surfaces, largest forces of rails; not a number where they
         vary.
@@ -93,6 +90,7 @@ class FrictionLaw(Law):
     """
 
     contact: ContactLaw
+    direction: SlidingLaw
     mu: Array
     mu_s: Array
     paired: Bools
@@ -104,10 +102,6 @@ class FrictionLaw(Law):
     slides: Block = field(init=False)
     cone: Block = field(init=False)
     cone_of_impact: Block = field(init=False)
-    direction: Block = field(init=False)
-    direction_at_nodes: Block = field(init=False)
-    direction_at_ends: Block = field(init=False)
-    direction_of_impact: Block = field(init=False)
 
     @property
     def lay(self) -> Layout:
@@ -174,17 +168,10 @@ class FrictionLaw(Law):
         )
 
     def inequalities(self, block: Numbering) -> None:
-        """The last axis of cones and of directions of impacts are the two sides."""
+        """The last axis of cones are the two sides."""
         lay, touch = self.lay, self.touch
         names, at = touch.contacts.tangents, self.along.at
-        slides = touch.signs[lay.phase_of_step] != 0
-        slides = slides if not touch.free else slides[:0]
         stops = lay.hit.moments[:, STOP, None]  # cones within the impact say more
-        steps = np.arange(len(slides))
-
-        def word(i: int, j: int) -> str:
-            return FRICTION_WORDS[int(touch.signs[i, j])]
-
         cone = two_sided(self.along.along(self._grips))
         for i, k in np.argwhere(self.breaks).tolist():
             # what says that it breaks away says more of its side
@@ -202,39 +189,6 @@ class FrictionLaw(Law):
             two_sided(touch.drags & touch.sticks[1:] & (self.mu != 0) & ~stops),
             lambda i, j, _: f"friction cone of {names[j]} at event {i + 1}",
             lambda s: s.friction[:, None],
-        )
-        self.direction = block(
-            "direction",
-            slides,
-            lambda k, j: f"{word(int(lay.phase_of_step[k]), j)} of {names[j]} in step {k}",
-            lambda s: s.slide * s.h[lay.phase_of_step][: len(slides), None],
-            steps,
-            counted=Counted(BoundKind.DIRECTION, names, steps),
-        )
-        passing = np.vstack([slides, slides[-1:]]) & (lay.index_w[: len(slides) + 1, :1] != NOWHERE)
-        passed = np.arange(len(passing))
-        self.direction_at_nodes = block(
-            "direction at nodes",
-            passing,
-            lambda k, j: f"{word(int(lay.phase_of_step[k]), j)} of {names[j]} at node {k}",
-            lambda s: s.slide,
-            passed,
-            counted=Counted(BoundKind.DIRECTION, names, passed),
-        )
-        self.direction_at_ends = block(
-            "direction at the ends",
-            self._slides_freely,
-            lambda e, j: f"{word(-e, j)} of {names[j]} at the {('start', 'end')[e]}",
-            lambda s: s.slide,
-        )
-        self.direction_of_impact = block(
-            "direction of an impact",
-            two_sided(touch.rubs_in_impact & ~touch.sticks[1:]),
-            lambda i, j, side: (
-                f"{word(i + (1 if side or not touch.turns[i, j] else 0), j)} of {names[j]} "
-                f"{'after' if side else 'before'} event {i + 1}"
-            ),
-            lambda s: s.slide[:, None],
         )
 
     @property
@@ -260,17 +214,6 @@ class FrictionLaw(Law):
         begins = touch.sticks[:-1] & (touch.signs[1:] != 0) & ~touch.impacts[:, None]
         return np.asarray(begins & self.paired)
 
-    @property
-    def _slides_freely(self) -> Bools:
-        """Tangents that slide at the start and at the end of the motion, and whose rates there are
-        not fixed, shape (2, nt)."""
-        lay, signs = self.lay, self.touch.signs
-        unknown = np.array([len(lay.index_v_B) > 0, len(lay.index_v_E) > 0]) & (not lay.touch.free)
-        slides = (signs[[0, -1]] != 0) & ~self.settled.slides
-        for i in np.flatnonzero(ends_motion(lay)):
-            slides[-1] &= ~(self.touch.rubs_in_impact[i] | self.touch.passes[i])  # said there
-        return np.asarray(slides & unknown[:, None])
-
     # Terms ----------------------------------------------------------------------------------------
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:
@@ -288,61 +231,19 @@ class FrictionLaw(Law):
             Term("tangent", (q, t), (stuck,)),
             Term("tangent", (q, t), (before,), -1.0),
             *self._at_events(places, laws.step.momentum.index),
-            *self._at_ends(places),
-            *self._at_nodes(places),
-            *self._directions(places),
             *terms_of(self.mu, self._sliding, slides[1], places, slides[0]),
             *terms_of(self.mu_s, self._sticking, site, places, self.static),
             *terms_of(self.mu, self._in_impacts, at_events(self.lay), places),
         ]
 
     def _at_events(self, places: Places, momentum: Index) -> Iterator[Term]:
-        """Impulses of impacts, and rates before and after them."""
-        lay, touch, nodes = self.lay, self.touch, self.lay.collision_nodes
+        """Impulses of impacts, and rates after them."""
+        lay, nodes = self.lay, self.lay.collision_nodes
         if not len(nodes):
             return
         q, t, T_c = lay.index_q[nodes], places.times(nodes), places.known(lay.contact.T_c)
         yield Term("traction", (q, T_c, t), (momentum[nodes],))
         yield Term("slide_rate", (q, lay.impact.v_c, t), (self.sticks.index,))
-        direction = self.direction_of_impact.index
-        before = np.where(touch.turns, touch.signs[:-1], touch.signs[1:])
-        sides = ((lay.impact.v_a, before), (lay.impact.v_c, touch.signs[1:]))
-        for side, (v, signs) in enumerate(sides):
-            for sign in (1.0, -1.0):
-                rows = np.where(signs == sign, direction[:, :, side], NOWHERE)
-                yield Term("slide_rate", (q, v, t), (rows,), sign)
-
-    def _at_ends(self, places: Places) -> Iterator[Term]:
-        """Sliding velocities at both ends of the motion."""
-        lay, signs = self.lay, self.touch.signs
-        for e, v in ((0, lay.index_v_B), (-1, lay.index_v_E)):
-            at = lay.ends[[e]]
-            for sign in (1.0, -1.0) if len(v) else ():
-                rows = np.where(signs[e] == sign, self.direction_at_ends.index[e], NOWHERE)
-                state = (lay.index_q[at], v[None], places.times(at))
-                yield Term("slide_rate", state, (rows[None],), sign)
-
-    def _at_nodes(self, places: Places) -> Iterator[Term]:
-        """Sliding velocities at the nodes inside phases."""
-        lay, rows = self.lay, self.direction_at_nodes.index
-        signs = self.touch.signs[np.append(lay.phase_of_step, lay.phases - 1)]
-        for sign in (1.0, -1.0):
-            at = np.where(signs == sign, rows, NOWHERE)
-            (k,) = np.nonzero((at != NOWHERE).any(axis=1))
-            if len(k):
-                state = lay.index_q[k], lay.index_w[k], places.times(k)
-                yield Term("slide_rate", state, (at[k],), sign)
-
-    def _directions(self, places: Places) -> list[Term]:
-        lay, rows = self.lay, self.direction.index
-        signs = self.touch.signs[lay.phase_of_step]
-        terms = []
-        for sign in (1.0, -1.0):
-            at = np.where(signs == sign, rows, NOWHERE)
-            for nodes, side in ((np.arange(1, lay.total + 1), sign), (np.arange(lay.total), -sign)):
-                place = (lay.index_q[nodes], places.times(nodes))
-                terms.append(Term("tangent", place, (at,), side))
-        return terms
 
     # Linear rows ----------------------------------------------------------------------------------
 
@@ -417,7 +318,9 @@ class FrictionLaw(Law):
                     yield Edge(name, k, (s, way), cone, gives, way)
             else:
                 gives, T = (by_step(a[rows, k]) for a in (self.sliding.index, lay.contact.T))
-                yield Edge(name, k, (s, STICK), self.direction.index[steps, k], gives, s, T)
+                yield Edge(
+                    name, k, (s, STICK), self.direction.in_steps.index[steps, k], gives, s, T
+                )
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
         """Rows of friction determine its impulses."""

@@ -160,24 +160,20 @@ class ImpactLaw(Law):
         at, hit, n = self.lay.impact.names, self.surfaces, len(self.surfaces)
         v = [velocity_name(q) for q in self.problem.kernels.coordinates]
         plain, surfaces = self.plain, self.problem.kernels.surfaces
-        self.arrival = block(
-            "arrival",
-            (n, len(v)),
-            lambda k, i: f"velocity {v[i]} before {at[k]}",
-            lambda s: s.p,
-            missed=Missed(
-                LAW, lambda *_: "the velocity before a collision does not fit its momentum"
-            ),
-        )
-        self.departure = block(
-            "departure",
-            (n, len(v)),
-            lambda k, i: f"velocity {v[i]} after {at[k]}",
-            lambda s: s.p,
-            missed=Missed(
-                LAW, lambda *_: "the velocity after a collision does not fit its momentum"
-            ),
-        )
+
+        def velocities(name: str, side: str) -> Block:
+            return block(
+                name,
+                (n, len(v)),
+                lambda k, i: f"velocity {v[i]} {side} {at[k]}",
+                lambda s: s.p,
+                missed=Missed(
+                    LAW, lambda *_: f"the velocity {side} a collision does not fit its momentum"
+                ),
+            )
+
+        self.arrival = velocities("arrival", "before")
+        self.departure = velocities("departure", "after")
         self.energy = block(
             "energy",
             self.sure & ~self.settled[1],

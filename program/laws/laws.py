@@ -32,6 +32,7 @@ from dmoc.program.laws.law import Law
 from dmoc.program.laws.objective import ObjectiveLaw
 from dmoc.program.laws.path import PathLaw
 from dmoc.program.laws.quantity import QuantityLaw
+from dmoc.program.laws.sliding import SlidingLaw
 from dmoc.program.laws.step import StepLaw
 from dmoc.program.laws.tangential import TangentialLaw
 from dmoc.program.laws.velocity import VelocityLaw
@@ -62,6 +63,7 @@ class Laws:
     ends: EndsLaw
     contact: ContactLaw
     friction: FrictionLaw
+    sliding: SlidingLaw
     breakaway: BreakawayLaw
     hit: HitLaw
     tangential: TangentialLaw
@@ -88,7 +90,8 @@ class Laws:
 
     @property
     def of_contacts(self) -> tuple[Law, ...]:
-        return self.contact, self.friction, self.breakaway, self.hit, self.tangential, self.held
+        rubbing = self.friction, self.sliding, self.breakaway
+        return self.contact, *rubbing, self.hit, self.tangential, self.held
 
     def stating(self, problem: Problem) -> Laws:
         """The same rows with what another problem says of both ends: the numbers in their names
@@ -138,12 +141,14 @@ def laws_of(
     else:
         contact = ContactLaw(lay, pulling)
         model, mu, mu_s = problem.model, problem.friction, problem.static_friction
-        friction = FrictionLaw(contact, mu, mu_s, model.paired, model.slows)
+        sliding = SlidingLaw(contact)
+        friction = FrictionLaw(contact, sliding, mu, mu_s, model.paired, model.slows)
         hit = HitLaw.of(problem, lay, impact)
         in_hits = np.where(np.isinf(model.hit_friction), np.inf, mu)
         returning = TangentialLaw(lay, in_hits, model.tangential_restitution, impact.touching)
         held = HeldLaw(contact, mu, impact.touching)
-        of_contacts = contact, friction, BreakawayLaw(friction), hit, returning, held
+        rubbing = friction, sliding, BreakawayLaw(friction)
+        of_contacts = contact, *rubbing, hit, returning, held
     return Laws(
         StepLaw(problem, lay), PathLaw.of(problem, lay), PathLaw.of_quantities(problem, lay),
         QuantityLaw(problem, lay),
@@ -200,18 +205,19 @@ def _is_untouched(lay: Layout) -> bool:
 @lru_cache(maxsize=SHARED)
 def _untouched(
     lay: Layout,
-) -> tuple[ContactLaw, FrictionLaw, BreakawayLaw, HitLaw, TangentialLaw, HeldLaw]:
+) -> tuple[ContactLaw, FrictionLaw, SlidingLaw, BreakawayLaw, HitLaw, TangentialLaw, HeldLaw]:
     """Laws of contacts where there are none: their blocks have no members, so that all programs of
     a layout share them."""
     mu, events = np.zeros(len(lay.touch.contacts.tangents)), len(lay.touch.surfaces)
     contact = ContactLaw(lay, False)
-    contact.settled, friction = Settled.nothing(lay), FrictionLaw(contact, mu, mu, mu > 0, False)
+    contact.settled, sliding = Settled.nothing(lay), SlidingLaw(contact)
+    friction = FrictionLaw(contact, sliding, mu, mu, mu > 0, False)
     touching = np.zeros(events, dtype=bool)
     hit, held = HitLaw(lay, (), mu, np.zeros(events), touching), HeldLaw(contact, mu, touching)
     returning = TangentialLaw(lay, mu, mu, touching)
     breakaway = BreakawayLaw(friction)
-    laws: tuple[Law, ...] = (contact, friction, breakaway, hit, returning, held)
+    laws = contact, friction, sliding, breakaway, hit, returning, held
     for law in laws:
         law.equations(Numbering())
         law.inequalities(Numbering())
-    return contact, friction, breakaway, hit, returning, held
+    return laws
