@@ -105,7 +105,12 @@ extensions += [
             *sorted(map(str, Path("solvers").glob("*.c"))),
             "program/passes.c",
         ],
-        depends=[*sorted(map(str, Path("solvers").glob("*.h"))), "program/passes.h", KERNEL],
+        depends=[
+            "solvers/factorisation.pxi",
+            *sorted(map(str, Path("solvers").glob("*.h"))),
+            "program/passes.h",
+            KERNEL,
+        ],
         include_dirs=["codegen", "program", "solvers"],
         extra_compile_args=SOLVER_FLAGS,
     ),

@@ -116,6 +116,7 @@ def patched(part: str, folder: Path) -> Callable[..., Any]:
     for pattern in (
         "solvers/*.[ch]",
         "solvers/*.pyx",
+        "solvers/*.pxi",
         "program/passes.*",
         "codegen/*.h",
         "codegen/*.pxd",
