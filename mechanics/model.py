@@ -1,8 +1,8 @@
 """A model with its parameter values: the kernels as functions of states and steps.
 
-This and :mod:`dmoc.mechanics.bound_kernels` know the names of the kernels beside the terms of
-the program (:mod:`dmoc.program.laws`) and the integrators of
-:mod:`dmoc.simulation`.
+This, :mod:`dmoc.mechanics.bound_kernels`, :mod:`dmoc.mechanics.friction` and
+:mod:`dmoc.mechanics.cost` know the names of the kernels beside the terms of the program
+(:mod:`dmoc.program.laws`) and the integrators of :mod:`dmoc.simulation`.
 
 Shapes
 ------
@@ -17,7 +17,6 @@ quantities side by side.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,10 +24,11 @@ from numpy.typing import ArrayLike
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved, solved_transpose
+from dmoc.mechanics.cost import CostModel
 from dmoc.mechanics.friction import FrictionModel
 
 
-class Model(FrictionModel):
+class Model(FrictionModel, CostModel):
     """Kernels bound to parameter values, as functions of states and steps."""
 
     # Equations of motion --------------------------------------------------------------------------
@@ -218,30 +218,6 @@ class Model(FrictionModel):
             return np.zeros((*q.shape[:-1], 0))
         return self._at("drawing", q, t)[0]
 
-    # Costs ----------------------------------------------------------------------------------------
-
-    def running_cost(self, q: Array, v: Array | None, u: Array, t: ArrayLike = 0.0) -> Array:
-        """The integrand of the cost, shape (...)."""
-        return self._at("running_cost", q, self._state(v), u, t)[0][..., 0]
-
-    def running_cost_curvatures(
-        self, q: Array, v: Array | None, u: Array, t: ArrayLike = 0.0
-    ) -> Array:
-        """Second derivatives of the integrand in each input, shape (..., nu)."""
-        return self._at("running_cost", q, self._state(v), u, t)[1]
-
-    def terminal_cost(self, q: Array, v: Array, t: ArrayLike) -> Array:
-        """The cost of the state and the time at the end, shape (...)."""
-        size = int(self.kernels.has("terminal_cost"))
-        cost = self._values("terminal_cost", size, q, v, t)
-        return np.asarray(cost.sum(axis=-1))
-
-    def terminal_cost_slopes(self, q: Array, v: Array, t: ArrayLike) -> Array:
-        """Its derivatives with respect to (q, v, t), shape (..., 2 nq + 1)."""
-        size = int(self.kernels.has("terminal_cost"))
-        slopes = self._matrix("Phi_D", (size, 2 * self.nq + 1), q, v, t)
-        return np.asarray(slopes.sum(axis=-2))
-
     # Steps ----------------------------------------------------------------------------------------
 
     def step_momenta(self, step: Sequence[Array]) -> tuple[Array, Array]:
@@ -253,154 +229,6 @@ class Model(FrictionModel):
         nq)."""
         r_minus, r_plus, _, r_i = self.kernels.call("step", *step, self.par)
         return -r_minus, r_plus, r_i.reshape(len(r_i), -1, self.nq)
-
-    def step_costs(self, step: Sequence[Array]) -> Array:
-        """Costs of steps, shape (n,)."""
-        return self.kernels.call("step", *step, self.par)[2][:, 0]
-
-    def step_cost_slopes(self, step: Sequence[Array]) -> Array:
-        """Derivatives of the costs of steps with respect to x_k, shape (n, size of x_k)."""
-        return self._full("C_d_D", self.kernels.call("step_jac", *step, self.par)[2])[:, 0]
-
-    def step_cost_curvatures(self, step: Sequence[Array]) -> Array:
-        """Second derivatives of the costs of steps in each entry of x_k, of its shape."""
-        inside = step[-1].shape[1]
-        weights = (
-            np.zeros((1, self.nq)),
-            np.zeros((1, self.nq)),
-            np.ones((1, 1)),
-            np.zeros((1, inside)),
-        )
-        (stored,) = self.kernels.call("step_hess", *step, self.par, *weights)
-        rows, columns = self.kernels.pattern("step_hess", "hess")
-        curvatures = np.zeros((len(stored), sum(part.shape[1] for part in step)))
-        curvatures[:, rows[rows == columns]] = stored[:, rows == columns]
-        return curvatures
-
-    def path(self, step: Sequence[Array], kind: str = "path") -> Array:
-        """Path constraints of steps, or the "quantity" there, shape (n, nr), those of one place
-        within the step after the other.  Behind x_k of a quantity come the forces at its points, if
-        quantities contain any."""
-        return self.kernels.call(kind, *step, self.par)[0]
-
-    def path_slopes(self, step: Sequence[Array], kind: str = "path") -> Array:
-        """Their derivatives with respect to the step, shape (n, nr, its size)."""
-        (slopes,) = self.kernels.call(f"{kind}_jac", *step, self.par)
-        return self._full({"path": "r_d_D", "quantity": "z_d_D"}[kind], slopes)
-
-    def path_at(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
-        """Path constraints of states, shape (..., nr)."""
-        return self._at("path_limit", q, v, u, t)[0]
-
-    def path_slopes_at(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
-        """Their derivatives with respect to (q, v, u, t), shape (..., nr, 2 nq + nu + 1)."""
-        (slopes,) = self._at("path_limit_jac", q, v, u, t)
-        return self._full("r_s_D", slopes)
-
-    def path_terms(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
-        """Sums of the absolute values of the terms of the path constraints, shape (..., nr)."""
-        (terms,) = self._at("path_terms", q, v, u, t)
-        counts = [row["terms"] for row in self.kernels.manifest["path_limits"]]
-        begins = np.cumsum([0, *counts[:-1]])
-        return np.asarray(np.add.reduceat(np.abs(terms), begins, axis=-1))
-
-    @property
-    def nz(self) -> int:
-        """Number of quantities."""
-        return len(self.kernels.quantities)
-
-    def quantities(
-        self, q: Array, v: Array, u: Array, t: ArrayLike, y: Array | None = None
-    ) -> Array:
-        """Quantities of states with accelerations and forces y (..., ny), shape (..., nz)."""
-        rows = v, u, t, *self._pushed(y)
-        return self._values("quantity_value", self.nz, q, *rows)
-
-    def quantity_slopes(
-        self, q: Array, v: Array, u: Array, t: ArrayLike, y: Array | None = None
-    ) -> Array:
-        """Their derivatives with respect to (q, v, u, t, y), shape (..., nz, 2 nq + nu + 1 +
-        ny)."""
-        shape = self.nz, 2 * self.nq + self.nu + 1 + self.ny
-        rows = v, u, t, *self._pushed(y)
-        return self._matrix("z_s_D", shape, q, *rows)
-
-    def _pushed(self, y: Array | None) -> tuple[Array, ...]:
-        """Accelerations and forces as kernels of quantities take them; none are zero."""
-        if not self.ny:
-            return ()
-        return (np.zeros((1, self.ny)) if y is None else y,)
-
-    # Totals, objective ---------------------------------------------------------------------------
-
-    @cached_property
-    def totals_of(self) -> list[str]:
-        """Names of the totals: of the integrals, and of the final time where the objective has
-        it."""
-        return list(self.kernels.manifest.get("totals", ()))
-
-    def integrands(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
-        """Integrands of the integrals as they were stated, shape (..., number)."""
-        number = len(self.kernels.integrals)
-        return self._values("integrand", number, q, v, u, t)
-
-    @cached_property
-    def peaks_of(self) -> list[tuple[int, bool]]:
-        """Quantities whose peaks the objective has, and whether of both signs."""
-        return [(int(j), bool(both)) for j, both in self.kernels.manifest.get("peaks", ())]
-
-    def integrals(self, step: Sequence[Array]) -> Array:
-        """What each step, with its hidden unknowns behind x_k, adds to the totals, shape (n,
-        number)."""
-        if not self.totals_of:
-            return np.zeros((len(step[0]), 0))
-        return self.kernels.call("integral", *step, self.par)[0]
-
-    def totals(self, step: Sequence[Array]) -> Array:
-        """The totals over steps, shape (number,)."""
-        return np.asarray(self.integrals(step).sum(axis=0))
-
-    def peaks(self, step: Sequence[Array]) -> Array:
-        """The peaks over steps, at their points, shape (number,)."""
-        if not self.peaks_of:
-            return np.zeros(0)
-        z = self.path(step, "quantity").reshape(-1, self.nz)
-        return np.array([(np.abs(z) if both else z)[:, j].max() for j, both in self.peaks_of])
-
-    @property
-    def has_objective(self) -> bool:
-        """Whether something is minimised beside the cost."""
-        return self.kernels.has("objective")
-
-    def objective(
-        self, totals: Array, peaks: Array, start: tuple[Array, Array], end: tuple[Array, Array]
-    ) -> float:
-        """The objective of totals, peaks, and positions and velocities at both ends."""
-        if not self.has_objective:
-            return 0.0
-        rows = totals, peaks, *start, *end, self.par
-        return float(self.kernels.call("objective", *rows)[0][0, 0])
-
-    # Hidden unknowns ------------------------------------------------------------------------------
-
-    def hidden(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
-        """What the hidden unknowns are at a minimum, shape (..., ns)."""
-        return self._values("hidden", self.ns, q, v, u, t)
-
-    def lifted_costs(self, step: Sequence[Array]) -> Array:
-        """What hidden unknowns, which stand behind x_k, add to the costs of steps, shape (n,)."""
-        if not self.ns:
-            return np.zeros(len(step[0]))
-        return self.kernels.call("lifted", *step, self.par)[0][:, 0]
-
-    def lifted_cost_slopes(self, step: Sequence[Array]) -> Array:
-        """Derivatives of these with respect to the step, shape (n, size of the step)."""
-        return self._full("C_s_d_D", self.kernels.call("lifted_jac", *step, self.par)[0])[:, 0]
-
-    def hidden_slopes(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
-        """Their derivatives with respect to (q, v, u, t), shape (..., ns, 2 nq + nu + 1)."""
-        shape = self.ns, 2 * self.nq + self.nu + 1
-        return self._matrix("s_D", shape, q, v, u, t)
 
     # Minimal times --------------------------------------------------------------------------------
 
