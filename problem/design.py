@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dmoc.base.arguments import Range, interval
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.model_values import by_name
+from dmoc.mechanics.model_values import by_name, parameter_row
 from dmoc.problem.derived import like
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def _range(name: str, value: Any) -> Range:
     return low, high
 
 
-def design_bounds(problem: Problem) -> Array:
+def design_bounds_of(problem: Problem) -> Array:
     """Bounds of the design parameters, shape (number, 2)."""
     ranges = [_range(name, value) for name, value in problem.design.items()]
     return np.array(ranges, dtype=float).reshape(len(ranges), 2)
@@ -80,6 +80,12 @@ def first_design(problem: Problem) -> Array:
         else:
             values.append(float(np.clip(value, low, high)))
     return np.array(values)
+
+
+def parameter_values_of(problem: Problem) -> Array:
+    """Parameter values in the model's order, those of its design among them, shape (1, npar)."""
+    chosen = dict(zip(problem.design, problem.design_values.tolist(), strict=True))
+    return parameter_row(problem.kernels, {**chosen, **problem.parameters})
 
 
 def at_bounds(problem: Problem) -> dict[str, Problem]:
@@ -131,6 +137,12 @@ def designed_as(problem: Problem, parameters: Mapping[str, float]) -> Problem:
 def by_design(problem: Problem, kernel: str) -> NDArray[np.bool_]:
     """Which results of a kernel depend on the design."""
     return problem.kernels.depends(kernel, list(problem.design))
+
+
+def unchosen(problem: Problem, mu: Array, kernel: str) -> Array:
+    """Coefficients of friction of a kernel; not a number where they are chosen."""
+    chosen = by_design(problem, kernel if problem.kernels.has(kernel) else "bearing")
+    return np.where(chosen, np.nan, mu) if len(chosen) else mu
 
 
 def moves_by_design(problem: Problem, boundary: Boundary) -> bool:

@@ -36,6 +36,16 @@ if TYPE_CHECKING:
 AWAY = "keep the range of the design away from there"
 
 
+def check_ends(problem: Problem) -> None:
+    """Refuse ends of which nothing could come."""
+    for where, at in {"": problem, **problem.design_ends}.items():
+        check_kinks(at)
+        check_mass_matrix(at, where)
+    check_admissible(problem, "start", problem.start_bounds)
+    check_admissible(problem, "goal", problem.goal_bounds)
+    check_contacts(problem)
+
+
 def check_mass_matrix(problem: Problem, where: str = "") -> None:
     """Refuse a start at which the equations of motion are not finite or their mass matrix is none;
     ``where`` says for which design."""
@@ -153,7 +163,7 @@ def fixed_velocity(boundary: Boundary, problem: Problem, q: Array) -> Array | No
     return problem.model.velocity(q, momentum[:, 0])
 
 
-def end_speeds(problem: Problem) -> Array:
+def end_speeds_of(problem: Problem) -> Array:
     """Speeds that are fixed at the start or at the goal, shape (nq,); 0 where they are not."""
     ends = (
         (problem.start_bounds, problem.start_position), (problem.goal_bounds, problem.goal_position)

@@ -8,33 +8,30 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
-from dmoc.base.arguments import (
-    Interval,
-    Range,
-)
+from dmoc.base.arguments import Interval, Range
 from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.mechanics.contact_mode import FREE
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.model_values import parameter_row, restitution_row
-from dmoc.mechanics.possible_words import open_hits
-from dmoc.mechanics.redundancy import Redundancy, redundancy
-from dmoc.mechanics.sequence_words import mode_of, touch_along, words_along
-from dmoc.mechanics.touch import Touch
-from dmoc.problem.derived import kept, like
-from dmoc.problem.design import at_bounds, by_design, design_bounds, first_design
-from dmoc.problem.end_states import (
-    check_admissible,
-    check_contacts,
-    check_kinks,
-    check_mass_matrix,
-    end_speeds,
+from dmoc.problem.contacts import (
+    open_hits_of,
+    redundant_of,
+    restitution_values_of,
+    touch_of,
+    words_of,
 )
-from dmoc.problem.quantities import QuantityRanges, onto_quantities, quantity_ranges
+from dmoc.problem.derived import kept, like
+from dmoc.problem.design import (
+    at_bounds,
+    design_bounds_of,
+    first_design,
+    parameter_values_of,
+    unchosen,
+)
+from dmoc.problem.end_states import check_ends, end_speeds_of
+from dmoc.problem.positions import goal_position_of, start_position_of, unsaid_of
+from dmoc.problem.quantities import quantity_ranges_of
 from dmoc.problem.ranges import (
     Boundary,
     boundary_of,
@@ -44,22 +41,19 @@ from dmoc.problem.ranges import (
     duration,
     durations_of,
     ends_with_event,
-    midpoints,
+    limits_of,
+    phase_steps_of,
     steps_of,
     via_of,
 )
-from dmoc.problem.reach import onto_first, reach_of
+from dmoc.problem.reach import inertia_of, reach_of
 from dmoc.problem.reading import read
-from dmoc.problem.relations import Relation, carried, relations_of
+from dmoc.problem.relations import relations_of
 from dmoc.problem.statement import statement_in_short, table_of_problem
-from dmoc.problem.totals import total_bounds
+from dmoc.problem.totals import total_bounds_of, total_limits_of
 
 if TYPE_CHECKING:
     from dmoc.codegen.system_kernels import GivenModel
-
-# Steps of a phase, times the degree of the discretisation, of the first mesh of a solve that
-# chooses its own.
-FIRST_MESH = 100
 
 
 @dataclass(frozen=True)
@@ -218,12 +212,7 @@ class Problem(Shown):
         _ = self.final_time_bounds, self.duration_bounds
         check_last_event(self)
         _ = self.start_bounds, self.goal_bounds, self.quantity_ranges, self.total_bounds
-        for where, at in {"": self, **self.design_ends}.items():
-            check_kinks(at)
-            check_mass_matrix(at, where)
-        check_admissible(self, "start", self.start_bounds)
-        check_admissible(self, "goal", self.goal_bounds)
-        check_contacts(self)
+        check_ends(self)
 
     def __repr__(self) -> str:
         return f"<Problem of {self.kernels.name}: {statement_in_short(self)}>"
@@ -263,7 +252,7 @@ class Problem(Shown):
     def __getstate__(self) -> dict[str, Any]:
         return kept(self)
 
-    # Sizes ----------------------------------------------------------------------------------------
+    # Sizes and kinds ------------------------------------------------------------------------------
 
     @property
     def nq(self) -> int:
@@ -276,6 +265,22 @@ class Problem(Shown):
     @property
     def phases(self) -> int:
         return len(self.sequence) + 1
+
+    @property
+    def phase_steps(self) -> tuple[int, ...]:
+        """Steps N_i of each phase; those of the first mesh where they are not given."""
+        return phase_steps_of(self)
+
+    @property
+    def ends_with_event(self) -> bool:
+        """Whether the motion ends with its last event: the phase after it has no steps."""
+        return ends_with_event(self)
+
+    @property
+    def states(self) -> list[str]:
+        """Names of all coordinates, velocities and momenta."""
+        names = self.kernels.coordinates
+        return [*names, *map(velocity_name, names), *map(momentum_name, names)]
 
     @property
     def order(self) -> int:
@@ -293,48 +298,6 @@ class Problem(Shown):
         return bool(self.kernels.manifest["explicit_time"])
 
     @property
-    def control_form(self) -> str:
-        """The form of the inputs: ``controls``, or the default: that of the order, and linear ones
-        beside what is held, whose forces would jump with the inputs at every node."""
-        if self.controls is not None:
-            return self.controls
-        linear = self.held and "linear" in self.scheme.controls
-        return "linear" if linear else self.scheme.controls[0]
-
-    # Contacts -------------------------------------------------------------------------------------
-
-    @cached_property
-    def touch(self) -> Touch:
-        """What is in contact in each phase, and what happens between the phases."""
-        names = self.model.contacts
-        plastic = names.named(np.flatnonzero(self.restitution_values == 0))
-        contacts = replace(
-            names, plastic=plastic, rough=names.named(self.model.rough),
-            tangential=names.named(self.model.tangential),
-        )  # fmt: skip
-        return touch_along(mode_of(self.contacts, contacts), self.sequence, contacts)
-
-    @cached_property
-    def redundant(self) -> tuple[Redundancy, ...]:
-        """What follows of the conditions of each phase."""
-        modes = self.touch.modes
-        return tuple(
-            redundancy(self.model, mode, self.start_position, self.reach, before.closed)
-            for before, mode in zip((FREE, *modes), modes, strict=False)
-        )
-
-    @cached_property
-    def open_hits(self) -> dict[int, list[str]]:
-        """Hits with friction whose course is not said, by their places in the sequence, and the
-        words that say it."""
-        return open_hits(self.touch, self.sequence)
-
-    @cached_property
-    def words(self) -> tuple[str, ...]:
-        """The events in words that are the same for the same event; those of a motion are, too."""
-        return words_along(self.touch)
-
-    @property
     def lasting(self) -> bool:
         """Whether contacts last in some phase."""
         return not self.touch.free
@@ -344,104 +307,56 @@ class Problem(Shown):
         """Whether anything is held along a phase: by contacts that last, or by constraints."""
         return self.lasting or bool(self.kernels.joints)
 
-    @cached_property
-    def relations(self) -> tuple[Relation, ...]:
-        """What ``periodic`` says of the end and the start."""
-        return relations_of(self)
+    @property
+    def control_form(self) -> str:
+        """The form of the inputs: ``controls``, or the default: that of the order, and linear ones
+        beside what is held, whose forces would jump with the inputs at every node."""
+        if self.controls is not None:
+            return self.controls
+        linear = self.held and "linear" in self.scheme.controls
+        return "linear" if linear else self.scheme.controls[0]
 
-    @cached_property
-    def via_bounds(self) -> Array:
-        """Bounds of the coordinates at the events, shape (events, nq, 2)."""
-        return via_of(self)
+    # What follows, each found once; its function says what it is ----------------------------------
+
+    relations = cached_property(relations_of)
+    design_bounds = cached_property(design_bounds_of)
+    design_values = cached_property(first_design)
+    parameter_values = cached_property(parameter_values_of)
+    design_ends = cached_property(at_bounds)
+    restitution_values = cached_property(restitution_values_of)
+    touch = cached_property(touch_of)
+    words = cached_property(words_of)
+    open_hits = cached_property(open_hits_of)
+    redundant = cached_property(redundant_of)
+    via_bounds = cached_property(via_of)
+    duration_bounds = cached_property(durations_of)
+    limits = cached_property(limits_of)
+    total_bounds = cached_property(total_bounds_of)
+    total_limits = cached_property(total_limits_of)
+    quantity_ranges = cached_property(quantity_ranges_of)
+    start_position = cached_property(start_position_of)
+    goal_position = cached_property(goal_position_of)
+    unsaid = cached_property(unsaid_of)
+    inertia = cached_property(inertia_of)
+    reach = cached_property(reach_of)
+    end_speeds = cached_property(end_speeds_of)
 
     # Values ---------------------------------------------------------------------------------------
-
-    @cached_property
-    def parameter_values(self) -> Array:
-        """Parameter values in the model's order, those of its design among them, shape (1,
-        npar)."""
-        chosen = dict(zip(self.design, self.design_values.tolist(), strict=True))
-        return parameter_row(self.kernels, {**chosen, **self.parameters})
-
-    @cached_property
-    def design_bounds(self) -> Array:
-        """Bounds of the design parameters, shape (number, 2)."""
-        return design_bounds(self)
-
-    @cached_property
-    def design_values(self) -> Array:
-        """Their values in ``model``: those that a solve begins with, shape (number,)."""
-        return first_design(self)
-
-    @cached_property
-    def design_ends(self) -> dict[str, Problem]:
-        """The same problem with each of its design parameters at each of its bounds, in words."""
-        return at_bounds(self)
 
     @property
     def friction(self) -> Array:
         """Coefficients of friction, shape (nt,); not a number where they vary or are chosen."""
-        return self._unchosen(self.model.friction, "bearing")
+        return unchosen(self, self.model.friction, "bearing")
 
     @property
     def static_friction(self) -> Array:
         """The same of what sticks."""
-        return self._unchosen(self.model.static_friction, "holding")
-
-    def _unchosen(self, mu: Array, kernel: str) -> Array:
-        chosen = by_design(self, kernel if self.kernels.has(kernel) else "bearing")
-        return np.where(chosen, np.nan, mu) if len(chosen) else mu
+        return unchosen(self, self.model.static_friction, "holding")
 
     @cached_property
     def model(self) -> Model:
         """The model with its parameter values."""
         return Model(self.kernels, self.parameter_values)
-
-    @cached_property
-    def restitution_values(self) -> Array:
-        """Coefficient of restitution of each surface, shape (nc,); not a number where the law of
-        the model says it."""
-        return restitution_row(self.kernels, self.restitution)
-
-    @cached_property
-    def start_position(self) -> Array:
-        """The position at the start: fixed values, middles of ranges, and for free ones what
-        their bounds have nearest to zero; where neither end says anything of a coordinate, it is
-        that of the first surface of the sequence."""
-        q = midpoints(self.start_bounds.position, np.zeros(self.nq))
-        (at,) = onto_quantities(self, "start", onto_first(self, q)[None])
-        return np.asarray(at)
-
-    @cached_property
-    def goal_position(self) -> Array:
-        """The position at the goal: fixed values, middles of ranges, free ones as ``periodic`` says
-        or as at the start; moved to where the quantities are that the goal states."""
-        q = midpoints(self.goal_bounds.position, carried(self, self.start_position))
-        (at,) = onto_quantities(self, "goal", q[None])
-        return np.asarray(at)
-
-    @cached_property
-    def unsaid(self) -> Array:
-        """1 for coordinates of which neither start nor goal say where they are, else 0."""
-        ends = np.hstack([self.start_bounds.position, self.goal_bounds.position])
-        return np.where(np.isinf(ends).all(axis=1), 1.0, 0.0)
-
-    @cached_property
-    def inertia(self) -> Array:
-        """Diagonal of the mass matrix at the start, shape (nq,)."""
-        return np.diagonal(self.model.mass(self.start_position)).copy()
-
-    @cached_property
-    def reach(self) -> Array:
-        """How far each coordinate may be expected to move: to the goal, to zero, to the surfaces
-        of the sequence, or, where that says nothing, what the inertias make of the reach of the
-        others, shape (nq,)."""
-        return reach_of(self)
-
-    @cached_property
-    def end_speeds(self) -> Array:
-        """Speeds that are fixed at the start or at the goal, shape (nq,); 0 where they are not."""
-        return end_speeds(self)
 
     @cached_property
     def start_bounds(self) -> Boundary:
@@ -472,59 +387,5 @@ class Problem(Shown):
         return boxes_of(self, self.kernels.quantities)
 
     @cached_property
-    def limits(self) -> dict[str, Range]:
-        """Bounds of the velocities and quantities that have some, by name."""
-        names = [*map(velocity_name, self.kernels.coordinates), *self.kernels.quantities]
-        boxes = np.vstack([self.velocity_bounds, self.quantity_bounds])
-        return {
-            name: (float(low), float(high))
-            for name, (low, high) in zip(names, boxes, strict=True)
-            if low > -np.inf or high < np.inf
-        }
-
-    @cached_property
-    def total_bounds(self) -> Array:
-        """Bounds of the totals at the goal, shape (number, 2)."""
-        return total_bounds(self)
-
-    @property
-    def total_limits(self) -> dict[str, Range]:
-        """Bounds of the integrals that have some, by name."""
-        named = zip(self.model.totals_of, self.total_bounds.tolist(), strict=True)
-        return {name: (low, high) for name, (low, high) in named if low > -np.inf or high < np.inf}
-
-    @cached_property
-    def quantity_ranges(self) -> QuantityRanges:
-        """What is said of the quantities at both ends and at the events."""
-        return quantity_ranges(self)
-
-    @cached_property
     def final_time_bounds(self) -> Range:
         return duration(self.final_time, "final_time")
-
-    @cached_property
-    def duration_bounds(self) -> Array:
-        """Bounds of the durations T_i, shape (I + 1, 2)."""
-        return durations_of(self)
-
-    # Checks ---------------------------------------------------------------------------------------
-
-    @property
-    def phase_steps(self) -> tuple[int, ...]:
-        """Steps N_i of each phase; those of the first mesh where they are not given."""
-        if isinstance(self.steps, Sequence):
-            return tuple(self.steps)
-        steps = FIRST_MESH // self.scheme.degree if self.steps is None else self.steps
-        with_steps = self.phases - self.ends_with_event
-        return (steps,) * with_steps + (0,) * self.ends_with_event
-
-    @property
-    def ends_with_event(self) -> bool:
-        """Whether the motion ends with its last event: the phase after it has no steps."""
-        return ends_with_event(self)
-
-    @property
-    def states(self) -> list[str]:
-        """Names of all coordinates, velocities and momenta."""
-        names = self.kernels.coordinates
-        return [*names, *map(velocity_name, names), *map(momentum_name, names)]

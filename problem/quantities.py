@@ -39,7 +39,7 @@ class QuantityRanges:
         return np.isfinite(ranges).tobytes(), (ranges[..., 0] == ranges[..., 1]).tobytes()
 
 
-def quantity_ranges(problem: Problem) -> QuantityRanges:
+def quantity_ranges_of(problem: Problem) -> QuantityRanges:
     """The ranges that a problem states; those that its fixed ends decide are checked."""
     rows = problem.kernels.quantity_rows
     via = problem.via or (None,) * len(problem.sequence)

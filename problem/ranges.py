@@ -34,6 +34,9 @@ BOX = "expected a pair (lower, upper) such as (-5, 5) or (None, 5), where (5, 5)
 MOST_STEPS = (
     100_000  # beyond it rounding errors of v = (q_kp1 - q_k)/h outweigh those of the discretisation
 )
+# Steps of a phase, times the degree of the discretisation, of the first mesh of a solve that
+# chooses its own.
+FIRST_MESH = 100
 # Unknowns of all steps; the compiled method takes some 2.5 kB for each of them, 5 GB for so many.
 MOST_UNKNOWNS = 2_000_000
 # Seconds of a motion; powers of the times of its steps stay within the numbers.
@@ -163,6 +166,17 @@ def _steps_of_phase(problem: Problem, value: Any, i: int) -> int:
     return 0
 
 
+def phase_steps_of(problem: Problem) -> tuple[int, ...]:
+    """Steps N_i of each phase; those of the first mesh where they are not given."""
+    steps = problem.steps
+    if isinstance(steps, Sequence):
+        return tuple(steps)
+    if steps is None:
+        steps = FIRST_MESH // problem.scheme.degree
+    with_steps = problem.phases - problem.ends_with_event
+    return (steps,) * with_steps + (0,) * problem.ends_with_event
+
+
 def check_size(problem: Problem) -> None:
     """Refuse more steps than fit in memory."""
     unknowns = sum(problem.phase_steps) * (problem.nq + problem.nu) * problem.scheme.degree
@@ -196,6 +210,17 @@ def boxes_of(problem: Problem, names: Sequence[str]) -> Array:
         check_known(name, bounded, what, "in the bounds")
     boxes = [limits(problem.bounds.get(name), f"bounds of {name}", BOX) for name in names]
     return np.array(boxes, dtype=float).reshape(len(names), 2)
+
+
+def limits_of(problem: Problem) -> dict[str, Range]:
+    """Bounds of the velocities and quantities that have some, by name."""
+    names = [*map(velocity_name, problem.kernels.coordinates), *problem.kernels.quantities]
+    boxes = np.vstack([problem.velocity_bounds, problem.quantity_bounds])
+    return {
+        name: (float(low), float(high))
+        for name, (low, high) in zip(names, boxes, strict=True)
+        if low > -np.inf or high < np.inf
+    }
 
 
 def boundary_of(problem: Problem, end: str) -> Boundary:

@@ -41,6 +41,11 @@ def onto_first(problem: Problem, q: Array) -> Array:
     return q
 
 
+def inertia_of(problem: Problem) -> Array:
+    """Diagonal of the mass matrix at the start, shape (nq,)."""
+    return np.diagonal(problem.model.mass(problem.start_position)).copy()
+
+
 def reach_of(problem: Problem) -> Array:
     """How far each coordinate may be expected to move: to the goal, to zero, to the surfaces
     of the sequence, or, where that says nothing, what the inertias make of the reach of the

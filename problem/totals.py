@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dmoc.base.arguments import interval, shown
+from dmoc.base.arguments import Range, interval, shown
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
 
 
-def total_bounds(problem: Problem) -> Array:
+def total_bounds_of(problem: Problem) -> Array:
     """Bounds of the totals, shape (number, 2); one on the side from which nothing holds what stands
     in the place of kinks is refused."""
     senses = problem.kernels.manifest.get("senses", {})
@@ -33,6 +33,12 @@ def total_bounds(problem: Problem) -> Array:
             )
         bounds.append((low, high))
     return np.array(bounds, dtype=float).reshape(-1, 2)
+
+
+def total_limits_of(problem: Problem) -> dict[str, Range]:
+    """Bounds of the integrals that have some, by name."""
+    named = zip(problem.model.totals_of, problem.total_bounds.tolist(), strict=True)
+    return {name: (low, high) for name, (low, high) in named if low > -np.inf or high < np.inf}
 
 
 def held_integrals(problem: Problem) -> set[str]:
