@@ -38,15 +38,16 @@ AWAY = "keep the range of the design away from there"
 
 def check_ends(problem: Problem) -> None:
     """Refuse ends of which nothing could come."""
-    for where, at in {"": problem, **problem.design_ends}.items():
-        check_kinks(at)
-        check_mass_matrix(at, where)
-    check_admissible(problem, "start", problem.start_bounds)
-    check_admissible(problem, "goal", problem.goal_bounds)
-    check_contacts(problem)
+    designs = {"": problem, **problem.design_ends}
+    for where, at in designs.items():
+        _check_kinks(at)
+        _check_mass_matrix(at, where)
+    _check_admissible(problem, "start", problem.start_bounds)
+    _check_admissible(problem, "goal", problem.goal_bounds)
+    _check_contacts(problem)
 
 
-def check_mass_matrix(problem: Problem, where: str = "") -> None:
+def _check_mass_matrix(problem: Problem, where: str = "") -> None:
     """Refuse a start at which the equations of motion are not finite or their mass matrix is none;
     ``where`` says for which design."""
     mass, force = problem.model.equations(problem.start_position)
@@ -72,7 +73,7 @@ def check_mass_matrix(problem: Problem, where: str = "") -> None:
         )
 
 
-def check_kinks(problem: Problem) -> None:
+def _check_kinks(problem: Problem) -> None:
     """Refuse parameters for which the functions in the place of kinks are others."""
     values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
     for name, sign in problem.kernels.manifest["kink_signs"].items():
@@ -85,7 +86,7 @@ def check_kinks(problem: Problem) -> None:
             )
 
 
-def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
+def _check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
     """Check the gaps at a fixed position; a gap that contains a coordinate left free is the
     solver's business."""
     fixed = boundary.position[:, 0] == boundary.position[:, 1]
@@ -173,7 +174,7 @@ def end_speeds_of(problem: Problem) -> Array:
     return np.asarray(np.max([np.zeros(problem.nq), *speeds], axis=0))
 
 
-def check_contacts(problem: Problem) -> None:
+def _check_contacts(problem: Problem) -> None:
     """Refuse what contacts that last cannot be: redundant, with a negative friction, or closed at a
     start that is off them."""
     model, kernels = problem.model, problem.kernels
