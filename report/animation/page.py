@@ -24,7 +24,8 @@ from dmoc.report.style import DARK, LIGHT, SIGNS
 FORMAT = 1
 # In the order in which they need each other.
 SCRIPTS = ("values", "elements", "clock", "picture", "curves", "tree", "player")
-PLANNER, WORKER = "planner", "worker"  # of a page that plans, and of what runs beside it
+PLANNER = ("answers", "handles", "planner")  # of a page that plans
+WORKER = "worker"  # which runs beside it
 # Around a motion, in shares of the larger side, and the least side in shares of the other one.
 MARGIN, LEAST = 0.1, 0.3
 # Digits that are kept of the largest number of an array: finer than a pixel, finer than what is
@@ -41,7 +42,7 @@ def page_of(film: Film, plan: Mapping[str, Any] | None = None) -> str:
     Its policy lets a browser run the page's own script alone, and the solver that it carries, and
     fetch nothing.
     """
-    scripts = (*SCRIPTS, PLANNER) if plan else SCRIPTS
+    scripts = (*SCRIPTS, *PLANNER) if plan else SCRIPTS
     script = "\n".join(_source(f"{name}.js") for name in scripts)
     themes = f':root {{ {LIGHT.css} }}\n:root[data-theme="dark"] {{ {DARK.css} }}\n'
     shown = document(film)
@@ -56,7 +57,7 @@ def page_of(film: Film, plan: Mapping[str, Any] | None = None) -> str:
         policy += " 'wasm-unsafe-eval'; worker-src blob:"
     filled = {
         "title": escape(film.title),
-        "style": themes + _source("page.css") + (_source(f"{PLANNER}.css") if plan else ""),
+        "style": themes + _source("page.css") + (_source("planner.css") if plan else ""),
         "script": script,
         "film": text.replace("<", "\\u003c"),  # no text ends the element that holds it
         "policy": policy,
