@@ -17,7 +17,8 @@ import numpy as np
 import sympy as sp
 
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.inspection.reference_values import DIGITS, STEP, Function, ReferenceValues, Vector, moved
+from dmoc.inspection.reference_functions import DIGITS, STEP, Vector, moved
+from dmoc.inspection.reference_values import Function, ReferenceValues
 from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.kinks import split
 from dmoc.symbolic.system import MechanicalSystem

@@ -1,182 +1,26 @@
-"""The functions of a system and what kernels compute of them, in numbers of many digits: by
-differences and by a quadrature of its own."""
+"""What kernels compute of a system, in numbers of many digits: by differences and by a quadrature
+of its own."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
 import mpmath as mp
 import sympy as sp
 
-from dmoc.base.discretisation import DISCRETISATIONS
-from dmoc.codegen.kernels import Array, Kernels
-from dmoc.symbolic.continuous import Continuous
-from dmoc.symbolic.expressions import approach_speed, sliding_speed
+from dmoc.inspection.reference_functions import STEP, ReferenceFunctions, Values, Vector
 
-# Digits of the numbers, and the step of differences: two of them leave 1e-30 of the third
-# derivative, rounding errors less.
-DIGITS, STEP = 90, mp.mpf(10) ** -15
-
-Vector = list[Any]
 Function = Callable[[Vector], dict[str, Vector]]
 
 
-def moved(x: Vector, d: Vector, share: Any) -> Vector:
-    return [a + share * b for a, b in zip(x, d, strict=True)]
-
-
-class ReferenceValues:
-    """The functions of a system at fixed parameters, in numbers of many digits."""
-
-    def __init__(self, f: Continuous, kernels: Kernels, values: Array) -> None:
-        self.nq, self.nu = len(f.q), len(f.u)
-        self.nc, self.nt = len(f.g), len(f.tau)
-        self.scheme = DISCRETISATIONS[int(kernels.manifest["order"])]
-        par = [mp.mpf(float(x)) for x in values]
-        arguments = (*f.q, *f.v, *f.u, f.t)
-
-        def compiled(expressions: Sequence[Any], more: Sequence[Any]) -> Callable[..., Any]:
-            function: Callable[..., Any] = sp.lambdify(
-                [*arguments, *f.par, *more], list(expressions), "mpmath"
-            )
-            return function
-
-        definitions = [compiled([e], f.x[:i]) for i, e in enumerate(f.x_of)]
-
-        def places(y: Vector) -> Vector:
-            x: Vector = []
-            for definition in definitions:
-                x += definition(*y, *par, *x)
-            return x
-
-        def numbers(expressions: Sequence[Any]) -> Callable[[Vector], Vector]:
-            function = compiled(expressions, (*f.x, *f.x_dot))
-
-            def values(y: Vector) -> Vector:
-                defined = [*places(y), *self._rates(places, y)] if f.x else []
-                return [_real(value) for value in function(*y, *par, *defined)]
-
-            return values
-
-        self.L, self.C, self.Phi = numbers([f.L]), numbers([f.C]), numbers([f.Phi])
-        self.g, self.r, self.c = numbers(f.g), numbers(f.r), numbers(f.c)
-        forces, R = numbers(f.Q), numbers([f.R])
-
-        def damped(y: Vector) -> Vector:
-            slopes = (self._slopes(R, y, self.nq + i)[0] for i in range(self.nq))
-            return [a - b for a, b in zip(forces(y), slopes, strict=True)]
-
-        self.Q = forces if f.R == 0 else damped
-        e = compiled(f.e, (*f.x, *f.x_dot, approach_speed))
-
-        def coefficients(y: Vector, rates: Vector) -> Vector:
-            defined = [*places(y), *self._rates(places, y)] if f.x else []
-            values = [e(*y, *par, *defined, rate) for rate in rates]
-            return [_real(row[j]) for j, row in enumerate(values)]
-
-        self.coefficients = coefficients
-        self.tau, self.e_t = numbers(f.tau), numbers(f.e_t)
-        along = {*f.q, *f.v, *f.u, f.t, *f.x, sliding_speed}
-        kinds = {"mu": f.mu} | ({"mu_s": f.mu_s} if f.mu_s != f.mu else {})
-
-        pairs = zip(f.mu, f.mu_s, strict=True)
-        varies = [bool((mu.free_symbols | mu_s.free_symbols) & along) for mu, mu_s in pairs]
-
-        def frictions(chosen: Sequence[Any]) -> Callable[[Vector, Vector], Vector]:
-            mu = compiled(chosen, (*f.x, *f.x_dot, sliding_speed))
-
-            def at_speeds(y: Vector, speeds: Vector) -> Vector:
-                defined = [*places(y), *self._rates(places, y)] if f.x else []
-
-                def at(j: int, speed: Any) -> Any:
-                    return _real(mu(*y, *par, *defined, speed)[j])
-
-                def along(j: int, speed: Any) -> Any:
-                    slope = (at(j, STEP) - at(j, -STEP)) / (2 * STEP)
-                    return at(j, speed) if speed >= 0 else at(j, 0) + slope * speed
-
-                return [along(j, speed) for j, speed in enumerate(speeds)]
-
-            return at_speeds
-
-        self.constant, self.varying = (
-            {
-                name: frictions(
-                    [m if v is side else 0 * m for m, v in zip(kind, varies, strict=True)]
-                )
-                for name, kind in kinds.items()
-            }
-            for side in (False, True)
-        )
+class ReferenceValues(ReferenceFunctions):
+    """What the kernels of a system compute at fixed parameters."""
 
     @cached_property
     def families(self) -> dict[str, Function]:
         """What the kernels compute of their inputs side by side, parameters aside."""
-        n, m = self.nq, self.nu
-        rest: Vector = [mp.mpf(0)] * n
-        idle: Vector = [mp.mpf(0)] * m
-
-        def place(x: Vector) -> Vector:  # (q, t)
-            return [*x[:n], *rest, *idle, x[-1]]
-
-        def state(x: Vector) -> Vector:  # (q, v, t)
-            return [*x[: 2 * n], *idle, x[-1]]
-
-        def pushed(values: Callable[[Vector], Vector], count: int) -> Callable[[Vector], Vector]:
-            def sums(x: Vector) -> Vector:  # (q, lam, t)
-                y, lam = place([*x[:n], x[-1]]), x[n : n + count]
-                slopes = [self._slopes(values, y, i) for i in range(n)]
-                return [mp.fsum(a * b for a, b in zip(s, lam, strict=True)) for s in slopes]
-
-            return sums
-
-        def gap_work(x: Vector) -> dict[str, Vector]:  # (q, lam, t)
-            gaps = self.g(place([*x[:n], x[-1]]))
-            return {"W_g": [a * b for a, b in zip(x[n:-1], gaps, strict=True)]}
-
-        def rebound(x: Vector) -> dict[str, Vector]:  # (q, v, lam, t)
-            y, lam = state([*x[: 2 * n], x[-1]]), x[2 * n : -1]
-            rates = self._rates(self.g, y)
-            e = self.coefficients(y, rates)
-            kept = [a * b for a, b in zip(lam, e, strict=True)]
-            works = [mp.fdot(zip(kept, rates, strict=True))]
-            back = [a * b for a, b in zip(e, rates, strict=True)]
-            return {"gamma_e": back, "P_e": kept, "W_e": works}
-
-        def slip_work(x: Vector) -> dict[str, Vector]:  # (q_k, q_kp1, T, t_k, t_kp1)
-            early = self.tau(place([*x[:n], x[-2]]))
-            late = self.tau(place([*x[n : 2 * n], x[-1]]))
-            forces = x[2 * n : -2]
-            return {"W_tau": [T * (b - a) for T, a, b in zip(forces, early, late, strict=True)]}
-
-        def between(x: Vector) -> tuple[Vector, Vector]:  # u and N of (u_k, u_kp1, c, N)
-            c, *N = x[2 * m :]
-            return [(1 - c) * a + c * b for a, b in zip(x[:m], x[m : 2 * m], strict=True)], N
-
-        def bears(x: Vector, kind: str = "mu") -> Vector:  # (q, sigma, u_k, u_kp1, c, N, t)
-            u, N = between(x[n + self.nt : -1])
-            values = self.varying[kind]([*x[:n], *rest, *u, x[-1]], x[n : n + self.nt])
-            return [a * b for a, b in zip(N, values, strict=True)]
-
-        def drags(x: Vector) -> dict[str, Vector]:  # (q, around, d, h, s, u_k, u_kp1, c, N, t)
-            count = max(self.scheme.degree, 2) + 1
-            around, more = x[n : (count + 1) * n], x[(count + 1) * n :]
-            d, h, s = more[:count], more[count], more[count + 1 : count + 1 + self.nt]
-            u, N = between(more[count + 1 + self.nt : -1])
-            v = [mp.fdot(zip(d, around[i::n], strict=True)) / h for i in range(n)]
-            rates = self._rates(self.tau, y := [*x[:n], *v, *u, x[-1]])
-            speeds = [a * b for a, b in zip(s, rates, strict=True)]
-            values = self.varying["mu"](y, speeds)
-            return {"drags": [a * b for a, b in zip(N, values, strict=True)]}
-
-        def bearing_work(x: Vector) -> dict[str, Vector]:  # the same, q_k, q_kp1, t_k, t_kp1
-            rest, (q_k, q_kp1, t_k, t_kp1) = x[: -2 * n - 2], _ends_in(x[-2 * n - 2 :], n)
-            early, late = (self.tau(place([*q, t])) for q, t in ((q_k, t_k), (q_kp1, t_kp1)))
-            parts = zip(bears(rest), early, late, strict=True)
-            return {"W_mu": [a * (after - before) for a, before, after in parts]}
-
         return {
             "step": self._step,
             "impact": self._energies,
@@ -187,100 +31,123 @@ class ReferenceValues:
             "path_ends": lambda x: {"r_e": [r for y in self._ends(x) for r in self.r(y)]},
             "dynamics": self._dynamics,
             "residual": self._residual,
-            "momentum": lambda x: {"p": self._momenta(state(x))},
-            "energy": lambda x: {"E": [self._energy(state(x))]},
-            "input_matrix": lambda x: {
-                "B": [
-                    b
-                    for row in zip(
-                        *(self._slopes(self.Q, x, 2 * n + k) for k in range(m)), strict=True
-                    )
-                    for b in row
-                ]
-            },
+            "momentum": lambda x: {"p": self._momenta(self._state(x))},
+            "energy": lambda x: {"E": [self._energy(self._state(x))]},
+            "input_matrix": self._input_matrix,
             "running_cost": lambda x: {"C": self.C(x)},
             "force": lambda x: {"Q": self.Q(x), "power": [self._power(x)]},
-            "moving_work": lambda x: {"W_t": [self._moving(x)]},
-            "rate_work": lambda x: {"W_gamma": [self._work(x)]},
-            "surface": lambda x: {"g": self.g(place(x))},
-            "gap_rate": lambda x: {"gamma": self._rates(self.g, state(x))},
-            "gap_work": gap_work,
-            "rebound": rebound,
-            "normal": lambda x: {"n": pushed(self.g, self.nc)(x)},
-            "tangent": lambda x: {"tau": self.tau(place(x))},
-            "slide_rate": lambda x: {"sigma": self._rates(self.tau, state(x))},
-            "slip_work": slip_work,
-            "traction": lambda x: {"s": pushed(self.tau, self.nt)(x)},
-            "friction": lambda _: {
-                k: c([mp.mpf(0)] * (2 * n + m + 1), [mp.mpf(0)] * self.nt)
-                for k, c in self.constant.items()
-            },
-            "bearing": lambda x: {"bears": bears(x)},
-            "holding": lambda x: {"holds": bears(x, "mu_s")},
-            "dragging": drags,
-            "bearing_work": bearing_work,
-            "tangential": lambda _: {"e_t": self.e_t([mp.mpf(0)] * (2 * n + m + 1))},
-            "terminal_cost": lambda x: {"Phi": self.Phi(state(x))},
+            **self._of_contacts,
+            **self._of_friction,
+            "terminal_cost": lambda x: {"Phi": self.Phi(self._state(x))},
         }
 
-    # Derivatives ----------------------------------------------------------------------------------
+    @property
+    def _of_contacts(self) -> dict[str, Function]:
+        return {
+            "moving_work": lambda x: {"W_t": [self._moving(x)]},
+            "rate_work": lambda x: {"W_gamma": [self._work(x)]},
+            "surface": lambda x: {"g": self.g(self._place(x))},
+            "gap_rate": lambda x: {"gamma": self._rates(self.g, self._state(x))},
+            "gap_work": self._gap_work,
+            "rebound": self._rebound,
+            "normal": lambda x: {"n": self._pushed(self.g, self.nc, x)},
+        }
 
-    def _slopes(self, values: Callable[[Vector], Vector], y: Vector, i: int) -> Vector:
-        """Derivatives of functions with respect to component i of y = (q, v, u, t)."""
-        direction = [mp.mpf(k == i) for k in range(len(y))]
-        return self._along(values, y, direction)
+    @property
+    def _of_friction(self) -> dict[str, Function]:
+        origin, still = [mp.mpf(0)] * (2 * self.nq + self.nu + 1), [mp.mpf(0)] * self.nt
+        return {
+            "tangent": lambda x: {"tau": self.tau(self._place(x))},
+            "slide_rate": lambda x: {"sigma": self._rates(self.tau, self._state(x))},
+            "slip_work": self._slip_work,
+            "traction": lambda x: {"s": self._pushed(self.tau, self.nt, x)},
+            "friction": lambda _: {k: c(origin, still) for k, c in self.constant.items()},
+            "bearing": lambda x: {"bears": self._bears(x)},
+            "holding": lambda x: {"holds": self._bears(x, "mu_s")},
+            "dragging": self._drags,
+            "bearing_work": self._bearing_work,
+            "tangential": lambda _: {"e_t": self.e_t(origin)},
+        }
 
-    def _along(self, values: Callable[[Vector], Vector], y: Vector, d: Vector) -> Vector:
-        high, low = values(moved(y, d, STEP)), values(moved(y, d, -STEP))
-        return [(a - b) / (2 * STEP) for a, b in zip(high, low, strict=True)]
+    def _place(self, x: Vector) -> Vector:
+        """(q, 0, 0, t) of (q, t)."""
+        return [*x[: self.nq], *[mp.mpf(0)] * (self.nq + self.nu), x[-1]]
 
-    def _rates(self, values: Callable[[Vector], Vector], y: Vector) -> Vector:
-        """Rates of functions of position and time along a velocity."""
+    def _state(self, x: Vector) -> Vector:
+        """(q, v, 0, t) of (q, v, t)."""
+        return [*x[: 2 * self.nq], *[mp.mpf(0)] * self.nu, x[-1]]
+
+    def _input_matrix(self, y: Vector) -> dict[str, Vector]:
+        columns = (self._slopes(self.Q, y, 2 * self.nq + k) for k in range(self.nu))
+        return {"B": [b for row in zip(*columns, strict=True) for b in row]}
+
+    # Contacts -------------------------------------------------------------------------------------
+
+    def _pushed(self, values: Values, count: int, x: Vector) -> Vector:
+        """Sums of slopes by coordinates, of (q, lam, t)."""
         n = self.nq
-        rest = [mp.mpf(0)] * (n + self.nu)
-        return self._along(values, y, [*y[n : 2 * n], *rest, mp.mpf(1)])
+        y, lam = self._place([*x[:n], x[-1]]), x[n : n + count]
+        slopes = [self._slopes(values, y, i) for i in range(n)]
+        return [mp.fsum(a * b for a, b in zip(s, lam, strict=True)) for s in slopes]
 
-    def _momenta(self, y: Vector) -> Vector:
-        return [self._slopes(self.L, y, self.nq + i)[0] for i in range(self.nq)]
+    def _gap_work(self, x: Vector) -> dict[str, Vector]:
+        """Of (q, lam, t)."""
+        gaps = self.g(self._place([*x[: self.nq], x[-1]]))
+        return {"W_g": [a * b for a, b in zip(x[self.nq : -1], gaps, strict=True)]}
 
-    def _energy(self, y: Vector) -> Any:
-        v = y[self.nq : 2 * self.nq]
-        work = (a * b for a, b in zip(self._momenta(y), v, strict=True))
-        return mp.fsum(work) - self.L(y)[0]
+    def _rebound(self, x: Vector) -> dict[str, Vector]:
+        """Of (q, v, lam, t)."""
+        y, lam = self._state([*x[: 2 * self.nq], x[-1]]), x[2 * self.nq : -1]
+        rates = self._rates(self.g, y)
+        e = self.coefficients(y, rates)
+        kept = [a * b for a, b in zip(lam, e, strict=True)]
+        works = [mp.fdot(zip(kept, rates, strict=True))]
+        back = [a * b for a, b in zip(e, rates, strict=True)]
+        return {"gamma_e": back, "P_e": kept, "W_e": works}
 
-    def _power(self, y: Vector) -> Any:
-        """Q . v - dL/dt."""
-        v = y[self.nq : 2 * self.nq]
-        return mp.fdot(zip(self.Q(y), v, strict=True)) - self._slopes(self.L, y, len(y) - 1)[0]
+    # Friction -------------------------------------------------------------------------------------
 
-    def _moving(self, x: Vector) -> Any:
-        """Work of moving surfaces, from (q, lam, t)."""
-        n, rest = self.nq, [mp.mpf(0)] * (self.nq + self.nu)
-        rates = self._slopes(self.g, [*x[:n], *rest, x[-1]], 2 * n + self.nu)
-        return mp.fdot(zip(x[n:-1], rates, strict=True))
-
-    def _work(self, x: Vector) -> Any:
-        """Impulses times rates of the gaps, from (q, v, lam, t)."""
+    def _slip_work(self, x: Vector) -> dict[str, Vector]:
+        """Of (q_k, q_kp1, T, t_k, t_kp1)."""
         n = self.nq
-        rates = self._rates(self.g, [*x[: 2 * n], *[mp.mpf(0)] * self.nu, x[-1]])
-        return mp.fdot(zip(x[2 * n : -1], rates, strict=True))
+        early = self.tau(self._place([*x[:n], x[-2]]))
+        late = self.tau(self._place([*x[n : 2 * n], x[-1]]))
+        forces = x[2 * n : -2]
+        return {"W_tau": [T * (b - a) for T, a, b in zip(forces, early, late, strict=True)]}
 
-    def _dynamics(self, y: Vector) -> dict[str, Vector]:
-        """M, and F = dL/dq - (d2L/dq'dq) q' - d2L/dq'dt + Q."""
+    def _between(self, x: Vector) -> tuple[Vector, Vector]:
+        """u and N of (u_k, u_kp1, c, N)."""
+        m = self.nu
+        c, *N = x[2 * m :]
+        return [(1 - c) * a + c * b for a, b in zip(x[:m], x[m : 2 * m], strict=True)], N
+
+    def _bears(self, x: Vector, kind: str = "mu") -> Vector:
+        """Of (q, sigma, u_k, u_kp1, c, N, t)."""
         n = self.nq
-        mass = [self._slopes(self._momenta, y, n + j) for j in range(n)]
-        along = self._rates(self._momenta, y)
-        slopes = [self._slopes(self.L, y, i)[0] for i in range(n)]
-        force = [a - b + c for a, b, c in zip(slopes, along, self.Q(y), strict=True)]
-        return {"M": [mass[j][i] for i in range(n) for j in range(n)], "F": force}
+        u, N = self._between(x[n + self.nt : -1])
+        y = [*x[:n], *[mp.mpf(0)] * n, *u, x[-1]]
+        values = self.varying[kind](y, x[n : n + self.nt])
+        return [a * b for a, b in zip(N, values, strict=True)]
 
-    def _residual(self, x: Vector) -> dict[str, Vector]:
-        """F - M a at x = (q, v, u, t, a)."""
-        y, a = x[: -self.nq], x[-self.nq :]
-        parts = self._dynamics(y)
-        rows = [parts["M"][i : i + self.nq] for i in range(0, self.nq**2, self.nq)]
-        moved = [mp.fdot(row, a) for row in rows]
-        return {"R": [f - g for f, g in zip(parts["F"], moved, strict=True)]}
+    def _drags(self, x: Vector) -> dict[str, Vector]:
+        """Of (q, around, d, h, s, u_k, u_kp1, c, N, t)."""
+        n, count = self.nq, max(self.scheme.degree, 2) + 1
+        around, more = x[n : (count + 1) * n], x[(count + 1) * n :]
+        d, h, s = more[:count], more[count], more[count + 1 : count + 1 + self.nt]
+        u, N = self._between(more[count + 1 + self.nt : -1])
+        v = [mp.fdot(zip(d, around[i::n], strict=True)) / h for i in range(n)]
+        rates = self._rates(self.tau, y := [*x[:n], *v, *u, x[-1]])
+        speeds = [a * b for a, b in zip(s, rates, strict=True)]
+        values = self.varying["mu"](y, speeds)
+        return {"drags": [a * b for a, b in zip(N, values, strict=True)]}
+
+    def _bearing_work(self, x: Vector) -> dict[str, Vector]:
+        """Of the same as ``_bears``, then (q_k, q_kp1, t_k, t_kp1)."""
+        n = self.nq
+        of_bears, (q_k, q_kp1, t_k, t_kp1) = x[: -2 * n - 2], _ends_in(x[-2 * n - 2 :], n)
+        early, late = (self.tau(self._place([*q, t])) for q, t in ((q_k, t_k), (q_kp1, t_kp1)))
+        parts = zip(self._bears(of_bears), early, late, strict=True)
+        return {"W_mu": [a * (after - before) for a, before, after in parts]}
 
     # Steps ----------------------------------------------------------------------------------------
 
@@ -393,16 +260,6 @@ class ReferenceValues:
             "e_plus": [by_h - work(1, lambda c: c)],
             "e_minus": [by_h - by_t + work(0, lambda c: 1 - c)],
         }
-
-
-def _real(value: Any) -> Any:
-    """A real number; raise ValueError for what is none."""
-    number = mp.mpmathify(value)
-    if isinstance(number, mp.mpc):
-        if number.imag:
-            raise ValueError
-        number = number.real
-    return number
 
 
 def _ends_in(x: Vector, n: int) -> tuple[Vector, Vector, Any, Any]:
