@@ -3,16 +3,11 @@ with the numbers of the day of export and with others; nothing is wrong with the
 
 from __future__ import annotations
 
-import shutil
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
-import sympy as sp
-import ziglang
-from c_objects import WARNINGS
 from carried_folder import compiled, run
 from carried_problems import CASES, design, linkage
 from joint_problems import bob
@@ -20,7 +15,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_on_floor
 
 import dmoc
-from dmoc.base.errors import OutputError, ProblemError
+from dmoc.base.errors import ProblemError
 from dmoc.export.motion_text import derived_tables
 from dmoc.export.solver import carried_by, memory_of
 from dmoc.models.registry import find
@@ -116,15 +111,6 @@ def tables_are_those_of(nlp: Transcription, x: np.ndarray) -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The solver of the bob from below to the side."""
-    target = tmp_path_factory.mktemp("solver") / "bob"
-    problem = linkage(2)
-    dmoc.generate_solver(problem, target, guess=dmoc.solve(problem, "ipm", starts=1, verify=False))
-    return target
-
-
-@pytest.fixture(scope="module")
 def program(folder: Path) -> str:
     return compiled(folder)
 
@@ -188,18 +174,6 @@ def test_what_slides_where_it_sticks_is_no_answer(tmp_path: Path) -> None:
     program = compiled(target)
     assert answered(program, target).status == 0
     assert answered(program, target, "start.x=0.1").status in (1, OUTSIDE)
-
-
-def test_folders_that_are_refused(tmp_path: Path) -> None:
-    problem = linkage(2)
-    (tmp_path / "full").mkdir()
-    (tmp_path / "full" / "notes").write_text("mine")
-    with pytest.raises(OutputError, match="full exists and is not an empty folder: name a new one"):
-        dmoc.generate_solver(problem, tmp_path / "full")
-    for name in ("two words", "9lives", "dmoc_solver", "main"):
-        with pytest.raises(OutputError, match="no free name in C"):
-            dmoc.generate_solver(problem, tmp_path / name)
-    assert [p.name for p in tmp_path.iterdir()] == ["full"]
 
 
 @pytest.mark.slow
@@ -310,55 +284,6 @@ def test_what_a_solver_says(folder: Path) -> None:
     assert sentences[NO_REST].startswith("the first event is over, nothing is left")
 
 
-def test_the_sources_are_those_of_the_package(folder: Path) -> None:
-    import dmoc.export
-    import dmoc.program
-    import dmoc.solvers
-
-    places = [Path(p) for m in (dmoc.export, dmoc.program, dmoc.solvers) for p in m.__path__]
-    for name in ("interior_point.c", "ldl.c", "passes.c", "dmoc_solver.c"):
-        (own,) = [p / name for p in places if (p / name).exists()]
-        assert (folder / name).read_text() == own.read_text()
-    every = "".join(p.read_text() for p in folder.glob("*.[ch]") if p.name not in MINE)
-    for word in ("malloc", "calloc", " free(", "<time.h>", "<stdlib.h>", "<stdio.h>"):
-        assert word not in every
-
-
-MINE = ("main.c", "test.c", "driver.c")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("language", [("cc", "-std=c11"), ("c++", "-x", "c++", "-std=c++17")])
-def test_clang_has_nothing_against_it(
-    language: tuple[str, ...], folder: Path, tmp_path: Path
-) -> None:
-    """Neither as C nor as C++; zig's compiler is clang."""
-    zig = str(Path(ziglang.__file__).with_name("zig"))
-    for source in sorted(folder.glob("*.c")):
-        if source.name != "driver.c":
-            command = (zig, *language, *WARNINGS, "-c", source.name, "-o", str(tmp_path / "o"))
-            done = run(*command, folder=folder)
-            assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.slow
-def test_names_that_differ_in_capitals_alone(tmp_path: Path) -> None:
-    """Parameters m and M, and the tables of the times and of friction."""
-    x, u = dynamicsymbols("x u")
-    m, M = sp.symbols("m M")
-    sled = dmoc.MechanicalSystem(
-        "sled", [x], (m + M) * x.diff() ** 2 / 2, {m: 1.0, M: 2.0}, [u], {x: u},
-        tangents={"belt": x - dynamicsymbols._t / 5}, friction={"belt": 0.5}, cost=u**2,
-    )  # fmt: skip
-    problem = dmoc.Problem(
-        dmoc.build(sled), {"x": 0, "x_dot": 1}, {"x": 1, "x_dot": 0.5}, contacts=["belt:slip+"],
-        steps=8, final_time=1.5,
-    )  # fmt: skip
-    dmoc.generate_solver(problem, tmp_path / "sled")
-    program = compiled(tmp_path / "sled")
-    assert answered(program, tmp_path / "sled", "parameters.M=2.5").status == 0
-
-
 @pytest.mark.slow
 def test_speeds_at_the_ends_of_a_constraint(tmp_path: Path) -> None:
     """They are what the rod leaves: from below with 0.5 m/s to the side costs another effort."""
@@ -371,34 +296,6 @@ def test_speeds_at_the_ends_of_a_constraint(tmp_path: Path) -> None:
     assert moved.cost == pytest.approx(own.cost, rel=1e-7)
     wrong = run(program, "start.y_dot=0.5", folder=tmp_path / "bob")
     assert wrong.returncode == 2 and "velocities that keep the constraints" in wrong.stderr
-
-
-@pytest.mark.parametrize("name", ["math", "passes", "clean", "2nd", "swing-up"])
-def test_names_that_something_else_has_are_refused(name: str, tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="no free name in C"):
-        dmoc.generate_solver(linkage(2), tmp_path / name)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("tool", ["make", "cmake"])
-def test_the_folder_tests_itself(tool: str, folder: Path, tmp_path: Path) -> None:
-    """An optimising compiler sees more that is worth a warning; cmake need not optimise, too."""
-    target = shutil.copytree(
-        folder, tmp_path / "bob", ignore=shutil.ignore_patterns("driver*", "*.o")
-    )
-    if tool == "make":
-        flags = f"CFLAGS=-O2 {' '.join(WARNINGS)}"
-        done = run("make", "--no-print-directory", flags, "test", folder=target)
-    else:
-        cmake = (sys.executable, "-m", "cmake")
-        run(*cmake, "-B", "build", "-DCMAKE_BUILD_TYPE=Debug", folder=target)
-        run(*cmake, "--build", "build", folder=target)
-        done = run("build/test_bob", folder=target)
-    assert done.returncode == 0 and done.stdout.rstrip().endswith("passed"), done.stdout
-    text = (target / "test.c").read_text()
-    (target / "test.c").write_text(text.replace("const double cost = ", "const double cost = 1 + "))
-    if tool == "make":
-        assert run("make", "test", folder=target).returncode != 0
 
 
 def test_memory_is_what_is_said(folder: Path) -> None:
