@@ -126,15 +126,24 @@ def generate_solver(
 
     Examples
     --------
+    A swing-up with its answer and gains along it, for a machine of 2 MB:
+
     >>> import tempfile
+    >>> from pathlib import Path
     >>> import dmoc
     >>> from dmoc.models.registry import find
-    >>> reference = find("puck_table")
-    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
-    >>> problem = problem.but(sequence=["east"], steps=20)
-    >>> files = dmoc.generate_solver(problem, tempfile.mkdtemp(prefix="puck_"))
-    >>> {"main.c", "dmoc_solver.h", "README.md"} <= {file.name for file in files}
-    True
+    >>> reference = find("cart_pendulum")
+    >>> problem = dmoc.Problem(reference.kernels(2), **reference.defaults).but(steps=50)
+    >>> solution = dmoc.solve(problem, starts=1)
+    >>> files = dmoc.generate_solver(
+    ...     problem,
+    ...     Path(tempfile.mkdtemp()) / "swing_up",
+    ...     guess=solution,
+    ...     feedback=dmoc.feedback(solution),
+    ...     most_bytes=2_000_000,
+    ... )
+    >>> [file.name for file in files if file.name.startswith("swing_up")]
+    ['swing_up.h', 'swing_up_feedback.c', 'swing_up_feedback.csv', 'swing_up_feedback.h']
     """
     if not isinstance(problem, Planner):
         check_problem(problem)
