@@ -23,11 +23,7 @@ def check_restitution(system: MechanicalSystem) -> None:
     """Refuse a restitution of what is no surface, one that jumps or has kinks, and a number that
     creates energy."""
     for name, e in system.restitution.items():
-        if name not in system.surfaces:
-            raise ModelError(
-                f"{shown(name)} has a restitution but is no surface: expected one of "
-                f"{', '.join(system.surfaces) or 'none, the model has no surfaces'}."
-            )
+        _check_surface(system, name, "restitution")
         check_smooth(e, f"the restitution of {name!r}", kinks=True)
         if e.is_number and not 0 <= e <= 1:
             raise ModelError(
@@ -40,11 +36,7 @@ def check_tangential_restitution(system: MechanicalSystem) -> None:
     """Refuse a tangential restitution of what is no surface or has no tangent, and a number that
     creates energy."""
     for name, e_t in system.tangential_restitution.items():
-        if name not in system.surfaces:
-            raise ModelError(
-                f"{shown(name)} has a tangential restitution but is no surface: expected one of "
-                f"{', '.join(system.surfaces) or 'none, the model has no surfaces'}."
-            )
+        _check_surface(system, name, "tangential restitution")
         if name not in system.tangents:
             raise ModelError(
                 f"{shown(name)} has a tangential restitution but no tangent: give the tangential "
@@ -56,6 +48,15 @@ def check_tangential_restitution(system: MechanicalSystem) -> None:
                 "-1 (smooth) to 1 (a superball), or an expression in parameters; more creates "
                 "energy."
             )
+
+
+def _check_surface(system: MechanicalSystem, name: str, kind: str) -> None:
+    """Refuse a restitution of what is no surface."""
+    if name not in system.surfaces:
+        raise ModelError(
+            f"{shown(name)} has a {kind} but is no surface: expected one of "
+            f"{', '.join(system.surfaces) or 'none, the model has no surfaces'}."
+        )
 
 
 def laws_in_words(system: MechanicalSystem) -> dict[str, dict[str, str]]:
