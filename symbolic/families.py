@@ -8,7 +8,7 @@ before the parameters, ``hess`` an upper triangle of second derivatives of a wei
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -160,10 +160,6 @@ def _facts(
     in_mass = set().union(*(e.free_symbols for row in mass_matrix(f) for e in row))
     in_forces = set().union(set(), *(e.free_symbols for row in input_matrix(f) for e in row))
     parts = split(system)
-    surface_coordinates = {
-        name: [i for i, s in enumerate(f.q) if s in g.free_symbols]
-        for name, g in zip(system.surfaces, f.g, strict=True)
-    }
     without = [name for name in system.tangents if name not in system.friction]
     more = {"without_friction": without, "quantities": quantity_rows(f, list(system.quantities))}
     more["static_friction"] = [n for n, e in system.friction.items() if isinstance(e, sp.Tuple)]
@@ -183,7 +179,7 @@ def _facts(
         "inputs": [name_of(u) for u in system.inputs],
         "units": dict(system.units),
         "surfaces": list(system.surfaces),
-        "surface_coordinates": surface_coordinates,
+        "surface_coordinates": _coordinates_in(f, system.surfaces, f.g),
         "moving_surfaces": [
             name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols
         ],
@@ -198,10 +194,7 @@ def _facts(
         "kink_signs": {name_of(s): parts.signs[s] for s in system.parameters if s in parts.signs},
         "hidden": hidden_names(system),
         "tangents": list(system.tangents),
-        "tangent_coordinates": {
-            name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
-            for name, tau in zip(system.tangents, f.tau, strict=True)
-        },
+        "tangent_coordinates": _coordinates_in(f, system.tangents, f.tau),
         "joints": list(system.constraints),
         "bent_joints": [
             name
@@ -220,6 +213,16 @@ def _facts(
     }
     more = {key: values for key, values in more.items() if values}
     return facts | laws_in_words(system) | more | objective_facts(system) | hidden_facts(system)
+
+
+def _coordinates_in(
+    f: Continuous, names: Iterable[str], values: Sequence[Any]
+) -> dict[str, list[int]]:
+    """The coordinates that each of some functions contains."""
+    return {
+        name: [i for i, s in enumerate(f.q) if s in value.free_symbols]
+        for name, value in zip(names, values, strict=True)
+    }
 
 
 def _step_kernels(
