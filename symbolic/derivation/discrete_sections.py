@@ -30,31 +30,8 @@ def discrete_sections(
     names = [name_of(q) for q in system.coordinates]
     tex = [latex_symbol(x) for x in names]
     middle = len(e.points) == 1
-    place = "Midpoint" if middle else "Quadrature points"
     inner = inner_nodes(e.inside)
-    text = (
-        "Coordinates and velocities of the midpoint rule"
-        if middle
-        else f"Coordinates and velocities at the {len(e.points)} Gauss points of the polynomial "
-        f"through the nodes k (start), {', '.join(inner)} (inside) and k+1 (end)"
-    )
-    used = {
-        s
-        for p in e.points
-        for f in (p.start, p.end)
-        for part in (f.L, *f.Q, f.C, *f.r)
-        for s in part.free_symbols
-    }
-    times = {p.start.t for p in e.points}
-    yield Section(
-        f"{place} of a step",
-        f"{text}, in the step from node k to node k+1 of size h.",
-        tuple(
-            Equation(str(s), latex_symbol(str(s)), value)
-            for s, value in e.definitions
-            if s in used or s not in times
-        ),
-    )
+    yield _places_of(e)
     slots = [e.D(e.L_d, i) for i in range(2 * n)]
     yield Section(
         "Discrete Lagrangian",
@@ -94,6 +71,35 @@ def discrete_sections(
                     own, f"r_{tag}", names, tex, e.r_i[a * n : (a + 1) * n], f"r^{{{tag}}}"
                 )
             ),
+        ),
+    )
+
+
+def _places_of(e: StepElement) -> Section:
+    """Where the integrals of a step are taken."""
+    middle = len(e.points) == 1
+    place = "Midpoint" if middle else "Quadrature points"
+    text = (
+        "Coordinates and velocities of the midpoint rule"
+        if middle
+        else f"Coordinates and velocities at the {len(e.points)} Gauss points of the polynomial "
+        f"through the nodes k (start), {', '.join(inner_nodes(e.inside))} (inside) and k+1 (end)"
+    )
+    used = {
+        s
+        for p in e.points
+        for f in (p.start, p.end)
+        for part in (f.L, *f.Q, f.C, *f.r)
+        for s in part.free_symbols
+    }
+    times = {p.start.t for p in e.points}
+    return Section(
+        f"{place} of a step",
+        f"{text}, in the step from node k to node k+1 of size h.",
+        tuple(
+            Equation(str(s), latex_symbol(str(s)), value)
+            for s, value in e.definitions
+            if s in used or s not in times
         ),
     )
 
@@ -214,36 +220,34 @@ def derivative_sections(e: StepElement, own: DisplayNames) -> Iterable[Section]:
     )
     mu_i = [own.symbol(f"mu_i_{i}", "weight") for i in range(len(e.r_i))]
     sigma, w_plus, w_minus = (own.symbol(name, "weight") for name in ("sigma", "w_plus", "w_minus"))
-    weighted = [
-        ("step", sigma * e.C_d + dot(mu[0], e.r_minus) + dot(mu[1], e.r_plus) + dot(mu_i, e.r_i)),
-        ("energy", w_plus * e.e_plus + w_minus * e.e_minus),
+    inside = " + mu_i . r_i" if e.r_i else ""
+    what = f"sigma C_d + mu_minus . r_minus + mu_plus . r_plus{inside}"
+    momenta = dot(mu[0], e.r_minus) + dot(mu[1], e.r_plus) + dot(mu_i, e.r_i)
+    yield _second_derivatives(e, "step", what, sigma * e.C_d + momenta)
+    energies = w_plus * e.e_plus + w_minus * e.e_minus
+    yield _second_derivatives(e, "energy", "w_plus e_plus + w_minus e_minus", energies)
+
+
+def _second_derivatives(e: StepElement, title: str, what: str, expression: Any) -> Section:
+    hessian = e.hessian(expression)
+    grid = ["  " + " ".join("x" if d != 0 else "." for d in row) for row in hessian]
+    second = [
+        Equation(
+            f"d2/d{a}d{b}",
+            f"\\partial^2/\\partial {latex_symbol(str(a))}\\,\\partial {latex_symbol(str(b))}",
+            hessian[i][j],
+            (a, b),
+        )
+        for i, a in enumerate(e.x_k)
+        for j, b in enumerate(e.x_k)
+        if j >= i and hessian[i][j] != 0
     ]
-    for title, expression in weighted:
-        hessian = e.hessian(expression)
-        grid = ["  " + " ".join("x" if d != 0 else "." for d in row) for row in hessian]
-        second = [
-            Equation(
-                f"d2/d{a}d{b}",
-                f"\\partial^2/\\partial {latex_symbol(str(a))}\\,\\partial {latex_symbol(str(b))}",
-                hessian[i][j],
-                (a, b),
-            )
-            for i, a in enumerate(e.x_k)
-            for j, b in enumerate(e.x_k)
-            if j >= i and hessian[i][j] != 0
-        ]
-        inside = " + mu_i . r_i" if e.r_i else ""
-        what = (
-            f"sigma C_d + mu_minus . r_minus + mu_plus . r_plus{inside}"
-            if title == "step"
-            else "w_plus e_plus + w_minus e_minus"
-        )
-        yield Section(
-            f"Second derivatives ({title})",
-            f"Upper triangle for {what}.",
-            tuple(second),
-            tuple(grid),
-        )
+    return Section(
+        f"Second derivatives ({title})",
+        f"Upper triangle for {what}.",
+        tuple(second),
+        tuple(grid),
+    )
 
 
 def _row_tex(name: str) -> str:
