@@ -88,22 +88,6 @@ def solve_ipopt(
     ipyopt: Any = import_module("ipyopt")
     functions = _Callbacks(nlp, options)
     m = functions.m
-    settings: dict[str, Any] = {
-        "print_level": 0,
-        "sb": "yes",
-        "tol": min(options.optimality, IPOPT_TOLERANCE),
-        "constr_viol_tol": options.violation,
-        "max_iter": options.iterations,
-        "bound_relax_factor": 0.0,
-        "acceptable_iter": 0,
-    }
-    if duals is not None:
-        settings |= {
-            "warm_start_init_point": "yes",
-            "mu_init": 1e-4,
-            "warm_start_bound_push": 1e-6,
-            "warm_start_mult_bound_push": 1e-6,
-        }
 
     def hessian(x: Array, y: Array, sigma: float, out: Array) -> None:
         functions.curvatures(x, y, sigma, out)
@@ -126,7 +110,7 @@ def solve_ipopt(
         functions.slopes,
         hessian,
         report,
-        ipopt_options=settings,
+        ipopt_options=_ipopt_settings(options, warm=duals is not None),
     )
     y, z_lower, z_upper = np.zeros(m), np.zeros(nlp.n), np.zeros(nlp.n)
     if duals is not None:
@@ -145,6 +129,26 @@ def solve_ipopt(
         f"IPOPT ended with code {int(code)}",
         max(functions.count - 1, 0),
     )
+
+
+def _ipopt_settings(options: Options, warm: bool) -> dict[str, Any]:
+    settings: dict[str, Any] = {
+        "print_level": 0,
+        "sb": "yes",
+        "tol": min(options.optimality, IPOPT_TOLERANCE),
+        "constr_viol_tol": options.violation,
+        "max_iter": options.iterations,
+        "bound_relax_factor": 0.0,
+        "acceptable_iter": 0,
+    }
+    if warm:
+        settings |= {
+            "warm_start_init_point": "yes",
+            "mu_init": 1e-4,
+            "warm_start_bound_push": 1e-6,
+            "warm_start_mult_bound_push": 1e-6,
+        }
+    return settings
 
 
 def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Ending:
@@ -194,17 +198,6 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
     y = np.array(result.constraint_dual_solution)
     z = np.array(result.lower_bound_dual_solution) + np.array(result.upper_bound_dual_solution)
     last_duals = Duals.of_rows(nlp.n_eq, y, -z)
-    ended = {
-        unopy.OptimizationStatus.ITERATION_LIMIT: Status.ITERATION_LIMIT,
-        unopy.OptimizationStatus.TIME_LIMIT: Status.TIME_LIMIT,
-        unopy.OptimizationStatus.USER_TERMINATION: Status.TIME_LIMIT,
-    }
-    status = ended.get(result.optimization_status, Status.STALLED)
-    if result.solution_status in (
-        unopy.SolutionStatus.INFEASIBLE_STATIONARY_POINT,
-        unopy.SolutionStatus.INFEASIBLE_SMALL_STEP,
-    ):
-        status = Status.INFEASIBLE
     detail = (
         f"Uno ended with {result.optimization_status.name.lower()}, "
         f"{result.solution_status.name.lower()}"
@@ -213,10 +206,24 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
         functions,
         np.array(result.primal_solution)[: nlp.n],
         last_duals,
-        status,
+        _uno_status(unopy, result),
         detail,
         int(result.number_iterations),
     )
+
+
+def _uno_status(unopy: Any, result: Any) -> Status:
+    ended = {
+        unopy.OptimizationStatus.ITERATION_LIMIT: Status.ITERATION_LIMIT,
+        unopy.OptimizationStatus.TIME_LIMIT: Status.TIME_LIMIT,
+        unopy.OptimizationStatus.USER_TERMINATION: Status.TIME_LIMIT,
+    }
+    if result.solution_status in (
+        unopy.SolutionStatus.INFEASIBLE_STATIONARY_POINT,
+        unopy.SolutionStatus.INFEASIBLE_SMALL_STEP,
+    ):
+        return Status.INFEASIBLE
+    return ended.get(result.optimization_status, Status.STALLED)
 
 
 class _Silence:
