@@ -18,7 +18,6 @@ MOST_NAMED = 5
 
 def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -> tuple[str, ...]:
     """What limits the answer."""
-    depth = tree.settings.max_collisions
     noun = noun_of(word for n in nodes for word in n.sequence)
     notes = []
     if stopped:
@@ -33,28 +32,7 @@ def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str)
             "no problem can have, such as "
             f"{', '.join(sequence)}: {reason}"
         )
-    by_depth = [
-        min(
-            (
-                n.cost
-                for n in nodes
-                if len(n.sequence) == d and n.verdict in CONFIRMED and n.cost is not None
-            ),
-            default=np.inf,
-        )
-        for d in range(depth + 1)
-    ]
-    if (
-        best is not None
-        and len(best.sequence) == depth > 0
-        and by_depth[depth] < min(by_depth[:-1])
-    ):
-        least = min(by_depth[:-1])
-        fewer = f"with fewer {least:.6g}" if np.isfinite(least) else "none with fewer is confirmed"
-        notes.append(
-            f"the best sequence has all {depth} {noun}s (cost {by_depth[depth]:.6g}, {fewer}): "
-            "more may cost less"
-        )
+    notes += _note_of_depth(tree, nodes, best, noun)
     if best is None and not stopped and any(n.verdict is Verdict.INFEASIBLE for n in nodes):
         starts = tree.settings.starts
         notes.append(
@@ -79,6 +57,32 @@ def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str)
             f"{their} {noun}s would rather merge"
         )
     return tuple(notes)
+
+
+def _note_of_depth(tree: Tree, nodes: Sequence[Node], best: Node | None, noun: str) -> list[str]:
+    """Whether more events than the search allows may cost less."""
+    depth = tree.settings.max_collisions
+    if best is None or not len(best.sequence) == depth > 0:
+        return []
+    by_depth = [
+        min(
+            (
+                n.cost
+                for n in nodes
+                if len(n.sequence) == d and n.verdict in CONFIRMED and n.cost is not None
+            ),
+            default=np.inf,
+        )
+        for d in range(depth + 1)
+    ]
+    least = min(by_depth[:-1])
+    if not by_depth[depth] < least:
+        return []
+    fewer = f"with fewer {least:.6g}" if np.isfinite(least) else "none with fewer is confirmed"
+    return [
+        f"the best sequence has all {depth} {noun}s (cost {by_depth[depth]:.6g}, {fewer}): more "
+        "may cost less"
+    ]
 
 
 def notes_of_proposals(candidates: Candidates) -> list[str]:
