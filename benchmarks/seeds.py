@@ -38,7 +38,7 @@ def solve(rung: Rung, problem: dmoc.Problem, seed: int, **more: Any) -> SeedAnsw
     seconds, solution = clocked(lambda: dmoc.solve(problem, "ipm", **options))
     status = str(solution.status)
     result = rung.compared(solution.cost, True) if status == "solved" else status
-    return SeedAnswer(result, solution.starts or 1, solution.found or 1, seconds)
+    return SeedAnswer(result, solution.starts or 1, solution.agreeing_starts or 1, seconds)
 
 
 def compare(quick: bool) -> Section:

@@ -107,4 +107,4 @@ if __name__ == "__main__":
 # --------------
 # From the straight guess the answer is Kelly's motion. The automatic starts find another one, which
 # swings differently and costs less. Both are confirmed: a minimum is local, whoever finds it. How
-# many starts led where is in ``solution.found`` and ``solution.others``.
+# many starts led where is in ``solution.agreeing_starts`` and ``solution.others``.

@@ -44,7 +44,7 @@ class Batch(Shown, Saved):
 
     Attributes
     ----------
-    given : mapping of str to array, shape (n,)
+    varied : mapping of str to array, shape (n,)
         What a sweep varies, by name; empty for other problems.
     status : tuple of str
         That of the solution, or "refused" (the problem cannot be stated or solved as it is given),
@@ -88,7 +88,7 @@ class Batch(Shown, Saved):
 
     file_module = "dmoc.results.batch_file"
 
-    given: Mapping[str, Array]
+    varied: Mapping[str, Array]
     status: tuple[str, ...]
     message: tuple[str, ...]
     cost: Array
@@ -105,7 +105,7 @@ class Batch(Shown, Saved):
     solutions: tuple[Solution | None, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
-        what = f" over {', '.join(self.given)}" if self.given else ""
+        what = f" over {', '.join(self.varied)}" if self.varied else ""
         return f"<Batch of {len(self)} problems{what}: {counted(self)}>"
 
     def summary(self) -> Table:
@@ -144,7 +144,7 @@ class Batch(Shown, Saved):
         """The table by columns: what is given, the results, a column for the time and the impulse
         of each collision, and the message last.  A parameter that is called like a result, such as
         ``cost``, has the column "parameter cost"."""
-        table: dict[str, Sequence[Any]] = {column_of(k): list(v) for k, v in self.given.items()}
+        table: dict[str, Sequence[Any]] = {column_of(k): list(v) for k, v in self.varied.items()}
         table |= {"status": self.status, "cost": list(self.cost)}
         table |= {"final_time": list(self.final_time), "collisions": self.collisions}
         table |= {f"chosen {name}": list(values) for name, values in self.design.items()}
@@ -199,7 +199,7 @@ class Batch(Shown, Saved):
         from dmoc.report.sweep_figure import plot_sweep
 
         return plot_sweep(
-            self.given, self.cost, self.final_time, self.collision_times, self.solved, path,
+            self.varied, self.cost, self.final_time, self.collision_times, self.solved, path,
             self.noun, style=style,
         )  # fmt: skip
 

@@ -57,7 +57,7 @@ def _wrong(batch: Batch) -> str | None:
     """What of a batch does not fit together."""
     n = len(batch)
     columns = [batch.cost, batch.final_time, batch.collision_times, batch.impulses]
-    columns += [batch.iterations, batch.seconds, *batch.given.values(), *batch.design.values()]
+    columns += [batch.iterations, batch.seconds, *batch.varied.values(), *batch.design.values()]
     if {len(column) for column in columns} - {n}:
         return "its columns have different lengths"
     if not (batch.iterations == np.floor(np.abs(batch.iterations))).all():
@@ -85,6 +85,7 @@ BATCH = Record(
         "design": Mapped(Stored("n", special=True), names=Name()),
     },
     _wrong,
+    {"given": "varied"},
 )
 
 

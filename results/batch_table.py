@@ -29,7 +29,7 @@ def table_of_batch(batch: Batch) -> Table:
         numbers += [*(values[i] for values in batch.design.values()), *batch.collision_times[i]]
         rows.append(
             (
-                *(f"{values[i]:.6g}" for values in batch.given.values()),
+                *(f"{values[i]:.6g}" for values in batch.varied.values()),
                 toned(status, TONES.get(status, "bad")),
                 *("" if n != n else f"{n:.6g}" for n in numbers),
                 f"{batch.iterations[i]:.0f}",
@@ -42,7 +42,7 @@ def table_of_batch(batch: Batch) -> Table:
     rate = batch.tried / max(batch.total_seconds, 1e-9)
     notes.append(f"{counted(batch)}; in {batch.total_seconds:.1f} s ({rate:.1f} a second)")
     chosen = [f"chosen {name}" for name in batch.design]
-    varied = map(column_of, batch.given)
+    varied = map(column_of, batch.varied)
     head = (*varied, "status", "cost", "end [s]", *chosen, *times, "iterations")
     return Table(tuple(rows), head, tuple(notes))
 

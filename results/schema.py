@@ -313,17 +313,19 @@ class Record:
     """Named values, each of its own kind: no fewer and no others.
 
     ``make`` takes them as keywords; ``wrong`` says what does not fit together, or nothing.
+    ``attributes`` has the names of those that the value calls differently, by fields.
     """
 
     make: Callable[..., Any]
     fields: Mapping[str, FieldKind]
     wrong: Callable[[Any], str | None] = lambda _: None
+    attributes: Mapping[str, str] = field(default_factory=dict)
 
     def write(self, value: Any, where: str, put: Put) -> dict[str, Any]:
         data = (
             value
             if isinstance(value, Mapping)
-            else {name: getattr(value, name) for name in self.fields}
+            else {name: getattr(value, self._attribute(name)) for name in self.fields}
         )
         if set(data) != set(self.fields):
             raise ValueError(
@@ -346,7 +348,7 @@ class Record:
         within = context.inside()
         value = self.make(
             **{
-                name: kind.read(data[name], _at(where, name), within)
+                self._attribute(name): kind.read(data[name], _at(where, name), within)
                 for name, kind in self.fields.items()
             }
         )
@@ -354,3 +356,6 @@ class Record:
         if wrong:
             raise Refused(wrong)
         return value
+
+    def _attribute(self, name: str) -> str:
+        return self.attributes.get(name, name)

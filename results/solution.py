@@ -70,7 +70,7 @@ class Minimum:
     Attributes
     ----------
     cost : float
-    found : int
+    agreeing_starts : int
         How many starts have led to it.
     status : Status or None
         Of its solution on the mesh of ``steps``, "solved" where the check confirmed it; None where
@@ -80,7 +80,7 @@ class Minimum:
     """
 
     cost: float
-    found: int
+    agreeing_starts: int
     status: Status | None
     steps: tuple[int, ...]
 
@@ -134,7 +134,7 @@ class Solution(Shown, MotionResult, Saved):
         multipliers: what the cost may still lose to the solver's tolerance.
     starts : int
         How many starts were tried on a coarse mesh; 0 where the solve began from a guess alone.
-    found : int
+    agreeing_starts : int
         How many of them have led to this minimum.
     others : tuple of Minimum
         The other minima that they have led to, the cheapest first.
@@ -190,7 +190,7 @@ class Solution(Shown, MotionResult, Saved):
     duality_gap: float = 0.0
     scale: Mapping[str, float] = field(default_factory=dict)
     starts: int = 0
-    found: int = 0
+    agreeing_starts: int = 0
     others: tuple[Minimum, ...] = ()
     proposal: Proposal | None = None
     design: Mapping[str, float] = field(default_factory=dict)
@@ -330,8 +330,9 @@ class Solution(Shown, MotionResult, Saved):
             "verification": None if check is None else check.to_dict(),
             "conflicts": list(self.conflicts),
             "scale": dict(self.scale),
-            **_named(self, "starts found"),
-            "others": [asdict(m) for m in self.others],
+            "starts": self.starts,
+            "found": self.agreeing_starts,
+            "others": [_other(m) for m in self.others],
             "proposal": None if proposal is None else asdict(proposal),
             **refinement,
         }
@@ -339,6 +340,11 @@ class Solution(Shown, MotionResult, Saved):
 
 def _named(value: Any, names: str) -> dict[str, Any]:
     return {name: getattr(value, name) for name in names.split()}
+
+
+def _other(m: Minimum) -> dict[str, Any]:
+    """Another minimum as plain data."""
+    return {"cost": m.cost, "found": m.agreeing_starts, **_named(m, "status steps")}
 
 
 def _event(c: Collision) -> dict[str, Any]:

@@ -39,7 +39,7 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import Status
 
-FORMAT, OLDEST = 18, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 19, 6  # the format that is written, and the oldest that is read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 # What files of older formats lack, with the values there: of a solution, of its motion, of phases
 # and collisions.
@@ -67,9 +67,20 @@ def _as_now(header: Any) -> Any:
                 if isinstance(parts, list) and all(isinstance(part, dict) for part in parts):
                     motion[name] = [{**lacking, **part} for part in parts]
             check = _check_as_now(solution.get("verification"))
-            now = {**LACKING_BESIDE, **solution, "trajectory": motion, "verification": check}
+            now = {**LACKING_BESIDE, **_starts_as_now(solution)}
+            now |= {"trajectory": motion, "verification": check}
+            if isinstance(others := solution.get("others"), list):
+                now["others"] = list(map(_starts_as_now, others))
             return {**header, "format": FORMAT, "solution": now}
     return header
+
+
+def _starts_as_now(minimum: Any) -> Any:
+    """A minimum in an older file, which calls the starts that agree on it ``found``."""
+    match minimum:
+        case {"found": starts, **rest}:
+            return {**rest, "agreeing_starts": starts}
+    return minimum
 
 
 def _check_as_now(check: Any) -> Any:
@@ -269,7 +280,7 @@ MINIMUM = Record(
     Minimum,
     {
         "cost": Number(),
-        "found": Whole(),
+        "agreeing_starts": Whole(),
         "status": Either(Nothing(), Choice(tuple(Status))),
         "steps": Listed(Whole(0)),
     },
@@ -342,7 +353,7 @@ SOLUTION = Record(
         "duality_gap": Number(special=True),
         "scale": Mapped(Number()),
         "starts": Whole(),
-        "found": Whole(),
+        "agreeing_starts": Whole(),
         "others": Listed(MINIMUM),
         "proposal": Either(Nothing(), PROPOSAL),
         "design": Mapped(Number(), names=Name()),

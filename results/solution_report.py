@@ -58,7 +58,7 @@ def tables(solution: Solution) -> Iterator[Table]:
     yield Table(table_of_solution(solution).rows, title="Result")
     if solution.starts:
         yield Table(
-            tuple(_found(solution)),
+            tuple(_minima(solution)),
             ("cost", "starts", "status", "steps"),
             (_explored(solution),),
             "Minima found",
@@ -128,12 +128,13 @@ def _clean(values: Array) -> Array:
     return np.where(sizes < ROUNDING * sizes.max(axis=0), 0.0, values)
 
 
-def _found(s: Solution) -> Iterator[tuple[Cell, ...]]:
+def _minima(s: Solution) -> Iterator[tuple[Cell, ...]]:
     steps = "+".join(str(phase.steps) for phase in s.phases)
-    yield f"{s.cost:.7g}", str(s.found), f"{s.status}, this one", steps
+    yield f"{s.cost:.7g}", str(s.agreeing_starts), f"{s.status}, this one", steps
     for other in s.others:
         status = "coarse mesh only" if other.status is None else str(other.status)
-        yield f"{other.cost:.7g}", str(other.found), status, "+".join(map(str, other.steps))
+        steps = "+".join(map(str, other.steps))
+        yield f"{other.cost:.7g}", str(other.agreeing_starts), status, steps
 
 
 def _explored(s: Solution) -> str:

@@ -70,7 +70,7 @@ def _minima(s: Solution) -> Iterator[tuple[Cell, ...]]:
         # Costs of two meshes differ by the error of the mesh, to either side.
         if other.status is not None and other.steps != s.steps:
             seen += f" in {'+'.join(map(str, other.steps))} steps"
-        starts = "1 start" if other.found == 1 else f"{other.found} starts"
+        starts = "1 start" if other.agreeing_starts == 1 else f"{other.agreeing_starts} starts"
         yield "other minimum", f"{other.cost:.7g} ({seen}), from {starts}"
     more = len(s.others) - MOST_OTHERS
     if more > 0:

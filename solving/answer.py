@@ -104,7 +104,9 @@ def _refined(problem: Problem, guess: InitialGuess, request: Request, first: Sol
 
     check = partial(checked, deadline=options.deadline)
     answer = refined(problem, tolerance, options.deadline, on_mesh, check)
-    answer = replace(answer, starts=first.starts, found=first.found, others=first.others)
+    answer = replace(
+        answer, starts=first.starts, agreeing_starts=first.agreeing_starts, others=first.others
+    )
     confirmed = answer.verification is not None and answer.verification.passed
     near = answer.error_estimate is not None and answer.error_estimate <= request.loose
     if answer.status is Status.NOT_VERIFIED and confirmed and near:
@@ -116,11 +118,11 @@ def _refined(problem: Problem, guess: InitialGuess, request: Request, first: Sol
 
 def _starts_in_words(s: Solution) -> str:
     """What the starts have led to."""
-    several, other = len(s.others), "other " if s.found else ""
+    several, other = len(s.others), "other " if s.agreeing_starts else ""
     minima = f"one {other}minimum" if several == 1 else f"{several} {other}minima"
-    if s.found:
+    if s.agreeing_starts:
         others = f"others to {minima}" if several else "none to another one"
-        return f"{s.found} of {s.starts} starts led to it, {others}"
+        return f"{s.agreeing_starts} of {s.starts} starts led to it, {others}"
     if several:
         return f"{s.starts} starts led to {minima} on a coarse mesh alone"
     return f"none of {s.starts} starts on a coarse mesh led to a motion"

@@ -315,7 +315,7 @@ def _table(rows: Sequence[Row], varied: Mapping[str, Array], method: str, second
 
     chosen = dict.fromkeys(name for row in rows for name in row.design)
     return Batch(
-        given=varied,
+        varied=varied,
         status=column("status"),
         message=column("message"),
         cost=numbers("cost"),

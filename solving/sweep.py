@@ -93,7 +93,7 @@ def sweep(
     >>> reference = find("puck_table")
     >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
     >>> batch = dmoc.sweep(problem.but(sequence=["east"]), {"m": [0.5, 1.0]})
-    >>> batch.given["m"], batch.cost.round(3)
+    >>> batch.varied["m"], batch.cost.round(3)
     (array([0.5, 1. ]), array([0.704, 2.815]))
     """
     keywords = {**locals()}

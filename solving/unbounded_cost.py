@@ -33,6 +33,7 @@ LONGER, FALLS = 2.0, 0.01
 # has to fall by this share of the line through two of them: at the minimum of a parabola it has
 # fallen by half of it.
 TWICE, FAR, LIMITS, STRAIGHT = 2.0, 100.0, (10.0, 100.0, 1000.0), 0.75
+STARTS = ("starts", "agreeing_starts", "others")  # fields of an answer: where its starts have led
 
 
 def bounded(
@@ -83,8 +84,8 @@ def ended(
         if falls and all(end.max_violation <= KEPT for end in ends):
             most = [limit * size for limit in LIMITS]
             if answer.max_violation > KEPT:  # what diverges is no motion
-                told = {field: getattr(answer, field) for field in ("starts", "found", "others")}
-                answer = replace(ends[2], **told)
+                starts = {field: getattr(answer, field) for field in STARTS}
+                answer = replace(ends[2], **starts)
             return _running_away(answer, name, (costs[1], most[1]), (costs[2], most[2]))
     if again.cost < FAR * answer.cost and again.max_violation <= KEPT:
         farthest = {name: reached for name, _, _, reached in _running(problem, again)}

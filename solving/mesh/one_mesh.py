@@ -46,7 +46,7 @@ def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Sol
     return replace(
         answer,
         starts=len(exploration.starts),
-        found=exploration.ranked[i].minimum.starts if i < len(exploration.ranked) else 0,
+        agreeing_starts=exploration.ranked[i].minimum.starts if i < len(exploration.ranked) else 0,
         others=exploration.others(i),
         seconds=spent | {"guess": 0.0, "solve": 0.0} | dict(answer.seconds),
     )

@@ -347,7 +347,7 @@ def test_a_dollar_in_a_unit_or_a_column_is_a_dollar(
     for unit in units:
         ending = f"[{unit.replace('$', chr(92) + '$')}]"
         assert any(label.endswith(ending) for label in labels)
-        foreign = replace(masses, given={unit: masses.given["m"]})  # as a file may have it
+        foreign = replace(masses, varied={unit: masses.varied["m"]})  # as a file may have it
         foreign.plot(tmp_path / "sweep.png")
 
 

@@ -26,7 +26,7 @@ def found(seed: Problem) -> dmoc.Solution:
     """The solution of the source, with another minimum beside it."""
     solution = dmoc.solve(seed.but(steps=60), "ipm", starts=1)
     other = Minimum(200.5, 3, Status.SOLVED, (60, 60))
-    return replace(solution, starts=16, found=13, others=(other,))
+    return replace(solution, starts=16, agreeing_starts=13, others=(other,))
 
 
 def test_a_start_is_told_in_its_own_size(found: dmoc.Solution) -> None:
@@ -45,7 +45,7 @@ def test_a_start_is_told_in_its_own_size(found: dmoc.Solution) -> None:
 
 
 def test_other_minima_are_told_with_their_mesh(found: dmoc.Solution) -> None:
-    same = replace(found.others[0], found=1)
+    same = replace(found.others[0], agreeing_starts=1)
     other = replace(found.others[0], steps=(24, 24))
     rows = [row for row in str(replace(found, others=(same, other))).splitlines() if "minim" in row]
     assert "200.5 (solved), from 1 start" in rows[-2] and "starts" not in rows[-2]

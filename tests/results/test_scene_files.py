@@ -12,6 +12,8 @@ from damage import archive, members
 
 import dmoc
 from dmoc.base.errors import SolutionFileError
+from dmoc.results.solution import Minimum
+from dmoc.solvers.outcome import Status
 
 
 def test_scene_and_units_come_back_as_they_were(solution: dmoc.Solution) -> None:
@@ -31,6 +33,9 @@ def test_files_of_older_formats_load_without_what_they_lack(solution: dmoc.Solut
     for name in ("scene", "units"):
         del motion[name]
     del header["solution"]["design"]
+    header["solution"]["found"] = header["solution"].pop("agreeing_starts")
+    minimum = {"cost": 200.0, "found": 3, "status": "solved", "steps": [20, 20]}
+    header["solution"]["others"] = [minimum]
     for phase in motion["phases"]:
         for name in ("q_inside", "p_inside"):
             del phase[name]
@@ -46,6 +51,8 @@ def test_files_of_older_formats_load_without_what_they_lack(solution: dmoc.Solut
     assert old.trajectory.scene is None and old.trajectory.units == {}
     assert old.verification is not None and old.verification.max_segment_defect == worst
     assert np.isnan([old.verification.path_excess, old.verification.phase_error]).all()
+    assert old.agreeing_starts == solution.agreeing_starts > 0
+    assert old.others == (Minimum(200.0, 3, Status.SOLVED, (20, 20)),)
     assert old.verify().passed and old.design == {}
     np.testing.assert_array_equal(old.unknowns, solution.unknowns)
     figure = old.plot()  # by its coordinates

@@ -235,7 +235,7 @@ def test_batches_and_searches_have_their_designs(tmp_path: Any) -> None:
     problem = wall_problem()
     ranges = [(0.5, 0.6), (0.5, 2.0)]
     batch = dmoc.sweep(problem, design={"wall": ranges}, method="ipm", keep=True)
-    assert batch.given["design wall"].tolist() == [0.6, 2.0]
+    assert batch.varied["design wall"].tolist() == [0.6, 2.0]
     assert batch.design["wall"].tolist() == [s.design["wall"] for s in batch.solutions]
     assert dmoc.Batch.load(batch.save(tmp_path / "b.npz")).columns() == batch.columns()
     assert "chosen wall" in batch.columns() and "chosen wall" in batch.summary().head

@@ -88,7 +88,7 @@ def test_the_limit_of_a_load_near_the_least_there_is(order: int) -> None:
     last = A - 2 * A * T / fall
     exact = G**2 * T / 2 + A**2 * (T - fall) / 2 + (A**3 - last**3) / (A - last) * fall / 6
     solution = dmoc.solve(problem)
-    assert solution.solved and not solution.others and solution.found == solution.starts
+    assert solution.solved and not solution.others and solution.agreeing_starts == solution.starts
     assert solution.cost == pytest.approx(exact, rel={2: 1e-3, 4: 1e-5}[order])
     idle = dmoc.solve(problem, "ipm", guess={"u": 1e-9, "y": [1, 1 + d]})
     assert idle.solved and idle.cost == pytest.approx(solution.cost, rel=1e-8)

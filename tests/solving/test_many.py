@@ -244,10 +244,10 @@ def test_a_sweep_goes_over_every_combination(block: dmoc.Problem) -> None:
     batch = dmoc.sweep(
         block, {"m": [1.0, 2.0]}, start={"x": [0.0, -0.5, 0.25]}, bounds={"u": [(-30, 40)]}
     )
-    assert list(batch.given) == ["m", "start x", "bounds u"]
-    assert batch.given["m"].tolist() == [1, 1, 1, 2, 2, 2]
-    assert batch.given["start x"].tolist() == [0.0, -0.5, 0.25] * 2
-    assert batch.given["bounds u"].tolist() == [40.0] * 6
+    assert list(batch.varied) == ["m", "start x", "bounds u"]
+    assert batch.varied["m"].tolist() == [1, 1, 1, 2, 2, 2]
+    assert batch.varied["start x"].tolist() == [0.0, -0.5, 0.25] * 2
+    assert batch.varied["bounds u"].tolist() == [40.0] * 6
     one = block.but(parameters={"m": 2.0}, start={"x": -0.5}, bounds={"u": (-30, 40)})
     assert batch.cost[4] == dmoc.solve(one, "ipm", starts=1).cost
     assert batch.cost[3:] == pytest.approx(4 * batch.cost[:3], rel=1e-6)
@@ -259,7 +259,7 @@ def test_a_combination_that_is_no_problem_is_refused_in_its_row(block: dmoc.Prob
 
 
 def test_the_columns_of_a_sweep_are_numbers(block: dmoc.Problem) -> None:
-    given: Array = dmoc.sweep(block, bounds={"u": [(-30, None), (None, 40), None]}).given[
+    given: Array = dmoc.sweep(block, bounds={"u": [(-30, None), (None, 40), None]}).varied[
         "bounds u"
     ]
     np.testing.assert_array_equal(given, [-30.0, 40.0, np.nan])

@@ -94,8 +94,9 @@ def test_others_are_listed_with_how_often_they_were_found(explored: dmoc.Solutio
     costs = [m.cost for m in explored.others]
     assert costs == sorted(costs) and len(costs) >= 1
     assert min(abs(c - 41.25) for c in costs) < 0.01
-    assert explored.found >= 1
-    assert explored.found + sum(m.found for m in explored.others) <= explored.starts
+    assert explored.agreeing_starts >= 1
+    agreeing = [explored.agreeing_starts, *(m.agreeing_starts for m in explored.others)]
+    assert sum(agreeing) <= explored.starts
     assert "starts" in explored.message
 
 
@@ -154,7 +155,7 @@ def test_starts_that_agree_end_the_exploration() -> None:
     problem = dmoc.Problem(system, start={"x": 0}, goal={"x": 1, "x_dot": 0}, final_time=1)
     found = dmoc.solve(problem, "ipm")
     assert found.cost == pytest.approx(12, rel=1e-3)
-    assert found.starts < 30 and found.found == found.starts and found.others == ()
+    assert found.starts < 30 and found.agreeing_starts == found.starts and found.others == ()
 
 
 @pytest.mark.slow
@@ -197,7 +198,7 @@ def test_wrong_numbers_of_starts_are_refused(hanging: dmoc.Problem, starts: obje
 def test_what_was_explored_survives_a_file(explored: dmoc.Solution) -> None:
     again = dmoc.Solution.from_bytes(explored.to_bytes())
     assert again.others == explored.others
-    assert (again.starts, again.found) == (explored.starts, explored.found)
+    assert (again.starts, again.agreeing_starts) == (explored.starts, explored.agreeing_starts)
     assert np.isfinite(again.to_dict()["others"][0]["cost"])
 
 
@@ -206,7 +207,7 @@ def test_starts_that_come_to_rest_lead_to_rest() -> None:
     at_rest = double_integrator(40).but(start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0})
     solution = answer_of(at_rest, "ipm")
     assert solution.cost < 1e-12
-    assert solution.found == solution.starts == 17
+    assert solution.agreeing_starts == solution.starts == 17
 
 
 def test_minima_of_the_coarse_mesh_that_become_one_need_no_more_starts(seed: dmoc.Problem) -> None:
@@ -229,7 +230,7 @@ def test_minima_that_finer_meshes_lose_are_told(
     monkeypatch.setattr(ranking, "_refined", stalled)
     task = {"start": {"x": 0.0}, "goal": {"x": 0.0, "x_dot": 0.0}, "sequence": ["wall"]}
     found = answer_of(dmoc.Problem(block, **task, steps=40, final_time=1.0), "ipm")
-    assert found.found == 0 and found.others[0].status is None
+    assert found.agreeing_starts == 0 and found.others[0].status is None
     assert "starts led to one minimum on a coarse mesh alone" in found.message
 
 
