@@ -29,7 +29,7 @@ from dmoc.mechanics.contact_mode import FREE as FREE
 from dmoc.mechanics.contact_mode import Mode as Mode
 from dmoc.models.registry import find
 from dmoc.problem.ranges import Boundary as Boundary
-from dmoc.program.extraction import given_multipliers, named_multipliers, trajectory
+from dmoc.program.extraction import multiplier_vectors, named_multipliers, trajectory
 from dmoc.program.minimal_times import WithMinimalTimes
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
@@ -256,7 +256,7 @@ def neighbour(
     x = nlp.physical(outcome.x)
     near = program(problem, x, minimum=True)
     named = named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z)
-    return near, x, Duals(*given_multipliers(near, named))
+    return near, x, Duals(*multiplier_vectors(near, named))
 
 
 def simulated(nlp: Transcription, x: np.ndarray) -> bool:

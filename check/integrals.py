@@ -32,10 +32,10 @@ def integral_errors(
     values, sizes = np.sum(parts, axis=0)
     sizes = np.maximum(sizes, _least(motion, courses))
     sizes = np.where(sizes > 0, sizes, 1.0)
-    said = np.array(
+    totals = np.array(
         [motion.trajectory.totals.get(n, v) for n, v in zip(names, values, strict=True)]
     )
-    error = float(infinite_where_none(np.abs(values - said) / sizes).max())
+    error = float(infinite_where_none(np.abs(values - totals) / sizes).max())
     excesses = []
     for name, value, size in zip(names, values.tolist(), sizes.tolist(), strict=True):
         low, high = motion.trajectory.limits.get(name, (-np.inf, np.inf))

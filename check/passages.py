@@ -20,7 +20,7 @@ from dmoc.simulation.contact_modes import (
     conditions,
     spread,
 )
-from dmoc.simulation.hit_coefficients import said_of_law
+from dmoc.simulation.hit_coefficients import wrong_coefficient
 from dmoc.simulation.single_hit import single_hit
 
 PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
@@ -243,4 +243,4 @@ def _wrong_law(model: Model, restitution: Array, j: int, state: tuple[Array, Arr
         return ""
     e = float(model.coefficients(restitution, *state)[j])
     least = ROUNDING if np.isfinite(e) else 0.0
-    return "" if -least <= e <= 1 + least else said_of_law(model, j, e, state).rstrip(".")
+    return "" if -least <= e <= 1 + least else wrong_coefficient(model, j, e, state).rstrip(".")

@@ -52,7 +52,7 @@ class Courses:
     durations: tuple[float, ...] | None
 
 
-def is_given_by_name(guess: object) -> bool:
+def is_by_name(guess: object) -> bool:
     """Whether a guess is a mapping from names, or a list of such mappings."""
     if isinstance(guess, (list, tuple)):
         return any(isinstance(part, Mapping) for part in guess)

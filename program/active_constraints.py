@@ -48,9 +48,9 @@ class ActiveBound(str):
     def __new__(
         cls, kind: BoundKind, name: str, side: str = "", value: float | None = None, places: int = 0
     ) -> ActiveBound:
-        said = "" if value is None else f"{value:g}"
+        number = "" if value is None else f"{value:g}"
         plural = "s" * (places > 1)
-        text = kind.value.format(name=name, side=side, value=said, places=places, s=plural)
+        text = kind.value.format(name=name, side=side, value=number, places=places, s=plural)
         return super().__new__(cls, text)
 
     def __getnewargs__(self) -> tuple[BoundKind, str, str, float | None, int]:  # type: ignore[override]

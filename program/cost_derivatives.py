@@ -20,7 +20,7 @@ from dmoc.base.tolerances import TINY
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Index
-from dmoc.program.extraction import given_multipliers, stated_as
+from dmoc.program.extraction import multiplier_vectors, stated_as
 from dmoc.program.transcription import Transcription
 
 # Relative change of a parameter for differences of order 4: the error of the formula (1e-12) and
@@ -59,7 +59,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     the program without minimal times)."""
     problem = stated_as(problem, multipliers)
     nlp, lagrangian = Transcription(problem), partial(_lagrangian, x=x)
-    y, w, z = given_multipliers(nlp, multipliers)
+    y, w, z = multiplier_vectors(nlp, multipliers)
     # Solvers leave out fixed unknowns: their multipliers make the Lagrangian stationary.
     slope = nlp.lagrangian_gradient(x, y, w)
     z = np.where(nlp.lower == nlp.upper, slope, z)
@@ -134,7 +134,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
 
 def _lagrangian(problem: Problem, multipliers: Mapping[str, Array], x: Array) -> float:
     nlp = Transcription(problem)
-    y, w, z = given_multipliers(nlp, multipliers)
+    y, w, z = multiplier_vectors(nlp, multipliers)
     r = nlp.values(x)
     bound = np.where(z > 0, nlp.lower, nlp.upper)
     held = z != 0

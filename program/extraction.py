@@ -316,7 +316,9 @@ def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[
     return named | {"bounds": z}
 
 
-def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[Array, Array, Array]:
+def multiplier_vectors(
+    nlp: Transcription, named: Mapping[str, Array]
+) -> tuple[Array, Array, Array]:
     """Return y, w and z from multipliers by kind; kinds of another shape, or that are not given,
     are zero."""
 

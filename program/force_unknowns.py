@@ -23,10 +23,10 @@ from dmoc.program.stations import Stations
 
 @dataclass(frozen=True)
 class Wanted:
-    """Where forces are unknowns: along the motion, at its start, at its goal; ``known`` says that
-    the model's quantities contain any."""
+    """Where forces are unknowns: along the motion, at its start, at its goal; ``contained`` says
+    that the model's quantities contain any."""
 
-    known: bool = False
+    contained: bool = False
     along: bool = False
     start: bool = False
     goal: bool = False
@@ -70,7 +70,7 @@ class ForceUnknowns:
             return f"in step {r}" if between else stations.label(r)
 
         labels, ends = _labels(*names, touch), ("at the start", "at the goal")
-        there = _there(*names, touch)[:, : len(labels) * wanted.known]
+        there = _there(*names, touch)[:, : len(labels) * wanted.contained]
         y = block(
             "y",
             there[phase] & wanted.along,

@@ -44,18 +44,18 @@ class Layout(Unknowns):
         joined = bool(kernels.joints)
         free = [mode.free and not joined for mode in problem.touch.modes]
         start = problem.start_bounds
-        known = start.is_state and not moves_by_design(problem, start)
-        at_start = turns or not (free[0] or known)
+        start_fixed = start.is_state and not moves_by_design(problem, start)
+        at_start = turns or not (free[0] or start_fixed)
         at_goal = turns or not free[-1] or bool(kernels.manifest["terminal_velocity"])
         if np.isfinite(problem.velocity_bounds).any():
-            at_start |= not known
+            at_start |= not start_fixed
             at_goal = True
         rates = kernels.manifest.get("objective_velocities", (False, False))
         at_start, at_goal = at_start or rates[0], at_goal or rates[1]
         ranges = problem.quantity_ranges
-        at_start |= any(row["velocities"] for row in _said(problem, ranges.start))
-        at_goal |= any(row["velocities"] for row in _said(problem, ranges.goal))
-        along = _said(problem, problem.quantity_bounds)
+        at_start |= any(row["velocities"] for row in _ranged_rows(problem, ranges.start))
+        at_goal |= any(row["velocities"] for row in _ranged_rows(problem, ranges.goal))
+        along = _ranged_rows(problem, problem.quantity_bounds)
         for j, _ in problem.model.peaks_of:
             row = kernels.quantity_rows[j]
             at_start, at_goal = at_start or row["velocities"], at_goal or row["velocities"]
@@ -63,7 +63,7 @@ class Layout(Unknowns):
         for row in (*kernels.manifest["path_rows"], *along):
             pushed = row.get("forces") and problem.scheme.inside
             if row["velocities"] and (shared or pushed or not row["inputs"]):
-                at_start |= row["inputs"] or not known
+                at_start |= row["inputs"] or not start_fixed
                 at_goal = True
         kind = Kind(
             tuple(kernels.coordinates),
@@ -296,7 +296,7 @@ def peak_names(problem: Problem) -> list[str]:
     return [f"{'largest' if both else 'peak'} {names[j]}" for j, both in problem.model.peaks_of]
 
 
-def _said(problem: Problem, ranges: Array) -> list[Mapping[str, Any]]:
+def _ranged_rows(problem: Problem, ranges: Array) -> list[Mapping[str, Any]]:
     """What the quantities depend on of which some ranges, shape (nz, 2), say something."""
     rows = problem.kernels.quantity_rows
     return [rows[j] for j in np.flatnonzero(np.isfinite(ranges).any(axis=1))]
@@ -314,10 +314,10 @@ def _wanted_forces(problem: Problem, turning: set[str]) -> Wanted:
     along = np.isfinite(problem.quantity_bounds).any(axis=1) | np.isin(np.arange(len(on)), [*peaks])
     start, goal = (np.isfinite(r).any(axis=1) | named for r in (ranges.start, ranges.goal))
     wanted = Wanted(True, *(bool((on & part).any()) for part in (along, start, goal)))
-    asked = on & (along | start | goal)
-    for i, follows in enumerate(problem.redundant if asked.any() else ()):
+    used = on & (along | start | goal)
+    for i, follows in enumerate(problem.redundant if used.any() else ()):
         if follows.pressing or follows.rubbing:
-            name = rows[int(np.argmax(asked))]["name"]
+            name = rows[int(np.argmax(used))]["name"]
             raise ProblemError(
                 f"quantity {name!r} contains forces, and the motion determines only sums of those "
                 f"of {', '.join((*follows.pressing, *follows.rubbing))} in phase {i}: remove its "

@@ -64,7 +64,7 @@ class WithMinimalTimes(Transcription):
             lambda i: f"minimal time of phase {i} -> {problem.sequence[i]}",
             lambda s: s.time,
         )
-        self._known: dict[int, tuple[Array, float, Array]] = {}
+        self._last: dict[int, tuple[Array, float, Array]] = {}
         self.n_in += count
 
     @property
@@ -138,7 +138,7 @@ class WithMinimalTimes(Transcription):
         """
         at = _unknowns(self.layout, i)
         y = x[at] * self.unit[at]
-        last = self._known.get(i)
+        last = self._last.get(i)
         if last is None or not np.array_equal(last[0], y):
             steps, at_h = self.layout.steps[i], 2 * self.layout.nq
             shortest, slope = _minimal_time(self.problem, self.layout, y, i)
@@ -148,7 +148,7 @@ class WithMinimalTimes(Transcription):
                 float(steps * y[at_h] - (shortest if np.isfinite(shortest) else 0.0))
                 / self.scale.time
             )
-            last = self._known[i] = (
+            last = self._last[i] = (
                 y,
                 left,
                 (slope * self.unit[at] / self.scale.time)[np.argsort(at)],

@@ -76,8 +76,8 @@ class Settled:
 
 def settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Settled:
     """Find what values that are fixed by ``limits`` settle, whatever the design."""
-    found = [_settled(p, lay, limits) for p in samples(problem)]
-    parts = zip(*([getattr(s, f.name) for f in fields(Settled)] for s in found), strict=True)
+    of_samples = [_settled(p, lay, limits) for p in samples(problem)]
+    parts = zip(*([getattr(s, f.name) for f in fields(Settled)] for s in of_samples), strict=True)
     return Settled(*(np.logical_and.reduce(part) for part in parts))
 
 
@@ -132,8 +132,8 @@ def joints_settled(
     """What values that are fixed by ``limits`` settle of the constraints of a model, whatever the
     design: places at the start and at the end of each phase, rates at the start and at the end of
     the motion."""
-    found = [_joints_settled(p, lay, limits) for p in samples(problem)]
-    places, rates = (np.logical_and.reduce(part) for part in zip(*found, strict=True))
+    of_samples = [_joints_settled(p, lay, limits) for p in samples(problem)]
+    places, rates = (np.logical_and.reduce(part) for part in zip(*of_samples, strict=True))
     return places, rates
 
 

@@ -77,11 +77,11 @@ class Places:
         node, v = np.array([lay.total * last]), lay.index_v_E if last else lay.index_v_B
         v = v if len(v) else np.full(lay.nq, NOWHERE)
         u = lay.index_u[lay.row_u_kp1[-1] if last else lay.row_u_k[0]]
-        return lay.index_q[node], self.known(v[None]), u[None], self.times(node)
+        return lay.index_q[node], self.or_zero(v[None]), u[None], self.times(node)
 
     def quantities_at_end(self, last: bool) -> tuple[Index, ...]:
         """The same as quantities take it, with the forces behind, if they contain any."""
-        state, y = self.at_end(last), self.known(self.lay.force.y_ends[[-last]])
+        state, y = self.at_end(last), self.or_zero(self.lay.force.y_ends[[-last]])
         return (*state, y) if self.lay.force.count else state
 
     def times(self, nodes: Index) -> Index:
@@ -92,7 +92,7 @@ class Places:
         """The same of places (:class:`~dmoc.program.stations.Stations`)."""
         return self.lay.time_places[places] if self.lay.timed else np.full((1, 1), self.zero)
 
-    def known(self, index: Index) -> Index:
+    def or_zero(self, index: Index) -> Index:
         """Unknowns where there are some, zeros elsewhere."""
         return np.where(index == NOWHERE, self.zero, index)
 

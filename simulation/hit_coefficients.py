@@ -32,11 +32,11 @@ def hit_coefficients(
         return restitution
     e = np.where(by_law & ~hit, 0.0, model.coefficients(restitution, q, v, t))
     for j in np.flatnonzero(~((e >= 0) & (e <= 1))):
-        raise SimulationError(said_of_law(model, int(j), e[j], (q, v, t)))
+        raise SimulationError(wrong_coefficient(model, int(j), e[j], (q, v, t)))
     return np.asarray(e)
 
 
-def said_of_law(model: Model, j: int, e: float, state: tuple[Array, Array, float]) -> str:
+def wrong_coefficient(model: Model, j: int, e: float, state: tuple[Array, Array, float]) -> str:
     """A sentence about a coefficient that no law of restitution has."""
     q, v, t = state
     name, speed = model.kernels.surfaces[j], float(model.gap_rates(q, v, t)[j])

@@ -110,8 +110,8 @@ def _taken_over(
     solver = LocalSolver(programs, _with(second.minimise(), None))
     again = solver.from_points(programs.program(second.guided), points, options.after(count))
     if again.status in (Status.SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED):
-        said = f"{first.name} ended {before.status}, the compiled method took over"
-        return again.saying(said).after(count)
+        detail = f"{first.name} ended {before.status}, the compiled method took over"
+        return again.saying(detail).after(count)
     return before.after(again.outcome.iterations)
 
 
@@ -130,8 +130,10 @@ def _explained(solver: LocalSolver, before: Attempt, x: Array, options: Options)
             again = Attempt(nlp, solver.minimise(nlp, nlp.scaled(diagnosis.x), left))
             if again.status is not Status.INFEASIBLE:
                 return solver.ascertained(again, left).after(count)
-        said = "there is a motion that keeps all constraints, from which no minimum was reached"
-        return before if before.status in UNDECIDED else before.ending(Status.STALLED).saying(said)
+        if before.status in UNDECIDED:
+            return before
+        detail = "there is a motion that keeps all constraints, from which no minimum was reached"
+        return before.ending(Status.STALLED).saying(detail)
     if before.status in UNDECIDED and not diagnosis.least:
         return before
     return replace(before.ending(Status.INFEASIBLE), conflicts=diagnosis.sentences)
@@ -218,8 +220,8 @@ class LocalSolver:
         best = min(minima, key=Attempt.cost, default=saddle)
         if best.cost() >= saddle.cost():
             named = " and ".join(dict.fromkeys(str(end.status) for end in ends))
-            said = f"from there a solve ended {named}" if ends else LAST_SADDLE
-            return saddle.ending(Status.STATIONARY).counting(count).saying(said)
+            detail = f"from there a solve ended {named}" if ends else LAST_SADDLE
+            return saddle.ending(Status.STATIONARY).counting(count).saying(detail)
         if not compiled:
             return best.counting(count)
         again = self.minimised(nlp, best.outcome.x, options.after(count))

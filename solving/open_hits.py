@@ -103,14 +103,14 @@ class _Tries:
         way = first_way(self.problem)
         x = starts_of(way, self.guess).points[0]
         chosen = Layout.of(way).problem_at(way, x)
-        words = _said(self.problem, courses_at(chosen, states_before(way, x)))
+        words = _words_with(self.problem, courses_at(chosen, states_before(way, x)))
         for _ in range(LAPS):
             if words in self.tried or self._try(words, STARTS) is not None or not self._goes_on:
                 return
             way, end = self.problem.but(sequence=words), self._alone(words)
             states = [(p.q[-1], p.v[-1], float(p.t[-1])) for p in end.phases[:-1]]
             chosen = designed_as(way, end.trajectory.parameters)
-            words = _said(self.problem, courses_at(chosen, states))
+            words = _words_with(self.problem, courses_at(chosen, states))
 
     def take_all_alike(self) -> None:
         """Try the ways in which all hits take the same course."""
@@ -197,16 +197,16 @@ def _words(problem: Problem) -> list[list[str]]:
     return [problem.open_hits.get(i, [word]) for i, word in enumerate(problem.sequence)]
 
 
-def _said(problem: Problem, courses: Mapping[int, Course]) -> Words:
+def _words_with(problem: Problem, courses: Mapping[int, Course]) -> Words:
     """The words of a sequence with courses of its hits; where one is none of theirs, the first."""
 
-    def said() -> Iterator[str]:
+    def words_of_events() -> Iterator[str]:
         for i, words in enumerate(_words(problem)):
             hit = problem.touch.events[i].hit
             wanted = "" if hit == NOWHERE else f"{problem.kernels.surfaces[hit]}:{courses.get(i)}"
             yield next((word for word in words if wanted in word.split()), words[0])
 
-    return tuple(said())
+    return tuple(words_of_events())
 
 
 def _ways_in_words(answer: Solution, good: int, ways: int) -> str:

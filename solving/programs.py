@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dmoc.problem.problem import Problem
-from dmoc.program.extraction import given_multipliers, stated_as
+from dmoc.program.extraction import multiplier_vectors, stated_as
 from dmoc.program.minimal_times import WithMinimalTimes
 from dmoc.program.scale import Scale
 from dmoc.program.scaling import scale_of
@@ -61,4 +61,4 @@ def at_solution(problem: Problem, solution: Solution) -> tuple[Transcription, Du
     """The program of a problem at its solution, with its multipliers."""
     scale = scale_of(problem, solution.unknowns, minimum=True)
     nlp = Transcription(stated_as(problem, solution.multipliers), scale)
-    return nlp, Duals(*given_multipliers(nlp, solution.multipliers))
+    return nlp, Duals(*multiplier_vectors(nlp, solution.multipliers))

@@ -50,10 +50,10 @@ def _turned(problem: Problem, words: Sequence[str]) -> Iterator[tuple[str, ...]]
         return
     word, contacts = problem.sequence[len(words)], problem.touch.contacts
     touch = touch_along(problem.touch.modes[0], [*words, word], contacts)
-    event, said = touch.events[-1], dict(touch.events[-1].friction)
+    event, friction = touch.events[-1], dict(touch.events[-1].friction)
     if event.hit != NOWHERE and event.course is None:
         for k, sign in touch.modes[-1].sliding:
-            if k in said:
+            if k in friction:
                 continue
             for state in (-sign, STICK):
                 turn = f"{contacts.tangents[k]}:{FRICTION_WORDS[state]}"

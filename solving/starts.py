@@ -16,10 +16,10 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
-from dmoc.guess.keyframes import along, courses_of, is_given_by_name, with_design
+from dmoc.guess.keyframes import along, courses_of, is_by_name, with_design
 from dmoc.guess.transfer import Piece, pieces_of, unknowns_along
 from dmoc.problem.problem import Problem
-from dmoc.program.extraction import given_multipliers
+from dmoc.program.extraction import multiplier_vectors
 from dmoc.program.layout import Layout
 from dmoc.program.transcription import Transcription
 from dmoc.results.solution import Solution
@@ -52,7 +52,7 @@ class Starts:
         """The multipliers that were given, as a program takes them."""
         if self.multipliers is None:
             return None
-        return Duals(*given_multipliers(nlp, self.multipliers))
+        return Duals(*multiplier_vectors(nlp, self.multipliers))
 
 
 def loaded(guess: InitialGuess) -> InitialGuess:
@@ -68,10 +68,10 @@ def starts_of(problem: Problem, guess: InitialGuess, deadline: Deadline = ENDLES
         return Starts(tuple(g.x for g in initial_guesses(problem, deadline)))
     if isinstance(guess, Solution):
         return _from_solution(problem, guess)
-    if is_given_by_name(guess):
+    if is_by_name(guess):
         courses = courses_of(problem, guess)
         return Starts((along(problem, courses, initial_guesses(problem, deadline)[0].x),))
-    return Starts((_given(problem, guess),))
+    return Starts((_from_array(problem, guess),))
 
 
 def _from_solution(problem: Problem, guess: Solution) -> Starts:
@@ -110,7 +110,7 @@ def _same_mesh(problem: Problem, guess: Solution) -> bool:
     return same and len(guess.unknowns) == size
 
 
-def _given(problem: Problem, guess: Any) -> Array:
+def _from_array(problem: Problem, guess: Any) -> Array:
     size = Layout.of(problem).size
     x = array(guess)
     if x is None:

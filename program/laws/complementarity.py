@@ -108,8 +108,8 @@ class ComplementarityLaw(Law):
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
         fixed = (limits[0] == limits[1])[self.lay.index_q[0]]
         on, chosen = problem.model.surface_coordinates, by_design(problem, "surface")
-        known = [bool(fixed[list(q)].all()) for q in on]
-        self.settled = np.array(known, dtype=bool) & ~chosen
+        places_fixed = [bool(fixed[list(q)].all()) for q in on]
+        self.settled = np.array(places_fixed, dtype=bool) & ~chosen
 
     def inequalities(self, block: Numbering) -> None:
         if not self._used:
@@ -188,7 +188,7 @@ class ComplementarityLaw(Law):
         if not self._used:
             return []
         lay, momentum, late = self.lay, laws.step.momentum.index, self._next
-        P, T = places.known(lay.relaxed.P_r), places.known(lay.relaxed.T_r)
+        P, T = places.or_zero(lay.relaxed.P_r), places.or_zero(lay.relaxed.T_r)
         t, t_late = places.times(np.arange(lay.total + 1)), places.times(late)
         return [
             Term("normal", (lay.index_q, P, t), (momentum,), -1.0),
@@ -230,7 +230,7 @@ class ComplementarityLaw(Law):
             for t in self._open.tangents:
                 for limit, factor in self._pressed(t):
                     alone = np.full(T.shape, places.zero)
-                    alone[:, t] = places.known(limit)
+                    alone[:, t] = places.or_zero(limit)
                     own = np.full(T.shape, NOWHERE)
                     own[:, t] = rows[:, t, side]
                     factors = -sign * factor[:, None]

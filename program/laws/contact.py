@@ -140,7 +140,7 @@ class ContactLaw(Law):
             Term("surface", along.state(places), (self.closed.index,)),
         ]
         if len(nodes):
-            q, t, P_c = lay.index_q[nodes], places.times(nodes), places.known(lay.contact.P_c)
+            q, t, P_c = lay.index_q[nodes], places.times(nodes), places.or_zero(lay.contact.P_c)
             terms += [
                 Term("normal", (q, P_c, t), (laws.step.momentum.index[nodes],), -1.0),
                 Term("surface", (q, t), (self.lands.index,)),

@@ -241,7 +241,7 @@ class FrictionLaw(Law):
         lay, nodes = self.lay, self.lay.collision_nodes
         if not len(nodes):
             return
-        q, t, T_c = lay.index_q[nodes], places.times(nodes), places.known(lay.contact.T_c)
+        q, t, T_c = lay.index_q[nodes], places.times(nodes), places.or_zero(lay.contact.T_c)
         yield Term("traction", (q, T_c, t), (momentum[nodes],))
         yield Term("slide_rate", (q, lay.impact.v_c, t), (self.sticks.index,))
 

@@ -156,7 +156,7 @@ class HeldLaw(Law):
                 (held.R_b, self.joined, "reaction", "joint_rate", -1.0),
             ):
                 if (unknown[here, m] != NOWHERE).any():
-                    impulse = places.known(unknown[here, m])
+                    impulse = places.or_zero(unknown[here, m])
                     terms.append(Term(push, (q, impulse, t), (within,), sign))
                     terms.append(Term(rate, (q, v, t), (row.index[here, m],)))
         for sign in (1.0, -1.0):

@@ -217,13 +217,13 @@ class HitLaw(Law):
         nodes = lay.collision_nodes
         q, t = lay.index_q[nodes], places.times(nodes)
         hit, rubbed = lay.hit.hit, lay.hit.rubbed
-        P = places.known(in_columns(lay.hit.P_h, hit, places.nc))
-        T = places.known(in_columns(lay.hit.T_h, rubbed, len(self.mu)))
+        P = places.or_zero(in_columns(lay.hit.P_h, hit, places.nc))
+        T = places.or_zero(in_columns(lay.hit.T_h, rubbed, len(self.mu)))
         terms = []
         if lay.touch.free:  # else the law of contacts that last adds them all
-            traction = places.known(lay.contact.T_c)
+            traction = places.or_zero(lay.contact.T_c)
             terms.append(Term("traction", (q, traction, t), (momentum[nodes],)))
-        v_h = places.known(lay.hit.v_h)
+        v_h = places.or_zero(lay.hit.v_h)
         for m in range(len(MOMENTS)):
             rows, here = self.within.index[:, m], np.flatnonzero(lay.hit.moments[:, m])
             if not len(here):

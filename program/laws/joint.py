@@ -121,7 +121,7 @@ class JointLaw(Law):
         nodes = lay.collision_nodes
         if len(nodes):
             q, t, v = lay.index_q[nodes], places.times(nodes), lay.impact.v_c
-            R_c = places.known(unknowns.R_c)
+            R_c = places.or_zero(unknowns.R_c)
             terms += [
                 Term("reaction", (q, R_c, t), (laws.step.momentum.index[nodes],)),
                 Term("joint_rate", (q, v, t), (self.stays.index,)),

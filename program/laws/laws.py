@@ -188,10 +188,10 @@ def rows_follow_from(
     model = manifest["fingerprint"], manifest.get("code"), kernels.backend, *kernels.design
     low, high = problem.final_time_bounds
     ends = low == high, 0 < low < high, low < high < np.inf, *(r.kind for r in problem.relations)
-    said = ends, tuple(problem.ignored), problem.by_rates
+    statement = ends, tuple(problem.ignored), problem.by_rates
     fixed = limits[0] == limits[1]
     return (
-        lay, model, said, problem.restitution_values.tobytes(), touching.tobytes(),
+        lay, model, statement, problem.restitution_values.tobytes(), touching.tobytes(),
         problem.velocity_bounds.tobytes(), np.isfinite(problem.quantity_bounds).tobytes(),
         problem.quantity_ranges.kinds, fixed.tobytes(),
     )  # fmt: skip

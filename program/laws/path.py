@@ -156,7 +156,7 @@ class PathLaw(Law):
             peaks = self.name == "peak"  # may be above what is fixed
             fixed = np.zeros(self.lay.size, dtype=bool) if peaks else limits[0] == limits[1]
             chosen = by_design(problem, f"{self.kernel}_point")
-            self.at_ends = _ends(problem, self.lay, self.rows, fixed, (not peaks, chosen))
+            self.at_ends = _ends(problem, self.lay, self.rows, fixed, not peaks, chosen)
 
     @property
     def _at_points(self) -> Bools:
@@ -294,10 +294,10 @@ def _sides(problem: Problem) -> tuple[Side, ...]:
 
 def _ends(
     problem: Problem, lay: Layout, rows: Sequence[Mapping[str, Any]], fixed: Bools,
-    known: tuple[bool, Bools],
+    at_contacts: bool, chosen: Bools,
 ) -> Bools:  # fmt: skip
-    """Which path constraints stand at the start and at the end of each phase; ``known`` says
-    whether contacts fix coordinates, and which rows depend on the design."""
+    """Which path constraints stand at the start and at the end of each phase; contacts fix
+    coordinates if ``at_contacts``, and ``chosen`` are the rows that depend on the design."""
     nodes = nodes_of_ends(lay)
     velocity = np.zeros(len(nodes), dtype=bool)
     ends = problem.start_bounds, problem.goal_bounds
@@ -305,7 +305,7 @@ def _ends(
         at_rest = bool(fixed[lay.index_q[nodes[at]]].all() and fixed[p].all())
         at_rest &= not moves_by_design(problem, ends[at])
         velocity[at] = at_rest or bool(len(v) and fixed[v].all())
-    at_contact = _known_at_contacts(problem, lay) & known[0]
+    at_contact = _fixed_at_contacts(problem, lay) & at_contacts
     stands = np.zeros((len(nodes), len(rows)), dtype=bool)
     for j, row in enumerate(rows):
         place = list(row["coordinates"])
@@ -318,12 +318,12 @@ def _ends(
             again = end > 0 and end % 2 == 0 and not row["velocities"]
             fixed_there = bool((fixed[lay.index_q[node, place]] | at_contact[end, place]).all())
             fixed_there &= bool(velocity[end]) or not row["velocities"]
-            fixed_there &= not known[1][j] and (end == 0 or not row["time"])
+            fixed_there &= not chosen[j] and (end == 0 or not row["time"])
             stands[end, j] = not (again or fixed_there)
     return stands
 
 
-def _known_at_contacts(problem: Problem, lay: Layout) -> Bools:
+def _fixed_at_contacts(problem: Problem, lay: Layout) -> Bools:
     """Coordinates that the contact of a collision fixes at the ends of the phases beside it."""
     model, chosen = problem.model, by_design(problem, "surface")
     fixed = np.zeros((lay.phases + lay.stepped, lay.nq), dtype=bool)

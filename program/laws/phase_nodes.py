@@ -69,7 +69,7 @@ class PhaseNodes:
         self, kernel: str, impulses: Index, sign: float, places: Places, laws: Laws
     ) -> Iterator[Term]:
         """Impulses in the equations of their places, and in those beside events."""
-        lay, (q, t), impulse = self.lay, self.state(places), places.known(impulses)
+        lay, (q, t), impulse = self.lay, self.state(places), places.or_zero(impulses)
         first, last = self.at.is_first.copy(), self.at.is_last.copy()
         first[0] = False  # the ends of the motion have momenta of their own
         last[-1] = lay.ends_with_event

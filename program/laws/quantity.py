@@ -47,8 +47,8 @@ class QuantityLaw(Law):
     @cached_property
     def ranges(self) -> Array:
         """Shape (events + 2, nz, 2)."""
-        said = self.problem.quantity_ranges
-        return np.concatenate([said.start[None], said.goal[None], said.via])
+        ranges = self.problem.quantity_ranges
+        return np.concatenate([ranges.start[None], ranges.goal[None], ranges.via])
 
     @property
     def idle(self) -> bool:

@@ -41,14 +41,14 @@ def arguments_along(
     model contain any."""
     step, at, k = places.step(np.arange(lay.total)), nodes_of_ends(lay), nodes
     q, u = lay.index_q, lay.index_u
-    state = q[at], places.known(_velocities(lay)), u[inputs_of_ends(lay)], places.times(at)
-    found = {"": step, "_ends": step, "_point": state}
+    state = q[at], places.or_zero(_velocities(lay)), u[inputs_of_ends(lay)], places.times(at)
+    by_suffix = {"": step, "_ends": step, "_point": state}
     if len(k):
         h = lay.index_h[lay.phase_of_step[k]][:, None]
-        found["_node"] = q[k - 1], q[k], q[k + 1], u[lay.row_u_k[k]], h, places.times(k)
+        by_suffix["_node"] = q[k - 1], q[k], q[k + 1], u[lay.row_u_k[k]], h, places.times(k)
     if not (forces and lay.force.count):
-        return found
-    y, per = places.known(lay.force.y), lay.force.count
+        return by_suffix
+    y, per = places.or_zero(lay.force.y), lay.force.count
     idle = np.full((1, per), places.zero)
     ends = forces_of_ends(lay)
     own = {"": np.repeat(idle, lay.scheme.points, axis=1), "_ends": idle, "_node": idle}
@@ -59,7 +59,7 @@ def arguments_along(
     else:
         own[""] = y
     own["_point"] = np.vstack([y[ends], idle])[: len(at)] if len(ends) else idle
-    return {suffix: (*arguments, own[suffix]) for suffix, arguments in found.items()}
+    return {suffix: (*arguments, own[suffix]) for suffix, arguments in by_suffix.items()}
 
 
 def _velocities(lay: Layout) -> Index:

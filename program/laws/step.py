@@ -184,7 +184,7 @@ class StepLaw(Law):
         (passed,) = np.nonzero(lay.index_w[:, 0] != NOWHERE)
         velocity = lay.index_q[passed], lay.index_w[passed], places.times(passed)
         v_E = lay.index_v_E if len(lay.index_v_E) else np.full(lay.nq, NOWHERE)
-        end = (lay.index_q[-1:], places.known(v_E[None]), places.known(lay.time_columns[-1:]))
+        end = (lay.index_q[-1:], places.or_zero(v_E[None]), places.or_zero(lay.time_columns[-1:]))
         return [
             Term("step", places.step(np.arange(lay.total)), rows),
             Term("surface", at, (self.gap.index,), -1.0),

@@ -140,7 +140,7 @@ class TangentialLaw(Law):
         if not self.passages:
             return []
         lay, nodes = self.lay, self.lay.collision_nodes
-        at = lay.index_q[nodes], places.known(lay.hit.v_h[:, END]), places.times(nodes)
+        at = lay.index_q[nodes], places.or_zero(lay.hit.v_h[:, END]), places.times(nodes)
         gap = in_columns(self.stops.index[:, GAP], lay.hit.hit, places.nc)
         slide = in_columns(self.stops.index[:, SLIDE], lay.hit.rubbed, len(self.mu))
         rubs = terms_of(self.mu, self._holding, at_events(lay), places)

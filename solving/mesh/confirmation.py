@@ -50,7 +50,7 @@ def naming_steps(problem: Problem, answer: Solution, solve: Callable[..., Soluti
             break
         s = solve(fine, coarse)
         if s.minimum:
-            advice = f"take {_said(s.steps)}, with which it is confirmed and costs {s.cost:.6g}"
+            advice = f"take {_in_words(s.steps)}, with which it is confirmed and costs {s.cost:.6g}"
             return _telling(answer, advice)
         if s.verification is None:  # not solved there, or not in time
             break
@@ -59,7 +59,7 @@ def naming_steps(problem: Problem, answer: Solution, solve: Callable[..., Soluti
         coarse = s
     if not tried:
         return answer
-    return _telling(answer, f"{' or '.join(_said(s.steps) for s in tried)} are not enough")
+    return _telling(answer, f"{' or '.join(_in_words(s.steps) for s in tried)} are not enough")
 
 
 def _telling(answer: Solution, advice: str) -> Solution:
@@ -76,7 +76,7 @@ def _order(coarse: Solution, fine: Solution) -> float:
     return log(before.excess / after.excess) / log(max(fine.steps) / max(coarse.steps))
 
 
-def _said(steps: Sequence[int]) -> str:
+def _in_words(steps: Sequence[int]) -> str:
     if len(set(steps)) == 1:
         return f"{steps[0]} steps" + (" a phase" if len(steps) > 1 else "")
     return f"{list(steps)} steps"

@@ -60,10 +60,10 @@ def estimates(solved: Sequence[Solution], before: Errors, order: int) -> Errors:
 def _left(last: float, before: float | None, ratios: Sequence[int], order: int) -> float:
     """The error that a last change, after another one, leaves.  Two meshes show no order: half of
     the discretisation's is assumed."""
-    shown = order / 2
+    exponent = order / 2
     if before is not None:
-        shown = _order(before / max(last, TINY), ratios[0], ratios[-1], order)
-    return float(last / (ratios[-1] ** shown - 1))
+        exponent = _order(before / max(last, TINY), ratios[0], ratios[-1], order)
+    return float(last / (ratios[-1] ** exponent - 1))
 
 
 def barrier(s: Solution) -> float:

@@ -108,8 +108,8 @@ def _from_minimum(problem: Problem, start: Solution, request: Request) -> Soluti
     """
     method = request.method
     if on_mesh_of(problem, start):
-        as_asked = request.verify == request.ranks_checked and start.method == method.name
-        if as_asked and request.options.progress is None:
+        as_requested = request.verify == request.ranks_checked and start.method == method.name
+        if as_requested and request.options.progress is None:
             return start
     elif method.falls_back_on:
         refined = solved_on_mesh(problem, start, replace(request.compiled(), verify=False))

@@ -16,7 +16,7 @@ from systems import block_on_floor, block_system, unit_mass
 
 import dmoc
 from dmoc.base.deadline import ENDLESS
-from dmoc.program.extraction import given_multipliers
+from dmoc.program.extraction import multiplier_vectors
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.curvature import SecondOrder
 from dmoc.solvers.outcome import Duals, Status
@@ -198,7 +198,7 @@ def test_the_curvature_of_a_duration_is_that_of_the_closed_form() -> None:
     )
     s = dmoc.solve(problem, "ipm", starts=1)
     nlp = Transcription(problem)
-    duals = Duals(*given_multipliers(nlp, s.multipliers))
+    duals = Duals(*multiplier_vectors(nlp, s.multipliers))
     x = nlp.scaled(s.unknowns)
     (curvature,) = SecondOrder(nlp, x, duals).of_unknowns(nlp.layout.index_h)
     assert curvature * (s.final_time / 40) ** 2 / s.cost == pytest.approx(3, rel=1e-2)
