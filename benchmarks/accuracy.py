@@ -158,7 +158,7 @@ def solve(case: ReferenceCase, steps: int, order: int) -> tuple[float, dmoc.Solu
     return timed(lambda: dmoc.solve(problem, "ipm", guess=x, verify=False), REPEATS)
 
 
-def shown_order(errors: list[float]) -> str:
+def measured_order(errors: list[float]) -> str:
     """Order between the last two meshes whose errors are well above rounding and what the solver
     leaves."""
     usable = [e for e in errors if e > 1e-9]
@@ -188,7 +188,7 @@ def table(cases: Sequence[ReferenceCase], solved: Solved) -> tuple[list[str], Wo
             errors.append(abs(case.quantity(solution) - case.reference) / abs(case.reference))
             cells.append(f"{errors[-1]:.1e}")
             work.setdefault(case.name, []).append((seconds, errors[-1]))
-        row = (case.name, *cells, shown_order(errors))
+        row = (case.name, *cells, measured_order(errors))
         lines.append(f"| {' | '.join(row)} |")
         print(lines[-1], flush=True)
     return lines, work

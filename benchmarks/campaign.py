@@ -143,9 +143,9 @@ def rows(series: Series, results: list[JudgedSolve]) -> Iterator[list[Any]]:
         doubted = sum(r.status == "not_verified" and not r.against for r in own)
         ends = Counter(r.status.split(":")[0] for r in own).most_common()
         worst = [max((r.errors[c] for r in judged if c in r.errors), default=None) for c in MOST]
-        shown = ("-" if w is None else f"{w:.1e}" for w in worst)
+        cells = ("-" if w is None else f"{w:.1e}" for w in worst)
         statuses = ", ".join(f"{n} {s}" for s, n in ends)
-        yield [kind, method, len(own), statuses, len(judged) - bad, bad, doubted, *shown]
+        yield [kind, method, len(own), statuses, len(judged) - bad, bad, doubted, *cells]
 
 
 def wrong_ones(results: list[JudgedSolve]) -> list[JudgedSolve]:

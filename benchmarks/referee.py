@@ -260,14 +260,16 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--inputs", choices=FORMS, help="between rows; by default what is said")
     parser.add_argument("--claimed", type=float, help="cost that the tool claims")
     parser.add_argument("--json", action="store_true", help="print a JSON object")
-    asked = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        problem = problem_of(asked.problem)
-        judgement = judge(problem, read_claim(asked.motion, problem, asked.inputs), asked.claimed)
+        problem = problem_of(options.problem)
+        judgement = judge(
+            problem, read_claim(options.motion, problem, options.inputs), options.claimed
+        )
     except dmoc.DmocError as error:
         sys.stderr.write(f"error: {error}\n")
         return 2
-    text = json.dumps(_finite(asdict(judgement)), indent=1) if asked.json else ""
+    text = json.dumps(_finite(asdict(judgement)), indent=1) if options.json else ""
     sys.stdout.write((text or "\n".join(judgement.lines)) + "\n")
     return 0 if judgement.agrees else 1
 

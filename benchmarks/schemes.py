@@ -126,12 +126,12 @@ def compare(quick: bool) -> Section:
             solved = np.array([_solved(optimum, n, order, rule) for n in steps])
             costs, times, impulses = np.abs(solved / reference - 1).T.tolist()
             exact = max(costs[-2:]) < 1e-9
-            shown = "exact" if exact else f"{math.log2(costs[-2] / costs[-1]):.1f}"
+            measured = "exact" if exact else f"{math.log2(costs[-2] / costs[-1]):.1f}"
             section.row(
                 optimum.name,
                 name,
                 *(f"{e:.1e}" for e in costs),
-                shown,
+                measured,
                 *(f"{e:.1e}" for e in (*times, *impulses)),
             )
     return section

@@ -316,19 +316,19 @@ def main() -> None:
     parser.add_argument("--again", action="store_true", help="solve what the file has, too")
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder of the records")
     parser.add_argument("--unit", nargs=2, help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.unit:
-        for record in unit(*asked.unit, asked.seconds, MOTIONS):
+    options = parser.parse_args()
+    if options.unit:
+        for record in unit(*options.unit, options.seconds, MOTIONS):
             print(json.dumps(record), flush=True)
         return
-    chosen, tools = asked.only.split(","), asked.tools.split(",")
+    chosen, tools = options.only.split(","), options.tools.split(",")
     for kind, values, possible in (("only", chosen, names), ("tools", tools, list(TOOLS))):
         if unknown := [value for value in values if value not in possible]:
             parser.error(f"--{kind} {unknown[0]}: expected some of {', '.join(possible)}")
-    records = every(chosen, tools, asked.seconds, asked.out, asked.again)
-    report = section(records, asked.seconds)
+    records = every(chosen, tools, options.seconds, options.out, options.again)
+    report = section(records, options.seconds)
     if chosen == names and tools == list(TOOLS):
-        _write(report, asked.out)
+        _write(report, options.out)
     print(report.markdown())
 
 

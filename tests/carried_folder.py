@@ -16,9 +16,9 @@ from dmoc.export.solver import PARTS, PLANNER
 OWN = ("program*.c", "kernels.c", "rests.c")
 
 
-def run(*command: str, folder: Path, given: str = "") -> subprocess.CompletedProcess[str]:
+def run(*command: str, folder: Path, stdin: str = "") -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, timeout=120, input=given
+        command, cwd=folder, capture_output=True, text=True, timeout=120, input=stdin
     )
 
 

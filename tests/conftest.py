@@ -67,7 +67,7 @@ def effort() -> Iterator[Callable[..., Effort]]:
     users = Effort.of
     with pytest.MonkeyPatch.context() as patch:
         few = {"first": 5, "most": 33, "more": 100}
-        patch.setattr(Effort, "of", lambda *given: replace(users(*given), **few))
+        patch.setattr(Effort, "of", lambda *arguments: replace(users(*arguments), **few))
         yield users
 
 

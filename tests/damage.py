@@ -265,18 +265,18 @@ JOURNALS: dict[str, Callable[[Path, Rng], None]] = {
 
 def command(*arguments: str) -> int:
     """Run the command line here; a sentence, and never a traceback, is what it may say."""
-    said = io.StringIO()
+    output = io.StringIO()
     with (
         mock.patch.object(sys, "argv", ["dmoc", *arguments]),
-        contextlib.redirect_stdout(said),
-        contextlib.redirect_stderr(said),
+        contextlib.redirect_stdout(output),
+        contextlib.redirect_stderr(output),
     ):
         try:
             main()
         except SystemExit as end:
             code = end.code
-    if "Traceback" in said.getvalue() or code not in (0, 1, 2):
-        raise AssertionError(f"exit status {code}: {said.getvalue()}")
+    if "Traceback" in output.getvalue() or code not in (0, 1, 2):
+        raise AssertionError(f"exit status {code}: {output.getvalue()}")
     return code if isinstance(code, int) else 0
 
 

@@ -24,8 +24,8 @@ def labelled(figure: Figure, label: str) -> Axes:
 
 
 def legend(axes: Axes) -> list[str]:
-    shown = axes.get_legend()
-    return [] if shown is None else [t.get_text() for t in shown.get_texts()]
+    key = axes.get_legend()
+    return [] if key is None else [t.get_text() for t in key.get_texts()]
 
 
 def limits(axes: Axes) -> list[Line2D]:

@@ -68,16 +68,16 @@ def motion(wall: str = "wall", model: str = "shuttle") -> Trajectory:
     )  # fmt: skip
 
 
-def mirrored(given: Trajectory) -> Trajectory:
+def mirrored(trajectory: Trajectory) -> Trajectory:
     """The same motion, further to the left by one."""
-    scene = given.scene
+    scene = trajectory.scene
     assert scene is not None
     shift = np.zeros(scene.values[0].shape[1])
     shift[[4, 6, 8, 10, 14]] = -1.0
     moved = replace(scene, values=tuple(values + shift for values in scene.values))
-    return replace(given, scene=moved)
+    return replace(trajectory, scene=moved)
 
 
-def solution_of(given: Trajectory, solved: dmoc.Solution) -> dmoc.Solution:
+def solution_of(trajectory: Trajectory, solved: dmoc.Solution) -> dmoc.Solution:
     """A solution with another motion."""
-    return replace(solved, trajectory=given)
+    return replace(solved, trajectory=trajectory)

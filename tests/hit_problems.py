@@ -47,12 +47,12 @@ def ball() -> dmoc.MechanicalSystem:
 
 def back(**changes: object) -> dmoc.Problem:
     """The ball is dropped while it moves ahead, and comes back to half a metre above its start."""
-    given: dict[str, object] = {
+    statement: dict[str, object] = {
         "start": {"x": 0, "y": 1, "a": 0, "x_dot": 1.0}, "goal": {"x": 0, "y": 0.5},
         "sequence": ["floor:slip+:stick:late"], "steps": 20, "final_time": (0.2, 2),
         "restitution": 0.8,
     }  # fmt: skip
-    return dmoc.Problem(ball(), **{**given, **changes})  # type: ignore[arg-type]
+    return dmoc.Problem(ball(), **{**statement, **changes})  # type: ignore[arg-type]
 
 
 def thrown(rates: tuple[float, ...], place: dict[str, float], **more: Any) -> dict[str, Any]:

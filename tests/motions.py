@@ -43,12 +43,12 @@ class Piece:
 
 def rows(values: Values, t: np.ndarray, size: int = 0) -> np.ndarray:
     """A row of values at each time; zeros of a size where there are none."""
-    found = values(t) if callable(values) else values
-    if found is None:
+    at_nodes = values(t) if callable(values) else values
+    if at_nodes is None:
         return np.zeros((len(t), size))
-    if isinstance(found, np.ndarray) and found.ndim == 2:
-        return found
-    return columns(*(found if isinstance(found, tuple) else (found,)), like=t)
+    if isinstance(at_nodes, np.ndarray) and at_nodes.ndim == 2:
+        return at_nodes
+    return columns(*(at_nodes if isinstance(at_nodes, tuple) else (at_nodes,)), like=t)
 
 
 def columns(*parts: np.ndarray | float, like: np.ndarray | float = 0.0) -> np.ndarray:

@@ -58,7 +58,7 @@ def write_shared(folder: Path) -> None:
 def run(text: str, folder: Path) -> list[tuple[Block, str]]:
     """Run a page in a folder; the blocks that show outputs, with what was printed."""
     space: dict[str, object] = {"__name__": "page"}
-    found, printed = [], ""
+    outputs, printed = [], ""
     with _within(folder):
         for block in blocks_of(text):
             if block.file:
@@ -66,14 +66,14 @@ def run(text: str, folder: Path) -> list[tuple[Block, str]]:
             elif block.language == "python":
                 printed = _printed(block.content, space)
             elif block.language == "output":
-                found.append((block, printed))
-    return found
+                outputs.append((block, printed))
+    return outputs
 
 
 @contextlib.contextmanager
 def _within(folder: Path) -> Iterator[None]:
     """Work in a folder, whose modules are known to nobody else, with the width of the pages."""
-    known, columns = set(sys.modules), os.environ.get("COLUMNS")
+    modules, columns = set(sys.modules), os.environ.get("COLUMNS")
     os.environ["COLUMNS"] = "100"
     sys.path.insert(0, str(folder))
     try:
@@ -84,7 +84,7 @@ def _within(folder: Path) -> Iterator[None]:
         if columns is not None:
             os.environ["COLUMNS"] = columns
         sys.path.remove(str(folder))
-        for name in set(sys.modules) - known:
+        for name in set(sys.modules) - modules:
             if Path(getattr(sys.modules[name], "__file__", None) or "/").parent == folder:
                 del sys.modules[name]
 
@@ -97,16 +97,16 @@ def _printed(code: str, space: dict[str, object]) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def agrees(shown: str, printed: str) -> bool:
-    return OutputChecker().check_output(shown, printed, ELLIPSIS)
+def agrees(expected: str, printed: str) -> bool:
+    return OutputChecker().check_output(expected, printed, ELLIPSIS)
 
 
 def commands_of(text: str) -> list[list[str]]:
     """The arguments of each command ``dmoc`` of a page."""
     lines = "\n".join(b.content for b in blocks_of(text) if b.language == "console")
     joined = lines.replace("\\\n", " ")
-    given = re.findall(r"^\$ dmoc (.*)$", joined, re.MULTILINE)
-    return [shlex.split(command, comments=True) for command in given]
+    commands = re.findall(r"^\$ dmoc (.*)$", joined, re.MULTILINE)
+    return [shlex.split(command, comments=True) for command in commands]
 
 
 def updated(text: str, folder: Path) -> str:

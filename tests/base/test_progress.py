@@ -106,16 +106,16 @@ def test_a_line_on_a_terminal_shows_text_as_it_is_and_goes_when_it_ends(
 
 def test_a_notebook_shows_a_line_below_its_cell(monkeypatch: pytest.MonkeyPatch) -> None:
     """What IPython's kernels do, without one: a display that is updated and left empty."""
-    shown: list[str] = []
+    lines: list[str] = []
 
     class Handle:
         def update(self, data: dict[str, str], raw: bool) -> None:
             assert raw
-            shown.append(data["text/plain"])
+            lines.append(data["text/plain"])
 
     def display(data: dict[str, str], raw: bool, display_id: bool) -> Handle:
         assert raw and display_id
-        shown.append(data["text/plain"])
+        lines.append(data["text/plain"])
         return Handle()
 
     shell = types.SimpleNamespace(kernel=object())
@@ -126,7 +126,7 @@ def test_a_notebook_shows_a_line_below_its_cell(monkeypatch: pytest.MonkeyPatch)
     for name, module in modules.items():
         monkeypatch.setitem(sys.modules, name, module)
     assert dmoc.solve(problem(), "ipm", starts=1, progress=True).status == "solved"
-    assert shown[:2] == ["", "first guess"] and shown[-1] == ""
+    assert lines[:2] == ["", "first guess"] and lines[-1] == ""
 
 
 @pytest.mark.parametrize("name", CALLS)

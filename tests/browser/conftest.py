@@ -22,8 +22,8 @@ Open = Callable[..., WebDriver]
 @pytest.fixture(scope="session")
 def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WebDriver]:
     options = webdriver.ChromeOptions()
-    found = (shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome"))
-    options.binary_location = next(filter(None, found), "chromium")
+    paths = (shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome"))
+    options.binary_location = next(filter(None, paths), "chromium")
     for argument in (*ARGUMENTS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})

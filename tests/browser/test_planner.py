@@ -37,7 +37,7 @@ def page(problem: dmoc.Problem, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return dmoc.generate_page(problem, tmp_path_factory.mktemp("planner") / "swing_up.html")
 
 
-def told(driver: WebDriver) -> str:
+def text(driver: WebDriver) -> str:
     return driver.find_element(By.ID, "planned").text
 
 
@@ -49,7 +49,7 @@ def planned(driver: WebDriver, least: int = 1) -> WebDriver:
     """The page, after so many motions were planned."""
     end = time.monotonic() + PATIENCE
     while count(driver) < least:
-        assert time.monotonic() < end, told(driver)
+        assert time.monotonic() < end, text(driver)
         time.sleep(0.01)
     return driver
 
@@ -83,8 +83,8 @@ def read(driver: WebDriver, name: str) -> float:
 def view(driver: WebDriver) -> tuple[float, float, float]:
     """Pixels of a metre, and where the origin of the drawing is in its picture."""
     picture = driver.find_element(By.CSS_SELECTOR, "svg.picture")
-    told = [picture.get_attribute(f"data-{name}") for name in ("scale", "x", "y")]
-    scale, x, y = (float(value or 0) for value in told)
+    numbers = [picture.get_attribute(f"data-{name}") for name in ("scale", "x", "y")]
+    scale, x, y = (float(value or 0) for value in numbers)
     return scale, x, y
 
 
@@ -136,7 +136,7 @@ def test_a_number_that_is_moved_gives_the_motion_of_a_solve(
     if name:
         move(driver, name, value)
     other = dmoc.solve(problem.but(**change), "ipm", starts=1, verify=False)
-    assert told(driver).startswith("planned in")
+    assert text(driver).startswith("planned in")
     assert cost(driver) == pytest.approx(other.cost, rel=1e-3)  # four digits are shown
     (hit,), event = other.collisions, driver.find_element(By.CSS_SELECTOR, ".events button").text
     words = re.fullmatch(r"1 left at (.*) s, impulse (.*)", event)
@@ -203,11 +203,11 @@ def test_where_there_is_no_motion_it_says_so_and_finds_the_next(opened: Open, pa
     driver = planned(opened(page))
     first = cost(driver)
     move(driver, "start.alpha", 0.2)  # behind the limiter at 0.314
-    assert told(driver).startswith("no motion: ")
+    assert text(driver).startswith("no motion: ")
     assert driver.find_element(By.ID, "stage").get_attribute("class") == "none"
     driver.find_element(By.ID, "again").click()
     planned(driver, 3)
-    assert told(driver).startswith("planned in") and cost(driver) == pytest.approx(first, rel=1e-3)
+    assert text(driver).startswith("planned in") and cost(driver) == pytest.approx(first, rel=1e-3)
 
 
 def test_a_number_that_does_not_fit_is_named(opened: Open, page: Path) -> None:
@@ -216,7 +216,7 @@ def test_a_number_that_does_not_fit_is_named(opened: Open, page: Path) -> None:
     move(driver, "start.x", -1.0)
     driver.execute_script("""document.querySelector('input[name="start.x"]').min = -2;""")
     move(driver, "start.x", -1.5)
-    assert told(driver) == "no motion: start.x: expected no less than its lower bound"
+    assert text(driver) == "no motion: start.x: expected no less than its lower bound"
 
 
 def test_sliders_have_the_keys_and_the_clock_does_not(opened: Open, page: Path) -> None:
@@ -233,7 +233,7 @@ def test_contacts_that_last_and_rub(opened: Open, tmp_path: Path) -> None:
     driver = planned(opened(dmoc.generate_page(problem, tmp_path / "block.html")))
     move(driver, "goal.x", 1.1)
     other = dmoc.solve(problem.but(goal={"x": 1.1, "x_dot": 0.0}), "ipm", starts=1, verify=False)
-    assert told(driver).startswith("planned in") and other.status == "solved"
+    assert text(driver).startswith("planned in") and other.status == "solved"
     assert cost(driver) == pytest.approx(other.cost, rel=1e-3)
 
 
@@ -253,7 +253,7 @@ def test_it_plans_while_one_drags(opened: Open, page: Path) -> None:
     latencies = []
     for value in np.linspace(1.0, 1.4, 50):
         move(driver, "parameters.m_c", float(value))
-        shown = driver.find_element(By.ID, "planned").get_attribute("data-latency")
-        latencies.append(float(shown or "nan") / 1000)
+        latency = driver.find_element(By.ID, "planned").get_attribute("data-latency")
+        latencies.append(float(latency or "nan") / 1000)
     print(f"{1000 * median(latencies):.1f} ms")
     assert median(latencies) < ENOUGH

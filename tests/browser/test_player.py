@@ -216,18 +216,18 @@ def test_contact_forces_are_arrows_to_scale(opened: Open, page: Path) -> None:
 
 def test_a_hit_is_told_at_its_place_and_its_button_goes_there(opened: Open, page: Path) -> None:
     driver = opened(page)
-    told = driver.find_elements(By.CSS_SELECTOR, "svg.picture g > text.told")
+    labels = driver.find_elements(By.CSS_SELECTOR, "svg.picture g > text.told")
     (button,) = driver.find_elements(By.CSS_SELECTOR, ".events button")
     assert button.text == "1 wall at 0.5 s, impulse 9"
-    assert not told[0].is_displayed()
+    assert not labels[0].is_displayed()
     button.click()
     assert now(driver) == TURN
-    assert told[0].text == "1 wall impulse 9"
+    assert labels[0].text == "1 wall impulse 9"
     cross = driver.find_element(By.CSS_SELECTOR, "path.mark").rect
     middle = cross["x"] + cross["width"] / 2, cross["y"] + cross["height"] / 2
     np.testing.assert_allclose(middle, circle(driver), atol=1.0)
     seek(driver, END)
-    assert told[0].text == "1"
+    assert labels[0].text == "1"
 
 
 def test_motions_side_by_side_share_the_clock_and_the_scale(opened: Open, tmp_path: Path) -> None:
@@ -340,19 +340,19 @@ def test_names_of_a_model_are_texts(opened: Open, tmp_path: Path) -> None:
     assert texts(driver, ".motion h2") == [EVIL]
     assert not driver.find_elements(By.TAG_NAME, "b")
     seek(driver, TURN)
-    told = driver.find_element(By.CSS_SELECTOR, "svg.picture g > text.told").text
-    assert told == f"1 {EVIL} impulse 9"
+    label = driver.find_element(By.CSS_SELECTOR, "svg.picture g > text.told").text
+    assert label == f"1 {EVIL} impulse 9"
 
 
 @pytest.mark.parametrize("size", [1.0, 2.3, 3.4, 4.8, 7.0])
 def test_every_axis_has_two_numbers_at_least(opened: Open, tmp_path: Path, size: float) -> None:
     """Whatever its range: from -3.4 to 3.4 zero alone is a multiple of 5."""
-    given = motion()
+    trajectory = motion()
     swings = [
         replace(phase, v=size * np.cos(np.linspace(0, 3 * np.pi, len(phase.t)))[:, None])
-        for phase in given.phases
+        for phase in trajectory.phases
     ]
-    path = dmoc.animate(replace(given, phases=tuple(swings)), tmp_path / "swings.html")
+    path = dmoc.animate(replace(trajectory, phases=tuple(swings)), tmp_path / "swings.html")
     script = (
         "return [...document.querySelectorAll('svg.panel')].map((panel) => "
         "panel.querySelectorAll('text[text-anchor=end]').length);"

@@ -54,8 +54,8 @@ def test_the_amplification_of_a_free_mass_is_known() -> None:
     solution = dmoc.solve(problem, "ipm")
     motion = Motion.of(solution.trajectory, kernels, ENDLESS)
     ratio = motion.sizes.v[0] / motion.sizes.q[0]
-    known = np.linalg.norm(np.array([[1, ratio], [0, 1]]), 2)
-    assert solution.verify().amplification == pytest.approx(known, rel=1e-9)
+    norm = np.linalg.norm(np.array([[1, ratio], [0, 1]]), 2)
+    assert solution.verify().amplification == pytest.approx(norm, rel=1e-9)
 
 
 @pytest.mark.parametrize("steps", [5, 40])

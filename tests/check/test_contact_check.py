@@ -93,12 +93,12 @@ def discrete(kernels: Kernels, motion: Trajectory, steps: int) -> Trajectory:
             return np.concatenate([pushed - step(q[-1], z[:nq])[0], off(z[:nq]) / h])
 
         start = np.concatenate([q[-1] + h * model.velocity(q[-1], p[-1]), np.zeros(len(on + held))])
-        found = root(balance, start, tol=1e-12).x
-        forces.append(found[nq:])
+        root_of_step = root(balance, start, tol=1e-12).x
+        forces.append(root_of_step[nq:])
         if share == 1:
             p[-1] = come + h / 2 * gradients(q[-1]).T @ forces[-1]
-        come, share = step(q[-1], found[:nq])[1], 1.0
-        q.append(found[:nq])
+        come, share = step(q[-1], root_of_step[:nq])[1], 1.0
+        q.append(root_of_step[:nq])
         p.append(come)
     C, M = gradients(q[-1]), model.mass(q[-1])
     response = np.linalg.solve(M, C.T)
@@ -191,7 +191,7 @@ def test_an_early_release_is_still_pressed(ball: Kernels) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "text"),
     [
         (phase_changed(1, rubbing={"rail": -1}), "against its planned direction -1"),
         (phase_changed(1, rubbing={"rail": 0}), "'rail' has slipped by"),
@@ -204,13 +204,13 @@ def test_an_early_release_is_still_pressed(ball: Kernels) -> None:
         (valued(f=0.9), "segment error"),
     ],
 )
-def test_wrong_motions_on_a_rail_are_contradicted(rail: Kernels, change: Change, told: str) -> None:
+def test_wrong_motions_on_a_rail_are_contradicted(rail: Kernels, change: Change, text: str) -> None:
     check = dmoc.verify(change(motions.pushed_block(rail, 20, on_floor=False)), rail)
-    assert not check.passed and told in check.message
+    assert not check.passed and text in check.message
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "text"),
     [
         (phase_changed(1, normal=lambda p: 0.9 * p.normal), "error of a contact force 0.1"),
         (phase_changed(1, normal=lambda p: -p.normal), "floor would have to pull with 10 N at"),
@@ -224,14 +224,14 @@ def test_wrong_motions_on_a_rail_are_contradicted(rail: Kernels, change: Change,
     ],
 )
 def test_wrong_motions_on_a_floor_are_contradicted(
-    floor: Kernels, change: Change, told: str
+    floor: Kernels, change: Change, text: str
 ) -> None:
     check = dmoc.verify(change(motions.pushed_block(floor, 20, on_floor=True)), floor)
-    assert not check.passed and told in check.message
+    assert not check.passed and text in check.message
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "text"),
     [
         (event_changed(0, impulse=3.0), "law of impact"),
         (event_changed(0, tractions={"floor": -0.5}), "law of impact"),
@@ -242,9 +242,9 @@ def test_wrong_motions_on_a_floor_are_contradicted(
         (valued(mu=0.2), "law of impact"),
     ],
 )
-def test_wrong_landings_are_contradicted(floor: Kernels, change: Change, told: str) -> None:
+def test_wrong_landings_are_contradicted(floor: Kernels, change: Change, text: str) -> None:
     check = dmoc.verify(change(motions.thrown_block(floor, 20, 0.0)), floor)
-    assert not check.passed and told in check.message
+    assert not check.passed and text in check.message
 
 
 def test_a_bounce_without_its_friction_is_contradicted(floor: Kernels) -> None:
@@ -258,7 +258,7 @@ def test_a_bounce_without_its_friction_is_contradicted(floor: Kernels) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "text"),
     [
         (valued(mu=0.1), "left would have to stick with "),
         (event_changed(0, impulse=1.0, impulses={}), "law of impact"),
@@ -269,9 +269,9 @@ def test_a_bounce_without_its_friction_is_contradicted(floor: Kernels) -> None:
         (phase_changed(1, closed=("left",), rubbing={"left": 0}), "the contacts closed after"),
     ],
 )
-def test_wrong_gaits_are_contradicted(compass: Kernels, change: Change, told: str) -> None:
+def test_wrong_gaits_are_contradicted(compass: Kernels, change: Change, text: str) -> None:
     check = dmoc.verify(change(gaits.gait(compass, 20)), compass)
-    assert not check.passed and told in check.message
+    assert not check.passed and text in check.message
 
 
 @pytest.mark.slow
@@ -297,15 +297,15 @@ def test_sliding_that_jams_is_no_motion() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "text"),
     [
         (phase_changed(1, closed=("ceiling",)), "unknown closed surface 'ceiling'"),
         (phase_changed(1, rubbing={"wall": 1}), "unknown rubbing tangent 'wall'"),
         (phase_changed(1, normal=np.zeros((0, 0))), r"normal forces of the phase from 0.7753 s on"),
     ],
 )
-def test_forces_that_do_not_fit_are_refused(floor: Kernels, change: Change, told: str) -> None:
-    with pytest.raises(SimulationError, match=told):
+def test_forces_that_do_not_fit_are_refused(floor: Kernels, change: Change, text: str) -> None:
+    with pytest.raises(SimulationError, match=text):
         dmoc.verify(change(motions.pushed_block(floor, 20, on_floor=True)), floor)
 
 

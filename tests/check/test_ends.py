@@ -107,6 +107,6 @@ def test_one_judgement_excuses_the_end_of_a_run_alone(cube: Kernels) -> None:
     assert excused.passed and "unstable" in excused.message and not excused.extra_contacts
     for end, run in ((0.5, none), (0.5, stray), (0.0, none)):
         assert not check(end, wild, run, stray).passed
-    told = check(0.0, wild, stray, stray)
-    assert told.extra_contacts == ("a contact with 'wall' at 0.5 s",)
-    assert told.message.startswith("the simulation meets a contact with 'wall' at 0.5 s: too")
+    judgement = check(0.0, wild, stray, stray)
+    assert judgement.extra_contacts == ("a contact with 'wall' at 0.5 s",)
+    assert judgement.message.startswith("the simulation meets a contact with 'wall' at 0.5 s: too")

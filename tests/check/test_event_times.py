@@ -65,29 +65,29 @@ def test_a_late_lift_off_is_located(ball: Kernels, late: float) -> None:
     cosines = np.linspace(low, low - 0.3, 400)
     ends = [motions.sliding_off(ball, 30, c).phases[0].duration for c in cosines[::40]]
     leaves_at = np.interp((1 + late) * right, ends, cosines[::40])
-    told = message(motions.sliding_off(ball, 30, leaves_at), ball)
-    assert f"the simulation lifts 'ball' off at {right:.3g}" in told
-    assert "as planned" in told and "ball would have to pull with" in told
+    text = message(motions.sliding_off(ball, 30, leaves_at), ball)
+    assert f"the simulation lifts 'ball' off at {right:.3g}" in text
+    assert "as planned" in text and "ball would have to pull with" in text
 
 
 @pytest.mark.parametrize("late", [0.03, 0.1])
 def test_sliding_on_though_the_rate_passed_zero_is_located(rail: Kernels, late: float) -> None:
     assert dmoc.verify(braked(rail, 0.0), rail).passed
-    told = message(braked(rail, late), rail)
-    assert f"ends the sliding of 'rail' at 1 s, not at {1 + late:.4g} s as planned" in told
+    text = message(braked(rail, late), rail)
+    assert f"ends the sliding of 'rail' at 1 s, not at {1 + late:.4g} s as planned" in text
 
 
 @pytest.mark.parametrize("late", [0.03, 0.1])
 def test_sticking_beyond_the_cone_is_located(rail: Kernels, late: float) -> None:
     assert dmoc.verify(ramped(rail, 1.0), rail).passed
-    told = message(ramped(rail, 1 + late), rail)
-    assert f"lets 'rail' slide at 1 s, not at {1 + late:.4g} s as planned" in told
+    text = message(ramped(rail, 1 + late), rail)
+    assert f"lets 'rail' slide at 1 s, not at {1 + late:.4g} s as planned" in text
 
 
 def test_sliding_that_begins_while_friction_holds_is_sentence(rail: Kernels) -> None:
-    told = message(ramped(rail, 0.8), rail)
+    text = message(ramped(rail, 0.8), rail)
     assert "rail begins to slide at 0.8 s, where friction holds it: it has 1 N and needs 0.8 N" in (
-        told
+        text
     )
 
 
@@ -105,15 +105,15 @@ def test_a_landing_after_the_gap_has_closed_is_located(floor: Kernels, late: flo
     t = np.linspace(0, 0.4 * (1 + late), 21)
     q, v = motions.columns(2 * t, 0.8 - 5 * t**2), motions.columns(2, -10 * t)
     phases = (replace(falls, t=t, q=q, v=v, p=v), *right.phases[1:])
-    told = message(replace(right, phases=phases), floor)
-    assert f"meets 'floor' at 0.4 s, not at {0.4 * (1 + late):.4g} s as planned" in told
+    text = message(replace(right, phases=phases), floor)
+    assert f"meets 'floor' at 0.4 s, not at {0.4 * (1 + late):.4g} s as planned" in text
 
 
 LIFTS, SLIDES, STOPS = "lifts 'floor' off", "lets 'way' slide", "ends the sliding of 'way'"
 
 
 @pytest.mark.parametrize(
-    ("j", "planned", "time", "told"),
+    ("j", "planned", "time", "text"),
     [
         (0, {"leaves": ("floor",)}, 1.979, f"{LIFTS} at 1.979 s, not at 2 s as planned"),
         (0, {"leaves": ("floor",)}, 1.981, ""),
@@ -128,7 +128,7 @@ LIFTS, SLIDES, STOPS = "lifts 'floor' off", "lets 'way' slide", "ends the slidin
     ],
 )
 def test_an_event_is_planned_that_its_phase_ends_with_to_a_hundredth_of_it(
-    j: int, planned: dict[str, Any] | None, time: float, told: str
+    j: int, planned: dict[str, Any] | None, time: float, text: str
 ) -> None:
     """Of a phase from 0 to 2 s; two surfaces, one tangent."""
     kernels = SimpleNamespace(surfaces=("floor", "wall"), tangents=("way",))
@@ -137,4 +137,4 @@ def test_an_event_is_planned_that_its_phase_ends_with_to_a_hundredth_of_it(
     trajectory = SimpleNamespace(collisions=[event] if event else [], phases=[phase])
     model = SimpleNamespace(nc=2, nt=1, kernels=kernels)
     motion: Any = SimpleNamespace(model=model, trajectory=trajectory)
-    assert _sentence(motion, 0, j, time) == (told and f"the simulation {told}")
+    assert _sentence(motion, 0, j, time) == (text and f"the simulation {text}")

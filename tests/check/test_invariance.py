@@ -34,8 +34,8 @@ def answers(name: str) -> list[tuple[invariance.Frame, dmoc.Solution]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", invariance.KINDS)
 def test_a_verdict_is_the_same_in_all_units_and_at_all_places(name: str) -> None:
-    for told, solution in answers(name):
-        assert solution.status == "solved", f"{told}: {solution.message}"
+    for frame, solution in answers(name):
+        assert solution.status == "solved", f"{frame}: {solution.message}"
 
 
 @pytest.mark.slow
@@ -44,11 +44,11 @@ def test_measures_are_the_same_in_all_units() -> None:
     for name in ("ladder", "finger that pushes"):
         (_, plain), *others = answers(name)
         first = plain.verify()
-        for told, other in others:
+        for frame, other in others:
             check = other.verify()
             for measure in ("max_defect", "energy_error", "force_error", "terminal_error"):
                 value = getattr(first, measure)
-                assert getattr(check, measure) == pytest.approx(value, rel=1e-2, abs=1e-6), told
+                assert getattr(check, measure) == pytest.approx(value, rel=1e-2, abs=1e-6), frame
 
 
 def rests(mu_pull: float, drift: float = 0.0) -> tuple[Trajectory, dmoc.codegen.kernels.Kernels]:

@@ -53,7 +53,7 @@ def test_jumps_are_measured_by_the_sizes_of_the_motion(cube: Kernels, share: flo
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reason"),
     [
         (one(0, 3, 0.05), "step error 0.05 exceeds 0.01"),
         (both(one(1, 7, 0.05, "p", 1), one(1, 7, 0.05, "v", 1)), "step error"),
@@ -83,13 +83,13 @@ def test_jumps_are_measured_by_the_sizes_of_the_motion(cube: Kernels, share: flo
         (event_changed(0, time=np.nan), "the event 'wall' at nan s is not at 1 s"),
     ],
 )
-def test_one_part_moved_is_named(cube: Kernels, change: Change, told: str) -> None:
+def test_one_part_moved_is_named(cube: Kernels, change: Change, reason: str) -> None:
     check = dmoc.verify(change(flight(cube)), cube)
-    assert not check.passed and told in check.message
+    assert not check.passed and reason in check.message
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reason"),
     [
         (one(1, 3, 0.05), "step error"),
         (one(2, 0, 0.05), "x jumps by 0.05 at the event 'floor:stick' at"),
@@ -110,13 +110,13 @@ def test_one_part_moved_is_named(cube: Kernels, change: Change, told: str) -> No
         ),
     ],
 )  # fmt: skip
-def test_one_part_of_a_landing_moved_is_named(change: Change, told: str) -> None:
+def test_one_part_of_a_landing_moved_is_named(change: Change, reason: str) -> None:
     """A landing, and an event at which nothing is hit."""
     kernels = dmoc.build(landing_system())
     motion = motions.thrown_block(kernels, 20, 0.0)
     assert dmoc.verify(motion, kernels).passed
     check = dmoc.verify(change(motion), kernels)
-    assert not check.passed and told in check.message
+    assert not check.passed and reason in check.message
 
 
 @pytest.mark.slow
@@ -129,7 +129,7 @@ def test_a_node_inside_a_step_is_looked_at(order: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reason"),
     [
         (lambda m: replace(m, collisions=()), "the motion has 2 phases and 0 events: expected an"),
         (phase_changed(1, q=np.zeros((20, 3))), r"q of the phase from 1 s on has the shape \(20,"),
@@ -137,6 +137,6 @@ def test_a_node_inside_a_step_is_looked_at(order: int) -> None:
         (phase_changed(0, u=np.zeros((5, 0))), r"u of the phase from 0 s on has the shape \(5,"),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(cube: Kernels, change: Change, told: str) -> None:
-    with pytest.raises(SimulationError, match=told):
+def test_arrays_that_do_not_fit_are_refused(cube: Kernels, change: Change, reason: str) -> None:
+    with pytest.raises(SimulationError, match=reason):
         dmoc.verify(change(flight(cube)), cube)

@@ -71,7 +71,7 @@ def moved(by: float) -> Change:
 
 
 @pytest.mark.parametrize(
-    ("inside", "outside", "told"),
+    ("inside", "outside", "reason"),
     [
         (one(0, 3, 0.009), one(0, 3, 0.011), "step error 0.011 exceeds"),
         (one(0, 4, 0.009), one(0, 4, 0.011), "segment error 0.011 exceeds"),
@@ -83,11 +83,11 @@ def moved(by: float) -> Change:
     ],
 )
 def test_a_motion_is_refused_beyond_a_limit(
-    cube: Kernels, inside: Change, outside: Change, told: str
+    cube: Kernels, inside: Change, outside: Change, reason: str
 ) -> None:
     good, bad = (dmoc.verify(change(flight(cube)), cube) for change in (inside, outside))
     assert good.passed, good.message
-    assert not bad.passed and told in bad.message, bad.message
+    assert not bad.passed and reason in bad.message, bad.message
 
 
 # Motions along a surface, exact with an acceleration in each step ---------------------------------
@@ -135,7 +135,7 @@ def thrown(kernels: Kernels, steps: int) -> Trajectory:
 
 
 @pytest.mark.parametrize(
-    ("inside", "outside", "told"),
+    ("inside", "outside", "reason"),
     [
         (lambda k: weaving(k, 0.0019), lambda k: weaving(k, 0.0021), "penetration 0.0021 exceeds"),
         (
@@ -154,13 +154,13 @@ def test_a_simulation_may_enter_a_surface_that_a_motion_lies_on(
     lift: Kernels,
     inside: Callable[[Kernels], Trajectory],
     outside: Callable[[Kernels], Trajectory],
-    told: str,
+    reason: str,
 ) -> None:
     """By 0.2 % where three nodes in a row lie on it, up to 0.01 %, and by 0.03 % where it only
     touches."""
     good, bad = (dmoc.verify(make(lift), lift) for make in (inside, outside))
     assert good.passed, good.message
-    assert not bad.passed and told in bad.message, bad.message
+    assert not bad.passed and reason in bad.message, bad.message
 
 
 # Rates, forces, path constraints ------------------------------------------------------------------

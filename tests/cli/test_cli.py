@@ -29,29 +29,29 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
     code, out, _ = run(
         "solve cart_pendulum --steps 100 --final-time 1.0 --sequence left --method slsqp --json -"
     )
-    found = json.loads(out)
+    summary = json.loads(out)
     assert code == 0
     keys = (
         "model method status message cost final_time totals design active_bounds phases "
         "collisions largest_forces max_violation optimality iterations seconds verification "
         "conflicts scale starts found others proposal"
     )
-    assert " ".join(found) == keys
-    assert found["cost"] == pytest.approx(129.6024, rel=1e-5)
-    assert found["starts"] > 5 and 1 <= found["found"] <= found["starts"]
-    assert found["message"].endswith(
-        f"{found['found']} of {found['starts']} starts led to it, none to another one"
+    assert " ".join(summary) == keys
+    assert summary["cost"] == pytest.approx(129.6024, rel=1e-5)
+    assert summary["starts"] > 5 and 1 <= summary["found"] <= summary["starts"]
+    assert summary["message"].endswith(
+        f"{summary['found']} of {summary['starts']} starts led to it, none to another one"
     )
-    assert found["others"] == []
-    assert set(found["phases"][0]) == {"steps", "step_size", "duration", "mode"}
+    assert summary["others"] == []
+    assert set(summary["phases"][0]) == {"steps", "step_size", "duration", "mode"}
     keys = (
         "event surface time impulse position momentum_before momentum_after rate_before rate_after "
         "grazes lands leaves friction impulses tractions course"
     )
-    assert set(found["collisions"][0]) == set(keys.split())
-    assert {"build", "guess", "solve"} <= set(found["seconds"])
+    assert set(summary["collisions"][0]) == set(keys.split())
+    assert {"build", "guess", "solve"} <= set(summary["seconds"])
     keys = "passed terminal_error max_defect energy_error missed_contacts"
-    assert set(keys.split()) <= set(found["verification"])
+    assert set(keys.split()) <= set(summary["verification"])
 
 
 def test_laws_order_and_tolerance_are_options(run: Run, file: Model) -> None:
@@ -65,10 +65,10 @@ def test_laws_order_and_tolerance_are_options(run: Run, file: Model) -> None:
         f"{block} --restitution 0.8 --order 4 --steps 8 --tolerance 1e-6 --sensitivities --json -"
     )
     assert code == 0, err
-    found = json.loads(out)
-    assert found["cost"] == pytest.approx(24.58630915, rel=1e-6)
-    assert found["error_estimate"] <= 1e-6 and len(found["meshes"]) >= 2
-    assert found["sensitivities"]["restitution"]["floor"] == pytest.approx(-6.45, rel=1e-3)
+    summary = json.loads(out)
+    assert summary["cost"] == pytest.approx(24.58630915, rel=1e-6)
+    assert summary["error_estimate"] <= 1e-6 and len(summary["meshes"]) >= 2
+    assert summary["sensitivities"]["restitution"]["floor"] == pytest.approx(-6.45, rel=1e-3)
     code, out, _ = run(
         f"{block} --restitution floor=0 --method ipm --order 4 --sensitivities --out soft"
     )
@@ -124,9 +124,9 @@ def test_infeasible_has_exit_status_1(run: Run) -> None:
 def test_a_system_file_outside_the_package_solves(run: Run, file: Model) -> None:
     model = file("s = make()")
     code, _, _ = run(f"solve {model} {FALL} --final-time :2 --out o --json o.json")
-    found = json.loads(Path("o.json").read_text())
-    assert code == 0 and found["cost"] < 1e-12
-    assert found["final_time"] == pytest.approx(2 * (2 * 0.5 / 9.81) ** 0.5)
+    summary = json.loads(Path("o.json").read_text())
+    assert code == 0 and summary["cost"] < 1e-12
+    assert summary["final_time"] == pytest.approx(2 * (2 * 0.5 / 9.81) ** 0.5)
     assert run(f"verify o/solution.npz --model {model}")[0] == 0
 
 
@@ -167,8 +167,8 @@ def test_module_runs_as_a_program() -> None:
 
 def test_a_mass_matrix_that_is_singular_on_the_way_is_named(run: Run) -> None:
     code, out, _ = run(f"{HASTY} --set m_c=0 --json -")
-    told = "the mass matrix is singular or negative on the way"
-    assert code == 1 and told in json.loads(out)["message"]
+    reason = "the mass matrix is singular or negative on the way"
+    assert code == 1 and reason in json.loads(out)["message"]
 
 
 def test_damaged_and_foreign_solutions_are_refused(
@@ -257,8 +257,8 @@ OPTIONS = "--sequence *, --set *=1, --steps *, --*, --out /proc/*, --json /proc/
 @pytest.mark.parametrize("command", [*COMMANDS, *(f"solve cart_pendulum {o}" for o in OPTIONS)])
 def test_errors_say_names_as_they_are(run: Run, command: str) -> None:
     code, _, err = run(command.replace("*", HOSTILE))
-    said = "".join(err.replace("│", " ").split())  # the frame of a wrong option breaks lines
-    assert code == 2 and "x[/y]:warning" in said and "Traceback" not in err
+    words = "".join(err.replace("│", " ").split())  # the frame of a wrong option breaks lines
+    assert code == 2 and "x[/y]:warning" in words and "Traceback" not in err
 
 
 def test_the_remedy_for_a_missing_extra_is_whole(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -303,12 +303,12 @@ def test_a_full_disk_keeps_the_summary(
 
 
 def test_standard_output_without_room_is_one_sentence() -> None:
-    said = "error: standard output cannot be written (No space left on device)"
+    sentence = "error: standard output cannot be written (No space left on device)"
     for words in ("models", "derive puck_table", f"{SHORT} --json -"):
         command = [sys.executable, "-m", "dmoc", *words.split()]
         with open("/dev/full", "w") as nowhere:
             done = subprocess.run(command, stdout=nowhere, stderr=subprocess.PIPE, text=True)
-        assert done.returncode == 2 and done.stderr.startswith(said)
+        assert done.returncode == 2 and done.stderr.startswith(sentence)
         assert done.stderr.count("\n") == 1
 
 

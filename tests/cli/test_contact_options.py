@@ -96,15 +96,15 @@ def test_a_landing_is_told_with_its_impulses(run: Run) -> None:
     assert rows["phase 0"].endswith("steps, free")
     assert rows["largest N of floor"].startswith("10 N at ")
     code, out, _ = run(f"{command} --json -")
-    found = json.loads(out)
-    first, second = found["collisions"]
+    summary = json.loads(out)
+    first, second = summary["collisions"]
     event = first["event"], first["surface"], first["lands"]
     assert event == ("+floor:slip+", "floor", ["floor"]) and first["friction"] == {"floor": "slip+"}
     assert first["impulses"]["floor"] == pytest.approx(2.0)
     assert first["tractions"]["floor"] == pytest.approx(-0.2)
     assert (second["event"], second["surface"], second["impulses"]) == ("floor:stick", None, {})
-    assert [p["mode"] for p in found["phases"]] == ["free", "floor:slip+", "floor:stick"]
-    forces = {(f["contact"], f["kind"]) for f in found["largest_forces"]}
+    assert [p["mode"] for p in summary["phases"]] == ["free", "floor:slip+", "floor:stick"]
+    forces = {(f["contact"], f["kind"]) for f in summary["largest_forces"]}
     assert forces == {("floor", "N"), ("floor", "T")}
 
 
@@ -117,9 +117,9 @@ def test_a_hit_with_friction_is_told_with_its_impulses(run: Run, word: str) -> N
     code, out, err = run(f"solve models.py:landing {options} --sequence {word}")
     assert code == 0, err + out
     rows = table(out)
-    told = rows["event floor:slip+"].replace(",", "").split()
-    assert float(told[told.index("impulse") + 1]) == pytest.approx(3, rel=1e-6)
-    assert float(told[told.index("friction") + 1]) == pytest.approx(-0.3, rel=1e-6)
+    words = rows["event floor:slip+"].replace(",", "").split()
+    assert float(words[words.index("impulse") + 1]) == pytest.approx(3, rel=1e-6)
+    assert float(words[words.index("friction") + 1]) == pytest.approx(-0.3, rel=1e-6)
     assert float(rows["cost"].split()[0]) == pytest.approx(0, abs=1e-6)
 
 
@@ -129,9 +129,9 @@ def test_contacts_places_and_ignored_surfaces_are_options(run: Run) -> None:
     options += "--sequence floor:slip+,floor:stick --via 'x=0;x=0.999:1.001'"
     code, out, err = run(f"solve models.py:landing {options}")
     assert code == 0, err
-    found = json.loads(out)
-    assert [c["position"][0] for c in found["collisions"]] == pytest.approx([0, 1], abs=2e-3)
-    assert found["phases"][0]["mode"] == "floor:stick"
+    summary = json.loads(out)
+    assert [c["position"][0] for c in summary["collisions"]] == pytest.approx([0, 1], abs=2e-3)
+    assert summary["phases"][0]["mode"] == "floor:stick"
 
 
 def test_a_motion_that_ends_with_its_event_is_an_option(run: Run) -> None:
@@ -139,10 +139,10 @@ def test_a_motion_that_ends_with_its_event_is_an_option(run: Run) -> None:
     options = "--start x=0 --start y=1 --start x_dot=3 --sequence +floor:slip+ --durations free,0"
     code, out, err = run(f"solve models.py:landing {options} --bound u=0:0 --starts 1 --json -")
     assert code == 0, err
-    found = json.loads(out)
-    assert found["final_time"] == pytest.approx(0.2**0.5)
-    assert [phase["steps"] for phase in found["phases"]][1:] == [0]
-    assert found["phases"][1]["mode"] == "floor:slip+"
+    summary = json.loads(out)
+    assert summary["final_time"] == pytest.approx(0.2**0.5)
+    assert [phase["steps"] for phase in summary["phases"]][1:] == [0]
+    assert summary["phases"][1]["mode"] == "floor:slip+"
 
 
 @pytest.mark.slow

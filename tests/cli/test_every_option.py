@@ -57,9 +57,9 @@ def test_an_option_with_a_strange_value_ends_with_one_sentence(
 def test_two_values_of_one_name_are_refused(
     run: Run, command: str, option: str, values: tuple[str, ...]
 ) -> None:
-    given = [word for value in values for word in (option, value)]
+    words = [word for value in values for word in (option, value)]
     more = ("--set", "g=9:10:2") if command == "sweep" else ()
-    code, _, err = run(f"{command} cart_pendulum", *given, *more)
+    code, _, err = run(f"{command} cart_pendulum", *words, *more)
     is_range = values[0].count(":") == 2
     assert code == 2 and err.count("error:") == 1
     assert "is given twice" in err or (is_range and "expected a number" in err), err

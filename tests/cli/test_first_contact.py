@@ -37,8 +37,8 @@ def test_the_version_is_that_of_the_project_file() -> None:
 @pytest.mark.parametrize("option", ["--version", "-V"])
 def test_versions_and_backend_are_a_line(run: Run, option: str) -> None:
     code, out, err = run(option)
-    told = f"dmoc {dmoc.__version__}, Python {platform.python_version()}; kernels are compiled by "
-    assert code == 0 and not err and out.startswith(told) and out.count("\n") == 1
+    line = f"dmoc {dmoc.__version__}, Python {platform.python_version()}; kernels are compiled by "
+    assert code == 0 and not err and out.startswith(line) and out.count("\n") == 1
 
 
 @pytest.mark.usefixtures("no_compiler")
@@ -49,9 +49,9 @@ def test_the_version_says_that_there_is_no_compiler(run: Run) -> None:
 
 def findings(run: Run) -> tuple[int, bool, dict[str, dict[str, str]]]:
     code, out, err = run("doctor --json")
-    told = json.loads(out)
+    printed = json.loads(out)
     assert not err
-    return code, told["well"], {part["part"]: part for part in told["parts"]}
+    return code, printed["well"], {part["part"]: part for part in printed["parts"]}
 
 
 def test_the_doctor_says_that_all_is_well(run: Run) -> None:
@@ -98,17 +98,17 @@ def test_an_extra_that_is_not_installed_is_no_trouble(
 ) -> None:
     from importlib import metadata
 
-    known = metadata.version
+    installed = metadata.version
 
     def version(name: str) -> str:
         if name == "ipyopt":
             raise metadata.PackageNotFoundError(name)
-        return known(name)
+        return installed(name)
 
     monkeypatch.setattr(metadata, "version", version)
     code, out, _ = run("doctor")
-    told = r"All is well; \d optional parts? (is|are) not there\."
-    assert code == 0 and re.fullmatch(told, out.splitlines()[-1])
+    sentence = r"All is well; \d optional parts? (is|are) not there\."
+    assert code == 0 and re.fullmatch(sentence, out.splitlines()[-1])
     _, _, parts = findings(run)
     assert parts["ipyopt"]["state"] == "absent" and "dmoc[ipopt]" in parts["ipyopt"]["cure"]
 
@@ -195,9 +195,9 @@ def test_the_shell_completes_models_methods_and_names(
 KINDS = sorted(e.__name__ for e in vars(errors).values() if isinstance(e, type))
 
 
-@pytest.mark.parametrize("asked", [*(k for k in KINDS if k != "DmocError"), *map(str, Status)])
-def test_kinds_of_errors_and_statuses_are_explained(run: Run, asked: str) -> None:
-    code, out, err = run("explain", asked)
+@pytest.mark.parametrize("entry", [*(k for k in KINDS if k != "DmocError"), *map(str, Status)])
+def test_kinds_of_errors_and_statuses_are_explained(run: Run, entry: str) -> None:
+    code, out, err = run("explain", entry)
     assert code == 0 and not err and len(out) > 60
     assert "](" not in out and "{class}" not in out and "{func}" not in out
 

@@ -84,10 +84,10 @@ def test_a_search_that_a_full_disk_breaks_off_is_no_success(
         patch.setattr(Journal, "add", full)
         code, out, err = run(f"{SEARCH} --journal journal --out o --json j.json")
     assert code == 2 and "best: " in out and "2 sequences" in out and "note: journal" in out
-    said = (
+    reason = (
         "could not be written (database or disk is full): the result is that of a search that was"
     )
-    assert err == f"error: journal journal {said} broken off. (dmoc explain SearchError)\n"
+    assert err == f"error: journal journal {reason} broken off. (dmoc explain SearchError)\n"
     assert len(json.loads(Path("j.json").read_text())["nodes"]) == 2
     assert Path("o/solution.npz").exists()
     assert run(f"{SEARCH} --journal journal --resume")[0] == 0

@@ -60,5 +60,5 @@ def test_several_values_stand_in_one_option_with_commas(run: Run) -> None:
         assert code == 0, err
         outputs.add(out)
     # 2 kg come with 1 m/s to the right wall after 0.25 m.
-    (told,) = outputs
-    assert "impulse 3" in told and "at 0.25 s" in told
+    (text,) = outputs
+    assert "impulse 3" in text and "at 0.25 s" in text

@@ -62,10 +62,10 @@ def test_limits_starts_and_goals_are_swept_too(run: Run) -> None:
 "grid.npz --plot map.png --json -"
 ).split())  # fmt: skip
     assert code == 1  # some cannot be solved
-    told = json.loads(out)
-    assert told["columns"]["bounds F"] == [15.0, 80.0] * 2
+    printed = json.loads(out)
+    assert printed["columns"]["bounds F"] == [15.0, 80.0] * 2
     batch = dmoc.Batch.load("grid.npz")
-    assert batch.status == tuple(told["columns"]["status"])
+    assert batch.status == tuple(printed["columns"]["status"])
     assert batch.status == ("infeasible", "solved") * 2
     assert not Path("map.png").exists()  # over three values
 

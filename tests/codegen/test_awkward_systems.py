@@ -32,8 +32,8 @@ FREE = (vx**2 + vy**2) / 2
 
 
 def system(**fields: Any) -> dmoc.MechanicalSystem:
-    given = {"lagrangian": FREE, "coordinates": [x, y], "parameters": {}, **fields}
-    return dmoc.MechanicalSystem("awkward_system", **given)
+    statement = {"lagrangian": FREE, "coordinates": [x, y], "parameters": {}, **fields}
+    return dmoc.MechanicalSystem("awkward_system", **statement)
 
 
 SYSTEMS: Mapping[str, Callable[[], dmoc.MechanicalSystem]] = {
@@ -132,8 +132,8 @@ def test_it_becomes_c_without_a_warning_and_keeps_its_values(
         inputs = [rng.uniform(0.5, 1.5, (1, argument.size)) for argument in kernel.inputs]
         # The shortest time to a surface is no number where there is none.
         with np.errstate(all="ignore"):
-            found = kernels.call(kernel.name, *inputs)
-        for output, values in zip(kernel.outputs, found, strict=True):
+            results = kernels.call(kernel.name, *inputs)
+        for output, values in zip(kernel.outputs, results, strict=True):
             expected = _values(kernel, output.expressions, inputs)
             # Without a root, products with zero are numbers or not, as the compiler orders them.
             if kernel.name == "min_time_jac":

@@ -208,9 +208,9 @@ def test_installed_kernels_of_other_sources_are_refused(
         INSTALLED[name][0](folder)
     monkeypatch.syspath_prepend(tmp_path)
     for name, folder in packages.items():
-        said = INSTALLED[name][1]
-        if said:
-            with pytest.raises(BuildError, match=f"of model 'trusted' {said}.*install dmoc again"):
+        text = INSTALLED[name][1]
+        if text:
+            with pytest.raises(BuildError, match=f"of model 'trusted' {text}.*install dmoc again"):
                 load_installed(folder.name)
         else:
             assert (load_installed(folder.name) is None) == (name == "not compiled")
@@ -244,9 +244,9 @@ def test_what_arrives_with_the_manifest_of_the_users_kernels_is_the_users(own_ca
     own = dmoc.build(SYSTEM)
     files = sources(own)
     files["kernels.c"] += "other\n"
-    found = arrived(own.manifest, "compiled", files)
-    assert found.module.path == own.module.path
-    assert sources(found)["kernels.c"] != files["kernels.c"]
+    loaded = arrived(own.manifest, "compiled", files)
+    assert loaded.module.path == own.module.path
+    assert sources(loaded)["kernels.c"] != files["kernels.c"]
 
 
 @pytest.mark.parametrize("change", ["../name", "extra", "missing"])

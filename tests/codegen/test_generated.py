@@ -25,10 +25,10 @@ def test_committed_sources_are_what_is_generated(name: str, request: pytest.Fixt
     committed = {p.name for p in folder.iterdir() if p.is_file() and p.suffix != ".so"}
     assert committed == set(files)
     for file, text in files.items():
-        found = (folder / file).read_text(encoding="utf-8")
+        stored = (folder / file).read_text(encoding="utf-8")
         difference = "".join(
             difflib.unified_diff(
-                found.splitlines(True),
+                stored.splitlines(True),
                 text.splitlines(True),
                 f"committed {file}",
                 f"generated {file}",

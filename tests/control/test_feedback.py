@@ -177,8 +177,8 @@ def test_a_motion_goes_on_past_its_hit_without_it() -> None:
         beyond = guide.t > hit.time if k else guide.t < hit.time
         s = guide.t[beyond] - hit.time
         assert len(s) > 3 and abs(s).max() == approx(0.2 * way.duration)
-        known = way.q[k, 0] + way.v[k, 0] * s + (u - G) * s**2 / 2
-        assert guide.y[beyond, 0] == approx(known, abs=1e-9)
+        position = way.q[k, 0] + way.v[k, 0] * s + (u - G) * s**2 / 2
+        assert guide.y[beyond, 0] == approx(position, abs=1e-9)
         assert guide.u[beyond][:-1] == approx(u, rel=1e-9)
         assert guide.K[beyond] == approx(np.repeat(guide.K[~beyond][[k]], beyond.sum(), axis=0))
     late = made.at(0, hit.time + 0.01)[0]

@@ -74,7 +74,7 @@ def test_its_multipliers_are_those_of_its_return_map() -> None:
     solution = dmoc.solve(problem, "ipm", guess=guess, starts=1)
     assert solution.final_time == approx(times[-1], abs=1e-4)
     multipliers = solution.stability().multipliers
-    known = np.sort_complex(np.linalg.eigvals(slopes))
+    eigenvalues = np.sort_complex(np.linalg.eigvals(slopes))
     assert multipliers[0] == approx(1, abs=1e-5)  # the floor is the same everywhere
-    assert np.sort_complex(multipliers[1:3]) == approx(known, abs=5e-4)
+    assert np.sort_complex(multipliers[1:3]) == approx(eigenvalues, abs=5e-4)
     assert abs(multipliers[3:]) == approx(0, abs=1e-4)

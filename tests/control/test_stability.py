@@ -52,9 +52,9 @@ def test_the_saltation_matrix_of_a_hit_by_a_table_that_rises(order: int) -> None
     assert made.transition == approx(jump @ [[1, time], [0, 1]], rel=1e-7, abs=1e-7)
     assert made.monodromy is None and made.stable is None and not len(made.multipliers)
     sizes = np.diag(made.sizes)
-    known = np.linalg.svd(np.linalg.inv(sizes) @ jump @ sizes)[1]
+    singular_values = np.linalg.svd(np.linalg.inv(sizes) @ jump @ sizes)[1]
     assert [growth.part for growth in made.parts] == ["phase 1, free", "table"]
-    assert made.parts[1].factors == approx(known, rel=1e-6)
+    assert made.parts[1].factors == approx(singular_values, rel=1e-6)
     assert made.parts[1].time == approx(time)
 
 
@@ -78,10 +78,10 @@ def test_the_multipliers_of_the_compass_gait_are_those_of_its_return_map() -> No
     assert compass_map(fixed) == approx(fixed, abs=2e-5)
     steps = 1e-5 * np.eye(3)
     slopes = np.array([(compass_map(fixed + s) - compass_map(fixed - s)) / 2e-5 for s in steps]).T
-    known = np.linalg.eigvals(slopes)
+    eigenvalues = np.linalg.eigvals(slopes)
     made = solution.stability()
     assert made.multipliers[0] == approx(1, abs=1e-5)  # the floor is the same everywhere
-    assert np.sort_complex(made.multipliers[1:]) == approx(np.sort_complex(known), abs=2e-4)
+    assert np.sort_complex(made.multipliers[1:]) == approx(np.sort_complex(eigenvalues), abs=2e-4)
 
 
 def test_a_bouncer_that_repeats_keeps_the_square_of_its_restitution() -> None:

@@ -73,10 +73,10 @@ def test_inputs_are_those_of_python(
         for _ in range(200)
     ]
     rows += [(0, g.t[3], 0.0, 0.3, 1.0) for g in feedback.phases]
-    given = "".join(
+    stdin = "".join(
         " ".join(f"{x:.17g}" for x in row) + "\n" for row in [*rows, (1, 1, 0, np.nan, 0)]
     )
-    done = run([folder / "driver"], input=given, capture_output=True, text=True, check=True)
+    done = run([folder / "driver"], input=stdin, capture_output=True, text=True, check=True)
     lines = done.stdout.splitlines()
     spans = [tuple(map(float, line.split())) for line in lines[:2]]
     assert spans == [feedback.span(0), feedback.span(1)]
@@ -111,7 +111,7 @@ def feedback_bytes(problem: dmoc.Problem, solution: dmoc.Solution, folder: Path)
     """Bytes that a solver takes without a feedback."""
     dmoc.generate_solver(problem, folder, guess=solution)
     lines = (folder / "README.md").read_text().splitlines()
-    found = [
+    sizes = [
         line.split("|")[2].split()[0] for line in lines if line.startswith(("| work", "| const"))
     ]
-    return sum(map(int, found))
+    return sum(map(int, sizes))

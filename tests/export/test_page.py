@@ -36,8 +36,8 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="module")
 def plan(page: str) -> dict[str, Any]:
     (text,) = DATA.findall(page)
-    found: dict[str, Any] = json.loads(text)["plan"]
-    return found
+    problem: dict[str, Any] = json.loads(text)["plan"]
+    return problem
 
 
 @pytest.mark.slow
@@ -52,7 +52,7 @@ def test_a_page_is_small_and_fetches_nothing(page: str) -> None:
 
 def sections(code: bytes) -> dict[int, bytes]:
     """Sections of WebAssembly by their numbers."""
-    found, at = dict[int, bytes](), len(MAGIC)
+    contents, at = dict[int, bytes](), len(MAGIC)
     while at < len(code):
         kind, size, shift = code[at], 0, 0
         while True:
@@ -61,17 +61,17 @@ def sections(code: bytes) -> dict[int, bytes]:
             shift += 7
             if code[at] < 128:
                 break
-        found[kind] = code[at + 1 : at + 1 + size]
+        contents[kind] = code[at + 1 : at + 1 + size]
         at += 1 + size
-    return found
+    return contents
 
 
 @pytest.mark.slow
 def test_the_solver_asks_for_the_time_alone(plan: dict[str, Any]) -> None:
     code = gzip.decompress(base64.b64decode(plan["solver"]))
     assert code.startswith(MAGIC)
-    asked = sections(code)[IMPORTS]
-    assert asked[0] == 1 and asked[1:14] == b"\4page\7seconds"
+    imports = sections(code)[IMPORTS]
+    assert imports[0] == 1 and imports[1:14] == b"\4page\7seconds"
 
 
 @pytest.mark.slow

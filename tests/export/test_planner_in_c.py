@@ -96,12 +96,12 @@ class Planned:
 
 def planned(program: str, folder: Path, steps: list[Step], *words: str) -> list[Planned]:
     """What the planner of a folder makes of states, one after the other, with other numbers."""
-    given = [
+    states = [
         (s.time, -1 if s.phase is None else s.phase, s.iterations, int(s.limited), *s.state)
         for s in steps
     ]
-    text = "".join(" ".join(map(repr, row)) + "\n" for row in given)
-    done = run(program, *words, folder=folder, given=text)
+    text = "".join(" ".join(map(repr, row)) + "\n" for row in states)
+    done = run(program, *words, folder=folder, stdin=text)
     assert done.returncode == 0, done.stderr
     rows = [line.split(" ", 11) for line in done.stdout.splitlines()]
     return [
@@ -123,10 +123,10 @@ def folder_of(planner: dmoc.Planner, folder: Path) -> str:
     return compiled(folder, "driver.c")
 
 
-def are_those_of_python(planner: dmoc.Planner, steps: list[Step], found: list[Planned]) -> None:
+def are_those_of_python(planner: dmoc.Planner, steps: list[Step], plans: list[Planned]) -> None:
     """Phases, times, costs and inputs of plans; where there is none, the last one."""
     planner = planner.begin()
-    for step, there in zip(steps, found, strict=True):
+    for step, there in zip(steps, plans, strict=True):
         here = planner.replan(step.time, step.state, phase=step.phase)
         assert (there.new, there.phase) == (here.new, here.phase), (step, there, here)
         assert there.origin == pytest.approx(here.origin, abs=1e-12)
@@ -186,9 +186,9 @@ def test_plans_are_those_of_python(bounced: dmoc.Planner, program: tuple[str, Pa
     ]  # fmt: skip
     statuses = []
     for steps in courses:
-        found = planned(*program, steps)
-        are_those_of_python(bounced, steps, found)
-        statuses += [plan.status for plan in found]
+        plans = planned(*program, steps)
+        are_those_of_python(bounced, steps, plans)
+        statuses += [plan.status for plan in plans]
     assert {SOLVED, INFEASIBLE, NO_REST, BEHIND, NEARLY} == set(statuses)
 
 
@@ -203,10 +203,10 @@ def test_costs_are_those_of_closed_forms(program: tuple[str, Path]) -> None:
 def test_another_goal_is_that_of_later_phases_too(program: tuple[str, Path]) -> None:
     """Also after a state from which there is no plan."""
     steps = [Step(0.4, (0.25, 0.7)), Step(0.5, (1.4, 0.0)), Step(1.4, (0.8, -0.4), 1)]
-    found = planned(*program, steps, "goal.x", "0.4")
-    assert [plan.new for plan in found] == [True, False, True]
-    assert found[0].cost == pytest.approx(least(0.25, 0.7, 1.6, 1.6), rel=2e-5)
-    assert found[2].cost == pytest.approx(least(0.8, -0.4, 0.4, 0.6), rel=2e-5)
+    plans = planned(*program, steps, "goal.x", "0.4")
+    assert [plan.new for plan in plans] == [True, False, True]
+    assert plans[0].cost == pytest.approx(least(0.25, 0.7, 1.6, 1.6), rel=2e-5)
+    assert plans[2].cost == pytest.approx(least(0.8, -0.4, 0.4, 0.6), rel=2e-5)
 
 
 def test_limits_keep_the_last_plan(program: tuple[str, Path]) -> None:
@@ -216,13 +216,13 @@ def test_limits_keep_the_last_plan(program: tuple[str, Path]) -> None:
         Step(0.3, (0.9, -3.0), None, 9, True),
         Step(0.4, (0.25, 0.7)), Step(1.1, (0.9, -1.0), 1, 9, True), Step(1.2, (0.8, -0.9)),
     ]  # fmt: skip
-    found = planned(*program, steps)
-    assert [plan.status for plan in found] == [SOLVED, ITERATIONS, TIME, SOLVED, TIME, SOLVED]
-    assert [plan.new for plan in found] == [True, False, False, True, False, True]
-    assert [plan.origin for plan in found] == [0.2, 0.2, 0.2, 0.4, 0.4, 1.2]
-    assert [plan.phase for plan in found] == [0, 0, 0, 0, 1, 1]
-    assert found[3].cost == pytest.approx(least(0.25, 0.7, 1.5, 1.6), rel=2e-5)
-    assert found[5].cost == pytest.approx(least(0.8, -0.9, 0.5, 0.8), rel=2e-5)
+    plans = planned(*program, steps)
+    assert [plan.status for plan in plans] == [SOLVED, ITERATIONS, TIME, SOLVED, TIME, SOLVED]
+    assert [plan.new for plan in plans] == [True, False, False, True, False, True]
+    assert [plan.origin for plan in plans] == [0.2, 0.2, 0.2, 0.4, 0.4, 1.2]
+    assert [plan.phase for plan in plans] == [0, 0, 0, 0, 1, 1]
+    assert plans[3].cost == pytest.approx(least(0.25, 0.7, 1.5, 1.6), rel=2e-5)
+    assert plans[5].cost == pytest.approx(least(0.8, -0.9, 0.5, 0.8), rel=2e-5)
 
 
 def test_what_is_no_state_changes_nothing(program: tuple[str, Path]) -> None:
@@ -232,10 +232,10 @@ def test_what_is_no_state_changes_nothing(program: tuple[str, Path]) -> None:
         Step(0.5, (nan, 0.7)), Step(0.5, (0.3, 0.7), 2), Step(0.5, (0.4, -0.5), 1),
         Step(0.6, (0.4, -0.5), 0),
     ]  # fmt: skip
-    found = planned(*program, steps)
-    assert [plan.status for plan in found] == [SOLVED, *[BAD] * 4, SOLVED, BAD]
-    assert [plan.origin for plan in found] == [*[0.4] * 5, 0.5, 0.5]
-    assert found[1].sentence.startswith("a number does not fit")
+    plans = planned(*program, steps)
+    assert [plan.status for plan in plans] == [SOLVED, *[BAD] * 4, SOLVED, BAD]
+    assert [plan.origin for plan in plans] == [*[0.4] * 5, 0.5, 0.5]
+    assert plans[1].sentence.startswith("a number does not fit")
 
 
 @pytest.mark.parametrize("order", [2, 4])
@@ -248,9 +248,9 @@ def test_what_stays_closed(order: int, tmp_path: Path) -> None:
     )  # fmt: skip
     planner = dmoc.Planner(problem, horizon="recedes")
     steps = [Step(0.5, (0.2, 1e-4, 0.8, -1e-3)), Step(0.7, (0.4, 0.0, 0.9, 0.0))]
-    found = planned(folder_of(planner, tmp_path / "slid"), tmp_path / "slid", steps)
-    are_those_of_python(planner, steps, found)
-    assert found[-1].end == pytest.approx(2.7)
+    plans = planned(folder_of(planner, tmp_path / "slid"), tmp_path / "slid", steps)
+    are_those_of_python(planner, steps, plans)
+    assert plans[-1].end == pytest.approx(2.7)
 
 
 def test_what_sticks_does_not_move(tmp_path: Path) -> None:
@@ -259,9 +259,9 @@ def test_what_sticks_does_not_move(tmp_path: Path) -> None:
     state = planner.plan.at(1.2)
     here, off = ((*map(float, q), 0.0, 0.0) for q in (state.q, state.q + np.array([0.01, 0.0])))
     steps = [Step(1.2, here), Step(1.21, off), Step(1.22, here)]
-    found = planned(folder_of(planner, tmp_path / "landed"), tmp_path / "landed", steps)
-    are_those_of_python(planner, steps, found)
-    assert [plan.new for plan in found] == [True, False, True]
+    plans = planned(folder_of(planner, tmp_path / "landed"), tmp_path / "landed", steps)
+    are_those_of_python(planner, steps, plans)
+    assert [plan.new for plan in plans] == [True, False, True]
 
 
 @pytest.mark.parametrize("order", [2, 4])
@@ -271,9 +271,9 @@ def test_constraints_and_ranges_of_the_final_time(order: int, tmp_path: Path) ->
     problem = linkage(order).but(steps=48 // order, final_time=(0.0, 1.1))
     planner = dmoc.Planner(problem, horizon="recedes")
     steps = [Step(0.1, (0.05, -0.99, 0.5, 0.1)), Step(0.3, (0.2, -0.97, 0.9, 0.0))]
-    found = planned(folder_of(planner, tmp_path / "swung"), tmp_path / "swung", steps)
-    are_those_of_python(planner, steps, found)
-    assert found[-1].end <= 1.4 + 1e-9
+    plans = planned(folder_of(planner, tmp_path / "swung"), tmp_path / "swung", steps)
+    are_those_of_python(planner, steps, plans)
+    assert plans[-1].end <= 1.4 + 1e-9
 
 
 def test_states_beyond_bounds_and_a_tolerance_of_the_end(tmp_path: Path) -> None:
@@ -285,9 +285,9 @@ def test_states_beyond_bounds_and_a_tolerance_of_the_end(tmp_path: Path) -> None
     )  # fmt: skip
     planner = dmoc.Planner(problem, tolerance=0.05)
     steps = [Step(0.1, (-0.2, 0.1)), Step(0.5, (0.2, 0.9)), Step(1.0, (0.5, 0.5))]
-    found = planned(folder_of(planner, tmp_path / "within"), tmp_path / "within", steps)
-    are_those_of_python(planner, steps, found)
-    assert all(plan.new for plan in found)
+    plans = planned(folder_of(planner, tmp_path / "within"), tmp_path / "within", steps)
+    are_those_of_python(planner, steps, plans)
+    assert all(plan.new for plan in plans)
 
 
 def test_durations_of_a_horizon_that_recedes(tmp_path: Path) -> None:
@@ -300,9 +300,9 @@ def test_durations_of_a_horizon_that_recedes(tmp_path: Path) -> None:
     )  # fmt: skip
     planner = dmoc.Planner(problem, dmoc.solve(problem, "ipm"), horizon="recedes")
     steps = [Step(0.24, (0.05, 0.41)), Step(0.5, (0.2, 0.6)), Step(0.7, (0.35, 0.7))]
-    found = planned(folder_of(planner, tmp_path / "later"), tmp_path / "later", steps)
-    are_those_of_python(planner, steps, found)
-    assert all(plan.new for plan in found)
+    plans = planned(folder_of(planner, tmp_path / "later"), tmp_path / "later", steps)
+    are_those_of_python(planner, steps, plans)
+    assert all(plan.new for plan in plans)
 
 
 def test_how_far_behind_a_surface_is_measured_by_the_coordinates(tmp_path: Path) -> None:
@@ -319,9 +319,9 @@ def test_how_far_behind_a_surface_is_measured_by_the_coordinates(tmp_path: Path)
     )  # fmt: skip
     planner = dmoc.Planner(problem, dmoc.solve(problem, "ipm"), tolerance=0.05)
     steps = [Step(0.1, (0.1, -0.01, 2.0, 0.15)), Step(0.2, (0.5, -0.1, 3.0, 0.0))]
-    found = planned(folder_of(planner, tmp_path / "hop"), tmp_path / "hop", steps)
-    assert [plan.status for plan in found] == [SOLVED, BEHIND]
-    are_those_of_python(planner, steps, found)
+    plans = planned(folder_of(planner, tmp_path / "hop"), tmp_path / "hop", steps)
+    assert [plan.status for plan in plans] == [SOLVED, BEHIND]
+    are_those_of_python(planner, steps, plans)
 
 
 def test_what_is_refused(bounced: dmoc.Planner, tmp_path: Path) -> None:

@@ -92,16 +92,16 @@ def tables_are_those_of(nlp: Transcription, x: np.ndarray) -> None:
     }
     row = 0
     for phase in trajectory(nlp, x[: nlp.n] / nlp.unit).phases:
-        rows, found = slice(row, row := row + len(phase.t)), {"reaction": phase.reaction}
+        rows, by_kind = slice(row, row := row + len(phase.t)), {"reaction": phase.reaction}
         for kind, every, there in zip(
             ("normal", "tangential"), names, (phase.closed, phase.rubbing), strict=True
         ):
-            found[kind] = np.zeros((len(phase.t), len(every)))
-            found[kind][:, [every.index(name) for name in there]] = getattr(phase, kind)
+            by_kind[kind] = np.zeros((len(phase.t), len(every)))
+            by_kind[kind][:, [every.index(name) for name in there]] = getattr(phase, kind)
         if not phase.steps:  # impulses end with the last event
-            found = {kind: 0 * forces for kind, forces in found.items()}
-        found |= {"momenta": phase.p, "velocities": phase.v}
-        for kind, expected in found.items():
+            by_kind = {kind: 0 * forces for kind, forces in by_kind.items()}
+        by_kind |= {"momenta": phase.p, "velocities": phase.v}
+        for kind, expected in by_kind.items():
             if kind in tables:
                 size = 1 + np.abs(expected).max()
                 np.testing.assert_allclose(tables[kind][rows], expected, rtol=0, atol=1e-11 * size)
@@ -272,8 +272,8 @@ def test_what_a_solver_says(folder: Path) -> None:
     problem = linkage(2).but(final_time=1.1)
     solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
     momenta = solution.multipliers["momentum"].ravel()
-    found = np.array(lines[9 : 9 + rows], dtype=float)
-    off = [np.abs(found - y).min() for y in momenta]
+    row = np.array(lines[9 : 9 + rows], dtype=float)
+    off = [np.abs(row - y).min() for y in momenta]
     assert max(off) <= 1e-6 * np.abs(momenta).max()
     assert lines[9 + rows] == f"0 3 {NO_REST}"
     sentences = lines[10 + rows :]

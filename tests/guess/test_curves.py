@@ -29,19 +29,19 @@ def test_a_root_is_found_between_places_of_different_signs(
     value: Callable[[float], float], low: float, high: float
 ) -> None:
     expected = brentq(value, low, high, xtol=1e-15, rtol=1e-14, maxiter=1000)
-    found = _root(value, low, high, 1e-15)
-    assert found == pytest.approx(expected, rel=1e-13) or abs(value(found)) <= abs(value(expected))
+    place = _root(value, low, high, 1e-15)
+    assert place == pytest.approx(expected, rel=1e-13) or abs(value(place)) <= abs(value(expected))
 
 
 def test_the_root_of_what_is_linear_takes_few_values() -> None:
-    asked = []
+    places = []
 
     def value(s: float) -> float:
-        asked.append(s)
+        places.append(s)
         return 2.0 * s - pi
 
     assert _root(value, 0.0, 3.0, 1e-15) == pytest.approx(pi / 2, rel=1e-15)
-    assert len(asked) <= 8
+    assert len(places) <= 8
 
 
 def test_positions_between_nodes_are_those_of_the_cubics() -> None:
@@ -61,11 +61,11 @@ def test_phases_that_take_equally_long_lead_the_same_way_in_the_same_time() -> N
         v = np.stack([np.cos(t), 2 * t], axis=1)
         return Piece(t, np.stack([np.sin(t), t**2], axis=1), v, t, t[:, None])
 
-    given = [piece(1.0, 1.25), piece(1.25, 4.0), piece(4.0, 4.75)]
-    found = equally_long(given)
-    assert [p.t[0] for p in found] == pytest.approx([1.0, 2.25, 3.5])
-    assert [p.t[-1] for p in found] == pytest.approx([2.25, 3.5, 4.75])
-    for a, b in zip(given, found, strict=True):
+    pieces = [piece(1.0, 1.25), piece(1.25, 4.0), piece(4.0, 4.75)]
+    stretched = equally_long(pieces)
+    assert [p.t[0] for p in stretched] == pytest.approx([1.0, 2.25, 3.5])
+    assert [p.t[-1] for p in stretched] == pytest.approx([2.25, 3.5, 4.75])
+    for a, b in zip(pieces, stretched, strict=True):
         np.testing.assert_array_equal(a.q, b.q)
         np.testing.assert_allclose(b.t_u, b.t)
         share = np.linspace(0, 1, 33)

@@ -65,11 +65,11 @@ def chain_problem(coordinates: int, inputs: int) -> dmoc.Problem:
 
 def matrices() -> list[Array]:
     rng = np.random.default_rng(5)
-    found = [rng.normal(size=(m, n)) for m in range(1, 7) for n in range(1, 7)]
-    found += [rng.normal(size=(m, 2)) @ rng.normal(size=(2, n)) for m in (3, 5) for n in (3, 4, 6)]
-    found += [1e200 * rng.normal(size=(3, 2)), 1e-200 * rng.normal(size=(2, 3))]
-    found += [np.zeros((3, 2)), np.diag([1.0, 1e-6, 1e-3]), np.ones((4, 2)), np.eye(4)[:, 1:3]]
-    return found
+    kinds = [rng.normal(size=(m, n)) for m in range(1, 7) for n in range(1, 7)]
+    kinds += [rng.normal(size=(m, 2)) @ rng.normal(size=(2, n)) for m in (3, 5) for n in (3, 4, 6)]
+    kinds += [1e200 * rng.normal(size=(3, 2)), 1e-200 * rng.normal(size=(2, 3))]
+    kinds += [np.zeros((3, 2)), np.diag([1.0, 1e-6, 1e-3]), np.ones((4, 2)), np.eye(4)[:, 1:3]]
+    return kinds
 
 
 @pytest.mark.slow
@@ -99,8 +99,8 @@ def test_small_least_squares_are_those_of_lapack(tmp_path: Path) -> None:
     for A in matrices():
         m, n = A.shape
         inverse, smallest = np.linalg.pinv(A, rcond=CUT), np.linalg.svd(A, compute_uv=False)[-1]
-        found = taken(n, m)
-        np.testing.assert_allclose(found, inverse, rtol=1e-9, atol=1e-12 * np.abs(inverse).max())
+        pseudo = taken(n, m)
+        np.testing.assert_allclose(pseudo, inverse, rtol=1e-9, atol=1e-12 * np.abs(inverse).max())
         assert taken(1, 1)[0, 0] == pytest.approx(smallest, rel=1e-10, abs=1e-14 * np.abs(A).max())
         if m > n:
             rows = taken(m - n, m)
@@ -123,9 +123,9 @@ def test_a_step_obeys_the_equations_of_motion(coordinates: int, inputs: int) -> 
     T = 0.2
     prescribed = tuple(range(min(coordinates, inputs)))
     plan = Plan(positions, velocities, np.array([T]))
-    found = Marcher(problem).motion(plan, (1,), prescribed)
-    assert found is not None
-    (q, u, *_), others = found, [i for i in range(coordinates) if i not in prescribed]
+    march = Marcher(problem).motion(plan, (1,), prescribed)
+    assert march is not None
+    (q, u, *_), others = march, [i for i in range(coordinates) if i not in prescribed]
     np.testing.assert_allclose(q[1][list(prescribed)], positions[1][list(prescribed)], rtol=1e-12)
     c2 = (3 * (positions[1] - positions[0]) / T - 2 * velocities[0] - velocities[1]) / T
     c3 = (2 * (positions[0] - positions[1]) / T + velocities[0] + velocities[1]) / T**2
@@ -136,8 +136,8 @@ def test_a_step_obeys_the_equations_of_motion(coordinates: int, inputs: int) -> 
     B = model.input_matrix(q[0], velocities[0])
     # At the start of the step the others follow from a linear system in them and the inputs.
     A = np.hstack([M[:, others], -B])
-    given = list(prescribed)
-    begin[others] = np.linalg.lstsq(A, F - M[:, given] @ begin[given])[0][: len(others)]
+    fixed = list(prescribed)
+    begin[others] = np.linalg.lstsq(A, F - M[:, fixed] @ begin[fixed])[0][: len(others)]
     middle, pace = q[0] + T / 2 * velocities[0], velocities[0] + T / 2 * begin
     M, F = model.equations(middle, pace)
     residual = M @ a - F - model.input_matrix(middle, pace) @ u[0]
@@ -178,9 +178,9 @@ def test_kernels_on_numpy_give_the_same_guesses(sequence: tuple[str, ...]) -> No
         )
         for backend in ("compiled", "numpy")
     )
-    found = list(zip(initial_guesses(compiled), initial_guesses(slow), strict=True))
-    assert found
-    for a, b in found:
+    pairs = list(zip(initial_guesses(compiled), initial_guesses(slow), strict=True))
+    assert pairs
+    for a, b in pairs:
         assert (a.prescribed, a.free_steps) == (b.prescribed, b.free_steps)
         assert a.final_time == pytest.approx(b.final_time, rel=1e-12)
         np.testing.assert_allclose(a.x, b.x, rtol=1e-9, atol=1e-9 * np.abs(a.x).max())

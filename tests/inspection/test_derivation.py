@@ -40,9 +40,9 @@ def towed_system() -> dmoc.MechanicalSystem:
 @pytest.mark.parametrize("make", [driven_system, rod_system, puck_system, towed_system])
 def test_kernels_agree_with_an_evaluation_in_many_digits(make: Any, order: int) -> None:
     kernels = dmoc.build(make(), order=order)
-    found = kernel_errors(make(), kernels)
-    names = {c.kernel for c in found}
-    assert max(c.error for c in found) < 1e-11
+    comparisons = kernel_errors(make(), kernels)
+    names = {c.kernel for c in comparisons}
+    assert max(c.error for c in comparisons) < 1e-11
     left_out = set(kernels.manifest["kernels"]) - names
     # Estimates, pictures and sizes, in which nothing is derived.
     assert left_out <= {"min_time", "min_time_jac", "drawing", "path_terms"}
@@ -54,10 +54,10 @@ def test_a_wrong_kernel_is_found(monkeypatch: pytest.MonkeyPatch, wrong: str) ->
     kernels, call = dmoc.build(puck_system()), Kernels.call
 
     def off(self: Kernels, kernel: str, *inputs: np.ndarray) -> tuple[np.ndarray, ...]:
-        found = call(self, kernel, *inputs)
+        results = call(self, kernel, *inputs)
         if kernel == wrong:
-            found[0][..., 0] += 1e-6
-        return found
+            results[0][..., 0] += 1e-6
+        return results
 
     monkeypatch.setattr(Kernels, "call", off)
     errors = {c.kernel: c.error for c in kernel_errors(puck_system(), kernels)}

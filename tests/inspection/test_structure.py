@@ -50,9 +50,9 @@ def of_step(system: dmoc.MechanicalSystem) -> tuple[Values, list[Any]]:
     step = par | {f"{name}_m": x for name, x in middle.items()} | {"h": H, "t_k": 0.0}
     for tag, q, u in (("k", q_k, u_k), ("kp1", q_kp1, u_kp1)):
         step |= {f"{n}_{tag}": x for n, x in zip((*names, *inputs), (*q, *u), strict=True)}
-    shown = [s for s in sections[first:] if s.title.startswith(("Discrete", "Midpoint"))]
+    discrete = [s for s in sections[first:] if s.title.startswith(("Discrete", "Midpoint"))]
     parts = (q_k, q_kp1, u_k, u_kp1, [H], [0.0], [], [*par.values()])
-    return middle | evaluated(shown, step), [np.array([p]) for p in parts]
+    return middle | evaluated(discrete, step), [np.array([p]) for p in parts]
 
 
 def smooth_pendulum(named: bool) -> dmoc.MechanicalSystem:

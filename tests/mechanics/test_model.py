@@ -38,7 +38,7 @@ def states(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 def test_rows_of_states_are_evaluated_as_each_of_them_alone(model: Model) -> None:
     q, v, u, t = states(3)
-    found = {
+    functions = {
         "equations": (
             model.equations(q, v, u, t), lambda k: model.equations(q[k], v[k], u[k], t[k]),
         ),
@@ -68,7 +68,7 @@ def test_rows_of_states_are_evaluated_as_each_of_them_alone(model: Model) -> Non
             ),
         ),
     }  # fmt: skip
-    for name, (rows, alone) in found.items():
+    for name, (rows, alone) in functions.items():
         for k in range(3):
             for a, b in zip(rows, alone(k), strict=True):
                 np.testing.assert_allclose(a[k], b, rtol=1e-14, err_msg=name)
@@ -144,9 +144,9 @@ def test_values_are_read_once_for_all_who_take_them(
     )
     assert row.shape == (1, len(pendulum.parameters))
     np.testing.assert_array_equal(restitution_row(pendulum, {"right": 0.5}, error), [1.0, 0.5])
-    for given in ({"lefd": 1.0}, 2.0, {"left": "soft"}, np.nan):
+    for restitution in ({"lefd": 1.0}, 2.0, {"left": "soft"}, np.nan):
         with pytest.raises(error, match="restitution"):
-            restitution_row(pendulum, given, error)
+            restitution_row(pendulum, restitution, error)
     for changes in ({"no": 1.0}, {next(iter(pendulum.parameters)): None}):
         with pytest.raises(error, match="parameter"):
             parameter_row(pendulum, changes, error)

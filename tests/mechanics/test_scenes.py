@@ -78,10 +78,10 @@ def test_a_drawing_that_is_nowhere_is_no_scene() -> None:
 @pytest.mark.parametrize("every", [1, 7])
 def test_a_simulation_has_a_scene_from_one_event_to_the_next(every: int) -> None:
     kernels = dmoc.load("bouncing_pendulum")
-    found = dmoc.simulate(kernels, {"theta": 1.0}, step_size=0.01, steps=420, every=every)
-    scene = found.scene
+    run = dmoc.simulate(kernels, {"theta": 1.0}, step_size=0.01, steps=420, every=every)
+    scene = run.scene
     assert scene is not None and wrong_scene(scene) is None
-    times = [c.time for c in found.collisions]
+    times = [c.time for c in run.collisions]
     assert len(times) == 4
     assert [t[-1] for t in scene.times[:-1]] == times == [t[0] for t in scene.times[1:]]
     for i, (before, after) in enumerate(pairwise(range(5))):
@@ -95,8 +95,8 @@ def test_a_simulation_has_a_scene_from_one_event_to_the_next(every: int) -> None
 def test_a_simulation_with_too_many_events_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("dmoc.simulation.recording.MOST_DRAWN", 3)
     kernels = dmoc.load("bouncing_pendulum")
-    found = dmoc.simulate(kernels, {"theta": 1.0}, step_size=0.01, steps=420)
-    assert len(found.collisions) == 4 and found.scene is None
+    run = dmoc.simulate(kernels, {"theta": 1.0}, step_size=0.01, steps=420)
+    assert len(run.collisions) == 4 and run.scene is None
 
 
 def test_what_does_not_fit_together_is_named() -> None:

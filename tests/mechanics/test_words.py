@@ -17,8 +17,8 @@ from dmoc.problem.problem import Problem
 
 def collision(surface: str = "", **parts: object) -> Collision:
     none = np.zeros(1)
-    given = Collision(surface, 0.25, none, 0.5, none, none)
-    return replace(given, **parts)  # type: ignore[arg-type]
+    plain = Collision(surface, 0.25, none, 0.5, none, none)
+    return replace(plain, **parts)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")

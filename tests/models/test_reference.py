@@ -21,8 +21,8 @@ def problem():
 
 
 def solved(reference: str) -> dmoc.Solution:
-    found = find(reference)
-    problem = dmoc.Problem(found.kernels(), **{**found.defaults, "steps": 10})
+    model = find(reference)
+    problem = dmoc.Problem(model.kernels(), **{**model.defaults, "steps": 10})
     return dmoc.solve(problem, "ipm", iterations=3, verify=False)
 
 
@@ -40,13 +40,13 @@ def test_what_nobody_named_has_the_name_of_its_model_or_the_one_that_is_given(
 ) -> None:
     problem = seed.but(kernels=dmoc.build(find("cart_pendulum").system()), steps=10)
     first = dmoc.solve(problem, "ipm", iterations=2, verify=False)
-    given = dmoc.solve(problem, "ipm", iterations=2, verify=False, reference="mine")
-    assert (first.reference, given.reference) == ("cart_pendulum", "mine")
+    second = dmoc.solve(problem, "ipm", iterations=2, verify=False, reference="mine")
+    assert (first.reference, second.reference) == ("cart_pendulum", "mine")
 
 
 def test_solutions_of_a_search_name_the_model_too() -> None:
-    found = find("puck_table")
-    problem = dmoc.Problem(found.kernels(), **{**found.defaults, "steps": 10, "sequence": ()})
+    model = find("puck_table")
+    problem = dmoc.Problem(model.kernels(), **{**model.defaults, "steps": 10, "sequence": ()})
     best = dmoc.search(problem, 0).best
     assert (
         best is not None and best.solution is not None and best.solution.reference == "puck_table"

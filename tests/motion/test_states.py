@@ -198,10 +198,10 @@ def test_inputs_with_jumps_have_two_rows_at_a_node() -> None:
 
 @pytest.mark.slow
 def test_json_and_xarray_hold_the_same(named: dmoc.Solution, tmp_path: Path) -> None:
-    said = json.loads(named.to_json(tmp_path / "x.json").read_text())
+    saved = json.loads(named.to_json(tmp_path / "x.json").read_text())
     table = columns(named.trajectory)
-    assert said["columns"] == {name: column.tolist() for name, column in table.items()}
-    assert said["units"]["alpha_dot"] == "rad/s" and said["collisions"][0]["event"] == "left"
+    assert saved["columns"] == {name: column.tolist() for name, column in table.items()}
+    assert saved["units"]["alpha_dot"] == "rad/s" and saved["collisions"][0]["event"] == "left"
     dataset = named.to_xarray()
     np.testing.assert_array_equal(dataset["alpha"].values, table["alpha"])
     assert dataset["F"].attrs["units"] == "N" and dataset.sizes == {"time": 42}

@@ -42,10 +42,10 @@ def bounced(wall: dmoc.MechanicalSystem) -> tuple[dmoc.Problem, dmoc.Solution]:
     return problem, solution
 
 
-Given = tuple[dmoc.Problem, dmoc.Solution]
+Bounced = tuple[dmoc.Problem, dmoc.Solution]
 
 
-def test_a_plan_is_the_best_rest_from_what_is_measured(bounced: Given) -> None:
+def test_a_plan_is_the_best_rest_from_what_is_measured(bounced: Bounced) -> None:
     planner = dmoc.Planner(*bounced)
     hit = planner.plan.trajectory.collisions[0].time
     for time, off in ((0.2, 0.01), (0.4, -0.02), (0.9, 0.03)):
@@ -60,7 +60,7 @@ def test_a_plan_is_the_best_rest_from_what_is_measured(bounced: Given) -> None:
         assert plan.input(time) == pytest.approx(first, rel=1e-3)
 
 
-def test_a_hit_that_came_early_is_over(bounced: Given) -> None:
+def test_a_hit_that_came_early_is_over(bounced: Bounced) -> None:
     """It is seen in the rate of the gap, near the wall."""
     planner = dmoc.Planner(*bounced)
     hit = planner.plan.trajectory.collisions[0].time
@@ -72,7 +72,7 @@ def test_a_hit_that_came_early_is_over(bounced: Given) -> None:
     assert plan.cost == pytest.approx(least(0.995, v, 0.5, 2.05 - hit), rel=2e-5)
 
 
-def test_a_hit_that_is_late_is_still_met(bounced: Given) -> None:
+def test_a_hit_that_is_late_is_still_met(bounced: Bounced) -> None:
     planner = dmoc.Planner(*bounced)
     hit = planner.plan.trajectory.collisions[0].time
     for late, x, v in ((0.0, 0.6, 1.5), (0.02, 0.95, 1.0), (0.04, 0.97, 1.0)):
@@ -82,14 +82,14 @@ def test_a_hit_that_is_late_is_still_met(bounced: Given) -> None:
         assert plan.iterations < 20
 
 
-def test_what_has_left_the_wall_before_is_no_hit(bounced: Given) -> None:
+def test_what_has_left_the_wall_before_is_no_hit(bounced: Bounced) -> None:
     """A mass that is pushed away from the wall long before its hit has not hit it."""
     planner = dmoc.Planner(*bounced)
     plan = planner.replan(0.1, {"x": 0.999, "x_dot": -0.5})
     assert plan.phase == 0 and plan.trajectory.collisions
 
 
-def test_the_phase_may_be_said(bounced: Given) -> None:
+def test_the_phase_may_be_said(bounced: Bounced) -> None:
     planner = dmoc.Planner(*bounced)
     plan = planner.replan(0.5, {"x": 0.4, "x_dot": -0.5}, phase=1)
     assert plan.phase == 1
@@ -98,7 +98,7 @@ def test_the_phase_may_be_said(bounced: Given) -> None:
         planner.replan(0.6, {"x": 0.4}, phase=0)
 
 
-def test_a_horizon_that_recedes_is_as_long_as_at_the_beginning(bounced: Given) -> None:
+def test_a_horizon_that_recedes_is_as_long_as_at_the_beginning(bounced: Bounced) -> None:
     planner = dmoc.Planner(*bounced, horizon="recedes")
     plan = planner.replan(0.3, {"x": 0.2, "x_dot": 0.1})
     assert plan.cost == pytest.approx(least(0.2, 0.1, 1.5, 2.0), rel=2e-5)
@@ -117,7 +117,7 @@ def test_a_phase_that_has_a_duration_keeps_it(wall: dmoc.MechanicalSystem) -> No
     assert plan.new and plan.trajectory.phases[0].duration == pytest.approx(0.6)
 
 
-def test_where_there_is_no_motion_the_last_plan_goes_on(bounced: Given) -> None:
+def test_where_there_is_no_motion_the_last_plan_goes_on(bounced: Bounced) -> None:
     planner = dmoc.Planner(*bounced)
     first = planner.plan
     plan = planner.replan(1.9, {"x": 0.0, "x_dot": 0.0}, phase=1)  # 0.5 m in 0.1 s needs 300 N
@@ -132,14 +132,14 @@ def test_where_there_is_no_motion_the_last_plan_goes_on(bounced: Given) -> None:
     assert not behind.new
 
 
-def test_a_state_far_behind_a_surface_is_told(bounced: Given) -> None:
+def test_a_state_far_behind_a_surface_is_told(bounced: Bounced) -> None:
     planner = dmoc.Planner(*bounced)
     for time in (0.0, 0.5):
         plan = planner.replan(time, {"x": 1.4, "x_dot": 0.0})
         assert not plan.new and "0.4 behind surface 'wall'" in plan.message
 
 
-def test_a_state_just_behind_a_surface_is_moved_before_it(bounced: Given) -> None:
+def test_a_state_just_behind_a_surface_is_moved_before_it(bounced: Bounced) -> None:
     planner = dmoc.Planner(*bounced)
     hit = planner.plan.trajectory.collisions[0].time
     plan = planner.replan(hit, {"x": 1.001, "x_dot": 1.2})  # the hit is happening
@@ -215,7 +215,7 @@ def test_a_measured_state_may_exceed_the_bound_of_a_quantity() -> None:
     assert plan.cost > 1.05 * least(0.5, 1.21, 1.0, 0.5)
 
 
-def test_a_limit_of_time_keeps_the_last_plan(bounced: Given) -> None:
+def test_a_limit_of_time_keeps_the_last_plan(bounced: Bounced) -> None:
     planner = dmoc.Planner(*bounced)
     plan = planner.replan(0.3, {"x": 0.9, "x_dot": -3.0}, seconds=1e-9)
     assert not plan.new and plan.status is Status.TIME_LIMIT
@@ -304,7 +304,7 @@ def test_an_end_at_rest_may_be_missed_where_no_velocity_is_bounded(order: int) -
 
 @pytest.mark.slow
 def test_a_simulation_that_plans_arrives_where_the_inputs_alone_do_not(
-    bounced: Given, tmp_path: Path
+    bounced: Bounced, tmp_path: Path
 ) -> None:
     """A wall that takes a fifth of the speed, measured with noise: 0.3 m off without plans."""
     problem, solution = bounced
@@ -324,7 +324,7 @@ def test_a_simulation_that_plans_arrives_where_the_inputs_alone_do_not(
         dmoc.simulate(dmoc.solve(problem.but(final_time=2.1)), feedback=planner)
 
 
-def test_bad_input_is_one_sentence(bounced: Given, wall: dmoc.MechanicalSystem) -> None:
+def test_bad_input_is_one_sentence(bounced: Bounced, wall: dmoc.MechanicalSystem) -> None:
     problem, solution = bounced
     planner = dmoc.Planner(problem, solution)
     t = dynamicsymbols._t

@@ -98,12 +98,12 @@ def test_relations_are_told_in_words(plane: dmoc.Kernels) -> None:
         plane, start={"x": 0.0, "y": 1.0, "x_dot": None, "y_dot": None}, periodic=relations,
         final_time=1.0,
     )  # fmt: skip
-    said = dict(problem.summary().rows)["periodic"]
-    assert "x_dot ends as y_dot - 3 x_dot" in said and "y ends as y" in said
+    text = dict(problem.summary().rows)["periodic"]
+    assert "x_dot ends as y_dot - 3 x_dot" in text and "y ends as y" in text
     assert {r.end: dict(r.terms) for r in problem.relations} == {
         "x": {"x": -1.0, "x_dot": 2.0}, "y": {"y": 1.0}, "x_dot": {"y_dot": 1.0, "x_dot": -3.0},
     }  # fmt: skip
-    assert "+ 0.5" in said
+    assert "+ 0.5" in text
 
 
 def test_a_sum_that_the_goal_contradicts_is_named(pendulum: dmoc.Kernels) -> None:

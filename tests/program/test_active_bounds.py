@@ -107,8 +107,8 @@ def test_a_motion_that_keeps_to_a_surface_is_one_bound() -> None:
         dmoc.build(system, order=4), {"x": 0.9}, {"x": 0.9}, steps=12, final_time=1.0,
         bounds={"u": (-50, 50)},
     )  # fmt: skip
-    found = dmoc.solve(leaning, "ipm", starts=1, verify=False).active_bounds
-    gaps = [b for b in found if b.name == "wall"]
+    bounds = dmoc.solve(leaning, "ipm", starts=1, verify=False).active_bounds
+    gaps = [b for b in bounds if b.name == "wall"]
     assert {b.kind for b in gaps} == {BoundKind.GAP, BoundKind.INSIDE}
     assert all(1 < b.places <= 12 for b in gaps) and len(gaps) == 2
 

@@ -40,7 +40,7 @@ from dmoc.program.extraction import _continued
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("problem", "known"),
+    ("problem", "cost"),
     [
         (pushed, PUSHED),
         (lambda n: against_wall(n, 1.0), 24.5),
@@ -51,12 +51,12 @@ from dmoc.program.extraction import _continued
     ],
 )
 def test_dry_friction_has_its_known_costs_with_order_two(
-    problem: Callable[[int], dmoc.Problem], known: float
+    problem: Callable[[int], dmoc.Problem], cost: float
 ) -> None:
     errors = []
     for steps in (20, 40, 80):
         solution = answer_of(problem(steps))
-        errors.append(abs(solution.cost - known) / known)
+        errors.append(abs(solution.cost - cost) / cost)
     assert errors[-1] < 2e-4
     exact = max(errors) < 1e-8
     assert exact or all(3.5 < a / b < 4.5 for a, b in pairwise(errors))
@@ -154,8 +154,8 @@ def test_sliding_has_its_direction_at_the_ends_of_the_motion_too(
         forces={low: u}, surfaces={"top": gap >= 0}, tangents={"top": high - low},
         friction={"top": mu}, cost=(u - wanted) ** 2 / 2,
     )  # fmt: skip
-    given = {"start": {"low": 0, "high": 0, "gap": 0}, "contacts": ["top:slip-"], "final_time": 1}
-    solution = answer_of(dmoc.Problem(blocks, steps=steps, **given | changes), "ipm", starts=1)
+    task = {"start": {"low": 0, "high": 0, "gap": 0}, "contacts": ["top:slip-"], "final_time": 1}
+    solution = answer_of(dmoc.Problem(blocks, steps=steps, **task | changes), "ipm", starts=1)
     v = solution.phases[end].v[end]
     assert v[1] - v[0] == pytest.approx(0, abs=1e-6)
 
@@ -203,7 +203,7 @@ def test_a_contact_that_would_have_to_pull_is_named_with_its_force() -> None:
 def test_sensitivities_equal_differences_of_solved_problems() -> None:
     problem = against_wall(40, 0.5)
     solution = dmoc.solve(problem)
-    found = dmoc.sensitivities(problem, solution)
+    slopes = dmoc.sensitivities(problem, solution)
     step = 1e-4
 
     def slope(but: Callable[[float], dmoc.Problem]) -> float:
@@ -214,9 +214,9 @@ def test_sensitivities_equal_differences_of_solved_problems() -> None:
         ("parameters", lambda s: problem.but(parameters={"f": 1 + s})),
         ("restitution", lambda s: problem.but(restitution=0.5 + s)),
     ):
-        value = found[name]["f" if name == "parameters" else "wall"]
+        value = slopes[name]["f" if name == "parameters" else "wall"]
         assert value == pytest.approx(slope(but), rel=1e-5)
-    assert found["final_time"] == pytest.approx(
+    assert slopes["final_time"] == pytest.approx(
         slope(lambda s: problem.but(final_time=1 + s)), rel=1e-5
     )
 

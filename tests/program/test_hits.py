@@ -166,17 +166,17 @@ def test_a_spinning_ball_comes_back_at_the_known_cost(tmp_path: Path) -> None:
 def test_sensitivities_equal_differences_of_solved_problems() -> None:
     problem = back()
     solution = dmoc.solve(problem)
-    found = dmoc.sensitivities(problem.but(sequence=["floor"]), solution)  # it tells the way
+    slopes = dmoc.sensitivities(problem.but(sequence=["floor"]), solution)  # it tells the way
     step = 1e-4
 
     def cost(**changes: object) -> float:
         return dmoc.solve(back(**changes), guess=solution).cost
 
     by_e = (cost(restitution=0.8 + step) - cost(restitution=0.8 - step)) / (2 * step)
-    assert found["restitution"]["floor"] == pytest.approx(by_e, rel=1e-5)
+    assert slopes["restitution"]["floor"] == pytest.approx(by_e, rel=1e-5)
     by_r = (cost(parameters={"r": 0.1 + step}) - cost(parameters={"r": 0.1 - step})) / (2 * step)
-    assert found["parameters"]["r"] == pytest.approx(by_r, rel=1e-4)
-    assert found["parameters"]["mu"] == pytest.approx(0, abs=1e-6)  # friction sticks
+    assert slopes["parameters"]["r"] == pytest.approx(by_r, rel=1e-4)
+    assert slopes["parameters"]["mu"] == pytest.approx(0, abs=1e-6)  # friction sticks
     sliding = back(parameters={"mu": 0.2}, sequence=["floor:slip+"], goal={"y": 0.5, "a": 20.0})
     slid = answer_of(sliding)
     by_mu = [
@@ -291,9 +291,9 @@ def test_a_hit_that_would_jam_is_told_why() -> None:
 
 @pytest.mark.slow
 def test_the_search_offers_the_ways_through_a_hit() -> None:
-    found = dmoc.search(back(sequence=[]), max_collisions=1, events=["floor"])
-    assert len(found.nodes) == 11 and found.best is not None
-    assert found.best.sequence == ("floor:slip+:stick:late",)
+    result = dmoc.search(back(sequence=[]), max_collisions=1, events=["floor"])
+    assert len(result.nodes) == 11 and result.best is not None
+    assert result.best.sequence == ("floor:slip+:stick:late",)
 
 
 @pytest.mark.slow

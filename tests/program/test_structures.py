@@ -161,8 +161,8 @@ def test_threads_may_share(small: dmoc.Problem) -> None:
     alone = [numbers(p) for p in problems]
     forget()
     with ThreadPoolExecutor(4) as pool:
-        for found, expected in zip(pool.map(numbers, problems), alone, strict=True):
-            for a, b in zip(found, expected, strict=True):
+        for shared, expected in zip(pool.map(numbers, problems), alone, strict=True):
+            for a, b in zip(shared, expected, strict=True):
                 np.testing.assert_array_equal(a, b)
 
 

@@ -241,8 +241,8 @@ def test_gradient_of_the_lagrangian_is_the_sum_of_its_parts(nlp: Transcription) 
         -nlp.inequality_jacobian(x).toarray().T @ w,
     ]
     size = np.abs(parts).max()
-    found = nlp.lagrangian_gradient(x, y, w)
-    np.testing.assert_allclose(found, sum(parts), rtol=0, atol=1e-13 * size)
+    gradient = nlp.lagrangian_gradient(x, y, w)
+    np.testing.assert_allclose(gradient, sum(parts), rtol=0, atol=1e-13 * size)
 
 
 def test_hessian_of_the_lagrangian_equals_differences(nlp: Transcription) -> None:

@@ -23,7 +23,7 @@ def nlp() -> Transcription:
 
 
 @pytest.mark.parametrize(
-    ("x", "u", "told"),
+    ("x", "u", "reason"),
     [
         (1.0, 1.0, ""),
         (1.0, 0.0, "the derivative of the cost in u in step 1"),
@@ -32,7 +32,7 @@ def nlp() -> Transcription:
         (np.nan, 1.0, ""),
     ],
 )
-def test_the_first_one_is_named(nlp: Transcription, x: float, u: float, told: str) -> None:
+def test_the_first_one_is_named(nlp: Transcription, x: float, u: float, reason: str) -> None:
     at, lay = np.ones(nlp.n), nlp.layout
     at[lay.index_q[1:3]], at[lay.index_u[1]] = x, u
-    assert undefined_at(nlp, at) == told
+    assert undefined_at(nlp, at) == reason

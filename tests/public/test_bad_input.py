@@ -186,8 +186,8 @@ def problem_cases() -> Iterator[Case]:
     yield from of("periodic", {"x": "--x"}, {"x": "x + 1"}, {"x": X**2}, {"x": {"x": "a"}})
     yield from of("steps", *NO_STEPS)
     for steps, collisions in ((100_000, 20), (100_000, 9_999), (10_000, 1_000)):
-        for given in (steps, [steps] * (collisions + 1)):
-            many = stated(steps=given, sequence=["wall"] * collisions)
+        for of_phases in (steps, [steps] * (collisions + 1)):
+            many = stated(steps=of_phases, sequence=["wall"] * collisions)
             yield Case("steps of all phases", many, ProblemError, "steps")
     yield from of("controls", *NO_CONTROLS)
     yield from of("minimal_times", *NO_FLAGS)
@@ -351,20 +351,20 @@ def test_what_does_not_fit_is_refused_in_one_sentence_that_names_it(
 def test_what_has_one_meaning_is_taken(
     block: Kernels, fields: dict[str, Any], same: dict[str, Any]
 ) -> None:
-    given, plain = (
+    stated, plain = (
         dmoc.Problem(block, **{"start": {"x": 0.0}, "steps": 4, "final_time": 1.0} | f)
         for f in (fields, same)
     )
     for end, part in itertools.product(
         ("start_bounds", "goal_bounds"), ("position", "velocity", "momentum")
     ):
-        a, b = (getattr(getattr(p, end), part) for p in (given, plain))
+        a, b = (getattr(getattr(p, end), part) for p in (stated, plain))
         assert np.array_equal(a, b)
     arrays = "input_bounds coordinate_bounds duration_bounds parameter_values restitution_values"
     for name in arrays.split():
-        assert np.array_equal(getattr(given, name), getattr(plain, name))
+        assert np.array_equal(getattr(stated, name), getattr(plain, name))
     for name in ("sequence", "phase_steps", "periodic", "final_time_bounds", "minimal_times"):
-        assert getattr(given, name) == getattr(plain, name)
+        assert getattr(stated, name) == getattr(plain, name)
 
 
 def test_a_system_serves_as_its_kernels_of_order_two_with_steps_and_four_without(

@@ -145,7 +145,7 @@ def calls(
     results = {"Batch", "Simulation", "Solution", "DmocError"}
     builders = {"planar", "spatial", "approach_speed", "sliding_speed", "final_time"}
     assert set(functions) | results | builders == set(dmoc.__all__)
-    made = {name: (getattr(dmoc, name), given) for name, given in functions.items()}
+    made = {name: (getattr(dmoc, name), accepted) for name, accepted in functions.items()}
     for module in (dmoc.planar, dmoc.spatial):
         axis = {"axis": "z"} if module is dmoc.spatial else {}
         made[f"{module.__name__}.World"] = module.World, {}

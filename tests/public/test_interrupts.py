@@ -98,8 +98,8 @@ def test_a_limit_that_each_thread_has_is_restored_in_each(monkeypatch: pytest.Mo
             self.own.limit = number
 
     library, inside, left = PerThread(), threading.Event(), threading.Event()
-    found = SimpleNamespace(lib_controllers=[library])
-    monkeypatch.setattr(blas, "ThreadpoolController", lambda: found)
+    libraries = SimpleNamespace(lib_controllers=[library])
+    monkeypatch.setattr(blas, "ThreadpoolController", lambda: libraries)
     seen: list[int] = []
 
     def late() -> None:
@@ -123,8 +123,8 @@ def test_a_limit_that_each_thread_has_is_restored_in_each(monkeypatch: pytest.Mo
 def test_a_limit_that_is_set_meanwhile_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     library = SimpleNamespace(internal_api="blis", num_threads=8)
     library.set_num_threads = lambda number: setattr(library, "num_threads", number)
-    found = SimpleNamespace(lib_controllers=[library])
-    monkeypatch.setattr(blas, "ThreadpoolController", lambda: found)
+    libraries = SimpleNamespace(lib_controllers=[library])
+    monkeypatch.setattr(blas, "ThreadpoolController", lambda: libraries)
     with ONE_THREAD:
         library.set_num_threads(3)
     assert library.num_threads == 3

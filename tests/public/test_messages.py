@@ -305,15 +305,15 @@ FEET = Contacts(("left", "right", "wall"), ("left", "right", "rail"), (), ("left
 
 def rows() -> list[tuple[str, str, str]]:
     """Error, call and words of each row."""
-    head, found = "", list[tuple[str, str, str]]()
+    head, messages = "", list[tuple[str, str, str]]()
     for line in TABLE.strip("\n").replace("\n        ", " ").splitlines():
         if line.startswith(" "):
             arguments, _, words = line.strip().rpartition(" | ")
             error, _, call = head.partition(": ")
-            found.append((error, call.replace("...", arguments), words))
+            messages.append((error, call.replace("...", arguments), words))
         else:
             head = line
-    return found
+    return messages
 
 
 def on_floor(**fields: Any) -> dmoc.Problem:
@@ -322,8 +322,8 @@ def on_floor(**fields: Any) -> dmoc.Problem:
 
 
 def made(name: str, coordinates: list[Any], **fields: Any) -> dmoc.MechanicalSystem:
-    given = {"lagrangian": sum(q.diff(T) ** 2 for q in coordinates) / 2, "parameters": {}} | fields
-    return dmoc.MechanicalSystem(name, coordinates, **given)
+    parts = {"lagrangian": sum(q.diff(T) ** 2 for q in coordinates) / 2, "parameters": {}} | fields
+    return dmoc.MechanicalSystem(name, coordinates, **parts)
 
 
 def kinked(**fields: Any) -> dmoc.MechanicalSystem:
@@ -345,8 +345,8 @@ def swing(**fields: Any) -> dmoc.Problem:
 
 
 def simulate(**arguments: Any) -> dmoc.Simulation:
-    given = {"kernels": dropped_ball(), "position": [1.0], "step_size": 0.1, "steps": 5}
-    return dmoc.simulate(**(given | arguments))
+    keywords = {"kernels": dropped_ball(), "position": [1.0], "step_size": 0.1, "steps": 5}
+    return dmoc.simulate(**(keywords | arguments))
 
 
 def animate(**arguments: Any) -> Path:

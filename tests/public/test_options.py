@@ -72,8 +72,8 @@ def test_an_option_of_a_command_has_the_default_of_its_function(name: str) -> No
 def test_a_command_has_the_keywords_with_a_help(name: str, keywords: Any) -> None:
     commands: dict[str, Any] = vars(typer.main.get_command(command_line()))["commands"]
     helps = {p.name: p.help for p in commands[name].params}
-    shown = {name: one.help for name, one in options_of(keywords).items() if one.help}
-    assert len(shown) >= 3 and shown.items() <= helps.items()
+    with_help = {name: one.help for name, one in options_of(keywords).items() if one.help}
+    assert len(with_help) >= 3 and with_help.items() <= helps.items()
     assert "executor" not in helps and "progress" not in helps and "reference" not in helps
 
 
@@ -119,7 +119,7 @@ def test_a_keyword_with_a_help_is_an_option_without_another_line() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "reason"),
     [
         ("--kind wheat", "'wheat' is not one of 'rye', 'oat'"),
         ("--loaves many", "integer"),
@@ -127,9 +127,9 @@ def test_a_keyword_with_a_help_is_an_option_without_another_line() -> None:
         ("--no-twice", "No such option"),
     ],
 )
-def test_what_is_no_option_or_no_value_of_one_is_refused(words: str, said: str) -> None:
+def test_what_is_no_option_or_no_value_of_one_is_refused(words: str, reason: str) -> None:
     code, output, call = baked(words.split())
-    assert code == 2 and said in output and not call
+    assert code == 2 and reason in output and not call
 
 
 def test_a_keyword_is_read_or_refused_by_its_name() -> None:

@@ -50,9 +50,9 @@ def lazy(monkeypatch: pytest.MonkeyPatch) -> None:
 def refused(call: Callable[..., object], error: type[DmocError], wrong: dict[str, Any]) -> None:
     for name, values in wrong.items():
         for value in values:
-            with pytest.raises(error) as told:
+            with pytest.raises(error) as refusal:
                 call(**{name: value})
-            sentence = str(told.value)
+            sentence = str(refusal.value)
             assert sentence.startswith(name) and sentence.endswith(".") and "\n" not in sentence
 
 

@@ -39,44 +39,44 @@ def film(*motions: Trajectory) -> Any:
     return json.loads(json.dumps(document(Film("films", takes)), default=rounded, allow_nan=False))
 
 
-def columns_at(shown: Any, t: float) -> np.ndarray:
+def columns_at(entry: Any, t: float) -> np.ndarray:
     """The columns of the scene of a document at a time, linear between its samples."""
-    part = shown["parts"][max(i for i, start in enumerate(shown["starts"]) if start <= t or i == 0)]
+    part = entry["parts"][max(i for i, start in enumerate(entry["starts"]) if start <= t or i == 0)]
     return np.array([np.interp(t, *np.broadcast_arrays(part["times"], c)) for c in part["columns"]])
 
 
 def read(page: str) -> Any:
     """The document in a page, as a browser would cut it out."""
-    (found,) = DATA.findall(page)
-    return json.loads(found)
+    (document,) = DATA.findall(page)
+    return json.loads(document)
 
 
 def test_the_document_has_the_motion() -> None:
-    (shown,) = film(motion())["motions"]
-    assert shown["starts"] == [0.0, TURN] and shown["duration"] == END
-    assert shown["modes"] == ["floor:slip+", "free"] and shown["unit"] == "m"
-    assert [shape["kind"] for shape in shown["shapes"]] == [
+    (entry,) = film(motion())["motions"]
+    assert entry["starts"] == [0.0, TURN] and entry["duration"] == END
+    assert entry["modes"] == ["floor:slip+", "free"] and entry["unit"] == "m"
+    assert [shape["kind"] for shape in entry["shapes"]] == [
         "wall", "link", "point", "contact", "contact",
     ]  # fmt: skip
     for t in (0.0, 0.13, TURN - 1e-9, TURN, 0.77, END):
-        columns = columns_at(shown, t)
-        rod, mass = (columns[shown["shapes"][i]["columns"]] for i in (1, 2))
+        columns = columns_at(entry, t)
+        rod, mass = (columns[entry["shapes"][i]["columns"]] for i in (1, 2))
         np.testing.assert_allclose(mass, [place(t), HIGH], atol=1e-5)
         np.testing.assert_allclose(rod, [place(t), HIGH, place(t) - ROD, HIGH], atol=1e-5)
 
 
 def test_columns_that_are_the_same_are_there_once_and_still_ones_are_numbers() -> None:
-    (shown,) = film(motion())["motions"]
-    for part in shown["parts"]:
+    (entry,) = film(motion())["motions"]
+    for part in entry["parts"]:
         moving = [column for column in part["columns"] if isinstance(column, list)]
         assert len(moving) == 2  # x of the mass, and of the other end of its rod
         assert {len(column) for column in moving} == {len(part["times"])}
 
 
 def test_panels_have_the_curves_of_the_motion_by_unit() -> None:
-    given = motion()
-    (shown,) = film(given)["motions"]
-    panels = {panel["title"]: panel for panel in shown["panels"]}
+    trajectory = motion()
+    (entry,) = film(trajectory)["motions"]
+    panels = {panel["title"]: panel for panel in entry["panels"]}
     assert {title: panel["unit"] for title, panel in panels.items()} == {
         "coordinates": "m", "velocities": "m/s", "momenta": "N s", "inputs": "N",
         "normal forces": "N", "friction": "N",
@@ -84,7 +84,7 @@ def test_panels_have_the_curves_of_the_motion_by_unit() -> None:
     for title, part in (("coordinates", "q"), ("velocities", "v"), ("momenta", "p")):
         for i, curve in enumerate(panels[title]["curves"]):
             for phase, values, t in zip(
-                given.phases, curve["values"], panels[title]["times"], strict=True
+                trajectory.phases, curve["values"], panels[title]["times"], strict=True
             ):
                 at_nodes = [int(np.argmin(np.abs(np.array(t) - node))) for node in phase.t]
                 wanted = getattr(phase, part)[:, i]
@@ -99,8 +99,8 @@ def test_panels_have_the_curves_of_the_motion_by_unit() -> None:
     assert normal["values"] == [[10.0, 12.0, 14.0, 16.0, 18.0, 20.0], None]
     assert friction["values"] == [[-4.0] * 6, None]
     assert friction["limits"] == [[5.0, 6.0, 7.0, 8.0, 9.0, 10.0], None]  # mu N
-    assert {(a["kind"], a["shape"]) for a in shown["arrows"]} == {("N", 4), ("T", 4)}
-    assert shown["largest"] == 20.0
+    assert {(a["kind"], a["shape"]) for a in entry["arrows"]} == {("N", 4), ("T", 4)}
+    assert entry["largest"] == 20.0
 
 
 def test_events_are_told_at_their_places() -> None:
@@ -121,13 +121,13 @@ def test_events_are_told_at_their_places() -> None:
 
 
 def test_several_contacts_of_an_event_are_told_apart() -> None:
-    given = motion()
-    (hit,) = given.collisions
+    trajectory = motion()
+    (hit,) = trajectory.collisions
     landing = replace(
         hit, surface="floor", lands=("floor",), leaves=("wall",), impulses={"floor": 2.5},
         tractions={"floor": -0.75},
     )  # fmt: skip
-    ((event,),) = (m["events"] for m in film(replace(given, collisions=(landing,)))["motions"])
+    ((event,),) = (m["events"] for m in film(replace(trajectory, collisions=(landing,)))["motions"])
     assert event["word"] == "+floor -wall"
     assert event["told"] == "impulse 2.5 of floor, friction \N{MINUS SIGN}0.75 of floor"
     assert {mark["contact"]: mark["told"] for mark in event["marks"]} == {
@@ -138,7 +138,7 @@ def test_several_contacts_of_an_event_are_told_apart() -> None:
     floor, wall = (mark["impulse"] for mark in event["marks"])
     assert floor == [-0.3, 1.0] and wall == [0.0, 0.0]
     grazing = replace(hit, grazes=True, impulse=1e-9)
-    ((event,),) = (m["events"] for m in film(replace(given, collisions=(grazing,)))["motions"])
+    ((event,),) = (m["events"] for m in film(replace(trajectory, collisions=(grazing,)))["motions"])
     assert event["told"] == "grazes"
 
 
@@ -153,13 +153,13 @@ def test_the_longest_arrow_is_that_of_the_largest_force_friction_of_a_rail_too()
 
 
 def test_the_room_holds_what_moves_and_near_walls_not_far_ones() -> None:
-    given = motion()
-    assert given.scene is not None
-    far = given.scene.values[0].copy()
+    trajectory = motion()
+    assert trajectory.scene is not None
+    far = trajectory.scene.values[0].copy()
     far[:, 0] = -1000.0
-    scene = replace(given.scene, values=(far, given.scene.values[1]))
-    for shown in film(given, replace(given, scene=scene))["motions"]:
-        left, right, bottom, top = shown["bounds"]
+    scene = replace(trajectory.scene, values=(far, trajectory.scene.values[1]))
+    for entry in film(trajectory, replace(trajectory, scene=scene))["motions"]:
+        left, right, bottom, top = entry["bounds"]
         assert -2.0 < left < -ROD and 1.0 < right < 2.5
         assert bottom < 0.0 and HIGH < top < 1.0
 
@@ -187,15 +187,15 @@ def test_numbers_are_short_and_fine_enough() -> None:
 
 
 def test_long_phases_are_thinned_and_keep_their_ends() -> None:
-    given = motion()
+    trajectory = motion()
     t = np.linspace(0.0, TURN, 5001)
     first = replace(
-        given.phases[0], t=t, q=np.stack([t / TURN, HIGH + 0 * t], axis=1), p=np.zeros((5001, 2)),
-        v=np.zeros((5001, 2)), u=np.zeros((5000, 1)), normal=np.ones((5001, 1)),
-        tangential=np.zeros((5001, 1)),
+        trajectory.phases[0], t=t, q=np.stack([t / TURN, HIGH + 0 * t], axis=1),
+        p=np.zeros((5001, 2)), v=np.zeros((5001, 2)), u=np.zeros((5000, 1)),
+        normal=np.ones((5001, 1)), tangential=np.zeros((5001, 1)),
     )  # fmt: skip
-    (shown,) = film(replace(given, phases=(first, given.phases[1])))["motions"]
-    positions = shown["panels"][0]
+    (entry,) = film(replace(trajectory, phases=(first, trajectory.phases[1])))["motions"]
+    positions = entry["panels"][0]
     x = positions["curves"][0]["values"][0]
     assert x is not None and len(x) == len(positions["times"][0]) == MOST
     assert (x[0], x[-1]) == (0.0, 1.0)
@@ -209,14 +209,14 @@ def test_a_page_holds_all_it_needs(solution: dmoc.Solution, tmp_path: Path) -> N
     outside = page.replace("http://www.w3.org/2000/svg", "")  # the name of a language
     assert not re.search(r"https?:|//[a-z]+\.|\ssrc\s*=|@import|url\(|<link|<iframe", outside)
     assert re.search(r"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-", page)
-    shown = read(page)
-    assert shown["title"] == "cart_pendulum"
-    (shown,) = shown["motions"]
-    assert shown["status"] == "solved" and shown["cost"] == solution.cost
-    assert [event["word"] for event in shown["events"]] == ["left"]
-    tip = next(s for s in shown["shapes"] if s["kind"] == "point")["columns"]
+    content = read(page)
+    assert content["title"] == "cart_pendulum"
+    (content,) = content["motions"]
+    assert content["status"] == "solved" and content["cost"] == solution.cost
+    assert [event["word"] for event in content["events"]] == ["left"]
+    tip = next(s for s in content["shapes"] if s["kind"] == "point")["columns"]
     alpha, x = solution.phases[1].q[-1]
-    at = columns_at(shown, shown["duration"])[tip]
+    at = columns_at(content, content["duration"])[tip]
     np.testing.assert_allclose(at, [x + 0.5 * np.cos(alpha), 0.5 * np.sin(alpha)], atol=1e-5)
 
 
@@ -225,52 +225,52 @@ def test_a_simulation_is_shown_without_a_cost(tmp_path: Path) -> None:
         dmoc.load("bouncing_pendulum"), [0.5], step_size=0.01, steps=200, restitution=0.8
     )
     path = simulation.animate(tmp_path / "bounces.html")
-    (shown,) = read(path.read_text("utf-8"))["motions"]
-    assert shown["cost"] is None and shown["status"] == ""
-    times = [event["time"] for event in shown["events"]]
+    (entry,) = read(path.read_text("utf-8"))["motions"]
+    assert entry["cost"] is None and entry["status"] == ""
+    times = [event["time"] for event in entry["events"]]
     assert times == [collision.time for collision in simulation.collisions] and times
-    for event in shown["events"]:
+    for event in entry["events"]:
         (mark,) = event["marks"]
         np.testing.assert_allclose(mark["at"], [0.0, -1.0, 1.0, 0.0], atol=1e-5)
 
 
 def test_names_of_a_model_are_texts_in_the_page() -> None:
-    given = Film(EVIL, (Take(EVIL, motion(EVIL, EVIL), EVIL, EVIL),))
-    page = page_of(given)
-    assert read(page) == json.loads(json.dumps(document(given), default=rounded))
+    takes = Film(EVIL, (Take(EVIL, motion(EVIL, EVIL), EVIL, EVIL),))
+    page = page_of(takes)
+    assert read(page) == json.loads(json.dumps(document(takes), default=rounded))
     assert page.count("</script>") == 2 and "<b>" not in page
     assert "{{style}}" in page  # as the name said it, and nothing in its place
 
 
 @pytest.mark.slow
 def test_a_search_has_its_tree_and_its_motions(solution: dmoc.Solution, tmp_path: Path) -> None:
-    given = [
+    branches = [
         ((), "no event", "feasible", 3.0, ("confirmed",), replace(solution, trajectory=motion())),
         (("wall",), "wall", "infeasible", None, ("the goal is missed",), None),
         (("floor",), "floor", "optimal", 1.0, (), replace(solution, trajectory=motion())),
     ]
-    shown = read(animate_tree("shuttle", given, tmp_path / "tree.html").read_text("utf-8"))
-    assert [(n["sequence"], n["verdict"], n["motion"]) for n in shown["tree"]] == [
+    content = read(animate_tree("shuttle", branches, tmp_path / "tree.html").read_text("utf-8"))
+    assert [(n["sequence"], n["verdict"], n["motion"]) for n in content["tree"]] == [
         ([], "feasible", 0),
         (["wall"], "infeasible", None),
         (["floor"], "optimal", 1),
     ]
-    assert shown["tree"][1]["evidence"] == ["the goal is missed"]
-    assert [m["name"] for m in shown["motions"]] == ["no event", "floor"]
-    with Image.open(animate_tree("s", given, tmp_path / "best.gif", fps=5)) as best:
-        left, right, bottom, top = shown["motions"][0]["bounds"]
+    assert content["tree"][1]["evidence"] == ["the goal is missed"]
+    assert [m["name"] for m in content["motions"]] == ["no event", "floor"]
+    with Image.open(animate_tree("s", branches, tmp_path / "best.gif", fps=5)) as best:
+        left, right, bottom, top = content["motions"][0]["bounds"]
         assert best.width == 2 * 640  # both confirmed motions
         assert best.height == pytest.approx(640 * (top - bottom) / (right - left) + 72, abs=2)
     with pytest.raises(ProblemError, match="has no confirmed motion"):
-        animate_tree("shuttle", given[1:2], tmp_path / "best.gif")
+        animate_tree("shuttle", branches[1:2], tmp_path / "best.gif")
 
 
 def mass(image: Image.Image) -> np.ndarray:
     """The middle (x, y) of the mass in an image, by its colour."""
-    shown = np.asarray(image.convert("RGB")).astype(int)
-    found = np.argwhere(np.abs(shown - (0xC1, 0x44, 0x0E)).sum(axis=2) < 60)[:, ::-1]
-    near = np.abs(found - np.median(found, axis=0)).max(axis=1) < 9  # no dots of its way
-    return (found[near].min(axis=0) + found[near].max(axis=0)) / 2
+    pixels = np.asarray(image.convert("RGB")).astype(int)
+    red = np.argwhere(np.abs(pixels - (0xC1, 0x44, 0x0E)).sum(axis=2) < 60)[:, ::-1]
+    near = np.abs(red - np.median(red, axis=0)).max(axis=1) < 9  # no dots of its way
+    return (red[near].min(axis=0) + red[near].max(axis=0)) / 2
 
 
 @pytest.mark.slow
@@ -338,7 +338,7 @@ def test_motions_are_named_by_model_and_events_and_numbered_where_these_are_the_
 ) -> None:
     def names(motions: Any) -> list[str]:
         page = dmoc.animate(motions, tmp_path / "s.html").read_text("utf-8")
-        return [shown["name"] for shown in read(page)["motions"]]
+        return [entry["name"] for entry in read(page)["motions"]]
 
     assert names(motion()) == ["shuttle: wall"]
     assert names([motion(), motion()]) == ["1. shuttle: wall", "2. shuttle: wall"]
@@ -353,18 +353,18 @@ def test_the_page_knows_every_verdict() -> None:
 
 
 def test_a_model_without_a_drawing_is_shown_by_its_coordinates() -> None:
-    (shown,) = film(replace(motion(), scene=None))["motions"]
-    assert shown["unit"] == ""
-    (mass,) = (shape for shape in shown["shapes"] if shape["kind"] == "point")
+    (entry,) = film(replace(motion(), scene=None))["motions"]
+    assert entry["unit"] == ""
+    (mass,) = (shape for shape in entry["shapes"] if shape["kind"] == "point")
     np.testing.assert_allclose(
-        columns_at(shown, 0.9)[mass["columns"]], [place(0.9), HIGH], atol=1e-5
+        columns_at(entry, 0.9)[mass["columns"]], [place(0.9), HIGH], atol=1e-5
     )
 
 
 def test_branches_and_takes_are_numbered_together() -> None:
     branch = Branch(("wall",), "wall", "optimal", 1.0, (), 0)
-    shown = document(Film("t", (Take("wall", motion()),), (branch,)))
-    assert shown["tree"][0]["motion"] == 0 and len(shown["motions"]) == 1
+    content = document(Film("t", (Take("wall", motion()),), (branch,)))
+    assert content["tree"][0]["motion"] == 0 and len(content["motions"]) == 1
 
 
 def fake_ffmpeg(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -74,7 +74,7 @@ def test_events_stand_over_the_modes_in_words(landed: dmoc.Solution, figure: Fig
 
 def test_forces_and_impulses_are_those_of_the_motion(landed: dmoc.Solution, figure: Figure) -> None:
     touching = landed.phases[1:]
-    for label, force, said in (
+    for label, force, impulse in (
         ("normal forces [N]", "normal", "2 N s"),
         ("friction [N]", "tangential", "\N{MINUS SIGN}0.2 N s"),
     ):
@@ -82,7 +82,7 @@ def test_forces_and_impulses_are_those_of_the_motion(landed: dmoc.Solution, figu
         wanted = [np.column_stack([p.t, getattr(p, force)[:, 0]]) for p in touching]
         # What is zero but for rounding is drawn as zero.
         np.testing.assert_allclose(np.concatenate(solid(axes)), np.concatenate(wanted), atol=1e-12)
-        assert marks(axes) == {said: landed.collisions[0].time}
+        assert marks(axes) == {impulse: landed.collisions[0].time}
         low, high = axes.get_ylim()
         values = np.concatenate(wanted)[:, 1]
         # Room for the mark above the curves.
@@ -172,8 +172,8 @@ def test_legends_and_words_lie_within_the_figure(landed: dmoc.Solution) -> None:
         assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1
         assert figure.bbox.y0 <= box.y0 and box.y1 <= figure.bbox.y1
     coordinates = labelled(figure, "coordinates")
-    shown = coordinates.get_legend()
-    assert shown is not None and shown.get_window_extent().x0 >= coordinates.bbox.x1
+    key = coordinates.get_legend()
+    assert key is not None and key.get_window_extent().x0 >= coordinates.bbox.x1
     styles = {(a.get_color(), str(a._unscaled_dash_pattern)) for a in coordinates.lines if many(a)}  # type: ignore[attr-defined]
     assert len(styles) == 7
 

@@ -43,18 +43,18 @@ def figure(solution: dmoc.Solution) -> Figure:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "shown"),
+    ("name", "label"),
     [
         ("alpha", r"\alpha"), ("x_1", "x_{1}"), ("x1", "x_{1}"), ("theta2_l", r"\theta_{2,l}"),
         ("q_", "q"), ("a__b", "a_{b}"), ("theta_l_1", r"\theta_{l,1}"),
         ("l" * 64, rf"\mathrm{{{'l' * 64}}}"),
     ],
 )  # fmt: skip
-def test_every_name_of_a_model_can_be_drawn(solution: dmoc.Solution, name: str, shown: str) -> None:
+def test_every_name_of_a_model_can_be_drawn(solution: dmoc.Solution, name: str, label: str) -> None:
     figure = drawn(solution, coordinates=(name, "y"), inputs=(name,), units={}, scene=None)
     figure.canvas.draw()
-    assert legend(labelled(figure, "momenta")) == [f"$p_{{{shown}}}$", "$p_{y}$"]
-    assert labelled(figure, f"input ${shown}$").get_xlabel() == "time $t$ [s]"
+    assert legend(labelled(figure, "momenta")) == [f"$p_{{{label}}}$", "$p_{y}$"]
+    assert labelled(figure, f"input ${label}$").get_xlabel() == "time $t$ [s]"
 
 
 def test_curves_are_those_of_the_motion_with_their_units(
@@ -75,12 +75,10 @@ def test_what_has_one_unit_has_one_panel_with_a_legend(solution: dmoc.Solution) 
     figure = drawn(solution, units={"alpha": "m", "x": "m"})
     coordinates = labelled(figure, "coordinates [m]")
     assert legend(coordinates) == [r"$\alpha$", "$x$"]
-    shown = coordinates.get_legend()
+    key = coordinates.get_legend()
     figure.canvas.draw()
-    assert shown is not None and shown.get_window_extent().x0 >= coordinates.bbox.x1
-    looks = {
-        line.get_label(): (line.get_color(), line.get_linestyle()) for line in shown.get_lines()
-    }
+    assert key is not None and key.get_window_extent().x0 >= coordinates.bbox.x1
+    looks = {line.get_label(): (line.get_color(), line.get_linestyle()) for line in key.get_lines()}
     assert len({colour for colour, _ in looks.values()}) == 2
     assert len({style for _, style in looks.values()}) == 2
     assert legend(labelled(figure, "momenta [N s]")) == [r"$p_{\alpha}$", "$p_{x}$"]
@@ -150,10 +148,10 @@ def test_a_bound_near_the_inputs_is_drawn_and_the_far_one_told(solution: dmoc.So
 
 def test_no_bound_is_told_where_there_is_none(solution: dmoc.Solution) -> None:
     inf = np.inf
-    for bounds, said in (([-inf, inf], []), ([-inf, 500.0], [r"$F\leq 500$"])):
+    for bounds, labels in (([-inf, inf], []), ([-inf, 500.0], [r"$F\leq 500$"])):
         figure = drawn(solution, input_bounds=np.array([bounds]))
         inputs = labelled(figure, "input $F$ [N]")
-        assert legend(inputs) == said
+        assert legend(inputs) == labels
         assert not limits(inputs)
 
 

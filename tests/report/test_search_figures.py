@@ -35,10 +35,10 @@ def links(axes: Axes) -> set[tuple[tuple[float, float], ...]]:
 def test_a_tree_shows_sequences_costs_and_verdicts() -> None:
     figure = plot_tree(NODES)
     (axes,) = figure.axes
-    shown = {text.get_text()[2:]: (text, text.get_position()) for text in axes.texts}
-    assert set(shown) == {"no collision 5.341", "east 0.5351", "west", "west 2", "east 3"}
+    texts = {text.get_text()[2:]: (text, text.get_position()) for text in axes.texts}
+    assert set(texts) == {"no collision 5.341", "east 0.5351", "west", "west 2", "east 3"}
     columns = list(axes.get_xticks())
-    depths = {name: columns.index(place[0]) for name, (_, place) in shown.items()}
+    depths = {name: columns.index(place[0]) for name, (_, place) in texts.items()}
     assert depths == {
         "no collision 5.341": 0,
         "east 0.5351": 1,
@@ -46,16 +46,16 @@ def test_a_tree_shows_sequences_costs_and_verdicts() -> None:
         "west 2": 2,
         "east 3": 2,
     }
-    places = [place for _, place in shown.values()]
+    places = [place for _, place in texts.values()]
     assert len(set(places)) == len(places)
     for name, verdict in (
         ("east 0.5351", "optimal"),
         ("west", "infeasible"),
         ("west 2", "unverified"),
     ):
-        assert to_hex(shown[name][0].get_bbox_patch().get_facecolor()).upper() == VERDICTS[verdict]
-    assert [shown[name][0].get_weight() for name in ("east 0.5351", "east 3")] == ["bold", "normal"]
-    at = {name: tuple(map(float, place)) for name, (_, place) in shown.items()}
+        assert to_hex(texts[name][0].get_bbox_patch().get_facecolor()).upper() == VERDICTS[verdict]
+    assert [texts[name][0].get_weight() for name in ("east 0.5351", "east 3")] == ["bold", "normal"]
+    at = {name: tuple(map(float, place)) for name, (_, place) in texts.items()}
     parents = {
         "east 0.5351": "no collision 5.341",
         "west": "no collision 5.341",

@@ -91,8 +91,8 @@ def test_a_spring_goes_from_one_end_to_the_other() -> None:
 def test_the_extent_holds_the_whole_shape(
     kind: str, values: tuple[float, ...], low: tuple[float, float], high: tuple[float, float]
 ) -> None:
-    found = extent_of(still(kind, *values))
-    np.testing.assert_allclose(found, (low, high), atol=1e-12)
+    extent = extent_of(still(kind, *values))
+    np.testing.assert_allclose(extent, (low, high), atol=1e-12)
 
 
 def test_wide_scenes_stand_below_each_other_and_tall_ones_beside() -> None:
@@ -111,9 +111,9 @@ def test_a_window_on_a_straight_motion_is_not_flat() -> None:
 
 def test_very_many_phases_are_shown_together() -> None:
     kernels = dmoc.load("bouncing_pendulum")
-    found = dmoc.simulate(kernels, {"theta": 1.0}, step_size=0.01, steps=3200)
-    assert len(found.collisions) == 30
-    figure = found.plot()
+    run = dmoc.simulate(kernels, {"theta": 1.0}, step_size=0.01, steps=3200)
+    assert len(run.collisions) == 30
+    figure = run.plot()
     (snapshots,) = (axes for axes in figure.axes if axes.get_title())
     assert snapshots.get_title() == "0 to 32 s, 30 events"
     masses = [line.get_xydata()[0] for line in snapshots.lines if line.get_marker() == "o"]
@@ -207,7 +207,7 @@ def test_a_coordinate_that_stands_still_is_drawn_in_the_middle(solution: dmoc.So
     assert scene.of(box, 0)[0, 0] == pytest.approx((left + right) / 2)
 
 
-def told_in(motion: Trajectory, unit: float) -> Trajectory:
+def in_unit(motion: Trajectory, unit: float) -> Trajectory:
     """A motion of which the coordinates, and the lengths of its scene, are told in a unit so many
     times larger; the bounds of its inputs are far."""
     assert motion.scene is not None
@@ -225,7 +225,7 @@ def told_in(motion: Trajectory, unit: float) -> Trajectory:
 def test_a_motion_of_tiny_numbers_is_drawn_as_one_of_large_ones(solution: dmoc.Solution) -> None:
     drawn = []
     for unit in (1.0, 1e13):
-        figure = replace(solution, trajectory=told_in(solution.trajectory, unit)).plot()
+        figure = replace(solution, trajectory=in_unit(solution.trajectory, unit)).plot()
         drawn.append([(len(a.lines), len(a.patches), len(a.collections)) for a in figure.axes])
     assert drawn[0] == drawn[1]
 

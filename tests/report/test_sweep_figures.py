@@ -12,11 +12,11 @@ from dmoc.report.sweep_figure import plot_sweep
 
 
 def test_one_value_gives_the_cost_and_the_times_in_its_order(tmp_path: Path) -> None:
-    given = {"m_c": np.array([3.0, 1.0, 2.0])}
+    varied = {"m_c": np.array([3.0, 1.0, 2.0])}
     cost, end = np.array([9.0, 1.0, np.nan]), np.array([3.0, 1.0, np.nan])
     times = np.array([[0.3, 0.4], [0.1, np.nan], [np.nan, np.nan]])
     solved = np.array([True, True, False])
-    figure = plot_sweep(given, cost, end, times, solved, tmp_path / "sweep.png")
+    figure = plot_sweep(varied, cost, end, times, solved, tmp_path / "sweep.png")
     above, below = figure.axes
     assert below.get_xlabel() == "$m_{c}$" and above.get_ylabel() == "cost"
     line, missing = above.get_lines()
@@ -41,8 +41,8 @@ def test_two_values_give_a_map_with_crosses_where_nothing_was_solved() -> None:
 
 def test_nothing_solved_and_single_values_are_drawn_too() -> None:
     none, nan = np.array([False]), np.array([np.nan])
-    for given in ({"m": np.array([1.0])}, {"m": np.array([1.0]), "l": np.array([2.0])}):
-        assert plot_sweep(given, nan, nan, np.zeros((1, 0)), none).axes
+    for varied in ({"m": np.array([1.0])}, {"m": np.array([1.0]), "l": np.array([2.0])}):
+        assert plot_sweep(varied, nan, nan, np.zeros((1, 0)), none).axes
 
 
 def test_other_numbers_of_values_have_no_figure() -> None:

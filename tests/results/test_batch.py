@@ -25,9 +25,9 @@ from dmoc.results.result_file import content_of, result_in
 @pytest.fixture(scope="module")
 def batch() -> dmoc.Batch:
     problem = block_and_wall.problem(0.8, 8)
-    found = dmoc.sweep(problem, {"m": [1.0, 2.0]}, start={"x": [0.0, 2.0]}, verify=False)
-    assert found.status == ("solved", "refused") * 2
-    return found
+    swept = dmoc.sweep(problem, {"m": [1.0, 2.0]}, start={"x": [0.0, 2.0]}, verify=False)
+    assert swept.status == ("solved", "refused") * 2
+    return swept
 
 
 def test_the_csv_has_every_number_in_full(batch: dmoc.Batch, tmp_path: Path) -> None:

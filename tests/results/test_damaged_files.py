@@ -66,11 +66,11 @@ def test_every_field_is_declared(record: Record, made: type) -> None:
 def test_kinds_take_numbers_and_lists_of_them() -> None:
     """As a mapping of texts to numbers or lists of numbers needs it."""
     kind = Mapped(Either(Number(), ShortArray()))
-    given = {"cost": 2.0, "q": np.array([1.0, 0.5])}
-    written = kind.write(given, "", lambda *_: None)
+    record = {"cost": 2.0, "q": np.array([1.0, 0.5])}
+    written = kind.write(record, "", lambda *_: None)
     assert json.loads(json.dumps(written)) == {"cost": 2.0, "q": [1.0, 0.5]}
     again = kind.read(written, "", solution_file.Context())
-    assert again["cost"] == 2.0 and np.array_equal(again["q"], given["q"])
+    assert again["cost"] == 2.0 and np.array_equal(again["q"], record["q"])
     with pytest.raises(Refused, match=r"q\.1 is 'x', expected a number"):
         kind.read({"q": [1.0, "x"]}, "", solution_file.Context())
 

@@ -22,21 +22,21 @@ from dmoc.solvers.outcome import Status
 
 
 @pytest.fixture(scope="module")
-def found(seed: Problem) -> dmoc.Solution:
+def solution(seed: Problem) -> dmoc.Solution:
     """The solution of the source, with another minimum beside it."""
     solution = dmoc.solve(seed.but(steps=60), "ipm", starts=1)
     other = Minimum(200.5, 3, Status.SOLVED, (60, 60))
     return replace(solution, starts=16, agreeing_starts=13, others=(other,))
 
 
-def test_a_start_is_told_in_its_own_size(found: dmoc.Solution) -> None:
+def test_a_start_is_told_in_its_own_size(solution: dmoc.Solution) -> None:
     """Coordinates in a unit 1e14 times larger are no rounding errors; beside them these are."""
-    motion, texts = found.trajectory, []
+    motion, texts = solution.trajectory, []
     for unit in (1.0, 1e14):
         phases = tuple(replace(p, q=p.q / unit, v=p.v / unit, p=p.p / unit) for p in motion.phases)
         phases[0].q[0, 0], phases[0].v[0, 0] = 1e-17 / unit, 0.25 / unit
-        told = replace(found, trajectory=replace(motion, phases=phases))
-        rows = dict(tuple(map(plain, row)) for row in next(tables(told)).rows)
+        tiny = replace(solution, trajectory=replace(motion, phases=phases))
+        rows = dict(tuple(map(plain, row)) for row in next(tables(tiny)).rows)
         pairs = (pair.split(" = ") for pair in rows["start"].split(", "))
         texts.append({name: float(value) * unit for name, value in pairs})
     alpha = motion.coordinates[0]
@@ -44,29 +44,31 @@ def test_a_start_is_told_in_its_own_size(found: dmoc.Solution) -> None:
     assert texts[0] == pytest.approx(texts[1], rel=1e-4)
 
 
-def test_other_minima_are_told_with_their_mesh(found: dmoc.Solution) -> None:
-    same = replace(found.others[0], agreeing_starts=1)
-    other = replace(found.others[0], steps=(24, 24))
-    rows = [row for row in str(replace(found, others=(same, other))).splitlines() if "minim" in row]
+def test_other_minima_are_told_with_their_mesh(solution: dmoc.Solution) -> None:
+    same = replace(solution.others[0], agreeing_starts=1)
+    other = replace(solution.others[0], steps=(24, 24))
+    rows = [
+        row for row in str(replace(solution, others=(same, other))).splitlines() if "minim" in row
+    ]
     assert "200.5 (solved), from 1 start" in rows[-2] and "starts" not in rows[-2]
     assert "200.5 (solved in 24+24 steps), from 3 starts" in rows[-1]
 
 
-def test_the_first_mesh_of_a_table_has_no_estimate(found: dmoc.Solution) -> None:
+def test_the_first_mesh_of_a_table_has_no_estimate(solution: dmoc.Solution) -> None:
     meshes = (
         Mesh((30, 30), 128.0, 5, inf, None, 1e-2),
         Mesh((60, 60), 129.0, 7, 2e-3, 1e-4),
     )
     first, last = (
-        row for row in str(replace(found, meshes=meshes)).splitlines() if "steps  " in row
+        row for row in str(replace(solution, meshes=meshes)).splitlines() if "steps  " in row
     )
     assert "30+30" in first and "estimated" not in first and "finest 1.0e-02" in first
     assert "estimated error 2.0e-03" in last
 
 
 @pytest.mark.slow
-def test_a_page_holds_everything_and_needs_nothing(found: dmoc.Solution, tmp_path: Path) -> None:
-    text = found.report(tmp_path / "r.html").read_text()
+def test_a_page_holds_everything_and_needs_nothing(solution: dmoc.Solution, tmp_path: Path) -> None:
+    text = solution.report(tmp_path / "r.html").read_text()
     parseString(text[text.index("<main>") : text.index("</body>")])
     assert "prefers-color-scheme:dark" in text and "<script" not in text
     assert not re.search(r'(src|href)="(?!data:)', text)
@@ -79,13 +81,13 @@ def test_a_page_holds_everything_and_needs_nothing(found: dmoc.Solution, tmp_pat
 
 
 @pytest.mark.slow
-def test_a_pdf_has_its_text_and_the_figure(found: dmoc.Solution, tmp_path: Path) -> None:
-    content = found.report(tmp_path / "r.pdf").read_bytes()
+def test_a_pdf_has_its_text_and_the_figure(solution: dmoc.Solution, tmp_path: Path) -> None:
+    content = solution.report(tmp_path / "r.pdf").read_bytes()
     assert content.startswith(b"%PDF-") and b"/Count 2" in content
     streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", content, re.DOTALL)
     pages = [s for s in map(_inflated, streams) if b"Tf" in s]
     assert len(pages) == 2
-    assert found.report(tmp_path / "again.pdf").read_bytes() == content
+    assert solution.report(tmp_path / "again.pdf").read_bytes() == content
 
 
 def _inflated(stream: bytes) -> bytes:
@@ -95,12 +97,14 @@ def _inflated(stream: bytes) -> bytes:
         return b""
 
 
-def test_a_report_says_what_was_found(found: dmoc.Solution) -> None:
-    parts = {table.title: table for table in tables(found)}
-    told = {plain(row[0]): " ".join(plain(c) for c in row[1:]) for row in parts["Problem"].rows}
-    assert told["sequence"] == "left" and told["mesh"] == "60 + 60 steps, order 2, constant inputs"
-    assert "m_p = 1" in told["parameters"] and "F: -200 to 200" in told["bounds"]
-    assert told["start"].startswith("alpha = 0.47124, alpha_dot = 0")
+def test_a_report_says_what_was_found(solution: dmoc.Solution) -> None:
+    parts = {table.title: table for table in tables(solution)}
+    facts = {plain(row[0]): " ".join(plain(c) for c in row[1:]) for row in parts["Problem"].rows}
+    assert (
+        facts["sequence"] == "left" and facts["mesh"] == "60 + 60 steps, order 2, constant inputs"
+    )
+    assert "m_p = 1" in facts["parameters"] and "F: -200 to 200" in facts["bounds"]
+    assert facts["start"].startswith("alpha = 0.47124, alpha_dot = 0")
     rows = [[plain(c) for c in row] for row in parts["Minima found"].rows]
     assert rows[1] == ["200.5", "3", "solved", "60+60"] and rows[0][1] == "13"
     check = {
@@ -110,6 +114,6 @@ def test_a_report_says_what_was_found(found: dmoc.Solution) -> None:
 
 
 @pytest.mark.slow
-def test_reports_are_named_by_their_endings(found: dmoc.Solution, tmp_path: Path) -> None:
+def test_reports_are_named_by_their_endings(solution: dmoc.Solution, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"end it in \.html or \.pdf"):
-        found.report(tmp_path / "r.docx")
+        solution.report(tmp_path / "r.docx")

@@ -83,8 +83,8 @@ def test_names_are_escaped_and_tones_are_kept() -> None:
 @pytest.mark.slow
 def test_a_title_is_no_markup_in_a_notebook() -> None:
     system = replace(block_system(), title="<script>alert(1)</script>")
-    for shown in (system, dmoc.build(system)):
-        assert "<script>" not in shown._repr_html_()
+    for titled in (system, dmoc.build(system)):
+        assert "<script>" not in titled._repr_html_()
 
 
 @pytest.mark.slow
@@ -145,10 +145,10 @@ def test_the_table_of_a_search_is_narrow_and_tells_why_on_request(
     why = "none of 8 starts led to it " * 5
     nodes = (Node(long, Verdict.INFEASIBLE, evidence=(why,)), Node(("left",), Verdict.FAILED))
     result = SearchResult(nodes, None, True, (), 1.0, objects["problem"])
-    short, told = text_of(table_of_search(result)), text_of(table_of_search(result, why=True))
-    assert max(map(len, f"{short}\n{told}".splitlines())) <= 80 and "…" not in short + told
-    assert short.count("right") == told.count("right") == 12
-    assert "none of 8" not in short and told.count("starts led") >= 4 and "--verbose" in short
+    short, full = text_of(table_of_search(result)), text_of(table_of_search(result, why=True))
+    assert max(map(len, f"{short}\n{full}".splitlines())) <= 80 and "…" not in short + full
+    assert short.count("right") == full.count("right") == 12
+    assert "none of 8" not in short and full.count("starts led") >= 4 and "--verbose" in short
 
 
 def test_parts_of_results_are_a_line_or_a_table() -> None:

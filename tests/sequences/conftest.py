@@ -16,7 +16,7 @@ def table() -> dmoc.Problem:
 
 
 @pytest.fixture(scope="session")
-def found(table: dmoc.Problem) -> SearchResult:
+def whole(table: dmoc.Problem) -> SearchResult:
     return dmoc.search(table, 3)
 
 

@@ -106,18 +106,18 @@ def test_what_may_be_the_best_is_looked_at_again_and_on_the_finest_meshes_where_
     monkeypatch: pytest.MonkeyPatch, best: float | None, doubtful: list[float], meshes: list[Any]
 ) -> None:
     none: Any = SimpleNamespace(surfaces=())
-    tree, asked = Tree(none, none), list[Any]()
+    tree, refined = Tree(none, none), list[Any]()
     for name, cost in (("a", 1.1), ("b", 0.9), ("c", 0.8), ("d", None)):
         tree.nodes[name,] = Node((name,), Verdict.UNVERIFIED, cost)
     if best is not None:
         tree.nodes["e",] = Node(("e",), Verdict.FEASIBLE, best)
-    monkeypatch.setattr(Tree, "_refined", lambda self, finer, *_: asked.append(finer) or ())
-    assert list(tree.refine(lambda *_: (), 0.0)) == [] and asked == meshes
+    monkeypatch.setattr(Tree, "_refined", lambda self, finer, *_: refined.append(finer) or ())
+    assert list(tree.refine(lambda *_: (), 0.0)) == [] and refined == meshes
     assert [n.cost for n in tree.doubtful()] == doubtful
 
 
 @pytest.mark.parametrize(
-    ("seconds", "most", "waiting", "told"),
+    ("seconds", "most", "waiting", "reason"),
     [
         (None, 2, 1, "the limit of 2 nodes was reached"),
         (None, 2, 0, ""),
@@ -127,7 +127,7 @@ def test_what_may_be_the_best_is_looked_at_again_and_on_the_finest_meshes_where_
     ],
 )
 def test_a_budget_that_is_used_up_by_the_last_node_has_stopped_nothing(
-    seconds: float | None, most: int | None, waiting: int, told: str
+    seconds: float | None, most: int | None, waiting: int, reason: str
 ) -> None:
     settings = SimpleNamespace(seconds=seconds, max_nodes=most)
     tree: Any = SimpleNamespace(
@@ -135,7 +135,7 @@ def test_a_budget_that_is_used_up_by_the_last_node_has_stopped_nothing(
         solve=lambda *_: [],
     )  # fmt: skip
     until = Deadline(0.0) if seconds else ENDLESS  # in the past
-    assert _looked_at(tree, lambda *_: (), until, until, lambda: None) == told
+    assert _looked_at(tree, lambda *_: (), until, until, lambda: None) == reason
 
 
 def swing_up(steps: int) -> dmoc.Problem:

@@ -81,9 +81,9 @@ def test_settings_of_a_node_tell_its_journal_from_others(problem: dmoc.Problem, 
 
 def test_a_field_that_is_added_counts(problem: dmoc.Problem) -> None:
     assert SEARCHED == ("sequence", "durations")  # what the search sets itself, node by node
-    found = {name.partition(".")[2] for name in facts(problem, SETTINGS)} - {""}
+    counted = {name.partition(".")[2] for name in facts(problem, SETTINGS)} - {""}
     stated = {f.name for f in fields(dmoc.Problem)} - {*SEARCHED}
-    assert found == stated | OTHER_SETTINGS.keys()
+    assert counted == stated | OTHER_SETTINGS.keys()
 
 
 def test_the_same_problem_in_other_words_has_the_same_journal(problem: dmoc.Problem) -> None:

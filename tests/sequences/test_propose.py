@@ -38,16 +38,16 @@ T = dynamicsymbols._t
 def test_the_seed_hits_the_left_limiter_twice(swung: SearchResult) -> None:
     """66.1598 is the cost of this sequence at the default steps where a solve is told it."""
     assert swung.best is not None and swung.best.sequence == ("left", "left")
-    told = dmoc.solve(unnamed("cart_pendulum", sequence=["left", "left"]), "ipm")
-    assert swung.best.cost == pytest.approx(told.cost, rel=1e-6) == pytest.approx(66.1598, rel=1e-6)
+    cost = dmoc.solve(unnamed("cart_pendulum", sequence=["left", "left"]), "ipm").cost
+    assert swung.best.cost == pytest.approx(cost, rel=1e-6) == pytest.approx(66.1598, rel=1e-6)
     first = swung.proposals[0]
     assert first.sequence == ("left", "left") and first.starts >= 2
     assert first.cost == pytest.approx(66.16, rel=0.05)
 
 
 def test_proposals_are_told_with_their_starts_and_what_became_of_them(swung: SearchResult) -> None:
-    (found,) = [note for note in swung.notes if "relaxed starts led to" in note]
-    assert f"left, left ({swung.proposals[0].starts} starts, about 67." in found
+    (note,) = [note for note in swung.notes if "relaxed starts led to" in note]
+    assert f"left, left ({swung.proposals[0].starts} starts, about 67." in note
     solved = {n.sequence for n in swung.nodes}
     dear = [p for p in swung.proposals if p.sequence not in solved]
     assert all(p.cost > 1.35 * 66.16 for p in dear)
@@ -163,8 +163,8 @@ def test_a_leg_goes_two_metres() -> None:
     (note,) = [note for note in result.notes if "relaxed starts led to" in note]
     led, starts = (int(word) for word in note.split()[:3] if word.isdigit())
     assert led > 0.6 * starts
-    told = dmoc.solve(result.problem.but(sequence=result.best.sequence), "ipm", starts=1)
-    assert told.cost == pytest.approx(result.best.cost, rel=1e-2)
+    solution = dmoc.solve(result.problem.but(sequence=result.best.sequence), "ipm", starts=1)
+    assert solution.cost == pytest.approx(result.best.cost, rel=1e-2)
 
 
 def test_neighbours_of_the_best_leave_contacts_and_friction_otherwise() -> None:
@@ -172,13 +172,13 @@ def test_neighbours_of_the_best_leave_contacts_and_friction_otherwise() -> None:
     and the proposals find; a solve that is told it comes to 232.29 from its guess, and to 232.02
     from all of its starts."""
     problem = leg(1.2)
-    told = dmoc.solve(
+    solution = dmoc.solve(
         problem.but(sequence=["-floor", "+floor:slip+", "floor:stick", "floor:slip+"]), "ipm",
         starts=1,
     )  # fmt: skip
     result = dmoc.search(problem, strategy="propose", max_nodes=12)
     assert result.best is not None and result.best.cost is not None
-    assert result.best.cost < told.cost * (1 - 1e-3)
+    assert result.best.cost < solution.cost * (1 - 1e-3)
     assert result.best.sequence not in [p.sequence for p in result.proposals]
 
 
@@ -288,9 +288,9 @@ def test_carts_on_a_rough_floor_are_read_step_by_step() -> None:
     result = dmoc.search(problem, strategy="propose", max_nodes=9)
     assert result.best is not None and result.best.cost is not None
     assert "right floor3:slip+" in result.best.sequence
-    told = dmoc.solve(problem.but(sequence=result.best.sequence), "ipm", starts=1)
-    assert told.cost <= result.best.cost < 214.79
-    assert result.best.cost == pytest.approx(told.cost, rel=1e-2)
+    solution = dmoc.solve(problem.but(sequence=result.best.sequence), "ipm", starts=1)
+    assert solution.cost <= result.best.cost < 214.79
+    assert result.best.cost == pytest.approx(solution.cost, rel=1e-2)
 
 
 def test_an_ignored_surface_beside_others_is_named() -> None:

@@ -57,27 +57,27 @@ def unfolded_cost(sequence: tuple[str, ...]) -> float:
 
 
 def test_the_best_sequence_is_that_of_the_closed_form(
-    table: dmoc.Problem, found: SearchResult
+    table: dmoc.Problem, whole: SearchResult
 ) -> None:
-    assert found.complete and len(found.nodes) == 1 + 4 + 16 + 64
-    assert found.best is not None and found.best.sequence == ("east", "north", "west")
-    assert found.best.verdict is Verdict.OPTIMAL
-    assert unfolded_cost(found.best.sequence) == pytest.approx(0.415, rel=1e-12)
-    assert found.best.cost == pytest.approx(0.415, rel=1e-3)
+    assert whole.complete and len(whole.nodes) == 1 + 4 + 16 + 64
+    assert whole.best is not None and whole.best.sequence == ("east", "north", "west")
+    assert whole.best.verdict is Verdict.OPTIMAL
+    assert unfolded_cost(whole.best.sequence) == pytest.approx(0.415, rel=1e-12)
+    assert whole.best.cost == pytest.approx(0.415, rel=1e-3)
     # No unfolded motion of at most three collisions costs less, whether its order of hits is
     # possible or not.
     walls = ("west", "east", "south", "north")
     every = [s for d in range(4) for s in itertools.product(walls, repeat=d)]
     assert min(unfolded_cost(s) for s in every) == pytest.approx(0.415, rel=1e-12)
     # The sequence that the problem comes with, solved alone, ends in a far worse motion.
-    assert dmoc.solve(table, method="ipm", verify=False).cost > 2 * found.best.cost
+    assert dmoc.solve(table, method="ipm", verify=False).cost > 2 * whole.best.cost
 
 
-def test_nodes_cost_what_a_separate_solve_costs(table: dmoc.Problem, found: SearchResult) -> None:
+def test_nodes_cost_what_a_separate_solve_costs(table: dmoc.Problem, whole: SearchResult) -> None:
     """Its mesh is that of the exploration: the automatic guess costs what it costs alone, with the
     law of impact in the rates.  On a fine mesh it costs the same in the energies."""
     alone = Request(METHODS["ipm"], Options(), verify=False)
-    for node in found.nodes[:21:3]:
+    for node in whole.nodes[:21:3]:
         durations = [(0.02, None)] * (len(node.sequence) + 1) if node.sequence else None
         problem = table.but(sequence=node.sequence, durations=durations)
         guessed = solved_on_mesh(problem.in_rates(), None, alone)
@@ -92,10 +92,10 @@ def test_nodes_cost_what_a_separate_solve_costs(table: dmoc.Problem, found: Sear
         assert dear == pytest.approx(cheap, rel=1e-3)
 
 
-def test_every_sequence_of_the_table_is_confirmed(found: SearchResult) -> None:
+def test_every_sequence_of_the_table_is_confirmed(whole: SearchResult) -> None:
     """In the energies of 16 steps a phase, 36 of them would not be."""
-    assert len(found.nodes) == 85
-    assert all(node.solution is not None and node.solution.minimum for node in found.nodes)
+    assert len(whole.nodes) == 85
+    assert all(node.solution is not None and node.solution.minimum for node in whole.nodes)
 
 
 def test_deep_sequences_cost_what_they_cost_on_a_fine_mesh(seed: dmoc.Problem) -> None:
@@ -130,23 +130,23 @@ def test_sensitivities_of_a_node_equal_differences_of_searches(seed: dmoc.Proble
     node = left(lossy)
     assert node.solution is not None
     problem = lossy.but(sequence=["left"], durations=[(0.01, None)] * 2)
-    found = dmoc.sensitivities(problem, node.solution)
+    slopes = dmoc.sensitivities(problem, node.solution)
     for name in ("m_c", "l"):
         value = seed.kernels.parameters[name]
         assert value is not None
         low, high = ({"parameters": {name: value + d}} for d in (-1e-4, 1e-4))
-        assert found["parameters"][name] == pytest.approx(slope(low, high, 2e-4), rel=1e-5)
+        assert slopes["parameters"][name] == pytest.approx(slope(low, high, 2e-4), rel=1e-5)
     low, high = ({"restitution": 0.7 + d} for d in (-1e-4, 1e-4))
-    assert found["restitution"]["left"] == pytest.approx(slope(low, high, 2e-4), rel=1e-5)
+    assert slopes["restitution"]["left"] == pytest.approx(slope(low, high, 2e-4), rel=1e-5)
 
 
-def test_every_node_has_evidence(found: SearchResult) -> None:
-    for node in found.nodes:
+def test_every_node_has_evidence(whole: SearchResult) -> None:
+    for node in whole.nodes:
         assert node.evidence and node.starts and node.seconds > 0 and node.attempts == 1
         assert node.cost in node.minima and len(node.phases) == len(node.sequence) + 1
-    assert sum(found.counts.values()) == len(found.nodes)
-    assert any("shortest duration of a phase" in note for note in found.notes)
-    text = json.dumps(found.to_dict())
+    assert sum(whole.counts.values()) == len(whole.nodes)
+    assert any("shortest duration of a phase" in note for note in whole.notes)
+    text = json.dumps(whole.to_dict())
     assert json.loads(text)["best"] == ["east", "north", "west"]
 
 
@@ -270,9 +270,9 @@ def test_a_collision_that_must_be_followed_by_another_is_reachable(table: dmoc.P
     assert verdicts["east", "west"] is Verdict.OPTIMAL
 
 
-def test_solutions_can_be_checked_again(found: SearchResult) -> None:
-    assert found.best is not None and found.best.solution is not None
-    assert found.best.solution.verify().passed
+def test_solutions_can_be_checked_again(whole: SearchResult) -> None:
+    assert whole.best is not None and whole.best.solution is not None
+    assert whole.best.solution.verify().passed
 
 
 def test_random_starts_find_what_the_others_miss_and_belong_to_a_seed(
@@ -280,13 +280,13 @@ def test_random_starts_find_what_the_others_miss_and_belong_to_a_seed(
 ) -> None:
     """The first starts of a node lead nowhere, as at some deep ones of the pendulum."""
 
-    def astray(*given: Any) -> list[Attempt]:
+    def astray(*arguments: Any) -> list[Attempt]:
         rounds.append(1)
-        found = attempts_from(*given)
+        attempts = attempts_from(*arguments)
         if len(rounds) > 1:
-            return found
+            return attempts
         failed = Status.INFEASIBLE
-        return [replace(a, outcome=replace(a.outcome, status=failed)) for a in found]
+        return [replace(a, outcome=replace(a.outcome, status=failed)) for a in attempts]
 
     without = dmoc.search(table, 0).nodes[0]
     monkeypatch.setattr(exploration, "attempts_from", astray)
@@ -310,14 +310,14 @@ def test_random_starts_find_what_the_others_miss_and_belong_to_a_seed(
 
 @pytest.mark.parametrize("strategy", ["best-first", "beam"])
 def test_strategies_find_the_same_best_with_fewer_nodes(
-    table: dmoc.Problem, found: SearchResult, strategy: str
+    table: dmoc.Problem, whole: SearchResult, strategy: str
 ) -> None:
     result = dmoc.search(
         table, 3, strategy=strategy, beam=2, max_nodes=40 if strategy == "best-first" else None
     )
-    assert result.best is not None and found.best is not None
-    assert result.best.sequence == found.best.sequence
-    assert len(result.nodes) < len(found.nodes) and not result.complete and result.notes
+    assert result.best is not None and whole.best is not None
+    assert result.best.sequence == whole.best.sequence
+    assert len(result.nodes) < len(whole.nodes) and not result.complete and result.notes
 
 
 def test_best_first_finds_the_best_of_the_seed_without_looking_at_all(seed: dmoc.Problem) -> None:
@@ -328,8 +328,8 @@ def test_best_first_finds_the_best_of_the_seed_without_looking_at_all(seed: dmoc
     assert few.best is not None and every.best is not None
     assert few.best.sequence == every.best.sequence == ("left", "left")
     assert few.best.cost == every.best.cost == min(n.cost for n in every.nodes if n.cost)
-    known = {n.sequence: n.cost for n in every.nodes}
-    assert all(known[n.sequence] == n.cost for n in few.nodes)
+    costs = {n.sequence: n.cost for n in every.nodes}
+    assert all(costs[n.sequence] == n.cost for n in few.nodes)
 
 
 def test_a_tree_as_large_as_its_budget_is_complete(table: dmoc.Problem) -> None:
@@ -371,6 +371,8 @@ def test_problems_that_cannot_be_searched_are_refused(table: dmoc.Problem) -> No
 def test_what_is_one_is_told_as_one(block: Kernels) -> None:
     """Two elastic hits of a mass that is to come back would merge; no other motion is held."""
     task = {"start": {"x": 0.0}, "goal": {"x": 0.0, "x_dot": 0.0}, "final_time": 1.0, "steps": 20}
-    found = dmoc.search(dmoc.Problem(block, **task), max_collisions=2)
-    assert sum(bool(n.shortest) for n in found.nodes) == 1
-    assert "1 motion is held by the shortest duration of a phase: its collisions" in found.notes[-1]
+    result = dmoc.search(dmoc.Problem(block, **task), max_collisions=2)
+    assert sum(bool(n.shortest) for n in result.nodes) == 1
+    assert (
+        "1 motion is held by the shortest duration of a phase: its collisions" in result.notes[-1]
+    )

@@ -230,10 +230,10 @@ def test_plastic_impacts_do_not_pull() -> None:
     pull."""
     response = np.array([[4.0, 1.0, -2.0], [1.0, 1.0, 1.0], [-2.0, 1.0, 4.0]])
     rates = np.array([1.0, 1.0, 1.0])
-    found = simultaneous(np.zeros(3), np.full(3, 1e-13), rates, rates, response, np.zeros(3), 0.0)
-    assert found is not None and all(impulse > 0 for _, impulse in found)
+    hits = simultaneous(np.zeros(3), np.full(3, 1e-13), rates, rates, response, np.zeros(3), 0.0)
+    assert hits is not None and all(impulse > 0 for _, impulse in hits)
     after = rates - response @ np.bincount(
-        [j for j, _ in found], [impulse for _, impulse in found], 3
+        [j for j, _ in hits], [impulse for _, impulse in hits], 3
     )
     assert after == pytest.approx(0, abs=1e-12)
 
@@ -308,17 +308,17 @@ def test_units_do_not_matter(
             if value is not None
         }
         q = np.array([size(name) for name in kernels.coordinates])
-        found = dmoc.simulate(
+        ball = dmoc.simulate(
             kernels, position * q, velocity * q / units[2], step_size=0.01 * units[2], steps=120,
             parameters=parameters, restitution=restitution,
         )  # fmt: skip
-        return found.q / q, [
-            (c.surface, pytest.approx(c.time / units[2], rel=1e-9)) for c in found.collisions
+        return ball.q / q, [
+            (c.surface, pytest.approx(c.time / units[2], rel=1e-9)) for c in ball.collisions
         ]
 
     wanted, contacts = run(1.0, 1.0, 1.0)
     assert len(contacts) == hits
     for i, j in itertools.product(range(3), repeat=2):
-        motion, found = run(*np.power(10.0, [6 * i - 6, 6 * j - 6, 6 * ((i + j) % 3) - 6]))
+        motion, met = run(*np.power(10.0, [6 * i - 6, 6 * j - 6, 6 * ((i + j) % 3) - 6]))
         assert motion == pytest.approx(wanted, rel=1e-9, abs=1e-9)
-        assert found == contacts
+        assert met == contacts

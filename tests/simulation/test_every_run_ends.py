@@ -121,8 +121,8 @@ def test_changes_at_one_moment_that_come_to_no_end_are_told(
         return modes[0]
 
     monkeypatch.setattr(contact_motion, "mode_at", alternating)
-    told = r"come to no end at t = .*, 50 in .*'floor' slip[+-], 'floor' closed and 'floor' slip"
-    with pytest.raises(SimulationError, match=told):
+    text = r"come to no end at t = .*, 50 in .*'floor' slip[+-], 'floor' closed and 'floor' slip"
+    with pytest.raises(SimulationError, match=text):
         dmoc.simulate(floor, [0.0, 0.0], [0.0, 0.0], step_size=0.1, steps=3, inputs=[0.0])
 
 

@@ -49,9 +49,9 @@ def once(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_coefficients_are_those_of_the_method() -> None:
-    known = [*DOP853.A[1:], DOP853.B, DOP853.E5, DOP853.E3]
+    sums = [*DOP853.A[1:], DOP853.B, DOP853.E5, DOP853.E3]
     assert dormand_prince.shares() == tuple(DOP853.C[1:])
-    for terms, row in zip(dormand_prince.sums(), known, strict=True):
+    for terms, row in zip(dormand_prince.sums(), sums, strict=True):
         factors = np.zeros(len(row))
         for stage, factor in terms:
             factors[stage] = factor
@@ -77,8 +77,8 @@ def test_states_and_work_are_those_of_another_integrator(driven: Kernels) -> Non
     """More rows than fit side by side, each with parts of its own."""
     model, nq = Model(driven, parameter_row(driven, {})), 2
     y, t, h, u0, u1 = random_rows(driven, 40, more=1)
-    found = y.copy()
-    ends = integrator(driven).advance(found, *once(len(y)), t, h, u0, u1)
+    states = y.copy()
+    ends = integrator(driven).advance(states, *once(len(y)), t, h, u0, u1)
     for k in range(len(y)):
 
         def slope(s: float, y: np.ndarray, k: int = k) -> np.ndarray:
@@ -88,10 +88,10 @@ def test_states_and_work_are_those_of_another_integrator(driven: Kernels) -> Non
             M, F, power = model.balance(*rows)
             return np.concatenate([y[nq : 2 * nq], np.linalg.solve(M[0], F[0]), power])
 
-        known = solve_ivp(slope, (t[k], t[k] + h[k]), y[k], "DOP853", rtol=1e-12, atol=1e-12)
-        assert found[k] == pytest.approx(known.y[:, -1], rel=1e-9, abs=1e-10)
+        reference = solve_ivp(slope, (t[k], t[k] + h[k]), y[k], "DOP853", rtol=1e-12, atol=1e-12)
+        assert states[k] == pytest.approx(reference.y[:, -1], rel=1e-9, abs=1e-10)
         assert ends[k, 0] == pytest.approx(slope(t[k], y[k])[nq : 2 * nq], rel=1e-12)
-        assert ends[k, 1] == pytest.approx(slope(t[k] + h[k], found[k])[nq : 2 * nq], rel=1e-12)
+        assert ends[k, 1] == pytest.approx(slope(t[k] + h[k], states[k])[nq : 2 * nq], rel=1e-12)
 
 
 def test_the_linearised_flow_is_that_of_differences(driven: Kernels) -> None:
@@ -100,7 +100,7 @@ def test_the_linearised_flow_is_that_of_differences(driven: Kernels) -> None:
     X = np.tile(np.eye(m).ravel(), (len(y), 1))
     linear = np.hstack([y, X])
     flow.advance(linear, *once(len(y)), t, h, u0, u1)
-    found = linear[:, m:].reshape(-1, m, m)
+    slopes = linear[:, m:].reshape(-1, m, m)
     for j in range(m):
         ends = []
         for sign in (1, -1):
@@ -108,21 +108,21 @@ def test_the_linearised_flow_is_that_of_differences(driven: Kernels) -> None:
             near[:, j] += sign * 1e-5
             flow.advance(near, *once(len(y)), t, h, u0, u1)
             ends.append(near)
-        known = (ends[0] - ends[1]) / 2e-5
-        assert found[:, :, j] == pytest.approx(known, rel=1e-6, abs=1e-7)
+        differences = (ends[0] - ends[1]) / 2e-5
+        assert slopes[:, :, j] == pytest.approx(differences, rel=1e-6, abs=1e-7)
 
 
 def test_rows_go_over_lists_of_steps_of_different_lengths(driven: Kernels) -> None:
     y, *steps = random_rows(driven, 40)
     first = np.arange(40) // 2
     last = first + np.arange(40) % 5
-    found = y.copy()
-    integrator(driven).advance(found, first, last, *steps)
+    states = y.copy()
+    integrator(driven).advance(states, first, last, *steps)
     for k in (0, 3, 19, 39):
         row = y[k : k + 1].copy()
         for j in range(first[k], last[k]):
             integrator(driven).advance(row, *once(1), *(s[j : j + 1].copy() for s in steps))
-        assert found[k] == pytest.approx(row[0], rel=1e-9, abs=1e-9)
+        assert states[k] == pytest.approx(row[0], rel=1e-9, abs=1e-9)
 
 
 def test_a_closed_surface_holds_the_motion(driven: Kernels) -> None:
@@ -134,12 +134,12 @@ def test_a_closed_surface_holds_the_motion(driven: Kernels) -> None:
     on_floor, on_side = y.copy(), y.copy()
     on_floor[:, 1] = 0.8 * np.cos(y[:, 0]) + 0.3 * np.sin(t) - 2
     on_side[:, 0] = 1.5
-    for j, found in enumerate((on_floor, on_side)):
+    for j, states in enumerate((on_floor, on_side)):
         mode = Mode((j,))
-        flow.settle(mode, found, t, none)
-        start = found.copy()
-        flow.advance(found, *once(len(y)), t, h, u0, u1, mode)
-        for rows, at in ((start, t), (found, t + h)):
+        flow.settle(mode, states, t, none)
+        start = states.copy()
+        flow.advance(states, *once(len(y)), t, h, u0, u1, mode)
+        for rows, at in ((start, t), (states, t + h)):
             q, v = (np.ascontiguousarray(rows[:, k * nq : (k + 1) * nq]) for k in (0, 1))
             assert np.abs(model.gaps(q, at)[:, j]).max() < 1e-12
             assert np.abs(model.gap_rates(q, v, at)[:, j]).max() < 1e-12
@@ -155,10 +155,10 @@ def test_a_closed_surface_holds_the_motion(driven: Kernels) -> None:
                 *a, force = np.linalg.solve(rows, [*F, -bend])
                 return np.array([*v[0], *a, power - force * (n @ v[0])])
 
-            known = solve_ivp(
+            reference = solve_ivp(
                 slope, (t[k], t[k] + h[k]), start[k], "DOP853", rtol=1e-12, atol=1e-12
             )
-            assert found[k] == pytest.approx(known.y[:, -1], rel=1e-8, abs=1e-9)
+            assert states[k] == pytest.approx(reference.y[:, -1], rel=1e-8, abs=1e-9)
 
 
 def test_rows_begin_where_a_mode_may_hold_them(driven: Kernels) -> None:
@@ -166,12 +166,12 @@ def test_rows_begin_where_a_mode_may_hold_them(driven: Kernels) -> None:
     model, nq = Model(driven, parameter_row(driven, {})), 2
     y, t, *_ = random_rows(driven, 10)
     y[:, 1] = 0.8 * np.cos(y[:, 0]) + 0.3 * np.sin(t) - 2 + 1e-3  # just above the moving floor
-    found = y.copy()
-    integrator(driven).settle(Mode((0,)), found, t, np.zeros((10, 0)), False)
-    assert np.abs(model.gaps(found[:, :nq].copy(), t)[:, 0]).max() < 1e-12
-    assert (found[:, nq:] == y[:, nq:]).all()
-    n = model.gap_slopes(found[:, :nq].copy(), t)[:, 0, :-1]
-    pushed = (model.mass(found[:, :nq].copy(), t) @ (found - y)[:, :nq, None])[..., 0]
+    states = y.copy()
+    integrator(driven).settle(Mode((0,)), states, t, np.zeros((10, 0)), False)
+    assert np.abs(model.gaps(states[:, :nq].copy(), t)[:, 0]).max() < 1e-12
+    assert (states[:, nq:] == y[:, nq:]).all()
+    n = model.gap_slopes(states[:, :nq].copy(), t)[:, 0, :-1]
+    pushed = (model.mass(states[:, :nq].copy(), t) @ (states - y)[:, :nq, None])[..., 0]
     turned = pushed[:, 0] * n[:, 1] - pushed[:, 1] * n[:, 0]
     assert np.abs(turned).max() < 1e-3 * np.abs(pushed).max()
 
@@ -216,13 +216,13 @@ def test_forces_of_a_mode_are_those_of_statics(
 ) -> None:  # fmt: skip
     y, u = np.zeros((3, 6)), np.full((3, 1), push)
     y[:, 3] = np.sign(push)
-    found = integrator(bar).reaction(mode, y, u, np.zeros(3))
-    for rows, known in (
-        (found.acceleration, acceleration),
-        (found.normal, normal),
-        (found.tangential, tangential),
+    reaction = integrator(bar).reaction(mode, y, u, np.zeros(3))
+    for rows, expected in (
+        (reaction.acceleration, acceleration),
+        (reaction.normal, normal),
+        (reaction.tangential, tangential),
     ):
-        assert rows == pytest.approx(np.tile(known, (3, 1)), abs=1e-12)
+        assert rows == pytest.approx(np.tile(expected, (3, 1)), abs=1e-12)
 
 
 @pytest.mark.slow
@@ -245,10 +245,10 @@ def test_friction_that_is_not_determined_is_the_smallest() -> None:
         turns, u = r.uniform(0, np.pi, 4), r.uniform(-5, 5, (9, 2))
         values = {f"angle{k}": float(turn) for k, turn in enumerate(turns)}
         flow = Integrator(kernels, parameter_row(kernels, values), np.ones(5), lambda: None)
-        found = flow.reaction(Mode((), (0, 1, 2, 3)), r.uniform(-1, 1, (9, 4)), u, np.zeros(9))
+        reaction = flow.reaction(Mode((), (0, 1, 2, 3)), r.uniform(-1, 1, (9, 4)), u, np.zeros(9))
         forces = -u @ np.linalg.pinv(np.stack([np.cos(turns), np.sin(turns)])).T
-        assert found.acceleration == pytest.approx(np.zeros((9, 2)), abs=1e-11)
-        assert found.tangential == pytest.approx(forces, rel=1e-9, abs=1e-9)
+        assert reaction.acceleration == pytest.approx(np.zeros((9, 2)), abs=1e-11)
+        assert reaction.tangential == pytest.approx(forces, rel=1e-9, abs=1e-9)
 
 
 def test_what_sticks_stays_at_its_place(bar: Kernels) -> None:
@@ -257,11 +257,11 @@ def test_what_sticks_stays_at_its_place(bar: Kernels) -> None:
     y, n = np.zeros((20, 7)), 20
     y[:, 0] = r.uniform(-1, 1, n)
     held = np.stack([y[:, 0] - 0.5, y[:, 0] + 0.5, y[:, 0]], axis=1)
-    found, u = y.copy(), r.uniform(-9, 9, (n + 1, 1))
+    states, u = y.copy(), r.uniform(-9, 9, (n + 1, 1))
     steps = np.arange(n, dtype=float), np.ones(n), u[:-1].copy(), u[1:].copy()
     first, last = np.zeros(n, dtype=np.intp), np.full(n, n)
-    flow.advance(found, first, last, *steps, Mode((0, 1), (0, 1)), held)
-    assert found == pytest.approx(y, abs=1e-13)
+    flow.advance(states, first, last, *steps, Mode((0, 1), (0, 1)), held)
+    assert states == pytest.approx(y, abs=1e-13)
 
 
 def test_positions_between_nodes_are_those_of_the_motion(driven: Kernels) -> None:
@@ -272,8 +272,8 @@ def test_positions_between_nodes_are_those_of_the_motion(driven: Kernels) -> Non
     ends = flow.advance(end, *once(len(y)), t, h, u0, u1)
     flow.advance(middle, *once(len(y)), t, h / 2, u0, (u0 + u1) / 2)
     path = flow.between(y, ends, end, h, np.array([0.0, 0.5, 1.0]))
-    for q, known, error in zip(path, (y, middle, end), (1e-15, 1e-11, 1e-15), strict=True):
-        assert q == pytest.approx(known[:, :nq], abs=error)
+    for q, states, error in zip(path, (y, middle, end), (1e-15, 1e-11, 1e-15), strict=True):
+        assert q == pytest.approx(states[:, :nq], abs=error)
 
 
 def chain(kernels: Kernels) -> tuple[np.ndarray, ...]:
@@ -295,8 +295,8 @@ def test_a_course_has_every_step_on_the_way(driven: Kernels) -> None:
         for k in range(first, last):
             before = state.copy()
             a = flow.advance(state, np.array([k]), np.array([k + 1]), *steps)
-            known = np.hstack([before, a.reshape(1, 4), state])[0]
-            assert course[k] == pytest.approx(known, abs=1e-12)
+            expected = np.hstack([before, a.reshape(1, 4), state])[0]
+            assert course[k] == pytest.approx(expected, abs=1e-12)
         assert ends[row] == pytest.approx(state[0], abs=1e-12)
 
 

@@ -33,11 +33,11 @@ def test_a_rod_that_hits_a_floor(
     tangential: float, regimes: tuple[tuple[str, ...], ...],
 ) -> None:  # fmt: skip
     D, inverse = rod(np.radians(angle))
-    found = impulses(D @ v, D * inverse @ D.T, mu, 0.5)
-    assert v + inverse * (D.T @ [found.normal, found.tangential]) == pytest.approx(after, abs=6e-9)
-    assert found.normal == pytest.approx(normal, abs=6e-10)
-    assert found.tangential == pytest.approx(tangential, abs=6e-10)
-    assert (found.compression, found.restitution) == regimes
+    hit = impulses(D @ v, D * inverse @ D.T, mu, 0.5)
+    assert v + inverse * (D.T @ [hit.normal, hit.tangential]) == pytest.approx(after, abs=6e-9)
+    assert hit.normal == pytest.approx(normal, abs=6e-10)
+    assert hit.tangential == pytest.approx(tangential, abs=6e-10)
+    assert (hit.compression, hit.restitution) == regimes
 
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
@@ -47,10 +47,10 @@ def test_a_ball_sticks_or_slides(inertia: float, mu: float, e: float) -> None:
     """A disc or ball of radius 1, k = I / (m r^2), that comes down with 2 m/s, 0.7 m/s along the
     floor and 0.1 rad/s: it sticks with -m s / (1 + 1/k) where friction holds that."""
     n, s = -2.0, 0.7 + 0.1
-    found = impulses(np.array([n, s]), np.diag([1.0, 1 + 1 / inertia]), mu, e)
+    hit = impulses(np.array([n, s]), np.diag([1.0, 1 + 1 / inertia]), mu, e)
     sticks = s / (1 + 1 / inertia)
-    assert found.normal == pytest.approx((1 + e) * 2, rel=1e-14)
-    assert -found.tangential == pytest.approx(min(sticks, mu * found.normal), rel=1e-14)
+    assert hit.normal == pytest.approx((1 + e) * 2, rel=1e-14)
+    assert -hit.tangential == pytest.approx(min(sticks, mu * hit.normal), rel=1e-14)
 
 
 def test_what_separates_takes_no_impulse() -> None:
@@ -60,9 +60,9 @@ def test_what_separates_takes_no_impulse() -> None:
 def test_a_jam_ends_where_sliding_stops() -> None:
     """While it slides the contact is pressed together harder and harder."""
     response = np.array([[1.0, 0.9], [0.9, 1.0]])
-    found = impulses(np.array([-1.0, 1.0]), response, 2.0, 0.0)
-    n, t = np.array([-1.0, 1.0]) + response @ [found.normal, found.tangential]
-    assert found.compression == ("slides forward", "sticks")
+    hit = impulses(np.array([-1.0, 1.0]), response, 2.0, 0.0)
+    n, t = np.array([-1.0, 1.0]) + response @ [hit.normal, hit.tangential]
+    assert hit.compression == ("slides forward", "sticks")
     assert [n, t] == pytest.approx([0, 0], abs=1e-14)
 
 
@@ -77,14 +77,14 @@ def test_energy_never_grows_and_the_laws_hold(
 ) -> None:
     off = coupled * np.sqrt(normal * tangential)
     response = np.array([[normal, off], [off, tangential]])
-    found = impulses(np.array([n, t]), response, mu, e)
-    lam = np.array([found.normal, found.tangential])
+    hit = impulses(np.array([n, t]), response, mu, e)
+    lam = np.array([hit.normal, hit.tangential])
     before = np.array([n, t])
     after = before + response @ lam
     gained = lam @ (before + after) / 2
     scale = before @ np.linalg.solve(response, before) / 2
     assert gained <= 1e-9 * scale
     # Multiples of the smallest number, which a friction next to none has, are rounded to such.
-    rounding = 1e-12 * mu * found.normal + np.finfo(float).tiny
-    assert abs(found.tangential) <= mu * found.normal + rounding
+    rounding = 1e-12 * mu * hit.normal + np.finfo(float).tiny
+    assert abs(hit.tangential) <= mu * hit.normal + rounding
     assert after[0] >= -1e-9 * (abs(n) + np.abs(response[0] @ np.abs(lam)))

@@ -29,6 +29,6 @@ def test_crossings_are_found(
         calls.append(x)
         return f(x)
 
-    found = crossing(counted, (low, f(low)), (high, f(high)), 1e-13)
-    assert found == pytest.approx(root, abs=1e-12)
+    place = crossing(counted, (low, f(low)), (high, f(high)), 1e-13)
+    assert place == pytest.approx(root, abs=1e-12)
     assert len(calls) < 100 and all(low <= x <= high for x in calls)

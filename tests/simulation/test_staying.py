@@ -134,8 +134,8 @@ def kernels() -> Callable[[str], Kernels]:
 
 
 def simulated(kernels: Kernels, name: str) -> Simulation:
-    given = dict(RUNS[name][1])
-    return dmoc.simulate(kernels, given.pop("position"), given.pop("velocity", None), **given)  # type: ignore[arg-type]
+    fields = dict(RUNS[name][1])
+    return dmoc.simulate(kernels, fields.pop("position"), fields.pop("velocity", None), **fields)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

@@ -22,14 +22,14 @@ def test_a_wrong_size_is_refused_by_name(seed: dmoc.Problem, wrong: str) -> None
     nlp = Transcription(seed.but(steps=4))
     m, layout = nlp.n_eq + nlp.n_in, kkt_layout(nlp)
     arrays = {name: np.ones(m if name == "y" else nlp.n) for name in ARRAYS}
-    given: dict[str, Any] = {"price": np.ones(m)}
+    prices: dict[str, Any] = {"price": np.ones(m)}
     if wrong in LAYOUT:
         layout = replace(layout, **{wrong: getattr(layout, wrong)[:-1]})
     else:
-        (arrays if wrong in arrays else given)[wrong] = np.ones(1)
+        (arrays if wrong in arrays else prices)[wrong] = np.ones(1)
     with pytest.raises(ValueError, match=f"^{wrong}: expected"):
         interior_point(
-            nlp.program, layout, *arrays.values(), **given, optimality=1e-6, demanded=1e-6,
+            nlp.program, layout, *arrays.values(), **prices, optimality=1e-6, demanded=1e-6,
             violation=1e-6, least_cost=1.0, infeasible=1e-6, mu=1e-2, warm=False, iterations=1,
             seconds=1.0, report=lambda *_: None, every=True,
         )  # fmt: skip

@@ -33,11 +33,11 @@ class Quadratic:
     z: np.ndarray
 
     @classmethod
-    def of(cls, Q: Any, x: Any, **given: Any) -> Quadratic:
+    def of(cls, Q: Any, x: Any, **fields: Any) -> Quadratic:
         n = len(x)
         none = {"A": np.zeros((0, n)), "G": np.zeros((0, n)), "h": (), "y": (), "w": ()}
         none |= {"lower": np.full(n, -np.inf), "upper": np.full(n, np.inf), "z": np.zeros(n)}
-        every = {"Q": Q, "x": x} | none | given
+        every = {"Q": Q, "x": x} | none | fields
         return cls(**{name: np.array(a, dtype=float) for name, a in every.items()})
 
     def __post_init__(self) -> None:

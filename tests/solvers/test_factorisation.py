@@ -39,12 +39,12 @@ def test_the_linear_system_is_that_of_the_program(seed: dmoc.Problem) -> None:
     for source, entries in ((hess.data, K.from_hess), (jac.data, K.from_jac)):
         np.add.at(values, entries, source)  # what is not wanted falls into the last place
     upper = scipy.sparse.csc_matrix((values[:-1], K.row, K.start), shape=(K.size, K.size))
-    found = (upper + scipy.sparse.triu(upper, 1).T).toarray()
+    matrix = (upper + scipy.sparse.triu(upper, 1).T).toarray()
     H = (hess + scipy.sparse.triu(hess, 1).T).toarray()
     expected = np.block([[H, jac.toarray().T], [jac.toarray(), np.zeros((m, m))]])[
         np.ix_(free, free)
     ]
-    np.testing.assert_allclose(found[np.ix_(K.place[free], K.place[free])], expected, atol=1e-12)
+    np.testing.assert_allclose(matrix[np.ix_(K.place[free], K.place[free])], expected, atol=1e-12)
 
 
 @settings(max_examples=150, deadline=None)

@@ -50,14 +50,14 @@ def test_a_violation_that_is_none_but_rounding_is_told_apart_from_a_small_one() 
 def test_a_point_beyond_a_bound_is_no_solution() -> None:
     """The minimum of wide bounds, judged by the program of narrow ones."""
     problem = block_and_wall.problem(0.8, 10).but(bounds={"u": (-100, 100)})
-    found = outcome(problem, "ipm", Options())
-    u = np.abs(found.x[Layout.of(problem).index_u]).max()
+    end = outcome(problem, "ipm", Options())
+    u = np.abs(end.x[Layout.of(problem).index_u]).max()
     x = initial_guesses(problem)[0].x
     scale = scale_of(problem, x)
     limit = 0.99 * float(u * scale.u[0])
     narrow = Programs(problem.but(bounds={"u": (-limit, limit)}), scale).program()
-    judgement = judged(narrow, Ending(Status.SOLVED, "", found.x, found.duals, 1), Options())
-    assert found.status is Status.SOLVED and judgement.status is Status.INFEASIBLE
+    judgement = judged(narrow, Ending(Status.SOLVED, "", end.x, end.duals, 1), Options())
+    assert end.status is Status.SOLVED and judgement.status is Status.INFEASIBLE
     assert judgement.left.violation == pytest.approx(0.01 * u, rel=1e-9)
 
 
@@ -91,14 +91,14 @@ def outcome(problem: dmoc.Problem, method: str, options: Options) -> Outcome:
 @pytest.mark.parametrize("method", INSTALLED)
 def test_a_problem_without_a_feasible_motion_is_infeasible_to_every_method(method: str) -> None:
     weak = block_and_wall.problem(0.8, 10).but(bounds={"u": (-1, 1)})
-    found = outcome(weak, method, Options())
-    assert found.status is Status.INFEASIBLE and found.left.violation > 0.1
+    end = outcome(weak, method, Options())
+    assert end.status is Status.INFEASIBLE and end.left.violation > 0.1
 
 
 @pytest.mark.parametrize("method", INSTALLED)
 def test_a_tolerance_below_rounding_stalls_every_method(method: str) -> None:
-    found = outcome(block_and_wall.problem(0.8, 10), method, Options(optimality=1e-16))
-    assert found.status is Status.STALLED and found.left.violation < 1e-10 and found.detail
+    end = outcome(block_and_wall.problem(0.8, 10), method, Options(optimality=1e-16))
+    assert end.status is Status.STALLED and end.left.violation < 1e-10 and end.detail
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,6 @@ def test_the_gap_has_what_holds_in_it() -> None:
     d = np.abs(nlp.inequality(x))
     for share, counted in ((0.9, 0.0), (1.1, 1.1)):
         rows = counted * nlp.scale.cost * float((d**2).sum())
-        found = duality_gap(nlp, x, Duals(no_y, share * d, z))
-        assert found == pytest.approx(bounds + rows, rel=1e-9)
+        gap = duality_gap(nlp, x, Duals(no_y, share * d, z))
+        assert gap == pytest.approx(bounds + rows, rel=1e-9)
     assert d.min() > 0

@@ -109,11 +109,11 @@ def program(data: ProgramData) -> bytes:
 
 def written(call: Call) -> bytes:
     compiled, layout, *arrays = call.arguments
-    given, price = call.options, call.options["price"]
-    kinds = (given["warm"], given["iterations"], given["least_violation"], price is not None)
+    options, price = call.options, call.options["price"]
+    kinds = (options["warm"], options["iterations"], options["least_violation"], price is not None)
     parts = [program(compiled.data), whole(layout.size, len(layout.first) - 1)]
     parts += [positions(getattr(layout, name)) for name in LAYOUT]
-    parts += [numbers([given[name] for name in REALS]), positions(kinds)]
+    parts += [numbers([options[name] for name in REALS]), positions(kinds)]
     parts += [numbers([] if price is None else price)]
     return b"".join(parts + [numbers(a) for a in arrays])
 
@@ -126,14 +126,14 @@ def gcc(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A gcc that knows the sanitizers."""
     folder = tmp_path_factory.mktemp("gcc")
     (folder / "main.c").write_text("int main(void) { return 0; }\n")
-    found = shutil.which("gcc")
-    command = [found or "gcc", *FLAGS, "main.c", "-o", "main"]
-    if found is None:
+    compiler = shutil.which("gcc")
+    command = [compiler or "gcc", *FLAGS, "main.c", "-o", "main"]
+    if compiler is None:
         pytest.fail("the sanitizers need gcc: install it, with libasan and libubsan.")
     done = _run(command, folder)
     if done.returncode:
         pytest.fail(f"the sanitizers need libasan and libubsan: install them.\n{done.stderr}")
-    return found
+    return compiler
 
 
 @pytest.fixture(scope="module")
@@ -265,11 +265,11 @@ def test_factorisation_of_random_matrices(seed: dmoc.Problem, linked: Link, tmp_
         arrays = [a.astype(np.int32) for a in (first, upper.indptr, upper.indices)]
         content = whole(n, len(first) - 1) + b"".join(map(positions, arrays))
         content += numbers(upper.data) + numbers(right)
-        found = ran(run, "factor", tmp_path / "matrix", content)
+        printed = ran(run, "factor", tmp_path / "matrix", content)
         factorised = Factorisation(*arrays)
         signs, x = factorised.factor(upper.data), factorised.solve(right)
-        assert tuple(found[:3]) == signs
-        np.testing.assert_allclose(found[3:], x, rtol=1e-10, atol=1e-12)
+        assert tuple(printed[:3]) == signs
+        np.testing.assert_allclose(printed[3:], x, rtol=1e-10, atol=1e-12)
 
 
 @pytest.fixture(scope="module")

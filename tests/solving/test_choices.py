@@ -94,9 +94,9 @@ def test_the_collision_of_a_touch_is_taken_where_it_costs_less(
     monkeypatch.setattr(attempts, "pushed", lambda nlp, x, at: x)
     nlp, programs = program(), cast(Any, SimpleNamespace(touches=lambda nlp, at: program()))
     method = Ends((1.0, 0.0), (1.5, 0.0), (collision, 0.0))
-    found = LocalSolver(programs, method).minimised(nlp, np.ones(1), Options())
-    assert found.outcome.x == cost and found.outcome.iterations == 3
-    assert method.programs[2] is found.nlp is nlp
+    end = LocalSolver(programs, method).minimised(nlp, np.ones(1), Options())
+    assert end.outcome.x == cost and end.outcome.iterations == 3
+    assert method.programs[2] is end.nlp is nlp
 
 
 def test_an_estimated_minimal_time_that_holds_a_solution_is_dropped(
@@ -106,8 +106,8 @@ def test_an_estimated_minimal_time_that_holds_a_solution_is_dropped(
     timed, free = program(timed=True), program()
     programs: Any = SimpleNamespace(free=lambda nlp: free)
     method = Ends((2.0, 0.3), (1.0, 0.0))
-    found = LocalSolver(programs, method).minimised(timed, np.ones(1), Options())
-    assert found.nlp is free and found.outcome.x == 1.0
+    end = LocalSolver(programs, method).minimised(timed, np.ones(1), Options())
+    assert end.nlp is free and end.outcome.x == 1.0
     kept = LocalSolver(programs, Ends((2.0, 0.0))).minimised(timed, np.ones(1), Options())
     assert kept.nlp is timed
 

@@ -127,12 +127,12 @@ def test_a_search_for_the_least_violation_without_end_is_told(
 ) -> None:
     """A metre in a second needs 4 N at least; what three iterations find is not what conflicts."""
     weak = {"bounds": {"u": (-1, 1)}, "start": AT, "goal": {"x": 1, "x_dot": 0}}
-    said = "the search for the least violation came to no end, so that there may be a motion"
+    sentence = "the search for the least violation came to no end, so that there may be a motion"
     ended = answer("flyer", **weak, contacts=[])
-    assert ended.status == "infeasible" and said not in ended.message
+    assert ended.status == "infeasible" and sentence not in ended.message
     monkeypatch.setattr(diagnosis, "ITERATIONS", 3)
     broken_off = answer("flyer", **weak, contacts=[])
-    assert broken_off.status == "infeasible" and said in broken_off.message
+    assert broken_off.status == "infeasible" and sentence in broken_off.message
 
 
 def test_what_has_a_motion_is_not_infeasible(monkeypatch: pytest.MonkeyPatch) -> None:

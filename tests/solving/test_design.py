@@ -240,8 +240,8 @@ def test_batches_and_searches_have_their_designs(tmp_path: Any) -> None:
     assert dmoc.Batch.load(batch.save(tmp_path / "b.npz")).columns() == batch.columns()
     assert "chosen wall" in batch.columns() and "chosen wall" in batch.summary().head
     assert [s.design["wall"] for s in batch.solutions] == pytest.approx([0.6, 5 / 6], rel=2e-3)
-    found = dmoc.search(problem.but(sequence=[]), max_collisions=1, method="ipm")
-    by_word = {node.sequence: node.solution for node in found.nodes if node.solution}
+    result = dmoc.search(problem.but(sequence=[]), max_collisions=1, method="ipm")
+    by_word = {node.sequence: node.solution for node in result.nodes if node.solution}
     # Nothing keeps a wall from being as far as it may that nothing hits.
     assert by_word[()].design["wall"] == pytest.approx(2.0, rel=1e-6)
     assert by_word[("wall",)].design["wall"] == pytest.approx(5 / 6, rel=2e-3)

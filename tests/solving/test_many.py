@@ -74,11 +74,11 @@ def test_the_rows_do_not_depend_on_who_solves(block: dmoc.Problem) -> None:
 def test_problems_are_explored_only_where_that_is_asked_for(
     block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[Any] = []
+    starts: list[Any] = []
     solved = many.solved
 
     def noted(problem: dmoc.Problem, keywords: Keywords, guess: Any) -> dmoc.Solution:
-        asked.append(keywords.starts)
+        starts.append(keywords.starts)
         return solved(problem, replace(keywords, starts=1), guess)
 
     monkeypatch.setattr(many, "solved", noted)
@@ -86,7 +86,7 @@ def test_problems_are_explored_only_where_that_is_asked_for(
     dmoc.solve_many([block], starts=7)
     dmoc.sweep(block, {"m": [1.0]})
     dmoc.sweep(block, {"m": [1.0]}, starts=None)
-    assert asked == [1, 7, 1, None]
+    assert starts == [1, 7, 1, None]
 
 
 def test_a_guess_and_options_serve_all(block: dmoc.Problem) -> None:
@@ -259,10 +259,10 @@ def test_a_combination_that_is_no_problem_is_refused_in_its_row(block: dmoc.Prob
 
 
 def test_the_columns_of_a_sweep_are_numbers(block: dmoc.Problem) -> None:
-    given: Array = dmoc.sweep(block, bounds={"u": [(-30, None), (None, 40), None]}).varied[
+    bounds: Array = dmoc.sweep(block, bounds={"u": [(-30, None), (None, 40), None]}).varied[
         "bounds u"
     ]
-    np.testing.assert_array_equal(given, [-30.0, 40.0, np.nan])
+    np.testing.assert_array_equal(bounds, [-30.0, 40.0, np.nan])
 
 
 @pytest.mark.slow

@@ -56,18 +56,18 @@ def test_without_a_compiler_there_is_a_warning_of_one_sentence_and_an_answer(
     assert refined.cost == pytest.approx(24, rel=1e-2)
     batch = dmoc.sweep(problem, {"m": [1.0, 2.0]})
     assert batch.method == "slsqp" and batch.cost[1] == pytest.approx(4 * batch.cost[0])
-    found = dmoc.search(problem, 1)
-    assert found.best is not None and found.best.sequence == ()
-    assert {node.sequence: node.verdict for node in found.nodes}["wall",] == "feasible"
+    result = dmoc.search(problem, 1)
+    assert result.best is not None and result.best.sequence == ()
+    assert {node.sequence: node.verdict for node in result.nodes}["wall",] == "feasible"
 
 
 @pytest.mark.slow
 def test_contacts_that_last_are_solved_without_a_compiler() -> None:
     problem = landing_problem(6)
     plain = problem.but(kernels=dmoc.build(landing_system(), backend="numpy"))
-    found, wanted = dmoc.solve(plain), dmoc.solve(problem, starts=1)
-    assert (found.status, found.method) == ("solved", "slsqp")
-    assert found.cost == pytest.approx(wanted.cost, rel=1e-5)
+    solution, wanted = dmoc.solve(plain), dmoc.solve(problem, starts=1)
+    assert (solution.status, solution.method) == ("solved", "slsqp")
+    assert solution.cost == pytest.approx(wanted.cost, rel=1e-5)
 
 
 @pytest.mark.slow
@@ -85,8 +85,8 @@ def test_the_full_program_has_the_minimum_of_the_condensed_one(order: int) -> No
 def test_slsqp_solves_contacts_that_last(form: str) -> None:
     """The same minimum as the compiled method, through an event without an impact."""
     problem = landing_problem(6)
-    found = dmoc.solve(problem, "slsqp", form=form, starts=1, verify=False)
+    solution = dmoc.solve(problem, "slsqp", form=form, starts=1, verify=False)
     wanted = dmoc.solve(problem, starts=1, verify=False)
-    assert (found.status, found.method) == ("solved", "slsqp")
-    assert found.cost == pytest.approx(wanted.cost, rel=1e-5)
-    assert [c.word for c in found.collisions] == ["+floor:slip+", "floor:stick"]
+    assert (solution.status, solution.method) == ("solved", "slsqp")
+    assert solution.cost == pytest.approx(wanted.cost, rel=1e-5)
+    assert [c.word for c in solution.collisions] == ["+floor:slip+", "floor:stick"]

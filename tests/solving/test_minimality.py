@@ -24,13 +24,13 @@ x, y, u, v = dynamicsymbols("x y u v")
 REST = {"x": 0.0, "x_dot": 0.0}
 
 
-def line(name: str, cost: Any, lagrangian: Any = None, **given: Any) -> Kernels:
+def line(name: str, cost: Any, lagrangian: Any = None, **fields: Any) -> Kernels:
     """A mass on a line, or what else has one coordinate and one input."""
     return dmoc.build(
         dmoc.MechanicalSystem(
             name, coordinates=[x], inputs=[u],
             lagrangian=x.diff() ** 2 / 2 if lagrangian is None else lagrangian, forces={x: u},
-            cost=cost, **{"parameters": {}} | given,
+            cost=cost, **{"parameters": {}} | fields,
         )
     )  # fmt: skip
 
@@ -233,8 +233,8 @@ def test_what_a_method_calls_stalled_is_no_minimum_at_a_saddle(
 
     real = judge.verdict
 
-    def dull(*given: Any) -> Status:
-        status = real(*given)
+    def dull(*arguments: Any) -> Status:
+        status = real(*arguments)
         return Status.STALLED if status is Status.SOLVED else status
 
     with monkeypatch.context() as patch:

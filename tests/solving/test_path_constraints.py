@@ -132,11 +132,11 @@ def test_a_row_stands_at_the_end_of_a_phase_where_it_can_move(
     for (v, node, input_), index, stands in zip(
         (*places, (lay.index_v_E, 6, 7)), block.index, standing, strict=True
     ):
-        found = {name: rows[k - nlp.n_eq] for name, k in zip("psx", index, strict=True) if k >= 0}
+        there = {name: rows[k - nlp.n_eq] for name, k in zip("psx", index, strict=True) if k >= 0}
         rate = x[v[..., 0]].item() if len(v) else np.nan
         u = x[lay.index_u[input_, 0]] if form == "linear" else np.nan
         values = {"p": 1 - u * rate, "s": 2 - rate, "x": x[lay.index_q[node, 0]] + 1}
-        assert found == pytest.approx({name: values[name] for name in stands})
+        assert there == pytest.approx({name: values[name] for name in stands})
 
 
 @pytest.mark.parametrize(("order", "form"), FORMS)
@@ -204,11 +204,11 @@ def test_a_place_is_measured_in_the_ranges_of_the_motion() -> None:
 
 def test_the_same_structure_serves_problems_that_fix_other_things() -> None:
     """A start that is free has a row more at the start."""
-    known = furthest_speed("slow", 2, "constant", 10, {"x": 0.0}, bounds={"u": (-1.0, 1.0)})
+    fixed = furthest_speed("slow", 2, "constant", 10, {"x": 0.0}, bounds={"u": (-1.0, 1.0)})
     free = furthest_speed(
         "slow", 2, "constant", 10, {"x": 0.0, "x_dot": (0.0, 3.0)}, bounds={"u": (-1.0, 1.0)}
     )
-    assert known.cost == pytest.approx(-0.5, abs=1e-9) == free.cost
+    assert fixed.cost == pytest.approx(-0.5, abs=1e-9) == free.cost
     assert free.trajectory.phases[0].v.max() <= 0.5 + 1e-6
 
 

@@ -34,9 +34,9 @@ def test_a_solve_makes_few_programs(
     made: list[object] = []
     make = Transcription.__init__
 
-    def counted(self: Transcription, *given: Any, **named: Any) -> None:
+    def counted(self: Transcription, *arguments: Any, **named: Any) -> None:
         made.append(self)
-        make(self, *given, **named)
+        make(self, *arguments, **named)
 
     monkeypatch.setattr(Transcription, "__init__", counted)
     assert dmoc.solve(problem, "ipm", starts=1).status == status

@@ -155,15 +155,15 @@ def test_derivatives_of_the_cost_by_what_is_said_of_quantities(arms):
 
     at = np.array([2.0, 1.0, 3.0])
     solution = dmoc.solve(problem(*at), "ipm", starts=12)
-    told = dmoc.sensitivities(problem(*at), solution)
+    slopes_by_name = dmoc.sensitivities(problem(*at), solution)
     slopes = []
     for way in np.eye(3) * 1e-3:
         ends = [dmoc.solve(problem(*(at + s * way)), starts=1, guess=solution) for s in (1, -1)]
         slopes.append((ends[0].cost - ends[1].cost) / 2e-3)
-    power = told["bounds"]["power <="] - told["bounds"]["power >="]
-    wanted = [power, told["goal"]["tip_x"], told["bounds"]["b_dot <="]]
+    power = slopes_by_name["bounds"]["power <="] - slopes_by_name["bounds"]["power >="]
+    wanted = [power, slopes_by_name["goal"]["tip_x"], slopes_by_name["bounds"]["b_dot <="]]
     np.testing.assert_allclose(slopes, wanted, rtol=2e-4)
-    assert told["goal"]["b_dot"] < -1  # beside a bound of the same velocity
+    assert slopes_by_name["goal"]["b_dot"] < -1  # beside a bound of the same velocity
 
 
 def plane() -> dmoc.MechanicalSystem:
@@ -256,7 +256,7 @@ def test_what_is_no_quantity_is_refused(case):
         make()
 
 
-SAID: dict[str, tuple[dict[str, Any], str]] = {
+CONTRADICTIONS: dict[str, tuple[dict[str, Any], str]] = {
     "contradiction": ({"start": {"a": 0.9, "b": 0.3, "tip_x": 2.0}}, "is 1.07885 at the start"),
     "start beyond a bound": ({"bounds": {"tip_y": (-1, None)}}, "is bounded to -1 to inf"),
     "goal beyond a bound": ({"bounds": {"tip_x": (None, 0.5)}, "start": {"a": 0, "b": 0}},
@@ -271,9 +271,9 @@ SAID: dict[str, tuple[dict[str, Any], str]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", SAID)
+@pytest.mark.parametrize("case", CONTRADICTIONS)
 def test_what_cannot_be_said_of_quantities_is_refused(arms, case):
-    changes, message = SAID[case]
+    changes, message = CONTRADICTIONS[case]
     with pytest.raises(ProblemError, match=message):
         reaching(arms[2], **changes)
 
@@ -375,7 +375,7 @@ def test_first_positions_at_the_goal_follow_time_and_what_is_periodic():
     problem = dmoc.Problem(dmoc.build(system), {x: 1, y: None}, {"ahead": 0.5}, steps=4)
     np.testing.assert_allclose(problem.but(final_time=3).goal_position, [6.5, 0])
     np.testing.assert_allclose(problem.goal_position, [1, 0])
-    known = problem.but(start={x: 1, y: 0}, goal={x: 6.5, y: 0, "ahead": 0.5}, final_time=3)
-    np.testing.assert_allclose(known.goal_position, [6.5, 0])  # said twice, and not refused
+    closed = problem.but(start={x: 1, y: 0}, goal={x: 6.5, y: 0, "ahead": 0.5}, final_time=3)
+    np.testing.assert_allclose(closed.goal_position, [6.5, 0])  # said twice, and not refused
     gait = problem.but(goal={}, periodic={x: (x, (0.2, 0.8)), y: (-x, (3, None))})
     np.testing.assert_allclose(gait.goal_position, [1.5, 2])

@@ -39,24 +39,24 @@ def slope(
 def test_block_and_wall(order: int) -> None:
     problem = block_and_wall.problem(0.8, 40, order)
     solution = dmoc.solve(problem, "ipm", optimality=1e-8)
-    found = dmoc.sensitivities(problem, solution)
-    assert found["restitution"]["wall"] == pytest.approx(
+    slopes = dmoc.sensitivities(problem, solution)
+    assert slopes["restitution"]["wall"] == pytest.approx(
         slope(problem, solution, lambda d: {"restitution": 0.8 + d}), rel=1e-6
     )
     for name in ("m", "wall"):
-        assert found["parameters"][name] == pytest.approx(
+        assert slopes["parameters"][name] == pytest.approx(
             slope(problem, solution, lambda d, n=name: {"parameters": {n: 1 + d}}), rel=1e-6
         )
-    assert found["surfaces"]["wall"] == pytest.approx(found["parameters"]["wall"], rel=1e-9)
-    assert found["final_time"] == pytest.approx(
+    assert slopes["surfaces"]["wall"] == pytest.approx(slopes["parameters"]["wall"], rel=1e-9)
+    assert slopes["final_time"] == pytest.approx(
         slope(problem, solution, lambda d: {"final_time": 1 + d}), rel=1e-6
     )
-    assert found["start"]["x"] == pytest.approx(
+    assert slopes["start"]["x"] == pytest.approx(
         slope(problem, solution, lambda d: {"start": {"x": d}}), rel=1e-6
     )
     again = slope(problem, solution, lambda d: {"goal": {"x": 0, "x_dot": d}})
-    assert found["goal"]["x_dot"] == pytest.approx(again, rel=1e-6)
-    assert set(found["goal"]) == {"x", "x_dot"}
+    assert slopes["goal"]["x_dot"] == pytest.approx(again, rel=1e-6)
+    assert set(slopes["goal"]) == {"x", "x_dot"}
 
 
 @pytest.mark.parametrize("end", ["start", "goal"])
@@ -69,12 +69,12 @@ def test_states_are_told_as_they_were_given(end: str) -> None:
         final_time=1.0, goal={"alpha": 1.2, "x": 0.3, **moving},
     )  # fmt: skip
     solution = dmoc.solve(problem, "ipm", optimality=1e-9, verify=False)
-    found = dmoc.sensitivities(problem, solution)[end]
-    given = dict(getattr(problem, end))
-    assert set(found) == set(given)
-    for name, value in given.items():
-        again = slope(problem, solution, lambda d, n=name, v=value: {end: {**given, n: v + d}})
-        assert found[name] == pytest.approx(again, rel=1e-4, abs=1e-4)
+    slopes = dmoc.sensitivities(problem, solution)[end]
+    states = dict(getattr(problem, end))
+    assert set(slopes) == set(states)
+    for name, value in states.items():
+        again = slope(problem, solution, lambda d, n=name, v=value: {end: {**states, n: v + d}})
+        assert slopes[name] == pytest.approx(again, rel=1e-4, abs=1e-4)
 
 
 @pytest.mark.parametrize("e", [1.0, 0.0])
@@ -82,9 +82,9 @@ def test_ends_of_the_range_of_restitution(e: float) -> None:
     problem = block_and_wall.problem(e, 40)
     solution = dmoc.solve(problem, "ipm", optimality=1e-8)
     inwards = (-2 * STEP, 0.0) if e == 1 else (0.0, 2 * STEP)
-    found = dmoc.sensitivities(problem, solution)["restitution"]["wall"]
+    slopes = dmoc.sensitivities(problem, solution)["restitution"]["wall"]
     # One-sided.
-    assert found == pytest.approx(
+    assert slopes == pytest.approx(
         slope(problem, solution, lambda d: {"restitution": e + d}, *inwards), rel=2e-3, abs=5e-3
     )
 
@@ -96,17 +96,17 @@ def test_pendulum_with_active_bounds(method: str) -> None:
         reference.kernels(), **{**reference.defaults, "steps": 40, "bounds": {"F": (-26, 26)}}
     )
     solution = dmoc.solve(problem, method, verify=False)
-    found = dmoc.sensitivities(problem, solution)
+    slopes = dmoc.sensitivities(problem, solution)
     values = reference.kernels().parameters
     for name in ("m_p", "l", "g", "alpha_min"):
         value = values[name]
         assert value is not None
         again = slope(problem, solution, lambda d, n=name, v=value: {"parameters": {n: v + d}})
-        assert found["parameters"][name] == pytest.approx(again, rel=1e-4)
-    assert found["bounds"]["F <="] == pytest.approx(
+        assert slopes["parameters"][name] == pytest.approx(again, rel=1e-4)
+    assert slopes["bounds"]["F <="] == pytest.approx(
         slope(problem, solution, lambda d: {"bounds": {"F": (-26, 26 + d)}}), rel=1e-4
     )
-    assert found["final_time"] == pytest.approx(
+    assert slopes["final_time"] == pytest.approx(
         slope(problem, solution, lambda d: {"final_time": (None, 1 + d)}), rel=1e-4
     )
 
@@ -117,12 +117,12 @@ def test_everything_that_depends_on_the_time() -> None:
         sequence=["floor"], steps=20, final_time=1.5, restitution={"floor": 0.6},
     )  # fmt: skip
     solution = answer_of(problem, "ipm", optimality=1e-8)
-    found = dmoc.sensitivities(problem, solution)
+    slopes = dmoc.sensitivities(problem, solution)
     for name, value in problem.kernels.parameters.items():
         assert value is not None
         again = slope(problem, solution, lambda d, n=name, v=value: {"parameters": {n: v + d}})
-        assert found["parameters"][name] == pytest.approx(again, rel=1e-5, abs=1e-7)
-    assert found["restitution"]["floor"] == pytest.approx(
+        assert slopes["parameters"][name] == pytest.approx(again, rel=1e-5, abs=1e-7)
+    assert slopes["restitution"]["floor"] == pytest.approx(
         slope(problem, solution, lambda d: {"restitution": {"floor": 0.6 + d}}), rel=1e-5
     )
 
@@ -133,8 +133,8 @@ def test_a_mesh_that_the_solve_has_chosen_or_refined_is_taken(steps: int | None)
     problem = block_and_wall.problem(1.0, 6).but(steps=steps)
     solution = dmoc.solve(problem, "ipm", tolerance=1e-4, starts=1)
     assert solution.steps != problem.phase_steps
-    found = dmoc.sensitivities(problem, solution)
-    assert found["parameters"]["wall"] == pytest.approx(2 * solution.cost, rel=1e-6)
+    slopes = dmoc.sensitivities(problem, solution)
+    assert slopes["parameters"]["wall"] == pytest.approx(2 * solution.cost, rel=1e-6)
 
 
 def test_friction_of_a_contact_that_lasts() -> None:

@@ -251,19 +251,19 @@ def test_merging_collisions_are_not_called_infeasible_nor_solved(block: Kernels)
 
 def test_the_time_limit_holds_within_an_iteration(seed: dmoc.Problem, reads: list[int]) -> None:
     """An iteration of slsqp reads the clock in every trial point."""
-    told: list[int] = []
+    numbers: list[int] = []
 
     def ended(seconds: float) -> int:
         reads[0] = 0
-        told.clear()
+        numbers.clear()
         dmoc.solve(
             seed.but(steps=20), "slsqp", seconds=seconds, starts=1, verify=False,
-            progress=lambda _: told.append(reads[0]),
+            progress=lambda _: numbers.append(reads[0]),
         )  # fmt: skip
         return reads[0]
 
     ended(500)
-    first, second, third = told[:3]
+    first, second, third = numbers[:3]
     assert second - first > 3 < third - second
     late = [ended(seconds) - seconds for seconds in range(first, second + 1)]
     # With a look at the clock between iterations alone, it would be an iteration.

@@ -184,8 +184,8 @@ def test_kernels_and_derivation_have_the_coefficient():
 
     errors = {c.kernel: c.error for c in kernel_errors(disc(), dmoc.build(disc()))}
     assert errors["tangential"] == 0 and max(errors.values()) < 1e-10
-    shown = str(disc(restitution={"floor": sp.exp(-dmoc.approach_speed)}).summary())
-    assert "e_t_floor" in shown and "e_floor" in shown and "mu_floor" not in shown
+    summary = str(disc(restitution={"floor": sp.exp(-dmoc.approach_speed)}).summary())
+    assert "e_t_floor" in summary and "e_floor" in summary and "mu_floor" not in summary
     derivation = dmoc.derive(disc())
     assert "e_t_floor = e_t" in str(derivation) and "e_{t," in derivation.latex()
 

@@ -37,11 +37,11 @@ class Hostile:
 
 
 def make(**fields: Any) -> dmoc.MechanicalSystem:
-    given = {
+    statement = {
         "name": "bad", "coordinates": [x], "inputs": [u], "lagrangian": m * x.diff(T) ** 2 / 2,
         "forces": {x: u}, "parameters": {m: 1.0}, "cost": u**2, **fields,
     }  # fmt: skip
-    return dmoc.MechanicalSystem(**given)
+    return dmoc.MechanicalSystem(**statement)
 
 
 WRONG = [
@@ -110,9 +110,9 @@ def evaluated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """What text that is run as Python would change."""
     import builtins
 
-    found: list[int] = []
-    monkeypatch.setattr(builtins, "evaluated", found, raising=False)
-    return found
+    marks: list[int] = []
+    monkeypatch.setattr(builtins, "evaluated", marks, raising=False)
+    return marks
 
 
 def sentence(error: DmocError) -> str:

@@ -26,7 +26,7 @@ l, r, speed, wall = sp.symbols("l r speed wall")
 
 def drawn(*parts: Any, **fields: Any) -> dmoc.MechanicalSystem:
     """A mass in the plane with a turning arm over a moving floor."""
-    given: dict[str, Any] = {
+    statement: dict[str, Any] = {
         "surfaces": {"floor": y >= speed * T},
         "tangents": {"floor": x},
         "friction": {"floor": 0},
@@ -34,7 +34,7 @@ def drawn(*parts: Any, **fields: Any) -> dmoc.MechanicalSystem:
     }
     return dmoc.MechanicalSystem(
         "drawn", [x, y, a], sum(q.diff(T) ** 2 for q in (x, y, a)) / 2 - (r + l) * y,
-        **(given | fields), drawing=parts,
+        **(statement | fields), drawing=parts,
     )  # fmt: skip
 
 
@@ -103,9 +103,9 @@ def test_the_name_of_a_contact_is_part_of_the_key() -> None:
 
 
 def test_a_parameter_may_serve_the_drawing_alone() -> None:
-    shown = drawn(dmoc.Disc((x, y), wall), parameters={l: 0.7, r: 0.2, speed: 0.1, wall: 1.0})
+    system = drawn(dmoc.Disc((x, y), wall), parameters={l: 0.7, r: 0.2, speed: 0.1, wall: 1.0})
     with pytest.raises(ModelError, match="parameter wall is used nowhere"):
-        replace(shown, drawing=[])
+        replace(system, drawing=[])
 
 
 @pytest.mark.parametrize(
@@ -155,8 +155,8 @@ def test_a_contact_pushes_where_its_gap_says(relation: Any, at: Any, normal: Any
     system = drawn(
         dmoc.Contact("side", at), surfaces={"side": relation}, parameters={r: 1.0, l: 1.0}
     )
-    found = values_of(system.shapes[0])[2:]
-    assert [float(e) for e in found] == pytest.approx(normal)
+    direction = values_of(system.shapes[0])[2:]
+    assert [float(e) for e in direction] == pytest.approx(normal)
 
 
 def test_the_friction_of_a_rail_is_drawn_along_its_tangent() -> None:

@@ -63,19 +63,19 @@ def model(parameters: list[Any]) -> dmoc.MechanicalSystem:
 
 def values(kernels: Kernels) -> dict[str, list[np.ndarray]]:
     rng = np.random.default_rng(3)
-    found = {}
+    results = {}
     for name, kernel in kernels.manifest["kernels"].items():
         inputs = [rng.uniform(0.5, 1.5, (3, size)) for _, size in kernel["inputs"]]
         with np.errstate(all="ignore"):
-            found[name] = [np.array(a) for a in kernels.call(name, *inputs)]
-    return found
+            results[name] = [np.array(a) for a in kernels.call(name, *inputs)]
+    return results
 
 
 def assert_same(kernels: Kernels, reference: Kernels) -> None:
     pairs = zip(values(kernels).items(), values(reference).items(), strict=True)
-    for (name, found), (other, expected) in pairs:
+    for (name, results), (other, expected) in pairs:
         assert name == other
-        for a, b in zip(found, expected, strict=True):
+        for a, b in zip(results, expected, strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12, err_msg=name)
 
 

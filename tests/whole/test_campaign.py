@@ -178,8 +178,8 @@ def test_a_wrong_motion_is_contradicted(
     request: pytest.FixtureRequest, motion: str, wrong: Wrong, reason: str
 ) -> None:
     instance, solution, mechanism = request.getfixturevalue(motion)
-    told = judged(instance, wrong(solution), mechanism)
-    assert any(reason in said for said in told), told
+    reasons = judged(instance, wrong(solution), mechanism)
+    assert any(reason in sentence for sentence in reasons), reasons
 
 
 @pytest.mark.slow
@@ -196,7 +196,7 @@ def test_a_motion_of_another_problem_is_contradicted(
 ) -> None:
     instance, solution, mechanism = bounced
     other = replace(instance, problem={**instance.problem, **fields})
-    assert any(reason in said for said in judged(other, solution, mechanism))
+    assert any(reason in sentence for sentence in judged(other, solution, mechanism))
 
 
 @pytest.mark.slow

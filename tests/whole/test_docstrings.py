@@ -44,8 +44,8 @@ def test_examples_of_a_public_name_run(
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
-    runner, told = doctest.DocTestRunner(optionflags=FLAGS), []
-    found = doctest.DocTestFinder().find(getattr(dmoc, name), name, module=False, globs={})
-    for example in found:
-        runner.run(example, out=told.append)
-    assert runner.summarize(verbose=False).attempted and not runner.failures, "".join(told)
+    runner, output = doctest.DocTestRunner(optionflags=FLAGS), []
+    examples = doctest.DocTestFinder().find(getattr(dmoc, name), name, module=False, globs={})
+    for example in examples:
+        runner.run(example, out=output.append)
+    assert runner.summarize(verbose=False).attempted and not runner.failures, "".join(output)

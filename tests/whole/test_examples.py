@@ -19,7 +19,7 @@ BESIDE = {"example_report", "search_dask"}  # what all share, and what needs a c
 NAMES = sorted({path.stem for path in EXAMPLES.glob("*.py")} - BESIDE)
 # What searches find: numbers of hops as their tree says, hits of a block as relaxed motions say,
 # and the free motion to the puck's mirror image.
-FOUND = {
+COSTS = {
     "hops": {"5 hops": 27.076, "6 hops": 25.898, "7 hops": 26.135},
     "push_or_flick": {"pad rail:slip+, then pad rail:slip+": 3.342, "pad rail:slip+": 3.454},
     "puck": {"cost, order 2": 0.415, "cost, order 4": 0.415},
@@ -42,9 +42,9 @@ def test_example(
     runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
     text = capsys.readouterr().out
     assert "solved" in text and "known" in text
-    for row, cost in FOUND.get(name, {}).items():
-        (found,) = re.findall(rf"^ {re.escape(row)} +(\S+)", text, re.MULTILINE)
-        assert float(found) == pytest.approx(cost, rel=1e-3), row
+    for row, cost in COSTS.get(name, {}).items():
+        (printed,) = re.findall(rf"^ {re.escape(row)} +(\S+)", text, re.MULTILINE)
+        assert float(printed) == pytest.approx(cost, rel=1e-3), row
     assert sorted(p.name for p in tmp_path.iterdir()) == [f"{name}.npz", f"{name}.png"]
 
 

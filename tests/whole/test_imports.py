@@ -23,7 +23,7 @@ COMPLETED = {
 
 
 @pytest.mark.parametrize(
-    ("code", "modules", "shown"),
+    ("code", "modules", "line"),
     [
         (
             COMMAND.format(", '--help'"),
@@ -58,12 +58,12 @@ COMPLETED = {
     ],
 )
 def test_it_loads_none_of_these(
-    request: pytest.FixtureRequest, code: str, modules: str, shown: str
+    request: pytest.FixtureRequest, code: str, modules: str, line: str
 ) -> None:
     env = COMPLETED if "completion" in request.node.name else {}
     code += f"\nimport sys; print(sorted(set({modules.split()}) & set(sys.modules)))"
     *text, loaded = printed(sys.executable, "-c", code, env=env).splitlines()
-    assert loaded == "[]" and shown in "\n".join(text)
+    assert loaded == "[]" and line in "\n".join(text)
 
 
 def test_a_command_does_not_look_through_what_its_modules_made() -> None:

@@ -30,11 +30,11 @@ TAU = 2 - sqrt(3)
 
 
 def system(**fields: Any) -> dmoc.MechanicalSystem:
-    given: dict[str, Any] = {
+    statement: dict[str, Any] = {
         "name": "kinked", "coordinates": [X], "lagrangian": v**2 / 2, "parameters": {},
         "inputs": [U], "forces": {X: U},
     }  # fmt: skip
-    return dmoc.MechanicalSystem(**(given | fields))
+    return dmoc.MechanicalSystem(**(statement | fields))
 
 
 def across(order: int = 2, form: str | None = None, steps: int = 40, **fields: Any) -> dmoc.Problem:
@@ -156,9 +156,9 @@ def test_a_split_knows_the_signs_that_it_needs(name: str) -> None:
 
 def test_a_price_of_the_other_sign_is_refused() -> None:
     """With a negative price effort would have to be as large as it can: no split says so."""
-    said = r"^parameter k = -2: expected 0 or a positive number, the sign that its symbol is made"
+    text = r"^parameter k = -2: expected 0 or a positive number, the sign that its symbol is made"
     problem = across(cost=K * sp.Abs(U), parameters={K: 3.0}, steps=10)
-    with pytest.raises(ProblemError, match=said):
+    with pytest.raises(ProblemError, match=text):
         problem.but(parameters={"k": -2.0})
     free = answer_of(problem.but(parameters={"k": 0.0}), "ipm", starts=1)
     assert free.cost == pytest.approx(0, abs=1e-9)

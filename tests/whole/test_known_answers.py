@@ -109,8 +109,8 @@ def test_wall_that_moves() -> None:
     fine = answer_of(posed(40, 4), "ipm")
     assert fine.cost == pytest.approx(best.fun, rel=1e-8)
     assert fine.collisions[0].time == pytest.approx(best.x[0], abs=1e-6)
-    shown = orders(lambda n, o: cost(posed(n, o)) - best.fun, (10, 20))
-    assert 1.8 < shown[2] < 2.2 and 3.7 < shown[4] < 4.3
+    rates = orders(lambda n, o: cost(posed(n, o)) - best.fun, (10, 20))
+    assert 1.8 < rates[2] < 2.2 and 3.7 < rates[4] < 4.3
     assert dmoc.solve(posed(40, 2)).cost == pytest.approx(cost(posed(40, 2)), rel=1e-6)
 
 
@@ -135,8 +135,8 @@ def test_cost_that_depends_on_the_time() -> None:
             - exact
         )
 
-    shown = orders(error, (5, 10))
-    assert 1.8 < shown[2] < 2.2 and 3.7 < shown[4] < 4.3
+    rates = orders(error, (5, 10))
+    assert 1.8 < rates[2] < 2.2 and 3.7 < rates[4] < 4.3
 
 
 def test_lagrangian_that_depends_on_the_time() -> None:
@@ -155,14 +155,14 @@ SPEED = {"speed": dynamicsymbols("x").diff(T) <= sp.Rational(1, 2)}
 
 
 @pytest.mark.parametrize(
-    ("name", "fields", "known"),
+    ("name", "fields", "time"),
     [
         ("fast_integral", {"cost": sp.Integer(1)}, 2.0),
         ("fast_terminal", {"terminal_cost": T}, 2.0),
         ("limited", {"cost": sp.Integer(1), "path_constraints": SPEED}, 2.5),
     ],
 )
-def test_minimum_time(name: str, fields: dict[str, Any], known: float) -> None:
+def test_minimum_time(name: str, fields: dict[str, Any], time: float) -> None:
     """A unit mass with |u| <= 1 from 0 to 1, rest to rest: 2 s.  With v <= 1/2 it takes 0.5 s to
     the limit, 1.5 s along it, 0.5 s to stop."""
     for order in (2, 4):
@@ -170,7 +170,7 @@ def test_minimum_time(name: str, fields: dict[str, Any], known: float) -> None:
             dmoc.build(unit_mass(name, **fields), order=order), start={"x": 0},
             goal={"x": 1, "x_dot": 0}, steps=40, final_time=(0.5, 5), bounds={"u": (-1, 1)},
         )  # fmt: skip
-        assert cost(problem) == pytest.approx(known, rel=2e-3)
+        assert cost(problem) == pytest.approx(time, rel=2e-3)
 
 
 def test_terminal_cost_in_position_and_velocity() -> None:
@@ -198,8 +198,8 @@ def test_terminal_cost_in_position_and_velocity() -> None:
 
 @pytest.mark.parametrize("e", [0.7, 0.4])
 def test_a_periodic_bouncer_gains_what_its_impacts_lose(e: float) -> None:
-    shown = orders(lambda n, o: cost(bouncer_problem(e, n, o)[0]) - bouncer_problem(e)[1], (20, 40))
-    assert 1.8 < shown[2] < 2.2 and 3.7 < shown[4] < 4.3
+    rates = orders(lambda n, o: cost(bouncer_problem(e, n, o)[0]) - bouncer_problem(e)[1], (20, 40))
+    assert 1.8 < rates[2] < 2.2 and 3.7 < rates[4] < 4.3
 
 
 @pytest.mark.parametrize("e", [1.0, 0.7, 0.4])
@@ -346,8 +346,8 @@ def test_damped_oscillator() -> None:
             ).max()
         )
 
-    shown = orders(error, (20, 40))
-    assert 1.9 < shown[2] < 2.1 and 3.8 < shown[4] < 4.2
+    rates = orders(error, (20, 40))
+    assert 1.9 < rates[2] < 2.1 and 3.8 < rates[4] < 4.2
 
 
 def test_a_plastic_impact_ends_in_lasting_contact() -> None:

@@ -37,13 +37,13 @@ def test_two_carts_cost_least_at_the_best_time_of_the_hit() -> None:
     assert two_carts_cost() == pytest.approx((6 / T**3 - 6 * v / T**2 + 2 * v**2 / T).min())
 
 
-@pytest.mark.parametrize("known", [10.0, -10.0])
-def test_a_cost_counts_within_the_tolerance_and_below_it_only_if_checked(known: float) -> None:
-    rung = Rung("any", RUNGS[0].state, known, 0.01, "")
-    assert rung.compared(known + 0.09, False) == rung.compared(known - 0.09, False) == "solved"
-    assert rung.compared(known + 0.11, True) == "dearer"
-    assert rung.compared(known - 0.11, True) == "better"
-    assert rung.compared(known - 0.11, False) == "below"
+@pytest.mark.parametrize("best", [10.0, -10.0])
+def test_a_cost_counts_within_the_tolerance_and_below_it_only_if_checked(best: float) -> None:
+    rung = Rung("any", RUNGS[0].state, best, 0.01, "")
+    assert rung.compared(best + 0.09, False) == rung.compared(best - 0.09, False) == "solved"
+    assert rung.compared(best + 0.11, True) == "dearer"
+    assert rung.compared(best - 0.11, True) == "better"
+    assert rung.compared(best - 0.11, False) == "below"
 
 
 @pytest.mark.slow

@@ -142,9 +142,9 @@ def test_nodes_and_points_are_those_of_lobatto_and_gauss(order: int) -> None:
     exact = np.array([float(c) for c in lobatto_nodes(scheme.degree)])
     np.testing.assert_allclose(scheme.nodes, exact, rtol=0, atol=1e-15)
     places, weights = quadrature(scheme.degree)
-    points, found = leggauss(scheme.points)
+    points, gauss_weights = leggauss(scheme.points)
     np.testing.assert_allclose([float(c) for c in places], (1 + points) / 2, rtol=0, atol=1e-15)
-    np.testing.assert_allclose([float(b) for b in weights], found / 2, rtol=0, atol=1e-15)
+    np.testing.assert_allclose([float(b) for b in weights], gauss_weights / 2, rtol=0, atol=1e-15)
     assert len(scheme.nodes) == 2 + scheme.inside
     at_nodes = np.vander(scheme.nodes, increasing=True) @ scheme.shapes.T
     np.testing.assert_allclose(at_nodes, np.eye(len(scheme.nodes)), atol=1e-13)

@@ -116,8 +116,8 @@ def test_a_wheel_with_what_does_not_belong_there_is_refused(
         with zipfile.ZipFile(wheel, "w") as archive:
             for name in names:
                 archive.writestr(name, "")
-        found: list[str] = release["wrong_in"](wheel)
-        return found
+        sentences: list[str] = release["wrong_in"](wheel)
+        return sentences
 
     assert wrong(good) == []
     for name in ("tests/test_a.py", "dmoc/base/a.o", "dmoc/base/a.cpython-312-x86_64-linux-gnu.so"):
@@ -153,7 +153,7 @@ def test_type_checkers_see_the_fields_of_a_problem() -> None:
         and isinstance(node.target, ast.Name)
         and not ast.unparse(node.annotation).startswith("ClassVar")
     ]
-    (said,) = (node.body[0] for node in problem.body if isinstance(node, ast.If))
-    assert isinstance(said, ast.FunctionDef)
-    _, _, *given = [(a.arg, ast.unparse(a.annotation or a)) for a in said.args.args]
-    assert given == fields[1:] and len(given) > 10
+    (signature,) = (node.body[0] for node in problem.body if isinstance(node, ast.If))
+    assert isinstance(signature, ast.FunctionDef)
+    _, _, *arguments = [(a.arg, ast.unparse(a.annotation or a)) for a in signature.args.args]
+    assert arguments == fields[1:] and len(arguments) > 10

@@ -48,8 +48,8 @@ def test_page_prints_what_it_shows(
     if request.config.getoption("--update"):
         page.write_text(updated(text, folder))
         return
-    shown = [(block.content, printed) for block, printed in run(text, folder)]
-    assert all(shown == "" or agrees(shown, printed) for shown, printed in shown), shown
+    outputs = [(block.content, printed) for block, printed in run(text, folder)]
+    assert all(outputs == "" or agrees(outputs, printed) for outputs, printed in outputs), outputs
 
 
 def test_outputs_are_told_apart(tmp_path: Path) -> None:

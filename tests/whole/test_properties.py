@@ -77,7 +77,7 @@ def test_derivatives_equal_differences(
     def differences(f: Callable[[np.ndarray], np.ndarray], step: float = 1e-6) -> np.ndarray:
         return np.array([(f(x + step * d) - f(x - step * d)) / (2 * step) for d in np.eye(nlp.n)])
 
-    found = np.vstack(
+    slopes = np.vstack(
         [
             nlp.cost_gradient(x),
             nlp.equality_jacobian(x).toarray(),
@@ -85,11 +85,11 @@ def test_derivatives_equal_differences(
         ]
     )
     np.testing.assert_allclose(
-        found, differences(nlp.values).T, atol=1e-7 * max(1.0, np.abs(found).max())
+        slopes, differences(nlp.values).T, atol=1e-7 * max(1.0, np.abs(slopes).max())
     )
     weights = np.concatenate([[0.7], y, -w])
     gradient = nlp.lagrangian_gradient(x, y / 0.7, w / 0.7)
-    np.testing.assert_allclose(0.7 * gradient, weights @ found, atol=1e-12 * np.abs(found).max())
+    np.testing.assert_allclose(0.7 * gradient, weights @ slopes, atol=1e-12 * np.abs(slopes).max())
     upper = nlp.lagrangian_hessian(x, y, w, sigma=0.7).toarray()
     second = differences(lambda x: 0.7 * nlp.lagrangian_gradient(x, y / 0.7, w / 0.7))
     np.testing.assert_allclose(

@@ -329,8 +329,8 @@ def test_a_solution_keeps_the_laws_by_the_command(
     solution = dmoc.solve(problem, "ipm", starts=1)
     path = solution.to_csv(tmp_path / "puck.csv")
     assert main(["puck_table", str(path), "--claimed", str(solution.cost), "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert said["cost"] == pytest.approx(solution.cost, rel=1e-6) and not said["violations"]
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["cost"] == pytest.approx(solution.cost, rel=1e-6) and not printed["violations"]
     assert main([f"{ROOT}/examples/puck.py:system", str(path)]) == 2
     assert "error:" in capsys.readouterr().err
 

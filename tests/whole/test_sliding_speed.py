@@ -156,11 +156,11 @@ def pulled(time: float) -> float:
     at = np.linspace(0, time, 200)
     way = 3 * (at / time) ** 2 - 2 * (at / time) ** 3
     first = np.array([way, np.gradient(way, at), 6 - 12 * at / time + 3])
-    found = solve_bvp(slope, ends, at, first, p=[-10], tol=1e-10, max_nodes=100_000)
-    assert found.status == 0
-    assert found.sol(at)[1].min() > -1e-9
-    assert found.sol(0)[2] > G * 0.5  # it begins to slide
-    return float(quad(lambda s: found.sol(s)[2] ** 2 / 2, 0, time, limit=500, epsabs=1e-10)[0])
+    curve = solve_bvp(slope, ends, at, first, p=[-10], tol=1e-10, max_nodes=100_000)
+    assert curve.status == 0
+    assert curve.sol(at)[1].min() > -1e-9
+    assert curve.sol(0)[2] > G * 0.5  # it begins to slide
+    return float(quad(lambda s: curve.sol(s)[2] ** 2 / 2, 0, time, limit=500, epsabs=1e-10)[0])
 
 
 @pytest.mark.parametrize(("order", "steps", "error"), [(2, 80, 2e-2), (4, 80, 3e-6), (6, 80, 2e-6)])
@@ -232,9 +232,9 @@ def test_a_search_proposes_with_the_friction_at_rest(slowed: dmoc.MechanicalSyst
         slowed, start={x: 0, y: 0, "x_dot": 0}, goal={x: 1, "x_dot": 0}, contacts=["floor"],
         steps=60, final_time=1,
     )  # fmt: skip
-    found = dmoc.search(problem, strategy="propose", seconds=60)
-    assert found.best.sequence == ("floor:slip+",)
-    assert found.best.cost == pytest.approx(pulled(1.0), rel=0.02)
+    result = dmoc.search(problem, strategy="propose", seconds=60)
+    assert result.best.sequence == ("floor:slip+",)
+    assert result.best.cost == pytest.approx(pulled(1.0), rel=0.02)
 
 
 def test_files_keep_the_coefficients(slowed: dmoc.MechanicalSystem, tmp_path: Path) -> None:

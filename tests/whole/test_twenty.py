@@ -69,8 +69,8 @@ def test_a_run_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_nosnoc_that_is_missing_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(nosnoc_problems, "version", lambda: None)
     (record,) = twenty.unit("puck", "nosnoc", 1.0, tmp_path)
-    told = twenty.section([{"problem": "puck", "tool": "nosnoc", **record}], 1.0).markdown()
-    assert "pip install nosnoc==0.2.0" in told and "not installed" in told
+    table = twenty.section([{"problem": "puck", "tool": "nosnoc", **record}], 1.0).markdown()
+    assert "pip install nosnoc==0.2.0" in table and "not installed" in table
 
 
 @pytest.mark.parametrize("e", [1.0, 0.5, 0.0])
@@ -99,9 +99,9 @@ def test_the_table_tells_what_is_best_and_what_is_refused() -> None:
         {"problem": "discs", "tool": "nosnoc", "status": "more than 60 s"},
         {"problem": "puck", "tool": "tree", "status": "stopped", "seconds": 60.0, "cpu": 60.0},
     ]  # fmt: skip
-    told = twenty.section(records, 60.0).markdown()
+    table = twenty.section(records, 60.0).markdown()
     texts = [
         "| 59.1*", "7 of 26", "(70)", "more than 60 s", "none", "2038.85", "counts frozen time",
         "discs, tree: impact at 1 s", "CRISP, push box",
     ]  # fmt: skip
-    assert not [text for text in texts if text not in told]
+    assert not [text for text in texts if text not in table]

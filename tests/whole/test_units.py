@@ -24,14 +24,14 @@ pytestmark = pytest.mark.slow
 DECADES = st.integers(-6, 6)
 
 
-def told(length: int, mass: int = 0, time: int = 0) -> Frame:
+def smaller_units(length: int, mass: int = 0, time: int = 0) -> Frame:
     """Units that are smaller by powers of ten."""
     return Frame(10.0**length, 10.0**mass, 10.0**time)
 
 
-def effort(told: Frame) -> float:
+def effort(units: Frame) -> float:
     """The unit of a cost int u^2 dt."""
-    return told.time(told.force(1.0) ** 2)
+    return units.time(units.force(1.0) ** 2)
 
 
 ORDERS = pytest.mark.parametrize("order", [2, 4])
@@ -47,22 +47,22 @@ def block(order: int) -> Kernels:
 
 
 @cache
-def answer(order: int, method: str, told: Frame, e: float | None = None) -> dmoc.Solution:
+def answer(order: int, method: str, units: Frame, e: float | None = None) -> dmoc.Solution:
     """Of the block and its wall, or where no restitution is said of the pendulum on its cart: the
     best of a few starts."""
     if e is None:
-        return dmoc.solve(cart_problem(order, told), method, starts=4)
-    return dmoc.solve(block_problem(block(order), told, e), method, starts=4)
+        return dmoc.solve(cart_problem(order, units), method, starts=4)
+    return dmoc.solve(block_problem(block(order), units, e), method, starts=4)
 
 
-def block_problem(kernels: Kernels, told: Frame, e: float) -> dmoc.Problem:
+def block_problem(kernels: Kernels, units: Frame, e: float) -> dmoc.Problem:
     """Back from the wall in T = 1 s: J = 24 m^2 L^2 / T^3 for e = 1 (the block of the README,
     limits and a terminal speed beside it)."""
-    force = told.force(40)
+    force = units.force(40)
     return dmoc.Problem(
-        kernels, start={"x": 0.0}, goal={"x": 0.0, "x_dot": (-told.speed(1), 0.0)},
-        sequence=["wall"], steps=12, final_time=told.time(1), restitution=e,
-        parameters={"m": told.mass(1), "wall": told.length(1)}, bounds={"u": (-force, force)},
+        kernels, start={"x": 0.0}, goal={"x": 0.0, "x_dot": (-units.speed(1), 0.0)},
+        sequence=["wall"], steps=12, final_time=units.time(1), restitution=e,
+        parameters={"m": units.mass(1), "wall": units.length(1)}, bounds={"u": (-force, force)},
     )  # fmt: skip
 
 
@@ -72,7 +72,7 @@ def block_problem(kernels: Kernels, told: Frame, e: float) -> dmoc.Problem:
 def test_a_block_and_its_wall(
     order: int, method: str, length: int, mass: int, time: int, e: float
 ) -> None:
-    units = told(length, mass, time)
+    units = smaller_units(length, mass, time)
     plain, other = (answer(order, method, t, e) for t in (Frame(), units))
     assert (plain.status, other.status) == ("solved", "solved"), (plain.message, other.message)
     assert other.cost / effort(units) == pytest.approx(plain.cost, rel=1e-6)
@@ -83,10 +83,10 @@ def test_a_block_and_its_wall(
     )
 
 
-def cart_problem(order: int, told: Frame) -> dmoc.Problem:
+def cart_problem(order: int, units: Frame) -> dmoc.Problem:
     """The reference problem with fewer steps: an angle, which has no unit, beside a length."""
-    fields = KINDS["seed"].problem(told)
-    fields["bounds"]["x"] = (-told.length(10), told.length(10))
+    fields = KINDS["seed"].problem(units)
+    fields["bounds"]["x"] = (-units.length(10), units.length(10))
     fields["steps"] = 30 if order == 2 else 16
     return dmoc.Problem(dmoc.load("cart_pendulum", order=order), **fields)
 
@@ -97,7 +97,7 @@ def cart_problem(order: int, told: Frame) -> dmoc.Problem:
 def test_the_pendulum_on_its_cart(
     order: int, method: str, length: int, mass: int, time: int
 ) -> None:
-    units = told(length, mass, time)
+    units = smaller_units(length, mass, time)
     plain, other = (answer(order, method, t) for t in (Frame(), units))
     # A minimum, which 30 steps are too few for.
     status = "not_verified" if order == 2 else "solved"
@@ -113,7 +113,7 @@ def test_the_pendulum_on_its_cart(
 @pytest.mark.parametrize("length", [-12, -7, 8, 12])
 def test_a_mass_matrix_is_judged_whatever_its_units(order: int, length: int) -> None:
     """Its entries are a mass, a mass times a length, and a mass times its square."""
-    units = told(length)
+    units = smaller_units(length)
     plain, other = (answer(order, "ipm", t) for t in (Frame(), units))
     assert other.status == plain.status
     assert other.cost / effort(units) == pytest.approx(plain.cost, rel=1e-6)

@@ -112,10 +112,10 @@ def across_the_ice(time: float) -> float:
     t = np.linspace(0, time, 200)
     way = 2 * (3 * (t / time) ** 2 - 2 * (t / time) ** 3)
     first = np.array([way, np.gradient(way, t), 0 * t, decelerates(way)])
-    found = solve_bvp(slope, ends, t, first, tol=1e-9, max_nodes=100_000)
-    assert found.status == 0
-    assert found.sol(t)[1].min() > -1e-12
-    return float(quad(lambda at: found.sol(at)[3] ** 2 / 2, 0, time, limit=500, epsabs=1e-10)[0])
+    curve = solve_bvp(slope, ends, t, first, tol=1e-9, max_nodes=100_000)
+    assert curve.status == 0
+    assert curve.sol(t)[1].min() > -1e-12
+    return float(quad(lambda at: curve.sol(at)[3] ** 2 / 2, 0, time, limit=500, epsabs=1e-10)[0])
 
 
 @pytest.mark.parametrize(("order", "steps", "error"), [(2, 80, 5e-3), (4, 40, 1e-7), (6, 40, 2e-7)])
@@ -201,9 +201,9 @@ def test_a_search_over_the_ice_proposes_the_slide(icy: dmoc.MechanicalSystem) ->
         icy, start={x: 0, y: 0, "x_dot": 0}, goal={x: 2, "x_dot": 0}, contacts=["floor"], steps=30,
         final_time=1.5,
     )  # fmt: skip
-    found = dmoc.search(problem, strategy="propose", seconds=60)
-    assert found.best.sequence == ("floor:slip+",)
-    assert found.best.cost == pytest.approx(across_the_ice(1.5), rel=0.02)
+    result = dmoc.search(problem, strategy="propose", seconds=60)
+    assert result.best.sequence == ("floor:slip+",)
+    assert result.best.cost == pytest.approx(across_the_ice(1.5), rel=0.02)
 
 
 def test_files_keep_coefficients(icy: dmoc.MechanicalSystem, tmp_path: Path) -> None:

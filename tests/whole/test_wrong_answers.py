@@ -190,9 +190,9 @@ def pendulum_system(name: str, wall: sp.Basic) -> dmoc.MechanicalSystem:
 
 
 @pytest.mark.parametrize("order", [2, 4])
-@pytest.mark.parametrize(("goal", "known"), [(-pi, 40.695), (-3.0, 29.385), (-2.0, 18.119)])
+@pytest.mark.parametrize(("goal", "cost"), [(-pi, 40.695), (-3.0, 29.385), (-2.0, 18.119)])
 def test_a_wall_whose_gradient_vanishes_is_as_good_as_a_plain_one(
-    order: int, goal: float, known: float
+    order: int, goal: float, cost: float
 ) -> None:
     """sin(a) <= 0.5 and a <= pi/6 are the same wall; a better confirmed minimum than the known
     one is welcome."""
@@ -206,7 +206,7 @@ def test_a_wall_whose_gradient_vanishes_is_as_good_as_a_plain_one(
             goal={"a": goal, "a_dot": 0}, sequence=["wall"], steps=steps, final_time=3.0,
         )  # fmt: skip
         solution = answer_of(problem, "ipm")
-        assert solution.cost <= known * 1.002
+        assert solution.cost <= cost * 1.002
         assert solution.collisions[0].position[0] == pytest.approx(pi / 6, abs=1e-9)
 
 
@@ -219,8 +219,8 @@ def test_points_of_surfaces_are_found_where_the_gradient_vanishes() -> None:
     assert sorted(float(q[0]) for q in crossings(problem, summit, 0)) == pytest.approx(
         [-7 * pi / 6, pi / 6]
     )
-    found = onto_surface(problem, summit, 0)
-    assert found is not None and sin(found[0]) == pytest.approx(0.5, abs=1e-9)
+    point = onto_surface(problem, summit, 0)
+    assert point is not None and sin(point[0]) == pytest.approx(0.5, abs=1e-9)
     assert contact_point(problem, summit, np.zeros(1), 0, 0.0)[0] == pytest.approx(pi / 6)
     far = dmoc.build(pendulum_system("no_wall", lambda a: sp.sin(a) <= 2))
     assert (

@@ -37,8 +37,8 @@ def refused(kernels: Kernels) -> None:
 
 
 def solved(problem: dmoc.Problem) -> dmoc.Solution:
-    told: list[float] = []
-    solution = dmoc.solve(problem, "ipm", progress=lambda news: news.cost in told)
+    costs: list[float] = []
+    solution = dmoc.solve(problem, "ipm", progress=lambda news: news.cost in costs)
     assert_type(solution.status, Status)
     assert_type(solution.phases[0].q, NDArray[np.float64])
     assert_type(solution.collisions[0].impulse, float)

@@ -67,9 +67,9 @@ def test_what_turns_is_named_at_the_hit_where_it_does() -> None:
         system, start={"x": 0}, goal={"x": 0, "x_dot": 0}, contacts=["rail:slip+"],
         sequence=["right", "left"], restitution=0.8, steps=20, final_time=3,
     )  # fmt: skip
-    told = dmoc.solve(problem, starts=16)
-    assert told.status == "infeasible"
-    assert "sequence = ['right rail:slip-', 'left rail:slip+'] leads to a motion" in told.message
+    answer = dmoc.solve(problem, starts=16)
+    assert answer.status == "infeasible"
+    assert "sequence = ['right rail:slip-', 'left rail:slip+'] leads to a motion" in answer.message
 
 
 @pytest.mark.parametrize("steps", [None, 20])
@@ -102,9 +102,9 @@ def test_a_free_time_with_a_minimum_is_one() -> None:
 def solved_until(most: int, ended: Status) -> Solve:
     """Solves meshes up to some steps a phase; finer ones end otherwise."""
 
-    def solve(given: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
-        s = dmoc.solve(given, "ipm", guess=guess, starts=1, verify=False)
-        return s if max(given.phase_steps) <= most else replace(s, status=ended, optimality=1.0)
+    def solve(meshed: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
+        s = dmoc.solve(meshed, "ipm", guess=guess, starts=1, verify=False)
+        return s if max(meshed.phase_steps) <= most else replace(s, status=ended, optimality=1.0)
 
     return solve
 
@@ -144,11 +144,11 @@ def test_an_equal_cost_is_not_another_minimum() -> None:
     """The same cost from another motion: only a dearer one is another minimum."""
     problem = block_and_wall.problem(0.8, 20)
 
-    def solve(given: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
-        s = dmoc.solve(given, "ipm", guess=guess, starts=1, verify=False)
+    def solve(meshed: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
+        s = dmoc.solve(meshed, "ipm", guess=guess, starts=1, verify=False)
         phases = tuple(replace(p, q=p.q + 0.1) for p in s.phases)
         moved = replace(s, trajectory=replace(s.trajectory, phases=phases))
-        return moved if max(given.phase_steps) > 40 else s
+        return moved if max(meshed.phase_steps) > 40 else s
 
     answer = refined(problem, 1e-3, ENDLESS, solve, checked)
     assert "another minimum" not in answer.message

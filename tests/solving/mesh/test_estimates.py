@@ -34,15 +34,15 @@ def meshed(n: int, order: float, error: float = 1e-3, **fields: Any) -> Any:
 @pytest.mark.parametrize("order", [1.0, 1.5, 2.0, 4.0])
 def test_three_meshes_show_their_order(order: float) -> None:
     solved = [meshed(n, order) for n in (10, 20, 40)]
-    found = estimates(solved, UNKNOWN, 4)
-    assert found.cost == pytest.approx(1e-3 / 40**order, rel=1e-2)
-    assert found.motion == 0
+    errors = estimates(solved, UNKNOWN, 4)
+    assert errors.cost == pytest.approx(1e-3 / 40**order, rel=1e-2)
+    assert errors.motion == 0
 
 
 def test_two_meshes_show_none_and_half_of_it_is_assumed() -> None:
     change = 1e-3 * (1 / 100 - 1 / 400)
-    found = estimates([meshed(n, 2) for n in (10, 20)], UNKNOWN, 4)
-    assert found.cost == pytest.approx(change / (2**2 - 1), rel=1e-2)
+    errors = estimates([meshed(n, 2) for n in (10, 20)], UNKNOWN, 4)
+    assert errors.cost == pytest.approx(change / (2**2 - 1), rel=1e-2)
     assert estimates([meshed(10, 2)], UNKNOWN, 4) == UNKNOWN
 
 
@@ -63,22 +63,22 @@ def test_a_barrier_that_takes_a_quarter_of_the_tolerance_is_made_smaller(
     gap: float, solves: int
 ) -> None:
     """Of 1e-4."""
-    asked: list[float | None] = []
+    optimalities: list[float | None] = []
     s = SimpleNamespace(
         minimum=True, solved=True, status=Status.SOLVED, optimality=1e-6, max_violation=0.0,
         cost=1.0, duality_gap=gap, scale={"cost": 1.0}, iterations=5, seconds={},
     )  # fmt: skip
 
     def solve(problem: Any, guess: Any, optimality: float | None) -> Any:
-        asked.append(optimality)
+        optimalities.append(optimality)
         return s
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(refinement, "replace", lambda s, **fields: s)
         refinement._solved(None, History(), 1e-4, solve)  # type: ignore[arg-type]
-    assert len(asked) == solves and asked[0] is None
+    assert len(optimalities) == solves and optimalities[0] is None
     if solves == 2:
-        assert asked[1] == pytest.approx(0.25e-4 / gap / 2 * 1e-6)
+        assert optimalities[1] == pytest.approx(0.25e-4 / gap / 2 * 1e-6)
 
 
 @pytest.mark.parametrize(("cost", "other"), [(1.09, False), (1.12, True), (0.5, False)])
@@ -134,8 +134,8 @@ def test_a_small_cost_that_falls_by_a_hundredth_in_twice_the_time_has_no_minimum
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(unbounded_cost, "replace", lambda s, **fields: fields["status"])
-        found: Any = unbounded_cost.bounded(problem, first, solve)
-    assert found is (Status.STALLED if endless else first)
+        bounded: Any = unbounded_cost.bounded(problem, first, solve)
+    assert bounded is (Status.STALLED if endless else first)
 
 
 def test_minima_of_one_cost_and_other_durations_are_two() -> None:

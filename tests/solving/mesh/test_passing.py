@@ -102,8 +102,8 @@ def contradicting(solution: dmoc.Solution, excess: float) -> dmoc.Solution:
     check = replace(
         solution.verification, passed=False, message=message, energy_error=0.02 * excess
     )
-    told = f"a local minimum was found, but {message}"
-    return replace(solution, status=Status.NOT_VERIFIED, verification=check, message=told)
+    text = f"a local minimum was found, but {message}"
+    return replace(solution, status=Status.NOT_VERIFIED, verification=check, message=text)
 
 
 @pytest.mark.parametrize(("falls", "named"), [(2, [18]), (1, [18, 26]), (0, None)])

@@ -137,9 +137,9 @@ def test_the_first_mesh_alone_is_no_checked_answer() -> None:
     def solve(problem: dmoc.Problem, coarse: dmoc.Solution | None, _: float | None) -> Any:
         return first if coarse is None else replace(first, status=Status.ITERATION_LIMIT)
 
-    found = refined(problem, 1e-3, ENDLESS, solve, checked)
-    assert found.status == "not_verified" and len(found.meshes) == 1
-    assert found.message.startswith("one mesh was solved, which gives no estimate of its error")
+    answer = refined(problem, 1e-3, ENDLESS, solve, checked)
+    assert answer.status == "not_verified" and len(answer.meshes) == 1
+    assert answer.message.startswith("one mesh was solved, which gives no estimate of its error")
 
 
 def test_a_motion_that_costs_nothing_needs_no_finest_mesh() -> None:
@@ -159,9 +159,9 @@ def test_a_dearer_minimum_takes_the_place_only_of_one_that_is_contradicted(confi
     """Meshes of 10 and 20 steps agree, that of 80 is led to something that costs more."""
     problem, exact = block_and_wall.problem(0.8, 10), block_and_wall.closed_form(0.8)[0]
 
-    def solve(given: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
-        found = dmoc.solve(given, "ipm", guess=guess, starts=1, verify=False)
-        return found if max(given.phase_steps) <= 20 else replace(found, cost=2 * found.cost)
+    def solve(meshed: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
+        s = dmoc.solve(meshed, "ipm", guess=guess, starts=1, verify=False)
+        return s if max(meshed.phase_steps) <= 20 else replace(s, cost=2 * s.cost)
 
     def check(solution: dmoc.Solution) -> dmoc.Solution:
         seen = checked(solution)
@@ -178,10 +178,10 @@ def test_a_dearer_minimum_takes_the_place_only_of_one_that_is_contradicted(confi
 def test_a_limit_on_the_finest_mesh_does_not_hide_that_coarser_ones_are_infeasible() -> None:
     problem = block_and_wall.problem(0.8, 10).but(bounds={"u": (-1, 1)})
 
-    def solve(given: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
-        found = dmoc.solve(given, "ipm", starts=1)
-        coarse = max(given.phase_steps) < 80
-        return found if coarse else replace(found, status=Status.ITERATION_LIMIT, conflicts=())
+    def solve(meshed: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
+        s = dmoc.solve(meshed, "ipm", starts=1)
+        coarse = max(meshed.phase_steps) < 80
+        return s if coarse else replace(s, status=Status.ITERATION_LIMIT, conflicts=())
 
     answer = refined(problem, 1e-3, ENDLESS, solve, checked)
     assert answer.status == "infeasible" and answer.conflicts and max(answer.steps) == 10
@@ -190,10 +190,10 @@ def test_a_limit_on_the_finest_mesh_does_not_hide_that_coarser_ones_are_infeasib
 def test_a_contradiction_is_told_beside_the_estimate() -> None:
     problem = block_and_wall.problem(0.8, 10)
 
-    def solve(given: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
-        found = dmoc.solve(given, "ipm", guess=guess, starts=1, verify=False)
-        fine = max(given.phase_steps) > 20
-        return replace(found, status=Status.STALLED, optimality=1e-3) if fine else found
+    def solve(meshed: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
+        s = dmoc.solve(meshed, "ipm", guess=guess, starts=1, verify=False)
+        fine = max(meshed.phase_steps) > 20
+        return replace(s, status=Status.STALLED, optimality=1e-3) if fine else s
 
     def check(solution: dmoc.Solution) -> dmoc.Solution:
         seen = checked(solution)

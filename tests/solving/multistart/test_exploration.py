@@ -131,10 +131,10 @@ def test_starts_that_there_is_no_time_for_are_not_made(
         block, start={"x": 0}, goal={"x": 1, "x_dot": 0}, bounds={"u": (-9, 9)}, steps=4,
         final_time=1.0,
     )  # fmt: skip
-    asked, make = list[range](), exploration.random_motions
+    numbers_made, make = list[range](), exploration.random_motions
 
     def made(problem: dmoc.Problem, *others: Any) -> Any:
-        asked.append(others[2])
+        numbers_made.append(others[2])
         return make(problem, *others)
 
     monkeypatch.setattr(exploration, "random_motions", made)
@@ -142,28 +142,28 @@ def test_starts_that_there_is_no_time_for_are_not_made(
     effort = Effort(total=50, widens=False)
     ended = exploration.explored(problem, effort, Options())
     assert len(ended.starts) == 50 and ended.ranked[0].minimum.starts == 50
-    assert [k for numbers in asked for k in numbers] == list(range(asked[-1].stop))
-    assert max(map(len, asked)) == 20
-    asked.clear()
+    assert [k for numbers in numbers_made for k in numbers] == list(range(numbers_made[-1].stop))
+    assert max(map(len, numbers_made)) == 20
+    numbers_made.clear()
     few = exploration.explored(problem, effort, Options(deadline=Deadline.after(1e-9)))
-    assert len(asked) == 1 and len(few.starts) < 50
+    assert len(numbers_made) == 1 and len(few.starts) < 50
 
 
 @pytest.mark.slow
 def test_starts_that_agree_end_the_exploration() -> None:
     system = unit_mass("easy", cost=dynamicsymbols("u") ** 2)
     problem = dmoc.Problem(system, start={"x": 0}, goal={"x": 1, "x_dot": 0}, final_time=1)
-    found = dmoc.solve(problem, "ipm")
-    assert found.cost == pytest.approx(12, rel=1e-3)
-    assert found.starts < 30 and found.agreeing_starts == found.starts and found.others == ()
+    answer = dmoc.solve(problem, "ipm")
+    assert answer.cost == pytest.approx(12, rel=1e-3)
+    assert answer.starts < 30 and answer.agreeing_starts == answer.starts and answer.others == ()
 
 
 @pytest.mark.slow
 def test_a_swing_up_with_little_torque_is_found(
     pendulum_and_torque: dmoc.MechanicalSystem,
 ) -> None:
-    found = answer_of(little_torque(pendulum_and_torque, 2.0, 200), "ipm")
-    assert found.cost == pytest.approx(5.7041, abs=2e-3)
+    solution = answer_of(little_torque(pendulum_and_torque, 2.0, 200), "ipm")
+    assert solution.cost == pytest.approx(5.7041, abs=2e-3)
 
 
 @pytest.mark.slow
@@ -183,10 +183,10 @@ def test_a_confirmed_minimum_is_not_passed_over_for_the_same_one_of_a_finer_mesh
 
 @pytest.mark.slow
 def test_infeasible_is_said_after_many_starts(pendulum_and_torque: dmoc.MechanicalSystem) -> None:
-    found = dmoc.solve(little_torque(pendulum_and_torque, 0.2, 40), "ipm")
-    assert found.status == "infeasible"
-    assert found.starts >= 300
-    assert f"{found.starts} starts" in found.message
+    solution = dmoc.solve(little_torque(pendulum_and_torque, 0.2, 40), "ipm")
+    assert solution.status == "infeasible"
+    assert solution.starts >= 300
+    assert f"{solution.starts} starts" in solution.message
 
 
 @pytest.mark.parametrize("starts", [0, -1, 1.5, "many", True])
@@ -223,15 +223,15 @@ def test_minima_that_finer_meshes_lose_are_told(
     """They are no starts that led nowhere."""
     refined = ranking._refined
 
-    def stalled(*given: Any) -> Attempt:
-        attempt = refined(*given)
+    def stalled(*arguments: Any) -> Attempt:
+        attempt = refined(*arguments)
         return replace(attempt, outcome=replace(attempt.outcome, status=Status.STALLED))
 
     monkeypatch.setattr(ranking, "_refined", stalled)
     task = {"start": {"x": 0.0}, "goal": {"x": 0.0, "x_dot": 0.0}, "sequence": ["wall"]}
-    found = answer_of(dmoc.Problem(block, **task, steps=40, final_time=1.0), "ipm")
-    assert found.agreeing_starts == 0 and found.others[0].status is None
-    assert "starts led to one minimum on a coarse mesh alone" in found.message
+    solution = answer_of(dmoc.Problem(block, **task, steps=40, final_time=1.0), "ipm")
+    assert solution.agreeing_starts == 0 and solution.others[0].status is None
+    assert "starts led to one minimum on a coarse mesh alone" in solution.message
 
 
 @pytest.mark.slow
