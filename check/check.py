@@ -24,10 +24,10 @@ from dmoc.base.deadline import Deadline
 from dmoc.base.errors import SimulationError
 from dmoc.check.amplification import carried
 from dmoc.check.checked_motion import Motion
+from dmoc.check.consistency import plan_errors
 from dmoc.check.contact_forces import force_errors
 from dmoc.check.events import event_errors
 from dmoc.check.findings import Findings
-from dmoc.check.plan import plan_errors
 from dmoc.check.planned_run import planned_run
 from dmoc.check.runs import open_run
 from dmoc.check.segments import segments, step_errors

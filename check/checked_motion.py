@@ -45,7 +45,7 @@ class ModeSpan:
     steps: Steps
 
 
-class Places(NamedTuple):
+class PlannedNodes(NamedTuple):
     """The nodes of a phase, and behind them those inside its steps: positions, velocities, times,
     the inputs before and after each, and the planned forces of closed contacts, of what rubs and of
     joints."""
@@ -144,11 +144,11 @@ class Motion:
         return DISCRETISATIONS[self.trajectory.order].nodes[2:]
 
     @cached_property
-    def places(self) -> tuple[Places, ...]:
+    def places(self) -> tuple[PlannedNodes, ...]:
         """The nodes of each phase, and those inside its steps."""
         return tuple(map(self._places, range(len(self.modes))))
 
-    def _places(self, i: int) -> Places:
+    def _places(self, i: int) -> PlannedNodes:
         phase, steps, nq = self.trajectory.phases[i], self.steps[i], self.model.nq
         q = phase.q_inside.reshape(-1, nq)
         shares = self.nodes_inside if len(q) else self.nodes_inside[:0]
@@ -165,7 +165,7 @@ class Motion:
                 return np.zeros((len(phase.t) + len(t), 0))
             return np.vstack([getattr(phase, kind), phase.inside(kind).reshape(-1, len(names))])
 
-        return Places(
+        return PlannedNodes(
             np.vstack([phase.q, q]),
             np.vstack([phase.v, v]),
             np.concatenate([phase.t, t]),

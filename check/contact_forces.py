@@ -9,9 +9,9 @@ from dataclasses import fields, replace
 import numpy as np
 
 from dmoc.base.tolerances import ROUNDING
-from dmoc.check.checked_motion import Motion, Places
+from dmoc.check.checked_motion import Motion, PlannedNodes
+from dmoc.check.consistency import DRIFT, OFF
 from dmoc.check.findings import Findings, largest
-from dmoc.check.plan import DRIFT, OFF
 from dmoc.check.segments import put
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode
@@ -47,7 +47,7 @@ def forces(motion: Motion, i: int) -> Reaction:
     return Reaction(*(kind.reshape(2, len(at.t), -1) for kind in kinds))
 
 
-def _sticking(motion: Motion, i: int, at: Places) -> Array:
+def _sticking(motion: Motion, i: int, at: PlannedNodes) -> Array:
     """The planned friction of what sticks in a phase, in the order of its mode."""
     names, tangents = list(motion.trajectory.phases[i].rubbing), motion.model.kernels.tangents
     return at.tangential[:, [names.index(tangents[k]) for k in motion.modes[i].sticking]]

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
+from dmoc.check.consistency import JOINED
 from dmoc.check.findings import largest
-from dmoc.check.plan import JOINED
 from dmoc.check.segments import Segments
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index

@@ -22,9 +22,9 @@ from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import standing
 from dmoc.guess.hits import through_hits, with_hidden
-from dmoc.guess.tracking import Choice, March, Planner, resting
+from dmoc.guess.tracking import Choice, March, Tracker, resting
 from dmoc.guess.transfer import on_mesh
-from dmoc.guess.waypoints import Plan, end_velocity
+from dmoc.guess.waypoints import Waypoints, end_velocity
 from dmoc.problem.problem import Problem
 from dmoc.program.force_values import quantity_inputs
 from dmoc.program.layout import Layout
@@ -83,55 +83,55 @@ def initial_guesses(problem: Problem, deadline: Deadline = ENDLESS) -> tuple[Gue
 
 
 def _guesses(problem: Problem, deadline: Deadline) -> tuple[Guess, ...]:
-    planner, lay = Planner.of(problem), Layout.of(problem)
-    times = _final_times(planner)
-    prescribed = planner.prescribed(float(times[-1]))
-    final_time = _best_time(planner, prescribed, times, deadline)
+    tracker, lay = Tracker.of(problem), Layout.of(problem)
+    times = _final_times(tracker)
+    prescribed = tracker.prescribed(float(times[-1]))
+    final_time = _best_time(tracker, prescribed, times, deadline)
     guesses = []
     for choice, length, even in _choices(problem, prescribed, final_time):
         if deadline.passed:
             break
-        plan = planner.plan(choice, length, even)
-        motion = planner.march(plan, choice, problem.phase_steps)
+        plan = tracker.plan(choice, length, even)
+        motion = tracker.march(plan, choice, problem.phase_steps)
         if motion is not None:
             names = tuple(problem.kernels.coordinates[i] for i in choice)
             x = _unknowns(problem, lay, plan, motion)
             guesses.append(Guess(x, length, names, motion.free_steps, motion.excess))
     if not guesses:
-        plan = planner.plan(prescribed, final_time)
+        plan = tracker.plan(prescribed, final_time)
         x = _unknowns(problem, lay, plan, resting(problem, plan))
         guesses.append(Guess(x, final_time, (), 0, 0.0))
     return _without_drift(problem, lay, guesses)
 
 
-def _best_time(planner: Planner, prescribed: Choice, times: Array, deadline: Deadline) -> float:
+def _best_time(tracker: Tracker, prescribed: Choice, times: Array, deadline: Deadline) -> float:
     """The final time whose motion keeps the bounds of the inputs at the least cost, or violates
     them least."""
-    few = max(COARSE_STEPS // planner.problem.phases, FEWEST_STEPS)
-    steps = tuple(min(n, few) for n in planner.problem.phase_steps)
-    results = zip(*_trials(planner, prescribed, times, steps, deadline), times, strict=True)
+    few = max(COARSE_STEPS // tracker.problem.phases, FEWEST_STEPS)
+    steps = tuple(min(n, few) for n in tracker.problem.phase_steps)
+    results = zip(*_trials(tracker, prescribed, times, steps, deadline), times, strict=True)
     ranks = [(max(excess, WITHIN), cost, t) for excess, cost, t in results if not np.isnan(excess)]
     return float(min(ranks)[2] if ranks else times[-1])
 
 
 def _trials(
-    planner: Planner, choice: Choice, times: Array, steps: tuple[int, ...], deadline: Deadline
+    tracker: Tracker, choice: Choice, times: Array, steps: tuple[int, ...], deadline: Deadline
 ) -> tuple[Array, Array]:
     """Excesses and costs of motions along splines in some steps, with the objective and the bounds
     of velocities and quantities that the problem has; excesses that are no numbers where a motion
     grows without bound or the deadline has passed."""
-    problem = planner.problem
+    problem = tracker.problem
     said = problem.limits or problem.kernels.integrals or problem.model.has_objective
     if not (said or deadline.passed):
-        return planner.trials(choice, times, steps)
+        return tracker.trials(choice, times, steps)
     excess, cost = np.full((2, len(times)), np.nan)
     coarse = problem.meshed(steps)
     lay = Layout.of(coarse)
     for i, final_time in enumerate(times):
         if deadline.passed:
             break
-        plan = planner.plan(choice, float(final_time))
-        motion = planner.march(plan, choice, steps)
+        plan = tracker.plan(choice, float(final_time))
+        motion = tracker.march(plan, choice, steps)
         if motion is not None:
             x = _unknowns(coarse, lay, plan, motion)
             excess[i] = max(motion.excess, _excess(coarse, lay, x))
@@ -196,9 +196,9 @@ def _misses_goal(problem: Problem, q: Array) -> bool:
 # Choices ------------------------------------------------------------------------------------------
 
 
-def _final_times(planner: Planner) -> Array:
+def _final_times(tracker: Tracker) -> Array:
     """Final times to try, within the bounds of the final time and of the durations."""
-    problem = planner.problem
+    problem = tracker.problem
     low, high = problem.final_time_bounds
     durations = problem.duration_bounds.sum(axis=0)
     low, high = max(low, durations[0]), min(high, durations[1])
@@ -216,7 +216,7 @@ def natural_time(problem: Problem) -> float:
     expected = expected_time(problem)
     if expected is not None:
         return expected
-    return NO_TIME if problem.held else _cheapest_decade(Planner.of(problem))
+    return NO_TIME if problem.held else _cheapest_decade(Tracker.of(problem))
 
 
 def expected_time(problem: Problem) -> float | None:
@@ -241,14 +241,14 @@ def expected_time(problem: Problem) -> float | None:
     return float((ordered[middle] + ordered[~middle]) / 2)  # np.median loads masked arrays
 
 
-def _cheapest_decade(planner: Planner) -> float:
+def _cheapest_decade(tracker: Tracker) -> float:
     """The final time, by powers of ten, whose motion along splines keeps its bounds best and costs
     least: all that a cost of time and effort says."""
-    every = tuple(range(planner.problem.nq))
-    steps = tuple(min(n, FEWEST_STEPS) for n in planner.problem.phase_steps)
+    every = tuple(range(tracker.problem.nq))
+    steps = tuple(min(n, FEWEST_STEPS) for n in tracker.problem.phase_steps)
 
     def cost(final_time: float) -> tuple[float, float]:
-        excess, cost = _trials(planner, every, np.array([final_time]), steps, ENDLESS)
+        excess, cost = _trials(tracker, every, np.array([final_time]), steps, ENDLESS)
         if np.isnan(excess[0]) or not np.isfinite(cost[0]):
             return np.inf, np.inf
         return max(excess[0], WITHIN), cost[0]
@@ -266,7 +266,7 @@ def _cheapest_decade(planner: Planner) -> float:
 # Unknowns -----------------------------------------------------------------------------------------
 
 
-def _unknowns(problem: Problem, lay: Layout, plan: Plan, motion: March) -> Array:
+def _unknowns(problem: Problem, lay: Layout, plan: Waypoints, motion: March) -> Array:
     x = lay.zeros(problem)
     x[lay.index_h] = lay.step_sizes(plan.durations)
     x[lay.index_q] = motion.q

@@ -1,7 +1,7 @@
 """Motions along plans, step by step."""
 
 from dmoc.codegen.kernels import Array
-from dmoc.guess.waypoints import Plan
+from dmoc.guess.waypoints import Waypoints
 from dmoc.problem.problem import Problem
 
 WINDOW: float
@@ -16,8 +16,8 @@ class Marcher:
     def __init__(self, problem: Problem) -> None: ...
     def control(self, q: Array, prescribed: tuple[int, ...]) -> float: ...
     def trials(
-        self, plans: Plan, steps: tuple[int, ...], prescribed: tuple[int, ...]
+        self, plans: Waypoints, steps: tuple[int, ...], prescribed: tuple[int, ...]
     ) -> tuple[Array, Array]: ...
     def motion(
-        self, plan: Plan, steps: tuple[int, ...], prescribed: tuple[int, ...]
+        self, plan: Waypoints, steps: tuple[int, ...], prescribed: tuple[int, ...]
     ) -> tuple[Array, Array, Array, Array, Array, Array] | None: ...

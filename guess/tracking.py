@@ -11,7 +11,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.guess.tracker import WINDOW, Marcher
-from dmoc.guess.waypoints import Plan, Route, plans_of, route_of, shares_of
+from dmoc.guess.waypoints import Route, Waypoints, plans_of, route_of, shares_of
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import midpoints
 
@@ -37,8 +37,8 @@ class March:
 
 
 @dataclass(frozen=True)
-class Planner:
-    """Plans of a problem, and what marches along them; ``still`` is the route of all plans, if
+class Tracker:
+    """Makes plans of a problem, and marches along them; ``still`` is the route of all plans, if
     there is one."""
 
     problem: Problem
@@ -46,11 +46,11 @@ class Planner:
     still: Route | None
 
     @classmethod
-    def of(cls, problem: Problem) -> Planner:
+    def of(cls, problem: Problem) -> Tracker:
         route = route_of(problem, 0.0)
         return cls(problem, Marcher(problem), None if route.normals is None else route)
 
-    def plan(self, choice: Choice, final_time: float, even: bool = False) -> Plan:
+    def plan(self, choice: Choice, final_time: float, even: bool = False) -> Waypoints:
         return self._plans(self._route(final_time), choice, np.array([final_time]), even)[0]
 
     def trials(
@@ -66,7 +66,7 @@ class Planner:
         excess, cost = (np.concatenate(part) for part in zip(*results, strict=True))
         return excess, cost
 
-    def march(self, plan: Plan, choice: Choice, steps: tuple[int, ...]) -> March | None:
+    def march(self, plan: Waypoints, choice: Choice, steps: tuple[int, ...]) -> March | None:
         """Follow a plan by the explicit midpoint rule; None where the motion grows without
         bound."""
         motion = self.marcher.motion(plan, steps, choice)
@@ -95,7 +95,9 @@ class Planner:
                 return tuple(sorted(choice))
         return tuple(range(nq))
 
-    def _plans(self, route: Route, choice: Choice, final_times: Array, even: bool = False) -> Plan:
+    def _plans(
+        self, route: Route, choice: Choice, final_times: Array, even: bool = False
+    ) -> Waypoints:
         return plans_of(self.problem, route, shares_of(route, choice, even), final_times)
 
     def _route(self, final_time: float) -> Route:
@@ -117,7 +119,7 @@ def reflected(
     return v - impulse * response, impulse
 
 
-def resting(problem: Problem, plan: Plan) -> March:
+def resting(problem: Problem, plan: Waypoints) -> March:
     """Straight lines between the via points: the last resort."""
     pieces = [
         a + np.linspace(0, 1, n + 1)[:-1, None] * (b - a)

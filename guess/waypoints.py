@@ -19,17 +19,17 @@ SHORTEST_SHARE = 0.04
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Via points of all coordinates: positions (phases + 1, nq), velocities before each via
-    point, and durations; of several plans with an axis before."""
+class Waypoints:
+    """A plan: via points of all coordinates, as positions (phases + 1, nq), velocities before each
+    via point, and durations; of several plans with an axis before."""
 
     positions: Array
     velocities: Array
     durations: Array
 
-    def __getitem__(self, which: int | None) -> Plan:
+    def __getitem__(self, which: int | None) -> Waypoints:
         """One of several, or one as the only one of several."""
-        return Plan(self.positions[which], self.velocities[which], self.durations[which])
+        return Waypoints(self.positions[which], self.velocities[which], self.durations[which])
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def shares_of(route: Route, prescribed: tuple[int, ...], even: bool) -> Shares:
     return Shares(legs, whole, shares / shares.sum())
 
 
-def plans_of(problem: Problem, route: Route, shares: Shares, final_times: Array) -> Plan:
+def plans_of(problem: Problem, route: Route, shares: Shares, final_times: Array) -> Waypoints:
     """Plans for some final times: durations by shares of the time, and velocities that continue
     smoothly in the mirror image behind each surface."""
     points, count = route.points, len(final_times)
@@ -147,7 +147,7 @@ def plans_of(problem: Problem, route: Route, shares: Shares, final_times: Array)
         velocities[:, -1] = _by_velocity(problem.goal_bounds, natural)
     else:
         velocities[:, -1] = route.goal
-    return Plan(np.broadcast_to(points, velocities.shape), velocities, durations)
+    return Waypoints(np.broadcast_to(points, velocities.shape), velocities, durations)
 
 
 def _through(normal: Normal, speeds: Array, durations: Array, slowest: Array) -> Array:

@@ -18,8 +18,8 @@ import dmoc
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.tracker import Marcher
-from dmoc.guess.tracking import Planner
-from dmoc.guess.waypoints import Plan
+from dmoc.guess.tracking import Tracker
+from dmoc.guess.waypoints import Waypoints
 
 ROOT = Path(__file__).resolve().parents[2]
 FLAGS = (
@@ -122,7 +122,7 @@ def test_a_step_obeys_the_equations_of_motion(coordinates: int, inputs: int) -> 
     positions, velocities = rng.normal(size=(2, 2, coordinates))
     T = 0.2
     prescribed = tuple(range(min(coordinates, inputs)))
-    plan = Plan(positions, velocities, np.array([T]))
+    plan = Waypoints(positions, velocities, np.array([T]))
     march = Marcher(problem).motion(plan, (1,), prescribed)
     assert march is not None
     (q, u, *_), others = march, [i for i in range(coordinates) if i not in prescribed]
@@ -190,18 +190,18 @@ def test_kernels_on_numpy_give_the_same_guesses(sequence: tuple[str, ...]) -> No
 def test_several_trials_are_those_of_each_final_time(
     seed: dmoc.Problem, sequence: tuple[str, ...]
 ) -> None:
-    planner, steps = Planner.of(seed.but(sequence=sequence)), (8,) * (len(sequence) + 1)
+    tracker, steps = Tracker.of(seed.but(sequence=sequence)), (8,) * (len(sequence) + 1)
     times = np.array([1e-160, 0.3, 0.6, 0.9])
-    excesses, costs = planner.trials((1,), times, steps)
+    excesses, costs = tracker.trials((1,), times, steps)
     assert np.isnan(excesses).tolist() == [True, False, False, False]
     for time, excess, cost in list(zip(times, excesses, costs, strict=True))[1:]:
-        motion = planner.march(planner.plan((1,), float(time)), (1,), steps)
+        motion = tracker.march(tracker.plan((1,), float(time)), (1,), steps)
         assert motion is not None and motion.excess == excess
-        assert planner.marcher.cost == cost > 0.0
+        assert tracker.marcher.cost == cost > 0.0
 
 
 def test_a_plan_of_other_phases_is_refused(seed: dmoc.Problem) -> None:
     marcher = Marcher(seed)
-    plan = Plan(np.zeros((2, 2)), np.zeros((2, 2)), np.ones(1))
+    plan = Waypoints(np.zeros((2, 2)), np.zeros((2, 2)), np.ones(1))
     with pytest.raises(ValueError, match="expected a plan of 2 phases"):
         marcher.trials(plan[None], (5,), (0,))
