@@ -90,9 +90,9 @@ def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
         j = model.surface_numbers[name]
         if rates[j] < -DRIFT * motion.sizes.rate[j]:
             continue  # it opens with a velocity
-        kept = replace(motion.modes[i + 1], closed=(*motion.modes[i + 1].closed, j))
+        still_closed = replace(motion.modes[i + 1], closed=(*motion.modes[i + 1].closed, j))
         y, u = np.hstack([q, v]), motion.steps[i + 1].u0[:1]
-        force = motion.flow.integrator.reaction(kept, y, u, t).normal[0, j]
+        force = motion.flow.integrator.reaction(still_closed, y, u, t).normal[0, j]
         if force > PRESSED * size[j]:
             yield f"{name} leaves at {c.time:.4g} s, pressed with {force:.4g} N"
 
@@ -118,8 +118,8 @@ def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
         if (k, s) in slid or fast[k] > DRIFT * motion.sizes.slide[k]:
             continue
         others = tuple(pair for pair in mode.sliding if pair[0] != k)
-        kept = replace(mode, sticking=(*mode.sticking, k), sliding=others)
-        reaction = motion.flow.integrator.reaction(kept, np.hstack([q, v]), u, t)
+        sticking = replace(mode, sticking=(*mode.sticking, k), sliding=others)
+        reaction = motion.flow.integrator.reaction(sticking, np.hstack([q, v]), u, t)
         bears = model.with_friction_at(q, v, u, t).bearing(reaction.normal)[:, k]
         spare = bears - np.abs(reaction.tangential[:, k]) - PRESSED * size[k]
         if _lost(t, spare) - begin > late:
@@ -159,7 +159,7 @@ def _sizes(motion: Motion, flows: list[Reaction]) -> tuple[Array, Array, Array]:
     """The largest contact forces (nc,), friction forces that are possible (nt,) and forces of
     joints (nj,) of a motion; what carries little counts by a share of the forces of the motion."""
     model = motion.model
-    normal, taken, joint = (
+    normal, traction, joint = (
         np.max([np.abs(getattr(f, kind)).max(axis=(0, 1)) for f in flows], axis=0, initial=0.0)
         for kind in ("normal", "tangential", "joint")
     )
@@ -170,7 +170,7 @@ def _sizes(motion: Motion, flows: list[Reaction]) -> tuple[Array, Array, Array]:
     kinds = [mu for there in rubbing for mu in (there.static_friction, there.friction)]
     most = np.max([mu.max(axis=(0, 1)) for mu in kinds], axis=0)
     bearing = model.with_coefficients(most).bearing(normal)
-    friction = np.maximum.reduce([bearing, BEARABLE * taken, smooth])
+    friction = np.maximum.reduce([bearing, BEARABLE * traction, smooth])
     joint = np.maximum(joint, pushes(nodes, sizes, model.joint_slopes(nodes.q, nodes.t)))
     return (*(np.maximum(size, NOTHING) for size in (normal, friction, joint)),)
 

@@ -168,9 +168,9 @@ class EventPassage:
         e = np.zeros(len(q)) if self.lands else e
         hits = [
             single_hit(
-                self.model, contact, self.holding, (*state, float(time)), float(kept), self.e_t
+                self.model, contact, self.holding, (*state, float(time)), float(e_n), self.e_t
             )
-            for *state, time, kept in zip(q, v, t, e, strict=True)
+            for *state, time, e_n in zip(q, v, t, e, strict=True)
         ]
         return ImpactResult(
             np.array([h.velocity for h in hits]),

@@ -39,7 +39,7 @@ class Linear:
 
 T = TypeVar("T")
 # Analyses that a structure keeps.
-MOST_KEPT = 8
+MOST_ANALYSES = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ class Structure:
     linear_slots: Index
     jacobian: SparsePattern
     hessian: SparsePattern
-    _kept: dict[Hashable, Any] = field(default_factory=dict)
+    _analyses: dict[Hashable, Any] = field(default_factory=dict)
 
     @cached_property
     def linear_rows(self) -> Index:
@@ -134,15 +134,15 @@ class Structure:
     @property
     def additions(self) -> int:
         """How many things follow from it that were made once."""
-        return len(self._kept)
+        return len(self._analyses)
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
         """What follows from the structure and a key, made once; threads that ask at the same time
         may make it twice, and get one."""
-        if key not in self._kept and len(self._kept) >= MOST_KEPT:
+        if key not in self._analyses and len(self._analyses) >= MOST_ANALYSES:
             return make()
-        kept: T = self._kept.get(key) or self._kept.setdefault(key, make())
-        return kept
+        analysis: T = self._analyses.get(key) or self._analyses.setdefault(key, make())
+        return analysis
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,27 +27,27 @@ class Recent(Generic[T]):
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._kept: OrderedDict[Hashable, T] = OrderedDict()
+        self._values: OrderedDict[Hashable, T] = OrderedDict()
 
     def of(self, key: Hashable | None, make: Callable[[], T]) -> T:
         """What follows from a key; made anew where that is None."""
         if key is None:
             return make()
         with self._lock:
-            kept = self._kept.get(key)
-            if kept is not None:
-                self._kept.move_to_end(key)
-                return kept
+            value = self._values.get(key)
+            if value is not None:
+                self._values.move_to_end(key)
+                return value
         made = make()
         with self._lock:
-            kept = self._kept.setdefault(key, made)
-            while len(self._kept) > MOST:
-                self._kept.popitem(last=False)
-        return kept
+            value = self._values.setdefault(key, made)
+            while len(self._values) > MOST:
+                self._values.popitem(last=False)
+        return value
 
     def clear(self) -> None:
         with self._lock:
-            self._kept.clear()
+            self._values.clear()
 
 
 class Structures:
@@ -55,7 +55,7 @@ class Structures:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._kept: OrderedDict[bytes, Structure] = OrderedDict()
+        self._structures: OrderedDict[bytes, Structure] = OrderedDict()
         # Bytes, with the number of things that methods had added when they were counted.
         self._counted: dict[bytes, tuple[int, int]] = {}
 
@@ -63,32 +63,32 @@ class Structures:
         """The structure of a form whose unknowns and rows stand in some blocks."""
         key = digest(form, blocks)
         with self._lock:
-            structure = self._kept.get(key)
+            structure = self._structures.get(key)
             if structure is not None:
-                self._kept.move_to_end(key)
+                self._structures.move_to_end(key)
                 return structure
         made = structure_of(form)
         with self._lock:
-            structure = self._kept.setdefault(key, made)
-            self._kept.move_to_end(key)
+            structure = self._structures.setdefault(key, made)
+            self._structures.move_to_end(key)
             self._forget()
         return structure
 
     def clear(self) -> None:
         with self._lock:
-            self._kept.clear()
+            self._structures.clear()
             self._counted.clear()
 
     def _forget(self) -> None:
         """Leave out those that were not asked for the longest, until the others have room; what
         methods have added to them in the meantime counts."""
-        for key, structure in self._kept.items():
+        for key, structure in self._structures.items():
             added = structure.additions
             if self._counted.get(key, (0, -1))[1] != added:
                 self._counted[key] = size_of(structure, set()), added
         total = sum(size for size, _ in self._counted.values())
-        while len(self._kept) > 1 and (len(self._kept) > MOST or total > MOST_BYTES):
-            oldest, _ = self._kept.popitem(last=False)
+        while len(self._structures) > 1 and (len(self._structures) > MOST or total > MOST_BYTES):
+            oldest, _ = self._structures.popitem(last=False)
             total -= self._counted.pop(oldest)[0]
 
 

@@ -109,12 +109,12 @@ class Transcription(Evaluator):
         if self.n > MOST_SHARED:
             return structure_of(self._form())
         remembered = self.laws.remembered
-        kept = remembered.structure() if remembered.structure else None
-        if kept is None:
+        structure = remembered.structure() if remembered.structure else None
+        if structure is None:
             blocks = self.layout.unknowns, self.laws.equalities, self.laws.inequalities
-            kept = STRUCTURES.of(self._form(), chain.from_iterable(blocks))
-            remembered.structure = weakref.ref(kept)
-        return kept
+            structure = STRUCTURES.of(self._form(), chain.from_iterable(blocks))
+            remembered.structure = weakref.ref(structure)
+        return structure
 
     def assemble(self) -> Assembled:
         m = self.laws.n_eq + self.laws.n_in

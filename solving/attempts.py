@@ -72,8 +72,8 @@ def attempted(
     points = [nlp.scaled(x) for x in starts.points]
     solver = LocalSolver(programs, _with(method.minimise(form), starts.duals(nlp)))
     second = METHODS[method.falls_back_on] if method.falls_back_on and programs.compiled else None
-    kept = options.iterations // 2 if second is not None else 0  # for what takes over
-    first = replace(options, iterations=options.iterations - kept)
+    reserve = options.iterations // 2 if second is not None else 0  # for what takes over
+    first = replace(options, iterations=options.iterations - reserve)
     attempt = solver.from_points(nlp, points, first)
     if not programs.compiled:
         return attempt
@@ -227,8 +227,8 @@ class LocalSolver:
         again = self.minimised(nlp, best.outcome.x, options.after(count))
         count += again.outcome.iterations
         within = again.cost() <= best.cost() + SAME_COST * abs(best.cost())
-        kept = again.status is Status.SOLVED and within
-        return (again if kept or again.status is Status.INTERRUPTED else best).counting(count)
+        confirmed = again.status is Status.SOLVED and within
+        return (again if confirmed or again.status is Status.INTERRUPTED else best).counting(count)
 
     def minimised(self, nlp: Transcription, x: Array, options: Options) -> Attempt:
         """Solve from one start, and settle what has come of it."""

@@ -195,9 +195,11 @@ def batch_of(
         except NoMoreWork as error:
             reason = str(error)
     whole_rows = [rows.get(i, Row(i, NOT_TRIED, reason)) for i in range(len(problems))]
-    kept = [_with_kernels(r, p) for r, p in zip(whole_rows, problems, strict=True)]
-    table = _table(kept, varied, method, time.perf_counter() - begin)
-    return replace(table, solutions=tuple(row.solution for row in kept)) if batch.keep else table
+    with_kernels = [_with_kernels(r, p) for r, p in zip(whole_rows, problems, strict=True)]
+    table = _table(with_kernels, varied, method, time.perf_counter() - begin)
+    if not batch.keep:
+        return table
+    return replace(table, solutions=tuple(row.solution for row in with_kernels))
 
 
 def _of_solves(method: str, batch: BatchKeywords) -> Keywords:
@@ -262,9 +264,9 @@ def _row(number: int, problem: Problem | DmocError, share: Share) -> Row:
         return Row(number, FAILED, f"{type(error).__name__}: {error}")
     spent = time.perf_counter() - begin
     # travels without the kernels, which the caller has
-    kept = replace(s, kernels=None) if share.keep else None
+    bare = replace(s, kernels=None) if share.keep else None
     ended = Row(
-        number, str(s.status), s.message, iterations=s.iterations, seconds=spent, solution=kept
+        number, str(s.status), s.message, iterations=s.iterations, seconds=spent, solution=bare
     )
     if not s.converged:
         return ended

@@ -169,9 +169,9 @@ def _again(
 ) -> tuple[Block, ...]:
     """Blocks with those of a law made again, from its first one on; so many rows come before."""
     i = blocks.index(first)
-    made = Numbering(before + sum(b.count for b in blocks[:i]))
-    number(made)
-    return (*blocks[:i], *made.made, *blocks[i + len(made.made) :])
+    numbering = Numbering(before + sum(b.count for b in blocks[:i]))
+    number(numbering)
+    return (*blocks[:i], *numbering.made, *blocks[i + len(numbering.made) :])
 
 
 def rows_follow_from(

@@ -205,7 +205,7 @@ def test_whatever_a_form_holds_is_part_of_its_key(small: dmoc.Problem) -> None:
 def test_structures_are_forgotten_by_their_bytes(
     small: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = transcription.STRUCTURES._kept
+    structures = transcription.STRUCTURES._structures
     first = Transcription(small)
     kkt_layout(first)
     one = size_of(first.structure, set())
@@ -213,9 +213,9 @@ def test_structures_are_forgotten_by_their_bytes(
     monkeypatch.setattr(structure_cache, "MOST_BYTES", 3 * one)
     for steps in (11, 12, 13, 14, 15):
         kkt_layout(Transcription(small.but(steps=steps)))
-        assert sum(size_of(s, set()) for s in kept.values()) <= 4 * one
-    assert 1 <= len(kept) < 5
-    assert first.structure not in kept.values()  # it was the oldest
+        assert sum(size_of(s, set()) for s in structures.values()) <= 4 * one
+    assert 1 <= len(structures) < 5
+    assert first.structure not in structures.values()  # it was the oldest
 
 
 def test_what_is_shared_counts_once() -> None:
