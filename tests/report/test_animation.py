@@ -211,12 +211,12 @@ def test_a_page_holds_all_it_needs(solution: dmoc.Solution, tmp_path: Path) -> N
     assert re.search(r"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-", page)
     content = read(page)
     assert content["title"] == "cart_pendulum"
-    (content,) = content["motions"]
-    assert content["status"] == "solved" and content["cost"] == solution.cost
-    assert [event["word"] for event in content["events"]] == ["left"]
-    tip = next(s for s in content["shapes"] if s["kind"] == "point")["columns"]
+    (entry,) = content["motions"]
+    assert entry["status"] == "solved" and entry["cost"] == solution.cost
+    assert [event["word"] for event in entry["events"]] == ["left"]
+    tip = next(s for s in entry["shapes"] if s["kind"] == "point")["columns"]
     alpha, x = solution.phases[1].q[-1]
-    at = columns_at(content, content["duration"])[tip]
+    at = columns_at(entry, entry["duration"])[tip]
     np.testing.assert_allclose(at, [x + 0.5 * np.cos(alpha), 0.5 * np.sin(alpha)], atol=1e-5)
 
 
