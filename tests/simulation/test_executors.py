@@ -18,7 +18,7 @@ def same(one: dmoc.Verification, other: dmoc.Verification, error: float) -> None
         a, b = getattr(one, field.name), getattr(other, field.name)
         if field.name == "contacts":
             assert [c.surface for c in a] == [c.surface for c in b]
-            a, b = (np.array([(c.time, c.jump) for c in found]) for found in (a, b))
+            a, b = (np.array([(c.time, c.jump) for c in contacts]) for contacts in (a, b))
         if isinstance(a, float | np.ndarray):
             assert a == pytest.approx(b, rel=error, abs=error)
         elif field.name != "message":  # it shows numbers that are rounding errors
