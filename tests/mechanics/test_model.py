@@ -18,7 +18,7 @@ from dmoc.mechanics.model_values import parameter_row, restitution_row
 
 ROOT = Path(__file__).resolve().parents[2]
 # Who may name kernels: the model, and the code that makes them.
-MAY_CALL = ("mechanics/model.py", "mechanics/friction.py", "codegen/")
+MAY_CALL = ("mechanics/model.py", "mechanics/cost.py", "mechanics/friction.py", "codegen/")
 
 
 @pytest.fixture
