@@ -177,9 +177,8 @@ cdef class Marcher(Equations):
             return e
         with gil:
             q, v = np.array(self.at), np.array(self.speed)
-            return self.model.coefficients(
-                np.asarray(self.restitution)[:-1], q, v, self.t[0, 0]
-            )[surface]
+            of_surfaces = np.asarray(self.restitution[: self.restitution.shape[0] - 1])
+            return self.model.coefficients(of_surfaces, q, v, self.t[0, 0])[surface]
 
     cdef bint follow(self, const double[:, ::1] positions, const double[:, ::1] velocities,
                      const double[::1] durations, const ptrdiff_t[::1] steps,
