@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.tolerances import TINY
 from dmoc.codegen.kernels import Array
@@ -94,7 +95,10 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
     z = outcome.duals.z
     faint = FAINT * max(float(np.abs(z).max(initial=0.0)), float(w.max(initial=0.0)), TINY)
     w, z = (np.where(np.abs(d) > faint, d, 0.0) for d in (w, z))
-    against = active_bounds(nlp, outcome.x, w, z) if outcome.status is Status.INFEASIBLE else ()
+    against = tuple[str, ...]()
+    if outcome.status is Status.INFEASIBLE:
+        holding = np.abs(outcome.duals.y) > faint
+        against = (*_sticking(nlp, holding), *active_bounds(nlp, outcome.x, w, z))
     amount = max((value for value, _ in missed), default=0.0)
     least = outcome.status in (Status.SOLVED, Status.INFEASIBLE)
     return Diagnosis(
@@ -106,6 +110,14 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
         (*_times(nlp, outcome.x), *jams(problem, nlp.physical(outcome.x))),
         _pulls(problem, scale, x, limits) if amount > INFEASIBLE else (),
     )
+
+
+def _sticking(nlp: Transcription, holding: NDArray[np.bool_]) -> Iterator[str]:
+    """What sticks along the motion, where its equations are among those that hold it."""
+    stuck = nlp.laws.friction.stuck
+    for k in np.unique(stuck.places[holding[stuck.numbers]][:, 1]):
+        name = nlp.kernels.tangents[k]
+        yield f"{name} sticks (it may slide by {name}:slip+ or {name}:slip-)"
 
 
 def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[str, ...]:

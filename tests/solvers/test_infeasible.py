@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from answers import answer_of
-from systems import block_system, there_and_back
+from systems import block_on_floor, block_system, there_and_back
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -65,6 +65,21 @@ def test_a_goal_is_missed_by_what_is_lacking(block: Kernels, goal: object) -> No
     assert solution.status == "infeasible"
     assert solution.conflicts[0] == "the goal of x is missed by 0.2"
     assert "u <= 1 in 50 steps" in solution.conflicts[-1]
+
+
+def test_what_sticks_is_told_where_it_holds_the_motion() -> None:
+    """A block on a floor gets nowhere while it sticks, and 0.5 m in 1 s if it slides."""
+    kernels = dmoc.build(block_on_floor("held", 1.0, 10.0, 0.4))
+    problem = dmoc.Problem(
+        kernels, start={"x": 0.0, "y": 0.0}, goal={"x": 0.5}, contacts=["floor"], steps=20,
+        bounds={"u": (-5, 5)}, final_time=1.0,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, method="ipm", starts=1)
+    assert solution.status == "infeasible"
+    assert solution.conflicts[0] == "the goal of x is missed by 0.5"
+    assert "floor sticks (it may slide by floor:slip+ or floor:slip-)" in solution.conflicts[-1]
+    slides = dmoc.solve(problem.but(contacts=["floor:slip+"]), method="ipm", starts=1)
+    assert slides.solved and "sticks" not in slides.message
 
 
 def test_least_violation_of_a_feasible_problem_is_none(seed: dmoc.Problem) -> None:
