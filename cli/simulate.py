@@ -72,12 +72,12 @@ def simulate(
     prepare(target, None)
     laws = {name: value for name, value in problem_fields({}, values).items() if value != {}}
     if model.endswith(".npz"):
-        for option, value in (
-            ("--start", start), ("--final-time", final_time), ("--input", input_),
-            ("--order", values.order),
-        ):  # fmt: skip
-            if value is not None:
-                raise SimulationError(f"{option} goes with a model: a solution file has its own.")
+        stated = {
+            "--start": start, "--final-time": final_time, "--input": input_,
+            "--order": values.order,
+        }  # fmt: skip
+        for option in (name for name, value in stated.items() if value is not None):
+            raise SimulationError(f"{option} goes with a model: a solution file has its own.")
         solution = Solution.load(model)
         if own_model is not None:
             laws["model"] = registry.load(own_model, order=solution.trajectory.order)
@@ -86,27 +86,23 @@ def simulate(
     if own_model is not None:
         raise SimulationError("--model goes with a solution file: a model is named alone.")
     kernels = registry.find(model).kernels(values.order)
+    duration, count = _checked(final_time), STEPS if steps is None else steps
+    state, inputs = _values(start, "--start", kernels), _values(input_, "--input", kernels)
+    q, v = ([state[f"{n}{end}"] for n in kernels.coordinates] for end in ("", "_dot"))
+    u = [inputs[name] for name in kernels.inputs]
+    size = duration / max(count, 1)
+    _show(simulated(kernels, q, v, step_size=size, steps=count, inputs=u, **laws), target, dark)
+
+
+def _checked(final_time: float | None) -> float:
+    """The final time of a model."""
     if final_time is None:
         raise SimulationError("--final-time is missing: give it in seconds, such as 2.5.")
     if not 0 < final_time < inf:
         raise SimulationError(
             f"--final-time {final_time:g}: expected a positive, finite number of seconds."
         )
-    count = STEPS if steps is None else steps
-    state = _values(start, "--start", kernels)
-    _show(
-        simulated(
-            kernels,
-            [state[name] for name in kernels.coordinates],
-            [state[f"{name}_dot"] for name in kernels.coordinates],
-            step_size=final_time / max(count, 1),
-            steps=count,
-            inputs=[_values(input_, "--input", kernels)[name] for name in kernels.inputs],
-            **laws,
-        ),
-        target,
-        dark,
-    )
+    return final_time
 
 
 def _values(texts: list[str] | None, option: str, kernels: Kernels) -> dict[str, Any]:

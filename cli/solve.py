@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from rich.table import Table
 
@@ -25,6 +25,8 @@ from dmoc.cli.words import option
 from dmoc.solving.keywords import Keywords
 
 if TYPE_CHECKING:
+    from dmoc.models.registry import Reference
+    from dmoc.problem.problem import Problem
     from dmoc.program.cost_derivatives import Sensitivities
 
 
@@ -50,8 +52,6 @@ def solve(
 ) -> None:
     """Solve an optimal control problem and check the solution by simulation."""
     from dmoc.models import registry
-    from dmoc.problem.problem import Problem
-    from dmoc.problem.reading import AUTOMATIC_ORDER
     from dmoc.solving.sensitivity import sensitivities as differentiated
     from dmoc.solving.solve import solve as solved
 
@@ -59,10 +59,7 @@ def solve(
     reference = registry.find(model)
     fields = problem_fields(reference.defaults, course, stated)
     prepare(target, json_)
-    order = stated.order
-    if order is None and "steps" not in fields and fields.get("controls") != "linear":
-        order = AUTOMATIC_ORDER
-    problem = Problem(reference.kernels(order, progress=True), **fields)
+    problem = _problem(reference, stated.order, fields)
     quiet = json_ == "-"
     solution = solved(problem, guess=first_motion, progress=True, **passed_on(keywords))
     files: list[Path] = []
@@ -95,6 +92,16 @@ def solve(
         lambda: draw(target and target / "solution.png", solution.plot, quiet, dark),
     )
     sys.exit(0 if solution.solved else NOT_SOLVED)
+
+
+def _problem(reference: Reference, order: int | None, fields: dict[str, Any]) -> Problem:
+    """A problem of its fields; with steps that are refined its model has an order of its own."""
+    from dmoc.problem.problem import Problem
+    from dmoc.problem.reading import AUTOMATIC_ORDER
+
+    if order is None and "steps" not in fields and fields.get("controls") != "linear":
+        order = AUTOMATIC_ORDER
+    return Problem(reference.kernels(order, progress=True), **fields)
 
 
 def _print_sensitivities(derivatives: Sensitivities) -> None:

@@ -8,8 +8,8 @@ Analysis in Nonlinear Programming", 1983).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TypedDict
 
 import numpy as np
@@ -58,7 +58,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     """Return the derivatives of the optimal cost at a minimum x with its multipliers by kind (of
     the program without minimal times)."""
     problem = stated_as(problem, multipliers)
-    nlp, lagrangian = Transcription(problem), partial(_lagrangian, x=x)
+    nlp = Transcription(problem)
     y, w, z = multiplier_vectors(nlp, multipliers)
     # Solvers leave out fixed unknowns: their multipliers make the Lagrangian stationary.
     slope = nlp.lagrangian_gradient(x, y, w)
@@ -67,69 +67,91 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     problem = nlp.layout.problem_at(problem, x)
     values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
 
-    def change(name: str, value: float) -> float:
-        step = CHANGE * (abs(value) or 1.0)
-        parts = [
-            c * lagrangian(problem.unchecked(parameters=values | {name: value + k * step}), named)
-            for k, c in DIFFERENCE
-        ]
-        return float(sum(parts) / step)
-
-    def coefficient(
-        surface: str,
-    ) -> float:  # L is linear in e > 0; the law of plastic impacts is -lam w / 2 = 0 there
-        hit = nlp.laws.impact.impact
-        lam = np.maximum(x[nlp.layout.impact.lam[hit]], TINY)
-        plain = (nlp.laws.impact.plain & ~nlp.laws.impact.by_rates)[hit]
-        law = np.asarray(named.get("energy", np.zeros(0))) * np.where(plain, -2 / lam, 1.0)
-        high, low = ({**dict.fromkeys(numbers, 1.0), surface: e} for e in (1.0, 0.5))
-        ends = [
-            lagrangian(problem.unchecked(restitution=e), {**named, "energy": law})
-            for e in (high, low)
-        ]
-        return 2 * (ends[0] - ends[1])
-
-    def moved(field: str, name: str, ways: tuple[float, float]) -> float:
-        """By both ends of a range that move so much: L is linear in them."""
-        stated = getattr(problem, field)
-        low, high = interval(stated[name], name)
-        parts = []
-        for sign in (1.0, -1.0):
-            ends = low + sign * ways[0], high + sign * ways[1]
-            changed = problem.unchecked(**{field: {**stated, name: ends}})
-            parts.append(lagrangian(changed, named))
-        return (parts[0] - parts[1]) / (2 * max(ways))
-
-    def limits() -> Iterator[tuple[str, float]]:
-        for name, ends in problem.limits.items():
-            for sign, bound, ways in zip(("<=", ">="), ends[::-1], ((0, 1), (1, 0)), strict=True):
-                if np.isfinite(bound):
-                    step = CHANGE * (abs(bound) or 1.0)
-                    yield f"{name} {sign}", moved("bounds", name, (step * ways[0], step * ways[1]))
-
-    def at_end(end: str) -> dict[str, float]:
-        named = [*problem.kernels.quantities, *problem.kernels.integrals]
-        names = [n for n in named if getattr(problem, end).get(n) is not None]
-        return {name: moved(end, name, (CHANGE, CHANGE)) for name in names}
-
-    surfaces = problem.model.contacts.surfaces
-    numbers = problem.model.contacts.named(np.flatnonzero(~np.isnan(problem.restitution_values)))
+    at = _AtMinimum(problem, nlp, x, named)
+    surfaces, model = problem.model.contacts.surfaces, problem.model
+    stated = model.contacts.named(np.flatnonzero(~np.isnan(problem.restitution_values)))
     hits = [surfaces[event.hit] for event in problem.touch.events if event.hit != NOWHERE]
     ends, force = nlp.laws.ends, np.concatenate([-y, w])
     time = sum(force[ends.final_time.numbers]) + sum(force[ends.earliest.numbers])
     return {
         "parameters": {
-            name: change(name, value)
-            for name, value in values.items()
-            if name not in problem.design
+            name: at.parameter(values, name) for name in values if name not in problem.design
         },
-        "restitution": {s: coefficient(s) for s in dict.fromkeys(hits) if s in numbers},
+        "restitution": {s: at.coefficient(stated, s) for s in dict.fromkeys(hits) if s in stated},
         "surfaces": _surfaces(nlp, y, w),
         "final_time": float(time - sum(force[ends.latest.numbers])),
-        "start": _ends(nlp, x, z, 0) | at_end("start"),
-        "goal": _ends(nlp, x, z, -1) | at_end("goal"),
-        "bounds": _bounds(nlp, z) | dict(limits()),
+        "start": _ends(nlp, x, z, 0) | at.end("start"),
+        "goal": _ends(nlp, x, z, -1) | at.end("goal"),
+        "bounds": _bounds(nlp, z) | dict(at.limits()),
     }
+
+
+@dataclass(frozen=True)
+class _AtMinimum:
+    """Derivatives of the Lagrangian at a minimum x of a program, with its multipliers by kind, by
+    numbers of the problem."""
+
+    problem: Problem
+    nlp: Transcription
+    x: Array
+    multipliers: Mapping[str, Array]
+
+    def lagrangian(self, problem: Problem, **multipliers: Array) -> float:
+        """That of a changed problem, with some other multipliers."""
+        return _lagrangian(problem, {**self.multipliers, **multipliers}, self.x)
+
+    def parameter(self, values: Mapping[str, float], name: str) -> float:
+        """By one of the parameters, whose values are told."""
+        value = values[name]
+        step = CHANGE * (abs(value) or 1.0)
+        changed = ({**values, name: value + k * step} for k, _ in DIFFERENCE)
+        parts = [self.lagrangian(self.problem.unchecked(parameters=p)) for p in changed]
+        return float(np.dot(parts, [c for _, c in DIFFERENCE]) / step)
+
+    def coefficient(self, stated: Sequence[str], surface: str) -> float:
+        """By a coefficient of restitution: L is linear in e > 0; the law of plastic impacts is
+        -lam w / 2 = 0 there."""
+        impact = self.nlp.laws.impact
+        lam = np.maximum(self.x[self.nlp.layout.impact.lam[impact.impact]], TINY)
+        plain = (impact.plain & ~impact.by_rates)[impact.impact]
+        law = np.asarray(self.multipliers.get("energy", np.zeros(0)))
+        law = law * np.where(plain, -2 / lam, 1.0)
+        high, low = (
+            self.lagrangian(
+                self.problem.unchecked(restitution={**dict.fromkeys(stated, 1.0), surface: e}),
+                energy=law,
+            )
+            for e in (1.0, 0.5)
+        )
+        return 2 * (high - low)
+
+    def moved(self, field: str, name: str, ways: tuple[float, float]) -> float:
+        """By both ends of a range that move so much: L is linear in them."""
+        stated = getattr(self.problem, field)
+        low, high = interval(stated[name], name)
+        parts = []
+        for sign in (1.0, -1.0):
+            ends = low + sign * ways[0], high + sign * ways[1]
+            changed = self.problem.unchecked(**{field: {**stated, name: ends}})
+            parts.append(self.lagrangian(changed))
+        return (parts[0] - parts[1]) / (2 * max(ways))
+
+    def limits(self) -> Iterator[tuple[str, float]]:
+        """By the bounds of velocities and quantities."""
+        for name, ends in self.problem.limits.items():
+            for sign, bound, ways in zip(("<=", ">="), ends[::-1], ((0, 1), (1, 0)), strict=True):
+                if np.isfinite(bound):
+                    step = CHANGE * (abs(bound) or 1.0)
+                    yield (
+                        f"{name} {sign}",
+                        self.moved("bounds", name, (step * ways[0], step * ways[1])),
+                    )
+
+    def end(self, end: str) -> dict[str, float]:
+        """By the values of quantities and integrals at an end."""
+        names = [*self.problem.kernels.quantities, *self.problem.kernels.integrals]
+        fixed = [n for n in names if getattr(self.problem, end).get(n) is not None]
+        return {name: self.moved(end, name, (CHANGE, CHANGE)) for name in fixed}
 
 
 def _lagrangian(problem: Problem, multipliers: Mapping[str, Array], x: Array) -> float:

@@ -35,82 +35,18 @@ def trajectory(nlp: Transcription, x: Array, drawn: bool = True) -> Trajectory:
     """Return the motion of the scaled unknowns x: times, coordinates, momenta, velocities,
     inputs, collisions, and its scene if it is to be drawn."""
     nlp = nlp.designed(x)
-    lay, problem, contacts = nlp.layout, nlp.problem, nlp.layout.touch.contacts
-    scheme = lay.scheme
-    p_start, p_end = nlp.momenta(x)
+    lay, problem = nlp.layout, nlp.problem
+    momenta = nlp.momenta(x)
     x = nlp.physical(x)
-    h, q, u = x[lay.index_h], x[lay.index_q], x[lay.index_u]
-    q_i = x[lay.index_q_i].reshape(lay.total, -1)
-    phases, collisions = list[Phase](), list[Collision]()
-    begin, largest = 0.0, np.maximum(np.abs(p_start).max(axis=0), np.abs(p_end).max(axis=0))
-    for i, steps in enumerate(lay.steps[: lay.stepped]):
-        first, last = int(lay.ends[i]), int(lay.ends[i + 1])
-        t = begin + h[i] * np.arange(steps + 1)
-        at = np.ascontiguousarray(q[first : last + 1])
-        p = np.vstack([p_start[first : first + 1], p_end[first:last]])
-        p = _as_held(nlp, i, (at, p + _pushed(nlp, x, i, at, t), t))
-        inputs = u[lay.row_u_k[first] : lay.row_u_kp1[last - 1] + 1]
-        mode, v = lay.touch.modes[i], problem.model.velocity(at, p, t)
-        inside = _inside(nlp, t, at, v, q_i[first:last])
-        of_nodes, of_inside = _forces(lay, x, i)
-        if problem.redundant[i]:
-            within = scheme.within(t[:-1], t[1:]).ravel()
-            u_k, u_kp1 = (u[rows[first:last]] for rows in (lay.row_u_k, lay.row_u_kp1))
-            mean = np.vstack([u_k[:1], (u_kp1[:-1] + u_k[1:]) / 2, u_kp1[-1:]])
-            rubbing = problem.model.with_friction_at(at, v, mean, t)
-            of_nodes = _shared(rubbing, mode, (at, t), of_nodes)
-            if len(within):
-                among = scheme.within(u_k, u_kp1).reshape(len(within), -1)
-                rates = problem.model.velocity(*inside[:2], within)
-                rubbing = problem.model.with_friction_at(inside[0], rates, among, within)
-                of_inside = _shared(rubbing, mode, (inside[0], within), of_inside)
-        phases.append(
-            Phase(
-                t,
-                at,
-                p,
-                v,
-                np.ascontiguousarray(inputs),
-                *names_of(contacts, mode),
-                of_nodes["normal"],
-                of_nodes["tangential"],
-                *inside,
-                lay.joint.names,
-                of_nodes["reaction"],
-                *of_inside.values(),
-            )
-        )
-        begin = float(t[-1])
+    largest = np.max([np.abs(p).max(axis=0) for p in momenta], axis=0)
+    phases, begin = list[Phase](), 0.0
+    for i in range(lay.stepped):
+        phases.append(_phase(nlp, x, i, begin, momenta))
+        begin = float(phases[-1].t[-1])
     if lay.ends_with_event:
-        phases.append(_after_event(nlp, x, begin, u[lay.row_u_kp1[-1:]]))
-    for i, (before, after) in enumerate(pairwise(phases)):
-        arriving, leaving = before.p[-1], after.p[0]
-        event, t, at = lay.touch.events[i], float(after.t[0]), before.q[-1]
-        impulses = _shared_in_impact(nlp, i, (at, t), _impulses(lay, x, i))
-        effect = event.hit == NOWHERE or not _without_effect(arriving, leaving, largest)
-        surface = contacts.surfaces[event.surface] if event.impact else ""
-        collisions.append(
-            Collision(
-                surface,
-                t,
-                at.copy(),
-                impulses["normal"].get(surface, 0.0),
-                arriving.copy(),
-                leaving.copy(),
-                *_rates(nlp, x, i, t),
-                not effect,
-                contacts.named(event.lands),
-                contacts.named(event.leaves),
-                {
-                    contacts.tangents[k]: s
-                    for k, s in friction_changes(*lay.touch.modes[i : i + 2]).items()
-                },
-                impulses["normal"],
-                impulses["tangential"],
-                "" if event.course is None else str(event.course),
-                impulses["reaction"],
-            )
-        )
+        phases.append(_after_event(nlp, x, begin, x[lay.index_u[lay.row_u_kp1[-1:]]]))
+    joined = enumerate(pairwise(phases))
+    collisions = [_collision(nlp, x, i, both, largest) for i, both in joined]
     return motion_along(
         problem.model,
         phases,
@@ -123,6 +59,57 @@ def trajectory(nlp: Transcription, x: Array, drawn: bool = True) -> Trajectory:
         totals=_totals(nlp, x),
         drawn=drawn,
     )
+
+
+def _phase(
+    nlp: Transcription, x: Array, i: int, begin: float, momenta: tuple[Array, Array]
+) -> Phase:
+    """A phase that has steps; ``momenta`` are those at the starts and ends of all steps."""
+    lay, model, mode = nlp.layout, nlp.problem.model, nlp.layout.touch.modes[i]
+    first, last = int(lay.ends[i]), int(lay.ends[i + 1])
+    t = begin + x[lay.index_h[i]] * np.arange(last - first + 1)
+    q = np.ascontiguousarray(x[lay.index_q[first : last + 1]])
+    p_start, p_end = momenta
+    p = np.vstack([p_start[first : first + 1], p_end[first:last]])
+    p = _as_held(nlp, i, (q, p + _pushed(nlp, x, i, q, t), t))
+    v, u = model.velocity(q, p, t), x[lay.index_u]
+    inside = _inside(nlp, t, q, v, x[lay.index_q_i[first:last]])
+    of_nodes, of_inside = _forces(lay, x, i)
+    if nlp.problem.redundant[i]:
+        u_k, u_kp1 = (u[rows[first:last]] for rows in (lay.row_u_k, lay.row_u_kp1))
+        mean = np.vstack([u_k[:1], (u_kp1[:-1] + u_k[1:]) / 2, u_kp1[-1:]])
+        of_nodes = _shared(model.with_friction_at(q, v, mean, t), mode, (q, t), of_nodes)
+        within = lay.scheme.within(t[:-1], t[1:]).ravel()
+        if len(within):
+            among = lay.scheme.within(u_k, u_kp1).reshape(len(within), -1)
+            rates = model.velocity(*inside[:2], within)
+            rubbing = model.with_friction_at(inside[0], rates, among, within)
+            of_inside = _shared(rubbing, mode, (inside[0], within), of_inside)
+    return Phase(
+        t, q, p, v, np.ascontiguousarray(u[lay.row_u_k[first] : lay.row_u_kp1[last - 1] + 1]),
+        *names_of(lay.touch.contacts, mode), of_nodes["normal"], of_nodes["tangential"],
+        *inside, lay.joint.names, of_nodes["reaction"], *of_inside.values(),
+    )  # fmt: skip
+
+
+def _collision(
+    nlp: Transcription, x: Array, i: int, phases: tuple[Phase, Phase], largest: Array
+) -> Collision:
+    """What joins two phases; it has an effect where it changes the largest momenta enough."""
+    (before, after), touch, contacts = phases, nlp.layout.touch, nlp.layout.touch.contacts
+    event, t, at = touch.events[i], float(after.t[0]), before.q[-1]
+    impulses = _shared_in_impact(nlp, i, (at, t), _impulses(nlp.layout, x, i))
+    grazes = event.hit != NOWHERE and _without_effect(before.p[-1], after.p[0], largest)
+    surface = contacts.surfaces[event.surface] if event.impact else ""
+    changes = friction_changes(*touch.modes[i : i + 2]).items()
+    return Collision(
+        surface, t, at.copy(), impulses["normal"].get(surface, 0.0),
+        before.p[-1].copy(), after.p[0].copy(), *_rates(nlp, x, i, t), grazes,
+        contacts.named(event.lands), contacts.named(event.leaves),
+        {contacts.tangents[k]: s for k, s in changes},
+        impulses["normal"], impulses["tangential"],
+        "" if event.course is None else str(event.course), impulses["reaction"],
+    )  # fmt: skip
 
 
 def _after_event(nlp: Transcription, x: Array, end: float, u: Array) -> Phase:

@@ -40,62 +40,14 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
     momenta, inputs, gaps; the cost with its slopes and curvatures."""
     lay = Layout.of(problem)
     problem = lay.problem_at(problem, x)
-    model, h = problem.model, x[lay.index_h]
-    time = float(lay.durations(x).sum())
-    q, t = x[lay.index_q], lay.times(x)
-    steps = h[lay.phase_of_step][:, None]
-    rates = np.diff(q, axis=0) / steps
-    middle, now = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
+    model, step = problem.model, lay.step_inputs(x)
     with np.errstate(all="ignore"):
-        mass, F = model.equations(middle, rates, t=now)
-        inertia = _finite(np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0), 1.0)
-        kinetic = _finite(np.einsum("ki,kij,kj->k", rates, mass, rates) / 2, 0.0).max(initial=0.0)
-        size_q = _ranges(
-            problem, q, time, inertia, float(kinetic), _finite(np.abs(F).max(axis=0), 0.0)
-        )
-        size_v = np.maximum(np.abs(rates).max(axis=0), size_q / time)
-        p = model.momentum(middle, rates, now)
-        size_p = np.maximum(_finite(np.abs(p).max(axis=0), 0.0), inertia * size_q / time)
-        there = 0.0 if minimum else _finite(np.abs(F).max(axis=0), 0.0)
-        forces = size_p / time, np.maximum(size_p / time, there)
-        size_u = _inputs(problem, x[lay.index_u], (middle, rates, now), forces)
-        moving = (size_q, size_v, time)
-        gap, rate = _places(model.gap_slopes(q, t), moving)
-        _, slide = _places(model.tangent_slopes(q, t), moving)
-        _, joint_rate = _places(model.joint_slopes(q, t), moving)
-        energy = float(size_p @ size_v) / 2
-        path, quantity = np.ones(len(problem.kernels.manifest["path_rows"])), np.ones(model.nz)
-        u = x[lay.index_u[lay.row_u_k]]
-        step = lay.step_inputs(x)
-        size_s = _hidden(problem, u, (middle, rates, now), (*moving, size_u))
-        scale = Scale(
-            time,
-            1.0,
-            energy,
-            size_q,
-            size_v,
-            size_p,
-            size_u,
-            gap,
-            rate,
-            energy / rate,
-            slide,
-            energy / slide,
-            path,
-            quantity,
-            np.ones(lay.index_totals.size),
-            np.ones(lay.index_peaks.size),
-            size_s,
-            h.copy(),
-            joint_rate,
-            energy / joint_rate,
-            _designs(problem),
-        )
+        scale = _of_motion(problem, lay, x, minimum)
         sizes = lay.units(scale)
         local = _local(lay, sizes)
-        cost = _cost(problem, lay, x, (sizes, local, size_v))
+        cost = _cost(problem, lay, x, (sizes, local, scale.v))
         scale = replace(scale, cost=cost / (MINIMUM_COST if minimum else FIRST_COST))
-        if not (path.size or quantity.size or scale.totals.size):
+        if not (scale.path.size or scale.quantity.size or scale.totals.size):
             return scale
         sized = _sized(lay, step, scale)
         path = _path(problem, (step, sized), local, "path")
@@ -106,6 +58,36 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         at = [j for j, _ in model.peaks_of]
         totals = _totals(problem, lay, (step, sized))
         return replace(scale, path=path, quantity=quantity, peaks=quantity[at], totals=totals)
+
+
+def _of_motion(problem: Problem, lay: Layout, x: Array, minimum: bool) -> Scale:
+    """The sizes of what moves and pushes; those of the cost, constraints and totals are 1."""
+    model, h, time = problem.model, x[lay.index_h], float(lay.durations(x).sum())
+    q, t = x[lay.index_q], lay.times(x)
+    rates = np.diff(q, axis=0) / h[lay.phase_of_step][:, None]
+    middle, now = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
+    mass, F = model.equations(middle, rates, t=now)
+    force = _finite(np.abs(F).max(axis=0), 0.0)
+    inertia = _finite(np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0), 1.0)
+    kinetic = _finite(np.einsum("ki,kij,kj->k", rates, mass, rates) / 2, 0.0).max(initial=0.0)
+    size_q = _ranges(problem, q, time, inertia, float(kinetic), force)
+    size_v = np.maximum(np.abs(rates).max(axis=0), size_q / time)
+    p = model.momentum(middle, rates, now)
+    size_p = np.maximum(_finite(np.abs(p).max(axis=0), 0.0), inertia * size_q / time)
+    forces = size_p / time, np.maximum(size_p / time, 0.0 if minimum else force)
+    size_u = _inputs(problem, x[lay.index_u], (middle, rates, now), forces)
+    moving, energy = (size_q, size_v, time), float(size_p @ size_v) / 2
+    gap, rate = _places(model.gap_slopes(q, t), moving)
+    _, slide = _places(model.tangent_slopes(q, t), moving)
+    _, joint_rate = _places(model.joint_slopes(q, t), moving)
+    u = x[lay.index_u[lay.row_u_k]]
+    return Scale(
+        time, 1.0, energy, size_q, size_v, size_p, size_u, gap, rate, energy / rate, slide,
+        energy / slide, np.ones(len(problem.kernels.manifest["path_rows"])), np.ones(model.nz),
+        np.ones(lay.index_totals.size), np.ones(lay.index_peaks.size),
+        _hidden(problem, u, (middle, rates, now), (*moving, size_u)), h.copy(), joint_rate,
+        energy / joint_rate, _designs(problem),
+    )  # fmt: skip
 
 
 def _totals(problem: Problem, lay: Layout, steps: tuple[list[Array], list[Array]]) -> Array:

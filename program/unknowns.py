@@ -23,6 +23,7 @@ v_c, in these places because files keep multipliers in this order),
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -112,120 +113,32 @@ class Unknowns:
     @classmethod
     def numbered(cls, kind: Kind) -> Self:
         """Number the unknowns in their order."""
-        names, u, steps = kind.coordinates, kind.inputs, kind.steps
         form, scheme = FORMS[kind.form], DISCRETISATIONS[kind.order]
-        nq, total = len(names), sum(steps)
-        touch = kind.touch
-        p, v = [momentum_name(c) for c in names], [velocity_name(c) for c in names]
-        at = names_of_events(kind.sequence)
-        row_steps = steps_of_rows(form, steps)
-        rows_at_start = frozenset(first_rows(form, steps).tolist())
-
-        def place_of_input(k: int) -> str:
-            if form.jumps:
-                return f"at the {'start' if k in rows_at_start else 'end'} of step {row_steps[k]}"
-            return f"in node {k}" if form.shared else f"in step {row_steps[k]}"
-
-        def place_inside(j: int) -> str:
-            return f"at inner node {j} of" if scheme.inside > 1 else "inside"
-
-        places, ns = hidden_places(form, scheme), len(kind.hidden)
-        block = Numbering()
-        of_steps = (
-            block(
-                "h",
-                (int(np.count_nonzero(steps)),),
-                lambda i: f"step size of phase {i}",
-                lambda s: s.h,
-            ),
-            block(
-                "q",
-                (total + 1, nq),
-                lambda k, i: f"{names[i]} at node {k}",
-                lambda s: s.q,
-                counted=Counted(BoundKind.COORDINATE, names, np.arange(total + 1)),
-            ),
-            block(
-                "u",
-                (len(row_steps), len(u)),
-                lambda k, i: f"{u[i]} {place_of_input(k)}",
-                lambda s: s.u,
-                counted=Counted(BoundKind.INPUT, u, row_steps),
-            ),
-        )
+        own, touch, steps = _States(kind, form, scheme), kind.touch, kind.steps
+        block, at, v = Numbering(), names_of_events(kind.sequence), own.velocities
+        states = [*own.of_nodes(block)]
         lam = impulses(block, touch, at)
-        of_ends = (
-            block("p_B", (nq,), lambda i: f"{p[i]} at the start", lambda s: s.p),
-            block("p_E", (nq,), lambda i: f"{p[i]} at the goal", lambda s: s.p),
-            block(
-                "v_B",
-                (nq * kind.v_at_start,),
-                lambda i: f"{v[i]} at the start",
-                lambda s: s.v[: nq * kind.v_at_start],
-            ),
-            block(
-                "v_E",
-                (nq * kind.v_at_end,),
-                lambda i: f"{v[i]} at the goal",
-                lambda s: s.v[: nq * kind.v_at_end],
-            ),
-        )
+        states += own.of_ends(block)
         v_a, v_c = velocities(block, v, at)
-        inner = (
-            block(
-                "t",
-                ((total + 1) * kind.timed,),
-                lambda k: f"time of node {k}",
-                lambda s: s.time,
-            ),
-            block(
-                "q_i",
-                (total, scheme.inside * nq),
-                lambda k, i: f"{names[i % nq]} {place_inside(i // nq)} step {k}",
-                lambda s: np.tile(s.q, scheme.inside),
-            ),
-            block(
-                "s",
-                (total, places * ns),
-                lambda k, i: f"{kind.hidden[i % ns]} at point {i // ns} of step {k}",
-                lambda s: np.tile(s.s, places),
-            ),
-        )
-        indices = {f"index_{b.name}": b.index for b in (*of_steps, *of_ends, *inner)}
-        if not steps[-1]:
-            indices["index_v_E"] = v_c.index[-1]
+        states += own.of_steps(block)
         impact = ImpactUnknowns(touch, at, lam.index, v_a.index, v_c.index)
         stations = Stations(steps, scheme)
         contact = ContactUnknowns.of(block, stations, touch)
         hit = HitUnknowns.of(block, touch, v)
         joint = JointUnknowns.of(block, stations, kind.joints, touch.impacts)
         held = HeldUnknowns.of(block, touch, hit.moments, kind.joints)
-        relaxed = RelaxedUnknowns.of(block, total, touch)
-        passed = _passed(kind, scheme)
-        index_w = block(
-            "w",
-            np.repeat(passed[:, None], nq, axis=1),
-            lambda k, i: f"{v[i]} at node {k}",
-            lambda s: s.v,
-        ).index
-        index_t_i = block(
-            "t_i",
-            (total, scheme.inside * (kind.timed and (not touch.free or bool(kind.joints)))),
-            lambda k, i: f"time {place_inside(i)} step {k}",
-            lambda s: s.time,
-        ).index
-        force = ForceUnknowns.of(block, kind.forces, form, stations, (names, kind.joints), touch)
-        totals, peaks, design = (
-            block("totals", (len(kind.totals),), lambda i: kind.totals[i], lambda s: s.totals),
-            block("peaks", (len(kind.peaks),), lambda i: kind.peaks[i], lambda s: s.peaks),
-            block("design", (len(kind.design),), lambda i: kind.design[i], lambda s: s.design),
-        )
+        relaxed = RelaxedUnknowns.of(block, sum(steps), touch)
+        states += own.of_pushes(block)
+        pushing = kind.coordinates, kind.joints
+        force = ForceUnknowns.of(block, kind.forces, form, stations, pushing, touch)
+        states += _of_objective(block, kind)
+        indices = {f"index_{b.name}": b.index for b in states}
+        if not steps[-1]:
+            indices["index_v_E"] = v_c.index[-1]
         return cls(
-            nq, len(u), steps, form, scheme, kind.timed, touch, tuple(block.made),
-            **indices, index_w=index_w, index_t_i=index_t_i,
-            index_totals=totals.index, index_peaks=peaks.index, index_design=design.index,
-            impact=impact, contact=contact, hit=hit, held=held, joint=joint, relaxed=relaxed,
-            force=force,
+            len(kind.coordinates), len(kind.inputs), steps, form, scheme, kind.timed, touch,
+            tuple(block.made), **indices, impact=impact, contact=contact, hit=hit, held=held,
+            joint=joint, relaxed=relaxed, force=force,
         )  # fmt: skip
 
     @cached_property
@@ -240,6 +153,121 @@ class Unknowns:
     def units(self, scale: Scale) -> Array:
         """Typical sizes of all unknowns, in the order of x."""
         return np.concatenate([b.sizes(scale) for b in self.unknowns if b.count])
+
+
+@dataclass(frozen=True)
+class _States:
+    """The unknowns of states and inputs, in their words."""
+
+    kind: Kind
+    form: InputForm
+    scheme: Discretisation
+
+    @property
+    def total(self) -> int:
+        return sum(self.kind.steps)
+
+    @property
+    def velocities(self) -> list[str]:
+        return [velocity_name(c) for c in self.kind.coordinates]
+
+    def of_nodes(self, block: Numbering) -> Iterator[Block]:
+        """Step sizes, coordinates and inputs."""
+        names, u, steps = self.kind.coordinates, self.kind.inputs, self.kind.steps
+        row_steps = steps_of_rows(self.form, steps)
+        place = self._places_of_inputs(row_steps)
+        yield block(
+            "h",
+            (int(np.count_nonzero(steps)),),
+            lambda i: f"step size of phase {i}",
+            lambda s: s.h,
+        )
+        yield block(
+            "q",
+            (self.total + 1, len(names)),
+            lambda k, i: f"{names[i]} at node {k}",
+            lambda s: s.q,
+            counted=Counted(BoundKind.COORDINATE, names, np.arange(self.total + 1)),
+        )
+        yield block(
+            "u",
+            (len(row_steps), len(u)),
+            lambda k, i: f"{u[i]} {place(k)}",
+            lambda s: s.u,
+            counted=Counted(BoundKind.INPUT, u, row_steps),
+        )
+
+    def _places_of_inputs(self, row_steps: Index) -> Callable[[int], str]:
+        """Where a row of inputs acts, in words."""
+        form, at_start = self.form, frozenset(first_rows(self.form, self.kind.steps).tolist())
+
+        def place(k: int) -> str:
+            if form.jumps:
+                return f"at the {'start' if k in at_start else 'end'} of step {row_steps[k]}"
+            return f"in node {k}" if form.shared else f"in step {row_steps[k]}"
+
+        return place
+
+    def _inside(self, j: int) -> str:
+        return f"at inner node {j} of" if self.scheme.inside > 1 else "inside"
+
+    def of_ends(self, block: Numbering) -> Iterator[Block]:
+        """Momenta and velocities at the start and at the goal."""
+        p, v = [momentum_name(c) for c in self.kind.coordinates], self.velocities
+        at_start, at_end = (
+            len(v) * is_one for is_one in (self.kind.v_at_start, self.kind.v_at_end)
+        )
+        yield block("p_B", (len(p),), lambda i: f"{p[i]} at the start", lambda s: s.p)
+        yield block("p_E", (len(p),), lambda i: f"{p[i]} at the goal", lambda s: s.p)
+        yield block("v_B", (at_start,), lambda i: f"{v[i]} at the start", lambda s: s.v[:at_start])
+        yield block("v_E", (at_end,), lambda i: f"{v[i]} at the goal", lambda s: s.v[:at_end])
+
+    def of_steps(self, block: Numbering) -> Iterator[Block]:
+        """Times of nodes, coordinates inside steps, and hidden unknowns."""
+        kind, names, inside = self.kind, self.kind.coordinates, self.scheme.inside
+        nq, hidden, places = len(names), kind.hidden, hidden_places(self.form, self.scheme)
+        yield block(
+            "t",
+            ((self.total + 1) * kind.timed,),
+            lambda k: f"time of node {k}",
+            lambda s: s.time,
+        )
+        yield block(
+            "q_i",
+            (self.total, inside * nq),
+            lambda k, i: f"{names[i % nq]} {self._inside(i // nq)} step {k}",
+            lambda s: np.tile(s.q, inside),
+        )
+        yield block(
+            "s",
+            (self.total, places * len(hidden)),
+            lambda k, i: f"{hidden[i % len(hidden)]} at point {i // len(hidden)} of step {k}",
+            lambda s: np.tile(s.s, places),
+        )
+
+    def of_pushes(self, block: Numbering) -> Iterator[Block]:
+        """Velocities at nodes and times inside steps along which something pushes."""
+        kind, v, passed = self.kind, self.velocities, _passed(self.kind, self.scheme)
+        timed = kind.timed and (not kind.touch.free or bool(kind.joints))
+        yield block(
+            "w",
+            np.repeat(passed[:, None], len(v), axis=1),
+            lambda k, i: f"{v[i]} at node {k}",
+            lambda s: s.v,
+        )
+        yield block(
+            "t_i",
+            (self.total, self.scheme.inside * timed),
+            lambda k, i: f"time {self._inside(i)} step {k}",
+            lambda s: s.time,
+        )
+
+
+def _of_objective(block: Numbering, kind: Kind) -> Iterator[Block]:
+    """Totals and peaks, and the design."""
+    yield block("totals", (len(kind.totals),), lambda i: kind.totals[i], lambda s: s.totals)
+    yield block("peaks", (len(kind.peaks),), lambda i: kind.peaks[i], lambda s: s.peaks)
+    yield block("design", (len(kind.design),), lambda i: kind.design[i], lambda s: s.design)
 
 
 def hidden_places(form: InputForm, scheme: Discretisation) -> int:
