@@ -68,9 +68,10 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
 
     at = _AtMinimum(problem, nlp, x, named)
-    surfaces, model = problem.model.contacts.surfaces, problem.model
-    stated = model.contacts.named(np.flatnonzero(~np.isnan(problem.restitution_values)))
-    hits = [surfaces[event.hit] for event in problem.touch.events if event.hit != NOWHERE]
+    contacts = problem.model.contacts
+    stated = contacts.named(np.flatnonzero(~np.isnan(problem.restitution_values)))
+    hit = [event.hit for event in problem.touch.events if event.hit != NOWHERE]
+    hits = [contacts.surfaces[j] for j in hit]
     ends, force = nlp.laws.ends, np.concatenate([-y, w])
     time = sum(force[ends.final_time.numbers]) + sum(force[ends.earliest.numbers])
     return {
