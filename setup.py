@@ -73,16 +73,22 @@ extensions += [
         extra_compile_args=FLAGS,
     ),
     Extension(
+        "dmoc.mechanics.small_systems",
+        ["mechanics/small_systems.pyx"],
+        depends=["mechanics/elimination.pxd"],
+        extra_compile_args=FLAGS,
+    ),
+    Extension(
         "dmoc.simulation.stepper",
         ["simulation/stepper.pyx"],
-        depends=["simulation/elimination.pxd", *LEGS, "codegen/call.pxi", KERNEL],
+        depends=["mechanics/elimination.pxd", *LEGS, "codegen/call.pxi", KERNEL],
         include_dirs=["codegen"],
         extra_compile_args=FLAGS,
     ),
     Extension(
         "dmoc.simulation.integrator",
         ["simulation/integrator.pyx"],
-        depends=["simulation/elimination.pxd", "simulation/sums.h", *PARTS, KERNEL],
+        depends=["mechanics/elimination.pxd", "simulation/sums.h", *PARTS, KERNEL],
         include_dirs=["codegen", "simulation"],
         extra_compile_args=SOLVER_FLAGS,
     ),
@@ -109,6 +115,7 @@ extensions += [
         ],
         depends=[
             "solvers/factorisation.pxi",
+            "solvers/residuals.pxi",
             *sorted(map(str, Path("solvers").glob("*.h"))),
             "program/passes.h",
             KERNEL,
@@ -124,7 +131,7 @@ def cythonized() -> list[Extension]:
 
     return cythonize(
         extensions,
-        include_path=["codegen", "guess", "program", "simulation"],
+        include_path=["codegen", "guess", "mechanics", "program", "simulation"],
         build_dir="build/cython",
         language_level=3,
         nthreads=os.cpu_count() or 1,
@@ -159,7 +166,7 @@ setup(
         "dmoc.report.animation": ["player/*"],
         **{
             f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pxi", "*.pyi", "*.c", "*.h"]
-            for layer in ("guess", "program", "solvers", "simulation")
+            for layer in ("guess", "mechanics", "program", "solvers", "simulation")
         },
         **{f"dmoc.generated.{model}": ["*.c", "*.h", "manifest.json"] for model in models},
     },

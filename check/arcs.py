@@ -65,7 +65,8 @@ def allowance(arcs: Sequence[Arc], surfaces: int, ignored: Sequence[int], t: Arr
     """How far simulations may enter surfaces at times t, shape (n, surfaces): where the motion
     itself lies on one, without a force of its own, and without end where they are ignored."""
     allowed = np.zeros((len(t), surfaces))
-    allowed[:, list(ignored)] = np.inf
+    if ignored:
+        allowed[:, list(ignored)] = np.inf
     for arc in arcs:
         on = (arc.begin <= t) & (t <= arc.end)
         allowed[on, arc.surface] = np.maximum(allowed[on, arc.surface], arc.depth)

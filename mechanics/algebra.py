@@ -6,23 +6,10 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.small_systems import solved as solved
 
 # What rounding leaves of a smallest eigenvalue that is zero, of a matrix with ones on its diagonal.
 DEFINITE = 1e-14
-
-
-def solved(A: Array, b: Array) -> Array:
-    """A^-1 b for a matrix, or row by row for stacks of matrices and vectors; not a number where
-    A is singular or not finite."""
-    stacked = b.ndim == A.ndim - 1 and A.ndim > 2
-    right = b[..., None] if stacked else b
-    if not (np.isfinite(A).all() and np.isfinite(b).all()):
-        return np.full(b.shape, np.nan)
-    try:
-        x = np.linalg.solve(A, right)
-    except np.linalg.LinAlgError:
-        return np.full(b.shape, np.nan)
-    return np.asarray(x[..., 0] if stacked else x)
 
 
 def solved_transpose(M: Array, B: Array) -> Array:

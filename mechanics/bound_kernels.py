@@ -3,12 +3,12 @@ them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.contacts import Contacts
 
@@ -38,7 +38,7 @@ NUDGE = 1e-3
 Index = NDArray[np.intp]
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class BoundKernels:
     """Kernels bound to parameter values, with the sizes of their model.
 

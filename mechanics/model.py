@@ -17,6 +17,7 @@ quantities side by side.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -121,6 +122,16 @@ class Model(FrictionModel, CostModel):
     def velocity(self, q: Array, p: Array, t: ArrayLike = 0.0) -> Array:
         """v = M^-1 (p - dL/dv(q, 0, t)), shape (..., nq); not a number where M is singular."""
         return solved(self.mass(q, t), p - self.momentum(q, t=t))
+
+    @cached_property
+    def moves_apart(self) -> tuple[bool, ...]:
+        """Surfaces beside which something moves that has no mass in common with what their gaps
+        depend on."""
+        n, (rows, columns) = self.nq, self.kernels.pattern("momentum_jac", "p_D")
+        joined, rates = np.eye(n, dtype=bool), (columns >= n) & (columns < 2 * n)
+        joined[rows[rates], columns[rates] - n] = True
+        joined = np.linalg.matrix_power((joined | joined.T).astype(float), n) > 0
+        return tuple(not joined[list(on)].any(axis=0).all() for on in self.surface_coordinates)
 
     # Surfaces -------------------------------------------------------------------------------------
 

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from numpy.typing import NDArray
+
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.program.arrays import ProgramData
 
@@ -15,3 +17,7 @@ class Program:
     def values(self, x: Array) -> Array: ...
     def slopes(self, x: Array) -> Array: ...
     def curvatures(self, x: Array, y: Array, sigma: float) -> Array: ...
+
+def transposed_product(
+    start: NDArray[Any], column: NDArray[Any], values: Array, y: Array, columns: int
+) -> Array: ...

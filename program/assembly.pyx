@@ -156,6 +156,22 @@ cdef class Pass:
         return values
 
 
+def transposed_product(
+    const int[::1] start, const int[::1] column, const double[::1] values, const double[::1] y,
+    ptrdiff_t columns
+):
+    """A' y of a matrix A by rows, whose entries stand in ``column`` from ``start`` on."""
+    cdef ptrdiff_t rows = start.shape[0] - 1, r, e
+    product = np.zeros(columns)
+    cdef double[::1] x = product
+    if not (y.shape[0] == rows and values.shape[0] == column.shape[0] == start[rows]):
+        raise ValueError(f"expected {rows} numbers and {start[rows]} entries")
+    for r in range(rows):
+        for e in range(start[r], start[r + 1]):
+            x[column[e]] += values[e] * y[r]
+    return product
+
+
 cdef int _within(positions, ptrdiff_t least, ptrdiff_t end) except -1:
     """The C code trusts positions: refuse those outside."""
     cdef const ptrdiff_t[::1] view = np.ascontiguousarray(positions, dtype=np.intp).ravel()

@@ -59,16 +59,16 @@ class Evaluator(ABC):
         return {}
 
     @cached_property
-    def _memory(self) -> dict[str, tuple[Array, Array]]:
-        """The last point of each function, and what was found there."""
+    def _memory(self) -> dict[str, tuple[bytes, Array]]:
+        """The last point of each function, by its digits, and what was found there."""
         return {}
 
     def _remembered(self, name: str, evaluate: Callable[[Array], Array], x: Array) -> Array:
-        last = self._memory.get(name)
-        if last is None or not np.array_equal(last[0], x):
+        last, point = self._memory.get(name), x.tobytes()
+        if last is None or last[0] != point:
             value = evaluate(np.ascontiguousarray(x))
             value.flags.writeable = False
-            last = self._memory[name] = x.copy(), value
+            last = self._memory[name] = point, value
         return last[1]
 
     def values(self, x: Array) -> Array:

@@ -7,7 +7,7 @@ that a problem stated in other units has the same scaled program.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from dmoc.program.force_values import quantity_inputs
 from dmoc.program.hidden_values import lifted
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
+from dmoc.program.structure_cache import MOST_SHARED, Recent
 
 # What hardly moves counts by this share of what it could do with the kinetic energy that others
 # have.
@@ -35,20 +36,93 @@ NARROW = 1e-2
 FIRST_COST, MINIMUM_COST = 100.0, 10.0
 
 
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """What a motion reaches and what the model makes of it, whatever its problem bounds: the time,
+    largest values of coordinates and their ranges, of rates, momenta, forces, inertias and inputs,
+    the kinetic energy, the largest derivatives of the generalised forces by the inputs (nq, nu), of
+    gaps, tangents and joints by (q, t), and the cost with its slopes and curvatures in each step."""
+
+    time: float
+    q: Array
+    range: Array
+    rate: Array
+    p: Array
+    force: Array
+    inertia: Array
+    kinetic: float
+    u: Array
+    by_input: Array
+    gap: Array
+    tangent: Array
+    joint: Array
+    cost: float
+    cost_slopes: Array
+    cost_curvatures: Array
+    end_slopes: Array
+
+
+# Neighbours of a problem often begin with the same motion.
+REACHED: Recent[_Reached] = Recent()
+
+
+def _reached(problem: Problem, lay: Layout, x: Array) -> _Reached:
+    """What the motion of unknowns x reaches; that of the last ones is remembered."""
+    kernels, par = problem.kernels, problem.parameter_values
+    model = kernels.manifest["fingerprint"], kernels.manifest.get("code"), kernels.backend
+    key = (lay, *model, par.tobytes(), x.tobytes()) if lay.size <= MOST_SHARED else None
+    return REACHED.of(key, lambda: _measured(problem, lay, x))
+
+
+def _measured(problem: Problem, lay: Layout, x: Array) -> _Reached:
+    model, h, step = problem.model, x[lay.index_h], lay.step_inputs(x)
+    q, t = x[lay.index_q], lay.times(x)
+    rates = (q[1:] - q[:-1]) / h[lay.phase_of_step][:, None]
+    middle, now = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
+    mass, F = model.equations(middle, rates, t=now)
+    kinetic = _finite(np.einsum("ki,kij,kj->k", rates, mass, rates) / 2, 0.0).max(initial=0.0)
+    places = (
+        slopes(q, t) for slopes in (model.gap_slopes, model.tangent_slopes, model.joint_slopes)
+    )
+    gap, tangent, joint = (np.abs(_finite(slopes, 0.0)).max(axis=0) for slopes in places)
+    by_input = np.abs(model.input_matrix(middle, rates, t=now)).max(axis=0) if problem.nu else None
+    return _Reached(
+        float(lay.durations(x).sum()),
+        np.abs(q).max(axis=0),
+        np.ptp(q, axis=0),
+        np.abs(rates).max(axis=0),
+        _finite(np.abs(model.momentum(middle, rates, now)).max(axis=0), 0.0),
+        _finite(np.abs(F).max(axis=0), 0.0),
+        _finite(np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0), 1.0),
+        float(kinetic),
+        np.abs(x[lay.index_u]).max(axis=0, initial=0.0),
+        np.zeros((problem.nq, 0)) if by_input is None else by_input,
+        gap,
+        tangent,
+        joint,
+        cost_of(problem, lay, x),
+        np.abs(model.step_cost_slopes(step)),
+        np.abs(model.step_cost_curvatures(step)),
+        np.abs(model.terminal_cost_slopes(*end_of(lay, x, -1))),
+    )
+
+
 def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
     """Read sizes off the unknowns x of a motion, a first one or a minimum: ranges, velocities,
     momenta, inputs, gaps; the cost with its slopes and curvatures."""
     lay = Layout.of(problem)
     problem = lay.problem_at(problem, x)
-    model, step = problem.model, lay.step_inputs(x)
+    model = problem.model
     with np.errstate(all="ignore"):
-        scale = _of_motion(problem, lay, x, minimum)
+        reached = _reached(problem, lay, x)
+        scale = _of_motion(problem, lay, x, reached, minimum)
         sizes = lay.units(scale)
         local = _local(lay, sizes)
-        cost = _cost(problem, lay, x, (sizes, local, scale.v))
+        cost = _cost(problem, lay, x, reached, (sizes, local, scale.v))
         scale = replace(scale, cost=cost / (MINIMUM_COST if minimum else FIRST_COST))
         if not (scale.path.size or scale.quantity.size or scale.totals.size):
             return scale
+        step = lay.step_inputs(x)
         sized = _sized(lay, step, scale)
         path = _path(problem, (step, sized), local, "path")
         pushed = np.tile(pushing(scale)[: model.ny], (lay.total, lay.scheme.points))
@@ -60,32 +134,23 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         return replace(scale, path=path, quantity=quantity, peaks=quantity[at], totals=totals)
 
 
-def _of_motion(problem: Problem, lay: Layout, x: Array, minimum: bool) -> Scale:
+def _of_motion(problem: Problem, lay: Layout, x: Array, reached: _Reached, minimum: bool) -> Scale:
     """The sizes of what moves and pushes; those of the cost, constraints and totals are 1."""
-    model, h, time = problem.model, x[lay.index_h], float(lay.durations(x).sum())
-    q, t = x[lay.index_q], lay.times(x)
-    rates = np.diff(q, axis=0) / h[lay.phase_of_step][:, None]
-    middle, now = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
-    mass, F = model.equations(middle, rates, t=now)
-    force = _finite(np.abs(F).max(axis=0), 0.0)
-    inertia = _finite(np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0), 1.0)
-    kinetic = _finite(np.einsum("ki,kij,kj->k", rates, mass, rates) / 2, 0.0).max(initial=0.0)
-    size_q = _ranges(problem, q, time, inertia, float(kinetic), force)
-    size_v = np.maximum(np.abs(rates).max(axis=0), size_q / time)
-    p = model.momentum(middle, rates, now)
-    size_p = np.maximum(_finite(np.abs(p).max(axis=0), 0.0), inertia * size_q / time)
+    time, force, inertia = reached.time, reached.force, reached.inertia
+    size_q = _ranges(problem, reached)
+    size_v = np.maximum(reached.rate, size_q / time)
+    size_p = np.maximum(reached.p, inertia * size_q / time)
     forces = size_p / time, np.maximum(size_p / time, 0.0 if minimum else force)
-    size_u = _inputs(problem, x[lay.index_u], (middle, rates, now), forces)
+    size_u = _inputs(problem, reached, forces)
     moving, energy = (size_q, size_v, time), float(size_p @ size_v) / 2
-    gap, rate = _places(model.gap_slopes(q, t), moving)
-    _, slide = _places(model.tangent_slopes(q, t), moving)
-    _, joint_rate = _places(model.joint_slopes(q, t), moving)
-    u = x[lay.index_u[lay.row_u_k]]
+    gap, rate = _places(reached.gap, moving)
+    _, slide = _places(reached.tangent, moving)
+    _, joint_rate = _places(reached.joint, moving)
     return Scale(
         time, 1.0, energy, size_q, size_v, size_p, size_u, gap, rate, energy / rate, slide,
-        energy / slide, np.ones(len(problem.kernels.manifest["path_rows"])), np.ones(model.nz),
-        np.ones(lay.index_totals.size), np.ones(lay.index_peaks.size),
-        _hidden(problem, u, (middle, rates, now), (*moving, size_u)), h.copy(), joint_rate,
+        energy / slide, np.ones(len(problem.kernels.manifest["path_rows"])),
+        np.ones(problem.model.nz), np.ones(lay.index_totals.size), np.ones(lay.index_peaks.size),
+        _hidden(problem, lay, x, (*moving, size_u)), x[lay.index_h], joint_rate,
         energy / joint_rate, _designs(problem),
     )  # fmt: skip
 
@@ -122,13 +187,12 @@ def _finite(values: Array, otherwise: float) -> Array:
     return np.where(np.isfinite(values), values, otherwise)
 
 
-def _ranges(
-    problem: Problem, q: Array, time: float, inertia: Array, kinetic: float, force: Array
-) -> Array:
+def _ranges(problem: Problem, reached: _Reached) -> Array:
     """Ranges of the coordinates; one that hardly moves by its share of the energy or of its speed
     at an end, and where nothing moves by what there is to go by."""
-    fast = np.maximum(np.sqrt(2 * kinetic / inertia), problem.end_speeds)
-    spread = np.maximum(np.ptp(q, axis=0), STILL * time * fast)
+    time, inertia, force = reached.time, reached.inertia, reached.force
+    fast = np.maximum(np.sqrt(2 * reached.kinetic / inertia), problem.end_speeds)
+    spread = np.maximum(reached.range, STILL * time * fast)
     box = problem.coordinate_bounds
     width = np.where(
         np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0
@@ -139,33 +203,25 @@ def _ranges(
     way = np.maximum(way, STILL * np.sqrt((inertia * way**2).max() / inertia))
     least = np.maximum(ROUNDING * problem.reach, BALANCED * way)
     spread = np.where(spread > least, spread, 0.0)
-    unsaid, place = problem.unsaid * problem.reach, np.abs(q).max(axis=0)
+    unsaid, place = problem.unsaid * problem.reach, reached.q
     place = np.where(place > ROUNDING * problem.reach, place, 0.0)
     for other in (unsaid, place, width, way):
         spread = np.where(spread > 0, spread, other)
     return np.where(spread > 0, spread, 1.0)
 
 
-def _inputs(
-    problem: Problem, u: Array, state: tuple[Array, Array, Array], forces: tuple[Array, Array]
-) -> Array:
+def _inputs(problem: Problem, reached: _Reached, forces: tuple[Array, Array]) -> Array:
     """Sizes of the inputs: of their values and of what changes a momentum by its size, or, where
     that is next to nothing beside it, of what balances the larger ``forces`` that there are; at
     most their bounds."""
     if not problem.nu:
         return np.zeros(0)
-    q, v, t = state
-    reach = np.abs(problem.model.input_matrix(q, v, t=t)).max(axis=0)
+    acts = reached.by_input > 0
+    reach = np.where(acts, reached.by_input, 1.0)
     needed, balancing = (
-        _finite(
-            np.where(reach > 0, force[:, None] / np.where(reach > 0, reach, 1.0), np.inf).min(
-                axis=0
-            ),
-            0.0,
-        )
-        for force in forces
+        _finite(np.where(acts, force[:, None] / reach, np.inf).min(axis=0), 0.0) for force in forces
     )
-    size = np.maximum(np.abs(u).max(axis=0, initial=0.0), needed)
+    size = np.maximum(reached.u, needed)
     size = np.where(size > FAINT * balancing, size, balancing)
     box = problem.input_bounds
     limit = np.abs(box).max(axis=1)
@@ -174,13 +230,14 @@ def _inputs(
 
 
 def _hidden(
-    problem: Problem, u: Array, state: tuple[Array, Array, Array],
-    sizes: tuple[Array, Array, float, Array],
-) -> Array:  # fmt: skip
+    problem: Problem, lay: Layout, x: Array, sizes: tuple[Array, Array, float, Array]
+) -> Array:
     """Sizes of the hidden unknowns: of their values, and of what moves them."""
     if not problem.model.ns:
         return np.zeros(0)
-    q, v, t = state
+    q, t, h = x[lay.index_q], lay.times(x), x[lay.index_h]
+    v, u = (q[1:] - q[:-1]) / h[lay.phase_of_step][:, None], x[lay.index_u[lay.row_u_k]]
+    q, t = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
     size_q, size_v, time, size_u = sizes
     values = _finite(np.abs(problem.model.hidden(q, v, u, t)), 0.0).max(axis=0)
     slopes = np.abs(_finite(problem.model.hidden_slopes(q, v, u, t), 0.0)).max(axis=0)
@@ -188,11 +245,10 @@ def _hidden(
     return np.where(size > 0, size, 1.0)
 
 
-def _places(slopes: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Array]:
-    """Sizes of gaps or tangents and of their rates, from their slopes along a motion: how far
-    coordinates, velocities and a time of their sizes move them."""
+def _places(slope: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Array]:
+    """Sizes of gaps or tangents and of their rates, from their largest slopes along a motion: how
+    far coordinates, velocities and a time of their sizes move them."""
     size_q, size_v, time = sizes
-    slope = np.abs(_finite(slopes, 0.0)).max(axis=0)
     by_q, by_t = slope[:, :-1], slope[:, -1]
     place, rate = by_q @ size_q + by_t * time, by_q @ size_v + by_t
     return np.where(place > 0, place, 1.0), np.where(rate > 0, rate, 1.0)
@@ -217,21 +273,20 @@ def cost_of(problem: Problem, lay: Layout, x: Array) -> float:
     return float(value + model.objective(*shared, start[:2], end[:2]))
 
 
-def _cost(problem: Problem, lay: Layout, x: Array, of: tuple[Array, Array, Array]) -> float:
+def _cost(
+    problem: Problem, lay: Layout, x: Array, reached: _Reached, of: tuple[Array, Array, Array]
+) -> float:
     """Size of the cost: its value, at least a small share of what its slopes and curvatures make
     of the sizes ``of`` the unknowns, of those of each step, and of the velocities."""
-    model, step = problem.model, lay.step_inputs(x)
-    sizes, local, speeds = of
-    slope = np.abs(model.step_cost_slopes(step) * local).sum()
-    bend = np.abs(model.step_cost_curvatures(step) * local**2).sum() / 2
-    if model.ns:
-        every = np.hstack([local, sizes[lay.hidden_of_kernels]])
-        slope += np.abs(model.lifted_cost_slopes(lifted(problem, lay, step)) * every).sum()
-    end = end_of(lay, x, -1)
-    value = cost_of(problem, lay, x)
-    duration = float(lay.durations(x).sum())
-    around = np.concatenate([sizes[lay.index_q[-1]], speeds, [duration]])
-    slope += np.abs(model.terminal_cost_slopes(*end) * around).sum()
+    (sizes, local, speeds), value = of, reached.cost
+    slope = (reached.cost_slopes * local).sum()
+    bend = (reached.cost_curvatures * local**2).sum() / 2
+    if problem.model.ns:
+        every, step = np.hstack([local, sizes[lay.hidden_of_kernels]]), lay.step_inputs(x)
+        slopes = problem.model.lifted_cost_slopes(lifted(problem, lay, step))
+        slope += np.abs(slopes * every).sum()
+    around = np.concatenate([sizes[lay.index_q[-1]], speeds, [reached.time]])
+    slope += (reached.end_slopes * around).sum()
     flat = FLAT * float(slope + bend)
     size = max(abs(value), flat if np.isfinite(flat) else 0.0)
     return size if np.isfinite(size) and size > 0 else 1.0

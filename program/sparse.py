@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
+from dmoc.program.assembly import transposed_product
 from dmoc.program.blocks import Index
 
 if TYPE_CHECKING:
@@ -64,5 +65,4 @@ class SparsePattern:
 
     def transposed_times(self, values: Array, y: Array) -> Array:
         """A' y of the matrix A with the given values of all entries."""
-        weights = values * np.repeat(y, np.diff(self.indptr))
-        return np.bincount(self.indices, weights, self.shape[1]).astype(float)
+        return transposed_product(self.indptr, self.indices, values, y, self.shape[1])

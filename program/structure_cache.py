@@ -17,6 +17,8 @@ from dmoc.program.elements import Form, Structure, structure_of
 # Structures that are remembered, and bytes of all together: a search goes to and fro between the
 # forms of some tens of sequences, and one of 20 000 unknowns takes up to 35 MB.
 MOST, MOST_BYTES = 32, 2**27
+# Unknowns of a problem of which things are remembered.
+MOST_SHARED = 20_000
 
 
 T = TypeVar("T")

@@ -35,11 +35,9 @@ from dmoc.program.evaluator import Evaluator
 from dmoc.program.laws.laws import Laws, laws_of, rows_follow_from
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
-from dmoc.program.structure_cache import Recent, Structures
+from dmoc.program.structure_cache import MOST_SHARED, Recent, Structures
 from dmoc.program.terms import Places, shares_of
 
-# Unknowns of a program whose structure is remembered.
-MOST_SHARED = 20_000
 STRUCTURES = Structures()
 LAWS: Recent[Laws] = Recent()
 
@@ -157,7 +155,11 @@ class Transcription(Evaluator):
         return np.zeros(0, dtype=np.intp)
 
     def physical(self, x: Array) -> Array:
-        """Unknowns in units of the problem; what lies at a limit up to rounding lies at it."""
+        """Unknowns in units of the problem, read-only; what lies at a limit up to rounding lies at
+        it."""
+        return self._remembered("physical", self._physical, x)
+
+    def _physical(self, x: Array) -> Array:
         y = x * self.unit
         for limit, close in zip(self.limits, self._rounding, strict=True):
             y = np.where(np.abs(y - limit) <= close, limit, y)
@@ -190,6 +192,8 @@ class Transcription(Evaluator):
 
     def designed(self, x: Array) -> Self:
         """The same program, whose problem has the design of the scaled unknowns x."""
+        if not self.layout.index_design.size:
+            return self
         problem = self.layout.problem_at(self.problem, self.physical(x))
         if problem is self.problem:
             return self

@@ -164,7 +164,8 @@ class Flow:
 
         t = t0
         for _ in range(MOST_IMPACTS):
-            until = _Until(self, y, t, inputs, self._resting(y, t, inputs(t)))
+            u = inputs(t)
+            until = _Until(self, y, t, u, inputs, self._resting(y, t, u))
             y1, ends = until(t1)
             if not np.isfinite(y1).all():
                 raise Lost
@@ -277,16 +278,17 @@ class _Until:
     flow: Flow
     y: Array
     t: float
+    u: Array  # (1, nu), at the time t
     inputs: Callable[[float], Array]
     mode: Mode | None
 
     def __call__(self, end: float) -> tuple[Array, Array]:
         y = self.y[None].copy()
         t, h = np.array([self.t]), np.array([end - self.t])
-        inputs, mode = (self.inputs(self.t), self.inputs(end)), self.mode
-        return y[0], self.flow.integrator.advance(y, FIRST, LAST, t, h, *inputs, mode)
+        inputs = self.u, self.inputs(end)
+        return y[0], self.flow.integrator.advance(y, FIRST, LAST, t, h, *inputs, self.mode)
 
     def gap(self, j: int, end: float) -> float:
         """The gap to a surface at a later time."""
-        u = self.inputs(self.t)[0], self.inputs(end)[0]
+        u = self.u[0], self.inputs(end)[0]
         return self.flow.integrator.gap(self.y, self.t, end - self.t, *u, j, self.mode)

@@ -68,6 +68,20 @@ def kkt_pattern(
     jac_column: Ints,
 ) -> dict[str, Ints]: ...
 
+def left_over(
+    slope: Array,
+    reach: Array,
+    x: Array,
+    lower: Array,
+    upper: Array,
+    z: Array,
+    c: Array,
+    y: Array,
+    d: Array,
+    w: Array,
+) -> tuple[float, float, float]: ...
+def entries_of(layout: KKTLayout, hess: Array, jac: Array) -> tuple[Array, Array]: ...
+
 class Room:
     factorisation: Factorisation
     nbytes: int

@@ -1,9 +1,10 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, binding=False
 """Entry to the interior-point method in C (interior_point.h), and to its factorisation
-(factorisation.pxi)."""
+(factorisation.pxi); what a point leaves of the optimality conditions (residuals.pxi)."""
 from cpython.exc cimport PyErr_CheckSignals
 from cpython.pycapsule cimport PyCapsule_GetPointer
 from cpython.ref cimport PyObject
+from libc.math cimport INFINITY
 from libc.time cimport CLOCKS_PER_SEC, clock, clock_t
 
 from passes cimport dmoc_program
@@ -11,6 +12,7 @@ from passes cimport dmoc_program
 import numpy as np
 
 include "factorisation.pxi"
+include "residuals.pxi"
 
 cdef extern from "interior_point.h" nogil:
     ctypedef int dmoc_report(void *user, int iteration, double cost, double violation, double mu,

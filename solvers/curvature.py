@@ -25,7 +25,7 @@ from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import Bools, Index
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.compiled import Factorisation
+from dmoc.solvers.compiled import Factorisation, entries_of
 from dmoc.solvers.kkt import cost_size, violation
 from dmoc.solvers.kkt_layout import KKTLayout, kkt_layout
 from dmoc.solvers.outcome import Duals
@@ -177,14 +177,7 @@ class SecondOrder:
         """Entries of K that are those of H, and of A."""
         nlp, layout = self.nlp, self._layout
         hess = nlp.program.curvatures(np.ascontiguousarray(self.x), self.duals.rows, 1.0)
-        H, A = (
-            np.bincount(at[at >= 0], values[at >= 0], len(layout.row)).astype(float)
-            for at, values in (
-                (layout.from_hess, hess),
-                (layout.from_jac, nlp.slopes(self.x)[nlp.n :]),
-            )
-        )
-        return H, A
+        return entries_of(layout, hess, nlp.slopes(self.x)[nlp.n :])
 
     @cached_property
     def _kept(self) -> Array:

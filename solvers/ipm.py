@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -46,10 +46,11 @@ def solve_ipm(
 
 
 def solve_starts(
-    programs: Sequence[Transcription], points: Sequence[Array], options: Options
+    pool: Executor, programs: Sequence[Transcription], points: Sequence[Array], options: Options
 ) -> list[Ending]:
-    """Minimise from scaled points, in as many threads as there are programs, which are equal: the
-    endings in their order, as many as there is time for, whatever the number of threads."""
+    """Minimise from scaled points, in as many threads of a pool as there are programs, which are
+    equal: the endings in their order, as many as there is time for, whatever the number of
+    threads."""
     nlp, count = programs[0], len(points)
     x = np.clip(np.reshape(points, (count, nlp.n)), nlp.lower, nlp.upper)
     y, z_lower, z_upper = np.zeros((count, nlp.n_eq + nlp.n_in)), np.zeros_like(x), np.zeros_like(x)
@@ -67,11 +68,10 @@ def solve_starts(
             seconds=options.deadline.left,
         )  # fmt: skip
 
-    with ThreadPoolExecutor(len(programs)) as pool:
-        try:
-            list(pool.map(each, programs))
-        finally:
-            stop[0] = 1
+    try:
+        list(pool.map(each, programs))
+    finally:
+        stop[0] = 1
     return [
         Ending(STATUSES[s], "", at, Duals.of_rows(nlp.n_eq, rows, low - high), int(used))
         for s, at, rows, low, high, used in zip(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from math import inf, isfinite
+
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
+from dmoc.solvers.compiled import left_over
 from dmoc.solvers.outcome import Duals, Residuals
 
 # Multipliers of this size and smaller leave the residuals unscaled (Waechter & Biegler 2006,
@@ -43,21 +46,14 @@ def _distance(nlp: Transcription, x: Array, z: Array) -> Array:
 
 def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:
     """Return the residuals of L = f + y . c - w . d - z . x with bounds on x."""
-    free = nlp.lower < nlp.upper
-    z = np.where(free, duals.z, 0.0)
-    slope = np.where(free, nlp.lagrangian_gradient(x, duals.y, duals.w) - z, 0.0)
+    slope = nlp.lagrangian_gradient(x, duals.y, duals.w)
     # Steepness matters in proportion to how far an unknown can usefully move.
     reach = np.ones(nlp.n)
     reach[nlp.layout.index_h] = np.abs(x[nlp.layout.index_h])
-    products = np.concatenate([duals.w * nlp.inequality(x), z * _distance(nlp, x, z)])
-    multipliers = np.concatenate([duals.y, duals.w, z])
-    scale = max(SCALE_FROM, float(np.abs(multipliers).mean())) / SCALE_FROM
-    scale *= cost_size(nlp, x)
-    worst = (
-        max(float(np.abs(slope * reach).max(initial=0.0)), float(np.abs(products).max(initial=0.0)))
-        / scale
-    )
-    return Residuals(worst if np.isfinite(worst) else np.inf, violation(nlp, x))
+    of_rows = nlp.equality(x), duals.y, nlp.inequality(x), duals.w
+    worst, mean, missed = left_over(slope, reach, x, nlp.lower, nlp.upper, duals.z, *of_rows)
+    worst /= max(SCALE_FROM, mean) / SCALE_FROM * cost_size(nlp, x)
+    return Residuals(worst if isfinite(worst) else inf, missed)
 
 
 def with_bounds(nlp: Transcription, x: Array, y: Array, w: Array) -> Duals:

@@ -55,7 +55,7 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
         optimality=optimality,
         iterations=outcome.iterations,
         seconds=seconds,
-        unknowns=nlp.physical(outcome.x),
+        unknowns=nlp.physical(outcome.x).copy(),
         scale=nlp.scale.named(problem),
         reference=problem.kernels.reference or problem.kernels.name,
         conflicts=attempt.conflicts,

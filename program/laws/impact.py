@@ -287,12 +287,7 @@ def _moves_apart(problem: Problem, surfaces: Index) -> Bools:
     """Collisions beside which something moves that they do not touch, shape (events,): its kinetic
     energy has no part in them, but the discrete energies would count what its inputs do
     meanwhile."""
-    model, n = problem.model, problem.nq
-    rows, columns = problem.kernels.pattern("momentum_jac", "p_D")
-    joined, rates = np.eye(n, dtype=bool), (columns >= n) & (columns < 2 * n)
-    joined[rows[rates], columns[rates] - n] = True
-    joined = np.linalg.matrix_power((joined | joined.T).astype(float), n) > 0
-    apart = [not joined[list(on)].any(axis=0).all() for on in model.surface_coordinates]
+    apart = problem.model.moves_apart
     return np.array([j != NOWHERE and apart[j] and problem.nu > 0 for j in surfaces], dtype=bool)
 
 

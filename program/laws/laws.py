@@ -90,6 +90,9 @@ class Laws:
 
     @property
     def of_contacts(self) -> tuple[Law, ...]:
+        """Those of contacts, if there are any: else their blocks have no members."""
+        if _is_untouched(self.contact.lay):
+            return ()
         rubbing = self.friction, self.sliding, self.breakaway
         return self.contact, *rubbing, self.hit, self.tangential, self.held
 
@@ -103,18 +106,18 @@ class Laws:
         if before.says_the_same(problem):
             return self
         ends = replace(before, problem=problem)
-        return replace(
+        same = replace(
             self,
             ends=ends,
             equalities=_again(self.equalities, before.start_velocity, ends.equations, 0),
             inequalities=_again(self.inequalities, before.earliest, ends.inequalities, self.n_eq),
         )
+        same.n_eq, same.n_in = self.n_eq, self.n_in
+        return same
 
     def numbered(self, problem: Problem, limits: tuple[Array, Array]) -> Laws:
         """Number the rows of a problem whose unknowns have some lower and upper limits."""
-        shared = self.of_contacts if _is_untouched(self.contact.lay) else ()
-        laws = [law for law in self if law not in shared]
-        block = Numbering()
+        laws, block = tuple(self), Numbering()
         for law in laws:
             law.settle(problem, limits)
             law.equations(block)

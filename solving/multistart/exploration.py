@@ -160,7 +160,7 @@ def _minima(
     scale = scale_of(coarse, next(iter(named.values())))
     programs = Programs(coarse, scale)
     minima, starts = list[Basin](), list[Start]()
-    begin, ends = 0, [0, effort.first, effort.most, effort.more]
+    begin, ends = 0, [effort.first, effort.most, effort.more]
     if effort.total is not None:
         last = max(effort.total - len(named), 0)
         ends = [*range(TOGETHER, last, TOGETHER), last]

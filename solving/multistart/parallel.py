@@ -37,14 +37,15 @@ def attempts_from(programs: Programs, points: Sequence[Array], options: Options)
     for, in as many threads as are free; an interrupted solve raises KeyboardInterrupt."""
     nlp, count = programs.program(), max(1, min(free_threads(), len(points)))
     each, stopped = [programs, *(programs.beside() for _ in range(1, count))], threading.Event()
-    endings = solve_starts([own.program() for own in each], [*map(nlp.scaled, points)], options)
-
-    def settled(k: int) -> list[Attempt]:
-        with np.errstate(all="ignore"):
-            return _settled(each[k], endings[k::count], options, stopped)
-
     with ThreadPoolExecutor(count) as pool:
         try:
+            own = [programs.program() for programs in each]
+            endings = solve_starts(pool, own, [*map(nlp.scaled, points)], options)
+
+            def settled(k: int) -> list[Attempt]:
+                with np.errstate(all="ignore"):
+                    return _settled(each[k], endings[k::count], options, stopped)
+
             rows = zip_longest(*pool.map(settled, range(count)))
         finally:
             stopped.set()

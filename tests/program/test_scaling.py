@@ -12,7 +12,7 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.guess.automatic import initial_guesses
 from dmoc.program.scale import Scale
-from dmoc.program.scaling import scale_of
+from dmoc.program.scaling import REACHED, scale_of
 
 # Powers of length, mass and time of each size.
 POWERS = {
@@ -55,6 +55,27 @@ def test_each_size_has_its_unit(
     for name, powers in POWERS.items():
         unit = np.prod(np.array(units) ** np.array(powers, dtype=float))
         assert getattr(other, name) == pytest.approx(unit * getattr(plain, name), rel=1e-9), name
+
+
+def test_what_a_motion_reaches_is_remembered_for_its_numbers_alone(block: Kernels) -> None:
+    """Problems that start with the same motion have the sizes that each of them would have alone,
+    whatever they differ in."""
+    problem = there_and_back(block, steps=6, parameters={"m": 1.0})
+    x = initial_guesses(problem)[0].x
+    others = [
+        problem, problem.but(parameters={"m": 3.0}), problem.but(bounds={"u": (-0.5, 0.5)}),
+        problem.but(bounds={"x": (-3, 5)}), problem.but(steps=3),
+    ]  # fmt: skip
+    points = [x] * 4 + [initial_guesses(others[-1])[0].x]
+    together = [scale_of(p, x) for p, x in zip(others, points, strict=True)]
+    together.append(scale_of(problem, 2 * x))
+    for p, x_p, scale in zip([*others, problem], [*points, 2 * x], together, strict=True):
+        REACHED.clear()
+        alone = scale_of(p, x_p)
+        assert all(np.array_equal(size, getattr(alone, name)) for name, size in vars(scale).items())
+    assert together[0].p != pytest.approx(together[1].p)
+    assert together[0].u != pytest.approx(together[2].u)
+    assert together[0].q != pytest.approx(together[5].q)
 
 
 @pytest.mark.slow

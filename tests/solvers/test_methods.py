@@ -55,13 +55,15 @@ def test_starts_end_the_same_in_any_number_of_threads(seed: dmoc.Problem) -> Non
     rooms.clear()
     alone = [ipm.solve_ipm(nlp, x, options) for x in points]
     assert len({end.status for end in alone}) > 1 and len(rooms) == 1
-    for threads in (1, 3):
-        ends = ipm.solve_starts(programs[:threads], points, options)
-        for end, one in zip(ends, alone, strict=True):
-            assert (end.status, end.iterations) == (one.status, one.iterations)
-            assert (end.x == one.x).all() and (end.duals.z == one.duals.z).all()
-            assert (end.duals.rows == one.duals.rows).all()
-    assert ipm.solve_starts(programs, points, Options(deadline=Deadline.after(0.0))) == []
+    with ThreadPoolExecutor(3) as pool:
+        for threads in (1, 3):
+            ends = ipm.solve_starts(pool, programs[:threads], points, options)
+            for end, one in zip(ends, alone, strict=True):
+                assert (end.status, end.iterations) == (one.status, one.iterations)
+                assert (end.x == one.x).all() and (end.duals.z == one.duals.z).all()
+                assert (end.duals.rows == one.duals.rows).all()
+        late = Options(deadline=Deadline.after(0.0))
+        assert ipm.solve_starts(pool, programs, points, late) == []
     assert len(rooms) == len(set(map(id, rooms))) <= 3
 
 
@@ -302,7 +304,8 @@ def test_what_other_threads_write_while_uno_solves_is_not_lost(
     thread = threading.Thread(target=write)
     thread.start()
     try:
-        solution = dmoc.solve(block_problem(block), method="uno", starts=1, verify=False)
+        problem = block_problem(block).but(steps=400)  # so that there is time to write
+        solution = dmoc.solve(problem, method="uno", starts=1, verify=False)
     finally:
         solved.set()
         thread.join()

@@ -9,6 +9,7 @@ from systems import double_integrator
 from dmoc.guess.automatic import initial_guesses
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
+from dmoc.solvers.compiled import left_over
 from dmoc.solvers.kkt import duality_gap, with_bounds
 from dmoc.solvers.outcome import Duals
 
@@ -51,3 +52,35 @@ def test_the_gap_has_what_holds_in_it() -> None:
         gap = duality_gap(nlp, x, Duals(no_y, share * d, z))
         assert gap == pytest.approx(bounds + rows, rel=1e-9)
     assert d.min() > 0
+
+
+def test_what_is_left_over_is_the_largest_of_all_parts() -> None:
+    """Beside the same in arrays: slopes by reach, products of distances, the mean multiplier and
+    the violation; fixed unknowns have neither slope nor multiplier."""
+    rng, n, eq, rows = np.random.default_rng(5), 9, 4, 5
+    for _ in range(200):
+        slope, reach, x, c, y, d, w, z = (
+            rng.normal(size=k) * rng.integers(0, 2, k) for k in (n, n, n, eq, eq, rows, rows, n)
+        )
+        lower, upper = x - rng.uniform(-0.1, 1, n), x + rng.uniform(0, 1, n)
+        lower[0], upper[1], upper[2] = -np.inf, np.inf, lower[2]
+        z[0], z[1] = min(z[0], 0.0), max(z[1], 0.0)
+        upper = np.maximum(lower, upper)
+        free = lower < upper
+        own = np.where(free, z, 0.0)
+        with np.errstate(invalid="ignore"):
+            distance = np.where(own > 0, x - lower, np.where(own < 0, upper - x, 0.0))
+        parts = np.where(free, reach * (slope - own), 0.0), own * distance, w * d
+        mean = np.abs(np.concatenate([y, w, own])).mean()
+        missed = np.concatenate([np.abs(c), -d, lower - x, x - upper, [0.0]]).max()
+        wanted = max(np.abs(p).max() for p in parts), mean, missed
+        values = slope, np.abs(reach), x, lower, upper, z, c, y, d, w
+        assert left_over(*values) == pytest.approx(wanted, rel=1e-12)
+        for which, place in ((0, 0), (6, 1), (8, 1)):
+            bad = [v.copy() for v in values]
+            bad[which][place] = np.nan
+            assert np.inf in left_over(*bad)
+    with pytest.raises(ValueError, match="expected multipliers of 4 equations"):
+        left_over(*values[:7], np.zeros(3), d, w)
+    with pytest.raises(ValueError, match="expected numbers of 9 unknowns"):
+        left_over(slope[:8], *values[1:])

@@ -1,0 +1,47 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, binding=False
+"""Small linear systems, one after the other: a call of LAPACK for each takes ten times as long as
+its numbers."""
+from libc.math cimport isfinite
+
+from elimination cimport factor, solve
+
+import numpy as np
+
+
+def solved(A, b):
+    """A^-1 b for a matrix A (n, n) and b (n,) or (n, m), or for stacks of them, where b has the
+    shape of the stack and (n,), or (n, m); not a number where any A is singular or where any number
+    is not finite."""
+    cdef ptrdiff_t n = A.shape[A.ndim - 1], columns = 1
+    if b.ndim == 1 or b.ndim == A.ndim - 1:
+        fits = b.shape == A.shape[:-1]
+    else:
+        fits = b.shape[:-1] == A.shape[:-1]
+        columns = b.shape[b.ndim - 1]
+    if not fits or A.shape[A.ndim - 2] != n:
+        raise ValueError(f"matrices of shape {A.shape} and numbers of shape {b.shape} do not fit")
+    factors, x = np.array(A, float, order="C"), np.array(b, float, order="C")
+    if x.size and not _solve(factors.reshape(-1), x.reshape(-1), np.empty(n, np.intp), columns):
+        x[...] = np.nan
+    return x
+
+
+cdef bint _solve(double[::1] A, double[::1] b, ptrdiff_t[::1] pivot, ptrdiff_t columns):
+    """Solve one system after the other in place, and say whether all could be."""
+    cdef ptrdiff_t n = pivot.shape[0], count = A.shape[0] // (n * n), i
+    for i in range(A.shape[0]):
+        if not isfinite(A[i]):
+            return False
+    for i in range(b.shape[0]):
+        if not isfinite(b[i]):
+            return False
+    for i in range(count):
+        if n == 2 and columns == 1:  # constant numbers unroll the loops
+            if not factor(&A[4 * i], &pivot[0], 2, 2):
+                return False
+            solve(&A[4 * i], &pivot[0], &b[2 * i], 2, 2, 1)
+            continue
+        if not factor(&A[n * n * i], &pivot[0], n, n):
+            return False
+        solve(&A[n * n * i], &pivot[0], &b[n * columns * i], n, n, columns)
+    return True

@@ -1,0 +1,60 @@
+"""What a point leaves of the optimality conditions (kkt.py), and the entries of K there."""
+from libc.math cimport fabs, isfinite
+
+
+def left_over(
+    const double[::1] slope, const double[::1] reach, const double[::1] x,
+    const double[::1] lower, const double[::1] upper, const double[::1] z,
+    const double[::1] c, const double[::1] y, const double[::1] d, const double[::1] w,
+):
+    """The largest of the slopes of L, of which each counts by the reach of its unknown, and of the
+    products of inequalities and bounds with their multipliers; the mean of all multipliers; the
+    largest violation.  Infinite where one of the numbers is none.  Fixed unknowns have neither a
+    slope nor a multiplier."""
+    cdef ptrdiff_t n = x.shape[0], eq = c.shape[0], rows = d.shape[0], i
+    cdef double worst = 0.0, total = 0.0, violation = 0.0, product, distance
+    if not (slope.shape[0] == reach.shape[0] == lower.shape[0] == upper.shape[0] == z.shape[0] == n):
+        raise ValueError(f"expected numbers of {n} unknowns")
+    if y.shape[0] != eq or w.shape[0] != rows:
+        raise ValueError(f"expected multipliers of {eq} equations and {rows} inequalities")
+    with nogil:
+        for i in range(n):
+            if lower[i] < upper[i]:
+                distance = x[i] - lower[i] if z[i] > 0 else upper[i] - x[i] if z[i] < 0 else 0.0
+                worst = larger(worst, reach[i] * fabs(slope[i] - z[i]))
+                worst = larger(worst, fabs(z[i] * distance))
+                total += fabs(z[i])
+            violation = larger(violation, lower[i] - x[i])
+            violation = larger(violation, x[i] - upper[i])
+        for i in range(eq):
+            violation = larger(violation, fabs(c[i]))
+            total += fabs(y[i])
+        for i in range(rows):
+            violation = larger(violation, -d[i])
+            worst = larger(worst, fabs(w[i] * d[i]))
+            total += fabs(w[i])
+    mean = total / (n + eq + rows) if n + eq + rows else 0.0
+    return worst if isfinite(mean) else INFINITY, mean, violation
+
+
+cdef inline double larger(double most, double value) noexcept nogil:
+    """The larger one; infinite where the second one is no number."""
+    return value if value > most else INFINITY if value != value else most
+
+
+def entries_of(layout, const double[::1] hess, const double[::1] jac):
+    """Entries of K that are those of H, and of A, of a
+    :class:`dmoc.solvers.kkt_layout.KKTLayout`."""
+    cdef const int[::1] from_hess = layout.from_hess, from_jac = layout.from_jac
+    cdef ptrdiff_t size = len(layout.row), e
+    H, A = np.zeros(size), np.zeros(size)
+    cdef double[::1] of_h = H, of_a = A
+    if from_hess.shape[0] != hess.shape[0] or from_jac.shape[0] != jac.shape[0]:
+        raise ValueError(f"expected {from_hess.shape[0]} and {from_jac.shape[0]} entries")
+    for e in range(hess.shape[0]):
+        if from_hess[e] >= 0:
+            of_h[from_hess[e]] += hess[e]
+    for e in range(jac.shape[0]):
+        if from_jac[e] >= 0:
+            of_a[from_jac[e]] += jac[e]
+    return H, A
