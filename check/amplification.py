@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import largest
 from dmoc.check.segments import Segments
@@ -19,7 +19,7 @@ SMALLEST = 1e-11  # error of a segment that is not told from those of the integr
 STEADY = 6.0
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Carried:
     """What the linearised flow makes of errors on the way, in sizes of positions and velocities:
     the largest ratio of an error at the end to one at a segment's start, the largest error at the

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sized
-from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import groupby, pairwise
 from typing import NamedTuple
@@ -15,6 +14,7 @@ from dmoc.base.arguments import check_known
 from dmoc.base.deadline import Deadline
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import SimulationError
+from dmoc.base.records import record
 from dmoc.check.arcs import allowance, arcs_of
 from dmoc.check.passages import EventPassage, passage_of
 from dmoc.codegen.kernels import Array, Kernels
@@ -34,7 +34,7 @@ class OutOfTimeError(SimulationError):
     """The check was not finished in its time."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class ModeSpan:
     """Phases one after the other in the same mode: their numbers, the places of their steps among
     those of the motion, and these."""
@@ -59,7 +59,7 @@ class PlannedNodes(NamedTuple):
     reaction: Array
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Motion:
     """A motion, its model with its parameters, its nodes and sizes, its steps, the places of the
     first step of each phase and of the end, its phases as modes, and the flow it is compared

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Findings:
     """Errors by the names that :data:`~dmoc.check.verdict.PASSING` has for them, and what
     contradicts the motion, in sentences."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode, without_rails
@@ -26,7 +27,7 @@ from dmoc.simulation.single_hit import single_hit
 PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class ImpactResult:
     """Rows of velocities (n, nq) after an event, and the impulses of all surfaces (n, nc) and
     tangents (n, nt); of the first row, where it is that of Poisson's law, the course of friction
@@ -39,7 +40,7 @@ class ImpactResult:
     unheld: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class EventPassage:
     """What joins two phases."""
 

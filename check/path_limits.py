@@ -4,7 +4,6 @@ quantities: at the nodes and between them, on the path that is integrated from e
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.names import velocity_name
+from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
@@ -28,7 +28,7 @@ ALMOST_NOTHING = 1e-4
 VARYING = 0.05
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class IntegratedSteps:
     """Steps that were integrated from their first nodes: states (n, 2 nq ...) at both ends, and
     the accelerations there (n, 2, nq)."""
@@ -59,7 +59,7 @@ class IntegratedSteps:
         return place, rate / h, u, self.steps.t + s[:, 0] * self.steps.h
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Excess:
     """The largest excess of a path constraint or a bound, relative to its size: what it counts, and
     what it is, with what is exceeded and the time."""
@@ -108,7 +108,7 @@ def _pushed(motion: Motion, mode: Mode, q: Array, v: Array, u: Array, t: Array) 
     return np.hstack([r.acceleration, r.normal, r.tangential, r.joint])
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class _Path:
     """States of a motion at n places, with the accelerations and forces of the flow there, if
     quantities contain any, which ones are quadrature points, and which one is the state after an

@@ -12,11 +12,11 @@ goes through the planned events at their planned times.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import BEARABLE, ON_TIME, TURNED
 from dmoc.check.findings import largest
@@ -104,7 +104,7 @@ def _early(motion: Motion, i: int, c: SurfaceContact) -> str:
     return f"the simulation meets {c.surface!r} at {c.time:.4g} s, not at {end:.4g} s as planned"
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class HeldSteps:
     """The steps of a phase in its mode, from the starts of its segments: the first of each step's
     segment (N,), the steps as they go, the positions that what sticks keeps, and what the mode

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
 from dmoc.check.consistency import JOINED
 from dmoc.check.findings import largest
@@ -45,7 +46,7 @@ class Departures:
         return tuple(dict.fromkeys(texts))
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class WholeRun:
     """A run from the start to the end: the error at the end, the contacts that are reported, where
     they depart from the plan, where those of segments do (None: nobody has looked), and what

@@ -4,12 +4,12 @@ starts."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import record
 from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
 from dmoc.check.findings import Findings, infinite_where_none, largest
 from dmoc.check.integrals import integral_errors
@@ -55,7 +55,7 @@ def _errors(motion: Motion, mode: Mode, y: Array, at: Index) -> tuple[Array, Arr
 # Steps --------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class StepErrors:
     """Every step integrated from its first node: the largest errors at its end and at the nodes
     inside, and between nodes, the work of each phase, and the excesses of path constraints and of
@@ -134,7 +134,7 @@ def _inside_error(motion: Motion, piece: ModeSpan, course: IntegratedSteps) -> f
 # Segments -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Segments:
     """Some steps of a phase each, integrated from their first node in its mode, without events: the
     phases, and the first and last nodes (n,), relative errors at the ends (n,), derivatives

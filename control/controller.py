@@ -11,6 +11,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.control.disturbance import Disturbed
 from dmoc.mechanics.contact_mode import Mode, names_of
@@ -50,7 +51,7 @@ class Pushed:
         """Nobody does."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Measured:
     """A state y = (q | v) with its time and the phase that it was measured in."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from dmoc.base.arguments import check_known, listed, number, positive, shown, whole
 from dmoc.base.errors import SimulationError
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
 
@@ -63,7 +64,7 @@ class Disturbance:
     seed: int = 0
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Disturbed:
     """A disturbance in the order of states: offsets and standard deviations (2 nq,), times and
     impulses (nq,) of pushes, whole samples of delay, sampling, seed."""

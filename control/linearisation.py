@@ -9,11 +9,11 @@ masses.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from dmoc.base.errors import SimulationError
+from dmoc.base.records import record
 from dmoc.base.tolerances import TINY
 from dmoc.check.checked_motion import Motion
 from dmoc.check.segments import put
@@ -37,7 +37,7 @@ TERMS, SHORT, LARGEST = 13, 0.5, 1e9
 EDGE = 1e-2
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class LinearPhase:
     """Intervals of a phase, m of them: their times (m + 1,), the motion (m + 1, 2 nq), the inputs
     in their middles (m, nu), and A (m, 2, n, n) and B (m, 2, n, nu) of dy' = A dy + B du at the two

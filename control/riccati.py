@@ -9,11 +9,11 @@ int (dy^T Q dy + du^T R du) dt + dy(T)^T P(T) dy(T) is dy^T P dy from any time o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from dmoc.base.errors import SimulationError
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.control.linearisation import LinearPhase, exponentials, magnus
 from dmoc.mechanics.algebra import solved
@@ -24,7 +24,7 @@ REACHED = 1e-2  # of the largest deviations that inputs lead to: smaller ones ar
 HELD = 1.001  # growth of a deviation in a period that rounding may make of none
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Weights:
     """Q (n, n) and R (nu, nu) in sizes of the motion, and these sizes (n,) and (nu,)."""
 

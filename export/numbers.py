@@ -17,6 +17,7 @@ import numpy as np
 from dmoc.base.arguments import interval
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import velocity_name
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import Boundary
@@ -34,7 +35,7 @@ NOT_ONE = -1
 SIDES, ENDS = ("low", "high"), ("start", "goal")
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Number:
     """A number of a problem: where it is stated, as the field and what leads on from there, its
     side (0 lower, 1 upper) where that is a range, and its value.
@@ -114,7 +115,7 @@ def _with(whole: Any, way: Sequence[str | int], key: Any, value: Any) -> Any:
     return [value if i == key else other for i, other in enumerate(whole)]
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class FixedState:
     """A fixed state at one end: names of the numbers of q and v, "" where there is none; values;
     the unknowns that are its momenta."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.export.constants import Constants, initial, literal
 from dmoc.export.motion_text import (
@@ -41,7 +41,7 @@ LDL = ("first", "block", "row_start", "row", "part_start", "part", "target", "he
 SIZES = ("n", "entries", "pivots", "chain", "blocks")
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class CarriedProgram:
     """What a solver is made of: the program with its analysis, the numbers it takes, the scaled
     answer with its multipliers, the scaled first motion, and how far coordinates may move, in the

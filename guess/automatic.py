@@ -13,11 +13,12 @@ keep their bounds.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from dmoc.base.deadline import ENDLESS, Deadline
+from dmoc.base.records import record
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import standing
@@ -51,7 +52,7 @@ MOST_MARCHED = 400
 MUCH_SHORTER = 0.5
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Guess:
     """Unknowns of the nonlinear program, and how they were found."""
 

@@ -13,11 +13,12 @@ problems.  Motion k of a seed is the same whichever others are asked for.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import all_in_contact
 from dmoc.guess.waypoints import end_velocity
@@ -108,7 +109,7 @@ def _shaken(problem: Problem, lay: Layout, guess: Array, rng: np.random.Generato
     return x
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class _Drawn:
     """Durations (count, phases); points (count, phases + 1, nq); velocities after and before them,
     at both ends of each phase (count, phases, nq); waves of the phases (count, phases, WAVES, nq)

@@ -4,11 +4,11 @@ lines."""
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.guess.tracker import WINDOW, Marcher
 from dmoc.guess.waypoints import Route, Waypoints, plans_of, route_of, shares_of
@@ -19,7 +19,7 @@ from dmoc.problem.ranges import midpoints
 Choice: TypeAlias = tuple[int, ...]
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class March:
     """A sampled motion: q (total + 1, nq), inputs (total, nu), impulses, velocities before and
     after the collisions (collisions, nq), steps in windows, velocities at both ends, and the
@@ -36,7 +36,7 @@ class March:
     excess: float
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Tracker:
     """Makes plans of a problem, and marches along them; ``still`` is the route of all plans, if
     there is one."""

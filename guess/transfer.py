@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from dmoc.base.discretisation import FORMS
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import through_hits, with_hidden
 from dmoc.motion.trajectory import Trajectory
@@ -21,7 +22,7 @@ from dmoc.program.layout import Layout
 INSIDE = 1e-6
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Piece:
     """A phase to follow: times t of positions q and velocities v, times t_u of inputs u, the forces
     of its reactions by their kind, with their times, and parameters of its model."""

@@ -3,10 +3,9 @@ there, and durations between them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import Boundary, midpoints
@@ -18,7 +17,7 @@ SOFTEST_MIRROR = 0.3
 SHORTEST_SHARE = 0.04
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Waypoints:
     """A plan: via points of all coordinates, as positions (phases + 1, nq), velocities before each
     via point, and durations; of several plans with an axis before."""
@@ -32,7 +31,7 @@ class Waypoints:
         return Waypoints(self.positions[which], self.velocities[which], self.durations[which])
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Normal:
     """A surface at a via point: the gradient of its gap, the change M^-1 n of the velocity by a
     unit impulse along it, n . M^-1 n, and the coefficient of restitution of its mirror."""
@@ -43,7 +42,7 @@ class Normal:
     e: float
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Route:
     """What plans have in common: points at the start, the collisions and the goal, shape (phases +
     1, nq), the mass matrix and the velocity at the start, the velocity at the goal if momenta fix
@@ -93,7 +92,7 @@ def _normal(problem: Problem, q: Array, collision: int, t: float) -> Normal:
     return Normal(slope, *problem.model.impulse_response(q, slope), e)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Shares:
     """The legs of a route, shape (phases, nq), the length of all together, measured by the masses,
     and the shares of the phases in the time."""

@@ -11,19 +11,19 @@ by its unit.  Results times their factors are added to slots of the target.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 
 Positions = NDArray[np.intp]
 Pattern = tuple[NDArray[np.int32], NDArray[np.int32]]
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class ElementPlaces:
     """n rows of a kernel: where its arguments are, and where its results go."""
 
@@ -34,14 +34,14 @@ class ElementPlaces:
     slots: tuple[Positions, ...]  # (n, size): what each result is added to; -1 drops a value
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class ElementData(ElementPlaces):
     """The same with what the values are multiplied by."""
 
     factors: tuple[Array, ...]  # (n, size)
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class PassData:
     """target = constant + linear part + elements; target[rows] += coefficients * pool[columns].
 
@@ -68,7 +68,7 @@ class PassData:
         return tuple(elements)
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class ProgramData:
     """Minimise f subject to c = 0, d >= 0, lower <= x <= upper."""
 

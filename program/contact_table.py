@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.mechanics.contact_mode import STICK, names_of
 from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Index, Numbering
@@ -20,7 +20,7 @@ from dmoc.program.reactions import (
 from dmoc.program.stations import Stations
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class ContactUnknowns:
     """Impulses of the contacts of a touch.
 

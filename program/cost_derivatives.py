@@ -9,13 +9,13 @@ Analysis in Nonlinear Programming", 1983).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TypedDict
 
 import numpy as np
 
 from dmoc.base.arguments import interval
 from dmoc.base.names import momentum_name, velocity_name
+from dmoc.base.records import record
 from dmoc.base.tolerances import TINY
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
@@ -87,7 +87,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     }
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class _AtMinimum:
     """Derivatives of the Lagrangian at a minimum x of a program, with its multipliers by kind, by
     numbers of the problem."""

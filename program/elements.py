@@ -14,13 +14,14 @@ columns for them behind those of the arguments.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.program.arrays import ElementPlaces, PassData, ProgramData
 from dmoc.program.blocks import NOWHERE, Index
@@ -28,7 +29,7 @@ from dmoc.program.sparse import SparsePattern
 from dmoc.program.terms import Term
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Linear:
     """The linear part of (c | d): factors * x[columns] added to rows."""
 
@@ -42,7 +43,7 @@ T = TypeVar("T")
 MOST_ANALYSES = 8
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Form:
     """What the structure of a program follows from."""
 
@@ -55,7 +56,7 @@ class Form:
     equalities: int
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Numbers:
     """The numbers of one problem."""
 
@@ -69,7 +70,7 @@ class Numbers:
     cost_unit: float
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class _Part:
     """Results of a term that are added somewhere, in the shapes of the kernel's outputs: positions
     in (f | c | d) or rows of the Hessian, unknowns, and factors without units."""
@@ -81,7 +82,7 @@ class _Part:
     factors: tuple[Array, ...]
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class _Elements:
     """The elements of a pass, and what their factors are made of: left[rows] * right[columns] *
     factors, those of one result after those of another."""
@@ -113,7 +114,7 @@ def _flat(arrays: Sequence[NDArray[Any]], dtype: type) -> NDArray[Any]:
     return np.concatenate([np.zeros(0, dtype), *(a.ravel() for a in arrays)])
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Structure:
     """Where results of kernels go, and the patterns of the derivatives."""
 
@@ -145,7 +146,7 @@ class Structure:
         return analysis
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Assembled:
     """A program and its structure."""
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.base.discretisation import InputForm
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Bools, Index, Numbering
@@ -32,7 +33,7 @@ class Wanted:
     goal: bool = False
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class ForceUnknowns:
     """The unknowns, NOWHERE where something is open or nothing is wanted; without columns where no
     quantity contains forces.

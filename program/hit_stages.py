@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.mechanics.contact_mode import FREE, STICK, Course, Mode
 from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Bools, Index, Numbering
@@ -87,7 +88,7 @@ def moment(event: int, which: int) -> str:
     return f"{MOMENTS[which]} at event {event + 1}"
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class HitUnknowns:
     """Velocities v_h, shape (events, moments, nq), and impulses P_h and T_h until then, shape
     (events, moments), at the moments within impacts with friction.
@@ -136,7 +137,7 @@ class HitUnknowns:
         return cls(passages, hit, rubbed, moments, *(b.index for b in blocks))
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class HeldUnknowns:
     """Impulses of what holds until the moments within impacts with friction: of closed contacts
     P_b, of their friction T_b and of constraints R_b, shapes (events, moments, ...)."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
+from dmoc.base.records import record
 from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Block, Index, Numbering, sizes_of
 from dmoc.program.reactions import EventImpulses
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class ImpactUnknowns:
     """Impulses lam of what is hit or lands first, shape (events,), and velocities v_a before and
     v_c after the events, shape (events, nq); ``names`` are those of the events."""

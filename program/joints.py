@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.mechanics.model import Model
 from dmoc.program.blocks import Bools, Index, Numbering
 from dmoc.program.reactions import (
@@ -20,7 +20,7 @@ from dmoc.program.stations import Stations
 JOINTS = Functions(Model.joints, Model.joint_slopes, Model.joint_rates)
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class JointUnknowns:
     """Impulses R, shape (stations, nj), and those of impacts R_c, shape (events, nj)."""
 

@@ -8,11 +8,12 @@ velocities and times, of what sticks also where the other conditions hold.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 
 from dmoc.base.names import momentum_name, velocity_name
+from dmoc.base.records import record
 from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.redundancy import redundancy
@@ -28,7 +29,7 @@ SAMPLES = 4
 NO_INDEX: Index = np.zeros(0, dtype=np.intp)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class States:
     """States of one node, those that are fixed and any others: rows of positions and velocities,
     and times."""
@@ -38,7 +39,7 @@ class States:
     t: Array
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Settled:
     """Rows of contacts that hold by themselves.
 

@@ -7,11 +7,11 @@ through all reactions alike.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
 from dmoc.program.blocks import NOWHERE, Bools, Index
@@ -29,7 +29,7 @@ GAPS = Functions(Model.gaps, Model.gap_slopes, Model.gap_rates)
 TANGENTS = Functions(Model.tangents, Model.tangent_slopes, Model.slide_rates)
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class PhaseReaction:
     """Impulses at the stations of a phase that push along the slopes of functions.
 

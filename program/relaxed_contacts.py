@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Index, Numbering
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class RelaxedUnknowns:
     """Normal impulses P_r, shape (nodes, nc), and tangential ones T_r, shape (nodes, nt), of what
     is left open; a touch that leaves nothing open has no rows."""

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from dmoc.base.names import momentum_name, velocity_name
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Scale:
     """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,);
     gaps, their rates and impulses (nc,); sliding velocities and friction impulses (nt,); path

@@ -7,10 +7,11 @@ that a problem stated in other units has the same scaled program.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.base.tolerances import BALANCED, ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
@@ -36,12 +37,12 @@ NARROW = 1e-2
 FIRST_COST, MINIMUM_COST = 100.0, 10.0
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class _Reached:
     """What a motion reaches and what the model makes of it, whatever its problem bounds: the time,
-    largest values of coordinates and their ranges, of rates, momenta, forces, inertias and inputs,
+    largest values and ranges of coordinates, of rates, momenta, forces, inertias and inputs,
     the kinetic energy, the largest derivatives of the generalised forces by the inputs (nq, nu), of
-    gaps, tangents and joints by (q, t), and the cost with its slopes and curvatures in each step."""
+    gaps, tangents and joints by (q, t), the cost, and its slopes and curvatures in each step."""
 
     time: float
     q: Array

@@ -8,11 +8,10 @@ those below the number of unknowns are the unknowns that the term depends on.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.layout import Layout
@@ -23,7 +22,7 @@ PARABOLA = DISCRETISATIONS[4].slopes_of_nodes / 2
 COST = -2
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Term:
     """Results of n rows of a kernel times a factor are added to rows.
 
@@ -49,7 +48,7 @@ class Term:
         return any(bool((r != NOWHERE).any()) for r in self.rows)
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Places:
     """Positions of arguments in the pool; ``zero`` is that of a zero, ``nc`` the number of
     surfaces, ``constants`` the position of the first of the shares of a step."""

@@ -32,6 +32,7 @@ import numpy as np
 
 from dmoc.base.discretisation import DISCRETISATIONS, FORMS, Discretisation, InputForm
 from dmoc.base.names import momentum_name, velocity_name
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Block, Bools, Counted, Index, Numbering
@@ -69,7 +70,7 @@ class Kind:
     forces: Wanted
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Unknowns:
     """Sizes and index sets of the unknowns.
 
@@ -155,7 +156,7 @@ class Unknowns:
         return np.concatenate([b.sizes(scale) for b in self.unknowns if b.count])
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class _States:
     """The unknowns of states and inputs, in their words."""
 

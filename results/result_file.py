@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -13,6 +13,7 @@ from dmoc.base.arguments import path as path_of
 from dmoc.base.arguments import place, shown, text
 from dmoc.base.errors import OutputError, SolutionFileError
 from dmoc.base.files import write_whole
+from dmoc.base.records import record
 from dmoc.motion.trajectory import Array
 from dmoc.results.archive import LARGEST, Archive, pack
 from dmoc.results.schema import (
@@ -30,7 +31,7 @@ from dmoc.results.schema import (
 REMEDY = "give one that `dmoc solve --out` has written"
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class ResultFile:
     """A kind of file: a result, and the number of the format that it is written in."""
 

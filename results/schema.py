@@ -11,11 +11,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Protocol
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.motion.trajectory import Array
 
 Size = int | str | None  # None for any number
@@ -37,7 +38,7 @@ def no_arrays(where: str, _: object) -> Any:
     raise Refused(f"{where} is an array, expected none")
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Context:
     """What the reading of a value may need: the arrays by place and shape, and the sizes known
     so far."""
@@ -111,7 +112,7 @@ def _at(where: str, name: object) -> str:
     return f"{where}.{name}" if where else str(name)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Nothing:
     """No value."""
 
@@ -123,7 +124,7 @@ class Nothing:
         _expect(data is None, data, where, "nothing")
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Plain:
     """A value that JSON has by itself: what makes it, whether data are right, and what else was
     expected."""
@@ -220,7 +221,7 @@ class Either:
         return last.read(data, where, context)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Listed:
     """A tuple of values of one kind."""
 
@@ -236,7 +237,7 @@ class Listed:
         return tuple([self.kind.read(g, _at(where, i), context) for i, g in enumerate(data)])
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class ShortArray:
     """A short array, within the text."""
 
@@ -250,7 +251,7 @@ class ShortArray:
         return np.array(Listed(self.kind, self.size).read(data, where, context), dtype=float)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Mapped:
     """A mapping of texts to values of one kind."""
 
@@ -308,7 +309,7 @@ class Stored:
         return array
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Record:
     """Named values, each of its own kind: no fewer and no others.
 

@@ -11,9 +11,10 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from dmoc.base.deadline import Deadline
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.contacts import in_contact
@@ -48,7 +49,7 @@ ITERATIONS, NEAR = 300, 100
 FALLING = 0.7
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class NodeTask:
     """One sequence to be solved: the problem, the parent's motion, further starts, method, limit
     in seconds, a motion that proposes it, unknowns of the coarse mesh to start from, and whether

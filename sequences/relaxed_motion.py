@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.guess.folded import Folded
 from dmoc.guess.hit_course import course_at
@@ -48,7 +49,7 @@ class Reading:
         return (self.start, self.words) == (other.start, other.words)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class RelaxedMotion:
     """A motion of a relaxed program, in units of the problem, and its cost."""
 

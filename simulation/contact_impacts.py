@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import combinations, product
 from math import prod
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.base.errors import SimulationError
+from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, STICK, Mode
@@ -28,7 +28,7 @@ SETTLED = 1e-4
 MOST_WAYS = 4096
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Struck:
     """Velocity after impacts (nq,) and their impulses, in their order: of surfaces, with that of
     the surface's tangent or 0."""

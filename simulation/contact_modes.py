@@ -17,10 +17,10 @@ is possible if any of them are borne.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved_transpose
 from dmoc.mechanics.contact_mode import Mode
@@ -38,7 +38,7 @@ ALIKE = 1e-3
 UNDETERMINED = 1e-6
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Reaction:
     """Accelerations (n, nq), contact forces (n, nc), friction forces (n, nt) and forces of joints
     (n, nj) of rows of states; zero where a surface is open or a tangent does not rub."""
@@ -49,7 +49,7 @@ class Reaction:
     joint: Array
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Conditions:
     """Conditions of a mode at rows of states: their gradients C and the directions B in which a
     unit of their multipliers pushes, both (n, m, nq): closed contacts, what sticks, joints."""

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.base.errors import SimulationError
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode, names_of
 from dmoc.mechanics.model import Model
@@ -51,7 +52,7 @@ class Stretch:
     friction: int | None = None
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class ContactState:
     """A state after a step: time, row (q | v), and its contact and friction forces."""
 
@@ -284,7 +285,7 @@ def _on_limit(setting: Setting, place: Place, mode: Mode, which: int) -> Array:
     return np.asarray(y[0])
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class _ContactFlow:
     """The motion in one mode from a place on: its state at a later time."""
 

@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
@@ -51,7 +52,7 @@ class Lost(Exception):  # noqa: N818 - it is caught where the simulation began
     """A simulation that cannot go on: states that are not finite, or contacts without end."""
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Steps:
     """Steps of a motion: begin and duration (N,), inputs at both ends (N, nu)."""
 
@@ -270,7 +271,7 @@ class Flow:
         return first
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class _Until:
     """The motion from a state y at the time t on, in a mode: its state at a later time, and the
     accelerations (1, 2, nq) at both ends."""

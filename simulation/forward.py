@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from dmoc.base.arguments import array, check_known, function, positive, shown, whole
 from dmoc.base.errors import SimulationError
 from dmoc.base.names import velocity_name
+from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.model import Model
@@ -47,7 +48,7 @@ SECONDS = "expected a positive number of seconds, and a finite time of all steps
 LEFT_OF_ZERO = 1e-14
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Run:
     """What a simulation has recorded: the fields of :class:`dmoc.Simulation` but for its
     trajectory, and what that is made of."""
@@ -155,7 +156,7 @@ def _notes(model: Model, marks: list[ModeChange]) -> Iterator[str]:
             )
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class _Recorded:
     """Recorded nodes, filled one by one."""
 
@@ -171,7 +172,7 @@ class _Recorded:
         self.normal[row], self.tangential[row] = at.normal, at.tangential
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class _SimulationTask:
     """A model, inputs of all steps (steps, nu), the size of a step, how many go by between
     recorded nodes, and what decides on the inputs on the way, if something does."""

@@ -17,6 +17,7 @@ from itertools import product
 import numpy as np
 
 from dmoc.base.errors import SimulationError
+from dmoc.base.records import record
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
@@ -39,7 +40,7 @@ OPEN = 2  # beside the signs 0, 1 and -1 of friction: a contact that opens
 SMOOTH = 3  # a contact that is closed without friction
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Setting:
     """What a simulation goes by: model, coefficients of restitution (nc,), step size."""
 
@@ -54,7 +55,7 @@ class Setting:
         return Integrator(model.kernels, model.par, np.ones(2 * model.nq + 1), lambda: None)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Place:
     """A moment of a simulation: time, state (q | v), inputs, and what counts as zero."""
 
@@ -177,7 +178,7 @@ def _at_rest(setting: Setting, at: Place, mode: Mode | None, held: dict[Mode, Ar
     return first if off @ M @ off <= SAME**2 * (F @ solved(M, F)) else mode
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Blow:
     """Velocity after an impact (nq,), and the impulses of surfaces (nc,) and tangents (nt,)."""
 

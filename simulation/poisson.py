@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.tangential import returned
 from dmoc.motion.trajectory import FRICTION_WORDS
@@ -87,7 +88,7 @@ def whole(rates: Array, response: Array, mu: float, e: float, e_t: float) -> Imp
     return Impulses(float(normal), float(tangential), (regime,), ())
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class _HitState:
     """Rates and impulses at some moment of an impact."""
 
@@ -97,7 +98,7 @@ class _HitState:
     S: float
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class _ImpactPath:
     """What an impact goes by: A, mu, and a tangential rate that counts as none."""
 

@@ -8,6 +8,7 @@ from itertools import groupby, pairwise
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode, names_of
@@ -24,7 +25,7 @@ SIDES = ("before", "after")
 MOST_DRAWN = 1000
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class _Side:
     """The state on one side of an event: position, velocity, momentum, forces of all surfaces and
     tangents."""

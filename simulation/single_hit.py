@@ -3,10 +3,9 @@ they let move."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
@@ -16,7 +15,7 @@ from dmoc.simulation.contact_modes import Reaction, borne
 from dmoc.simulation.poisson import Impulses, impulses, whole
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class SingleHit:
     """Velocity after the hit (nq,), impulses of all surfaces (nc,) and tangents (nt,), the way
     through it, and contacts beside it that do not stay as they are asked to: that would have to

@@ -9,13 +9,13 @@ numbers.  Coordinates of different kinds are compared through the masses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved_transpose
 from dmoc.mechanics.bound_kernels import Index
@@ -40,7 +40,7 @@ NOTHING = 1e-100
 LEVEL = 0.01
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Sizes:
     """Sizes of a motion: coordinates, velocities and momenta (nq,), gaps and their rates (nc,),
     tangential positions and sliding velocities (nt,), time, kinetic energy, the energy that moves
@@ -78,7 +78,7 @@ def most_of(rows: Array) -> Array:
     return np.asarray(beside.max(axis=1).reshape(rows.shape[1:]))
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Nodes:
     """All nodes of a motion, those of one phase after those of another: where those of each phase
     begin, and the end (phases + 1,), the nodes at which steps start (N,), the inputs at both ends

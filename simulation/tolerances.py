@@ -3,10 +3,9 @@ shares of what coordinates, velocities and forces make of gaps, rates and accele
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
@@ -17,7 +16,7 @@ GAP, RATE, ACCELERATION = 1e-13, 1e-9, 1e-9
 MOMENT = 4 * float(np.finfo(float).eps)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Reach:
     """Largest coordinate, velocity and acceleration so far, each measured by the masses."""
 
@@ -26,7 +25,7 @@ class Reach:
     acceleration: float = 0.0
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Tolerances:
     """What counts as zero at one state."""
 

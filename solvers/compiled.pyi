@@ -67,7 +67,6 @@ def kkt_pattern(
     jac_start: Ints,
     jac_column: Ints,
 ) -> dict[str, Ints]: ...
-
 def left_over(
     slope: Array,
     reach: Array,

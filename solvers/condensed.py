@@ -13,13 +13,13 @@ program less nonlinear, so that the driver needs fewer iterations, each of which
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from scipy.linalg import lapack
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.evaluator import Matrix
@@ -32,7 +32,7 @@ NEWTON_LIMIT = 25
 SHORTEST_SEGMENT = 4
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Partition:
     """Eliminated unknowns and equations, and those that are kept (positions in x and in c)."""
 
@@ -225,7 +225,7 @@ class Elimination:
         return -factors.solve(stationarity[self.parts.eliminated], transposed=True)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Factors:
     """Banded LU factors."""
 
@@ -243,7 +243,7 @@ class Factors:
         return np.asarray(solution)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Linearised:
     """The equations to first order in the eliminated unknowns and in r, where y = y_0 + move r:
     entries of their Jacobian, factors of the eliminated ones, and the inverse of d(kept
@@ -255,7 +255,7 @@ class Linearised:
     inverse: Array
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Reduced:
     """Gradient of the cost, Jacobians of the kept equations, of chosen inequalities and of
     chosen eliminated unknowns, dense, in y."""

@@ -16,11 +16,12 @@ K again and again leads to the direction of the least curvature.
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import Bools, Index
@@ -64,7 +65,7 @@ class Landscape(enum.Enum):
     SADDLE = "falls along a direction"
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class Curvature:
     """The shape; where it is no bowl the least curvature, in its unit, and its direction in scaled
     unknowns, the largest of which changes by its size."""

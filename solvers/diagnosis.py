@@ -9,11 +9,12 @@ carry multipliers are those that stand against it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import record
 from dmoc.base.tolerances import TINY
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import jams
@@ -39,7 +40,7 @@ ITERATIONS = 300
 MOST_LINES = 4
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Diagnosis:
     """Least violation of a problem.
 

@@ -16,18 +16,19 @@ densely.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import record
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.laws.law import INEQUALITY, INPUT, RANKS, STATE, key
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.compiled import Factorisation, Room, kkt_pattern
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class KKTLayout:
     """K in elimination order, upper triangle by columns.
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.base.deadline import ENDLESS, Deadline
+from dmoc.base.records import record
 from dmoc.base.tolerances import ITERATIONS, OPTIMALITY, VIOLATION
 from dmoc.codegen.kernels import Array
 
@@ -88,7 +89,7 @@ class Options:
         return replace(self, iterations=left, progress=counted)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Duals:
     """Multipliers in L = f + y . c - w . d - z . x: w >= 0, and z >= 0 at a lower bound, <= 0 at an
     upper one.
@@ -121,7 +122,7 @@ class Residuals:
     violation: float
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Ending:
     """Where a method ends: its own word of it, a detail for the message, unknowns, multipliers and
     the number of iterations."""
@@ -133,7 +134,7 @@ class Ending:
     iterations: int
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Outcome:
     """An ending as it is judged, whatever the method: see :mod:`dmoc.solvers.judge`."""
 

@@ -10,6 +10,7 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import least_squares, solved
 from dmoc.program.blocks import Index
@@ -44,7 +45,7 @@ class RunContext(Protocol):
     is_eliminated: NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Working:
     """Working set: rows of d, and unknowns (positions in x) at their lower and upper bounds."""
 

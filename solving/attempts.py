@@ -4,9 +4,10 @@ ends without a solution."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
+from dmoc.base.records import record
 from dmoc.base.tolerances import SAME_COST
 from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
@@ -30,7 +31,7 @@ COMPILED_METHOD = METHODS["ipm"]
 Minimise: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Attempt:
     """The program that was solved last, its outcome, and what conflicts in it."""
 
@@ -139,7 +140,7 @@ def _explained(solver: LocalSolver, before: Attempt, x: Array, options: Options)
     return replace(before.ending(Status.INFEASIBLE), conflicts=diagnosis.sentences)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class LocalSolver:
     """A method on the programs of a problem, from scaled unknowns to a minimum near them."""
 

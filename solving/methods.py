@@ -6,12 +6,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dmoc.base.errors import DmocError, MissingExtraError, ProblemError
+from dmoc.base.records import record
 
 if TYPE_CHECKING:
     from dmoc.codegen.kernels import Array
@@ -33,7 +33,7 @@ class ProgramForm(StrEnum):
 FORMS = tuple(form.value for form in ProgramForm)
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Method:
     """A way to solve a program."""
 

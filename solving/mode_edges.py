@@ -18,12 +18,12 @@ whatever its multiplier says: what counts is the sum over gaps that grow and van
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, pairwise
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode, mode_in_words
 from dmoc.mechanics.sequence_words import word_between
@@ -103,7 +103,7 @@ def _events(
         yield word_between(problem.model.contacts, of_step[-1], *last), float(t[-1])
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class _Edges:
     """A minimum with its multipliers, and what contacts would save beyond the edges of their
     modes."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.problem.problem import Problem
 from dmoc.program.extraction import multiplier_vectors, stated_as
 from dmoc.program.minimal_times import WithMinimalTimes
@@ -17,7 +18,7 @@ from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Duals
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Programs:
     """The programs of a problem in one scale.
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from dmoc.base.arguments import shown
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import DmocError, ProblemError
+from dmoc.base.records import record
 from dmoc.problem.problem import Problem
 from dmoc.solvers.outcome import Options
 from dmoc.solving.keywords import Keywords
@@ -20,7 +21,7 @@ AUTOMATIC = 1e-3
 LOOSE = 1e-2
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Request:
     """How a problem shall be solved; its parts are checked.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -13,6 +13,7 @@ import numpy as np
 from dmoc.base.arguments import array, shown
 from dmoc.base.deadline import ENDLESS, Deadline
 from dmoc.base.errors import ProblemError
+from dmoc.base.records import record
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
@@ -36,7 +37,7 @@ InitialGuess: TypeAlias = (
 )
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Starts:
     """Unknowns to start from, in units of the problem, the best ones first.
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.base.names import momentum_name, unit_of
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.problem.relations import Relation
@@ -53,7 +54,7 @@ class Goal:
     name: str
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Line:
     """A row that is linear in x: sum of factors * x[unknowns], and a constant."""
 

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.problem.design import by_design, moves_by_design
 from dmoc.problem.problem import Problem
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 KINDS = {"path": BoundKind.PATH, "quantity": BoundKind.BOUND, "peak": BoundKind.PEAK}
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Side:
     """A side on which functions stay: sign * (function - value) >= 0, of those that have it; or
     sign * function + unknown >= 0 with one of the ``unknowns`` for each."""

@@ -4,12 +4,12 @@ pivots of what is held there."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import NOWHERE, Bools, Index
 from dmoc.program.laws.law import AT_REST, CONTACT, Pivot, key
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(frozen=True, eq=False)
+@record(frozen=True, eq=False)
 class PhaseNodes:
     """The stations of a motion.  Where nothing pushes, ``used`` is False and there are none."""
 

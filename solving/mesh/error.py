@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.base.tolerances import TINY
 from dmoc.program.bound_kinds import ALONG_THE_WAY
 from dmoc.results.solution import Mesh, Solution
@@ -22,7 +23,7 @@ LIMITED_ORDER = 2
 LITTLE = 1e-3
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Errors:
     """Relative errors, or changes, of the cost, and of what moves: durations, positions, design."""
 

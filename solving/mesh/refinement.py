@@ -4,11 +4,12 @@ tolerance."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from dmoc.base.deadline import Deadline
+from dmoc.base.records import record
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import MOST_STEPS
 from dmoc.program.layout import Layout
@@ -40,7 +41,7 @@ Solve = Callable[[Problem, Solution | None, float | None], Solution]
 Check = Callable[[Solution], Solution]
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Level:
     """A mesh that was solved: the solution, its estimated errors, and the iterations up to it."""
 
@@ -61,7 +62,7 @@ class Level:
         return self if self.simulated is not None else replace(self, solution=check(self.solution))
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class History:
     """Meshes that were solved; how many were not, the answer of the first one that has no feasible
     motion; what all tries have taken; and what the problem leaves open, in a sentence."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses, natural_time
 from dmoc.guess.random_motions import random_motions
@@ -90,7 +91,7 @@ class Start:
     cost: float | None
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Exploration:
     """What the starts have led to."""
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from dmoc.base.records import record
 from dmoc.base.tolerances import SAME_COST
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
@@ -17,7 +18,7 @@ from dmoc.solving.attempts import Attempt
 SAME_TIMES = 1e-3
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Basin:
     """Starts that led to the same minimum: the attempt of the first one, its cost and durations in
     units, and how many they are."""

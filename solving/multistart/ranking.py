@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dmoc.base.deadline import Deadline
+from dmoc.base.records import record
 from dmoc.base.tolerances import SAME
 from dmoc.guess.transfer import pieces_of, unknowns_along
 from dmoc.problem.problem import Problem
@@ -34,7 +35,7 @@ FINER = 4
 REFINING = 300
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Ranked:
     """A minimum on the ranking mesh, its solution, and its cost where the simulation confirms it:
     there, or on a finer mesh."""
@@ -50,7 +51,7 @@ class Ranked:
         return np.isinf(self.cost), grazes, self.cost, self.solution.cost
 
 
-@dataclass(frozen=True)
+@record(frozen=True, eq=False)
 class Refinements:
     """Minima of a coarse mesh on the ranking mesh of a problem, each solved once."""
 
