@@ -28,14 +28,20 @@ cdef class Rows:
         if self.entry != NULL:
             self.entry.kernel(n, args, stride, results)
             return 0
-        with gil:
-            arrays = []
-            for a, size in enumerate(self.sizes):
-                if a < self.inputs:
-                    arrays.append(_seen(<double *>args[<ptrdiff_t>a], n, stride[<ptrdiff_t>a], size))
-                else:
-                    arrays.append(_seen(results[<ptrdiff_t>a - self.inputs], n, size, size))
-            self.function(*arrays)
+        return self.on_numpy(n, args, stride, results)
+
+    # Apart: a function with Python's objects takes the interpreter's lock even where it needs none.
+    cdef int on_numpy(
+        self, ptrdiff_t n, const double *const *args, const ptrdiff_t *stride,
+        double *const *results
+    ) except -1 with gil:
+        arrays = []
+        for a, size in enumerate(self.sizes):
+            if a < self.inputs:
+                arrays.append(_seen(<double *>args[<ptrdiff_t>a], n, stride[<ptrdiff_t>a], size))
+            else:
+                arrays.append(_seen(results[<ptrdiff_t>a - self.inputs], n, size, size))
+        self.function(*arrays)
         return 0
 
 
