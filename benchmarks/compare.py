@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import resource
 import subprocess
 import sys
 import time
@@ -150,11 +151,86 @@ def searched(dmoc: Any) -> Callable[[], Once]:
     )
 
 
+def neighbours(verify: bool) -> Callable[[Any], Callable[[], Once]]:
+    """Seconds of each of some neighbours of the seed, which differ from it in three numbers by up
+    to 2 %, from its minimum, in one process."""
+
+    def make(dmoc: Any) -> Callable[[], Once]:
+        base, numbers = seed(dmoc), 1 + 0.02 * np.random.default_rng(2018).uniform(-1, 1, (60, 3))
+        first = dmoc.solve(base, "ipm", starts=1)
+        problems = [
+            base.but(
+                start={"alpha": a * 0.15 * pi, "x": 0.0}, final_time=(None, c),
+                bounds={"F": (-200.0 * b, 200.0 * b), "x": (-10, 10)},
+            )
+            for a, b, c in numbers.tolist()
+        ]  # fmt: skip
+
+        def run() -> Once:
+            begin = time.perf_counter()
+            batch = dmoc.solve_many(problems, "ipm", guess=first, verify=verify)
+            seconds = (time.perf_counter() - begin) / len(problems)
+            return Once(seconds, set(batch.status) == {"solved"}, float(np.sum(batch.cost)))
+
+        return run
+
+    return make
+
+
+FIRST = """
+import json, time
+import numpy
+import dmoc
+kernels = dmoc.load("cart_pendulum")
+problem = dmoc.Problem(
+    kernels, start={"alpha": 0.4712389, "x": 0.0}, sequence=["left"], steps=100,
+    goal={"alpha": 1.5707963, "p_alpha": 0, "p_x": 0}, final_time=(None, 1.0),
+    bounds={"F": (-200, 200), "x": (-10, 10)},
+)
+seconds = []
+for _ in range(3):
+    begin = time.perf_counter()
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    seconds.append(time.perf_counter() - begin)
+print(json.dumps([seconds[0] - seconds[-1], solution.cost]))
+"""
+
+
+def first_call(dmoc: Any) -> Callable[[], Once]:
+    """By how much the first answer of a process takes longer than a later one."""
+
+    def run() -> Once:
+        ended = subprocess.run([sys.executable, "-c", FIRST], capture_output=True, text=True)
+        more, cost = json.loads(ended.stdout) if ended.returncode == 0 else (np.nan, np.nan)
+        return Once(more, ended.returncode == 0, cost)
+
+    return run
+
+
+def command(dmoc: Any) -> Callable[[], Once]:
+    """Processor time of a command."""
+    call = [sys.executable, "-m", "dmoc", "solve", "cart_pendulum", "--json", "-"]
+
+    def run() -> Once:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        ended = subprocess.run(call, capture_output=True, text=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+        good = ended.returncode == 0
+        return Once(spent, good, json.loads(ended.stdout)["cost"] if good else np.nan)
+
+    return run
+
+
 def tasks() -> list[Task]:
     return [
         Task("guess, N = 100 + 100", solved("ipm", "guess")),
         Task("answer from the guess alone", answered(starts=1)),
         Task("answer with the exploration", answered()), Task("ipm, N = 100 + 100", solved("ipm")),
+        Task("first answer of a process, beyond a later one", first_call, 3),
+        Task("dmoc solve cart_pendulum, processor time", command, 3),
+        Task("a neighbour of 60, from the minimum", neighbours(True)),
+        Task("the same, not checked", neighbours(False)),
         Task("ipm, order 4, N = 40 + 40", solved("ipm", steps=40, order=4)),
         Task("ipm, N = 1000 + 1000", solved("ipm", steps=1000)),
         Task("slsqp, N = 100 + 100", solved("slsqp"), 3), Task("check, N = 100 + 100", checked),

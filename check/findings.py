@@ -22,7 +22,7 @@ class Findings:
 
 def largest(a: ArrayLike) -> float:
     """The largest entry above 0; infinite if one is not a number."""
-    most = float(np.max(a, initial=0.0))
+    most = float(np.asarray(a).max(initial=0.0))
     return most if most >= 0 else np.inf
 
 

@@ -178,9 +178,9 @@ def lost_by(missed: tuple[str, ...], extra: tuple[str, ...], terminal: float) ->
     """How an open-loop run leaves a motion."""
     lost = [f"the simulation misses {', '.join(missed)}"] * bool(missed)
     lost += [f"the simulation meets {', '.join(extra)}"] * bool(extra)
-    return lost + [f"terminal error {_above(terminal, TERMINAL)} exceeds {TERMINAL:g}"] * (
-        not terminal <= TERMINAL
-    )
+    if not terminal <= TERMINAL:
+        lost.append(f"terminal error {_above(terminal, TERMINAL)} exceeds {TERMINAL:g}")
+    return lost
 
 
 def _above(value: float, limit: float) -> str:

@@ -10,12 +10,14 @@ import numpy as np
 
 def solved(A, b):
     """A^-1 b for a matrix A (n, n) and b (n,) or (n, m), or for stacks of them, where b has the
-    shape of the stack and (n,), or (n, m); not a number where any A is singular or where any number
-    is not finite."""
+    shape of the stack and (n,), or (n, m); one matrix serves a stack of b (n, m).  Not a number
+    where any A is singular or where any number is not finite."""
     cdef ptrdiff_t n = A.shape[A.ndim - 1], columns = 1
     if b.ndim == 1 or b.ndim == A.ndim - 1:
         fits = b.shape == A.shape[:-1]
     else:
+        if A.ndim == 2:
+            A = np.broadcast_to(A, (*b.shape[:-2], *A.shape))
         fits = b.shape[:-1] == A.shape[:-1]
         columns = b.shape[b.ndim - 1]
     if not fits or A.shape[A.ndim - 2] != n:

@@ -37,6 +37,11 @@ def test_without_a_finite_solution_nothing_is_a_number(n: int, bad: float) -> No
         assert np.isnan(solved(np.tile(np.eye(n), (4, 1, 1)), b)).all()
 
 
+def test_one_matrix_serves_a_stack() -> None:
+    A, b = RNG.normal(size=(3, 3)), RNG.normal(size=(5, 3, 2))
+    assert solved(A, b) == pytest.approx(np.linalg.solve(A, b), rel=1e-9)
+
+
 def test_systems_that_do_not_fit_are_refused() -> None:
     for A, b in (((2, 2), (3,)), ((2, 3), (3,)), ((4, 2, 2), (3, 2)), ((4, 2, 2), (2, 1))):
         with pytest.raises(ValueError, match="do not fit"):
