@@ -19,8 +19,16 @@ RELATION = re.compile(r"(?:([^\s=+-]+)\s*=\s*(-?)\s*)?([^\s=+-]+)\s*(?:([+-])\s*
 
 
 def read_names(text: str) -> tuple[str, ...]:
-    """Read names, or words of events, with commas between them."""
-    return tuple(part.strip() for part in text.split(",") if part.strip())
+    """Read names, or words of events, with commas between them; one may end the last."""
+    parts = [part.strip() for part in text.split(",")]
+    if not parts[-1]:
+        parts.pop()
+    if "" in parts:
+        raise ProblemError(
+            f"{text!r} has a comma beside nothing: expected names, or words of events, with one "
+            "comma between any two, or '' for none."
+        )
+    return tuple(parts)
 
 
 def read_steps(text: str) -> int | list[int]:
