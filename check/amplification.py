@@ -12,6 +12,7 @@ from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import largest
 from dmoc.check.segments import Segments
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import largest_stretch, products_from
 
 SMALLEST = 1e-11  # error of a segment that is not told from those of the integration
 # A phase that amplifies errors more often than this may be off at its end by that much more: where
@@ -54,25 +55,14 @@ def carried(motion: Motion, parts: Segments) -> Carried:
     products, phases = [rest[None]], []
     for i in reversed(range(motion.stepped)):
         own = parts.of_phase(i)
-        to_end = _to_end(slopes[own])
+        # of the end of the segments by the start of each, and by itself
+        to_end = products_from(slopes[own])
         phases.append(_phase_error(to_end, defects[own]))
         rest = rest @ events[i] if i < count else rest
         products.append(rest @ to_end[:-1])
         rest = products[-1][0]
-    every = np.concatenate(products)
-    finite = np.isfinite(every).all()
-    most = np.linalg.svd(every, compute_uv=False).max() if finite else np.inf
     predict = partial(_deviations, parts, slopes, defects, events)
-    return Carried(float(most), max(phases), predict)
-
-
-def _to_end(slopes: Array) -> Array:
-    """Derivatives (n + 1, m, m) of the end of n segments by the start of each, and by itself."""
-    products = np.empty((len(slopes) + 1, *slopes.shape[1:]))
-    products[-1] = np.eye(slopes.shape[1])
-    for k in range(len(slopes) - 1, -1, -1):
-        np.matmul(products[k + 1], slopes[k], out=products[k])
-    return products
+    return Carried(largest_stretch(np.concatenate(products)), max(phases), predict)
 
 
 def _phase_error(to_end: Array, defects: Array) -> float:

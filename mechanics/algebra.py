@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.small_systems import largest_stretch as largest_stretch
+from dmoc.mechanics.small_systems import products_from as products_from
 from dmoc.mechanics.small_systems import solved as solved
 
 # What rounding leaves of a smallest eigenvalue that is zero, of a matrix with ones on its diagonal.

@@ -51,25 +51,21 @@ cdef inline void solve(
             B[k * columns + c] /= LU[k * stride + k]
 
 
-cdef inline void shortest(
-    double *A, double *V, double *b, double *x, ptrdiff_t n, double least
-) noexcept nogil:
-    """The shortest solution of least |A x - b|, into b, for A (n, n): columns are turned until they
-    are orthogonal (Jacobi's rotations, Hestenes 1958); singular values below the share ``least`` of
-    the largest count as zero.  V (n, n) and x (n,) are room; not a number where A or b is none."""
-    cdef ptrdiff_t i, j, k, sweep
-    cdef double p, q, r, t, c, s, total = 0.0, largest = 0.0
-    cdef bint turned = True
-    for i in range(n * n):
-        V[i] = 1.0 if i % (n + 1) == 0 else 0.0
+cdef inline double squares(const double *A, ptrdiff_t count) noexcept nogil:
+    """The sum of squares; not a finite number where one of them is none."""
+    cdef ptrdiff_t i
+    cdef double total = 0.0
+    for i in range(count):
         total += A[i] * A[i]
-    for i in range(n):
-        if not (isfinite(b[i]) and isfinite(total)):
-            total = NAN
-    if not isfinite(total):
-        for i in range(n):
-            b[i] = NAN
-        return
+    return total
+
+
+cdef inline void turn_columns(double *A, double *V, ptrdiff_t n, double total) noexcept nogil:
+    """Turn the columns of A (n, n), whose squares are ``total``, and those of V with them unless it
+    is NULL, until they are orthogonal (Jacobi's rotations, Hestenes 1958)."""
+    cdef ptrdiff_t i, j, k, sweep
+    cdef double p, q, r, t, c, s
+    cdef bint turned = True
     for sweep in range(30):
         if not turned:
             break
@@ -92,15 +88,44 @@ cdef inline void shortest(
                 for k in range(n):
                     p, q = A[k * n + i], A[k * n + j]
                     A[k * n + i], A[k * n + j] = c * p - s * q, s * p + c * q
-                    p, q = V[k * n + i], V[k * n + j]
-                    V[k * n + i], V[k * n + j] = c * p - s * q, s * p + c * q
-    for k in range(n):
-        x[k] = 0.0
+                    if V != NULL:
+                        p, q = V[k * n + i], V[k * n + j]
+                        V[k * n + i], V[k * n + j] = c * p - s * q, s * p + c * q
+
+
+cdef inline double largest_column(const double *A, ptrdiff_t n) noexcept nogil:
+    """The largest sum of squares of a column of A (n, n)."""
+    cdef ptrdiff_t j, k
+    cdef double p, largest = 0.0
     for j in range(n):
         p = 0.0
         for k in range(n):
             p += A[k * n + j] * A[k * n + j]
         largest = p if p > largest else largest
+    return largest
+
+
+cdef inline void shortest(
+    double *A, double *V, double *b, double *x, ptrdiff_t n, double least
+) noexcept nogil:
+    """The shortest solution of least |A x - b|, into b, for A (n, n): columns are turned until they
+    are orthogonal; singular values below the share ``least`` of the largest count as zero.
+    V (n, n) and x (n,) are room; not a number where A or b is none."""
+    cdef ptrdiff_t i, j, k
+    cdef double p, r, total = squares(A, n * n), largest
+    for i in range(n * n):
+        V[i] = 1.0 if i % (n + 1) == 0 else 0.0
+    for i in range(n):
+        if not (isfinite(b[i]) and isfinite(total)):
+            total = NAN
+    if not isfinite(total):
+        for i in range(n):
+            b[i] = NAN
+        return
+    turn_columns(A, V, n, total)
+    for k in range(n):
+        x[k] = 0.0
+    largest = largest_column(A, n)
     for j in range(n):
         p = r = 0.0
         for k in range(n):

@@ -1,9 +1,9 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, binding=False
 """Small linear systems, one after the other: a call of LAPACK for each takes ten times as long as
 its numbers."""
-from libc.math cimport isfinite
+from libc.math cimport INFINITY, isfinite, sqrt
 
-from elimination cimport factor, solve
+from elimination cimport factor, largest_column, solve, squares, turn_columns
 
 import numpy as np
 
@@ -47,3 +47,44 @@ cdef bint _solve(double[::1] A, double[::1] b, ptrdiff_t[::1] pivot, ptrdiff_t c
             return False
         solve(&A[n * n * i], &pivot[0], &b[n * columns * i], n, n, columns)
     return True
+
+
+def products_from(matrices):
+    """The products (n + 1, m, m) of the last of n matrices (m, m) back to each of them, and the
+    identity."""
+    cdef const double[:, :, ::1] A = np.ascontiguousarray(matrices, float)
+    cdef ptrdiff_t n = A.shape[0], m = A.shape[1], k, i, j, c
+    cdef double total
+    if A.shape[2] != m:
+        raise ValueError(f"expected square matrices, got {m} by {A.shape[2]}")
+    products = np.empty((n + 1, m, m))
+    products[n] = np.eye(m)
+    cdef double[:, :, ::1] P = products
+    with nogil:
+        for k in range(n - 1, -1, -1):
+            for i in range(m):
+                for j in range(m):
+                    total = 0.0
+                    for c in range(m):
+                        total += P[k + 1, i, c] * A[k, c, j]
+                    P[k, i, j] = total
+    return products
+
+
+def largest_stretch(matrices):
+    """The largest singular value of matrices (n, m, m); infinite where a number is not finite."""
+    cdef double size = np.abs(matrices).max(initial=0.0), most = 0.0, total
+    if not 0 < size < INFINITY:
+        return size if size == 0 else INFINITY
+    copy = np.ascontiguousarray(matrices / size)
+    cdef double[:, :, ::1] A = copy
+    cdef ptrdiff_t n = A.shape[0], m = A.shape[1], k
+    if A.shape[2] != m:
+        raise ValueError(f"expected square matrices, got {m} by {A.shape[2]}")
+    with nogil:
+        for k in range(n):
+            total = squares(&A[k, 0, 0], m * m)
+            if total > most * most:  # else it has no singular value that large
+                turn_columns(&A[k, 0, 0], NULL, m, total)
+                most = max(most, sqrt(largest_column(&A[k, 0, 0], m)))
+    return size * most

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dmoc.mechanics.small_systems import solved
+from dmoc.mechanics.small_systems import largest_stretch, products_from, solved
 
 RNG = np.random.default_rng(3)
 
@@ -47,3 +47,28 @@ def test_systems_that_do_not_fit_are_refused() -> None:
         with pytest.raises(ValueError, match="do not fit"):
             solved(np.ones(A), np.ones(b))
     assert solved(np.zeros((0, 2, 2)), np.zeros((0, 2))).shape == (0, 2)
+
+
+@pytest.mark.parametrize("m", [1, 2, 4, 9])
+@pytest.mark.parametrize("size", [1.0, 1e-200, 1e200])
+def test_the_largest_singular_value_of_matrices(m: int, size: float) -> None:
+    stack = size * RNG.normal(size=(6, m, m)) * np.logspace(0, -3, 6)[:, None, None]
+    stack[1] = size * np.outer(np.ones(m), RNG.normal(size=m))  # of rank one
+    wanted = size * np.linalg.svd(stack / size, compute_uv=False).max()
+    for some in (stack, stack[::-1]):
+        assert largest_stretch(some) == pytest.approx(wanted, rel=1e-12)
+    assert largest_stretch(np.zeros((2, m, m))) == largest_stretch(np.zeros((0, m, m))) == 0
+    for bad in (np.nan, np.inf):
+        stack[4, 0, 0] = bad
+        assert largest_stretch(stack) == np.inf
+
+
+def test_products_back_to_each_matrix() -> None:
+    stack = np.swapaxes(RNG.normal(size=(3, 4, 4)), 1, 2)
+    first, second, third, one = products_from(stack)
+    assert (one == np.eye(4)).all() and (third == stack[2]).all()
+    assert second == pytest.approx(stack[2] @ stack[1], rel=1e-12)
+    assert first == pytest.approx(stack[2] @ stack[1] @ stack[0], rel=1e-12)
+    for function in (products_from, largest_stretch):
+        with pytest.raises(ValueError, match="square"):
+            function(np.ones((2, 3, 4)))
