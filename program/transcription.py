@@ -12,7 +12,7 @@ import weakref
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain
 from typing import Self
 
@@ -39,7 +39,10 @@ from dmoc.program.structure_cache import MOST_SHARED, Recent, Structures
 from dmoc.program.terms import Places, shares_of
 
 STRUCTURES = Structures()
+# Laws by what their rows follow from, and others without rows for the bounds that all of a form
+# put in the same way.
 LAWS: Recent[Laws] = Recent()
+BOUNDING: Recent[Laws] = Recent()
 
 
 class Transcription(Evaluator):
@@ -80,13 +83,18 @@ class Transcription(Evaluator):
         self.layout = Layout.of(problem)
         touches = np.asarray(touching, dtype=np.intp)
         goals = goal_rows(problem, self.layout) if goal_as_rows else []
-        laws = laws_of(problem, self.layout, self.scale, touches, goals, pulling)
+        make = partial(laws_of, problem, self.layout, self.scale, touches, goals, pulling)
+        few = not goals and self.layout.size <= MOST_SHARED
+        form = rows_follow_from(problem, self.layout, touches) if few else None
+        laws = BOUNDING.of(form, make)
         self.limits = limits(problem, self.layout, laws, self.scale, goals)
-        shared = None
-        if not goals and self.layout.size <= MOST_SHARED:
-            shared = rows_follow_from(problem, self.layout, touches, self.limits)
-        shared_laws = LAWS.of(shared, lambda: laws.numbered(problem, self.limits))
-        self.laws = shared_laws.stating(problem)
+
+        def numbered() -> Laws:
+            return (laws if form is None else make()).numbered(problem, self.limits)
+
+        fixed = (self.limits[0] == self.limits[1]).tobytes()
+        shared = None if form is None else (form, fixed)
+        self.laws = LAWS.of(shared, numbered).stating(problem)
         self.n = self.layout.size
         self.n_eq, self.n_in = self.laws.n_eq, self.laws.n_in
         self.scaled_by_sizes = scale is not None

@@ -177,12 +177,10 @@ def _again(
     return (*blocks[:i], *numbering.made, *blocks[i + len(numbering.made) :])
 
 
-def rows_follow_from(
-    problem: Problem, lay: Layout, touching: Index, limits: tuple[Array, Array]
-) -> Hashable | None:
-    """All that rows, terms and entries of a program follow from: problems that differ in other
-    numbers share them.  None where they follow from more, as where fixed values settle rows of
-    contacts and constraints."""
+def rows_follow_from(problem: Problem, lay: Layout, touching: Index) -> Hashable | None:
+    """All that rows, terms and entries of a program follow from, beside which unknowns are fixed:
+    problems that differ in other numbers share them.  None where they follow from more, as where
+    fixed values settle rows of contacts and constraints."""
     manifest = problem.kernels.manifest
     held = lay.touch.open or problem.kernels.joints
     if not _is_untouched(lay) or held or lay.ends_with_event:
@@ -192,11 +190,10 @@ def rows_follow_from(
     low, high = problem.final_time_bounds
     ends = low == high, 0 < low < high, low < high < np.inf, *(r.kind for r in problem.relations)
     statement = ends, tuple(problem.ignored), problem.by_rates
-    fixed = limits[0] == limits[1]
     return (
         lay, model, statement, problem.restitution_values.tobytes(), touching.tobytes(),
         problem.velocity_bounds.tobytes(), np.isfinite(problem.quantity_bounds).tobytes(),
-        problem.quantity_ranges.kinds, fixed.tobytes(),
+        problem.quantity_ranges.kinds,
     )  # fmt: skip
 
 
