@@ -1,17 +1,45 @@
-"""Small linear systems that never raise and never let LAPACK write: what has no finite solution
-is not a number."""
+"""Linear systems that never raise and never let LAPACK write: what has no finite solution is not a
+number."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.small_systems import largest_stretch as largest_stretch
+from dmoc.mechanics.small_systems import largest_stretch as stretch_of_small
 from dmoc.mechanics.small_systems import products_from as products_from
-from dmoc.mechanics.small_systems import solved as solved
+from dmoc.mechanics.small_systems import solved as solved_small
 
+# Unknowns of a system, and rows of a matrix with singular values, up to which calling LAPACK takes
+# longer than the numbers do here.
+SMALL, SMALLEST = 12, 6
 # What rounding leaves of a smallest eigenvalue that is zero, of a matrix with ones on its diagonal.
 DEFINITE = 1e-14
+
+
+def solved(A: Array, b: Array) -> Array:
+    """A^-1 b for a matrix, or row by row for stacks of matrices and vectors; not a number where
+    A is singular or not finite."""
+    if A.shape[-1] <= SMALL:
+        return solved_small(A, b)
+    stacked = b.ndim == A.ndim - 1 and A.ndim > 2
+    right = b[..., None] if stacked else b
+    if not (np.isfinite(A).all() and np.isfinite(b).all()):
+        return np.full(b.shape, np.nan)
+    try:
+        x = np.linalg.solve(A, right)
+    except np.linalg.LinAlgError:
+        return np.full(b.shape, np.nan)
+    return np.asarray(x[..., 0] if stacked else x)
+
+
+def largest_stretch(matrices: Array) -> float:
+    """The largest singular value of matrices (n, m, m); infinite where a number is not finite."""
+    if matrices.shape[-1] <= SMALLEST:
+        return stretch_of_small(matrices)
+    if not np.isfinite(matrices).all():
+        return np.inf
+    return float(np.linalg.svd(matrices, compute_uv=False).max(initial=0.0))
 
 
 def solved_transpose(M: Array, B: Array) -> Array:

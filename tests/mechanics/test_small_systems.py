@@ -1,16 +1,17 @@
-"""Small linear systems beside NumPy's."""
+"""Linear systems and products of small matrices beside NumPy's."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from dmoc.mechanics.small_systems import largest_stretch, products_from, solved
+from dmoc.mechanics.algebra import SMALL, SMALLEST, largest_stretch, solved
+from dmoc.mechanics.small_systems import products_from
 
 RNG = np.random.default_rng(3)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 7])
+@pytest.mark.parametrize("n", [1, 2, 3, 7, SMALL, SMALL + 1])
 @pytest.mark.parametrize("stack", [(), (5,), (2, 3)])
 @pytest.mark.parametrize("columns", [None, 1, 4])
 def test_solutions_are_those_of_numpy(n: int, stack: tuple[int, ...], columns: int | None) -> None:
@@ -27,7 +28,7 @@ def test_solutions_are_those_of_numpy(n: int, stack: tuple[int, ...], columns: i
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 0.0])
-@pytest.mark.parametrize("n", [2, 3])
+@pytest.mark.parametrize("n", [2, 3, SMALL + 1])
 def test_without_a_finite_solution_nothing_is_a_number(n: int, bad: float) -> None:
     A, b = np.tile(np.eye(n), (4, 1, 1)), np.ones((4, n))
     A[2, 1] = bad
@@ -49,7 +50,7 @@ def test_systems_that_do_not_fit_are_refused() -> None:
     assert solved(np.zeros((0, 2, 2)), np.zeros((0, 2))).shape == (0, 2)
 
 
-@pytest.mark.parametrize("m", [1, 2, 4, 9])
+@pytest.mark.parametrize("m", [1, 2, 4, SMALLEST, SMALLEST + 1])
 @pytest.mark.parametrize("size", [1.0, 1e-200, 1e200])
 def test_the_largest_singular_value_of_matrices(m: int, size: float) -> None:
     stack = size * RNG.normal(size=(6, m, m)) * np.logspace(0, -3, 6)[:, None, None]
