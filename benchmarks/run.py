@@ -24,6 +24,7 @@ import exported_solver
 import feedback
 import invariance
 import ladder
+import linear_algebra
 import links
 import long_runs
 import planted_errors
@@ -57,6 +58,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "answer": speed.answer,
         "where": speed.where,
         "contact": speed.contact,
+        "linear": linear_algebra.compare,
         "ladder": lambda quick: ladder.ladder(quick, folder),
         "growth": lambda quick: speed.growth(quick, folder),
         "kernels": evaluation_times.compare,
