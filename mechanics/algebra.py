@@ -6,7 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.small_systems import largest_form as largest_form
 from dmoc.mechanics.small_systems import largest_stretch as stretch_of_small
+from dmoc.mechanics.small_systems import most_of as most_of
 from dmoc.mechanics.small_systems import products_from as products_from
 from dmoc.mechanics.small_systems import solved as solved_small
 

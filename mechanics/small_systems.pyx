@@ -1,7 +1,7 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, binding=False
-"""Small linear systems, one after the other: a call of LAPACK for each takes ten times as long as
-its numbers."""
-from libc.math cimport INFINITY, isfinite, sqrt
+"""Small linear systems and matrices, one after the other: calls of LAPACK and of NumPy for each take
+ten times as long as their numbers."""
+from libc.math cimport INFINITY, NAN, fabs, isfinite, isnan, sqrt
 
 from elimination cimport factor, largest_column, solve, squares, turn_columns
 
@@ -88,3 +88,38 @@ def largest_stretch(matrices):
                 turn_columns(&A[k, 0, 0], NULL, m, total)
                 most = max(most, sqrt(largest_column(&A[k, 0, 0], m)))
     return size * most
+
+
+def most_of(rows):
+    """The largest absolute values of the columns of rows (n, ...); not a number where one is
+    none."""
+    cdef const double[:, ::1] A = np.ascontiguousarray(rows, float).reshape(len(rows), -1)
+    cdef ptrdiff_t n = A.shape[0], m = A.shape[1], i, j
+    most = np.zeros(m)
+    cdef double[::1] largest = most
+    with nogil:
+        for i in range(n):
+            for j in range(m):
+                if not fabs(A[i, j]) <= largest[j]:
+                    largest[j] = NAN if isnan(largest[j]) else fabs(A[i, j])
+    return most.reshape(rows.shape[1:])
+
+
+def largest_form(v, M):
+    """The largest v . M v of rows v (n, m) and matrices M (n, m, m); not a number where one is
+    none."""
+    cdef const double[:, ::1] x = np.ascontiguousarray(v, float)
+    cdef const double[:, :, ::1] A = np.ascontiguousarray(M, float)
+    cdef ptrdiff_t n = x.shape[0], m = x.shape[1], k, i, j
+    cdef double most = -INFINITY, form
+    if not (A.shape[0] == n and A.shape[1] == A.shape[2] == m):
+        raise ValueError(f"expected {n} matrices of {m} rows and columns")
+    with nogil:
+        for k in range(n):
+            form = 0.0
+            for i in range(m):
+                for j in range(m):
+                    form += x[k, i] * A[k, i, j] * x[k, j]
+            if not form <= most:
+                most = NAN if isnan(most) else form
+    return most

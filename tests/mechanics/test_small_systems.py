@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dmoc.mechanics.algebra import SMALL, SMALLEST, largest_stretch, solved
-from dmoc.mechanics.small_systems import products_from
+from dmoc.mechanics.algebra import (
+    SMALL,
+    SMALLEST,
+    largest_form,
+    largest_stretch,
+    most_of,
+    products_from,
+    solved,
+)
 
 RNG = np.random.default_rng(3)
 
@@ -73,3 +80,22 @@ def test_products_back_to_each_matrix() -> None:
     for function in (products_from, largest_stretch):
         with pytest.raises(ValueError, match="square"):
             function(np.ones((2, 3, 4)))
+
+
+def test_extremes_of_rows() -> None:
+    rows = RNG.normal(size=(20, 3, 4))
+    assert (most_of(rows) == np.abs(rows).max(axis=0)).all()
+    assert (most_of(rows.T) == np.abs(rows.T).max(axis=0)).all()  # not together in memory
+    assert most_of(np.zeros((5, 0, 3))).shape == (0, 3)
+    v, M = RNG.normal(size=(20, 3)), RNG.normal(size=(20, 3, 3))
+    assert largest_form(v, M) == pytest.approx(np.einsum("ki,kij,kj->k", v, M, v).max(), rel=1e-12)
+    assert largest_form(v, -np.tile(np.eye(3), (20, 1, 1))) < 0
+    for place in (0, 10, 19):
+        bad = rows.copy()
+        bad[place, 1, 2] = np.nan
+        most = most_of(bad)
+        assert np.isnan(most[1, 2]) and np.isfinite(most).sum() == most.size - 1
+        M[place, 0, 0] = np.nan
+        assert np.isnan(largest_form(v, M))
+    with pytest.raises(ValueError, match="expected 20 matrices"):
+        largest_form(v, M[:3])
