@@ -19,16 +19,19 @@ RELATION = re.compile(r"(?:([^\s=+-]+)\s*=\s*(-?)\s*)?([^\s=+-]+)\s*(?:([+-])\s*
 
 
 def read_names(text: str) -> tuple[str, ...]:
-    """Read names, or words of events, with commas between them; one may end the last."""
-    parts = [part.strip() for part in text.split(",")]
-    if not parts[-1]:
-        parts.pop()
-    if "" in parts:
+    """Read names with commas between them."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def read_events(text: str) -> tuple[str, ...]:
+    """Read words of events with commas between them; one may end the last."""
+    words = read_names(text)
+    if text.strip().rstrip(",").count(",") >= max(len(words), 1):
         raise ProblemError(
-            f"{text!r} has a comma beside nothing: expected names, or words of events, with one "
-            "comma between any two, or '' for none."
+            f"--sequence {text}: a word is missing beside a comma: expected words of events with "
+            "one comma between any two, or '' for none."
         )
-    return tuple(parts)
+    return words
 
 
 def read_steps(text: str) -> int | list[int]:

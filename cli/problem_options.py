@@ -13,6 +13,7 @@ from dmoc.cli import completion
 from dmoc.cli.groups import STATED, Stated, stated
 from dmoc.cli.option_values import (
     read_durations,
+    read_events,
     read_names,
     read_pairs,
     read_periodic,
@@ -37,7 +38,7 @@ class CourseOptions:
         "Events in their order, with commas between them, as left,right; '' for none. "
         "left is hit and released, +left lands and stays closed, -left leaves, left:stick, "
         "left:slip+ and left:slip- change the friction; several at one event as '+right -left'.",
-        Stated("sequence", read_names),
+        Stated("sequence", read_events),
         completed=completion.surfaces,
     )
     steps: str | None = stated(

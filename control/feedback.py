@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,6 @@ from dmoc.base.arguments import array, check_known, is_number, number, positive,
 from dmoc.base.errors import SimulationError
 from dmoc.base.files import write_whole
 from dmoc.base.names import velocity_name
-from dmoc.base.records import record
 from dmoc.base.table import Cell, Shown, Table
 from dmoc.check.checked_motion import Motion
 from dmoc.check.segments import put
@@ -43,7 +43,7 @@ ASYMMETRIC = 1e-9  # of the largest entry of a weight
 Weight = float | Mapping[Any, float] | ArrayLike
 
 
-@record(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Guide:
     """What a feedback follows in a phase, m nodes, the events at both ends passed by.
 
@@ -68,7 +68,7 @@ class Guide:
     K: Array
 
 
-@record(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Feedback(Shown):
     """Result of :func:`dmoc.feedback`: inputs u = u_ref(t) - K(t) (y - y_ref(t)) of each phase,
     within their bounds.

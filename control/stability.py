@@ -4,13 +4,12 @@ of others from phase to phase and through each event."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from dmoc.base.errors import SimulationError
 from dmoc.base.names import momentum_name, velocity_name
-from dmoc.base.records import record
 from dmoc.base.table import Cell, Shown, Table
 from dmoc.check.checked_motion import Motion
 from dmoc.codegen.kernels import Array
@@ -32,7 +31,7 @@ STEADY = 1e-9  # of the sizes of inputs: what changes by less does not change wi
 NOT_CLOSED = 1e-4  # of a period, in sizes, by which a flow may miss its own direction
 
 
-@record(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Growth:
     """What a part of a motion makes of deviations, in sizes of the motion.
 
@@ -56,7 +55,7 @@ class Growth:
     after: Array
 
 
-@record(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Stability(Shown):
     """What a motion makes of small deviations; made by :meth:`dmoc.Solution.stability`.
 

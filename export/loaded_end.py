@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 
 COUNTS, HEAD = 4, 3  # of an end, as dmoc_loaded.c has them
 
 
-@record(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class LoadedEnd:
     """How a solve of a loaded solver has ended.
 

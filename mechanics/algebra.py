@@ -22,7 +22,8 @@ DEFINITE = 1e-14
 def solved(A: Array, b: Array) -> Array:
     """A^-1 b for a matrix, or row by row for stacks of matrices and vectors; not a number where
     A is singular or not finite."""
-    if A.shape[-1] <= SMALL:
+    fits = A.shape[:-1] in (b.shape, b.shape[:-1])  # NumPy repeats one beside others
+    if A.shape[-1] <= SMALL and fits:
         return solved_small(A, b)
     stacked = b.ndim == A.ndim - 1 and A.ndim > 2
     right = b[..., None] if stacked else b

@@ -1,6 +1,6 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, binding=False
 """Small linear systems and matrices, one after the other: calls of LAPACK and of NumPy for each take
-ten times as long as their numbers."""
+several times as long as their numbers."""
 from libc.math cimport INFINITY, NAN, fabs, isfinite, isnan, sqrt
 
 from elimination cimport factor, largest_column, solve, squares, turn_columns
@@ -10,14 +10,12 @@ import numpy as np
 
 def solved(A, b):
     """A^-1 b for a matrix A (n, n) and b (n,) or (n, m), or for stacks of them, where b has the
-    shape of the stack and (n,), or (n, m); one matrix serves a stack of b (n, m).  Not a number
-    where any A is singular or where any number is not finite."""
+    shape of the stack and (n,), or (n, m); not a number where any A is singular or where any number
+    is not finite."""
     cdef ptrdiff_t n = A.shape[A.ndim - 1], columns = 1
     if b.ndim == 1 or b.ndim == A.ndim - 1:
         fits = b.shape == A.shape[:-1]
     else:
-        if A.ndim == 2:
-            A = np.broadcast_to(A, (*b.shape[:-2], *A.shape))
         fits = b.shape[:-1] == A.shape[:-1]
         columns = b.shape[b.ndim - 1]
     if not fits or A.shape[A.ndim - 2] != n:
@@ -76,7 +74,7 @@ def largest_stretch(matrices):
     cdef double size = np.abs(matrices).max(initial=0.0), most = 0.0, total
     if not 0 < size < INFINITY:
         return size if size == 0 else INFINITY
-    copy = np.ascontiguousarray(matrices / size)
+    copy = np.ascontiguousarray(matrices / size, float)
     cdef double[:, :, ::1] A = copy
     cdef ptrdiff_t n = A.shape[0], m = A.shape[1], k
     if A.shape[2] != m:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.guess.transfer import Piece
 from dmoc.motion.states import State, state_at
@@ -14,7 +13,7 @@ from dmoc.motion.trajectory import Collision, Trajectory
 from dmoc.solvers.outcome import Duals, Status
 
 
-@record(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Plan:
     """What is to be done from a time on.
 

@@ -85,6 +85,11 @@ class Layout(Unknowns):
         )
         return (_shared if sum(kind.steps) <= MOST_SHARED else cls.numbered)(kind)
 
+    @property
+    def is_shared(self) -> bool:
+        """Whether problems of its kind have the same one."""
+        return self.total <= MOST_SHARED
+
     def problem_at(self, problem: Problem, x: Array) -> Problem:
         """A problem with the design of the unknowns x."""
         return designed(problem, x[self.index_design])

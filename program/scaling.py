@@ -20,7 +20,7 @@ from dmoc.program.force_values import quantity_inputs
 from dmoc.program.hidden_values import lifted
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
-from dmoc.program.structure_cache import MOST_SHARED, Recent
+from dmoc.program.structure_cache import MOST_REMEMBERED, Recent
 
 # What hardly moves counts by this share of what it could do with the kinetic energy that others
 # have.
@@ -71,7 +71,8 @@ def _reached(problem: Problem, lay: Layout, x: Array) -> _Reached:
     """What the motion of unknowns x reaches; that of the last ones is remembered."""
     kernels, par = problem.kernels, problem.parameter_values
     model = kernels.manifest["fingerprint"], kernels.manifest.get("code"), kernels.backend
-    key = (lay, *model, par.tobytes(), x.tobytes()) if lay.size <= MOST_SHARED else None
+    few = lay.is_shared and lay.size <= MOST_REMEMBERED
+    key = (lay, *model, par.tobytes(), x.tobytes()) if few else None
     return REACHED.of(key, lambda: _measured(problem, lay, x))
 
 

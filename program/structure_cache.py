@@ -18,7 +18,7 @@ from dmoc.program.elements import Form, Structure, structure_of
 # forms of some tens of sequences, and one of 20 000 unknowns takes up to 35 MB.
 MOST, MOST_BYTES = 32, 2**27
 # Unknowns of a problem of which things are remembered.
-MOST_SHARED = 20_000
+MOST_REMEMBERED = 20_000
 
 
 T = TypeVar("T")

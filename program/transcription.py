@@ -35,7 +35,7 @@ from dmoc.program.evaluator import Evaluator
 from dmoc.program.laws.laws import Laws, laws_of, rows_follow_from
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
-from dmoc.program.structure_cache import MOST_SHARED, Recent, Structures
+from dmoc.program.structure_cache import MOST_REMEMBERED, Recent, Structures
 from dmoc.program.terms import Places, shares_of
 
 STRUCTURES = Structures()
@@ -84,8 +84,8 @@ class Transcription(Evaluator):
         touches = np.asarray(touching, dtype=np.intp)
         goals = goal_rows(problem, self.layout) if goal_as_rows else []
         make = partial(laws_of, problem, self.layout, self.scale, touches, goals, pulling)
-        few = not goals and self.layout.size <= MOST_SHARED
-        form = rows_follow_from(problem, self.layout, touches) if few else None
+        few = self.layout.is_shared and self.layout.size <= MOST_REMEMBERED
+        form = rows_follow_from(problem, self.layout, touches) if few and not goals else None
         laws = BOUNDING.of(form, make)
         self.limits = limits(problem, self.layout, laws, self.scale, goals)
 
@@ -112,7 +112,7 @@ class Transcription(Evaluator):
     @cached_property
     def structure(self) -> Structure:
         """What it has in common with the programs of all problems of its form."""
-        if self.n > MOST_SHARED:
+        if self.n > MOST_REMEMBERED:
             return structure_of(self._form())
         remembered = self.laws.remembered
         structure = remembered.structure() if remembered.structure else None

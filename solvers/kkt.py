@@ -1,4 +1,5 @@
-"""Residuals of the optimality conditions, computed in one place for all drivers."""
+"""Residuals of the optimality conditions, computed in one place for all drivers; what goes over all
+unknowns and rows is compiled (residuals.pxi)."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.compiled import left_over
+from dmoc.solvers.compiled import left_over, missed_by
 from dmoc.solvers.outcome import Duals, Residuals
 
 # Multipliers of this size and smaller leave the residuals unscaled (Waechter & Biegler 2006,
@@ -51,9 +52,9 @@ def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:
     reach = np.ones(nlp.n)
     reach[nlp.layout.index_h] = np.abs(x[nlp.layout.index_h])
     of_rows = nlp.equality(x), duals.y, nlp.inequality(x), duals.w
-    worst, mean, missed = left_over(slope, reach, x, nlp.lower, nlp.upper, duals.z, *of_rows)
+    worst, mean = left_over(slope, reach, x, nlp.lower, nlp.upper, duals.z, *of_rows)
     worst /= max(SCALE_FROM, mean) / SCALE_FROM * cost_size(nlp, x)
-    return Residuals(worst if isfinite(worst) else inf, missed)
+    return Residuals(worst if isfinite(worst) else inf, violation(nlp, x))
 
 
 def with_bounds(nlp: Transcription, x: Array, y: Array, w: Array) -> Duals:
@@ -70,9 +71,8 @@ def with_bounds(nlp: Transcription, x: Array, y: Array, w: Array) -> Duals:
 
 def violation(nlp: Transcription, x: Array) -> float:
     """Largest violation of any constraint or bound."""
-    parts = [np.abs(nlp.equality(x)), -nlp.inequality(x), nlp.lower - x, x - nlp.upper]
-    worst = max(float(p.max(initial=0.0)) for p in parts)
-    return worst if np.isfinite(worst) else np.inf
+    x = np.ascontiguousarray(x)
+    return missed_by(x, nlp.lower, nlp.upper, nlp.equality(x), nlp.inequality(x))
 
 
 def worst_constraints(nlp: Transcription, x: Array) -> list[str]:

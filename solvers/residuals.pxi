@@ -8,11 +8,11 @@ def left_over(
     const double[::1] c, const double[::1] y, const double[::1] d, const double[::1] w,
 ):
     """The largest of the slopes of L, of which each counts by the reach of its unknown, and of the
-    products of inequalities and bounds with their multipliers; the mean of all multipliers; the
-    largest violation.  Infinite where one of the numbers is none.  Fixed unknowns have neither a
-    slope nor a multiplier."""
+    products of inequalities and bounds with their multipliers; the mean of all multipliers.
+    Infinite where one of the numbers is none.  Fixed unknowns have neither a slope nor a
+    multiplier."""
     cdef ptrdiff_t n = x.shape[0], eq = c.shape[0], rows = d.shape[0], i
-    cdef double worst = 0.0, total = 0.0, violation = 0.0, product, distance
+    cdef double worst = 0.0, total = 0.0, distance
     if not (slope.shape[0] == reach.shape[0] == lower.shape[0] == upper.shape[0] == z.shape[0] == n):
         raise ValueError(f"expected numbers of {n} unknowns")
     if y.shape[0] != eq or w.shape[0] != rows:
@@ -24,17 +24,33 @@ def left_over(
                 worst = larger(worst, reach[i] * fabs(slope[i] - z[i]))
                 worst = larger(worst, fabs(z[i] * distance))
                 total += fabs(z[i])
-            violation = larger(violation, lower[i] - x[i])
-            violation = larger(violation, x[i] - upper[i])
         for i in range(eq):
-            violation = larger(violation, fabs(c[i]))
             total += fabs(y[i])
         for i in range(rows):
-            violation = larger(violation, -d[i])
             worst = larger(worst, fabs(w[i] * d[i]))
             total += fabs(w[i])
-    mean = total / (n + eq + rows) if n + eq + rows else 0.0
-    return worst if isfinite(mean) else INFINITY, mean, violation
+    mean = total / max(n + eq + rows, 1)
+    return worst if isfinite(mean) else INFINITY, mean
+
+
+def missed_by(
+    const double[::1] x, const double[::1] lower, const double[::1] upper, const double[::1] c,
+    const double[::1] d,
+):
+    """The largest violation of bounds, of c = 0 and of d >= 0; infinite where a number is none."""
+    cdef ptrdiff_t n = x.shape[0], i
+    cdef double violation = 0.0
+    if not lower.shape[0] == upper.shape[0] == n:
+        raise ValueError(f"expected bounds of {n} unknowns")
+    with nogil:
+        for i in range(n):
+            violation = larger(violation, lower[i] - x[i])
+            violation = larger(violation, x[i] - upper[i])
+        for i in range(c.shape[0]):
+            violation = larger(violation, fabs(c[i]))
+        for i in range(d.shape[0]):
+            violation = larger(violation, -d[i])
+    return violation
 
 
 cdef inline double larger(double most, double value) noexcept nogil:

@@ -12,7 +12,7 @@ from commands import CONTACT_MODELS, Run
 
 import dmoc
 from dmoc.base.errors import ProblemError
-from dmoc.cli.option_values import read_names, read_periodic, read_via
+from dmoc.cli.option_values import read_events, read_names, read_periodic, read_via
 
 HELD = "--start x=0 --final-time 4 --steps 12"
 PUSHED = f"{HELD} --goal x=1,x_dot=0"
@@ -35,8 +35,10 @@ def table(out: str) -> dict[str, str]:
 
 
 def test_events_are_apart_by_commas() -> None:
-    assert read_names("+right -left, +left -right,") == ("+right -left", "+left -right")
-    assert read_names("") == ()
+    for read in (read_names, read_events):
+        assert read("+right -left, +left -right,") == ("+right -left", "+left -right")
+        assert read("left") == read(" left ,") == ("left",)
+        assert read("") == read(" ") == ()
 
 
 @pytest.mark.parametrize(

@@ -38,8 +38,8 @@ solve cart_pendulum
     --seconds nan | expected a positive time limit
     --sequence up | unknown surface 'up' in the sequence: expected one of left, right
     --sequence left,lef | did you mean 'left'
-    --sequence left,,right | 'left,,right' has a comma beside nothing
-    --sequence ,left | ',left' has a comma beside nothing
+    --sequence left,,right | --sequence left,,right: a word is missing beside a comma
+    --sequence ,left | --sequence ,left: a word is missing beside a comma
     --sequence left --via x=1,x=2 | --via x is given twice
     --sequence left --durations 0,0 | durations of phase 0 = 0: expected a positive time
     --sequence left --durations free,none | --durations = 'none': expected a number such as 0.5

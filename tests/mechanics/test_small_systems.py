@@ -13,6 +13,7 @@ from dmoc.mechanics.algebra import (
     most_of,
     products_from,
     solved,
+    solved_small,
 )
 
 RNG = np.random.default_rng(3)
@@ -45,15 +46,19 @@ def test_without_a_finite_solution_nothing_is_a_number(n: int, bad: float) -> No
         assert np.isnan(solved(np.tile(np.eye(n), (4, 1, 1)), b)).all()
 
 
-def test_one_matrix_serves_a_stack() -> None:
-    A, b = RNG.normal(size=(3, 3)), RNG.normal(size=(5, 3, 2))
-    assert solved(A, b) == pytest.approx(np.linalg.solve(A, b), rel=1e-9)
+@pytest.mark.parametrize("shapes", [((3, 3), (5, 3, 2)), ((1, 3, 3), (5, 3)), ((5, 3, 3), (1, 3))])
+def test_one_serves_many_others(shapes: tuple[tuple[int, ...], tuple[int, ...]]) -> None:
+    A, b = (RNG.normal(size=shape) for shape in shapes)
+    right = b[..., None] if b.ndim == A.ndim - 1 else b
+    assert solved(A, b) == pytest.approx(
+        np.linalg.solve(A, right).reshape(5, 3, *b.shape[2:]), rel=1e-9
+    )
 
 
 def test_systems_that_do_not_fit_are_refused() -> None:
     for A, b in (((2, 2), (3,)), ((2, 3), (3,)), ((4, 2, 2), (3, 2)), ((4, 2, 2), (2, 1))):
         with pytest.raises(ValueError, match="do not fit"):
-            solved(np.ones(A), np.ones(b))
+            solved_small(np.ones(A), np.ones(b))
     assert solved(np.zeros((0, 2, 2)), np.zeros((0, 2))).shape == (0, 2)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -62,11 +63,13 @@ def test_what_a_motion_reaches_is_remembered_for_its_numbers_alone(block: Kernel
     whatever they differ in."""
     problem = there_and_back(block, steps=6, parameters={"m": 1.0})
     x = initial_guesses(problem)[0].x
+    x[0] *= 1.5  # the step size of the first phase
     others = [
         problem, problem.but(parameters={"m": 3.0}), problem.but(bounds={"u": (-0.5, 0.5)}),
-        problem.but(bounds={"x": (-3, 5)}), problem.but(steps=3),
+        problem.but(bounds={"x": (-3, 5)}), problem.but(steps=3), problem.but(steps=(4, 8)),
+        problem.but(kernels=dmoc.build(replace(block_system(), cost=block_system().cost * 2))),
     ]  # fmt: skip
-    points = [x] * 4 + [initial_guesses(others[-1])[0].x]
+    points = [x] * 4 + [initial_guesses(others[4])[0].x] + [x] * 2
     together = [scale_of(p, x) for p, x in zip(others, points, strict=True)]
     together.append(scale_of(problem, 2 * x))
     for p, x_p, scale in zip([*others, problem], [*points, 2 * x], together, strict=True):
@@ -75,7 +78,10 @@ def test_what_a_motion_reaches_is_remembered_for_its_numbers_alone(block: Kernel
         assert all(np.array_equal(size, getattr(alone, name)) for name, size in vars(scale).items())
     assert together[0].p != pytest.approx(together[1].p)
     assert together[0].u != pytest.approx(together[2].u)
-    assert together[0].q != pytest.approx(together[5].q)
+    assert together[0].q != pytest.approx(together[-1].q)
+    assert together[0].h == pytest.approx(together[5].h)
+    assert together[0].time != pytest.approx(together[5].time)
+    assert together[6].cost == pytest.approx(2 * together[0].cost)
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ import dmoc
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
 from dmoc.program import layout, structure_cache, transcription
-from dmoc.program.scaling import scale_of
+from dmoc.program.scaling import REACHED, scale_of
 from dmoc.program.structure_cache import digest, size_of
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt_layout import kkt_layout
@@ -68,12 +68,16 @@ JOINTS: list[dict[str, Any]] = [
     {"goal": {"x": 0.6, "y": -0.8, "x_dot": 0.0, "y_dot": 0.0}},
     {"periodic": ["x", "x_dot", "y_dot"], "goal": {}},
 ]
+# Whether goals are rows, and whether the first collision touches alone.
+WAYS = [(False, False), (True, False), (False, True)]
 Family = tuple[dmoc.Problem, list[dict[str, Any]]]
 
 
 def forget() -> None:
     transcription.STRUCTURES.clear()
     transcription.LAWS.clear()
+    transcription.BOUNDING.clear()
+    REACHED.clear()
     layout._shared.cache_clear()
 
 
@@ -108,10 +112,12 @@ def family(request: pytest.FixtureRequest, small: dmoc.Problem) -> Family:
     return dmoc.Problem(dmoc.build(system), **task, **words, steps=6, final_time=4), CONTACTS
 
 
-def numbers(problem: dmoc.Problem, goal_as_rows: bool = False) -> list[Array]:
-    """Values, derivatives, patterns and names of a program at a start."""
+def numbers(problem: dmoc.Problem, goal_as_rows: bool = False, touch: bool = False) -> list[Array]:
+    """Values, derivatives, patterns and names of a program at a start; its first collision may
+    touch alone."""
     x = initial_guesses(problem)[0].x
-    nlp = Transcription(problem, scale_of(problem, x), goal_as_rows)
+    touching = (0,) if touch and len(problem.sequence) else ()
+    nlp = Transcription(problem, scale_of(problem, x), goal_as_rows, touching)
     point = nlp.scaled(x) + 1e-3 * np.sin(np.arange(nlp.n))
     y, w = np.cos(np.arange(nlp.n_eq)), np.sin(1 + np.arange(nlp.n_in))
     hessian, order = nlp.lagrangian_hessian(point, y, w, 0.7), kkt_layout(nlp)
@@ -123,18 +129,19 @@ def numbers(problem: dmoc.Problem, goal_as_rows: bool = False) -> list[Array]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("goal_as_rows", [False, True])
-def test_sharing_changes_no_number(family: Family, goal_as_rows: bool) -> None:
-    problem, changes = family
-    problems = [problem, *(problem.but(**change) for change in changes)]
+def test_sharing_changes_no_number(family: Family) -> None:
+    first, changes = family
+    ranges: list[dict[str, Any]] = [{"final_time": (None, end)} for end in (1.0, 0.9)]
+    every = [(change, *way) for way in WAYS for change in ({}, *changes, *ranges)]
     alone = []
-    for problem in problems:
+    for change, *way in every:
         forget()
-        alone.append(numbers(problem, goal_as_rows))
+        alone.append(numbers(first.but(**change), *way))
     forget()
-    for _ in range(2):  # first made, then shared
-        for problem, expected in zip(problems, alone, strict=True):
-            for a, b in zip(numbers(problem, goal_as_rows), expected, strict=True):
+    for _ in range(2):  # first made, then shared, by problems that have nothing made
+        for (change, *way), expected in zip(every, alone, strict=True):
+            again = numbers(first.but(**change), *way)
+            for a, b in zip(again, expected, strict=True):
                 np.testing.assert_array_equal(a, b)
 
 

@@ -9,7 +9,7 @@ from systems import double_integrator
 from dmoc.guess.automatic import initial_guesses
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.compiled import left_over
+from dmoc.solvers.compiled import left_over, missed_by
 from dmoc.solvers.kkt import duality_gap, with_bounds
 from dmoc.solvers.outcome import Duals
 
@@ -73,14 +73,21 @@ def test_what_is_left_over_is_the_largest_of_all_parts() -> None:
         parts = np.where(free, reach * (slope - own), 0.0), own * distance, w * d
         mean = np.abs(np.concatenate([y, w, own])).mean()
         missed = np.concatenate([np.abs(c), -d, lower - x, x - upper, [0.0]]).max()
-        wanted = max(np.abs(p).max() for p in parts), mean, missed
+        wanted = max(np.abs(p).max() for p in parts), mean
         values = slope, np.abs(reach), x, lower, upper, z, c, y, d, w
         assert left_over(*values) == pytest.approx(wanted, rel=1e-12)
-        for which, place in ((0, 0), (6, 1), (8, 1)):
+        assert missed_by(x, lower, upper, c, d) == pytest.approx(missed, rel=1e-12)
+        for which, place in ((0, 0), (7, 1), (8, 1)):
             bad = [v.copy() for v in values]
             bad[which][place] = np.nan
-            assert np.inf in left_over(*bad)
+            assert left_over(*bad)[0] == np.inf
+        for which in (2, 6, 8):
+            bad = [v.copy() for v in values]
+            bad[which][1] = np.nan
+            assert missed_by(*bad[2:5], bad[6], bad[8]) == np.inf
     with pytest.raises(ValueError, match="expected multipliers of 4 equations"):
         left_over(*values[:7], np.zeros(3), d, w)
     with pytest.raises(ValueError, match="expected numbers of 9 unknowns"):
         left_over(slope[:8], *values[1:])
+    with pytest.raises(ValueError, match="expected bounds of 9 unknowns"):
+        missed_by(x, lower, upper[:8], c, d)

@@ -50,6 +50,7 @@ def test_solution_satisfies_the_optimality_conditions_of_an_independent_evaluati
     y = np.concatenate([solution.multipliers[b.name].ravel() for b in nlp.equalities if b.count])
     w = np.concatenate([solution.multipliers[b.name].ravel() for b in nlp.inequalities if b.count])
     x = solution.unknowns
+    assert x.flags.writeable  # it is the caller's
     assert residuals(nlp, x, Duals(y, w, solution.multipliers["bounds"])).optimality < 1e-6
 
     def lagrangian(x: np.ndarray) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import platform
+import re
 import runpy
 import sys
 import tomllib
@@ -57,6 +58,16 @@ def test_package_map_names_every_folder(arguments: dict[str, Any]) -> None:
     links = {p.resolve() for p in (ROOT / "src" / "dmoc").iterdir() if p.is_symlink()}
     # A source distribution holds no links.
     assert links == (layers if (ROOT / ".git").exists() else set())
+
+
+def test_a_changed_source_of_an_extension_is_compiled_again(arguments: dict[str, Any]) -> None:
+    text = (ROOT / "Makefile").read_text(encoding="utf-8")
+    (sources,) = re.findall(r"^SOURCES := (.*)$", text, re.M)
+    patterns = re.sub(r"\$\(wildcard ([^)]*)\)", r"\1", sources).split()
+    for extension in arguments["ext_modules"]:
+        for path in extension.sources + extension.depends:
+            if not path.endswith("kernels.h"):
+                assert any(fnmatch(path, pattern) for pattern in patterns), path
 
 
 def test_a_source_distribution_holds_every_source_of_the_packages(
