@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import doctest
 import inspect
+from dataclasses import is_dataclass
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -33,6 +35,19 @@ def test_the_reference_lists_every_public_name_and_every_error() -> None:
     kinds = [f"dmoc.base.errors.{n}" for n, e in vars(errors).items() if isinstance(e, type)]
     missing = {f"dmoc.{name}" for name in PUBLIC} - listed
     assert not missing and set(kinds) - listed == {"dmoc.base.errors.DmocError"}
+
+
+def test_records_of_the_reference_are_frozen() -> None:
+    """What users get does not change under them, at run time either."""
+    listed, seen = (DOCS / "reference" / "index.rst").read_text().split(), 0
+    for name in listed:
+        module, _, attribute = name.rpartition(".")
+        if module.startswith("dmoc."):
+            thing = getattr(import_module(module), attribute)
+            if is_dataclass(thing):
+                assert thing.__dataclass_params__.frozen, name  # type: ignore[attr-defined]
+                seen += 1
+    assert seen > 20
 
 
 @pytest.mark.slow
