@@ -16,7 +16,8 @@ else:
 
     def record(*, frozen: bool, eq: bool) -> Callable[[type[T]], type[T]]:
         """A dataclass without comparison that type checkers take for a frozen one: nothing watches
-        over it at run time.  One is made in a quarter of the time of a frozen dataclass, and an
-        import makes more than a hundred of them; its instances are made in a third."""
+        over it at run time, so that it is no class of what users get.  The class and its instances
+        are made in a quarter of the time that a frozen one takes, and the first solve of a process
+        makes about a hundred of these classes."""
         assert frozen and not eq
         return dataclass(eq=False, repr=False)

@@ -1,5 +1,6 @@
 # cython: language_level=3
-"""Small dense linear systems in place: elimination, and the shortest solution where that fails."""
+"""Small dense linear systems in place: elimination, the shortest solution where that fails, and
+singular values."""
 from libc.math cimport NAN, copysign, fabs, isfinite, sqrt
 
 
