@@ -32,6 +32,7 @@ from dmoc.program.scale import Scale
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
 from dmoc.solvers import ipm
+from dmoc.solvers.kkt_layout import kkt_layout
 
 ROOT = Path(__file__).resolve().parent.parent
 STEPS, ORDERS, RANDOM = 24, (2, 4), 8  # steps a phase, and random starts beside the guess
@@ -92,6 +93,7 @@ def run(start: ProgramStart, scaled: bool = True) -> End:
     options = Options(iterations=ITERATIONS, deadline=Deadline.after(SECONDS))
     with threadpool_limits(1), np.errstate(all="ignore"):
         x = np.clip(nlp.scaled(start.x), nlp.lower, nlp.upper)
+        kkt_layout(nlp).rooms.clear()  # where solves work belongs to one compiled method
         seconds, end = clocked(lambda: ipm.solve_ipm(nlp, x, options))
     solved = end.status is Status.SOLVED
     return End(solved, end.iterations, nlp.cost(end.x) * scale.cost, seconds)
