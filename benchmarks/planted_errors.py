@@ -220,7 +220,7 @@ def parameter(case: TrueMotion) -> Trajectory | None:
 
 
 def word(case: TrueMotion) -> Trajectory | None:
-    """An event by another name: another surface, another friction, a contact that stays."""
+    """An event by another name: another surface or friction, a contact that stays."""
     i = int(case.rng.integers(len(case.motion.collisions)))
     c, after = case.motion.collisions[i], case.motion.phases[i + 1]
     others = [name for name in case.kernels.surfaces if name != c.surface]
