@@ -62,7 +62,8 @@ def test_what_is_left_over_is_the_largest_of_all_parts() -> None:
         slope, reach, x, c, y, d, w, z = (
             rng.normal(size=k) * rng.integers(0, 2, k) for k in (n, n, n, eq, eq, rows, rows, n)
         )
-        lower, upper = x - rng.uniform(-0.1, 1, n), x + rng.uniform(0, 1, n)
+        c, d = (part * 10.0 ** rng.integers(-4, 1) for part in (c, d))  # any of them is largest
+        lower, upper = x - rng.uniform(-0.1, 1, n), x + rng.uniform(-0.1, 1, n)
         lower[0], upper[1], upper[2] = -np.inf, np.inf, lower[2]
         z[0], z[1] = min(z[0], 0.0), max(z[1], 0.0)
         upper = np.maximum(lower, upper)
