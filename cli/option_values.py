@@ -25,13 +25,15 @@ def read_names(text: str) -> tuple[str, ...]:
 
 def read_events(text: str) -> tuple[str, ...]:
     """Read words of events with commas between them; one may end the last."""
-    words = read_names(text)
-    if text.strip().rstrip(",").count(",") >= max(len(words), 1):
+    words = [word.strip() for word in text.split(",")]
+    if not words[-1] and (len(words) == 1 or words[0]):
+        words.pop()
+    if "" in words:
         raise ProblemError(
             f"--sequence {text}: a word is missing beside a comma: expected words of events with "
             "one comma between any two, or '' for none."
         )
-    return words
+    return tuple(words)
 
 
 def read_steps(text: str) -> int | list[int]:

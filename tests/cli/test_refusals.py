@@ -40,6 +40,9 @@ solve cart_pendulum
     --sequence left,lef | did you mean 'left'
     --sequence left,,right | --sequence left,,right: a word is missing beside a comma
     --sequence ,left | --sequence ,left: a word is missing beside a comma
+    --sequence left,, | --sequence left,,: a word is missing beside a comma
+    --sequence , | --sequence ,: a word is missing beside a comma
+    --sequence ,, | --sequence ,,: a word is missing beside a comma
     --sequence left --via x=1,x=2 | --via x is given twice
     --sequence left --durations 0,0 | durations of phase 0 = 0: expected a positive time
     --sequence left --durations free,none | --durations = 'none': expected a number such as 0.5
