@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.algebra import most_of, solved
 from dmoc.mechanics.contact_forces import accelerations_and_forces
 from dmoc.mechanics.contact_mode import Mode, names_of, without_rails
 from dmoc.mechanics.model import Model
@@ -38,7 +38,7 @@ def trajectory(nlp: Transcription, x: Array, drawn: bool = True) -> Trajectory:
     lay, problem = nlp.layout, nlp.problem
     momenta = nlp.momenta(x)
     x = nlp.physical(x)
-    largest = np.max([np.abs(p).max(axis=0) for p in momenta], axis=0)
+    largest = np.maximum(*map(most_of, momenta))
     phases, begin = list[Phase](), 0.0
     for i in range(lay.stepped):
         phases.append(_phase(nlp, x, i, begin, momenta))
@@ -204,6 +204,8 @@ def _pushed(nlp: Transcription, x: Array, i: int, q: Array, t: Array) -> Array:
     phase begins, at the others to the middle of the impulse, or all of that of the step before, at
     the last one all of it."""
     at, change = nlp.layout.stations, np.zeros_like(q)
+    if not nlp.layout.reactions(i):
+        return change
     rows = slice(None) if not at.own else np.append(0, np.flatnonzero(at.ends[at.rows(i)]))
     for r in nlp.layout.reactions(i):
         slopes = r.slopes(nlp.problem.model, q, t)

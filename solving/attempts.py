@@ -248,8 +248,11 @@ class LocalSolver:
         if _limited_by_times(nlp, outcome, options.violation):
             nlp = self.programs.free(nlp)
             outcome = continued(nlp, outcome)
-        plain, at = Attempt(nlp, outcome), suspects(nlp, outcome.x)
-        if not len(at) or outcome.status not in (Status.SOLVED, *NOWHERE):
+        plain = Attempt(nlp, outcome)
+        if outcome.status not in (Status.SOLVED, *NOWHERE):
+            return plain
+        at = suspects(nlp, outcome.x)
+        if not len(at):
             return plain
         touching = self.programs.touches(nlp, at)
         touched = continued(touching, outcome)

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from dmoc.base.deadline import ENDLESS, Deadline
+from dmoc.mechanics.algebra import most_of
 from dmoc.motion.trajectory import Trajectory
 from dmoc.program.active_constraints import active_bounds
 from dmoc.program.extraction import loose_peaks, loose_totals, named_multipliers, trajectory
@@ -69,7 +70,7 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
 
 def _stands_still(nlp: Transcription, motion: Trajectory) -> bool:
     """Whether there are collisions and nothing moves, so that these have nothing to push."""
-    momenta = np.max([np.abs(phase.p).max(axis=0) for phase in motion.phases], axis=0)
+    momenta = np.max([most_of(phase.p) for phase in motion.phases], axis=0)
     hit = any(c.impulse > 0 for c in motion.collisions)
     return hit and bool((momenta <= NO_MOTION * nlp.scale.p).all())
 
