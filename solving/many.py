@@ -28,9 +28,9 @@ from dmoc.solving.solve import solved
 from dmoc.solving.starts import InitialGuess, loaded
 from dmoc.solving.workforce import NoMoreWork, Work, workforce
 
-# Problems that travel to a worker together, at most; with fewer problems, each worker gets so many
-# shares of them, so that none waits long for the last.
-TOGETHER, SHARES = 16, 4
+# Problems travel to a worker together, at most so many, if they take it no longer than this by what
+# those before them took: slow ones one by one, so that none waits long for the last.
+TOGETHER, SHARE_SECONDS = 64, 0.2
 MOST_PROBLEMS = 1_000_000
 # Arguments of a solve that are the same for all problems.
 OPTIONS = options_of(Keywords).keys() - {"method", "seconds", "reference"}
@@ -73,6 +73,26 @@ class Row:
     design: Mapping[str, float] = field(default_factory=dict)
     seconds: float = 0.0
     solution: Solution | None = None
+
+
+@dataclass
+class Pace:
+    """How long the problems of a batch have taken so far."""
+
+    problems: int = 0
+    seconds: float = 0.0
+
+    def count(self, rows: Sequence[Row]) -> None:
+        self.problems += len(rows)
+        self.seconds += sum(row.seconds for row in rows)
+
+    @property
+    def together(self) -> int:
+        """Problems that take about as long as those that travel together may; one where nothing is
+        known."""
+        if not self.seconds > 0:
+            return 1
+        return max(1, min(TOGETHER, int(SHARE_SECONDS * self.problems / self.seconds)))
 
 
 @dataclass(frozen=True)
@@ -222,19 +242,25 @@ def _answers(
 ) -> Iterator[list[Row]]:
     """Rows as they come."""
     numbered, workers, executor = list(enumerate(problems)), batch.workers, batch.executor
-    alone = executor is None and workers == 1
-    size = TOGETHER if executor is not None else len(numbered) // (SHARES * workers) + 1
-    size = 1 if alone else min(size, TOGETHER)
-    shares = (
-        Share(tuple(numbered[i : i + size]), *of_solves, batch.keep, deadline)
-        for i in range(0, len(numbered), size)
-    )
+    alone, pace = executor is None and workers == 1, Pace()
+
+    def shares() -> Iterator[Share]:
+        begin = 0
+        while begin < len(numbered):
+            left = len(numbered) - begin  # each worker gets some of them
+            size = 1 if alone else min(pace.together, left // (2 * workers) + 1)
+            part = tuple(numbered[begin : begin + size])
+            yield Share(part, *of_solves, batch.keep, deadline)
+            begin += size
+
     if alone:
-        yield from map(solve_share, shares)
+        yield from map(solve_share, shares())
         return
     work = Work(solve_share, _lost, _again, lambda share: share.deadline.left)
     others = stack.enter_context(workforce(workers, executor))
-    yield from others(work, list(shares), Deadline(deadline.at + UNDER_WAY))
+    for rows in others(work, shares(), Deadline(deadline.at + UNDER_WAY)):
+        pace.count(rows)
+        yield rows
 
 
 def solve_share(share: Share) -> list[Row]:

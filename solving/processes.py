@@ -9,7 +9,7 @@ import pickle
 import signal
 import threading
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -21,7 +21,7 @@ from typing import Any
 
 from dmoc.base.deadline import Deadline
 from dmoc.solvers.blas import WAITS
-from dmoc.solving.workforce import Answer, Task, Work
+from dmoc.solving.workforce import Answer, Task, Waiting, Work
 
 # Tasks beside those that run, so that no worker waits for its next one.
 WAITING = 1
@@ -35,10 +35,10 @@ class Processes:
         self.pool: ProcessPoolExecutor | None = None
 
     def answers(
-        self, work: Work[Task, Answer], tasks: Sequence[Task], deadline: Deadline
+        self, work: Work[Task, Answer], tasks: Iterable[Task], deadline: Deadline
     ) -> Iterator[Answer]:
         """Answers until a deadline."""
-        waiting = deque(tasks)
+        waiting = Waiting(tasks)
         # Were running when a worker died: one of them may be to blame, so each runs alone.
         suspects: deque[Task] = deque()
         running: dict[Future[Answer], tuple[Task, Deadline]] = {}

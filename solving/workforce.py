@@ -4,11 +4,12 @@ or hangs costs the tasks it may have had one attempt."""
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from dmoc.base.deadline import Deadline
@@ -45,7 +46,21 @@ class Work(Generic[Task, Answer]):
 
 
 # Work, tasks and a deadline to answers as they come.
-Workforce: TypeAlias = Callable[[Work[Any, Any], Sequence[Any], Deadline], Iterator[Any]]
+Workforce: TypeAlias = Callable[[Work[Any, Any], Iterable[Any], Deadline], Iterator[Any]]
+
+
+class Waiting(deque[Task]):
+    """Tasks that wait for their turn: whether there are some is asked before each is taken, and the
+    next one is made then."""
+
+    def __init__(self, tasks: Iterable[Task]) -> None:
+        super().__init__()
+        self._coming = iter(tasks)
+
+    def __bool__(self) -> bool:
+        if not len(self):
+            self.extend(islice(self._coming, 1))
+        return len(self) > 0
 
 
 @contextmanager
@@ -65,11 +80,11 @@ def workforce(workers: int, executor: Executor | None) -> Iterator[Workforce]:
 
 
 def in_executor(
-    executor: Executor, work: Work[Task, Answer], tasks: Sequence[Task], deadline: Deadline
+    executor: Executor, work: Work[Task, Answer], tasks: Iterable[Task], deadline: Deadline
 ) -> Iterator[Answer]:
     """Answers from an executor of the caller, until a deadline or NoMoreWork; errors of workers
     and answers that do not come are taken as a failed attempt."""
-    waiting, running = deque(tasks), dict[Future[Answer], Task]()
+    waiting, running = Waiting(tasks), dict[Future[Answer], Task]()
     ends: dict[Future[Answer], Deadline] = {}
     try:
         while (waiting or running) and not deadline.passed:

@@ -172,6 +172,36 @@ def test_a_worker_that_dies_costs_only_its_problem(block: dmoc.Problem) -> None:
         time.sleep(0.05)
 
 
+class Counting(Executor):
+    """Does each share at once, and keeps how many problems it had."""
+
+    def __init__(self) -> None:
+        self.sizes = list[int]()
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        self.sizes.append(len(args[0].problems))
+        future: Future[Any] = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+@pytest.mark.parametrize(
+    "seconds, largest", [(1.0, 1), (0.05, 4), (1e-4, many.TOGETHER)], ids=["slow", "some", "quick"]
+)
+def test_quick_problems_travel_together_and_slow_ones_alone(
+    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch, seconds: float, largest: int
+) -> None:
+    def solved(share: many.Share) -> list[many.Row]:
+        return [many.Row(number, "solved", "", seconds=seconds) for number, _ in share.problems]
+
+    monkeypatch.setattr(many, "solve_share", solved)
+    executor = Counting()
+    batch = dmoc.solve_many([block] * 300, executor=executor)
+    assert batch.status == ("solved",) * 300 and sum(executor.sizes) == 300
+    assert executor.sizes[0] == 1 and max(executor.sizes) == largest
+    assert executor.sizes[-1] == 1  # the last ones are small, so that none is waited for
+
+
 class Refusing(Executor):
     """Takes one share."""
 
@@ -187,7 +217,7 @@ class Refusing(Executor):
 
 
 def test_an_executor_that_takes_no_more_is_told(block: dmoc.Problem) -> None:
-    problems = masses(block, *[1.0] * (many.TOGETHER + 1))
+    problems = masses(block, 1.0, 1.0)
     batch = dmoc.solve_many(problems, executor=Refusing(), verify=False)
     assert set(batch.status) == {"not_tried"} and "takes no more work (closed)" in batch.message[0]
 
