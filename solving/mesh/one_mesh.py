@@ -40,9 +40,9 @@ def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Sol
         if exploration.late and answer.status is Status.INFEASIBLE:
             message = f"{OUT_OF_STARTS}; until then {answer.message}"
             answer = replace(answer, status=Status.TIME_LIMIT, message=message)
-    confirmed = [s.cost for s in exploration.solutions if s.minimum]
+    confirmed = [s for s in exploration.solutions if s.minimum]
     if answer.status is Status.NOT_VERIFIED and confirmed:
-        answer = saying(answer, f"the best minimum that is confirmed costs {min(confirmed):.6g}")
+        answer = saying(answer, _cheapest(confirmed))
     return replace(
         answer,
         starts=len(exploration.starts),
@@ -50,6 +50,13 @@ def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Sol
         others=exploration.others(i),
         seconds=spent | {"guess": 0.0, "solve": 0.0} | dict(answer.seconds),
     )
+
+
+def _cheapest(confirmed: Sequence[Solution]) -> str:
+    """What the cheapest of some minima that are confirmed costs, in a sentence."""
+    best = min(confirmed, key=lambda s: s.cost)
+    grazes = ", but one of its collisions has no effect" if best.status is Status.GRAZES else ""
+    return f"the best minimum that is confirmed costs {best.cost:.6g}{grazes}"
 
 
 def _best_of(

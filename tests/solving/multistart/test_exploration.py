@@ -273,3 +273,25 @@ def test_what_there_was_no_time_for_is_not_called_infeasible(
     monkeypatch.setattr(one_mesh, "explored", lambda *_: ended)
     late = dmoc.solve(problem, "ipm")
     assert late.status == "time_limit" and "raise it; until then no feasible" in late.message
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "status, more", [(Status.SOLVED, ""), (Status.GRAZES, ", but one of its collisions has no")]
+)
+def test_beside_a_contradicted_answer_the_cheapest_confirmed_minimum_is_told(
+    block: Kernels, monkeypatch: pytest.MonkeyPatch, status: Status, more: str
+) -> None:
+    task = {"start": {"x": 0.0}, "goal": {"x": 0.5, "x_dot": 0.0}}
+    problem = dmoc.Problem(block, **task, steps=10, final_time=1.0)
+    ended = exploration.explored(problem, Effort(), Options())
+    (first,) = ended.ranked
+    others = [replace(first, solution=replace(first.solution, cost=c)) for c in (7.0, 6.0)]
+    others[1] = replace(others[1], solution=replace(others[1].solution, status=status))
+    against = replace(first, solution=replace(first.solution, status=Status.NOT_VERIFIED))
+    both = replace(ended, ranked=(against, *others))
+    monkeypatch.setattr(one_mesh, "explored", lambda *_: both)
+    monkeypatch.setattr(one_mesh, "_best_of", lambda *_: (against.solution, 0))
+    message = dmoc.solve(problem, "ipm").message
+    assert f"the best minimum that is confirmed costs 6{more}" in message
+    assert ("but one" in message) == bool(more)
