@@ -47,8 +47,8 @@ def bounded(
     limited = np.isfinite(problem.final_time_bounds[1])
     if limited or not answer.minimum or not NONE < share < LEAST_COST:
         return answer
-    time = LONGER * answer.final_time
-    longer = solve(problem.but(final_time=(time, None)), answer)
+    # with that time, not from it on: a solve of what has no minimum comes to no end
+    longer = solve(problem.but(final_time=LONGER * answer.final_time), answer)
     if not (longer.minimum and longer.cost < (1 - FALLS) * answer.cost):
         return answer
     message = (

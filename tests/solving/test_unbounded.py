@@ -109,3 +109,20 @@ def test_a_minimum_that_is_far_away_is_one(price: float) -> None:
     solution = dmoc.solve(sled({}, cost=u**2 / 2, terminal_cost=-price * x))
     assert solution.solved
     assert solution.cost == pytest.approx(-(price**2) * (1 / 6 - 1 / 400 / 24), rel=1e-9)
+
+
+@pytest.mark.parametrize("limits", [{}, {u: (-30, 30)}], ids=["free", "within limits"])
+@pytest.mark.parametrize("starts", [1, None])
+def test_a_slower_and_slower_motion_through_a_hit_has_no_minimum(
+    limits: dict[Any, Any], starts: int | None
+) -> None:
+    """Forth to the wall, where half of the speed is left, and back: the effort falls as T^-3."""
+    stated = {
+        "start": {x: 0, "x_dot": 0}, "sequence": ["wall"], "restitution": 0.5, "steps": 25,
+        "final_time": (0.5, None), "bounds": limits,
+    }  # fmt: skip
+    problem = sled({x: 0, "x_dot": 0}, cost=u**2, surfaces={"wall": x <= 1}, problem=stated)
+    solution = dmoc.solve(problem, "ipm", starts=starts)
+    assert solution.status == "stalled" and "give final_time an upper limit" in solution.message
+    assert "falls as long as the motion takes longer" in solution.message
+    assert dmoc.solve(problem.but(final_time=(0.5, 3.0)), "ipm", starts=starts).solved
