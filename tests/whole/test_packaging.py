@@ -23,7 +23,10 @@ import dmoc
 ROOT = Path(__file__).resolve().parents[2]
 MADE = {"__pycache__", "figures", ".hypothesis"}  # folders that runs leave behind
 # What `make docs` makes.
-MANUAL = ("docs/_build/", "docs/examples/", "docs/reference/names/", "docs/sg_execution_times")
+MANUAL = (
+    "docs/_build/", "docs/diagrams/", "docs/examples/", "docs/reference/names/",
+    "docs/sg_execution_times",
+)  # fmt: skip
 
 
 @pytest.fixture
