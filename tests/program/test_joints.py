@@ -113,15 +113,19 @@ def test_forces_of_a_rod_are_what_a_swing_pulls_with() -> None:
     assert largest.value == pytest.approx(phase.reaction[np.abs(phase.reaction).argmax(), 0])
 
 
-def test_a_hit_beside_a_rod_is_that_of_the_pendulum(tmp_path: Path) -> None:
+@pytest.mark.parametrize("slope", [0.0, 0.1])
+def test_a_hit_beside_a_rod_is_that_of_the_pendulum(slope: float, tmp_path: Path) -> None:
+    """At half a metre, on a wall that is upright, or leans."""
     task: dict[str, Any] = {"sequence": ["wall"], "steps": 60, "final_time": 1.2}
+    there = 0.5 - slope * np.sqrt(0.75)
     by_rod = dmoc.Problem(
-        dmoc.build(bob(surfaces={"wall": X <= 0.5})), start={"x": 0.0, "y": -1.0},
+        dmoc.build(bob(surfaces={"wall": X + slope * Y <= there})), start={"x": 0.0, "y": -1.0},
         goal={"x": -0.4, "y": -np.sqrt(0.84), "x_dot": 0.0, "y_dot": 0.0}, restitution=0.8, **task,
     )  # fmt: skip
     by_angle = dmoc.Problem(
-        dmoc.build(pendulum(surfaces={"wall": sp.sin(A) <= 0.5})), start={"a": 0.0},
-        goal={"a": -np.arcsin(0.4), "a_dot": 0.0}, restitution=0.8, controls="linear", **task,
+        dmoc.build(pendulum(surfaces={"wall": sp.sin(A) - slope * sp.cos(A) <= there})),
+        start={"a": 0.0}, goal={"a": -np.arcsin(0.4), "a_dot": 0.0}, restitution=0.8,
+        controls="linear", **task,
     )  # fmt: skip
     a, b = best(by_rod), best(by_angle)
     assert a.cost == pytest.approx(b.cost, rel=1e-3)
@@ -129,7 +133,8 @@ def test_a_hit_beside_a_rod_is_that_of_the_pendulum(tmp_path: Path) -> None:
     assert hit.time == pytest.approx(other.time, abs=1e-3)
     assert hit.impulse == pytest.approx(other.impulse, rel=2e-3)
     assert hit.rate_after == pytest.approx(-0.8 * hit.rate_before)
-    change = np.array([-hit.impulse, 0.0]) + 2 * hit.reactions["rod"] * hit.position
+    by_wall, by_rod_itself = -hit.impulse * np.array([1.0, slope]), 2 * hit.reactions["rod"]
+    change = by_wall + by_rod_itself * hit.position
     np.testing.assert_allclose(hit.momentum_after - hit.momentum_before, change, atol=1e-9)
     a.save(tmp_path / "hit.npz")
     again = dmoc.Solution.load(tmp_path / "hit.npz")

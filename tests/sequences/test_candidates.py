@@ -102,6 +102,20 @@ def test_where_no_proposal_leads_to_a_motion_the_cheapest_has_neighbours(
     assert ("left", "left", "left") in candidates.frontier
 
 
+def test_other_ways_are_looked_for_where_there_is_no_motion(
+    proposals: Proposals, swung: SearchResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a box that tips over, whose corner lands while the other one lifts."""
+    asked, best = list[Verdict](), swung.best
+    assert best is not None
+    candidates = Candidates(proposals, ENDLESS)
+    for verdict in Verdict:
+        monkeypatch.setattr(candidates, "_other_ways", lambda _, v=verdict: asked.append(v))
+        candidates.nodes, candidates.frontier = {}, [best.sequence]
+        candidates._add(replace(best, verdict=verdict))
+    assert set(Verdict) - set(asked) == {Verdict.OPTIMAL, Verdict.FEASIBLE}
+
+
 def test_an_unconfirmed_motion_that_promises_little_is_not_doubtful(proposals: Proposals) -> None:
     """On the mesh of both; the best costs more on the finer one that confirms it."""
     candidates = Candidates(proposals, ENDLESS)
