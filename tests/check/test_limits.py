@@ -58,6 +58,11 @@ def limited(top: float) -> Change:
     return lambda motion: replace(motion, coordinate_bounds=bounds)
 
 
+def held(low: float, high: float) -> Change:
+    """Bounds of the speed along y, which is 0.5 m/s."""
+    return lambda motion: replace(motion, limits={"y_dot": (0.5 * low, 0.5 * high)})
+
+
 def moved(by: float) -> Change:
     """The whole motion moved along x, off the wall."""
 
@@ -75,6 +80,9 @@ def moved(by: float) -> Change:
     [
         (one(0, 3, 0.009), one(0, 3, 0.011), "step error 0.011 exceeds"),
         (one(0, 4, 0.009), one(0, 4, 0.011), "segment error 0.011 exceeds"),
+        # half a per cent of both together, the speed and its bound
+        (held(0, 0.991), held(0, 0.989), "the bound of y_dot is exceeded by 0.5"),
+        (held(1.009, 2), held(1.011, 2), "the bound of y_dot is exceeded by 0.5"),
         # with e = 1 - s the energy after the hit is s of 0.75 J more, and the rate s of 1 m/s
         (bouncing(0.9855), bouncing(0.984), "energy error 0.02"),
         (bouncing(0.9855), bouncing(0.979), "error of the law of impact 0.021 exceeds"),

@@ -88,6 +88,19 @@ def test_a_speed_is_bounded_on_both_sides_of_a_hit(order):
     np.testing.assert_allclose(solution.cost, 0, atol=1e-3)
 
 
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_speed_that_would_rather_be_more_is_bounded_at_the_hit(order):
+    """From rest to the wall in x = 1 and back within 2 s: 1.25 m/s and more cost less."""
+    kernels = dmoc.build(mass(surfaces={"wall": x <= 1}), order=order)
+    problem = dmoc.Problem(
+        kernels, {"x": 0, "x_dot": 0}, {"x": 0}, ["wall"], steps=10, final_time=2,
+        bounds={"x_dot": (-1.2, 1.2)}, restitution=0.8,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=2)
+    assert solution.solved
+    np.testing.assert_allclose(solution.phases[0].v.max(), 1.2, rtol=1e-8)
+
+
 @pytest.mark.parametrize("order", [2, 4, 6])
 def test_a_speed_holds_in_the_first_and_in_the_last_step_too(order):
     """To the wall in x = 1 and half the way back in 2 s, from rest to rest: 1.5 m, which take 2.5 s
