@@ -324,6 +324,16 @@ def test_how_far_behind_a_surface_is_measured_by_the_coordinates(tmp_path: Path)
     are_those_of_python(planner, steps, plans)
 
 
+def test_what_is_far_behind_is_so_in_later_phases_too(
+    bounced: dmoc.Planner, program: tuple[str, Path]
+) -> None:
+    """3 cm behind the wall, by the half metre of the whole motion; the rest begins a metre away."""
+    steps = [Step(1.2, (1.03, -0.5), phase=1), Step(1.2, (1.02, -0.5), phase=1)]
+    plans = planned(*program, steps)
+    assert [plan.status for plan in plans] == [BEHIND, SOLVED]
+    are_those_of_python(bounced, steps, plans)
+
+
 def test_what_is_refused(bounced: dmoc.Planner, tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match="a guess beside a Planner"):
         dmoc.generate_solver(bounced, tmp_path / "a", guess="random")

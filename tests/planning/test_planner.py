@@ -14,6 +14,8 @@ from systems import block_on_floor, unit_mass
 
 import dmoc
 from dmoc.base.errors import ProblemError
+from dmoc.mechanics.contact_mode import Mode
+from dmoc.planning.measured_state import consistent
 from dmoc.solvers.outcome import Status
 
 X, U = dynamicsymbols("x u")
@@ -43,6 +45,23 @@ def bounced(wall: dmoc.MechanicalSystem) -> tuple[dmoc.Problem, dmoc.Solution]:
 
 
 Bounced = tuple[dmoc.Problem, dmoc.Solution]
+
+
+@pytest.mark.parametrize("lean", [0.1, 0.3, 0.7])
+def test_what_a_contact_leaves_of_a_velocity_towards_it_is_nothing(lean: float) -> None:
+    """A mass on a ramp: rounding errors are no velocity, of which sizes would be read."""
+    y = dynamicsymbols("y")
+    ramp = dmoc.MechanicalSystem(
+        "ramp", [X, y], (X.diff() ** 2 + y.diff() ** 2) / 2, inputs=[U], forces={X: U}, cost=U**2,
+        surfaces={"ramp": y >= lean * X},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        ramp, {"x": 0.0, "y": 0.0}, {"x": 1.0, "x_dot": 0.0}, contacts=["ramp"], final_time=1.0
+    )
+    into = np.array([lean, -1.0])
+    for speed in (0.3, 1.0, 7.0):
+        _, v = consistent(problem, Mode((0,)), (np.zeros(2), speed * into))
+        np.testing.assert_array_equal(v, 0.0)
 
 
 def test_a_plan_is_the_best_rest_from_what_is_measured(bounced: Bounced) -> None:

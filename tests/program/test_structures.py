@@ -15,6 +15,7 @@ import pytest
 import dmoc
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
+from dmoc.models.registry import find
 from dmoc.program import layout, structure_cache, transcription
 from dmoc.program.scaling import REACHED, scale_of
 from dmoc.program.structure_cache import digest, size_of
@@ -228,3 +229,15 @@ def test_structures_are_forgotten_by_their_bytes(
 def test_what_is_shared_counts_once() -> None:
     shared, other = np.zeros(10), np.zeros(5)
     assert size_of((shared, {"again": [shared, other]}), set()) == 8 * 15
+
+
+def test_a_program_for_another_thread_has_numbers_of_its_own() -> None:
+    """Both evaluate at the same time; what they evaluate is the same."""
+    reference = find("puck_table")
+    problem = dmoc.Problem(reference.kernels(), **reference.defaults).but(sequence=["east"])
+    x = initial_guesses(problem)[0].x
+    nlp = Transcription(problem, scale_of(problem, x))
+    other, at = nlp.beside(), nlp.scaled(x)
+    assert other.program is not nlp.program and other.program.data is nlp.program.data
+    np.testing.assert_array_equal(other.values(at), nlp.values(at))
+    assert other.values(at) is not nlp.values(at)
