@@ -229,8 +229,9 @@ def _places(c: Constants, carried: CarriedProgram, entries: Mapping[str, str]) -
     called = [entries[name] if is_there else "NULL" for name, is_there in there]
     unknowns = dict(zip(problem.design, lay.index_design.tolist(), strict=True))
     chosen = np.array([unknowns.get(name, NOWHERE) for name in kernels.parameters])
-    tangent = np.abs(model.tangent_slopes(q))[:, :-1] @ scale.q if model.nt else ()
-    joint = model.joint_sizes(q) if model.nj else ()
+    tangent, joint = (
+        np.abs(slopes(q))[:, :-1] @ scale.q for slopes in (model.tangent_slopes, model.joint_slopes)
+    )
     sizes = scale.gap, scale.rate, joint, scale.joint_rate, tangent, carried.reach
     held = np.array([_held(nlp, mode) for mode in lay.touch.modes])
     return initial(

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import sympy as sp
 from contact_problems import against_wall_on_floor, rimless, two_masses
 from joint_problems import bob
+from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system
 
 import dmoc
@@ -47,6 +49,16 @@ def stride() -> dmoc.Problem:
     )  # fmt: skip
 
 
+def rolling() -> dmoc.Problem:
+    """A disc that rolls from where its place and its angle are zero."""
+    x, a, u = dynamicsymbols("x a u")
+    disc = dmoc.MechanicalSystem(
+        "carried_disc", [x, a], (x.diff() ** 2 + 0.02 * a.diff() ** 2) / 2, inputs=[u],
+        forces={a: u}, constraints={"roll": sp.Eq(x, 0.2 * a)}, cost=u**2,
+    )  # fmt: skip
+    return dmoc.Problem(disc, {"x": 0, "a": 0}, {"x": 1, "x_dot": 0}, steps=10, final_time=2.0)
+
+
 # Problems with numbers that are set at run time, as the problem has them.
 CASES: dict[str, tuple[Any, dict[str, float], Any]] = {
     "cart_2": (
@@ -83,6 +95,10 @@ CASES: dict[str, tuple[Any, dict[str, float], Any]] = {
     "linkage_4": (
         lambda: linkage(4), {"bounds.u.high": 3.7},
         lambda p: p.but(bounds={"u": (-30, 3.7)}),
+    ),
+    "disc": (
+        rolling, {"goal.x": 0.7, "final_time": 1.5},
+        lambda p: p.but(goal={**p.goal, "x": 0.7}, final_time=1.5),
     ),
     "stride": (
         stride, {"periodic.x": 0.6, "periodic.x_dot.high": 0.25, "start.x_dot.high": 0.3},
