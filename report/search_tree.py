@@ -4,7 +4,7 @@ side."""
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,6 +63,8 @@ def _tree(nodes: Sequence[tuple[Name, str, float | None]], style: Style) -> Figu
             ends = [columns[len(s) - 1], columns[len(s)]], [rows[s[:-1]], rows[s]]
             axes.plot(*ends, color=style.muted, alpha=0.6, lw=1, zorder=1)
     labelled = len(rows) <= MOST_LABELS
+    if labelled:
+        _beginnings(axes, {s: (columns[len(s)], rows[s]) for s in rows if s not in labels}, style)
     for s, verdict, _ in nodes:
         place = columns[len(s)], rows[s]
         if labelled:
@@ -104,6 +106,17 @@ def _node(axes: Axes, place: tuple[float, float], text: str, verdict: str, style
     )  # fmt: skip
 
 
+def _beginnings(axes: Axes, places: Mapping[Name, tuple[float, float]], style: Style) -> None:
+    """Words of sequences that were not looked at, with which others begin."""
+    box = {"boxstyle": "round,pad=0.2", "facecolor": style.paper, "edgecolor": "none"}
+    for s, place in places.items():
+        if s:
+            axes.text(
+                *place, s[-1], ha="center", va="center", fontsize=7.5, zorder=2, bbox=box,
+                color=style.muted,
+            )  # fmt: skip
+
+
 def _verdict_legend(figure: Figure, verdicts: list[str], style: Style) -> None:
     from matplotlib.patches import Patch
 
@@ -119,10 +132,12 @@ def _verdict_legend(figure: Figure, verdicts: list[str], style: Style) -> None:
 
 
 def _rows(sequences: list[Name]) -> dict[Name, float]:
-    """Rows of a tree whose nodes stand in the middle of their children."""
+    """Rows of a tree whose nodes stand in the middle of their children; what sequences begin with
+    has one too."""
     rows: dict[Name, float] = {}
     children: dict[Name, list[Name]] = {}
-    for s in sequences:
+    beginnings = dict.fromkeys(s[:k] for s in sequences for k in range(len(s) + 1))
+    for s in beginnings:
         if s:
             children.setdefault(s[:-1], []).append(s)
     free = 0.0

@@ -78,10 +78,10 @@ def _note_of_depth(tree: Tree, nodes: Sequence[Node], best: Node | None, noun: s
     least = min(by_depth[:-1])
     if not by_depth[depth] < least:
         return []
+    all_ = f"all {depth} {noun}s" if depth > 1 else f"the one {noun}"
     fewer = f"with fewer {least:.6g}" if np.isfinite(least) else "none with fewer is confirmed"
     return [
-        f"the best sequence has all {depth} {noun}s (cost {by_depth[depth]:.6g}, {fewer}): more "
-        "may cost less"
+        f"the best sequence has {all_} (cost {by_depth[depth]:.6g}, {fewer}): more may cost less"
     ]
 
 
@@ -100,11 +100,12 @@ def notes_of_proposals(candidates: Candidates) -> list[str]:
             f"{', '.join(ignored)}: ignored, and closed in no relaxed motion, which could as well "
             "pass; strategy 'tree' tries to land there"
         )
-    if candidates.left:
-        names = "; ".join(", ".join(s) or "no event" for s in candidates.left[:MOST_NAMED])
+    left = [s for s in dict.fromkeys(candidates.left) if s not in candidates.nodes]
+    if left:
+        names = "; ".join(", ".join(s) or "no event" for s in left[:MOST_NAMED])
         notes.append(
-            f"{_counted(len(candidates.left), 'proposal')} {_were(len(candidates.left))} not "
-            f"solved, whose relaxed motions cost over {DEARER:.0%} more than the best: {names}"
+            f"{_counted(len(left), 'proposal')} {_were(len(left))} not solved, whose relaxed "
+            f"motions cost over {DEARER:.0%} more than the best: {names}"
         )
     if proposals.problem.contacts != proposals.relaxation.problem.contacts:
         notes.append(

@@ -32,6 +32,17 @@ def links(axes: Axes) -> set[tuple[tuple[float, float], ...]]:
     }
 
 
+def test_what_is_proposed_stands_behind_what_was_not_looked_at() -> None:
+    """Of proposals alone nothing says that what they begin with is a node."""
+    (axes,) = plot_tree([NODES[3], (("west", "east"), "optimal", 1.0)]).axes
+    nodes = [text for text in axes.texts if text.get_text()[2:] in ("west 2", "east 1")]
+    assert {text.get_text() for text in axes.texts if text not in nodes} == {"east", "west"}
+    columns = axes.get_xticks()
+    assert len(nodes) == 2 and {text.get_position()[0] for text in nodes} == {columns[2]}
+    first = ((columns[0], 0.5), (columns[1], 0.0)), ((columns[1], 0.0), (columns[2], 0.0))
+    assert links(axes) > set(first) and len(links(axes)) == 4
+
+
 def test_a_tree_shows_sequences_costs_and_verdicts() -> None:
     figure = plot_tree(NODES)
     (axes,) = figure.axes

@@ -16,6 +16,7 @@ from dmoc.guess.transfer import pieces_of
 from dmoc.sequences import relaxation
 from dmoc.sequences.candidates import Candidates
 from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.notes import notes_of_proposals
 from dmoc.sequences.proposals import Proposals, Proposed
 from dmoc.sequences.relaxation import Relaxation
 from dmoc.sequences.search import Progress, SearchResult
@@ -139,6 +140,10 @@ def test_proposals_that_cost_over_a_third_more_than_the_best_are_not_solved(
     candidates.frontier = [("left", "right")]
     candidates.nodes = {("left",): Node(("left",), Verdict.FEASIBLE, 1.0)}
     assert next(rounds, None) is None and candidates.left == [("left", "right")]
+    candidates.left *= 2  # a proposal that comes again, and one that was solved in the meantime
+    candidates.left.append(("left",))
+    (note,) = [n for n in notes_of_proposals(candidates) if "not solved" in n]
+    assert note.startswith("1 proposal was not solved") and note.endswith(": left, right")
 
 
 def test_two_workers_find_what_one_finds(swung: SearchResult) -> None:
