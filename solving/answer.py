@@ -17,7 +17,7 @@ from dmoc.solving.mesh.refinement import refined
 from dmoc.solving.request import Request
 from dmoc.solving.sliding_reversals import naming_turns
 from dmoc.solving.starts import InitialGuess
-from dmoc.solving.unbounded_cost import bounded, ended
+from dmoc.solving.unbounded_cost import bounded, ended, resumed
 
 # Starts of another sequence, of which it is asked whether it leads to a motion.
 FEW = 16
@@ -62,6 +62,7 @@ def _completed(
     def kept(answer: Solution) -> Solution:
         return ended(problem, answer, partial(solve, False), few)
 
+    best = resumed(problem, best, partial(solve, of_mesh.verify))
     answer = kept(bounded(problem, best, partial(solve, False)))
     if tolerance is None:
         answer = naming_steps(problem, answer, partial(solve, True))

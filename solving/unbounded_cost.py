@@ -34,6 +34,23 @@ LONGER, FALLS = 2.0, 0.01
 # fallen by half of it.
 TWICE, FAR, LIMITS, STRAIGHT = 2.0, 100.0, (10.0, 100.0, 1000.0), 0.75
 STARTS = ("starts", "agreeing_starts", "others")  # fields of an answer: where its starts have led
+# Solves that go on from where one has come to no end, each with sizes of its own.
+RESUMED = 3
+
+
+def resumed(
+    problem: Problem, answer: Solution, solve: Callable[[Problem, Solution], Solution]
+) -> Solution:
+    """The answer; where one came to no end so far away that sizes of its first motion measure
+    nothing there, the minimum that a solve from its end leads to, if there is one."""
+    end = answer
+    for _ in range(RESUMED):
+        if not (end.status in UNDECIDED and any(_running(problem, end))):
+            break
+        end = solve(problem, end)
+    if end is answer or not end.minimum:
+        return answer
+    return _with_starts(end, answer)
 
 
 def bounded(
@@ -84,8 +101,7 @@ def ended(
         if falls and all(end.max_violation <= KEPT for end in ends):
             most = [limit * size for limit in LIMITS]
             if answer.max_violation > KEPT:  # what diverges is no motion
-                starts = {field: getattr(answer, field) for field in STARTS}
-                answer = replace(ends[2], **starts)
+                answer = _with_starts(ends[2], answer)
             return _running_away(answer, name, (costs[1], most[1]), (costs[2], most[2]))
     if again.cost < FAR * answer.cost and again.max_violation <= KEPT:
         farthest = {name: reached for name, _, _, reached in _running(problem, again)}
@@ -94,6 +110,11 @@ def ended(
                 beyond = again.cost, farthest[name]
                 return _running_away(answer, name, (answer.cost, reached), beyond)
     return answer
+
+
+def _with_starts(end: Solution, answer: Solution) -> Solution:
+    """A solution with what the starts of an answer have led to."""
+    return replace(end, **{field: getattr(answer, field) for field in STARTS})
 
 
 def _is_straight(cost: float, costs: Sequence[float], reached: float) -> bool:

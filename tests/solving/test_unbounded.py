@@ -126,3 +126,21 @@ def test_a_slower_and_slower_motion_through_a_hit_has_no_minimum(
     assert solution.status == "stalled" and "give final_time an upper limit" in solution.message
     assert "falls as long as the motion takes longer" in solution.message
     assert dmoc.solve(problem.but(final_time=(0.5, 3.0)), "ipm", starts=starts).solved
+
+
+@pytest.mark.parametrize("price", [3e4, 1e5, 3e8])
+@pytest.mark.parametrize("options", [{}, {"method": "ipm", "starts": 1}, {"tolerance": 1e-4}])
+def test_a_minimum_is_one_in_whatever_units(price: float, options: dict[str, Any]) -> None:
+    """In millimetres what was 33 m with 100 N: the first motion says nothing of such sizes."""
+    problem = sled({}, cost=u**2 / 2, terminal_cost=-price * x, problem={"steps": None})
+    solution = dmoc.solve(problem, **options)
+    assert solution.solved and solution.verification is not None
+    assert solution.cost == pytest.approx(-(price**2) / 6, rel=1e-4)
+
+
+def test_a_speed_at_the_start_is_one_in_whatever_units() -> None:
+    own = dmoc.at_start(x.diff() ** 2) / 2 - 3e4 * dmoc.at_end(x)
+    problem = sled({}, objective=own, inputs=[], forces={}, problem=ROLLING)
+    solution = dmoc.solve(problem)
+    assert solution.solved and solution.verification is not None
+    assert solution.cost == pytest.approx(-(3e4**2) / 2, rel=1e-6)
