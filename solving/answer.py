@@ -63,7 +63,8 @@ def _completed(
         return ended(problem, answer, partial(solve, False), few)
 
     best = resumed(problem, best, partial(solve, of_mesh.verify))
-    answer = kept(bounded(problem, best, partial(solve, False)))
+    longer = bounded(problem, best, partial(solve, False))
+    answer = kept(best) if longer is best else longer
     if tolerance is None:
         answer = naming_steps(problem, answer, partial(solve, True))
     elif answer is best:

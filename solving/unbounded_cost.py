@@ -87,7 +87,8 @@ def ended(
 
     ``solve`` solves a problem from the motion of the answer, ``afresh`` from starts of its own.
     """
-    if not (answer.cost < 0 and (answer.minimum or answer.status in UNDECIDED)):
+    lost = answer.status in UNDECIDED
+    if not (lost or (answer.minimum and answer.cost < 0)):
         return answer
     running = list(_running(problem, answer))
     again = solve(problem, answer) if running and answer.minimum else answer
@@ -96,7 +97,10 @@ def ended(
         ends = [afresh(limited(most * size)) for most in LIMITS]
         costs = [end.cost for end in ends]
         first, second = (before - after for before, after in pairwise(costs))
-        falls = second > TWICE * first > 0 > costs[-1]
+        if answer.cost < 0:
+            falls = second > TWICE * first > 0 > costs[-1]
+        else:
+            falls = all(0 <= TWICE * after < before for before, after in pairwise(costs))
         falls &= not ends_there or _is_straight(answer.cost, costs, reached / size)
         if falls and all(end.max_violation <= KEPT for end in ends):
             most = [limit * size for limit in LIMITS]

@@ -144,3 +144,14 @@ def test_a_speed_at_the_start_is_one_in_whatever_units() -> None:
     solution = dmoc.solve(problem)
     assert solution.solved and solution.verification is not None
     assert solution.cost == pytest.approx(-(3e4**2) / 2, rel=1e-6)
+
+
+@pytest.mark.parametrize("sequence", [[], ["wall"]])
+def test_a_time_without_a_least_one_is_told(sequence: list[str]) -> None:
+    """Nothing limits the force, and time alone costs; with a limit the least one is known."""
+    stated = {"final_time": (None, None), "sequence": sequence, "steps": 20}
+    problem = sled({x: 0.9, "x_dot": 0}, cost=1, surfaces={"wall": x <= 1}, problem=stated)
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.status == "stalled" and "it falls as u grows" in solution.message
+    limited = dmoc.solve(problem.but(sequence=[], bounds={u: (-1e6, 1e6)}), "ipm")
+    assert limited.solved and limited.cost == pytest.approx(2 * (0.9 / 1e6) ** 0.5, rel=1e-6)
