@@ -173,7 +173,8 @@ def simulate(
     position, velocity : arrays of shape (nq,) or mappings by name
         Initial state; velocities default to rest, and are named as in ``start`` of a problem,
         ``{"x_dot": 1.0}``, or by their coordinates.  A solution has its own unless they are given,
-        as for inputs, parameters and coefficients of restitution.
+        as for inputs, parameters and coefficients of restitution, which are 0 of surfaces that it
+        lands on and never hits.
     step_size : float
         h in seconds.  A solution is simulated for its final time, with a quarter of its smallest
         step, in at most 32 times as many steps as it has, or with one of ``step_size`` and
@@ -198,8 +199,7 @@ def simulate(
         Other starts, noise, pushes, a delay, and the sampling: what disturbs a solution, with a
         feedback or open loop, see :class:`~dmoc.control.disturbance.Disturbance`.  With one of
         these two the simulation has a step for each sample, of 1 ms unless it says otherwise, and
-        goes by the continuous equations from the start on.  Surfaces that the solution lands on
-        and never hits are plastic, if no ``restitution`` is given.
+        goes by the continuous equations from the start on.
 
     Returns
     -------
@@ -279,7 +279,7 @@ def _replay(
     own = {
         "velocity": _start_velocity(motion),
         "inputs": mean_inputs(motion, count),
-        "restitution": motion.restitution,
+        "restitution": plastic(motion),
     }
     if "position" not in changes:
         own["position"] = _on_surfaces(kernels, parameters, motion.phases[0].q[0])
@@ -310,7 +310,6 @@ def _controlled(
             )
     if feedback is not None:
         check_feedback(feedback, motion)
-    changes = {"restitution": plastic(motion), **changes}
     states = (*motion.coordinates, *map(velocity_name, motion.coordinates))
     disturbed = read_disturbance(disturb, states, motion.final_time)
     count = _steps(motion, disturbed.sampling, None)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system, landing_system, there_and_back
+from systems import block_system, landing_problem, landing_system, there_and_back
 
 import dmoc
 from dmoc.base.errors import ModelError, MotionError, SimulationError, SolutionFileError
@@ -216,3 +216,11 @@ def test_a_velocity_is_given_once(block: Kernels) -> None:
         dmoc.simulate(block, {"x": 0.0}, {"x": 0.5, "x_dot": 0.5}, step_size=0.1, steps=1)
     with pytest.raises(SimulationError, match="unknown coordinate 'x_dot' in position"):
         dmoc.simulate(block, {"x_dot": 0.0}, step_size=0.1, steps=1)
+
+
+def test_a_solution_that_lands_does_so_once_more() -> None:
+    """Not as what it lands on would send it back, unless that is asked for."""
+    solution = dmoc.solve(landing_problem(), "ipm", starts=1)
+    again, bounced = dmoc.simulate(solution), dmoc.simulate(solution, restitution=1.0)
+    assert [c.word for c in again.collisions] == ["+floor"] and len(bounced.collisions) == 4
+    np.testing.assert_allclose(again.q[-1], solution.phases[-1].q[-1], atol=2e-4)
