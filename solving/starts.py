@@ -80,8 +80,8 @@ def _from_solution(problem: Problem, guess: Solution) -> Starts:
     theirs = [*guess.trajectory.coordinates, *guess.trajectory.inputs]
     if theirs != names:
         raise ProblemError(
-            f"guess is a motion of {', '.join(theirs)}: expected one of the coordinates and inputs "
-            f"{', '.join(names)}."
+            f"guess is a motion of {', '.join(theirs)}: expected a motion of the coordinates and "
+            f"inputs {', '.join(names)}."
         )
     proposal = guess.proposal
     if proposal is not None and proposal.sequence == problem.words:

@@ -159,7 +159,7 @@ def test_a_solution_of_another_mesh_or_order_is_a_guess(seed: dmoc.Problem, bloc
         dmoc.solve(seed.but(sequence=["left", "left"]), method="ipm", guess=first)
     with pytest.raises(
         ProblemError,
-        match="guess is a motion of alpha, x, F: expected one of the coordinates and inputs x, u",
+        match="guess is a motion of alpha, x, F: expected a motion of the coordinates and inputs x",
     ):
         dmoc.solve(
             dmoc.Problem(block, start={"x": 0}, sequence=["wall"]), method="ipm", guess=first
