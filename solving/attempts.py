@@ -7,14 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
+import numpy as np
+
 from dmoc.base.records import record
 from dmoc.base.tolerances import SAME_COST
 from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.curvature import Landscape, SecondOrder
 from dmoc.solvers.diagnosis import diagnose
-from dmoc.solvers.judge import INFEASIBLE, rounded
-from dmoc.solvers.outcome import NOWHERE, Duals, Options, Outcome, Status
+from dmoc.solvers.judge import INFEASIBLE, judged, rounded
+from dmoc.solvers.outcome import NOWHERE, Duals, Ending, Options, Outcome, Status
 from dmoc.solving.indeterminacy import left_open_along
 from dmoc.solving.methods import METHODS, Judged, Method
 from dmoc.solving.programs import Programs
@@ -137,7 +139,10 @@ def _explained(solver: LocalSolver, before: Attempt, x: Array, options: Options)
         return before.ending(Status.STALLED).saying(detail)
     if before.status in UNDECIDED and not diagnosis.least:
         return before
-    return replace(before.ending(Status.INFEASIBLE), conflicts=diagnosis.sentences)
+    # the motion that the conflicts are those of
+    none = Duals(np.zeros(nlp.n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))
+    end = Ending(Status.INFEASIBLE, "", nlp.scaled(diagnosis.x), none, count)
+    return Attempt(nlp, judged(nlp, end, options), diagnosis.sentences).ending(Status.INFEASIBLE)
 
 
 @record(frozen=True, eq=False)

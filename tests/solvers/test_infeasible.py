@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from answers import answer_of
+from sympy.physics.mechanics import dynamicsymbols
 from systems import block_on_floor, block_system, there_and_back
 
 import dmoc
@@ -116,3 +117,22 @@ def test_a_limit_at_the_surface_itself(order: int) -> None:
         assert held.cost == pytest.approx(free.cost, rel=1e-6)
     beyond = problem.but(bounds={"x": (None, 0.9)})
     assert dmoc.solve(beyond, "ipm", starts=1).status == "infeasible"
+
+
+@pytest.mark.slow
+def test_the_motion_of_an_infeasible_problem_is_that_of_its_conflicts() -> None:
+    """A ball that falls 1 m, loses a fifth of its speed, and is to rest after a second: the time is
+    kept, and the speed is what the law of falling bodies says."""
+    y, t = dynamicsymbols("y"), dynamicsymbols._t
+    system = dmoc.MechanicalSystem(
+        "missed_rest", [y], y.diff(t) ** 2 / 2 - 9.81 * y, surfaces={"floor": y >= 0}, cost=1
+    )
+    problem = dmoc.Problem(
+        system, {y: 1}, {"y_dot": 0}, sequence=["floor"], restitution=0.8, final_time=1, steps=20
+    )
+    solution = dmoc.solve(problem, "ipm", starts=2)
+    fall = np.sqrt(2 / 9.81)
+    speed = 0.8 * 9.81 * fall - 9.81 * (1 - fall)
+    assert solution.status == "infeasible" and solution.final_time == pytest.approx(1.0)
+    assert solution.phases[-1].v[-1, 0] == pytest.approx(speed, rel=1e-3)
+    assert f"the goal of p_y is missed by {abs(speed):.3g}" in solution.conflicts
