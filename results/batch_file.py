@@ -105,6 +105,10 @@ FILE = ResultFile(
     "file of a batch",
     "solve the problems again",
     "Batch.save",
+    foreign={
+        "solution": "the file of a solution: read it with dmoc.Solution.load, or give one that "
+        "Batch.save has written"
+    },
     excess=lambda _, length: (
         f"the batch has {length} characters of messages, a file holds {LARGEST_TEXT}: write it "
         "with to_csv."

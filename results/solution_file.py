@@ -369,6 +369,10 @@ FILE = ResultFile(
     "solution file",
     "solve the problem again",
     "`dmoc solve --out`",
-    foreign={"simulation_format": f"the file of a simulation: {REMEDY}"},
+    foreign={
+        "simulation_format": f"the file of a simulation: {REMEDY}",
+        "batch_format": "the file of a batch, which has no motions: read it with dmoc.Batch.load, "
+        "or solve with keep=True and save its solutions",
+    },
     as_now=_as_now,
 )

@@ -72,9 +72,9 @@ def test_every_damage_to_a_file_is_a_sentence(batch: dmoc.Batch) -> None:
 
 def test_what_is_no_file_of_a_batch_is_refused(batch: dmoc.Batch, tmp_path: Path) -> None:
     solution = dmoc.solve(block_and_wall.problem(0.8, 8), verify=False)
-    with pytest.raises(SolutionFileError, match="damaged or no file of a batch"):
+    with pytest.raises(SolutionFileError, match="is the file of a solution: read it with dmoc"):
         dmoc.Batch.load(solution.save(tmp_path / "solution.npz"))
-    with pytest.raises(SolutionFileError, match="damaged or no solution file"):
+    with pytest.raises(SolutionFileError, match="is the file of a batch, which has no motions"):
         dmoc.Solution.load(batch.save(tmp_path / "table.npz"))
 
 
