@@ -78,10 +78,10 @@ def _note_of_depth(tree: Tree, nodes: Sequence[Node], best: Node | None, noun: s
     least = min(by_depth[:-1])
     if not by_depth[depth] < least:
         return []
-    all_ = f"all {depth} {noun}s" if depth > 1 else f"the one {noun}"
+    every = f"all {depth} {noun}s" if depth > 1 else f"the one {noun}"
     fewer = f"with fewer {least:.6g}" if np.isfinite(least) else "none with fewer is confirmed"
     return [
-        f"the best sequence has {all_} (cost {by_depth[depth]:.6g}, {fewer}): more may cost less"
+        f"the best sequence has {every} (cost {by_depth[depth]:.6g}, {fewer}): more may cost less"
     ]
 
 

@@ -54,10 +54,10 @@ def _completed(
     tolerance, further = request.tolerance, of_mesh.compiled()
 
     def solve(verify: bool, problem: Problem, motion: Solution) -> Solution:
-        return solved_from(problem, motion, replace(further, verify=verify))
+        return _finished(solved_from(problem, motion, replace(further, verify=verify)))
 
     def few(problem: Problem) -> Solution:
-        return best_on_mesh(problem, None, replace(request.compiled(), starts=FEW))
+        return _finished(best_on_mesh(problem, None, replace(request.compiled(), starts=FEW)))
 
     def kept(answer: Solution) -> Solution:
         return ended(problem, answer, partial(solve, False), few)
@@ -80,6 +80,13 @@ def _completed(
     if answer.status is Status.INFEASIBLE and _may_touch(problem):
         answer = saying(answer, NO_EVENT)
     return answer if answer.proposal is None else saying(answer, str(answer.proposal))
+
+
+def _finished(solution: Solution) -> Solution:
+    """A solution of another problem; one that Ctrl-C has ended breaks off the answer too."""
+    if solution.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return solution
 
 
 def _may_touch(problem: Problem) -> bool:

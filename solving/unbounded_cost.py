@@ -107,7 +107,7 @@ def ended(
             if answer.max_violation > KEPT:  # what diverges is no motion
                 answer = _with_starts(ends[2], answer)
             return _running_away(answer, name, (costs[1], most[1]), (costs[2], most[2]))
-    if again.cost < FAR * answer.cost and again.max_violation <= KEPT:
+    if again is not answer and again.cost < FAR * answer.cost and again.max_violation <= KEPT:
         farthest = {name: reached for name, _, _, reached in _running(problem, again)}
         for name, _, _, reached in running:
             if farthest.get(name, 0.0) > TWICE * reached:

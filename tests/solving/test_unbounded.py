@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -9,6 +10,8 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.solvers.outcome import Status
+from dmoc.solving import answer
 
 pytestmark = pytest.mark.slow
 
@@ -155,3 +158,27 @@ def test_a_time_without_a_least_one_is_told(sequence: list[str]) -> None:
     assert solution.status == "stalled" and "it falls as u grows" in solution.message
     limited = dmoc.solve(problem.but(sequence=[], bounds={u: (-1e6, 1e6)}), "ipm")
     assert limited.solved and limited.cost == pytest.approx(2 * (0.9 / 1e6) ** 0.5, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("work", "name"),
+    [("solved_from", "effort and time"), ("best_on_mesh", "a price of the place")],
+)
+def test_ctrl_c_in_a_solve_that_follows_ends_the_answer(
+    work: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Be it a solve from the end of the first motion or one afresh: none comes after it."""
+    goal, order, fields, _ = ENDLESS[name]
+    problem, solve, before = sled(goal, order, **fields), getattr(answer, work), 0
+
+    def interrupted(*arguments: Any) -> dmoc.Solution:
+        nonlocal before
+        before += 1
+        solution: dmoc.Solution = solve(*arguments)
+        first = work == "best_on_mesh" and before == 1
+        return solution if first else replace(solution, status=Status.INTERRUPTED)
+
+    monkeypatch.setattr(answer, work, interrupted)
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.status == "interrupted" and "interrupted" in solution.message
+    assert before == (2 if work == "best_on_mesh" else 1)
