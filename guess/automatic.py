@@ -23,11 +23,11 @@ from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import standing
 from dmoc.guess.hits import through_hits, with_hidden
+from dmoc.guess.limit_excess import is_limited, largest_excess
 from dmoc.guess.tracking import Choice, March, Tracker, resting
 from dmoc.guess.transfer import on_mesh
 from dmoc.guess.waypoints import Waypoints, end_velocity
 from dmoc.problem.problem import Problem
-from dmoc.program.force_values import quantity_inputs
 from dmoc.program.layout import Layout
 from dmoc.program.scaling import cost_of, scale_of
 from dmoc.program.transcription import Transcription
@@ -122,8 +122,8 @@ def _trials(
     of velocities and quantities that the problem has; excesses that are no numbers where a motion
     grows without bound or the deadline has passed."""
     problem = tracker.problem
-    said = problem.limits or problem.kernels.integrals or problem.model.has_objective
-    if not (said or deadline.passed):
+    beyond_marcher = is_limited(problem) or problem.model.has_objective
+    if not (beyond_marcher or deadline.passed):
         return tracker.trials(choice, times, steps)
     excess, cost = np.full((2, len(times)), np.nan)
     coarse = problem.meshed(steps)
@@ -135,26 +135,9 @@ def _trials(
         motion = tracker.march(plan, choice, steps)
         if motion is not None:
             x = _unknowns(coarse, lay, plan, motion)
-            excess[i] = max(motion.excess, _excess(coarse, lay, x))
+            excess[i] = max(motion.excess, largest_excess(coarse, lay, x))
             cost[i] = cost_of(coarse, lay, x)
     return excess, cost
-
-
-def _excess(problem: Problem, lay: Layout, x: Array) -> float:
-    """Largest excess of a velocity, a quantity or a total over its bounds, relative to both."""
-    step, box = lay.step_inputs(x), [problem.velocity_bounds, problem.total_bounds]
-    values = [np.diff(x[lay.index_q], axis=0) / step[4], x[lay.index_totals]]
-    if problem.kernels.quantities:
-        z = problem.model.path(quantity_inputs(problem, lay, x), "quantity")
-        values.append(z.reshape(-1, problem.model.nz))
-        box.append(problem.quantity_bounds)
-    most = 0.0
-    for value, (low, high) in zip(values, (b.T for b in box), strict=True):
-        over = np.maximum(low - value, value - high)
-        limit = np.where(low - value > value - high, low, high)
-        size = np.abs(value) + np.abs(np.where(np.isfinite(limit), limit, 0.0))
-        most = max(most, float((over / np.where(size > 0, size, 1.0)).max(initial=0.0)))
-    return most
 
 
 def _choices(

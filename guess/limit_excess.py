@@ -1,0 +1,58 @@
+"""How far a motion exceeds the limits of its velocities, quantities and totals, and those that path
+constraints set to velocities and inputs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.program.force_values import quantity_inputs
+from dmoc.program.layout import Layout
+
+
+def is_limited(problem: Problem) -> bool:
+    """Whether there are such limits beside those of the inputs."""
+    return bool(problem.limits or problem.kernels.integrals or len(_limiting_rows(problem)))
+
+
+def largest_excess(problem: Problem, lay: Layout, x: Array) -> float:
+    """Largest excess of a velocity, a quantity, a total or a path constraint over its limit,
+    relative to both."""
+    step = lay.step_inputs(x)
+    rates = np.diff(x[lay.index_q], axis=0) / step[4]
+    values, boxes = [rates, x[lay.index_totals]], [problem.velocity_bounds, problem.total_bounds]
+    if problem.kernels.quantities:
+        z = problem.model.path(quantity_inputs(problem, lay, x), "quantity")
+        values.append(z.reshape(-1, problem.model.nz))
+        boxes.append(problem.quantity_bounds)
+    most = _path_excess(problem, step, rates)
+    for value, (low, high) in zip(values, (box.T for box in boxes), strict=True):
+        over = np.maximum(low - value, value - high)
+        limit = np.where(low - value > value - high, low, high)
+        size = np.abs(value) + np.abs(np.where(np.isfinite(limit), limit, 0.0))
+        most = max(most, _largest(over, size))
+    return most
+
+
+def _path_excess(problem: Problem, step: list[Array], rates: Array) -> float:
+    """That of the path constraints on velocities or inputs, beside their values at rest without
+    inputs: those of |u| <= 5 are |u| and 5."""
+    rows = _limiting_rows(problem)
+    if not rows:
+        return 0.0
+    q_k, q_kp1, u_k, u_kp1, h, t_k, _ = step
+    q, u, t = (q_k + q_kp1) / 2, (u_k + u_kp1) / 2, (t_k + h / 2)[:, 0]
+    kept = problem.model.path_at(q, rates, u, t)[:, rows]
+    idle = problem.model.path_at(q, np.zeros_like(q), np.zeros_like(u), t)[:, rows]
+    return _largest(-kept, np.abs(kept - idle) + np.abs(idle))
+
+
+def _limiting_rows(problem: Problem) -> list[int]:
+    """Path constraints that contain velocities or inputs."""
+    rows = problem.kernels.manifest["path_limits"]
+    return [i for i, row in enumerate(rows) if row["velocities"] or row["inputs"]]
+
+
+def _largest(over: Array, size: Array) -> float:
+    return float((over / np.where(size > 0, size, 1.0)).max(initial=0.0))
