@@ -122,22 +122,30 @@ def _sizes_at_ends(problem: Problem) -> Array:
 
 
 def _check_path(problem: Problem, end: str, boundary: Boundary) -> None:
-    """Refuse a fixed end that path constraints do not allow, at any time."""
-    place, rows = boundary.position, problem.kernels.manifest["path_limits"]
-    if problem.measured or problem.design or not rows or (place[:, 0] != place[:, 1]).any():
+    """Refuse fixed values of an end that path constraints do not allow; those on inputs are up to
+    the solver, and a measured start is what it is."""
+    if problem.measured or problem.design or not problem.kernels.manifest["path_limits"]:
         return
-    q = place[:, 0]
-    v = fixed_velocity(boundary, problem, q)
-    at = q, np.zeros(problem.nq) if v is None else v, np.zeros(problem.nu), 0.0
+    fixed = boundary.position[:, 0] == boundary.position[:, 1]
+    q = np.where(fixed, boundary.position[:, 0], 0.0)
+    v = fixed_velocity(boundary, problem, q) if fixed.all() else None
+    t = 0.0 if end == "start" else _fixed_end_time(problem)
+    at = q, np.zeros(problem.nq) if v is None else v, np.zeros(problem.nu), t or 0.0
     kept, scale = problem.model.path_at(*at), problem.model.path_terms(*at)
+    rows = problem.kernels.manifest["path_limits"]
     for row, value, size in zip(rows, kept, scale, strict=True):
-        if row["inputs"] or row["time"] or (v is None and row["velocities"]):
-            continue
-        if value < -KEPT * size:
+        unknown = row["inputs"] or (v is None and row["velocities"]) or (t is None and row["time"])
+        if not unknown and fixed[row["coordinates"]].all() and value < -KEPT * size:
             raise ProblemError(
                 f"path constraint {row['name']!r} is violated by {-value:g} at the {end}, which is "
                 f"fixed: change the {end} or the constraint."
             )
+
+
+def _fixed_end_time(problem: Problem) -> float | None:
+    """The time at the goal, where it is fixed."""
+    low, high = problem.final_time_bounds
+    return float(low) if low == high else None
 
 
 def _check_leaving(problem: Problem, q: Array, j: int, state: str) -> None:

@@ -70,8 +70,8 @@ class Problem(Shown):
         ("p_alpha") or a quantity of the model; SymPy symbols serve as names.  A number fixes a
         value, a pair bounds it (None for no bound), None leaves it free.  Every position must be
         given at the start, unless it is periodic or the constraints of the model decide it; a
-        velocity that is not given there is zero, or what they make of others.  At the goal, what is
-        not given is free.
+        velocity that is not given there is zero, or what they make of the others and of the time.
+        At the goal, what is not given is free.
     sequence : sequence of str
         What happens between the phases, in its order; empty for a motion of one phase.  "wall" is
         hit and released; if the model gives it friction, "wall:slip+" and "wall:slip-" say that it

@@ -23,6 +23,7 @@ pytestmark = pytest.mark.slow
 
 X, U = dynamicsymbols("x u")
 v = X.diff()
+T = dynamicsymbols._t
 P = sp.Symbol("P")
 FORMS = [(order, form) for order, d in DISCRETISATIONS.items() for form in d.controls]
 FORMS += [(2, "linear")] * ((2, "linear") not in FORMS)
@@ -246,3 +247,46 @@ def test_a_fixed_end_that_a_path_constraint_does_not_allow_is_refused(
     problem = dmoc.Problem(kernels("ends", 2), **ends, steps=5, final_time=1.0)
     with pytest.raises(ProblemError, match=words):
         problem.but(**{field: state})
+
+
+@pytest.mark.parametrize(
+    ("limit", "fields", "words"),
+    [
+        (X <= 5 * T - 7, {}, "violated by 7 at the start"),
+        (X <= T - 1, {}, "violated by 1 at the start"),
+        (v >= 1 - T, {}, "violated by 1 at the start"),
+        (X >= 1 - T, {"start": {"x": (0, 0.5)}}, None),
+        (X <= T - 1, {"start": {"x": 0, "x_dot": None}}, "violated by 1 at the start"),
+        (X <= 2 - T, {}, "violated by 1 at the goal"),
+        (X <= 2 - T, {"final_time": (0.5, 3)}, None),
+        (X <= 2 - T, {"final_time": 1}, None),
+        (X <= 2 - T, {"goal": {}}, None),
+        (U <= T - 1, {}, None),
+    ],
+)
+def test_a_fixed_end_is_compared_with_constraints_of_its_time(
+    limit: Any, fields: dict[str, Any], words: str | None
+) -> None:
+    """The time is 0 at the start, and that at the goal where it is fixed."""
+    system = dmoc.MechanicalSystem(
+        "timed", [X], v**2 / 2, inputs=[U], forces={X: U}, path_constraints={"p": limit}
+    )
+    stated = {"start": {"x": 0}, "goal": {"x": 1}, "final_time": 2.0, "steps": 5} | fields
+    if words is None:
+        dmoc.Problem(dmoc.build(system), **stated)
+        return
+    with pytest.raises(ProblemError, match=words):
+        dmoc.Problem(dmoc.build(system), **stated)
+
+
+def test_coordinates_that_a_constraint_leaves_out_may_be_free_at_its_end() -> None:
+    """x is fixed at the start, y is not."""
+    y = dynamicsymbols("y")
+    system = dmoc.MechanicalSystem(
+        "beside", [X, y], (v**2 + y.diff() ** 2) / 2, inputs=[U], forces={X: U},
+        path_constraints={"p": X >= 1, "q": y >= 1},
+    )  # fmt: skip
+    kernels = dmoc.build(system)
+    with pytest.raises(ProblemError, match="'p' is violated by 1 at the start"):
+        dmoc.Problem(kernels, {"x": 0, "y": None}, steps=5)
+    dmoc.Problem(kernels, {"x": 1, "y": None}, steps=5)
