@@ -17,7 +17,7 @@ from dmoc.mechanics.impulse_response import unknown_in_impacts
 from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.derived import once
-from dmoc.problem.design import by_design
+from dmoc.problem.design import by_design, moves_by_design
 from dmoc.problem.reach import gap_sizes, rate_sizes
 
 # An input without a bound, where the sign of friction is looked at.
@@ -124,17 +124,19 @@ def _sizes_at_ends(problem: Problem) -> Array:
 def _check_path(problem: Problem, end: str, boundary: Boundary) -> None:
     """Refuse fixed values of an end that path constraints do not allow; those on inputs are up to
     the solver, and a measured start is what it is."""
-    if problem.measured or problem.design or not problem.kernels.manifest["path_limits"]:
+    rows, chosen = problem.kernels.manifest["path_limits"], by_design(problem, "path_limit")
+    if problem.measured or not rows:
         return
     fixed = boundary.position[:, 0] == boundary.position[:, 1]
     q = np.where(fixed, boundary.position[:, 0], 0.0)
-    v = fixed_velocity(boundary, problem, q) if fixed.all() else None
+    moves = not fixed.all() or moves_by_design(problem, boundary)
+    v = None if moves else fixed_velocity(boundary, problem, q)
     t = 0.0 if end == "start" else _fixed_end_time(problem)
     at = q, np.zeros(problem.nq) if v is None else v, np.zeros(problem.nu), t or 0.0
     kept, scale = problem.model.path_at(*at), problem.model.path_terms(*at)
-    rows = problem.kernels.manifest["path_limits"]
-    for row, value, size in zip(rows, kept, scale, strict=True):
-        unknown = row["inputs"] or (v is None and row["velocities"]) or (t is None and row["time"])
+    for row, free, value, size in zip(rows, chosen, kept, scale, strict=True):
+        unknown = free or row["inputs"] or (row["velocities"] and v is None)
+        unknown |= row["time"] and t is None
         if not unknown and fixed[row["coordinates"]].all() and value < -KEPT * size:
             raise ProblemError(
                 f"path constraint {row['name']!r} is violated by {-value:g} at the {end}, which is "

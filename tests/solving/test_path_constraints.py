@@ -279,6 +279,16 @@ def test_a_fixed_end_is_compared_with_constraints_of_its_time(
         dmoc.Problem(dmoc.build(system), **stated)
 
 
+def test_a_constraint_on_the_design_is_not_compared_with_a_fixed_end() -> None:
+    """The solver chooses P, and with it whether x may be 0; it does not choose the other one."""
+    system = dmoc.MechanicalSystem(
+        "chosen", [X], v**2 / 2, {P: 1.0}, [U], {X: U}, path_constraints={"p": X >= P, "q": X <= 1}
+    )
+    dmoc.Problem(system, {"x": 0}, steps=5, design={"P": (-1, 2)})
+    with pytest.raises(ProblemError, match="'q' is violated by 1 at the start"):
+        dmoc.Problem(system, {"x": 2}, steps=5, design={"P": (-1, 2)})
+
+
 def test_coordinates_that_a_constraint_leaves_out_may_be_free_at_its_end() -> None:
     """x is fixed at the start, y is not."""
     y = dynamicsymbols("y")
