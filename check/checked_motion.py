@@ -18,11 +18,11 @@ from dmoc.base.records import record
 from dmoc.check.arcs import allowance, arcs_of
 from dmoc.check.passages import EventPassage, passage_of
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.mechanics.coefficients import check_coefficients
 from dmoc.mechanics.contact_mode import Mode, mode_by_names
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row, restitution_row
-from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import Phase, Trajectory
 from dmoc.simulation.flow import Flow, Steps
 from dmoc.simulation.sizes import Nodes, Sizes, inertia_along, nodes_of, sizes_of

@@ -14,11 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dmoc.base.arguments import ErrorKind
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import STICK
-from dmoc.mechanics.model import Model
 
 
 class Returned(NamedTuple):
@@ -28,17 +26,6 @@ class Returned(NamedTuple):
     stopping: Array
     impulses: Array
     friction: int
-
-
-def check_coefficients(model: Model, error: ErrorKind) -> None:
-    """Refuse coefficients of tangential restitution that create energy."""
-    for k in model.tangential.values():
-        e_t = float(model.tangential_restitution[k])
-        if not -1 <= e_t <= 1:
-            raise error(
-                f"the tangential restitution of {model.kernels.tangents[k]!r} is {e_t:g}: expected "
-                "-1 (smooth) to 1 (a superball), more creates energy; check the parameters."
-            )
 
 
 def is_bound(A: Array) -> bool:

@@ -12,9 +12,9 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.tolerances import KEPT, ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import is_positive
+from dmoc.mechanics.coefficients import check_coefficients
 from dmoc.mechanics.contact_mode import STICK
 from dmoc.mechanics.impulse_response import unknown_in_impacts
-from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.derived import once
 from dmoc.problem.design import by_design, moves_by_design
@@ -187,16 +187,10 @@ def end_speeds_of(problem: Problem) -> Array:
 def _check_contacts(problem: Problem) -> None:
     """Refuse what contacts that last cannot be: redundant, with a negative friction, or closed at a
     start that is off them."""
-    model, kernels = problem.model, problem.kernels
-    for where, at in {"": problem, **problem.design_ends}.items():
-        for name, value in zip(kernels.tangents, at.model.friction, strict=True):
-            if value < 0:
-                raise ProblemError(
-                    f"the friction of {name!r} is {value:g}{where.rstrip(',')}: expected 0 or a "
-                    f"positive number; {AWAY if where else 'check the parameters'}."
-                )
+    check_coefficients(problem.model, ProblemError)
+    for where, at in problem.design_ends.items():
+        check_coefficients(at.model, ProblemError, where.rstrip(","), AWAY)
     _check_varying_friction(problem)
-    check_coefficients(model, ProblemError)
     if not problem.held:
         return
     _check_joined(problem, "start", problem.start_bounds)
@@ -208,24 +202,17 @@ def _check_contacts(problem: Problem) -> None:
 
 
 def _check_varying_friction(problem: Problem) -> None:
-    """Refuse pairs of coefficients at order 2 and the wrong way round, friction that inputs within
-    their bounds make negative, and impacts in which it would depend on them."""
+    """Refuse pairs of coefficients at order 2, friction that inputs within their bounds make
+    negative, and impacts in which it would depend on them."""
     model, touch = problem.model, problem.touch
     names, bounds = problem.kernels.inputs, problem.input_bounds
-    for k in np.flatnonzero(model.paired).tolist():
-        static, kinetic = model.static_friction[k], model.friction[k]
-        name = problem.kernels.tangents[k]
-        if problem.order < LEAST_ORDER_OF_PAIRS:
-            raise ProblemError(
-                f"the friction of {name!r} is a pair (static, kinetic): the moment at which it "
-                f"breaks away asks for order {LEAST_ORDER_OF_PAIRS} or more; take the kernels of "
-                f"dmoc.build(system, order={LEAST_ORDER_OF_PAIRS})."
-            )
-        if static < kinetic:
-            raise ProblemError(
-                f"the static friction of {name!r} is {static:g}, below the kinetic one, "
-                f"{kinetic:g}: expected the larger one first; check the parameters."
-            )
+    if model.paired.any() and problem.order < LEAST_ORDER_OF_PAIRS:
+        name = problem.kernels.tangents[int(np.argmax(model.paired))]
+        raise ProblemError(
+            f"the friction of {name!r} is a pair (static, kinetic): the moment at which it breaks "
+            f"away asks for order {LEAST_ORDER_OF_PAIRS} or more; take the kernels of "
+            f"dmoc.build(system, order={LEAST_ORDER_OF_PAIRS})."
+        )
     for k, row in model.varying_friction.items():
         for j, side in np.ndindex(bounds.shape) if row["inputs"] else ():
             u = np.clip(np.zeros(model.nu), *bounds.T)

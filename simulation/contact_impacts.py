@@ -17,6 +17,7 @@ from dmoc.mechanics.contact_mode import FREE, STICK, Mode
 from dmoc.mechanics.impulse_response import unknown_in_impacts
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import Reaction, conditions
+from dmoc.simulation.friction_at import check_impact
 from dmoc.simulation.hit_coefficients import hit_coefficients, several_by_law
 from dmoc.simulation.mode_choice import Blow, Place, plastic_blow
 from dmoc.simulation.simultaneous_impacts import NOISE, simultaneous
@@ -56,6 +57,7 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
             f"{unknown}: there is one at t = {at.t:.6g} s; stop before it, or give the surface "
             "friction without them."
         )
+    check_impact(model, q, at.t, on)
     hit = [j for j in on if rates[j] > at.small.rate[j]]
     e, dies = _effective(model, at, reaction, restitution, h)
     if returning := [j for j in hit if j in model.tangential and not dies[j]]:

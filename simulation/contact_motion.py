@@ -24,7 +24,8 @@ from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import FRICTION_WORDS, Collision
 from dmoc.simulation.contact_impacts import struck
 from dmoc.simulation.contact_modes import borne, limits, slack
-from dmoc.simulation.mode_choice import Hints, Place, Setting, mode_at, with_friction
+from dmoc.simulation.friction_at import with_friction
+from dmoc.simulation.mode_choice import Hints, Place, Setting, mode_at
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.tolerances import Reach, reached, tolerances
 

@@ -15,9 +15,9 @@ from dmoc.base.names import velocity_name
 from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.mechanics.coefficients import check_coefficients
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import by_name, parameter_row, restitution_row
-from dmoc.mechanics.tangential import check_coefficients
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_modes import names_without_effect
 from dmoc.simulation.contact_motion import (

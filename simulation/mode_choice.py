@@ -31,6 +31,7 @@ from dmoc.simulation.contact_modes import (
     conditions,
     spread,
 )
+from dmoc.simulation.friction_at import with_friction
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.tolerances import Tolerances
 
@@ -71,31 +72,6 @@ class Hints:
 
     opening: tuple[int, ...] = ()
     slipping: tuple[tuple[int, int], ...] = ()
-
-
-def with_friction(model: Model, y: Array, u: Array, t: Array, on: Sequence[int]) -> Model:
-    """The model with its friction at rows of states (q | v).
-
-    Raises
-    ------
-    SimulationError
-        If that of a rail, or of a surface that is touched, is negative or not a number.
-    """
-    q, v = (np.ascontiguousarray(part) for part in np.split(y[:, : 2 * model.nq], 2, axis=1))
-    model = model.with_friction_at(q, v, u, t)
-    least = np.minimum(model.friction, model.static_friction)
-    for k in model.varying_friction:
-        row = int(np.argmin(least[:, k]))
-        value = least[row, k]
-        if not value >= 0 and model.supports[k] in (RAIL, *on):
-            place = zip(model.kernels.coordinates, q[row], strict=True)
-            shown = ", ".join(f"{name} = {x:.6g}" for name, x in place)
-            raise SimulationError(
-                f"the friction of {model.kernels.tangents[k]!r} is {value:.6g} at t = "
-                f"{t[row]:.6g} s, {shown}: expected 0 or a positive number; state an expression "
-                "that stays there, or change inputs and parameters."
-            )
-    return model
 
 
 Trial = Callable[[Mode, tuple[int, ...]], bool]
