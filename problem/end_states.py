@@ -124,9 +124,13 @@ def _sizes_at_ends(problem: Problem) -> Array:
 def _check_path(problem: Problem, end: str, boundary: Boundary) -> None:
     """Refuse fixed values of an end that path constraints do not allow; those on inputs are up to
     the solver, and a measured start is what it is."""
-    rows, chosen = problem.kernels.manifest["path_limits"], by_design(problem, "path_limit")
+    rows = problem.kernels.manifest["path_limits"]
     if problem.measured or not rows:
         return
+    smooth = zip(
+        problem.kernels.manifest["path_rows"], by_design(problem, "path_point"), strict=True
+    )
+    chosen = {row["name"] for row, depends in smooth if depends}
     fixed = boundary.position[:, 0] == boundary.position[:, 1]
     q = np.where(fixed, boundary.position[:, 0], 0.0)
     moves = not fixed.all() or moves_by_design(problem, boundary)
@@ -134,8 +138,8 @@ def _check_path(problem: Problem, end: str, boundary: Boundary) -> None:
     t = 0.0 if end == "start" else _fixed_end_time(problem)
     at = q, np.zeros(problem.nq) if v is None else v, np.zeros(problem.nu), t or 0.0
     kept, scale = problem.model.path_at(*at), problem.model.path_terms(*at)
-    for row, free, value, size in zip(rows, chosen, kept, scale, strict=True):
-        unknown = free or row["inputs"] or (row["velocities"] and v is None)
+    for row, value, size in zip(rows, kept, scale, strict=True):
+        unknown = row["inputs"] or (row["velocities"] and v is None) or row["name"] in chosen
         unknown |= row["time"] and t is None
         if not unknown and fixed[row["coordinates"]].all() and value < -KEPT * size:
             raise ProblemError(
