@@ -99,17 +99,25 @@ def choice(value: Any, what: str, choices: Iterable[str], error: ErrorKind = Pro
 
 
 def check_known(
-    name: str, among: Iterable[str], what: str, where: str = "", error: ErrorKind = ProblemError
+    name: str,
+    among: Iterable[str],
+    what: str,
+    where: str = "",
+    error: ErrorKind = ProblemError,
+    hint: str = "",
 ) -> None:
-    """Check that a name is one of those known; the message shows the nearest of them."""
+    """Check that a name is one of those known; the message shows a hint, or the nearest of them."""
     names = list(among)
     if name not in names:
         import difflib  # which only a mistake needs
 
         close = difflib.get_close_matches(name[:LONGEST_TEXT], names, 1)
-        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        hint = hint or (f"did you mean {close[0]!r}?" if close else "")
         listed = f"expected one of {', '.join(names)}" if names else "the model has none"
-        raise error(f"unknown {what} {shown(name)}{' ' + where if where else ''}: {listed}{hint}.")
+        raise error(
+            f"unknown {what} {shown(name)}{' ' + where if where else ''}: {listed}"
+            f"{f' ({hint})' if hint else ''}."
+        )
 
 
 def text(value: Any, what: str, error: ErrorKind = ProblemError) -> str:

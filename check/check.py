@@ -22,6 +22,7 @@ import numpy as np
 from dmoc.base.arguments import positive, shown
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import SimulationError
+from dmoc.base.signatures import public
 from dmoc.check.amplification import carried
 from dmoc.check.checked_motion import Motion
 from dmoc.check.consistency import plan_errors
@@ -38,6 +39,7 @@ from dmoc.motion.trajectory import Trajectory
 __all__ = ["Verification", "verify"]
 
 
+@public(SimulationError)
 def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = None) -> Verification:
     """Simulate a motion independently and compare.
 

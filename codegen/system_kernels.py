@@ -11,6 +11,7 @@ from dmoc.base.discretisation import known_order
 from dmoc.base.errors import BuildError, ModelError, ProblemError
 from dmoc.base.names import bounded_momentum, momentum_name, name_of
 from dmoc.base.progress import Listener, listener
+from dmoc.base.signatures import public
 from dmoc.codegen.build import build_cached, numpy_kernels
 from dmoc.codegen.kernels import Kernels
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 BACKENDS = ("auto", "compiled", "numpy")
 
 
+@public(ModelError)
 def build(
     system: MechanicalSystem,
     *,

@@ -11,6 +11,7 @@ import numpy as np
 from dmoc.base.arguments import check_known, listed, number, positive, shown, whole
 from dmoc.base.errors import SimulationError
 from dmoc.base.records import record
+from dmoc.base.signatures import public
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
 
@@ -19,6 +20,7 @@ MOST_SAMPLES = 1_000_000  # minutes
 WHOLE = 1e-6  # of a sample, by which a delay may be off whole ones
 
 
+@public(SimulationError)
 @dataclass(frozen=True)
 class Disturbance:
     """What disturbs a motion in :func:`dmoc.simulate`, beside its ``parameters`` and

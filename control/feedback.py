@@ -16,6 +16,7 @@ from dmoc.base.arguments import array, check_known, is_number, number, positive,
 from dmoc.base.errors import SimulationError
 from dmoc.base.files import write_whole
 from dmoc.base.names import velocity_name
+from dmoc.base.signatures import public
 from dmoc.base.table import Cell, Shown, Table
 from dmoc.check.checked_motion import Motion
 from dmoc.check.segments import put
@@ -68,6 +69,7 @@ class Guide:
     K: Array
 
 
+@public(SimulationError)
 @dataclass(frozen=True, eq=False)
 class Feedback(Shown):
     """Result of :func:`dmoc.feedback`: inputs u = u_ref(t) - K(t) (y - y_ref(t)) of each phase,

@@ -18,6 +18,7 @@ from dmoc.base.arguments import array, is_number, listed, number, positive, show
 from dmoc.base.errors import BuildError, ProblemError
 from dmoc.base.messages import path as path_of
 from dmoc.base.messages import place
+from dmoc.base.signatures import public
 from dmoc.base.tolerances import ITERATIONS
 from dmoc.codegen.kernels import Array
 from dmoc.export.library import library_of, sources_in
@@ -38,6 +39,7 @@ MOST_ITERATIONS = 2**31 - 1
 MOST_INSTANCES, MOST_THREADS, MOST_STARTS, MOST_SEED = 1_000_000, 1024, 1_000_000, 2**63
 
 
+@public(ProblemError)
 class LoadedSolver:
     """A solver in C with its numbers, as :func:`load_solver` returns it.
 
@@ -337,6 +339,7 @@ def _difference(stated: Any) -> Any:
     return stated[1] if pair and not (stated[0] is None or is_number(stated[0])) else stated
 
 
+@public(BuildError)
 def load_solver(folder: str | os.PathLike[str]) -> LoadedSolver:
     """Compile and load the folder that :func:`generate_solver` has written; nothing is written to
     it.

@@ -19,6 +19,7 @@ from dmoc.base.arguments import place
 from dmoc.base.errors import BuildError, MissingExtraError, OutputError, ProblemError
 from dmoc.base.files import check_file, write_whole
 from dmoc.base.names import velocity_name
+from dmoc.base.signatures import public
 from dmoc.codegen.compiler import packaged
 from dmoc.export.numbers import Number
 from dmoc.export.program_text import CarriedProgram
@@ -54,6 +55,7 @@ SIDES = {None: "", 0: "least ", 1: "most "}
 LEAST, MOST = 0.1, 2.0
 
 
+@public(ProblemError)
 def generate_page(
     problem: Problem, path: str | os.PathLike[str], *, guess: InitialGuess = None
 ) -> Path:

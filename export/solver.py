@@ -20,6 +20,7 @@ from dmoc.base.errors import OutputError, ProblemError
 from dmoc.base.files import check_folder, write_whole
 from dmoc.base.messages import path as path_of
 from dmoc.base.messages import place
+from dmoc.base.signatures import public
 from dmoc.base.tolerances import ITERATIONS
 from dmoc.codegen.build import header, sources
 from dmoc.codegen.kernels import Array
@@ -79,6 +80,7 @@ TAKEN = re.compile(
 )
 
 
+@public(ProblemError)
 def generate_solver(
     problem: Problem | Planner,
     folder: str | os.PathLike[str],

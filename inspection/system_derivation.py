@@ -16,6 +16,7 @@ from dmoc.base.errors import ModelError, OutputError, ProblemError
 from dmoc.base.files import write_whole
 from dmoc.base.html import page, paragraph, section, sparsity
 from dmoc.base.names import name_of
+from dmoc.base.signatures import public
 from dmoc.base.table import Table, html_of
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.operation_counts import count_of
@@ -37,6 +38,7 @@ AGREES = 1e-9
 ENDINGS = (".html", ".tex", ".txt")
 
 
+@public(OutputError)
 @dataclass(frozen=True, repr=False)
 class SystemDerivation(Derivation):
     """Result of :func:`dmoc.derive`: the steps from the Lagrangian to the derivatives of the
@@ -86,6 +88,7 @@ class SystemDerivation(Derivation):
         return write_whole(target, made().encode())
 
 
+@public(ModelError)
 def derive(
     system: MechanicalSystem, order: int = 2, *, expanded: bool = False, design: Sequence[str] = ()
 ) -> SystemDerivation:

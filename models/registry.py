@@ -20,6 +20,7 @@ from dmoc.base.discretisation import known_order
 from dmoc.base.errors import DmocError, ModelError
 from dmoc.base.messages import LONGEST_PATH
 from dmoc.base.progress import Listener
+from dmoc.base.signatures import public
 from dmoc.codegen.build import load_installed
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.system_kernels import build as build
@@ -46,6 +47,7 @@ class Reference:
         return replace(self.made(order, progress), reference=self.name)
 
 
+@public(ModelError)
 def find(reference: str) -> Reference:
     """Resolve the name of a shipped model or problem, or ``file.py:name``.
 
@@ -97,6 +99,7 @@ def find(reference: str) -> Reference:
     )
 
 
+@public(ModelError)
 def load(reference: str, *, order: int | None = None) -> Kernels:
     """Return the kernels of a shipped model, or of ``file.py:name``; needs no SymPy for an
     installed model.

@@ -12,6 +12,7 @@ import numpy as np
 from dmoc.base.arguments import choice, number, positive, shown, whole
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ProblemError
+from dmoc.base.signatures import public
 from dmoc.codegen.kernels import Array
 from dmoc.control.controller import Measured, digest_of
 from dmoc.guess.transfer import pieces_of, unknowns_along
@@ -51,6 +52,7 @@ NEARLY = 2 * SHORTEST_PHASE
 LATE = 0.5
 
 
+@public(ProblemError)
 class Planner:
     """Plans the rest of a motion from measured states.
 

@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeVar
+
+from dmoc.base.errors import ProblemError
+from dmoc.base.signatures import check_argument
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
 
 T = TypeVar("T")
 MADE = "_made"  # the attribute in which a problem keeps what follows from it
+
+
+def unread(problem: Problem, changes: Mapping[str, Any]) -> Problem:
+    """The same problem with some fields replaced by values that are not read."""
+    names = [item.name for item in fields(problem)]
+    for name in changes:
+        check_argument(name, names, type(problem).__name__, ProblemError)
+    other = object.__new__(type(problem))
+    for name in names:
+        object.__setattr__(other, name, changes.get(name, getattr(problem, name)))
+    return other
 
 
 def like(problem: Problem, without: Collection[str] = (), **changes: Any) -> Problem:

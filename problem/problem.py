@@ -4,13 +4,15 @@ bounds, parameters."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from dmoc.base.arguments import Interval, Range
 from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
+from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
+from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.model import Model
@@ -21,7 +23,7 @@ from dmoc.problem.contacts import (
     touch_of,
     words_of,
 )
-from dmoc.problem.derived import kept, like
+from dmoc.problem.derived import kept, like, unread
 from dmoc.problem.design import (
     at_bounds,
     design_bounds_of,
@@ -56,6 +58,7 @@ if TYPE_CHECKING:
     from dmoc.codegen.system_kernels import GivenModel
 
 
+@public(ProblemError)
 @dataclass(frozen=True)
 class Problem(Shown):
     """An optimal control problem for a fixed sequence of collisions.
@@ -234,9 +237,7 @@ class Problem(Shown):
     def unchecked(self, **changes: Any) -> Problem:
         """Return the same problem with some fields replaced as they are: small changes may leave
         the admissible set by as little."""
-        other = object.__new__(Problem)
-        for item in fields(self):
-            object.__setattr__(other, item.name, changes.get(item.name, getattr(self, item.name)))
+        other = unread(self, changes)
         return other.in_rates() if self.by_rates else other
 
     def meshed(self, steps: int | Sequence[int]) -> Problem:

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.base.errors import MissingExtraError
+from dmoc.base.errors import MissingExtraError, ProblemError
 from dmoc.base.files import write_whole
+from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.motion.trajectory import Array, noun_of
 from dmoc.results.batch_table import column_of, counted, table_of_batch
@@ -37,6 +38,7 @@ CHECKS = ("passed", "failed", "")
 APART = ","  # between events, as in the option of a sequence
 
 
+@public(ProblemError)
 @dataclass(frozen=True, eq=False)
 class Batch(Shown, Saved):
     """Results of :func:`dmoc.solve_many` and :func:`dmoc.sweep`, one row for each of n problems, in

@@ -8,6 +8,7 @@ import numpy as np
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import SimulationError
+from dmoc.base.signatures import public
 from dmoc.codegen.kernels import Kernels
 from dmoc.control.controller import Steers
 from dmoc.control.feedback import Feedback, Weight, feedback_along
@@ -19,6 +20,7 @@ from dmoc.results.solution_model import linearised
 from dmoc.simulation.mode_choice import Setting
 
 
+@public(SimulationError)
 def feedback(
     solution: Solution,
     *,

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
+from dmoc.base.errors import MotionError
 from dmoc.base.files import write_whole
+from dmoc.base.signatures import public
 from dmoc.motion import motion_tables
 from dmoc.motion.states import State, state_at
 from dmoc.motion.trajectory import Trajectory
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 
+@public(MotionError)
 class MotionResult:
     """What has a motion: a solution or a simulation."""
 

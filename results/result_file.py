@@ -14,6 +14,7 @@ from dmoc.base.arguments import place, shown, text
 from dmoc.base.errors import OutputError, SolutionFileError
 from dmoc.base.files import write_whole
 from dmoc.base.records import record
+from dmoc.base.signatures import public
 from dmoc.motion.trajectory import Array
 from dmoc.results.archive import LARGEST, Archive, pack
 from dmoc.results.schema import (
@@ -111,6 +112,7 @@ def _check_format(file: ResultFile, header: Any, name: str) -> None:
         )
 
 
+@public(SolutionFileError)
 class Saved:
     """A result that files hold; FILE of the module ``file_module`` says how."""
 

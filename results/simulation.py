@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from dmoc.base.arguments import positive, shown, whole
 from dmoc.base.errors import SimulationError
 from dmoc.base.names import velocity_name
+from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.base.tolerances import KEPT, ROUNDING, SAME
 from dmoc.codegen.kernels import Kernels
@@ -44,6 +45,7 @@ UNEVEN = 8
 MOST_EVENTS = 12  # collisions and stretches of contact that a table lists
 
 
+@public(SimulationError)
 @dataclass(frozen=True, eq=False)
 class Simulation(Shown, MotionResult, Saved):
     """Result of :func:`dmoc.simulate`.
@@ -133,6 +135,7 @@ def _rows(s: Simulation) -> Iterator[tuple[str, str]]:
     yield "energy", f"between {low:.6g} and {high:.6g}, {s.energy[-1]:.6g} at the end"
 
 
+@public(SimulationError)
 def simulate(
     kernels: Kernels | MechanicalSystem | Solution,
     position: Mapping[str, float] | ArrayLike | None = None,

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dmoc.base.arguments import path as path_of
-from dmoc.base.errors import ModelError
+from dmoc.base.errors import ModelError, ProblemError
+from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.largest_forces import largest_forces
@@ -85,6 +86,7 @@ class Minimum:
     steps: tuple[int, ...]
 
 
+@public(ProblemError)
 @dataclass(frozen=True)
 class Solution(Shown, MotionResult, Saved):
     """Result of :func:`dmoc.solve`.

@@ -16,6 +16,7 @@ from dmoc.base.arguments import shown, whole
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import SearchError
 from dmoc.base.progress import Listener, listener
+from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.motion.trajectory import noun_of
 from dmoc.problem.problem import Problem
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 SEARCHED = 2
 
 
+@public(SearchError)
 @dataclass(frozen=True)
 class SearchResult(Shown):
     """Result of :func:`dmoc.search`.
@@ -166,6 +168,7 @@ class SearchResult(Shown):
         return animate_tree(name, nodes, path, speed=speed, fps=fps, style=style)
 
 
+@public(SearchError)
 def search(
     problem: Problem,
     max_collisions: int = 3,

@@ -17,6 +17,7 @@ from dmoc.base.deadline import Deadline
 from dmoc.base.errors import DmocError, ProblemError
 from dmoc.base.options import options_of, read
 from dmoc.base.progress import Listener, listener
+from dmoc.base.signatures import public
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.results.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
@@ -33,7 +34,7 @@ from dmoc.solving.workforce import NoMoreWork, Work, workforce
 TOGETHER, SHARE_SECONDS = 64, 0.2
 MOST_PROBLEMS = 1_000_000
 # Arguments of a solve that are the same for all problems.
-OPTIONS = options_of(Keywords).keys() - {"method", "seconds", "reference"}
+OPTIONS = sorted(options_of(Keywords).keys() - {"method", "seconds", "reference"})
 # Every problem is explored only where its caller asks for it: that takes many times as long as a
 # solve.
 STARTS = {"starts": 1}
@@ -109,6 +110,7 @@ class Share:
     attempts: int = 1
 
 
+@public(ProblemError, OPTIONS)
 def solve_many(
     problems: Iterable[Problem],
     method: str | None = None,
@@ -223,13 +225,7 @@ def batch_of(
 
 
 def _of_solves(method: str, batch: BatchKeywords) -> Keywords:
-    """The keywords of each solve; what does not fit is refused before any begins."""
-    for name, value in batch.options.items():
-        if name not in OPTIONS:
-            raise ProblemError(
-                f"{name} = {shown(value)} is no argument of solve_many; of solve it takes "
-                f"{', '.join(sorted(OPTIONS))}."
-            )
+    """The keywords of each solve; values that do not fit are refused before any begins."""
     return read(Keywords, {"method": method, **STARTS, **batch.options}, ProblemError)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ProblemError
+from dmoc.base.signatures import public
 from dmoc.problem.problem import Problem
 from dmoc.program import cost_derivatives
 from dmoc.program.cost_derivatives import Sensitivities
@@ -18,6 +19,7 @@ from dmoc.solving.request import check_problem
 OTHER_PROBLEM = 1e-4
 
 
+@public(ProblemError)
 def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     """Derivatives of the optimal cost with respect to parameters, coefficients of restitution,
     positions of surfaces, final time, boundary values and bounds, from the multipliers of a

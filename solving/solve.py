@@ -7,6 +7,7 @@ from dataclasses import replace
 from dmoc.base.errors import ProblemError
 from dmoc.base.options import read
 from dmoc.base.progress import Listener, listener
+from dmoc.base.signatures import public
 from dmoc.base.tolerances import ITERATIONS, OPTIMALITY, VIOLATION
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
@@ -19,6 +20,7 @@ from dmoc.solving.request import check_problem, request_of
 from dmoc.solving.starts import InitialGuess, loaded
 
 
+@public(ProblemError)
 def solve(
     problem: Problem,
     method: str | None = None,

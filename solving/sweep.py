@@ -14,11 +14,12 @@ import numpy as np
 from dmoc.base.arguments import check_known, is_number, listed
 from dmoc.base.errors import DmocError, ProblemError
 from dmoc.base.progress import Listener
+from dmoc.base.signatures import public
 from dmoc.mechanics.model_values import by_name
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import names_in
 from dmoc.results.batch import Batch
-from dmoc.solving.many import MOST_PROBLEMS, BatchProgress, batch_of
+from dmoc.solving.many import MOST_PROBLEMS, OPTIONS, BatchProgress, batch_of
 from dmoc.solving.request import check_problem
 from dmoc.solving.starts import InitialGuess
 
@@ -45,6 +46,7 @@ class Axis:
         return WHERE[self.field] + self.name
 
 
+@public(ProblemError, OPTIONS)
 def sweep(
     problem: Problem,
     parameters: Mapping[Any, Iterable[float]] | None = None,

@@ -9,6 +9,7 @@ from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.errors import ModelError
+from dmoc.base.signatures import public
 from dmoc.symbolic.expressions import reference
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ NORMAL, TRACTION, REACTION = "normal", "traction", "reaction"
 KINDS = {NORMAL: "surface", TRACTION: "tangent", REACTION: "constraint"}
 
 
+@public(ModelError)
 def normal(surface: str) -> Any:
     """The normal force N >= 0 of a contact in newton, in a quantity; zero while it is open.
 
@@ -44,6 +46,7 @@ def normal(surface: str) -> Any:
     return reference(NORMAL, surface, "a surface", "floor")
 
 
+@public(ModelError)
 def traction(tangent: str) -> Any:
     """The friction force T of a contact or a rail in newton, in a quantity: T grad tau acts on the
     coordinates; zero while nothing rubs.
@@ -71,6 +74,7 @@ def traction(tangent: str) -> Any:
     return reference(TRACTION, tangent, "a tangent", "floor")
 
 
+@public(ModelError)
 def reaction(constraint: str) -> Any:
     """The force R of a constraint of the model, in a quantity: R grad phi acts on the coordinates.
 

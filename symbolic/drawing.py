@@ -14,12 +14,14 @@ import sympy as sp
 
 from dmoc.base.arguments import listed, shown
 from dmoc.base.errors import ModelError
+from dmoc.base.signatures import public
 from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.expressions import expression_in
 
 Place: TypeAlias = tuple[Any, Any]  # x and y, as SymPy expressions
 
 
+@public(ModelError)
 @dataclass(frozen=True, init=False)
 class Link:
     """A rod, or a polyline through several points: ``Link((0, 0), elbow, tip)``.
@@ -45,6 +47,7 @@ class Link:
         object.__setattr__(self, "points", tuple(_place(p, "a point of a Link") for p in points))
 
 
+@public(ModelError)
 @dataclass(frozen=True)
 class Point:
     """A point mass.
@@ -62,6 +65,7 @@ class Point:
         object.__setattr__(self, "at", _place(self.at, "the place of a Point"))
 
 
+@public(ModelError)
 @dataclass(frozen=True)
 class Disc:
     """A disc; a mark shows its angle in rad, which grows counterclockwise.
@@ -83,6 +87,7 @@ class Disc:
         object.__setattr__(self, "angle", expression_in(self.angle, "the angle of a Disc"))
 
 
+@public(ModelError)
 @dataclass(frozen=True)
 class Box:
     """A rectangle around its centre, turned by an angle in rad counterclockwise.
@@ -106,6 +111,7 @@ class Box:
         object.__setattr__(self, "angle", expression_in(self.angle, "the angle of a Box"))
 
 
+@public(ModelError)
 @dataclass(frozen=True)
 class Spring:
     """A spring between two points.
@@ -125,6 +131,7 @@ class Spring:
         object.__setattr__(self, "b", _place(self.b, "an end of a Spring"))
 
 
+@public(ModelError)
 @dataclass(frozen=True)
 class Wall:
     """A wall or a floor from a to b, solid on the right as one looks from a to b: a floor goes from
@@ -145,6 +152,7 @@ class Wall:
         object.__setattr__(self, "b", _place(self.b, "an end of a Wall"))
 
 
+@public(ModelError)
 @dataclass(frozen=True)
 class Contact:
     """Where the force of a surface, or the friction of a tangent, acts.

@@ -22,7 +22,7 @@ from sympy.physics.mechanics import (
     dynamicsymbols,
 )
 
-from dmoc.base.arguments import shown
+from dmoc.base.arguments import check_known, shown
 from dmoc.base.errors import ModelError
 from dmoc.symbolic.system_fields import MAPPINGS, added_forces, mapping
 
@@ -44,12 +44,9 @@ class Imported:
     def fields_with(self, others: Mapping[str, Any], allowed: Iterable[str]) -> dict[str, Any]:
         """The fields of a system with others beside them, in which speeds become velocities and
         whose forces are added; ``allowed`` are the names of all fields."""
+        beside = [name for name in allowed if name not in IMPORTED]
         for key in others:
-            if key not in allowed or key in IMPORTED:
-                raise ModelError(
-                    f"{key!r} cannot be given beside an imported model: expected fields such as "
-                    "inputs, surfaces, forces, cost."
-                )
+            check_known(key, beside, "field", "beside an imported model", ModelError)
         fields = {
             key: value if key in AS_THEY_ARE else self._in_velocities(value)
             for key, value in others.items()

@@ -15,6 +15,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from dmoc.base.arguments import listed, shown
 from dmoc.base.errors import ModelError
 from dmoc.base.names import check_name, name_of
+from dmoc.base.signatures import public
 from dmoc.symbolic.drawing import Part
 from dmoc.symbolic.expressions import expression_in
 from dmoc.symbolic.system import MechanicalSystem
@@ -79,6 +80,7 @@ def check_size(value: Any, what: str) -> None:
         raise ModelError(f"{what} = {shown(value)}: expected 0 or more{remedy}.")
 
 
+@public(ModelError)
 class Member:
     """What bodies in the plane and in space have in common."""
 
@@ -106,6 +108,7 @@ class Member:
         return name, self._end if at is None else vector(at, len(self._end), f"at of body {name}")
 
 
+@public(ModelError)
 class Ground:
     """What a linkage stands on, which makes its system."""
 

@@ -11,6 +11,7 @@ import sympy as sp
 from sympy.core.function import AppliedUndef
 
 from dmoc.base.errors import ModelError
+from dmoc.base.signatures import public
 from dmoc.symbolic.continuous import Continuous
 from dmoc.symbolic.conversion import to_nodes
 from dmoc.symbolic.discrete import StepElement
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 TOTAL, PEAK, LARGEST, START, END = "total", "peak", "largest", "at_start", "at_end"
 
 
+@public(ModelError)
 def total(name: str) -> Any:
     """The value of an integral of the model, in an objective.
 
@@ -52,6 +54,7 @@ def total(name: str) -> Any:
     return reference(TOTAL, name, "an integral", "effort")
 
 
+@public(ModelError)
 def peak(name: str) -> Any:
     """The largest value of a quantity along the motion, in an objective that does not fall
     with it.
@@ -79,6 +82,7 @@ def peak(name: str) -> Any:
     return reference(PEAK, name, "a quantity", "effort")
 
 
+@public(ModelError)
 def largest(name: str) -> Any:
     """The largest magnitude of a quantity along the motion, in an objective that does not fall
     with it.
@@ -106,6 +110,7 @@ def largest(name: str) -> Any:
     return reference(LARGEST, name, "a quantity", "effort")
 
 
+@public(ModelError)
 def at_start(expression: Any) -> Any:
     """What an expression is at the start of the motion, in an objective.
 
@@ -134,6 +139,7 @@ def at_start(expression: Any) -> Any:
     return sp.Function(START)(expression_in(expression, "at_start"))
 
 
+@public(ModelError)
 def at_end(expression: Any) -> Any:
     """What an expression is at the end of the motion, in an objective.
 

@@ -27,12 +27,14 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import flag
 from dmoc.base.errors import ModelError
+from dmoc.base.signatures import public
 from dmoc.symbolic.drawing import Box, Link, Place, Point
 from dmoc.symbolic.expressions import expression_in
 from dmoc.symbolic.linkage import Ground, Linkage, Member, coordinates
 from dmoc.symbolic.vectors import Vector, added, dot, times, unit_vector, vector
 
 
+@public(ModelError)
 class Body(Member):
     """A body of a linkage; made by :meth:`hinge`, :meth:`slide` and :meth:`World.free`.
 
@@ -250,6 +252,7 @@ class _Load:
     box: Place | None
 
 
+@public(ModelError)
 class World(Body, Ground):
     """The world that linkages in the plane hang in, with gravity downwards.
 

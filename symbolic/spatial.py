@@ -29,6 +29,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
+from dmoc.base.signatures import public
 from dmoc.symbolic.expressions import expression_in
 from dmoc.symbolic.linkage import Ground, Linkage, Member, coordinates
 from dmoc.symbolic.vectors import Vector, added, cross, dot, rate, times, unit_vector, vector
@@ -56,6 +57,7 @@ class _Joint:
         return added(along, times(sp.cos(self.turn), across), turned)
 
 
+@public(ModelError)
 class Body(Member):
     """A body of a linkage; made by :meth:`hinge`, :meth:`slide` and :meth:`World.free`.
 
@@ -273,6 +275,7 @@ class Body(Member):
         )
 
 
+@public(ModelError)
 class World(Body, Ground):
     """The world that linkages in space stand in, with gravity along -z.
 

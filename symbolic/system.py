@@ -15,6 +15,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
 from dmoc.base.names import bounded_momentum, check_name, momentum_name, name_of, unit_of
+from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.drawing import Part, with_normal
@@ -23,6 +24,7 @@ from dmoc.symbolic.system_checks import check_names, check_parts
 from dmoc.symbolic.system_fields import containers_of, entries_of
 
 
+@public(ModelError)
 @dataclass(frozen=True)
 class MechanicalSystem(Shown):
     """A mechanical system with inputs and unilateral constraints.

@@ -12,6 +12,7 @@ from dmoc.base.arguments import listed, place, positive, shown, whole
 from dmoc.base.arguments import path as path_of
 from dmoc.base.errors import OutputError, ProblemError
 from dmoc.base.files import write_whole
+from dmoc.base.signatures import public
 from dmoc.motion.trajectory import Trajectory
 from dmoc.report.animation.movie import movie_of
 from dmoc.report.animation.page import page_of
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     Shown: TypeAlias = Moved | Trajectory
 
 
+@public(OutputError)
 def animate(
     motions: Shown | Sequence[Shown] | Mapping[str, Shown],
     path: str | os.PathLike[str],

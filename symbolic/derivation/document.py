@@ -9,6 +9,8 @@ from typing import Any
 
 import sympy as sp
 
+from dmoc.base.errors import OutputError
+from dmoc.base.signatures import public
 from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
 
 LATEX_WIDTH = 220  # characters of source in a line of an equation, about the width of a page
@@ -38,6 +40,7 @@ class Section:
     pattern: tuple[str, ...] = ()  # lines that mark where a matrix is not identically zero
 
 
+@public(OutputError)
 @dataclass(frozen=True)
 class Derivation:
     """The steps from the Lagrangian to the derivatives of the discrete equations."""

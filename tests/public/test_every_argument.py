@@ -239,3 +239,37 @@ def test_some_17_000_values_are_tried(
 ) -> None:
     parameters = [p for call, _ in calls.values() for p in parameters_of(call)]
     assert sum(len([*values_for(p)]) for p in parameters) > 16_000
+
+
+def test_an_unknown_keyword_is_refused_in_one_sentence_by_every_one_of_them(
+    calls: dict[str, tuple[Callable[..., Any], dict[str, Any]]],
+) -> None:
+    """But those of a mapping, which are Python's."""
+    others = {"state.keys", "state.values", "state.items", "system.from_joints"}
+    for what in calls.keys() - others:
+        call, keywords = calls[what]
+        if "disturbed" in what:  # a call of these tests
+            continue
+        with pytest.raises(dmoc.DmocError) as refused:
+            call(**keywords, surprise=1)
+        text = str(refused.value)
+        assert is_one_sentence(text) and "'surprise'" in text, (what, text)
+
+
+@pytest.mark.parametrize("what", ["solve", "search", "simulate", "Problem", "Box", "Solution.at"])
+def test_a_call_that_does_not_fit_is_no_error_of_python(
+    calls: dict[str, tuple[Callable[..., Any], dict[str, Any]]], what: str
+) -> None:
+    """Too many arguments without a name, and none at all."""
+    call = calls[what][0]
+    for arguments in ((1,) * 40, ()):
+        with pytest.raises(dmoc.DmocError) as refused:
+            call(*arguments)
+        text = str(refused.value)
+        assert is_one_sentence(text) and "does not fit it" in text and ": expected " in text
+
+
+def test_an_error_of_a_function_of_the_user_stays_what_it_is(block: Kernels) -> None:
+    problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.5}, steps=3, final_time=1.0)
+    with pytest.raises(TypeError, match="takes no keyword arguments"):
+        dmoc.solve(problem, guess={"x": lambda t: len(obj=t)})

@@ -33,6 +33,12 @@ ProblemError: dmoc.solve(seed, ...)
     iterations=None | iterations = None: expected a whole number of at least 1
     progress=3 | progress = 3: expected a function
     guess=1j | guess = 1j: expected a Solution
+    verbose=True | unknown argument 'verbose' of solve: ... (did you mean 'progress'?)
+    timeout=5 | unknown argument 'timeout' of solve ... (did you mean 'seconds'?)
+    bounds={} | unknown argument 'bounds' of solve ... (an argument of dmoc.Problem, dmoc.sweep)
+    "ipm", 1e-3 | this call of solve does not fit it, too many positional arguments: expected
+        solve(problem, method, tolerance=..., ... , reference=...)
+    problem=3 | this call of solve does not fit it, multiple values for argument 'problem'
     method="newton" | expected one of slsqp, ipm, ipopt, uno
     form="x" | condensed, full
     iterations=0 | at least 1
@@ -44,10 +50,15 @@ ProblemError: many(...)
     seconds=-1 | seconds = -1: expected a positive time limit
     keep="no" | keep = 'no': expected True or False
     progress=1 | progress = 1: expected a function
-    reference="x" | reference = 'x' is no argument of solve_many
-    iteration=5 | iteration = 5 is no argument of solve_many
+    reference="x" | unknown argument 'reference' of solve_many: expected one of ... (an argument of
+        dmoc.load, dmoc.solve)
+    iteration=5 | unknown argument 'iteration' of solve_many ... (did you mean 'iterations'?)
+    steps=5 | unknown argument 'steps' of solve_many ... (an argument of dmoc.Problem, dmoc.sim
 ProblemError: dmoc.sweep(block, ...)
     parameters={} | nothing is varied
+    parameter={"m": [1.0]} | unknown argument 'parameter' of sweep ... (did you mean 'parameters'?)
+    verbos=1 | unknown argument 'verbos' of sweep: expected one of problem, parameters, start, goal,
+        bounds, design, method, workers, executor, guess, keep, seconds, progress, form, iterations
     parameters={"mass": [1.0]} | unknown parameter 'mass' in parameters
     parameters={"m": 1.0} | parameters of m = 1.0: expected a list of values
     start={"x": []} | start of x has no values
@@ -56,6 +67,8 @@ SearchError: search(...)
     max_collisions=-1 | at least 0
     max_collisions=40 | at most 12
     strategy="random" | tree, best-first, beam
+    surface=["east"] | unknown argument 'surface' of search ... (did you mean 'surfaces'?)
+    verbose=True | unknown argument 'verbose' of search ... (did you mean 'progress'?)
     surfaces=["up"] | unknown surface 'up'
     workers=0 | at least 1
     method="newton" | slsqp
@@ -107,6 +120,7 @@ ProblemError: on_floor(...)
     contacts=["floor"], sequence=["floor:slide"] | expected stick, slip+ or slip-
     contacts=["floor", "floor:slip+"] | contacts names 'floor' twice
 ModelError: rubbing(...)
+    surface={} | unknown argument 'surface' of MechanicalSystem ... (did you mean 'surfaces'?)
     friction={"rail": F} | has friction but no tangent
     tangents={"rail": X} | has a tangent but no friction
     tangents={"rail": F}, friction={"rail": F} | contains no coordinate
@@ -151,6 +165,10 @@ ProblemError: on_floor(...)
 SimulationError: simulate(...)
     kernels=None | expected a MechanicalSystem, or the kernels
     kernels="ball" | expected a MechanicalSystem, or the kernels
+    positions=[1.0] | unknown argument 'positions' of simulate ... (did you mean 'position'?)
+    dt=0.1 | unknown argument 'dt' of simulate ... (did you mean 'step_size'?)
+    tolerance=0.1 | unknown argument 'tolerance' of simulate ... (an argument of
+        dmoc.Planner, dmoc.solve)
     kernels=5 | expected a MechanicalSystem, or the kernels
     position=[-0.1] | lies behind surface 'floor'
     position=[-0.1], step_size=1e6 | lies behind surface 'floor' by 0.1
@@ -276,6 +294,9 @@ ProblemError: guessed(...)
     {"F": lambda t: 0 * t / 0} | guess: F: the function gave nan at t =
     {"F": 1, sp.Symbol("F"): 2} | guess gives 'F' twice
 ProblemError: walled(...)
+    order=4 | unknown argument 'order' of Problem: expected one of kernels, start, ... (an argument
+        of dmoc.build, dmoc.derive, dmoc.load)
+    step=4 | unknown argument 'step' of Problem ... (did you mean 'steps'?)
     restitution=1.2 | restitution = 1.2: expected a number from 0
     restitution={"wal": 0.5} | restitution of 'wal': unknown surface
     restitution="x" | expected a number
