@@ -14,8 +14,12 @@ PAGE = "troubleshooting.md"
 # Items of the list: the title of an entry, and what it is found by.
 ITEM = re.compile(r"^- \[([^]]+)\]\(#[^)]+\): (.+(?:\n  .+)*)$", re.MULTILINE)
 WORDS = re.compile(r"`([^`]+)`")
-# What only the manual has: roles, and links to other pages.
-ROLE, LINK = re.compile(r"\{\w+\}(?=`)"), re.compile(r"\[([^]]+)\]\([^)]+\)")
+# What only the page has: roles, links, and the function that prints how a call is refused.
+ON_PAGE = (
+    (re.compile(r"\{\w+\}(?=`)"), ""),
+    (re.compile(r"\[([^]]+)\]\([^)]+\)"), r"\1"),
+    (re.compile(r"^refused\(lambda: (.+)\)$", re.MULTILINE), r"\1"),
+)
 
 
 def explain(
@@ -43,7 +47,9 @@ def explain(
         )
         sys.exit(BAD_INPUT)
     for entry in chosen:
-        out.print(Markdown(LINK.sub(r"\1", ROLE.sub("", entry))))
+        for pattern, instead in ON_PAGE:
+            entry = pattern.sub(instead, entry)
+        out.print(Markdown(entry))
 
 
 def _page() -> str:

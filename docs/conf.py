@@ -24,6 +24,7 @@ extensions = [
     "mathml",
     "diagrams",
     "gallery",
+    "github",
 ]
 exclude_patterns = ["_build", "_ext", "examples/*.py", "examples/*.ipynb"]
 nitpicky = True

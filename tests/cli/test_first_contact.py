@@ -198,8 +198,21 @@ KINDS = sorted(e.__name__ for e in vars(errors).values() if isinstance(e, type))
 @pytest.mark.parametrize("entry", [*(k for k in KINDS if k != "DmocError"), *map(str, Status)])
 def test_kinds_of_errors_and_statuses_are_explained(run: Run, entry: str) -> None:
     code, out, err = run("explain", entry)
-    assert code == 0 and not err and len(out) > 60
+    title, _, entry = out.partition("\n")
+    assert code == 0 and not err and title and len(entry.split()) > 15
     assert "](" not in out and "{class}" not in out and "{func}" not in out
+
+
+@pytest.mark.parametrize("words", ["is not given", "ModelError", "MotionError", "cannot be turned"])
+def test_calls_of_an_entry_are_those_of_a_reader(run: Run, words: str) -> None:
+    """Nothing stands around them that only the page has."""
+    _, out, _ = run("explain", *words.split())
+    assert "refused(" not in out and "lambda" not in out and "Error: " in out
+
+
+def test_what_no_collision_does_is_explained_without_another_page(run: Run) -> None:
+    _, out, _ = run("explain grazes")
+    assert "Leave the collision out of the sequence" in " ".join(out.split()) and "See" not in out
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ PAGES = (
     *sorted(p for p in DOCS.rglob("*.md") if not set(BUILT) & set(p.relative_to(DOCS).parts)),
     TROUBLESHOOTING,
 )
+REPORTS = sorted((ROOT / "benchmarks" / "results").glob("*.md"))
 LONGEST = 35  # words of a sentence that is read once
 # Pages that are read from above; known_answers.md is written by a benchmark.
 EXPLAINING = [
@@ -37,7 +38,7 @@ def test_lines_of_a_page_have_100_columns(page: Path) -> None:
     assert not long, long
 
 
-@pytest.mark.parametrize("page", sorted((ROOT / "benchmarks" / "results").glob("*.md")), ids=name)
+@pytest.mark.parametrize("page", REPORTS, ids=name)
 def test_reports_of_the_benchmarks_have_100_columns(page: Path) -> None:
     """Their tables too: one that is wider is written as several."""
     assert not [line for line in page.read_text().splitlines() if len(line) > COLUMNS]
@@ -78,26 +79,41 @@ def test_lines_that_cannot_be_broken_are_told_from_others() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_no_line_of_an_item_begins_another_list(page: Path) -> None:
     """As `- 1` or `2) x` do where a line is broken before them."""
-    text = re.sub("^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
-    assert not re.findall(r"^ {1,3}(?:[-+*]|\d+[.)]) .*", text, re.MULTILINE)
+    assert not re.findall(r"^ {1,3}(?:[-+*]|\d+[.)]) .*", _unquoted(page.read_text()), re.M)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name)
-def test_links_of_a_page_lead_to_files(page: Path) -> None:
-    targets = [next(filter(None, match)) for match in LINK.findall(page.read_text())]
-    here = {t.partition("#")[0] for t in targets if not re.match(r"\w+:|#", t)}
-    folder = DOCS if page == TROUBLESHOOTING else page.parent  # which the manual includes
-    lost = [t for t in here if not _leads(folder, t)]
-    assert not lost, lost
+@pytest.mark.parametrize("page", [*PAGES, *REPORTS], ids=name)
+def test_links_of_a_page_lead_to_a_file_or_a_heading_on_github(page: Path) -> None:
+    """Where pages are read as they stand: what the manual makes of them is not there."""
+    targets = [next(filter(None, match)) for match in LINK.findall(_unquoted(page.read_text()))]
+    here = [t.partition("#")[::2] for t in targets if not re.match(r"\w+:", t)]
+    assert not [(file, anchor) for file, anchor in here if not _leads(page, file, anchor)]
 
 
-def _leads(folder: Path, target: str) -> bool:
-    """Whether a file is there, or a page of the manual is made under this name."""
-    path = (folder / target).resolve()
-    if path.is_relative_to(DOCS / "examples"):  # the gallery, from the scripts
-        script = ROOT / "examples" / f"{path.stem}.py"
-        return path.stem == "index" or script.exists()
-    return path.exists() or any(path.with_suffix(s).exists() for s in (".md", ".rst"))
+def _leads(page: Path, file: str, anchor: str) -> bool:
+    path = (page.parent / file).resolve() if file else page
+    if path.is_relative_to(DOCS) and set(BUILT) & set(path.relative_to(DOCS).parts):
+        return False
+    return path.exists() and (not anchor or anchor in _anchors(path.read_text()))
+
+
+def _unquoted(text: str) -> str:
+    return re.sub("^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def _anchors(text: str) -> set[str]:
+    """The names that GitHub gives to headings, the second of a kind with a number, and others."""
+    names, text = list[str](), _unquoted(text)
+    for heading in re.findall("^#+ (.*)$", text, re.MULTILINE):
+        words = re.sub(r"\]\([^)]*\)|[^\w\- ]", "", heading).lower().replace(" ", "-")
+        count = sum(re.fullmatch(rf"{words}(-\d+)?", other) is not None for other in names)
+        names.append(f"{words}-{count}" if count else words)
+    return {*names, *re.findall(r'^<a id="([^"]+)"></a>$', text, re.MULTILINE)}
+
+
+def test_headings_have_the_anchors_of_github() -> None:
+    page = '# A `b_c`: d-e\n## [Kern](x.md) & $q$\n```\n# no\n```\n## A b_c d-e\n<a id="f"></a>\n'
+    assert _anchors(page) == {"a-b_c-d-e", "kern--q", "a-b_c-d-e-1", "f"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
