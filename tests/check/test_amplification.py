@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from flights import flight, one
 from joint_problems import bob
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system
@@ -17,6 +18,7 @@ from dmoc.check import segments as segments_module
 from dmoc.check.amplification import carried
 from dmoc.check.checked_motion import Motion
 from dmoc.check.segments import segments
+from dmoc.codegen.kernels import Kernels
 
 
 @pytest.mark.slow
@@ -99,3 +101,17 @@ def test_a_hit_of_a_wall_that_speeds_up_has_its_saltation_matrix() -> None:
     expected = np.array([[-e, 0], [((1 + e) * (6 + g)) / rate, -e]])
     passage = replace(motion.passages[0], unit=np.ones(2))
     np.testing.assert_allclose(passage.slope, expected, rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize("node", [16, 18])
+def test_errors_before_a_hit_are_carried_through_it(cube: Kernels, node: int) -> None:
+    """A velocity off by 0.01 at a node before a hit that leaves half of it: the segments that end
+    and that begin there are off, and a second later each by half of what it is at the hit."""
+    bounced = replace(flight(cube, (-0.5, 0.5, 0.5)), restitution={"wall": 0.5})
+    motion = Motion.of(one(0, node, 0.01, "v")(bounced), cube, ENDLESS)
+    deviations = carried(motion, segments(motion)).deviations
+    before = (20 - node) * 0.05  # the time until the hit
+    at_hit = [0.01 * before, 0.01 * 0.1 + 0.01 * (before - 0.1)]
+    np.testing.assert_allclose(deviations[9, 0], sum(at_hit), rtol=1e-6)
+    np.testing.assert_allclose(deviations[-1, 0], 0.5 * (deviations[9, 0] + 0.02), rtol=1e-6)
+    np.testing.assert_allclose(deviations[-1, 1:3], 0.0, atol=1e-9)

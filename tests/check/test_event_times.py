@@ -10,6 +10,7 @@ from typing import Any
 import motions
 import numpy as np
 import pytest
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.check.planned_run import _sentence
@@ -68,6 +69,41 @@ def test_a_late_lift_off_is_located(ball: Kernels, late: float) -> None:
     text = message(motions.sliding_off(ball, 30, leaves_at), ball)
     assert f"the simulation lifts 'ball' off at {right:.3g}" in text
     assert "as planned" in text and "ball would have to pull with" in text
+
+
+@pytest.fixture(scope="module")
+def fading() -> Kernels:
+    """A unit mass on a floor whose weight falls to nothing in a second and turns."""
+    y, t = dynamicsymbols("y"), dynamicsymbols._t
+    return dmoc.build(
+        dmoc.MechanicalSystem(
+            "fading", [y], y.diff() ** 2 / 2 - 10 * (1 - t) * y, {}, surfaces={"floor": y >= 0}
+        )
+    )
+
+
+def lifted(kernels: Kernels, end: float) -> Trajectory:
+    """It lies on the floor until a time, pressed by 10 (1 - t), and rises then."""
+    late = end - 1
+
+    def rises(t: np.ndarray) -> tuple[np.ndarray, ...]:
+        s = t - 1
+        return 5 / 3 * (s**3 - late**3) - 5 * late**2 * (s - late), 5 * (s**2 - late**2)
+
+    pieces = [
+        motions.Piece(end, lambda t: (0, 0), None, ("floor",), {}, lambda t: (10 - 10 * t,)),
+        motions.Piece(1.5, rises),
+    ]
+    return motions.trajectory(kernels, pieces, [{"leaves": ("floor",)}], 20)
+
+
+@pytest.mark.parametrize("late", [0.03, 0.1])
+def test_a_force_that_the_time_takes_away_is_followed_to_the_end_of_steps(
+    fading: Kernels, late: float
+) -> None:
+    assert dmoc.verify(lifted(fading, 1.0), fading).passed
+    text = message(lifted(fading, 1 + late), fading)
+    assert f"lifts 'floor' off at 1 s, not at {1 + late:.4g} s as planned" in text
 
 
 @pytest.mark.parametrize("late", [0.03, 0.1])

@@ -52,9 +52,10 @@ def bouncing(e: float) -> Change:
     return lambda motion: replace(motion, restitution={"wall": e})
 
 
-def limited(top: float) -> Change:
-    """A limit of y, which goes from 0 to 1."""
-    bounds = np.array([[-np.inf, np.inf], [-np.inf, top], [-np.inf, np.inf]])
+def limited(which: int, low: float, high: float) -> Change:
+    """Bounds of x, which goes from 0 to 1 and back, or of y, which goes from 0 to 1."""
+    bounds = np.tile([-np.inf, np.inf], (3, 1))
+    bounds[which] = low, high
     return lambda motion: replace(motion, coordinate_bounds=bounds)
 
 
@@ -86,7 +87,11 @@ def moved(by: float) -> Change:
         # with e = 1 - s the energy after the hit is s of 0.75 J more, and the rate s of 1 m/s
         (bouncing(0.9855), bouncing(0.984), "energy error 0.02"),
         (bouncing(0.9855), bouncing(0.979), "error of the law of impact 0.021 exceeds"),
-        (limited(0.9981), limited(0.9979), "excess of a limit 0.0021 exceeds"),
+        (limited(1, -1, 0.9981), limited(1, -1, 0.9979), "excess of a limit 0.0021 exceeds"),
+        # at the end of x, in the middle of its way, and of the last coordinate
+        (limited(0, 0.0019, 2), limited(0, 0.0021, 2), "excess of a limit 0.0021 exceeds"),
+        (limited(0, -1, 0.9981), limited(0, -1, 0.9979), "excess of a limit 0.0021 exceeds"),
+        (limited(2, -1, 0.9981), limited(2, -1, 0.9979), "excess of a limit 0.0021 exceeds"),
         (moved(-0.9e-6), moved(-1.1e-6), "the collision with 'wall' is -1.1e-06 off it"),
     ],
 )
@@ -169,6 +174,36 @@ def test_a_simulation_may_enter_a_surface_that_a_motion_lies_on(
     good, bad = (dmoc.verify(make(lift), lift) for make in (inside, outside))
     assert good.passed, good.message
     assert not bad.passed and reason in bad.message, bad.message
+
+
+def pushed_linearly(
+    kernels: Kernels, first: float, last: float, low: float, high: float
+) -> Trajectory:
+    """A unit mass from rest for one second under a linear force with bounds."""
+    rate = last - first
+    piece = motions.Piece(
+        1.0, lambda t: (first * t**2 / 2 + rate * t**3 / 6 - 9, first * t + rate * t**2 / 2),
+        lambda t: first + rate * t,
+    )  # fmt: skip
+    motion = motions.trajectory(kernels, [piece], [], 20, {"roof": 1.0})
+    return replace(motion, input_bounds=np.array([[low, high]]))
+
+
+@pytest.mark.parametrize(("first", "last"), [(0.0, 1.0), (1.0, 0.0)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_input_keeps_its_bounds_at_both_ends_of_a_motion(
+    lift: Kernels, first: float, last: float, sign: float
+) -> None:
+    """To a millionth of the largest input."""
+
+    def check(beyond: float) -> dmoc.Verification:
+        low, high = sorted([sign * (1 - beyond), -9.0 * sign])
+        motion = pushed_linearly(lift, sign * first, sign * last, low, high)
+        return dmoc.verify(motion, lift)
+
+    good, bad = check(0.9e-6), check(1.1e-6)
+    assert good.passed, good.message
+    assert "excess of an input 1.1e-06 exceeds 1e-06" in bad.message
 
 
 # Rates, forces, path constraints ------------------------------------------------------------------

@@ -15,6 +15,8 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import ProblemError, SimulationError
+from dmoc.program.hit_stages import STOP
+from dmoc.program.transcription import Transcription
 
 Z, C, D = dynamicsymbols("z c d")
 BALL, CART, G, UNDER = sp.symbols("m_b m_c g mu_u")
@@ -71,6 +73,22 @@ def test_a_smooth_floor_holds_the_cart_up_while_the_ball_stops_sinking(method: s
 def test_the_way_through_it_is_found() -> None:
     solution = answer_of(problem(1.0, 0.0, "side"))
     assert solution.collisions[0].course == "slip-:stick"
+
+
+@pytest.mark.parametrize("sign", ["+", "-"])
+@pytest.mark.parametrize("word", ["side:slip-:stick", "side:slip-:stick:late", "side:slip-"])
+def test_what_slides_beside_a_hit_goes_on_until_its_stop(sign: str, word: str) -> None:
+    """At any unknowns: the row is s c_dot at the stop, whatever c_dot is after the hit."""
+    stated = problem(1.0, 0.3, word).but(contacts=[f"floor:slip{sign}"])
+    nlp = Transcription(stated)
+    lay, scaled = nlp.layout, np.random.default_rng(1).uniform(0.5, 2.0, nlp.n)
+    rows = nlp.laws.held.goes_on.numbers
+    assert len(rows) == (word != "side:slip-")
+    if len(rows):
+        x, factor = nlp.physical(scaled), 1.0 if sign == "+" else -1.0
+        (at,) = nlp.laws.held.goes_on.numbers
+        values = np.concatenate([nlp.equality(scaled), nlp.inequality(scaled)]) * nlp.row_unit
+        assert values[at] == pytest.approx(factor * x[lay.hit.v_h[0, STOP, 2]])
 
 
 @pytest.mark.parametrize(("sinking", "under"), [(8.905, 1.1), (1.0, 0.0)])

@@ -11,6 +11,8 @@ import contact_problems
 import joint_problems
 import numpy as np
 import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.kernels import Array
@@ -187,11 +189,22 @@ def test_whatever_a_form_holds_is_part_of_its_key(small: dmoc.Problem) -> None:
             other.flat[other.size // 2] += 1
         return other
 
+    kernels, linear = form.kernels, form.linear
+    manifest = kernels.manifest
     others = [
         replace(form, n=form.n + 1),
+        replace(form, m=form.m + 1),
         replace(form, equalities=form.equalities + 1),
-        replace(form, linear=replace(form.linear, factors=changed(form.linear.factors))),
-        replace(form, linear=replace(form.linear, columns=changed(form.linear.columns))),
+        replace(form, parameters=changed(form.parameters)),
+        *(
+            replace(form, linear=replace(linear, **{name: changed(getattr(linear, name))}))
+            for name in ("rows", "columns", "factors")
+        ),
+        *(
+            replace(form, kernels=replace(kernels, manifest={**manifest, **other}))
+            for other in ({"fingerprint": "x"}, {"code": "x"}, {"design": ["l"]})
+        ),
+        replace(form, kernels=replace(kernels, module=None)),  # of another backend
     ]
     for i, term in enumerate(form.terms):
         terms = [
@@ -206,7 +219,10 @@ def test_whatever_a_form_holds_is_part_of_its_key(small: dmoc.Problem) -> None:
         ]
         others += [replace(form, terms=[*form.terms[:i], t, *form.terms[i + 1 :]]) for t in terms]
     keys |= {digest(other, blocks) for other in others}
-    assert len(keys) == 1 + len(others)
+    named = [(replace(blocks[0], name="x"), *blocks[1:]), (*blocks[1:], blocks[0])]
+    named.append((replace(blocks[0], index=changed(blocks[0].index)), *blocks[1:]))
+    keys |= {digest(form, other) for other in named}
+    assert len(keys) == 1 + len(others) + len(named)
     assert digest(Transcription(small)._form(), blocks) in keys
 
 
@@ -241,3 +257,27 @@ def test_a_program_for_another_thread_has_numbers_of_its_own() -> None:
     assert other.program is not nlp.program and other.program.data is nlp.program.data
     np.testing.assert_array_equal(other.values(at), nlp.values(at))
     assert other.values(at) is not nlp.values(at)
+
+
+def test_kernels_of_numpy_with_more_derivatives_have_structures_of_their_own() -> None:
+    """By m alone, and by m and k, of which a problem chooses m: generated code, in which they
+    differ, there is none."""
+    m, k = sp.symbols("m k")
+    x, u = dynamicsymbols("x u")
+    spring = dmoc.MechanicalSystem(
+        "sprung", [x], m * x.diff() ** 2 / 2 - k * x**2 / 2, {m: 1.0, k: 2.0}, [u], {x: u},
+        cost=u**2 / m,
+    )  # fmt: skip
+    plain = dmoc.build(spring, backend="numpy")
+    ends = {"start": {"x": 0.0}, "goal": {"x": 1.0}, "steps": 4, "final_time": 1.0}
+    m_alone, both = (
+        dmoc.Problem(plain, **ends, design=dict.fromkeys(names, (0.5, 3.0)))
+        for names in ("m", "mk")
+    )
+    of_both = dmoc.Problem(both.kernels, **ends, design=m_alone.design)
+    assert (m_alone.kernels.design, of_both.kernels.design) == (["m"], ["m", "k"])
+    first, second = numbers(m_alone), numbers(of_both)
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+    structures = [Transcription(p).structure for p in (m_alone, of_both, both)]
+    assert len({id(s) for s in structures}) == 3

@@ -103,6 +103,27 @@ def test_of_sequences_that_cost_the_same_the_shortest_is_the_best() -> None:
     assert best is not None and best.sequence == ("a",)
 
 
+@pytest.mark.parametrize(
+    ("shorter", "collapses"),
+    [
+        *((s, True) for s in ("a", "b", "c", "d")),  # one event of three or four, the first to last
+        *((s, True) for s in ("ab", "ac", "bc", "bd", "ad", "cd", "abc", "abd", "acd", "bcd")),
+        *((s, False) for s in ("", "ba", "cb", "ca", "abdc", "e", "ae", "aa")),
+    ],
+)
+def test_a_sequence_is_shorter_by_one_event_or_two(shorter: str, collapses: bool) -> None:
+    """Of abcd or, where one event is left, of three events in their order with it."""
+    longer = (
+        next(s for s in ("abc", "bcd") if shorter in s)
+        if len(shorter) == 1 and collapses
+        else "abcd"
+    )
+    held = node(*longer, cost=1.0, held=True, verdict=Verdict.UNVERIFIED)
+    nodes = {n.sequence: n for n in (held, node(*shorter, cost=1.0))}
+    verdicts = {n.sequence: n.verdict for n in with_optimum(nodes)}
+    assert (verdicts[tuple(longer)] is Verdict.COLLAPSES) is collapses
+
+
 def test_only_what_a_shorter_sequence_does_as_well_collapses() -> None:
     nodes = {
         n.sequence: n

@@ -238,6 +238,34 @@ def test_plastic_impacts_do_not_pull() -> None:
     assert after == pytest.approx(0, abs=1e-12)
 
 
+def test_the_hardest_impact_comes_first_though_another_is_faster() -> None:
+    """1 m/s against an inertia of 1 is harder than 1.5 m/s against one of 4; it leaves 0.5 m/s of
+    the other, and that one leaves the first 0.125 m/s more to open with."""
+    response = np.array([[1.0, 0.5], [0.5, 4.0]])
+    at, width, ones = np.zeros(2), np.full(2, 1e-13), np.ones(2)
+    for order in ([0, 1], [1, 0]):
+        rates, blows = np.array([1.0, 1.5])[order], response[np.ix_(order, order)]
+        hits = simultaneous(at, width, rates, rates, blows, ones, 0.0)
+        assert hits is not None and [order[j] for j, _ in hits] == [0, 1]
+        assert [impulse for _, impulse in hits] == pytest.approx([2.0, 0.25])
+
+
+@pytest.mark.parametrize("v", [1.0, -1.0])
+def test_a_hit_within_a_step_that_leaves_the_surface_again(v: float) -> None:
+    """x = t, and a wall that it is ahead of for 9 ms of a step of 0.1 s, while none of its quarters
+    sees it: from t = 0.0125 - sqrt(2e-5) s on."""
+    t = dynamicsymbols._t
+    bulge = t - sp.Rational(1, 10**5) + (t - sp.Rational(1, 80)) ** 2 / 2
+    wall = x <= bulge if v > 0 else x >= -bulge
+    kernels = dmoc.build(
+        dmoc.MechanicalSystem(
+            f"bulge_{v > 0}", [x], x.diff(T) ** 2 / 2, {}, surfaces={"wall": wall}
+        )
+    )
+    run = dmoc.simulate(kernels, [0.0], [v], step_size=0.1, steps=1, restitution=1.0)
+    assert run.collisions[0].time == pytest.approx(0.0125 - np.sqrt(2e-5), abs=1e-9)
+
+
 # Units --------------------------------------------------------------------------------------------
 
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from answers import answer_of
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_on_floor, block_system, there_and_back
+from systems import block_on_floor, block_system, there_and_back, unit_mass
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.guess.automatic import initial_guesses
+from dmoc.program.blocks import NOWHERE
+from dmoc.program.scale import Scale
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.ipm import least_violation
 from dmoc.solvers.outcome import Options, Status
@@ -89,6 +93,26 @@ def test_least_violation_of_a_feasible_problem_is_none(seed: dmoc.Problem) -> No
     outcome = least_violation(nlp, x, Options(), np.ones(nlp.n_eq + nlp.n_in))
     assert outcome.status is Status.SOLVED
     assert max(np.abs(nlp.equality(outcome.x)).max(), -nlp.inequality(outcome.x).min()) < 1e-6
+
+
+@pytest.mark.parametrize(("price", "place"), [(1 / 300, 1.0), (1 / 3000, 0.0)])
+def test_a_violation_has_its_price_in_units_of_its_row(price: float, place: float) -> None:
+    """x <= 0 and x >= 1 in thousandths: 1 of |x| against 10/3 or 1/3 of |x - 1|, though rows so
+    steep are scaled."""
+    x = dynamicsymbols("x")
+    system = unit_mass("torn", path_constraints={"low": x <= 0, "high": x >= 1}, cost=1)
+    free = {"x": (-5.0, 5.0), "x_dot": (-5.0, 5.0)}
+    problem = dmoc.Problem(system, free, free, steps=2, final_time=1.0)
+    scale = replace(Scale.none(problem), path=np.array([1.0, 1e-3]))
+    nlp = Transcription(problem, scale)
+    prices = np.ones(nlp.n_eq + nlp.n_in)
+    for block in (nlp.laws.path.at_nodes, nlp.laws.path.at_ends_of_phases):
+        high = block.index[..., 1]
+        prices[high[high != NOWHERE]] = price
+    start = nlp.scaled(initial_guesses(problem)[0].x)
+    outcome = least_violation(nlp, start, Options(), prices)
+    q = nlp.physical(outcome.x)[nlp.layout.index_q]
+    np.testing.assert_allclose(q, place, atol=1e-4)
 
 
 @pytest.mark.slow

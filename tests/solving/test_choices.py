@@ -19,7 +19,7 @@ from dmoc.program.scaling import scale_of
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.outcome import Duals, Options, Outcome, Residuals, Status
 from dmoc.solving import attempts
-from dmoc.solving.attempts import LocalSolver
+from dmoc.solving.attempts import Attempt, LocalSolver
 from dmoc.solving.multistart.exploration import Effort
 from dmoc.solving.multistart.minima import Basin
 from dmoc.solving.multistart.ranking import Ranked
@@ -97,6 +97,43 @@ def test_the_collision_of_a_touch_is_taken_where_it_costs_less(
     end = LocalSolver(programs, method).minimised(nlp, np.ones(1), Options())
     assert end.outcome.x == cost and end.outcome.iterations == 3
     assert method.programs[2] is end.nlp is nlp
+
+
+@pytest.mark.parametrize(
+    ("beside", "last", "best"),
+    [
+        ((1.0,), 1.0 + 0.9e-5, 1.0 + 0.9e-5),
+        ((1.0,), 1.0 + 1.1e-5, 1.0),  # the method itself leaves the minimum
+        ((1.0,), 0.5, 0.5),
+        ((2.0, 1.0, 1.5), 1.0, 1.0),
+        ((1.0, 2.0, 1.5), 1.5, 1.0),
+    ],
+)
+def test_beside_a_saddle_the_method_has_the_last_word_where_it_keeps_the_minimum(
+    monkeypatch: pytest.MonkeyPatch, beside: tuple[float, ...], last: float, best: float
+) -> None:
+    """From a saddle of cost 3 the compiled method gets to minima, the cheapest of which the method
+    starts from."""
+    monkeypatch.setattr(attempts, "suspects", lambda nlp, x: np.zeros(0, dtype=np.intp))
+    nlp, programs = program(), cast(Any, SimpleNamespace(free=lambda nlp: nlp, compiled=True))
+    compiled, method = Ends(*((cost, 0.0) for cost in beside)), Ends((last, 0.0))
+    monkeypatch.setattr(LocalSolver, "compiled", lambda programs: LocalSolver(programs, compiled))
+    saddle = Attempt(nlp, Ends((3.0, 0.0))(nlp, np.zeros(1), Options()))
+    points = [np.array([cost]) for cost in beside]
+    end = LocalSolver(programs, method)._lower(saddle, points, Options())
+    assert end.outcome.x == best and end.outcome.iterations == len(beside) + 1
+
+
+@pytest.mark.parametrize("beside", [(3.0,), (3.5, 3.0), ()])
+def test_a_saddle_without_anything_cheaper_beside_it_stays_stationary(
+    monkeypatch: pytest.MonkeyPatch, beside: tuple[float, ...]
+) -> None:
+    monkeypatch.setattr(attempts, "suspects", lambda nlp, x: np.zeros(0, dtype=np.intp))
+    nlp, programs = program(), cast(Any, SimpleNamespace(free=lambda nlp: nlp, compiled=False))
+    saddle = Attempt(nlp, Ends((3.0, 0.0))(nlp, np.zeros(1), Options()))
+    solver = LocalSolver(programs, Ends(*((cost, 0.0) for cost in beside)))
+    end = solver._lower(saddle, [np.zeros(1)] * len(beside), Options())
+    assert end.status is Status.STATIONARY and end.outcome.x == 3.0
 
 
 def test_an_estimated_minimal_time_that_holds_a_solution_is_dropped(

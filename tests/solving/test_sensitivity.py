@@ -6,9 +6,11 @@ from typing import Any
 
 import block_and_wall
 import pytest
+import sympy as sp
 from answers import answer_of
 from contact_problems import floor
 from several_contacts import PUSHED, pushed
+from sympy.physics.mechanics import dynamicsymbols
 from systems import driven_system
 
 import dmoc
@@ -57,6 +59,25 @@ def test_block_and_wall(order: int) -> None:
     again = slope(problem, solution, lambda d: {"goal": {"x": 0, "x_dot": d}})
     assert slopes["goal"]["x_dot"] == pytest.approx(again, rel=1e-6)
     assert set(slopes["goal"]) == {"x", "x_dot"}
+
+
+def test_each_of_the_surfaces_that_are_landed_on_at_once_has_its_slope() -> None:
+    """Two masses fall from rest for one second, from 1 m each to floors at 0 and -1/2 m, under a
+    gravity of 1: each force costs 3/2 (1/2 - way)^2."""
+    y, z, u, w, low = (*dynamicsymbols("y z u w"), sp.Symbol("low"))
+    system = dmoc.MechanicalSystem(
+        "two_landings", [y, z], (y.diff() ** 2 + z.diff() ** 2) / 2 - y - z, {low: 0.5}, [u, w],
+        {y: u, z: w}, surfaces={"left": y >= 0, "right": z >= -low}, cost=(u**2 + w**2) / 2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=4), {"y": 1.0, "z": 1.0}, {}, sequence=["+left +right"], steps=4,
+        durations=[1.0, 0.25], final_time=1.25,
+    )  # fmt: skip
+    solution = answer_of(problem, "ipm", starts=1, optimality=1e-8)
+    slopes = dmoc.sensitivities(problem, solution)
+    assert solution.cost == pytest.approx(1.5 * (0.5**2 + 1.0**2))
+    assert slopes["surfaces"] == pytest.approx({"left": 1.5, "right": 3.0}, rel=1e-6)
+    assert slopes["parameters"]["low"] == pytest.approx(3.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("end", ["start", "goal"])

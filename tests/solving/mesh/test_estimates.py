@@ -13,7 +13,7 @@ from dmoc.program.bound_kinds import BoundKind
 from dmoc.solvers.outcome import Status
 from dmoc.solving import unbounded_cost
 from dmoc.solving.mesh import refinement
-from dmoc.solving.mesh.error import UNKNOWN, Errors, estimates
+from dmoc.solving.mesh.error import UNKNOWN, Errors, changes, estimates
 from dmoc.solving.mesh.refinement import History, Level
 from dmoc.solving.multistart.minima import Basin
 
@@ -138,9 +138,55 @@ def test_a_small_cost_that_falls_by_a_hundredth_in_twice_the_time_has_no_minimum
     assert bounded is (Status.STALLED if endless else first)
 
 
+def phases(*durations: float, moved: tuple[int, int, float] | None = None) -> Any:
+    """Phases of two steps with two coordinates from 0 to 1 and 0 to 10; of one phase one node moved
+    in the first."""
+    made = []
+    for i, duration in enumerate(durations):
+        q = np.linspace([0.0, 0.0], [1.0, 10.0], 3)
+        if moved and moved[0] == i:
+            q[moved[1], 0] += moved[2]
+        made.append(SimpleNamespace(steps=2, duration=duration, q=q))
+    return tuple(made)
+
+
+def two(made: Any, **fields: Any) -> Any:
+    trajectory = SimpleNamespace(coordinates=("x", "y"))
+    total = sum(phase.duration for phase in made)
+    return meshed(2, 2, 0.0, phases=made, final_time=total, trajectory=trajectory, **fields)
+
+
+@pytest.mark.parametrize("durations", [(1.0, 1.02, 1.0), (1.02, 1.0, 1.0), (1.0, 1.0, 1.02)])
+def test_the_largest_change_of_a_duration_counts(durations: tuple[float, ...]) -> None:
+    errors = changes(two(phases(1.0, 1.0, 1.0)), two(phases(*durations)))
+    assert errors.motion == pytest.approx(0.02 / 3.02)
+
+
+@pytest.mark.parametrize("phase", [0, 1])
+@pytest.mark.parametrize("node", [0, 1, 2])
+def test_the_largest_change_of_a_place_counts(phase: int, node: int) -> None:
+    """Of nodes in common with a mesh twice as fine, in shares of the range of their coordinate."""
+    fine = two(phases(1.0, 1.0))
+    for part in fine.phases:
+        part.steps, part.q = 4, np.linspace([0.0, 0.0], [1.0, 10.0], 5)
+    coarse = two(phases(1.0, 1.0, moved=(phase, node, -0.03)))
+    assert changes(coarse, fine).motion == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize("name", ["a", "b", "c"])
+def test_the_largest_change_of_a_design_counts_in_its_size(name: str) -> None:
+    design, sizes = {"a": 1.0, "b": 2.0, "c": 3.0}, {"cost": 1.0, "a": 2.0, "b": 2.0, "c": 2.0}
+    made = phases(1.0)
+    coarse = two(made, design=design | {name: design[name] + 0.1}, scale=sizes)
+    assert changes(coarse, two(made, design=design, scale=sizes)).motion == pytest.approx(0.05)
+
+
 def test_minima_of_one_cost_and_other_durations_are_two() -> None:
     attempt: Any = SimpleNamespace(nlp=SimpleNamespace(scale=SimpleNamespace(cost=1.0)))
     one = Basin(attempt, 1.0, np.array([1.0, 1.0]))
     assert one.same(Basin(attempt, 1.0 + 0.9e-5, np.array([1.001, 0.999])))
     assert not one.same(Basin(attempt, 1.0, np.array([1.01, 0.99])))
     assert not one.same(Basin(attempt, 1.0 + 3e-5, np.array([1.0, 1.0])))
+    three = Basin(attempt, 1.0, np.array([1.0, 1.0, 2.0]))
+    for durations in ([1.0, 2.0, 1.0], [2.0, 1.0, 1.0], [1.0, 1.0, 2.1], [1.1, 1.0, 2.0]):
+        assert not three.same(Basin(attempt, 1.0, np.array(durations)))
