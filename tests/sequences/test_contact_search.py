@@ -112,7 +112,7 @@ def test_of_sequences_that_cost_the_same_the_shortest_is_the_best() -> None:
     ],
 )
 def test_a_sequence_is_shorter_by_one_event_or_two(shorter: str, collapses: bool) -> None:
-    """Of abcd or, where one event is left, of three events in their order with it."""
+    """Of three events with one that is left, or of four."""
     longer = (
         next(s for s in ("abc", "bcd") if shorter in s)
         if len(shorter) == 1 and collapses
