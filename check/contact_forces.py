@@ -68,6 +68,7 @@ def force_errors(motion: Motion) -> tuple[Findings, tuple[Array, Array, Array]]:
             continue
         sentences += _off(motion, i)
         sentences += _negative(motion, i)
+        sentences += _reversed(motion, i)
         sentences += _paradoxes(motion, i)
         sentences += _pulling(motion, i, flow, normal)
         sentences += _slipping(motion, i, flow, tangential)
@@ -231,12 +232,35 @@ def _negative(motion: Motion, i: int) -> Iterator[str]:
         least = coefficients[..., k].min(axis=0)
         row, most = int(np.argmin(least)), float(np.abs(coefficients[..., k]).max())
         if not least[row] >= -ROUNDING * most:
-            place = zip(model.kernels.coordinates, at.q[row], strict=True)
-            shown = ", ".join(f"{name} = {x:.4g}" for name, x in place)
             yield (
                 f"the friction of {model.kernels.tangents[k]} is {least[row]:.4g} at "
-                f"{at.t[row]:.4g} s, {shown}, which no friction is"
+                f"{_place(motion, i, row)}, which no friction is"
             )
+
+
+def _reversed(motion: Motion, i: int) -> Iterator[str]:
+    """Static friction that varies and is below the kinetic one with which sliding begins."""
+    at, model = motion.places[i], motion.model
+    pairs = [k for k in motion.modes[i].rubbing if model.paired[k] and k in model.varying_friction]
+    sides = [model.with_friction_at(at.q, u=u, t=at.t) for u in at.inputs] if pairs else []
+    for k in pairs:
+        static, kinetic = (
+            np.array([getattr(there, kind)[:, k] for there in sides])
+            for kind in ("static_friction", "friction")
+        )
+        side, row = np.unravel_index(int(np.argmin(static - kinetic)), static.shape)
+        if static[side, row] < kinetic[side, row] - ROUNDING * float(np.abs(kinetic).max()):
+            yield (
+                f"the static friction of {model.kernels.tangents[k]} is {static[side, row]:.4g} at "
+                f"{_place(motion, i, int(row))}, below the kinetic one, {kinetic[side, row]:.4g}"
+            )
+
+
+def _place(motion: Motion, i: int, row: int) -> str:
+    """When and where a place of a phase is, in words."""
+    at = motion.places[i]
+    place = zip(motion.model.kernels.coordinates, at.q[row], strict=True)
+    return f"{at.t[row]:.4g} s, " + ", ".join(f"{name} = {x:.4g}" for name, x in place)
 
 
 def _paradoxes(motion: Motion, i: int) -> Iterator[str]:

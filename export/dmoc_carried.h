@@ -78,7 +78,8 @@ enum { DMOC_NORMAL, DMOC_TANGENTIAL, DMOC_REACTION, DMOC_KINDS };
 
 /* What is found from the unknowns: tables one after the other of momenta and velocities
  * [nodes of the phases*nq] and of forces [nodes of the phases*functions of the kind]. momenta: the
- * pass that adds momenta of steps to the first of them. share: the part of a step that stations
+ * pass that adds momenta of steps to the first of them. input[2][steps*inputs]: the unknowns that
+ * are the inputs at both ends of the steps. share: the part of a step that stations
  * stand for, [degree + 1] where steps have stations of their own (degree > 1). */
 typedef struct {
     dmoc_pass momenta;
@@ -87,6 +88,7 @@ typedef struct {
     int inputs, reactions, degree, p_end;
     const dmoc_reaction *reaction;
     const double *share;
+    const int *input[2];
 } dmoc_motion;
 
 /* Values at places of the first phase, from 0 to 1 in order. */
@@ -114,12 +116,23 @@ typedef struct {
 
 /* What parameters must be together. mass: whether that of the first position is positive definite;
  * friction: the kernel of coefficients, NULL for none; kinds[k]: 0 for those that vary, 2 for pairs
- * of static and kinetic ones, else 1. */
+ * of static and kinetic ones, else 1; tangential: the kernel of tangential restitution. */
 typedef struct {
     int mass, tangents;
     const dmoc_entry *friction;
     const int *kinds;
+    const dmoc_entry *tangential;
 } dmoc_together;
+
+/* Laws with coefficients that depend on the motion: kernels of restitution, of kinetic and of static
+ * friction, and of the sliding velocities, NULL for none. hit[phases]: the surface that is hit at
+ * the end of a phase by a law, -1 for none. Of each tangent [phases*nt], rubs: along a phase, 0 for
+ * none of these laws, 2 for a pair of static and kinetic friction, else 1; struck: whether kinetic
+ * friction acts in the impact at the end of a phase by one of them. */
+typedef struct {
+    const dmoc_entry *restitution, *kinetic, *resting, *slide_rate;
+    const int *hit, *rubs, *struck;
+} dmoc_laws;
 
 struct dmoc_carried {
     const char *name;
@@ -139,6 +152,7 @@ struct dmoc_carried {
     dmoc_motion motion;
     dmoc_rest rest;
     dmoc_together together;
+    dmoc_laws laws;
     const int *steps;     /* [phases] of the phases; their sizes are the first unknowns */
     double cost;          /* size of the cost */
     /* The answer of the day of export, scaled, and the first motion before it. */

@@ -2,6 +2,7 @@
  *
  *   dmoc_numbers.c   numbers into the program, and those that do not fit
  *   dmoc_judge.c     residuals of an end, and whether positions keep what they must
+ *   dmoc_laws.c      whether the laws that an end goes by are laws
  *   dmoc_motion.c    tables of an end: times, momenta, velocities, forces
  *   dmoc_starts.c    where a solve starts, solves from several starts, the rest of a motion
  *   dmoc_solver.c    memory, a solve
@@ -32,6 +33,7 @@ struct dmoc_solver {
     double *physical, *times, *results, *work;
     void *memory;               /* of the method */
     int warm, wrong;
+    int unnamed;                /* whether a number was set that there is not */
     const char *expected;
     dmoc_end end;
 };
@@ -83,6 +85,13 @@ int carried_apply(dmoc_solver *s);
 void carried_evaluate(dmoc_solver *s);
 int carried_judge(dmoc_solver *s, int word, const dmoc_limits *limits);
 int carried_all_inside(const dmoc_solver *s);
+
+/* dmoc_laws.c */
+/* Whether M[n*n] is positive definite; in its place comes its Cholesky factor. */
+int carried_positive(double *M, int n);
+/* The same of the mass at a position, which lies outside of what is worked with there. */
+int carried_mass_at(const dmoc_solver *s, const double *q, double time, const double *parameters);
+int carried_lawful(const dmoc_solver *s);
 
 /* dmoc_motion.c */
 size_t carried_results_size(const dmoc_carried *c);

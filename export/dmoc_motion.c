@@ -29,7 +29,7 @@ size_t carried_results_size(const dmoc_carried *c)
     return rows_of(c)*(2*(size_t)c->places.nq + functions_of(c)) + 1;
 }
 
-/* What node_of has, and what the judge and numbers work with. */
+/* What node_of has, and what the judge, numbers and laws work with. */
 size_t carried_work_size(const dmoc_carried *c)
 {
     const size_t n = (size_t)c->places.nq, k = slopes_of(c);
@@ -38,7 +38,7 @@ size_t carried_work_size(const dmoc_carried *c)
     for (int i = 0; i < DMOC_KINDS; ++i)
         entries += (size_t)c->motion.functions[i].entries;
     return free + n + (size_t)c->motion.inputs + 2*n*n + 3*n + entries + 3*k*n + k*k + 3*k +
-           (size_t)(c->places.nc + c->places.nj + 2*c->together.tangents) + 1;
+           (size_t)(3*c->places.nc + c->places.nj + 8*c->places.nt) + 1;
 }
 
 /* B := (A^-1 B')' for the rows of B[rows*n], by elimination in A[n*n]; not a number where A is
@@ -360,11 +360,13 @@ int dmoc_solver_tables(const dmoc_carried *c) { return c->tables; }
 
 const char *dmoc_solver_table_name(const dmoc_carried *c, int table)
 {
-    return c->table[table].name;
+    return table >= 0 && table < c->tables ? c->table[table].name : NULL;
 }
 
 const double *dmoc_solver_table(const dmoc_solver *s, int table, int *rows, int *columns)
 {
+    if (table < 0 || table >= s->c->tables)
+        return NULL;
     const dmoc_table_of *of = &s->c->table[table];
     if (rows)
         *rows = of->rows;

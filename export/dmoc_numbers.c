@@ -1,12 +1,7 @@
 /* Numbers into the program, and those that do not fit. */
 #include "dmoc_inside.h"
 
-/* What rounding leaves of a pivot of a mass with ones on its diagonal, dmoc.mechanics.algebra. */
-static const double DEFINITE = 1e-14;
-
 int dmoc_solver_numbers(const dmoc_carried *c) { return c->numbers; }
-
-const char *dmoc_solver_number(const dmoc_carried *c, int number) { return c->number[number].name; }
 
 int dmoc_solver_find(const dmoc_carried *c, const char *name)
 {
@@ -16,9 +11,25 @@ int dmoc_solver_find(const dmoc_carried *c, const char *name)
     return -1;
 }
 
-double dmoc_solver_get(const dmoc_solver *s, int number) { return s->numbers[number]; }
+static int is_number(const dmoc_carried *c, int number) { return number >= 0 && number < c->numbers; }
 
-void dmoc_solver_set(dmoc_solver *s, int number, double value) { s->numbers[number] = value; }
+const char *dmoc_solver_number(const dmoc_carried *c, int number)
+{
+    return is_number(c, number) ? c->number[number].name : NULL;
+}
+
+double dmoc_solver_get(const dmoc_solver *s, int number)
+{
+    return is_number(s->c, number) ? s->numbers[number] : NAN;
+}
+
+void dmoc_solver_set(dmoc_solver *s, int number, double value)
+{
+    if (is_number(s->c, number))
+        s->numbers[number] = value;
+    else
+        s->unnamed = 1;
+}
 
 int dmoc_solver_wrong(const dmoc_solver *s, const char **expected)
 {
@@ -98,31 +109,13 @@ static int fits(dmoc_solver *s, int i)
 /* Whether the mass of the first position, with these parameters, is positive definite. */
 static int has_mass(dmoc_solver *s, const double *parameters)
 {
-    const dmoc_carried *c = s->c;
-    const int n = c->places.nq;
-    double *q = s->work, *zeros = q + n, *force = zeros + n + c->motion.inputs, *M = force + n;
-    const double time = 0, *in[DMOC_MOST] = {q, zeros, zeros, &time, parameters};
-    memset(zeros, 0, sizeof(double)*(size_t)(n + c->motion.inputs));
-    for (int i = 0; i < n; ++i) {
-        const int at = c->places.q + i;
+    double *q = s->work + s->c->places.parameters;
+    for (int i = 0; i < s->c->places.nq; ++i) {
+        const int at = s->c->places.q + i;
         q[i] = fmin(fmax(s->x[at], s->array[DMOC_LOWER][at]), s->array[DMOC_UPPER][at])*
                s->program.unit[at];
     }
-    carried_call(c->motion.dynamics, in, M, force);
-    for (int i = 0; i < n; ++i) {
-        const double whole = M[i*n + i];
-        for (int k = 0; k < i; ++k)
-            M[i*n + i] -= M[i*n + k]*M[i*n + k];
-        if (!(M[i*n + i] > DEFINITE*whole))
-            return 0;
-        M[i*n + i] = sqrt(M[i*n + i]);
-        for (int j = i + 1; j < n; ++j) {
-            for (int k = 0; k < i; ++k)
-                M[j*n + i] -= M[j*n + k]*M[i*n + k];
-            M[j*n + i] /= M[i*n + i];
-        }
-    }
-    return 1;
+    return carried_mass_at(s, q, 0, parameters);
 }
 
 static int has_friction(dmoc_solver *s, const double *parameters)
@@ -134,6 +127,18 @@ static int has_friction(dmoc_solver *s, const double *parameters)
     for (int k = 0; k < t->tangents; ++k)
         if ((t->kinds[k] && !(kinetic[k] >= 0)) ||
             (t->kinds[k] == 2 && !(kinetic[k] <= resting[k])))
+            return 0;
+    return 1;
+}
+
+/* Whether hits return no more along their tangents than they take. */
+static int has_returns(dmoc_solver *s, const double *parameters)
+{
+    const dmoc_together *t = &s->c->together;
+    const double *in[DMOC_MOST] = {parameters};
+    carried_call(t->tangential, in, s->work, NULL);
+    for (int k = 0; k < t->tangents; ++k)
+        if (!(fabs(s->work[k]) <= 1))
             return 0;
     return 1;
 }
@@ -173,11 +178,14 @@ int carried_apply(dmoc_solver *s)
         c->program.n, c->program.n, c->program.m + 1, c->coefficients, c->program.slopes.targets,
         c->factors,
     };
+    const int unnamed = s->unnamed;
     int last = -1;
-    s->wrong = -1, s->expected = NULL;
+    s->wrong = -1, s->expected = NULL, s->unnamed = 0;
     for (int a = 0; a < DMOC_ARRAYS; ++a)
         carried_copy(s->array[a], base[a], count[a]);
     carried_copy(s->pool, c->pool, c->pool_size);
+    if (unnamed)
+        return refuse(s, -1, "a number that the problem has");
     for (int i = 0; i < c->numbers; ++i) {
         const dmoc_number *number = &c->number[i];
         if (!fits(s, i))
@@ -197,6 +205,9 @@ int carried_apply(dmoc_solver *s)
         return 0;
     if (c->together.friction &&
         !hold_together(s, has_friction, "friction of 0 or more, static no less than kinetic"))
+        return 0;
+    if (c->together.tangential &&
+        !hold_together(s, has_returns, "tangential restitution from -1 to 1"))
         return 0;
     for (int end = 0; end < 2; ++end)
         if (c->state[end].known && !set_state(s, &c->state[end], end ? c->phases - 1 : 0))

@@ -341,7 +341,7 @@ void dmoc_planner_input(const dmoc_planner *p, double time, double *u)
 {
     const dmoc_solver *s = p->solver;
     const int inputs = s->c->motion.inputs;
-    const int *const *input = p->rests->rest[p->rest].input;
+    const int *const *input = s->c->motion.input;
     int k = 0, steps = carried_nodes(s->c) - 1;
     const double t = fmin(fmax(time - p->origin, 0), s->times[steps]);
     while (k < steps - 1 && s->times[k + 1] <= t)

@@ -20,12 +20,10 @@ extern "C" {
 #endif
 
 /* The programs of the rests of a motion from each of its phases on. begin: when that phase is
- * planned to begin. input[2][steps*inputs]: the unknowns that are the inputs at both ends of the
- * steps. event[phases - 1]: the surface that is hit or lands after a phase, -1 for none. */
+ * planned to begin. event[phases - 1]: the surface that is hit or lands after a phase, -1 for none. */
 typedef struct {
     const dmoc_carried *problem;
     double begin;
-    const int *input[2];
 } dmoc_rest_from;
 
 typedef struct {

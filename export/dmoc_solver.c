@@ -153,9 +153,9 @@ int dmoc_solver_solve(dmoc_solver *s, const dmoc_limits *given)
 {
     const dmoc_limits limits = given ? *given : dmoc_solver_limits();
     const ptrdiff_t n = s->program.n;
-    memset(&s->end, 0, sizeof s->end);
     if (!carried_apply(s))
         return DMOC_BAD_NUMBER;
+    memset(&s->end, 0, sizeof s->end);
     for (ptrdiff_t i = 0; i < n; ++i) {
         s->x[i] = fmin(fmax(s->x[i], s->program.lower[i]), s->program.upper[i]);
         s->size[i] = i < carried_stepped(s->c) ? s->x[i] : 1;
@@ -178,7 +178,9 @@ int dmoc_solver_solve(dmoc_solver *s, const dmoc_limits *given)
     const int status = carried_judge(s, result.status, &limits);
     s->warm = status == DMOC_SOLVED;
     carried_read_out(s);
-    return status == DMOC_SOLVED && !carried_all_inside(s) ? DMOC_OUTSIDE : status;
+    if (status != DMOC_SOLVED)
+        return status;
+    return !carried_all_inside(s) ? DMOC_OUTSIDE : !carried_lawful(s) ? DMOC_UNPHYSICAL : status;
 }
 
 const char *dmoc_solver_sentence(int status)
@@ -193,6 +195,7 @@ const char *dmoc_solver_sentence(int status)
         "there is not enough memory",
         "a number does not fit the problem: nothing was solved",
         "the motion penetrates a surface or leaves what holds it: move its start or goal",
+        "a mass, friction or restitution along the motion is none: change the parameters",
         "the first event is over, nothing is left on these phases alone, or the last end is no motion",
     };
     const int known = status >= 0 && status < (int)(sizeof sentences/sizeof *sentences);

@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* The form of these sources, which dmoc.load_solver asks for. */
-enum { DMOC_SOLVER_FORMAT = 2 };
+enum { DMOC_SOLVER_FORMAT = 3 };
 
 typedef struct dmoc_carried dmoc_carried; /* a problem, as constants */
 typedef struct dmoc_solver dmoc_solver;
@@ -35,6 +35,9 @@ typedef struct dmoc_solver dmoc_solver;
 enum {
     DMOC_BAD_NUMBER = DMOC_NO_MEMORY + 1, /* see dmoc_solver_wrong; nothing was solved */
     DMOC_OUTSIDE, /* the motion penetrates a surface, or leaves a contact or a constraint */
+    /* With the parameters as they are, a mass is not positive somewhere along the motion, friction
+     * is below zero or static friction below kinetic, or a hit returns more than it takes. */
+    DMOC_UNPHYSICAL,
     DMOC_NO_REST  /* see dmoc_solver_shift; nothing was changed */
 };
 
@@ -64,7 +67,8 @@ size_t dmoc_solver_memory(const dmoc_carried *problem);
 dmoc_solver *dmoc_solver_begin(const dmoc_carried *problem, void *memory, size_t bytes);
 
 /* Numbers: how many, the name of one, the one of a name (-1 for none), its value, a new value. A
- * value that does not fit is told by the next solve. */
+ * value that does not fit is told by the next solve, and so is one that was set of a number that
+ * there is not, as of -1: its name is NULL, its value not a number. */
 int dmoc_solver_numbers(const dmoc_carried *problem);
 const char *dmoc_solver_number(const dmoc_carried *problem, int number);
 int dmoc_solver_find(const dmoc_carried *problem, const char *name);
@@ -102,7 +106,8 @@ int dmoc_solver_explore(dmoc_solver *s, int starts, unsigned long long seed,
 /* The sentence that belongs to an end. */
 const char *dmoc_solver_sentence(int status);
 dmoc_end dmoc_solver_end(const dmoc_solver *s);
-/* The number that a solve has refused, and what it expected of it; -1 and NULL for none. */
+/* The number that a solve has refused, -1 for one that there is not, and what it expected of it;
+ * -1 and NULL for none. */
 int dmoc_solver_wrong(const dmoc_solver *s, const char **expected);
 
 /* The motion: all unknowns, and how many; a table of them, or of what follows from them, with rows

@@ -191,6 +191,9 @@ int dmoc_solver_shift(dmoc_solver *s, double elapsed)
     state_at(s, gone, q, v);
     carried_keep(s, q, v);
     for (int i = 0; i < 2*n; ++i)
+        if (!isfinite(q[i])) /* with parameters that the last solve has refused */
+            return DMOC_NO_REST;
+    for (int i = 0; i < 2*n; ++i)
         s->numbers[start->number[i]] = q[i];
     for (int i = 0; i < rest->times; ++i) {
         const int number = rest->time[i];

@@ -30,7 +30,8 @@ from dmoc.solvers.outcome import Status
 # How a solve ends, in the order of dmoc_solver.h.
 STATUSES = (
     Status.SOLVED, Status.INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STALLED,
-    Status.INTERRUPTED, "no_memory", REFUSED, "outside", "no_rest",
+    Status.INTERRUPTED, "no_memory", REFUSED, "outside", "unphysical",
+    "no_rest",
 )  # fmt: skip
 REFUSES, NO_REST = STATUSES.index(REFUSED), STATUSES.index("no_rest")
 LISTS = ("durations", "via")  # fields that are told by their places
@@ -68,10 +69,13 @@ class LoadedSolver:
         self._nodes = nodes.value
         self._row = int(self._c.dmoc_loaded_row(self._solver))
         self._stop = ctypes.c_int(0)
-        self._alone = ThreadPoolExecutor(1)
+        self._begin_thread()
 
     def _room(self) -> Array:
         return np.empty(self._bytes // 8 + 1)
+
+    def _begin_thread(self) -> None:
+        self._process, self._thread = os.getpid(), ThreadPoolExecutor(1)
 
     def _tables(self) -> dict[str, tuple[int, int]]:
         tables, size = {}, (ctypes.c_int(), ctypes.c_int())
@@ -232,7 +236,9 @@ class LoadedSolver:
                 self._solver, iterations, until, starts, seed, ctypes.byref(self._stop), *ends.at(0)
             )
 
-        self._run(self._alone, [solved])
+        if self._process != os.getpid():  # a forked process has no threads of its parent
+            self._begin_thread()
+        self._run(self._thread, [solved])
         end = self._end(ends, 0, np.array([*self.numbers.values()]))
         if end.status == REFUSED:
             raise ProblemError(end.message)

@@ -1,5 +1,5 @@
 """What a carried solver knows of motions, as C (dmoc_carried.h): how momenta, velocities and forces
-follow from the unknowns, what is left of a motion later, and what parameters must be together."""
+follow from the unknowns, and what is left of a motion later."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.export.constants import Constants, initial, literal
 from dmoc.export.numbers import SolverNumbers
-from dmoc.mechanics.algebra import is_positive
 from dmoc.program.arrays import ElementPlaces, PassData
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.reactions import PhaseReaction
@@ -118,10 +117,11 @@ def motion_text(c: Constants, nlp: Transcription, entries: Mapping[str, str], mo
         arrays = (c.array("int", np.asarray(a)) for a in (r.columns, holds * 1, r.unknowns))
         place = [*KINDS].index(r.kind)
         rows.append(initial(i, place, len(r.columns), literal(float(r.sign)), *arrays))
+    inputs = (c.array("int", lay.index_u[at]) for at in (lay.row_u_k, lay.row_u_kp1))
     return initial(
         momenta, entries["dynamics"], initial(*functions), lay.nu, len(rows), lay.scheme.degree,
         int(lay.index_p_E[0]), c.structs("dmoc_reaction", "reactions", rows),
-        c.array("double", lay.scheme.weights),
+        c.array("double", lay.scheme.weights), initial(*inputs),
     )  # fmt: skip
 
 
@@ -134,7 +134,7 @@ def work_of(nlp: Transcription) -> int:
         for kind, (slopes, _, matrix) in KINDS.items() if names[kind]
     )  # fmt: skip
     sizes = 2 * n * n + 4 * n + 3 * k * n + k * k + 3 * k + entries
-    return sizes + int(nlp.par.shape[1]) + model.nu + model.nc + model.nj + 2 * model.nt + 1
+    return sizes + int(nlp.par.shape[1]) + model.nu + 3 * model.nc + model.nj + 8 * model.nt + 1
 
 
 def has_rest(nlp: Transcription, numbers: SolverNumbers) -> bool:
@@ -214,13 +214,3 @@ def _columns(kind: int, index: Index, at: Array) -> Iterator[Track]:
         there = (column != NOWHERE) & (at[: len(column)] <= 1)
         if there.any():
             yield Track(kind, column[there], at[: len(column)][there])
-
-
-def together_text(c: Constants, nlp: Transcription, entries: Mapping[str, str]) -> str:
-    model, kernels = nlp.problem.model, nlp.kernels
-    varying = [row["name"] for row in kernels.manifest.get("varying_friction", ())]
-    pairs = zip(kernels.tangents, model.paired, strict=True)
-    kinds = [0 if name in varying else 1 + bool(paired) for name, paired in pairs]
-    mass = is_positive(model.mass(nlp.problem.start_position))
-    friction = entries["friction"] if kinds else "NULL"
-    return initial(int(mass), len(kinds), friction, c.array("int", np.array(kinds)))

@@ -10,12 +10,12 @@ import numpy as np
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.export.constants import Constants, initial, literal
+from dmoc.export.laws_text import KERNELS, OF_PARAMETERS, laws_text, together_text
 from dmoc.export.motion_text import (
     derived_tables,
     momenta_of,
     motion_text,
     rest_text,
-    together_text,
 )
 from dmoc.export.numbers import (
     ENDS,
@@ -35,7 +35,7 @@ from dmoc.solvers.outcome import Duals
 
 # Of the kernels that a solver calls beside those of its passes.
 CHECKS = ("momentum", "surface", "gap_rate", "joint", "joint_rate", "tangent")
-OTHERS = ("dynamics", "friction", "joint_jac", "slide_rate", "surface_jac", "tangent_jac")
+OTHERS = ("dynamics", "joint_jac", "surface_jac", "tangent_jac", *KERNELS, *OF_PARAMETERS)
 KKT = ("place", "start", "row", "first", "from_hess", "from_jac", "diagonal")
 LDL = ("first", "block", "row_start", "row", "part_start", "part", "target", "height")
 SIZES = ("n", "entries", "pivots", "chain", "blocks")
@@ -94,7 +94,7 @@ def program_text(carried: CarriedProgram) -> tuple[list[str], int]:
         c.structs("dmoc_table_of", "tables", tables),
         initial(*(_state(c, s, numbers.taken) for s in numbers.states)), places,
         motion_text(c, nlp, entries, momenta), rest_text(c, nlp, numbers),
-        together_text(c, nlp, entries),
+        together_text(c, nlp, entries), laws_text(c, nlp, entries),
         c.array("int", np.array(nlp.layout.steps)), literal(float(nlp.scale.cost)),
         c.array("double", carried.x), c.array("double", carried.duals.rows),
         c.array("double", carried.duals.z), c.array("double", carried.first),

@@ -44,9 +44,7 @@ def rests_facts(rests: Sequence[CarriedProgram], begins: Sequence[float], planne
     """What rests.c and the header say."""
     c, rows = Constants(), list[str]()
     for r, begin in zip(rests, begins, strict=True):
-        lay = r.nlp.layout
-        ends = (c.array("int", lay.index_u[at]) for at in (lay.row_u_k, lay.row_u_kp1))
-        rows.append(initial(f"&{r.name}_problem", literal(begin), initial(*ends)))
+        rows.append(initial(f"&{r.name}_problem", literal(begin)))
     events = c.array("int", planner.problem.touch.surfaces)
     motion = initial(planner.problem.phases, len(rows), int(not planner.shrinks), events, "rests")
     return {"lines": c.lines, "rows": rows, "motion": motion, "names": [r.name for r in rests[1:]]}

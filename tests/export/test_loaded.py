@@ -25,6 +25,9 @@ from dmoc.export.loaded_solver import LoadedSolver, load_solver
 from dmoc.export.motion_text import rest_text
 from dmoc.export.solver import carried_by
 
+# Seconds after which an answer does not come any more.
+WAITS = 60
+
 
 def thrown() -> dmoc.Problem:
     """A block of unit mass that is thrown at a wall at 1 and comes back with half of its speed."""

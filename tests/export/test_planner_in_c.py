@@ -19,7 +19,7 @@ from dmoc.solvers.outcome import Status
 pytestmark = pytest.mark.slow
 
 X, U = dynamicsymbols("x u")
-SOLVED, INFEASIBLE, ITERATIONS, TIME, BAD, NO_REST, BEHIND, NEARLY = 0, 1, 2, 3, 7, 9, 10, 11
+SOLVED, INFEASIBLE, ITERATIONS, TIME, BAD, NO_REST, BEHIND, NEARLY = 0, 1, 2, 3, 7, 10, 11, 12
 
 MAIN = r"""
 #include "NAME.h"

@@ -26,7 +26,7 @@ from dmoc.solvers.judge import judged
 from dmoc.solvers.outcome import SENTENCES, Duals, Options, Outcome, Status
 
 CODES = ("solved", "infeasible", "iteration_limit", "time_limit", "stalled", "interrupted")
-BAD_NUMBER, OUTSIDE, NO_REST = 7, 8, 9
+BAD_NUMBER, OUTSIDE, UNPHYSICAL, NO_REST = 7, 8, 9, 10
 
 
 @dataclass(frozen=True)
@@ -282,6 +282,7 @@ def test_what_a_solver_says(folder: Path) -> None:
         assert sentences[i] == SENTENCES[Status(status)]
     assert sentences[BAD_NUMBER].startswith("a number does not fit")
     assert sentences[OUTSIDE].startswith("the motion penetrates") and sentences[-1] == ""
+    assert sentences[UNPHYSICAL].startswith("a mass, friction or restitution")
     assert sentences[NO_REST].startswith("the first event is over, nothing is left")
 
 

@@ -147,3 +147,19 @@ def test_pairs_ask_for_order_4_and_for_the_larger_one_first() -> None:
     )
     with pytest.raises(ProblemError, match="static friction of 'belt' is 1, below the kinetic"):
         dmoc.Problem(dmoc.build(system, order=4), {x: 0}, {}, contacts=["belt"])
+
+
+def test_the_check_refuses_static_friction_that_falls_below_the_kinetic_one() -> None:
+    """From 2 - x below 1, at 1 m of a slide of 1.5 m."""
+    system = dmoc.MechanicalSystem(
+        "pushed", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, tangents={"rail": x},
+        friction={"rail": (2 - x, 1)}, cost=u**2 / 2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=4), {x: 0, "x_dot": 1}, {x: 1.5}, contacts=["rail:slip+"],
+        final_time=1, steps=10,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, starts=1)
+    assert solution.status == "not_verified"
+    assert "the static friction of rail is 0.5 at 1 s, x = 1.5, below the kin" in solution.message
+    assert dmoc.solve(problem.but(goal={x: 0.9}), starts=1).status == "solved"
