@@ -82,7 +82,7 @@ CASES = (
         bouncer_problem(0.7)[1],
     ),
     ReferenceCase(
-        "cart-pendulum, left",
+        "cart-pendulum, lower",
         seed.problem,
         seed.LIMIT,
         "dmoc's own, both discretisations, N = 1600 and 320",

@@ -30,9 +30,9 @@ class PendulumCase:
     force: float = 200.0
     final_time: float = 1.0
     steps: int = 100
-    sequence: tuple[str, ...] = ("left",)
-    left: float = np.pi / 10
-    right: float = 9 * np.pi / 10
+    sequence: tuple[str, ...] = ("lower",)
+    lower: float = np.pi / 10
+    upper: float = 9 * np.pi / 10
 
 
 def step_function(case: PendulumCase) -> ca.Function:
@@ -135,7 +135,7 @@ def built(
     balance = r_plus[:, :-1] + r_minus[:, 1:]
     collisions = [n * (i + 1) for i in range(phases - 1)]
     for i, c in enumerate(collisions):
-        sign = -1.0 if case.sequence[i] == "left" else 1.0  # outward normal of the limiter
+        sign = -1.0 if case.sequence[i] == "lower" else 1.0  # outward normal of the limiter
         balance[0, c - 1] -= sign * lam[i]
         demand(e_plus[c - 1] - e_minus[c])
     demand(balance)
@@ -144,12 +144,12 @@ def built(
     x = ca.vertcat(T, ca.vec(q), ca.vec(u), lam)
     wide = np.full((2, total + 1), np.inf)
     q_low, q_high = -wide, wide.copy()
-    q_low[0], q_high[0] = case.left, case.right
+    q_low[0], q_high[0] = case.lower, case.upper
     q_low[1], q_high[1] = -10.0, 10.0
     q_low[:, 0] = q_high[:, 0] = (case.alpha, 0.0)
     q_low[0, -1] = q_high[0, -1] = np.pi / 2
     for i, c in enumerate(collisions):
-        q_low[0, c] = q_high[0, c] = case.left if case.sequence[i] == "left" else case.right
+        q_low[0, c] = q_high[0, c] = case.lower if case.sequence[i] == "lower" else case.upper
     force = np.full(total, case.force)
     none = np.zeros(phases - 1)
     bounds = {

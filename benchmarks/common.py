@@ -198,7 +198,7 @@ def solves(nlp: Transcription, x: np.ndarray, method: str, repeats: int, *more: 
 
 
 def seed(**changes: Any) -> dmoc.Problem:
-    """The reference problem: cart-pendulum, one collision on the left limiter."""
+    """The reference problem: cart-pendulum, one collision on the limiter of the smallest angle."""
     return dmoc.Problem(dmoc.load("cart_pendulum"), **{**find("cart_pendulum").defaults, **changes})
 
 

@@ -53,10 +53,11 @@ class Task:
 
 
 def seed(dmoc: Any, steps: int = 100, order: int = 2) -> Any:
-    """The problem of Kern & Gross (2018): one collision on the left limiter."""
+    """The problem of Kern & Gross (2018): one collision on the limiter of the smallest angle."""
+    kernels = dmoc.load("cart_pendulum", order=order)
     return dmoc.Problem(
-        dmoc.load("cart_pendulum", order=order), start={"alpha": 0.15 * pi, "x": 0.0},
-        goal={"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0}, sequence=["left"], steps=steps,
+        kernels, start={"alpha": 0.15 * pi, "x": 0.0}, sequence=kernels.surfaces[:1], steps=steps,
+        goal={"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0},
         final_time=(None, 1.0), bounds={"F": (-200, 200), "x": (-10, 10)},
     )  # fmt: skip
 
@@ -183,7 +184,7 @@ import numpy
 import dmoc
 kernels = dmoc.load("cart_pendulum")
 problem = dmoc.Problem(
-    kernels, start={"alpha": 0.4712389, "x": 0.0}, sequence=["left"], steps=100,
+    kernels, start={"alpha": 0.4712389, "x": 0.0}, sequence=kernels.surfaces[:1], steps=100,
     goal={"alpha": 1.5707963, "p_alpha": 0, "p_x": 0}, final_time=(None, 1.0),
     bounds={"F": (-200, 200), "x": (-10, 10)},
 )

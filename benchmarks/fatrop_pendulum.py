@@ -31,7 +31,7 @@ def solver(case: PendulumCase, **options: Any) -> tuple[Any, dict[str, np.ndarra
         q, p, h, e = x[:2], x[2:4], x[4 + (k >= n)], x[6]
         w.append(x)
         w_low += [
-            -no if k == n else case.left,
+            -no if k == n else case.lower,
             -10.0,  # there it is fixed
             -no,
             -no,
@@ -39,7 +39,7 @@ def solver(case: PendulumCase, **options: Any) -> tuple[Any, dict[str, np.ndarra
             least,
             -no,
         ]
-        w_high += [case.right, 10.0, no, no, no, no, no]
+        w_high += [case.upper, 10.0, no, no, no, no, no]
         before = len(low)
         nx.append(STATES)
         if k == 2 * n:
@@ -64,7 +64,7 @@ def solver(case: PendulumCase, **options: Any) -> tuple[Any, dict[str, np.ndarra
             rows(n * ca.sum1(w[0][4:6]), -no, case.final_time)
         rows(p + r_minus - impulse, 0.0, 0.0)
         if k == n:
-            rows(ca.vertcat(q[0] - case.left, e - e_minus), 0.0, 0.0)
+            rows(ca.vertcat(q[0] - case.lower, e - e_minus), 0.0, 0.0)
         nu.append(u.numel())
         ng.append(len(low) - before)
     settings = {

@@ -258,7 +258,7 @@ def seed(frame: Frame) -> dict[str, Any]:
     force = frame.force(200)
     return {
         "start": {"alpha": 0.471, "x": frame.place(0)},
-        "goal": {"alpha": 1.5707, "p_alpha": 0.0, "p_x": 0.0}, "sequence": ["left"], "steps": 100,
+        "goal": {"alpha": 1.5707, "p_alpha": 0.0, "p_x": 0.0}, "sequence": ["lower"], "steps": 100,
         "final_time": (None, frame.time(1)), "bounds": {"F": (-force, force)},
         "parameters": {
             "m_p": frame.mass(1), "m_c": frame.mass(1), "l": frame.length(0.5),

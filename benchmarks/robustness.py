@@ -159,7 +159,7 @@ def compare(quick: bool) -> Section:
     ranges = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in RANGES.items())
     section = Section(
         f"Robustness: {instances} random instances",
-        f"N = 100 + 100, one collision on the left limiter; drawn uniformly (seed {SEED}): "
+        f"N = 100 + 100, one collision on one limiter; drawn uniformly (seed {SEED}): "
         f"{ranges}. One start each, the first automatic guess, at most {ITERATIONS} iterations and "
         f"{SECONDS:g} s; as many processes as cores. Confirmed: the independent simulation passes, "
         "where N is too coarse for it after refining the same motion to "

@@ -89,7 +89,7 @@ def optima() -> tuple[Optimum, ...]:
             block_and_wall.system, cost, time, 1.8 * speed,
         ),
         Optimum(
-            "cart-pendulum, left", reference_problem.problem,
+            "cart-pendulum, lower", reference_problem.problem,
             find("cart_pendulum").system, finest.cost,
             finest.collisions[0].time, finest.collisions[0].impulse,
         ),

@@ -81,7 +81,7 @@ CASES = (
     ),
     Case(
         "seed", "swing-up between limiters", lambda: catalogue.system("cart_pendulum"),
-        lambda: seed.problem(40).but(sequence=()), ("left", "left"), 66.16, "tree of six hits",
+        lambda: seed.problem(40).but(sequence=()), ("lower", "lower"), 66.16, "tree of six hits",
     ),
     Case(
         "puck", "puck among four walls", lambda: catalogue.system("puck_table"),

@@ -4,7 +4,7 @@ r"""Swing-up through a collision
 How does a cart swing up its pendulum with the help of a limiter?
 
 The pendulum stands at 27 degrees over the cart. The force :math:`F` on the cart shall bring it
-upright in one second, with the least :math:`\int F^2/2 \, dt` and one bounce off the left limiter.
+upright in one second, with the least :math:`\int F^2/2 \, dt` and one bounce off a limiter.
 With the angle :math:`\alpha` to the horizontal the Lagrangian is
 
 .. math::

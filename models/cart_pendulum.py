@@ -2,7 +2,8 @@
 sides.
 
 The angle alpha is measured from the horizontal, so that alpha = pi/2 is upright.  The point mass is
-at (x + l cos(alpha), l sin(alpha)); the input is the horizontal force on the cart.
+at (x + l cos(alpha), l sin(alpha)); the input is the horizontal force on the cart.  The limiters
+have the names of the ends of the angle's range, which say nothing of the side where they are seen.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def system() -> MechanicalSystem:
         inputs=[force],
         lagrangian=sp.trigsimp(sp.expand(kinetic - potential)),
         forces={x: force},
-        surfaces={"left": alpha >= a_min, "right": alpha <= a_max},
+        surfaces={"lower": alpha >= a_min, "upper": alpha <= a_max},
         parameters={
             m_p: 1.0,
             m_c: 1.0,
@@ -57,7 +58,7 @@ def system() -> MechanicalSystem:
             Box((x, 0), l / 2, l / 4),
             Link((x, 0), (x_p, y_p)),
             Point((x_p, y_p)),
-            Contact("left", (x_p, y_p), upwards),
-            Contact("right", (x_p, y_p), (sp.sin(alpha), -sp.cos(alpha))),
+            Contact("lower", (x_p, y_p), upwards),
+            Contact("upper", (x_p, y_p), (sp.sin(alpha), -sp.cos(alpha))),
         ],
     )

@@ -24,11 +24,11 @@ class Entry:
 ENTRIES = {
     "cart_pendulum": Entry(
         "cart_pendulum",
-        "swing up a pendulum on a cart by bouncing it off the left limiter",
+        "swing up a pendulum on a cart by bouncing it off a limiter",
         {
             "start": {"alpha": pi / 10 + pi / 20, "x": 0.0},
             "goal": {"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0},
-            "sequence": ("left",),
+            "sequence": ("lower",),
             "steps": 100,
             "final_time": (None, 1.0),  # not of the source: without it the cost falls for ever
             "bounds": {"F": (-200.0, 200.0), "x": (-10.0, 10.0)},
@@ -41,7 +41,7 @@ ENTRIES = {
         {
             "start": {"alpha": -pi / 2, "x": 0.0},
             "goal": {"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0},
-            "sequence": ("left",),
+            "sequence": ("lower",),
             "steps": 100,
             "final_time": (None, 2.0),
             "bounds": {"F": (-200.0, 200.0), "x": (-10.0, 10.0)},

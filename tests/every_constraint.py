@@ -25,7 +25,7 @@ def small(kernels: Kernels, controls: str | None = "constant") -> dmoc.Problem:
     return dmoc.Problem(
         kernels, start={"alpha": (0.4, 0.5), "alpha_dot": (-1, 1), "x": 0.0},
         goal={"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0, "x_dot": (-1, 1)},
-        sequence=["left", "right"], steps=[3, 4, 3], final_time=(0.1, 1.0),
+        sequence=["lower", "upper"], steps=[3, 4, 3], final_time=(0.1, 1.0),
         bounds={"F": (-200, 200), "x": (-10, 10)}, controls=controls,
     )  # fmt: skip
 

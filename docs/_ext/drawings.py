@@ -285,7 +285,7 @@ def tree(style: Style) -> Figure:
     spread = {0: 0.0, 1: 2.0, 2: 1.0}
 
     def place(sequence: tuple[str, ...]) -> tuple[float, float]:
-        x = sum((1 if s == "right" else -1) * spread[k] for k, s in enumerate(sequence, 1))
+        x = sum((1 if s == "upper" else -1) * spread[k] for k, s in enumerate(sequence, 1))
         return x, -1.1 * len(sequence)
 
     for sequence in sorted(nodes, key=len, reverse=True):
@@ -353,7 +353,7 @@ def check(style: Style) -> Figure:
         axes.plot(t, run.sol(t)[0], color=style.colours[1], lw=1.5, ls="--")
         end_state = run.y[:, -1]
         after = end_state.copy()
-        n = np.array([-1.0, 0.0])  # the left limiter
+        n = np.array([-1.0, 0.0])  # the limiter `lower`
         response, inertia = model.impulse_response(end_state[:2], n)
         after[2:] -= 2 * float(n @ end_state[2:]) / inertia * response
         state = after

@@ -35,7 +35,7 @@ PLAYER = """
 
 """
 # The best collisions of the swing-up on the first page, and the steps of its phases there.
-BEST, STEPS = ("left", "left"), 30
+BEST, STEPS = ("lower", "lower"), 30
 # From what is easily understood to what is not.
 ORDER = (
     "block_and_wall",

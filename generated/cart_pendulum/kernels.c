@@ -2,7 +2,7 @@
  *
  * q = (alpha, x)
  * u = (F)
- * g = (left, right)
+ * g = (lower, upper)
  * par = (m_p, m_c, l, g, alpha_min, alpha_max)
  */
 #include <math.h>
@@ -670,4 +670,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "89bc7502bf46c26be12d6d63ad829cd3096b85db9e229f1e72ab22d6b78633d2", 37, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "396a0f29c2813785c54e1485b63dfd22fa6d0122af5bc3316673d71717e12408", 37, entries};

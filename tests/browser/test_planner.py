@@ -139,7 +139,7 @@ def test_a_number_that_is_moved_gives_the_motion_of_a_solve(
     assert text(driver).startswith("planned in")
     assert cost(driver) == pytest.approx(other.cost, rel=1e-3)  # four digits are shown
     (hit,), event = other.collisions, driver.find_element(By.CSS_SELECTOR, ".events button").text
-    words = re.fullmatch(r"1 left at (.*) s, impulse (.*)", event)
+    words = re.fullmatch(r"1 lower at (.*) s, impulse (.*)", event)
     assert words and float(words[1]) == pytest.approx(hit.time, rel=1e-3)
     assert float(words[2]) == pytest.approx(hit.impulse, rel=1e-3)
     for t in (0.0, 0.05, 0.5, 0.99):

@@ -38,7 +38,7 @@ def test_a_planned_collision_is_met(solution: dmoc.Solution) -> None:
     check = solution.verify()
     assert check.passed and not check.message
     (contact,) = check.contacts
-    assert contact.surface == "left" and contact.time == pytest.approx(
+    assert contact.surface == "lower" and contact.time == pytest.approx(
         solution.collisions[0].time, abs=1e-5
     )
     assert check.penetration < 1e-6
@@ -75,11 +75,11 @@ def test_missed_and_extra_contacts_are_named(
 ) -> None:
     good = solution.trajectory
     missing = dmoc.verify(
-        replace(good, collisions=(replace(good.collisions[0], surface="right"),)), pendulum
+        replace(good, collisions=(replace(good.collisions[0], surface="upper"),)), pendulum
     )
     assert (
-        "the collision with 'right'" in missing.missed_contacts[0]
-        and "a contact with 'left'" in missing.extra_contacts[0]
+        "the collision with 'upper'" in missing.missed_contacts[0]
+        and "a contact with 'lower'" in missing.extra_contacts[0]
     )
     coarse = dmoc.solve(seed.but(steps=10), verify=False).verify()
     assert coarse.extra_contacts and not coarse.passed

@@ -27,7 +27,7 @@ def test_several_solutions_play_side_by_side(
 ) -> None:
     solution.save(tmp_path / "one.npz")
     assert run("animate one.npz one.npz -o both.html")[0] == 0
-    assert '"1. cart_pendulum: left"' in (tmp_path / "both.html").read_text("utf-8")
+    assert '"1. cart_pendulum: lower"' in (tmp_path / "both.html").read_text("utf-8")
     assert run("animate one.npz one.npz -o both.gif --speed 1 --fps 3 --dark")[0] == 0
     assert (tmp_path / "both.gif").read_bytes().startswith(b"GIF89a")
 

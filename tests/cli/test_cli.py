@@ -27,7 +27,7 @@ HOSTILE = "x[/y]:warning:[bold]"
 
 def test_solve_prints_the_json_alone(run: Run) -> None:
     code, out, _ = run(
-        "solve cart_pendulum --steps 100 --final-time 1.0 --sequence left --method slsqp --json -"
+        "solve cart_pendulum --steps 100 --final-time 1.0 --sequence lower --method slsqp --json -"
     )
     summary = json.loads(out)
     assert code == 0

@@ -172,7 +172,7 @@ def test_what_a_new_file_says_comes_next_works(
         ("dmoc solve cart_pendulum_", ["cart_pendulum_hanging"]),
         ("dmoc solve cart_pendulum --method ip", ["ipm", "ipopt"]),
         ("dmoc search cart_pendulum --method u", ["uno"]),
-        ("dmoc solve cart_pendulum --sequence left,r", ["left,right"]),
+        ("dmoc solve cart_pendulum --sequence lower,u", ["lower,upper"]),
         ("dmoc sweep cart_pendulum --set m_", ["m_p=", "m_c="]),
         ("dmoc solve cart_pendulum_hanging --bound F", ["F="]),
         ("dmoc solve cart_pendulum --start alpha", ["alpha=", "alpha_dot="]),

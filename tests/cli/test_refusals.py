@@ -15,8 +15,8 @@ import dmoc
 COMMANDS = """
 solve cart_pendulum
     --restitution 1.5 | expected a number from 0 (plastic) to 1 (elastic)
-    --restitution left=x | expected a number
-    --restitution lef=0.5 | unknown surface, expected one of left, right
+    --restitution lower=x | expected a number
+    --restitution lef=0.5 | unknown surface, expected one of lower, upper
     --order 3 | order = 3: expected one of 2, 4
     --order 4 --controls linear | expected one of stages, constant with kernels of order 4
     --periodic beta | unknown state 'beta' in periodic
@@ -26,8 +26,8 @@ solve cart_pendulum
     --set m_c=nan | parameter m_c = nan: expected a finite number
     --set m=1 | unknown parameter 'm'
     --set m_c | expected NAME=VALUE
-    --start alpha=0.1 | the start (alpha=0.1) lies behind surface 'left'
-    --goal alpha=3 | the goal (alpha=3) lies behind surface 'right'
+    --start alpha=0.1 | the start (alpha=0.1) lies behind surface 'lower'
+    --goal alpha=3 | the goal (alpha=3) lies behind surface 'upper'
     --start beta=0 | unknown state 'beta' at the start
     --goal x_dott=0 | did you mean 'x_dot'
     --bound F=10:-10 | the lower bound 10 exceeds the upper bound -10
@@ -36,16 +36,16 @@ solve cart_pendulum
     --bound F=a:1 | expected a number
     --start alpha_dot=1,p_alpha=1 | a fixed velocity (alpha_dot) and a fixed momentum (p_alpha)
     --seconds nan | expected a positive time limit
-    --sequence up | unknown surface 'up' in the sequence: expected one of left, right
-    --sequence left,lef | did you mean 'left'
-    --sequence left,,right | --sequence left,,right: a word is missing beside a comma
-    --sequence ,left | --sequence ,left: a word is missing beside a comma
-    --sequence left,, | --sequence left,,: a word is missing beside a comma
+    --sequence up | unknown surface 'up' in the sequence: expected one of lower, upper
+    --sequence lower,lowe | did you mean 'lower'
+    --sequence lower,,upper | --sequence lower,,upper: a word is missing beside a comma
+    --sequence ,lower | --sequence ,lower: a word is missing beside a comma
+    --sequence lower,, | --sequence lower,,: a word is missing beside a comma
     --sequence , | --sequence ,: a word is missing beside a comma
     --sequence ,, | --sequence ,,: a word is missing beside a comma
-    --sequence left --via x=1,x=2 | --via x is given twice
-    --sequence left --durations 0,0 | durations of phase 0 = 0: expected a positive time
-    --sequence left --durations free,none | --durations = 'none': expected a number such as 0.5
+    --sequence lower --via x=1,x=2 | --via x is given twice
+    --sequence lower --durations 0,0 | durations of phase 0 = 0: expected a positive time
+    --sequence lower --durations free,none | --durations = 'none': expected a number such as 0.5
     --steps 0 | expected a whole number of at least 2 steps
     --steps -5 | expected a whole number of at least 2 steps
     --steps 10,10,10 | one for each of the 2 phases

@@ -66,7 +66,7 @@ def test_a_motion_that_drifts_off_its_goal_is_the_last_guess(pendulum: Kernels) 
     rest = {"alpha_dot": 0.0, "x_dot": 0.0}
     problem = dmoc.Problem(
         pendulum, start={"alpha": -pi / 2, "x": 0.0}, goal={"alpha": pi / 2, "x": 0.5, **rest},
-        ignored=("left", "right"), steps=50, final_time=1.0,
+        ignored=("lower", "upper"), steps=50, final_time=1.0,
     )  # fmt: skip
     assert [g.prescribed for g in initial_guesses(problem)] == [("alpha", "x"), ("alpha",)]
     free = initial_guesses(problem.but(goal={"alpha": pi / 2, **rest}))

@@ -73,7 +73,7 @@ def test_where_two_phases_meet_the_earlier_one_that_names_a_coordinate_counts(
 
 
 def test_velocities_and_impulses_follow_from_the_motion(small: dmoc.Problem) -> None:
-    """The law of impact, n = (1, 0) at the left limiter: M (v_c - v_a) is along the gradient of the
+    """The law of impact, n = (1, 0) at a limiter: M (v_c - v_a) is along the gradient of the
     gap, and the rates of the angle are opposite."""
     guess = {"alpha": [0.47, 0.3, 1.57], "x": [0.0, 0.2, 0.1], "durations": [0.2, 0.2]}
     lay, x, _ = unknowns(small, guess)

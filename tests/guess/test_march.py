@@ -186,7 +186,7 @@ def test_kernels_on_numpy_give_the_same_guesses(sequence: tuple[str, ...]) -> No
         np.testing.assert_allclose(a.x, b.x, rtol=1e-9, atol=1e-9 * np.abs(a.x).max())
 
 
-@pytest.mark.parametrize("sequence", [("left",), ("left", "right")])
+@pytest.mark.parametrize("sequence", [("lower",), ("lower", "upper")])
 def test_several_trials_are_those_of_each_final_time(
     seed: dmoc.Problem, sequence: tuple[str, ...]
 ) -> None:

@@ -19,7 +19,7 @@ def motions(problem: Problem, count: int = 40, seed: int = 0) -> tuple[Layout, n
 
 
 def test_they_lie_on_their_surfaces_and_obey_the_law_of_impact(seed: dmoc.Problem) -> None:
-    problem = seed.but(sequence=("left", "right", "left"), restitution=0.7, steps=8)
+    problem = seed.but(sequence=("lower", "upper", "lower"), restitution=0.7, steps=8)
     lay, x = motions(problem)
     kind = np.arange(len(x)) % KINDS
     x = x[(kind == DRIVEN) | (kind == IDLE)]

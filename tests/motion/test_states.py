@@ -201,7 +201,7 @@ def test_json_and_xarray_hold_the_same(named: dmoc.Solution, tmp_path: Path) -> 
     saved = json.loads(named.to_json(tmp_path / "x.json").read_text())
     table = columns(named.trajectory)
     assert saved["columns"] == {name: column.tolist() for name, column in table.items()}
-    assert saved["units"]["alpha_dot"] == "rad/s" and saved["collisions"][0]["event"] == "left"
+    assert saved["units"]["alpha_dot"] == "rad/s" and saved["collisions"][0]["event"] == "lower"
     dataset = named.to_xarray()
     np.testing.assert_array_equal(dataset["alpha"].values, table["alpha"])
     assert dataset["F"].attrs["units"] == "N" and dataset.sizes == {"time": 42}

@@ -29,7 +29,7 @@ BOUNDS = {
     "duration of phase 1 >= 0.4 s": ActiveBound(BoundKind.DURATION, "1", ">=", 0.4),
     "F >= -25 in 1 step": ActiveBound(BoundKind.INPUT, "F", ">=", -25.0, 1),
     "x <= 1.5e-05 in 2 nodes": ActiveBound(BoundKind.COORDINATE, "x", "<=", 1.5e-5, 2),
-    "impulse of collision 2 (left) >= 0": ActiveBound(BoundKind.IMPULSE, "2 (left)"),
+    "impulse of collision 2 (lower) >= 0": ActiveBound(BoundKind.IMPULSE, "2 (lower)"),
     "final time <= 1 s": ActiveBound(BoundKind.OTHER, "final time <= 1 s"),
 }
 

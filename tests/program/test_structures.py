@@ -29,8 +29,8 @@ from dmoc.solvers.kkt_layout import kkt_layout
 CHANGES: list[dict[str, Any]] = [
     {"parameters": {"l": 0.45, "m_p": 1.2}}, {"bounds": {"F": (-150.0, 150.0)}},
     {"start": {"alpha": 0.45, "x": 0.1}}, {"final_time": (0.1, 1.0)}, {"final_time": 0.5},
-    {"restitution": 0.5}, {"restitution": 0.0}, {"sequence": ("right",)},
-    {"sequence": ("left", "left")}, {"steps": (9, 11)}, {"controls": "linear"},
+    {"restitution": 0.5}, {"restitution": 0.0}, {"sequence": ("upper",)},
+    {"sequence": ("lower", "lower")}, {"steps": (9, 11)}, {"controls": "linear"},
     {"periodic": ("alpha_dot",), "start": {"alpha": 0.45, "x": 0.1}, "goal": {}},
     {"goal": {"alpha": 1.5, "alpha_dot": (0.0, 1.0), "x": (-1.0, None)}},
     {"bounds": {"x_dot": (-2.0, 3.0)}}, {"bounds": {"x_dot": (-2.5, 3.0)}},
@@ -155,7 +155,7 @@ def test_other_numbers_share_a_structure_and_other_forms_do_not(family: Family) 
     first, *others = structures
     assert [s is first for s in others] == [True] * 3 + [False] * (len(changes) - 3)
     assert len({id(s) for s in others[2:]}) == len(changes) - 2  # no two forms are one
-    hits = problem.sequence == ("left",)  # whose law may be that of the rates
+    hits = problem.sequence == ("lower",)  # whose law may be that of the rates
     assert (Transcription(problem.in_rates()).structure is not first) == hits
 
 

@@ -288,7 +288,7 @@ def test_parameters_bounds_and_steps_need_no_new_kernels(
     pendulum: Kernels, seed: dmoc.Problem
 ) -> None:
     other = seed.but(
-        parameters={"m_c": 2.0}, steps=[7, 9], bounds={"F": (-50, 60)}, sequence=["right"]
+        parameters={"m_c": 2.0}, steps=[7, 9], bounds={"F": (-50, 60)}, sequence=["upper"]
     )
     assert other.kernels is pendulum
     assert Transcription(other).layout.total == 16

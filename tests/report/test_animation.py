@@ -213,7 +213,7 @@ def test_a_page_holds_all_it_needs(solution: dmoc.Solution, tmp_path: Path) -> N
     assert content["title"] == "cart_pendulum"
     (entry,) = content["motions"]
     assert entry["status"] == "solved" and entry["cost"] == solution.cost
-    assert [event["word"] for event in entry["events"]] == ["left"]
+    assert [event["word"] for event in entry["events"]] == ["lower"]
     tip = next(s for s in entry["shapes"] if s["kind"] == "point")["columns"]
     alpha, x = solution.phases[1].q[-1]
     at = columns_at(entry, entry["duration"])[tip]

@@ -182,7 +182,7 @@ def test_a_file_with_other_names_than_its_model_is_refused(solution: dmoc.Soluti
         {"parameters": dict(list(t.parameters.items())[1:])},
         {"parameters": {f"k_{name}": value for name, value in t.parameters.items()}},
         {"coordinates": ("beta", "x")},
-        {"restitution": {"left": 1.0}},
+        {"restitution": {"lower": 1.0}},
     ):
         loaded = dmoc.Solution.from_bytes(
             replace(solution, trajectory=replace(t, **change)).to_bytes()
@@ -228,7 +228,7 @@ def test_a_journal_with_more_than_its_tables_is_refused_and_kept(tmp_path: Path)
     [
         ("[]", "{}", None),
         ("[]", None, None),
-        ('["left"]', b"\xff", b"x"),
+        ('["lower"]', b"\xff", b"x"),
         ("[]", '{"sequence": [], "verdict": "feasible"}', b""),
         ("[]", "[" * 100_000, None),
     ],
@@ -248,12 +248,12 @@ def test_a_row_with_the_motion_of_another_sequence_is_refused(
     solution: dmoc.Solution, tmp_path: Path
 ) -> None:
     path = tmp_path / "j"
-    node = nodes.Node(("left",), nodes.Verdict.FEASIBLE, solution.cost, solution=solution)
+    node = nodes.Node(("lower",), nodes.Verdict.FEASIBLE, solution.cost, solution=solution)
     with Journal(path, "a", False) as journal:
         journal.add(node)
-        assert journal.finished()["left",].cost == solution.cost
+        assert journal.finished()["lower",].cost == solution.cost
         for wrong in (
-            replace(node, sequence=("right",)),
+            replace(node, sequence=("upper",)),
             replace(node, cost=1.0),
             replace(node, verdict=nodes.Verdict.FAILED),
         ):

@@ -101,7 +101,7 @@ def test_a_report_says_what_was_found(solution: dmoc.Solution) -> None:
     parts = {table.title: table for table in tables(solution)}
     facts = {plain(row[0]): " ".join(plain(c) for c in row[1:]) for row in parts["Problem"].rows}
     assert (
-        facts["sequence"] == "left" and facts["mesh"] == "60 + 60 steps, order 2, constant inputs"
+        facts["sequence"] == "lower" and facts["mesh"] == "60 + 60 steps, order 2, constant inputs"
     )
     assert "m_p = 1" in facts["parameters"] and "F: -200 to 200" in facts["bounds"]
     assert facts["start"].startswith("alpha = 0.47124, alpha_dot = 0")

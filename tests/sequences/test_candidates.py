@@ -78,7 +78,7 @@ def test_where_none_is_confirmed_the_cheapest_has_neighbours_once(
     assert next(candidates.rounds(), None) is None  # finer meshes come first
     candidates.refined = {(best.sequence, FINER)}
     assert next(candidates.rounds())
-    assert {("left",), ("left", "left", "left")} <= set(candidates.frontier)
+    assert {("lower",), ("lower", "lower", "lower")} <= set(candidates.frontier)
     candidates.frontier = []
     assert next(candidates.rounds(), None) is None
 
@@ -97,10 +97,10 @@ def test_where_no_proposal_leads_to_a_motion_the_cheapest_has_neighbours(
     candidates.frontier = []
     candidates.nodes = {words: Node(words, Verdict.FAILED)}
     rounds = candidates.rounds()
-    assert next(rounds) == [("left",)]
-    candidates.frontier, candidates.nodes["left",] = [], Node(("left",), Verdict.FAILED)
+    assert next(rounds) == [("lower",)]
+    candidates.frontier, candidates.nodes["lower",] = [], Node(("lower",), Verdict.FAILED)
     assert next(rounds)
-    assert ("left", "left", "left") in candidates.frontier
+    assert ("lower", "lower", "lower") in candidates.frontier
 
 
 def test_other_ways_are_looked_for_where_there_is_no_motion(
@@ -120,7 +120,7 @@ def test_other_ways_are_looked_for_where_there_is_no_motion(
 def test_an_unconfirmed_motion_that_promises_little_is_not_doubtful(proposals: Proposals) -> None:
     """On the mesh of both; the best costs more on the finer one that confirms it."""
     candidates = Candidates(proposals, ENDLESS)
-    best, little, much = ("left",), ("right",), ("left", "left")
+    best, little, much = ("lower",), ("upper",), ("lower", "lower")
     candidates.nodes = {
         best: Node(best, Verdict.FEASIBLE, 1.2), little: Node(little, Verdict.UNVERIFIED, 0.995),
         much: Node(much, Verdict.UNVERIFIED, 0.985),
@@ -132,18 +132,18 @@ def test_an_unconfirmed_motion_that_promises_little_is_not_doubtful(proposals: P
 def test_proposals_that_cost_over_a_third_more_than_the_best_are_not_solved(
     proposals: Proposals,
 ) -> None:
-    costs = {("left",): 1.0, ("right",): 1.34, ("left", "right"): 1.36}
+    costs = {("lower",): 1.0, ("upper",): 1.34, ("lower", "upper"): 1.36}
     proposals.proposed = {words: Proposed(words, cost) for words, cost in costs.items()}
     candidates = Candidates(proposals, ENDLESS)
     rounds = candidates.rounds()
-    assert next(rounds) == [("left",), ("right",)]
-    candidates.frontier = [("left", "right")]
-    candidates.nodes = {("left",): Node(("left",), Verdict.FEASIBLE, 1.0)}
-    assert next(rounds, None) is None and candidates.left == [("left", "right")]
+    assert next(rounds) == [("lower",), ("upper",)]
+    candidates.frontier = [("lower", "upper")]
+    candidates.nodes = {("lower",): Node(("lower",), Verdict.FEASIBLE, 1.0)}
+    assert next(rounds, None) is None and candidates.left == [("lower", "upper")]
     candidates.left *= 2  # a proposal that comes again, and one that was solved in the meantime
-    candidates.left.append(("left",))
+    candidates.left.append(("lower",))
     (note,) = [n for n in notes_of_proposals(candidates) if "not solved" in n]
-    assert note.startswith("1 proposal was not solved") and note.endswith(": left, right")
+    assert note.startswith("1 proposal was not solved") and note.endswith(": lower, upper")
 
 
 def test_two_workers_find_what_one_finds(swung: SearchResult) -> None:
@@ -182,6 +182,6 @@ def test_budgets_and_interruptions_end_it_with_an_answer(monkeypatch: pytest.Mon
 
 
 def test_words_that_may_not_happen_are_not_proposed() -> None:
-    result = dmoc.search(unnamed("cart_pendulum"), strategy="propose", surfaces=["right"])
-    assert {word for n in result.nodes for word in n.sequence} <= {"right"}
-    assert {word for p in result.proposals for word in p.sequence} <= {"right"}
+    result = dmoc.search(unnamed("cart_pendulum"), strategy="propose", surfaces=["upper"])
+    assert {word for n in result.nodes for word in n.sequence} <= {"upper"}
+    assert {word for p in result.proposals for word in p.sequence} <= {"upper"}

@@ -24,8 +24,8 @@ from dmoc.sequences.tree import FINER, FINEST, Tree
 @pytest.mark.parametrize(
     ("problem", "options"),
     [
-        (shipped("cart_pendulum", steps=40), {"max_collisions": 2, "surfaces": ["left"]}),
-        (shipped("cart_pendulum", steps=None), {"max_collisions": 1, "surfaces": ["left"]}),
+        (shipped("cart_pendulum", steps=40), {"max_collisions": 2, "surfaces": ["lower"]}),
+        (shipped("cart_pendulum", steps=None), {"max_collisions": 1, "surfaces": ["lower"]}),
         (shipped("puck_table", steps=12), {"max_collisions": 2, "surfaces": ["east", "west"]}),
         (
             shipped("puck_table", steps=10, restitution=0.8),
@@ -53,19 +53,19 @@ def test_the_best_costs_what_a_solve_from_its_motion_costs(
 
 
 def test_where_both_statements_differ_the_other_number_is_a_note() -> None:
-    result = dmoc.search(shipped("cart_pendulum", steps=40), 2, surfaces=["left"])
+    result = dmoc.search(shipped("cart_pendulum", steps=40), 2, surfaces=["lower"])
     assert result.best is not None and result.best.cost == pytest.approx(66.0201, abs=1e-3)
     note = result.notes[-1]
-    assert note.startswith("left, left: on the mesh of the search") and note.endswith("66.303")
+    assert note.startswith("lower, lower: on the mesh of the search") and note.endswith("66.303")
     assert any(evidence in note for evidence in result.best.evidence)
 
 
 def test_what_is_confirmed_in_the_rates_alone_is_kept_and_told() -> None:
     """Eight steps a phase tell little of the energies beside two hits."""
     problem = shipped("cart_pendulum", steps=8)
-    result = dmoc.search(problem, 2, surfaces=["left"])
+    result = dmoc.search(problem, 2, surfaces=["lower"])
     best = result.best
-    assert best is not None and best.sequence == ("left", "left") and best.solution is not None
+    assert best is not None and best.sequence == ("lower", "lower") and best.solution is not None
     assert best.solution.solved and best.solution.steps == (8, 8, 8)
     again = dmoc.solve(problem.but(sequence=best.sequence), "ipm", guess=best.solution)
     assert again.status == "not_verified"
@@ -91,11 +91,11 @@ def test_a_sequence_that_coarse_meshes_speak_against_is_solved_on_finer_ones(ste
 def test_nothing_is_refined_that_costs_more_than_the_best() -> None:
     result = dmoc.search(shipped("cart_pendulum", steps=10), 1)
     nodes = {n.sequence: n for n in result.nodes}
-    assert result.best is not None and result.best.sequence == ("left",)
-    right = nodes["right",]
-    assert right.verdict is Verdict.UNVERIFIED and len(right.evidence) == 1
-    assert right.cost is not None and result.best.cost is not None
-    assert right.cost > result.best.cost
+    assert result.best is not None and result.best.sequence == ("lower",)
+    upper = nodes["upper",]
+    assert upper.verdict is Verdict.UNVERIFIED and len(upper.evidence) == 1
+    assert upper.cost is not None and result.best.cost is not None
+    assert upper.cost > result.best.cost
 
 
 @pytest.mark.parametrize(

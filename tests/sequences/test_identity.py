@@ -14,18 +14,18 @@ from dmoc.sequences.identity import SEARCHED, facts, identity
 from dmoc.sequences.settings import Settings
 
 SETTINGS = Settings(
-    max_collisions=2, surfaces=("left", "right"), events=None, strategy="tree", beam=4,
+    max_collisions=2, surfaces=("lower", "upper"), events=None, strategy="tree", beam=4,
     starts=0, seed=0, method="ipm", workers=1, executor=None, seconds=None, node_seconds=None,
     max_nodes=None, shortest_phase=0.01, journal=None, resume=False, progress=None,
 )  # fmt: skip
 OTHER_FIELDS: dict[str, Any] = {
     "start": {"x": 0.1}, "goal": {"x": 0.2}, "steps": 21, "final_time": (None, 2.0),
     "bounds": {"F": (-26, 26)}, "parameters": {"m_c": 1.1}, "controls": "linear",
-    "restitution": 0.5, "periodic": ("p_x",), "minimal_times": True, "contacts": ("left",),
-    "via": (), "ignored": ("left",), "design": {"m_c": (0.5, 2.0)},
+    "restitution": 0.5, "periodic": ("p_x",), "minimal_times": True, "contacts": ("lower",),
+    "via": (), "ignored": ("lower",), "design": {"m_c": (0.5, 2.0)},
 }  # fmt: skip
 OTHER_SETTINGS: dict[str, Any] = {
-    "surfaces": ("left",), "events": ("left",), "starts": 1, "seed": 1, "method": "slsqp",
+    "surfaces": ("lower",), "events": ("lower",), "starts": 1, "seed": 1, "method": "slsqp",
     "shortest_phase": 0.02,
 }  # fmt: skip
 
@@ -96,7 +96,7 @@ def test_the_same_problem_in_other_words_has_the_same_journal(problem: dmoc.Prob
             if value is not None
         }
         | problem.parameters,
-        sequence=["left"],
+        sequence=["lower"],
     )
     budget = replace(
         SETTINGS, max_collisions=5, strategy="beam", workers=3, seconds=1.0, node_seconds=60.0,

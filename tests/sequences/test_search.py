@@ -99,8 +99,8 @@ def test_every_sequence_of_the_table_is_confirmed(whole: SearchResult) -> None:
 
 
 def test_deep_sequences_cost_what_they_cost_on_a_fine_mesh(seed: dmoc.Problem) -> None:
-    """Four hits on the right limiter, of which three follow each other within 0.15 s."""
-    result = dmoc.search(seed, 4, surfaces=["right"])
+    """Four hits on the limiter `upper`, of which three follow each other within 0.15 s."""
+    result = dmoc.search(seed, 4, surfaces=["upper"])
     deep = result.nodes[-1]
     assert len(deep.sequence) == 4 and deep.solution is not None and deep.solution.minimum
     problem = seed.but(sequence=deep.sequence)
@@ -121,7 +121,7 @@ def test_sensitivities_of_a_node_equal_differences_of_searches(seed: dmoc.Proble
     lossy = seed.but(steps=40, restitution=0.7)
 
     def left(problem: dmoc.Problem) -> Node:
-        return dmoc.search(problem, 1, surfaces=["left"]).nodes[1]
+        return dmoc.search(problem, 1, surfaces=["lower"]).nodes[1]
 
     def slope(low: dict[str, Any], high: dict[str, Any], change: float) -> float:
         first, last = (left(lossy.but(**fields)).cost or 0.0 for fields in (low, high))
@@ -129,7 +129,7 @@ def test_sensitivities_of_a_node_equal_differences_of_searches(seed: dmoc.Proble
 
     node = left(lossy)
     assert node.solution is not None
-    problem = lossy.but(sequence=["left"], durations=[(0.01, None)] * 2)
+    problem = lossy.but(sequence=["lower"], durations=[(0.01, None)] * 2)
     slopes = dmoc.sensitivities(problem, node.solution)
     for name in ("m_c", "l"):
         value = seed.kernels.parameters[name]
@@ -137,7 +137,7 @@ def test_sensitivities_of_a_node_equal_differences_of_searches(seed: dmoc.Proble
         low, high = ({"parameters": {name: value + d}} for d in (-1e-4, 1e-4))
         assert slopes["parameters"][name] == pytest.approx(slope(low, high, 2e-4), rel=1e-5)
     low, high = ({"restitution": 0.7 + d} for d in (-1e-4, 1e-4))
-    assert slopes["restitution"]["left"] == pytest.approx(slope(low, high, 2e-4), rel=1e-5)
+    assert slopes["restitution"]["lower"] == pytest.approx(slope(low, high, 2e-4), rel=1e-5)
 
 
 def test_every_node_has_evidence(whole: SearchResult) -> None:
@@ -193,9 +193,9 @@ def test_infeasible_is_not_unreachable(block: Kernels) -> None:
 
 def test_more_collisions_may_still_pay(seed: dmoc.Problem) -> None:
     result = dmoc.search(seed.but(steps=40), 1)
-    assert result.best is not None and result.best.sequence == ("left",)
+    assert result.best is not None and result.best.sequence == ("lower",)
     deeper = dmoc.search(seed.but(steps=60), 2)
-    assert deeper.best is not None and deeper.best.sequence == ("left", "left")
+    assert deeper.best is not None and deeper.best.sequence == ("lower", "lower")
     assert any("more may cost less" in note for note in deeper.notes)
 
 
@@ -247,7 +247,7 @@ def test_the_coarse_mesh_promises_no_collisions_that_a_finer_one_cannot_keep(
     """Energies of steps of 25 ms beside steps of 0.4 ms would let the pendulum come with 3 rad/s
     and leave with 0.2 rad/s: three hits would cost 1212 on the coarse mesh and 1691 on the fine
     one, which is a long way from there."""
-    result = dmoc.search(seed, 3, surfaces=["right"])
+    result = dmoc.search(seed, 3, surfaces=["upper"])
     assert [len(n.sequence) for n in result.nodes] == [0, 1, 2, 3]
     for node in result.nodes:
         assert node.solution is not None and node.solution.iterations < 60
@@ -326,7 +326,7 @@ def test_best_first_finds_the_best_of_the_seed_without_looking_at_all(seed: dmoc
     few = dmoc.search(seed, 3, strategy="best-first", max_nodes=8)
     assert len(few.nodes) == 8 and not few.complete and "limit of 8 nodes" in few.notes[0]
     assert few.best is not None and every.best is not None
-    assert few.best.sequence == every.best.sequence == ("left", "left")
+    assert few.best.sequence == every.best.sequence == ("lower", "lower")
     assert few.best.cost == every.best.cost == min(n.cost for n in every.nodes if n.cost)
     costs = {n.sequence: n.cost for n in every.nodes}
     assert all(costs[n.sequence] == n.cost for n in few.nodes)

@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_the_linear_system_is_that_of_the_program(seed: dmoc.Problem) -> None:
     problem = seed.but(
         steps=[3, 4, 3],
-        sequence=["left", "right"],
+        sequence=["lower", "upper"],
         start={"alpha": (0.4, 0.5), "x": 0.0, "alpha_dot": (-1, 1)},
     )
     nlp = Transcription(problem)

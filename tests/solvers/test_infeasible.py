@@ -40,9 +40,9 @@ def test_a_phase_shorter_than_the_shortest_time_is_named(seed: dmoc.Problem) -> 
     solution = dmoc.solve(problem, method="ipm", starts=1)
     assert solution.status == "infeasible"
     text = " | ".join(solution.conflicts)
-    assert "collision 1 misses 'left' by 0.0144 rad" in text
+    assert "collision 1 misses 'lower' by 0.0144 rad" in text
     assert (
-        "phase 0 -> 'left': the shortest time at full input is estimated at 0.0549 s, the bounds "
+        "phase 0 -> 'lower': the shortest time at full input is estimated at 0.0549 s, the bounds "
         "allow 0.05 s" in text
     )
     assert "duration of phase 0 <= 0.05 s" in text

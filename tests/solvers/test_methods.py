@@ -105,7 +105,7 @@ def test_a_thousand_steps_a_phase(seed: dmoc.Problem) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "sequence", [[], ["left", "left"], ["left", "right", "left"], ["right", "left"]]
+    "sequence", [[], ["lower", "lower"], ["lower", "upper", "lower"], ["upper", "lower"]]
 )
 def test_sequences_from_the_automatic_guess(seed: dmoc.Problem, sequence: list[str]) -> None:
     solution = answer_of(seed.but(sequence=sequence), method="ipm")
@@ -156,7 +156,7 @@ def test_a_solution_of_another_mesh_or_order_is_a_guess(seed: dmoc.Problem, bloc
             == "solved"
         )
     with pytest.raises(ProblemError, match="guess has 1 collisions: expected a motion with 2"):
-        dmoc.solve(seed.but(sequence=["left", "left"]), method="ipm", guess=first)
+        dmoc.solve(seed.but(sequence=["lower", "lower"]), method="ipm", guess=first)
     with pytest.raises(
         ProblemError,
         match="guess is a motion of alpha, x, F: expected a motion of the coordinates and inputs x",
@@ -165,7 +165,7 @@ def test_a_solution_of_another_mesh_or_order_is_a_guess(seed: dmoc.Problem, bloc
             dmoc.Problem(block, start={"x": 0}, sequence=["wall"]), method="ipm", guess=first
         )
     other = dmoc.solve(
-        seed.but(steps=[10, 10], sequence=["right"]), method="ipm", guess=first, verify=False
+        seed.but(steps=[10, 10], sequence=["upper"]), method="ipm", guess=first, verify=False
     )
     assert other.status == "solved"  # from its unknowns, without its multipliers
 

@@ -86,7 +86,7 @@ def test_states_are_told_as_they_were_given(end: str) -> None:
     reference = find("cart_pendulum")
     moving = {"alpha_dot": 0.4, "x_dot": -0.7}
     problem = dmoc.Problem(
-        reference.kernels(), start={"alpha": 0.5, "x": 0.0, **moving}, sequence=["left"], steps=30,
+        reference.kernels(), start={"alpha": 0.5, "x": 0.0, **moving}, sequence=["lower"], steps=30,
         final_time=1.0, goal={"alpha": 1.2, "x": 0.3, **moving},
     )  # fmt: skip
     solution = dmoc.solve(problem, "ipm", optimality=1e-9, verify=False)

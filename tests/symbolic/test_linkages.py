@@ -106,7 +106,7 @@ def test_a_cart_pole_is_the_shipped_model() -> None:
     cart.hinge(alpha, length=0.5, mass=1, centre=0.5, inertia=0)
     system = world.system(
         "cart_pole", {low: np.pi / 10, high: 9 * np.pi / 10}, inputs=[force], cost=force**2 / 2,
-        surfaces={"left": alpha >= low, "right": alpha <= high},
+        surfaces={"lower": alpha >= low, "upper": alpha <= high},
     )  # fmt: skip
     problem = dmoc.Problem(system, **find("cart_pendulum").defaults)
     assert dmoc.solve(problem, verify=False).cost == pytest.approx(129.602392, abs=2e-6)

@@ -80,7 +80,7 @@ def test_every_error_and_every_status_has_an_entry() -> None:
     assert {str(s) for s in Status} <= _headings(verdicts)
     assert all(f"- `{v.value}`: " in verdicts.read_text() for v in Verdict)
     links = TROUBLESHOOTING.read_text()
-    assert all(f"(verdicts.md#{s})" in links for s in Status)
+    assert all(f"(../docs/verdicts.md#{s})" in links for s in Status)
 
 
 def test_equations_that_docstrings_cite_are_on_the_theory_page() -> None:
