@@ -6,10 +6,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.export.constants import Constants, initial
 from dmoc.mechanics.algebra import is_positive
-from dmoc.program.blocks import NOWHERE, Index
+from dmoc.program.blocks import NOWHERE
 from dmoc.program.transcription import Transcription
 
 # Kernels of coefficients that depend on the motion, and of what they depend on.
@@ -38,7 +39,7 @@ def laws_text(c: Constants, nlp: Transcription, entries: Mapping[str, str]) -> s
     return initial(*(entries.get(name, "NULL") for name in KERNELS), *arrays)
 
 
-def _varies(nlp: Transcription) -> Index:
+def _varies(nlp: Transcription) -> NDArray[np.bool_]:
     """The tangents whose friction depends on the motion, shape (nt,)."""
     rows = nlp.kernels.manifest.get("varying_friction", ())
     return np.isin(nlp.kernels.tangents, [row["name"] for row in rows])
