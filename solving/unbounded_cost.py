@@ -97,7 +97,7 @@ def ended(
         ends = [afresh(limited(most * size)) for most in LIMITS]
         costs = [end.cost for end in ends]
         first, second = (before - after for before, after in pairwise(costs))
-        if answer.cost < 0:
+        if min(answer.cost, costs[-1]) < 0:  # an end that is lost may have any cost
             falls = second > TWICE * first > 0 > costs[-1]
         else:
             falls = all(0 <= TWICE * after < before for before, after in pairwise(costs))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.solvers.outcome import Status
 from dmoc.solving import answer
+from dmoc.solving.unbounded_cost import ended
 
 pytestmark = pytest.mark.slow
 
@@ -182,3 +184,13 @@ def test_ctrl_c_in_a_solve_that_follows_ends_the_answer(
     solution = dmoc.solve(problem, "ipm", starts=1)
     assert solution.status == "interrupted" and "interrupted" in solution.message
     assert before == (2 if work == "best_on_mesh" else 1)
+
+
+def test_what_runs_away_is_named_wherever_the_solve_was_lost() -> None:
+    """Far away rounding errors decide, of which a cost above zero may be left."""
+    goal, order, fields, _ = ENDLESS["a price of the end and time"]
+    problem = sled(goal, order, **fields)
+    lost = dmoc.solve(problem, "ipm", starts=1)
+    lost = replace(lost, cost=14484.6, message="", status=Status.STALLED)
+    told = ended(problem, lost, lambda _, motion: motion, partial(dmoc.solve, starts=16))
+    assert told.message.startswith("the cost has no minimum, it falls as final_time grows: -400")
