@@ -175,6 +175,26 @@ def _states(problem: Problem, lay: Layout, limits: tuple[Array, Array], i: int) 
     return States(q, drawn(v, 0.0, fast) if len(v) else fast * rng.standard_normal(q.shape), t)
 
 
+def gaps_returned(
+    problem: Problem, lay: Layout, limits: tuple[Array, Array], determined: Bools
+) -> Bools:
+    """Gaps at the start and at the end, shape (2, nc), that periodic states make those of the other
+    end which are ``determined``, by a contact or by fixed values, whatever the design."""
+    of_samples = [_gaps_returned(p, lay, limits, determined) for p in samples(problem)]
+    return np.asarray(np.logical_and.reduce(of_samples))
+
+
+def _gaps_returned(
+    problem: Problem, lay: Layout, limits: tuple[Array, Array], determined: Bools
+) -> Bools:
+    end = _states(problem, lay, limits, lay.phases)
+    back = _returned(problem, _states(problem, lay, limits, 0), end)
+    (starts, start_sizes), (ends, end_sizes) = _gaps(problem, back), _gaps(problem, end)
+    off = np.abs(starts[:, :, None] - ends[:, None, :])
+    same = (off <= KEPT * np.maximum(start_sizes[:, :, None], end_sizes[:, None, :])).all(axis=0)
+    return np.array([(same & determined[1]).any(axis=1), (same.T & determined[0]).any(axis=1)])
+
+
 def _returned(problem: Problem, start: States, end: States) -> States:
     """The states at the start that end as ``end``; what is not periodic is that of ``start``."""
     model, names = problem.model, problem.kernels.coordinates

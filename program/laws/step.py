@@ -39,6 +39,7 @@ from dmoc.program.blocks import (
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.laws.law import COLLISION, INSIDE, STATE, Law, Pivot, key
 from dmoc.program.layout import Layout
+from dmoc.program.presolve import gaps_returned
 from dmoc.program.terms import COST, Places, Term
 
 if TYPE_CHECKING:
@@ -47,12 +48,11 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class StepLaw(Law):
-    """The steps of all phases; ``free_ends`` tells which coordinates of the first and of the last
-    node are not fixed."""
+    """The steps of all phases; ``gaps`` tells the nodes and surfaces whose gap is a constraint."""
 
     problem: Problem
     lay: Layout
-    free_ends: tuple[Bools, Bools] = field(init=False)
+    gaps: Bools = field(init=False)
     momentum: Block = field(init=False)
     inside: Block = field(init=False)
     passing: Block = field(init=False)
@@ -63,7 +63,10 @@ class StepLaw(Law):
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
         free = limits[0] != limits[1]
-        self.free_ends = free[self.lay.index_q[0]], free[self.lay.index_q[-1]]
+        self.gaps = self._gaps((free[self.lay.index_q[0]], free[self.lay.index_q[-1]]))
+        if problem.relations:
+            determined = ~self.gaps[[0, -1]] & ~self._ignored()
+            self.gaps[[0, -1]] &= ~gaps_returned(problem, self.lay, limits, determined)
 
     def equations(self, block: Numbering) -> None:
         lay, names, nq = self.lay, self.problem.kernels.coordinates, self.lay.nq
@@ -127,7 +130,7 @@ class StepLaw(Law):
         moving = np.isin(np.arange(model.nc), list(model.moving))
         self.gap = block(
             "gap",
-            self._gaps(),
+            self.gaps,
             lambda k, j: f"gap to {surfaces[j]} at node {k}",
             lambda s: s.gap,
             nodes,
@@ -145,18 +148,19 @@ class StepLaw(Law):
             counted=Counted(BoundKind.INSIDE, surfaces, steps),
         )
 
-    def _gaps(self) -> Bools:
-        """Nodes and surfaces whose gap is a constraint.
+    def _gaps(self, free: tuple[Bools, Bools]) -> Bools:
+        """Nodes and surfaces whose gap is a constraint, shape (nodes, nc); ``free`` tells which
+        coordinates of the first and of the last node are not fixed.
 
         Contacts of collisions and those that last hold with equality.  At a fixed end the gap is
-        known and was checked: a constraint that cannot move would have no interior.
+        known and was checked: a constraint that cannot move would have no interior, nor would one
+        that periodic states make a contact of the other end.
         """
-        problem, lay = self.problem, self.lay
-        model, free = problem.model, self.free_ends
+        problem, lay, model = self.problem, self.lay, self.problem.model
         keep = np.ones((lay.total + 1, model.nc), dtype=bool)
         hits = (lay.touch.surfaces != NOWHERE) & (lay.touch.open is None)
         keep[lay.collision_nodes[hits], lay.touch.surfaces[hits]] = False
-        keep[:, [model.surface_numbers[name] for name in problem.ignored]] = False
+        keep[:, self._ignored()] = False
         for i, mode in enumerate(lay.touch.modes):
             keep[lay.ends[i] : lay.ends[i + 1] + 1, list(mode.closed)] = False
         for node, event in zip(lay.collision_nodes, lay.touch.events, strict=True):
@@ -169,10 +173,14 @@ class StepLaw(Law):
 
     def _gaps_inside(self, timed: Bools) -> Bools:
         """The same inside steps, of the surfaces whose times are known there."""
-        lay, problem = self.lay, self.problem
+        lay = self.lay
         keep = np.repeat(~lay.touch.is_closed[lay.phase_of_step] & timed, lay.inside, axis=0)
-        keep[:, [problem.model.surface_numbers[name] for name in problem.ignored]] = False
+        keep[:, self._ignored()] = False
         return keep
+
+    def _ignored(self) -> Bools:
+        """Surfaces that the problem ignores."""
+        return np.isin(self.problem.kernels.surfaces, self.problem.ignored)
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:
         lay, momentum = self.lay, self.momentum.index
