@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations, product
-from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,20 +11,19 @@ from dmoc.base.errors import SimulationError
 from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import FREE, STICK, Mode
+from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.mechanics.impulse_response import unknown_in_impacts
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import Reaction, conditions
 from dmoc.simulation.friction_at import check_impact
 from dmoc.simulation.hit_coefficients import hit_coefficients, several_by_law
-from dmoc.simulation.mode_choice import Blow, Place, plastic_blow
+from dmoc.simulation.impact_course import Blow, blow_on
+from dmoc.simulation.mode_choice import Place
 from dmoc.simulation.simultaneous_impacts import NOISE, simultaneous
 from dmoc.simulation.single_hit import SingleHit, single_hit
 
 # A rebound whose flight, with all that follow it, takes less than this share of a step is none.
 SETTLED = 1e-4
-# Combinations of what contacts beside a hit do that are tried: seconds.
-MOST_WAYS = 4096
 
 
 @record(frozen=True, eq=False)
@@ -76,19 +73,14 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
         return _one_by_one(model, at, e)
     if len(hit) == 1 and _uncoupled(model, at, hit[0], on):
         return _alone(model, at, hit[0], model.rough.get(hit[0]), float(e[hit[0]]))
-    if len(hit) == 1 and hit[0] in model.rough:
-        alone = _beside(model, at, hit[0], on, float(e[hit[0]]))
-        if alone is not None:
-            return alone
-    if any(e[j] > 0 for j in hit if j in model.rough):
+    if len(hit) > 1 and any(e[j] > 0 for j in hit if j in model.rough):
         raise SimulationError(
-            f"the contacts {names} with friction {_why(hit)} at t = {at.t:.6g} s, with a "
+            f"the contacts {names} with friction are hit at once at t = {at.t:.6g} s, with a "
             "restitution above 0: the outcome of such an impact is not known to be unique; give "
             "what is hit a restitution of 0, or have only one of them touch then."
         )
-    blow = plastic_blow(model, at, on, e)
+    blow = blow_on(model, at, on, e)
     if blow is not None and not _gains(model, at, blow):
-        _check_course(model, at, blow, bool((e[hit] > 0).any()))
         return Struck(blow.velocity, tuple(_felt(blow, on, model.rough)))
     if not rough:
         return _one_by_one(model, at, e)
@@ -96,13 +88,6 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
         f"the impact on {names} at t = {at.t:.6g} s has no outcome that obeys the laws of impact "
         "and friction: give them a restitution of 0, or lower the friction."
     )
-
-
-def _why(hit: list[int]) -> str:
-    """Why an impact with friction and restitution has no outcome."""
-    if len(hit) > 1:
-        return "are hit at once"
-    return "take part in a hit in which another one stops, turns, slips or opens midway"
 
 
 def _struck_by(model: Model, hit: SingleHit, on: list[int]) -> Struck:
@@ -201,62 +186,6 @@ def _returns_beside(model: Model, j: int, on: list[int], t: float) -> str:
         f"while {names} touches: the outcome of such an impact is not known to be unique; have "
         "only one of them touch then, or take a model without tangential restitution."
     )
-
-
-def _beside(model: Model, at: Place, j: int, on: list[int], e: float) -> Struck | None:
-    """A hit with friction while as many of the other touched contacts as can do stay closed, each
-    with the same friction all along, and those that do not open; None where there are none."""
-    q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
-    others, frictions = [k for k in on if k != j], _frictions(model, at, on)
-    if prod(2 if k not in frictions else 1 + len(frictions[k]) for k in others) > MOST_WAYS:
-        return None
-    contact = j, model.rough[j]
-    for count in range(len(others), -1, -1):
-        for closed in combinations(others, count):
-            opened = [k for k in others if k not in closed]
-            for holding in _modes(model, closed, frictions):
-                hit = single_hit(model, contact, holding, (q, v, at.t), e)
-                rates = model.gap_rates(q, hit.velocity, at.t)
-                if not hit.unheld and (rates[opened] <= at.small.rate[opened]).all():
-                    return _struck_by(model, hit, [k for k in on if k not in opened])
-    return None
-
-
-def _frictions(model: Model, at: Place, touched: list[int]) -> dict[int, tuple[int, ...]]:
-    """The friction that touched contacts may have from the begin of an impact on: that of their
-    sliding; what is at rest sticks, or begins to slide."""
-    sigma = model.slide_rates(at.y[: model.nq], at.y[model.nq : 2 * model.nq], at.t)
-    slides = np.sign(sigma) * (np.abs(sigma) > at.small.slide)
-    rough = {j: model.rough[j] for j in touched if j in model.rough}
-    return {j: (int(slides[k]),) if slides[k] else (STICK, 1, -1) for j, k in rough.items()}
-
-
-def _modes(
-    model: Model, closed: tuple[int, ...], frictions: dict[int, tuple[int, ...]]
-) -> Iterator[Mode]:
-    """The modes of closed contacts with the friction that they may have."""
-    rough = [j for j in closed if j in frictions]
-    for signs in product(*(frictions[j] for j in rough)):
-        yield Mode.of(closed, {model.rough[j]: s for j, s in zip(rough, signs, strict=True)})
-
-
-def _check_course(model: Model, at: Place, blow: Blow, released: bool) -> None:
-    """Refuse an impact that presses a contact whose sliding turns in it, or stops in it where
-    something is released: how much of its friction acts before and after, the end does not say."""
-    q, v, t = at.y[: model.nq], at.y[model.nq : 2 * model.nq], at.t
-    before, after = (model.slide_rates(q, w, t) for w in (v, blow.velocity))
-    slides, slack = np.abs(before) > at.small.slide, at.small.slide
-    turns = slides & (before * after < 0) & (np.abs(after) > slack)
-    stops = slides & (np.abs(after) <= slack) & released
-    pressed = {model.rough.get(j) for j, *_ in _felt(blow, [*range(model.nc)], model.rough)}
-    for k in np.flatnonzero(turns | stops).tolist():
-        if k in pressed:
-            raise SimulationError(
-                f"{model.kernels.tangents[k]!r} {'turns' if turns[k] else 'stops'} in an impact of "
-                f"several contacts with friction at t = {t:.6g} s: how much of its friction acts "
-                "before depends on how their impulses grow, which is not known; lower the "
-                "friction, or have them touch one after the other."
-            )
 
 
 def _gains(model: Model, at: Place, blow: Blow) -> bool:

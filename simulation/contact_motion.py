@@ -22,7 +22,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode, names_of
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import FRICTION_WORDS, Collision
-from dmoc.simulation.contact_impacts import struck
+from dmoc.simulation.contact_impacts import SETTLED, struck
 from dmoc.simulation.contact_modes import borne, limits, slack
 from dmoc.simulation.friction_at import with_friction
 from dmoc.simulation.mode_choice import Hints, Place, Setting, mode_at
@@ -232,8 +232,30 @@ def _resolved(
     reach = reached(model, after, place.u, place.t, setting.h, reach)
     place = _place(setting, after, place.u, place.t, reach)
     mode = mode_at(setting, place, Hints())
+    if dying := _dying(setting, place, mode, model.gap_rates(q, v, place.t)):
+        closed = Mode((*mode.closed, *dying), mode.sticking, mode.sliding)
+        place = replace(place, y=_settled(setting, closed, place))
+        mode = mode_at(setting, place, Hints())
     journal.collisions += _records(model, place, (v, mode), impact.impulses)
     return place, mode
+
+
+def _dying(setting: Setting, place: Place, mode: Mode, before: Array) -> list[int]:
+    """Touched surfaces that an impact has opened, from rates before it, and whose flight back, with
+    those of the impacts that follow if each keeps as much of the rates, is none: what clatters
+    comes to rest."""
+    model, nq, t = setting.model, setting.model.nq, np.array([place.t])
+    q, v = place.y[:nq], place.y[nq : 2 * nq]
+    on = np.flatnonzero(model.gaps(q, place.t) >= -place.small.gap)
+    slopes, rates = model.gap_slopes(q, place.t)[on, :-1], model.gap_rates(q, v, place.t)[on]
+    across = np.sqrt(np.einsum("ji,ij->j", slopes, model.responses(q, slopes, place.t)))
+    kept = (-rates / across).max() / (before[on] / across).max()
+    pushed = setting.integrator.reaction(mode, place.y[None], place.u[None], t).acceleration[0]
+    back = slopes @ pushed + model.gap_accelerations(q, v, place.t)[on]
+    soon = 2 * -rates < SETTLED * setting.h * (1 - kept) * back
+    low = rates**2 < 2 * back * place.small.gap[on]
+    dying = (rates < 0) & (back > 0) & (soon | low)
+    return [j for j in on[dying].tolist() if j not in mode.closed]
 
 
 def _records(
@@ -280,9 +302,13 @@ def _on_limit(setting: Setting, place: Place, mode: Mode, which: int) -> Array:
     stopped = (which - model.nc - model.nt,) if which >= model.nc + model.nt else ()
     sliding = tuple((k, s) for k, s in mode.sliding if k not in stopped)
     closed = tuple(sorted({*mode.closed, which} if met else mode.closed))
-    resting = Mode(closed, (*mode.sticking, *stopped), sliding)
+    return _settled(setting, Mode(closed, (*mode.sticking, *stopped), sliding), place)
+
+
+def _settled(setting: Setting, mode: Mode, place: Place) -> Array:
+    """The state moved, the shortest way by the masses, to where the conditions of a mode hold."""
     t, y = np.array([place.t]), place.y[None].copy()
-    setting.integrator.settle(resting, y, t, model.tangents(y[:, :nq], t))
+    setting.integrator.settle(mode, y, t, setting.model.tangents(y[:, : setting.model.nq], t))
     return np.asarray(y[0])
 
 

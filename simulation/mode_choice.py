@@ -9,7 +9,7 @@ impulses of a plastic impact.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -21,16 +21,10 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
-from dmoc.mechanics.contact_mode import Mode, without_rails
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
-from dmoc.simulation.contact_modes import (
-    answers,
-    borne,
-    condition_rates,
-    conditions,
-    spread,
-)
+from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.friction_at import with_friction
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.tolerances import Tolerances
@@ -115,16 +109,16 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
         ):
             return False
         slack = at.small.force, at.small.hold
-        if _borne(model, mode, (reaction.normal[0], reaction.tangential[0]), *slack):
+        if is_borne(model, mode, (reaction.normal[0], reaction.tangential[0]), *slack):
             return True
         other = borne(model, mode, reaction, q, t)
-        if other is not reaction and _borne(
+        if other is not reaction and is_borne(
             model, mode, (other.normal[0], other.tangential[0]), *slack
         ):
             held[mode] = reaction.acceleration[0]
         return False
 
-    mode = _first(model, on, sigma, at.small.slide, hints, holds, rails=True)
+    mode = first_mode(model, on, sigma, at.small.slide, hints, holds, rails=True)
     if held:
         mode = _at_rest(setting, at, mode, held)
     if mode is None and not np.isfinite(model.acceleration(q, v, at.u[None], t)).all():
@@ -154,49 +148,7 @@ def _at_rest(setting: Setting, at: Place, mode: Mode | None, held: dict[Mode, Ar
     return first if off @ M @ off <= SAME**2 * (F @ solved(M, F)) else mode
 
 
-@record(frozen=True, eq=False)
-class Blow:
-    """Velocity after an impact (nq,), and the impulses of surfaces (nc,) and tangents (nt,)."""
-
-    velocity: Array
-    normal: Array
-    tangential: Array
-
-
-def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow | None:
-    """The impact on touched surfaces of which those with a coefficient e > 0 are released with e
-    times their rates, and the others plastic; None where no combination obeys the laws."""
-    nq = model.nq
-    q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
-    model, M = model.in_impact_at(q, t), model.mass(q, t)
-    rates, sigma = model.gap_rates(q, v, t)[0], model.slide_rates(q, v, t)[0]
-    wanted = -(1 + e * (rates > at.small.rate)) * rates
-    slopes = model.gap_slopes(q, t)[0, :, :-1], model.tangent_slopes(q, t)[0, :, :-1]
-    inertia = np.einsum("ji,ij->j", slopes[0], model.responses(q[0], slopes[0], at.t))
-    noise = at.small.rate / np.where(inertia > 0, inertia, 1.0)
-    blows: dict[Mode, Blow] = {}
-
-    def holds(mode: Mode, opened: tuple[int, ...]) -> bool:
-        mode = without_rails(model.supports, mode)
-        aims = -condition_rates(model, mode, q, v, t)
-        aims[0, : len(mode.closed)] = wanted[list(mode.closed)]
-        change, lam = answers(M, conditions(model, mode, q, t), aims)
-        normal, tangential, _ = (part[0] for part in spread(model, mode, lam))
-        gap_rates, slides = rates + slopes[0] @ change[0], sigma + slopes[1] @ change[0]
-        blows[mode] = Blow(v[0] + change[0], normal, tangential)
-        least = np.array([noise[j] if j != RAIL else 0.0 for j in model.supports])
-        return (
-            bool((gap_rates[list(opened)] <= at.small.rate[list(opened)]).all())
-            and all(s * slides[k] >= -at.small.slide[k] for k, s in mode.sliding)
-            and _borne(model, mode, (normal, tangential), noise, least.reshape(model.nt))
-        )
-
-    at_any_speed = np.full(model.nt, np.inf)
-    mode = _first(model, list(on), sigma, at_any_speed, Hints(), holds, rails=False)
-    return None if mode is None else blows[without_rails(model.supports, mode)]
-
-
-def _borne(
+def is_borne(
     model: Model, mode: Mode, forces: tuple[Array, Array], small: Array, slack: Array
 ) -> bool:
     """Whether no contact pulls and all that sticks is held."""
@@ -207,7 +159,7 @@ def _borne(
     )
 
 
-def _first(
+def first_mode(
     model: Model, on: list[int], sigma: Array, small: Array, hints: Hints, holds: Trial,
     rails: bool,
 ) -> Mode | None:  # fmt: skip

@@ -72,7 +72,9 @@ def impulses(rates: Array, response: Array, mu: float, e: float) -> Impulses:
     n, t = float(rates[0]), float(rates[1])
     if n >= 0:
         return Impulses(0.0, 0.0, (), ())
-    small = STOPPED * (abs(t) + abs(n) * float(np.sqrt(response[1, 1] / response[0, 0])))
+    # What slides beside it may make A_nn negative.
+    along = float(np.sqrt(abs(response[1, 1] / response[0, 0])))
+    small = STOPPED * (abs(t) + abs(n) * along)
     way = _ImpactPath(response, mu, small)
     compressed, first = way.follow(_HitState(n, t, 0.0, 0.0), np.inf)
     end, second = way.follow(compressed, (1 + e) * compressed.P) if e > 0 else (compressed, ())

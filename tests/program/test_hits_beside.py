@@ -14,7 +14,7 @@ from hit_problems import MU, RODS, A, T, X, Y, thrown
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.base.errors import ProblemError, SimulationError
+from dmoc.base.errors import ProblemError
 from dmoc.program.hit_stages import STOP
 from dmoc.program.transcription import Transcription
 
@@ -104,15 +104,20 @@ def test_the_simulation_takes_the_same_hit(sinking: float, under: float) -> None
 
 
 def test_what_holds_has_to_hold_after_the_stop_too() -> None:
-    """In all the floor would bear the push, but not where nothing presses the cart down any
-    more."""
+    """In all the floor would bear the push, but not where nothing presses the cart down any more:
+    from the stop at P = 2.9 / 1.2 on it slips, as on ice."""
     stops = problem(2.9, 1.1, "side:slip-:stick:late")
     assert dmoc.solve(stops, starts=1).status == "infeasible"
-    with pytest.raises(SimulationError, match="another one stops, turns, slips or opens midway"):
-        dmoc.simulate(
-            cart(), REST, {"x_dot": 2, "y_dot": -2.9 + 9.81 * 0.5}, step_size=0.01, steps=80,
-            restitution=0.5, parameters={"mu_u": 1.1},
-        )  # fmt: skip
+    run = dmoc.simulate(
+        cart(), REST, {"x_dot": 2, "y_dot": -2.9 + 9.81 * 0.5}, step_size=0.005, steps=102,
+        restitution=0.5, parameters={"mu_u": 1.1},
+    )  # fmt: skip
+    stop = 2.9 / 1.2
+    impulses = {c.surface: (c.impulse, c.tractions[c.surface]) for c in run.collisions}
+    assert impulses == {"side": pytest.approx((3, 2.9)), "floor": pytest.approx((2.9, -stop))}
+    slips = (3 - stop) / 3
+    after = [-1, -9.81 * 0.01, slips - 1.1 * 9.81 * 0.01, 0]
+    assert run.v[-1] == pytest.approx(after, abs=1e-8)
 
 
 def test_a_cart_that_the_floor_cannot_hold_slips() -> None:

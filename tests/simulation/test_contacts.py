@@ -18,7 +18,8 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row
 from dmoc.results.simulation import Simulation
-from dmoc.simulation.mode_choice import Place, plastic_blow
+from dmoc.simulation.impact_course import blow_on
+from dmoc.simulation.mode_choice import Place
 from dmoc.simulation.simultaneous_impacts import simultaneous
 
 T = dynamicsymbols._t
@@ -100,7 +101,7 @@ def test_a_blow_releases_what_is_approached(corner: Kernels) -> None:
     tolerances: Any = SimpleNamespace(rate=small, slide=np.zeros(0))
     for right, impulse in ((2.0, 3.0), (-2.0, 0.0)):
         at = Place(0.0, np.array([1.0, 1.0, right, 0.4]), np.zeros(0), tolerances)
-        blow = plastic_blow(model, at, [0, 1], np.array([0.5, 0.0]))
+        blow = blow_on(model, at, [0, 1], np.array([0.5, 0.0]))
         assert blow is not None and blow.normal == pytest.approx([impulse, 0.4], abs=1e-12)
         assert blow.velocity == pytest.approx([right - impulse, 0.0], abs=1e-12)
 

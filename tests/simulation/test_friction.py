@@ -15,7 +15,7 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row
-from dmoc.simulation.mode_choice import _borne
+from dmoc.simulation.mode_choice import is_borne
 
 T = dynamicsymbols._t
 x, y, a = dynamicsymbols("x y a")
@@ -55,7 +55,7 @@ def test_a_contact_bears_what_its_cone_does(
     """mu = 0.1."""
     model = Model(floor, parameter_row(floor, {}))
     forces, least = (np.array([pushes]), np.array([holds])), np.full(1, 1e-6)
-    assert _borne(model, Mode((0,), (0,)), forces, least, least) is borne
+    assert is_borne(model, Mode((0,), (0,)), forces, least, least) is borne
 
 
 def test_a_block_on_a_floor_slides_to_rest(floor: Kernels) -> None:

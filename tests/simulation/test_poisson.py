@@ -66,6 +66,16 @@ def test_a_jam_ends_where_sliding_stops() -> None:
     assert [n, t] == pytest.approx([0, 0], abs=1e-14)
 
 
+def test_what_is_at_rest_sticks_beside_a_contact_whose_sliding_jams() -> None:
+    """The push itself presses the bodies together, and what sticks takes them apart."""
+    response = np.array([[-0.4, 3.1], [-1.6, 6.9]])
+    hit = impulses(np.array([-0.3, -1e-17]), response, 0.8, 0.0)
+    assert hit.compression == ("sticks",)
+    assert response @ [hit.normal, hit.tangential] == pytest.approx([0.3, 0.0])
+    (slope,) = hit.slopes(response, 0.8)
+    assert slope == pytest.approx(1.6 / 6.9) == hit.tangential / hit.normal
+
+
 @example(-1.0, 1.0, 1.0, 1.0, 0.0, 2.2e-309, 0.0)  # a friction that stops nothing
 @example(-0.15625, 1.0, 0.25, 1.0, 0.0, 5e-324, 1.0)
 @given(
