@@ -3,16 +3,18 @@ quantities: at the nodes and between them, on the path that is integrated from e
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.base.discretisation import DISCRETISATIONS
-from dmoc.base.names import velocity_name
 from dmoc.base.records import record
+from dmoc.base.tolerances import ROUNDING
 from dmoc.check.checked_motion import Motion
+from dmoc.check.depth import dips, distances
+from dmoc.check.limit_functions import LimitFunctions
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.contact_mode import Mode
@@ -26,6 +28,13 @@ ALMOST_NOTHING = 1e-4
 # What an excess counts between the quadrature points of a constraint that contains both states and
 # inputs that are constant in a step: it varies there by a share of h instead of h^2.
 VARYING = 0.05
+# Of the states that exceed a limit, so many of the deepest are measured.
+DEEPEST = 8
+# What moves a limit by less than this share of what another one does, does not count beside it.
+LEVEL = 0.01
+# The share of what a motion passes through that it may lie within it, in units of the excess: it
+# gets through no wire, however thin this is beside the widths of the motion.
+THIN = 50.0
 
 
 @record(frozen=True, eq=False)
@@ -77,125 +86,156 @@ class Excess:
 
 
 def path_excess(motion: Motion, courses: Sequence[IntegratedSteps]) -> tuple[Excess, ...]:
-    """The largest excess of each path constraint and each bound that is exceeded.
+    """The largest excess of each path constraint and each bound that is exceeded: how far the
+    motion lies beyond it, as a share of its widths; of what contains velocities or inputs or is a
+    bound, the share of its terms at the time, where that is larger.
 
-    The size of a constraint is that of its terms, at the time itself; of one in coordinates alone,
-    how far the ranges of the motion move it.  The terms of a bound are the value and the bound.
+    The terms of a bound are the value and the bound.
     """
-    names = motion.model.kernels.manifest["path_constraints"]
-    integrals = motion.model.kernels.integrals
-    limits = {n: box for n, box in motion.trajectory.limits.items() if n not in integrals}
-    if not names and not limits:
+    limits = LimitFunctions.of(motion)
+    if not limits.rows:
         return ()
-    path = _Path.of(motion, courses)
-    parts = [path.constraints()] if names else []
-    parts += [path.bounds(name, *ends) for name, ends in limits.items()]
-    texts = [f"path constraint {name!r}" for name in names] + [f"the bound of {n}" for n in limits]
-    share = np.nan_to_num(np.hstack([part[0] for part in parts]), nan=np.inf)
-    counts = np.hstack([part[1] for part in parts]) * share
+    path = _Path.of(limits, courses)
+    share = np.nan_to_num(np.maximum(path.shares(), path.distances()), nan=np.inf)
+    counts = path.weights * share
     return tuple(
-        Excess(float(counts[row, j]), float(share[row, j]), texts[j], float(path.t[row]))
+        Excess(float(counts[row, j]), float(share[row, j]), limits.texts[j], float(path.t[row]))
         for j, row in enumerate(counts.argmax(axis=0))
         if counts[row, j] > 0
     )
 
 
-def _pushed(motion: Motion, mode: Mode, q: Array, v: Array, u: Array, t: Array) -> Array:
-    """Accelerations and forces of the flow at states of a mode, (n, ny)."""
-    if not motion.model.ny:
-        return np.zeros((len(q), 0))
-    r = motion.flow.integrator.reaction(mode, np.hstack([q, v]), u, t)
-    return np.hstack([r.acceleration, r.normal, r.tangential, r.joint])
-
-
 @record(frozen=True, eq=False)
 class _Path:
-    """States of a motion at n places, with the accelerations and forces of the flow there, if
-    quantities contain any, which ones are quadrature points, and which one is the state after an
-    event that ends the motion, where no inputs act."""
+    """States of a motion at n places: those that steps are looked at, and where functions are
+    lowest between them; which ones are quadrature points, and which one is the state after an
+    event that ends the motion, where no inputs act; and the values of the functions (n, m)."""
 
-    motion: Motion
-    q: Array
-    v: Array
-    u: Array
-    t: Array
-    y: Array
+    limits: LimitFunctions
+    states: Array
     at_points: NDArray[np.bool_]
     after: NDArray[np.bool_]
+    values: Array
 
     @classmethod
-    def of(cls, motion: Motion, courses: Sequence[IntegratedSteps]) -> _Path:
-        points = DISCRETISATIONS[motion.trajectory.order].places
-        parts, at_points = [], []
-        for share in (*PLACES, *points):
-            for piece, course in zip(motion.pieces, courses, strict=True):
-                state = course.at(share)
-                parts.append((*state, _pushed(motion, piece.mode, *state)))
-                at_points.append(np.full(len(course.steps), bool(np.isin(share, points))))
+    def of(cls, limits: LimitFunctions, courses: Sequence[IntegratedSteps]) -> _Path:
+        motion = limits.motion
+        points, pieces = DISCRETISATIONS[motion.trajectory.order].places, motion.pieces
+        parts, at_points = list[Array](), list[NDArray[np.bool_]]()
+        for piece, course in zip(pieces, courses, strict=True):
+            places = [limits.states(piece.mode, *course.at(s)) for s in (*PLACES, *points)]
+            low = _dips(limits, piece.mode, course, np.array(places[: len(PLACES)]))
+            parts += [*places, low]
+            at_points += [np.full(len(course.steps), bool(s in points)) for s in (*PLACES, *points)]
+            at_points.append(np.zeros(len(low), dtype=bool))
+        on_steps = sum(map(len, parts))
         for phase, mode in zip(motion.trajectory.phases, motion.modes, strict=True):
             if not phase.steps:
-                state = phase.q, phase.v, motion.trajectory.last_inputs[None], phase.t
-                parts.append((*state, _pushed(motion, mode, *state)))
-        q, v, u, t, y = (np.concatenate(part) for part in zip(*parts, strict=True))
-        along, after = np.concatenate(at_points), np.zeros(len(t), dtype=bool)
-        after[len(along) :] = True
-        return cls(motion, q, v, u, t, y, np.append(along, after[len(along) :]), after)
+                u = motion.trajectory.last_inputs[None]
+                parts.append(limits.states(mode, phase.q, phase.v, u, phase.t))
+        states = np.concatenate(parts)
+        after = np.arange(len(states)) >= on_steps
+        along = np.append(np.concatenate(at_points), after[on_steps:])
+        return cls(limits, states, along, after, limits.values(states))
 
-    def constraints(self) -> tuple[Array, Array]:
-        """Excesses of the path constraints as shares of their sizes, and what they count, shape
-        (n, nr) each."""
-        model = self.motion.model
-        r = model.path_at(self.q, self.v, self.u, self.t)
-        return -r / self._sizes(), self._weights(model.kernels.manifest["path_limits"])
+    @cached_property
+    def t(self) -> Array:
+        """Times of the states."""
+        return self.limits.split(self.states)[3]
 
-    def bounds(self, name: str, low: float, high: float) -> tuple[Array, Array]:
-        """The same of a velocity or a quantity within its bounds, shape (n, 1)."""
-        model, none = self.motion.model, {"coordinates": [], "velocities": True, "inputs": False}
-        rates = [velocity_name(q) for q in model.kernels.coordinates]
-        if name in rates:
-            i = rates.index(name)
-            value, row, moved = self.v[:, i], none, self.motion.sizes.v[i]
-        else:
-            j = model.kernels.quantities.index(name)
-            state = self.q, self.v, self.u, self.t, self.y
-            value, row = model.quantities(*state)[:, j], model.kernels.quantity_rows[j]
-            moved = self._moved(model.quantity_slopes(*state))[j]
-        excess = np.maximum(low - value, value - high)
-        sizes = np.abs(value) + np.abs(np.where(low - value > value - high, low, high))
-        largest = LEAST_SIZE * np.nan_to_num(sizes, posinf=0.0).max(initial=0.0)
-        sizes = np.maximum(sizes, max(largest, ALMOST_NOTHING * moved))
-        return (excess / np.where(sizes > 0, sizes, 1.0))[:, None], self._weights([row])
+    @cached_property
+    def _slopes(self) -> Array:
+        return self.limits.slopes(self.states)
 
-    def _moved(self, slopes: Array) -> Array:
-        """What coordinates, velocities, inputs, accelerations and forces of their sizes, and the
-        time, could move functions by, from their slopes (n, rows, size of all)."""
-        sizes, needed = self.motion.sizes, self.motion.needed_inputs
-        used = np.abs(self.u).max(axis=0, initial=0.0)
-        inputs = np.maximum(used, np.where(np.isfinite(needed), needed, 0.0))
-        forces = np.abs(self.y).max(axis=0, initial=0.0)
-        ways = np.concatenate([sizes.q, sizes.v, inputs, [sizes.time], forces])
-        ways = ways[: slopes.shape[2]]  # path constraints contain no forces
-        return np.asarray(np.nan_to_num(np.abs(slopes) @ ways, posinf=0.0).max(axis=0))
+    @cached_property
+    def _terms(self) -> Array:
+        return np.nan_to_num(self.limits.terms(self.states), posinf=0.0)
 
-    def _weights(self, rows: Sequence[Mapping[str, Any]]) -> Array:
-        """What excesses of functions count, shape (n, len(rows))."""
-        constant = self.motion.trajectory.input_form.width == 0
+    def shares(self) -> Array:
+        """Excesses of the functions as shares of their terms, shape (n, m); none of those that are
+        measured by distances alone."""
+        shares = np.where(np.isnan(self.values), np.nan, 0.0)
+        for j in np.flatnonzero(self.limits.by_terms).tolist():
+            shares[:, j] = -self.values[:, j] / self._at_least(self._terms[:, j], j)
+        return shares
+
+    def _at_least(self, sizes: Array, j: int) -> Array:
+        """Sizes of a function (n,), at least a share of the largest, and of what sizes of all that
+        a state consists of could move it by."""
+        least = LEAST_SIZE * sizes.max(initial=0.0)
+        moved = np.abs(self._slopes[:, j]) @ self.limits.sizes(self.states)
+        moved = np.nan_to_num(moved, posinf=0.0).max(initial=0.0)
+        sizes = np.maximum(sizes, max(least, ALMOST_NOTHING * moved))
+        return np.where(sizes > 0, sizes, 1.0)
+
+    def distances(self) -> Array:
+        """How far the motion lies beyond the functions where they are deepest, as shares of its
+        widths, shape (n, m), and zero elsewhere."""
+        far = np.zeros_like(self.values)
+        for j in range(far.shape[1]):
+            behind = self._deepest(j)
+            if len(behind):
+                near, _ = self._distances(behind, j, self._widths)
+                near = np.where(np.isfinite(near), near, self._by_slopes(behind, j))
+                within, across = self._distances(behind, j, self._even_widths)
+                far[behind, j] = np.fmax(near, within / across / THIN)
+        return far
+
+    def _distances(self, behind: Index, j: int, widths: Array) -> tuple[Array, Array]:
+        """Those of some states from a function, and those across what they lie in."""
+        ways = _ways(self._slopes[behind, j], np.where(self.limits.depends[j], widths, 0.0))
+        return distances(lambda z: self.limits.values(z)[:, j], self.states[behind], ways)
+
+    @cached_property
+    def _widths(self) -> Array:
+        return self.limits.widths(self.states)
+
+    @cached_property
+    def _even_widths(self) -> Array:
+        return self.limits.even_widths(self.states)
+
+    def _deepest(self, j: int) -> Index:
+        """Where a function is exceeded most, by itself and by its slopes, and by more than rounding
+        errors."""
+        behind = np.flatnonzero(self.values[:, j] < -ROUNDING * self._terms[:, j])
+        weight = self.weights[behind, j]
+        depths = -weight * self.values[behind, j], weight * self._by_slopes(behind, j)
+        ranks = [np.argsort(-depth, kind="stable")[:DEEPEST] for depth in depths]
+        return np.unique(behind[np.concatenate(ranks)])
+
+    def _by_slopes(self, behind: Index, j: int) -> Array:
+        """The distances from a function that its slopes say."""
+        moved = np.abs(self._slopes[behind, j]) @ self._widths
+        return np.asarray(-self.values[behind, j] / moved)
+
+    @cached_property
+    def weights(self) -> Array:
+        """What excesses of functions count, shape (n, m)."""
+        rows = self.limits.rows
+        constant = self.limits.motion.trajectory.input_form.width == 0
         varies = [r["inputs"] and (bool(r["coordinates"]) or r["velocities"]) for r in rows]
         little = ~self.at_points[:, None] & np.array(varies, dtype=bool) & constant
         acts = np.array([r["inputs"] or bool(r.get("forces")) for r in rows], dtype=bool)
         return np.where(self.after[:, None] & acts, 0.0, np.where(little, VARYING, 1.0))
 
-    def _sizes(self) -> Array:
-        """Sizes of the path constraints, shape (n, nr)."""
-        model, sizes = self.motion.model, self.motion.sizes
-        terms = model.path_terms(self.q, self.v, self.u, self.t)
-        slopes = model.path_slopes_at(self.q, self.v, self.u, self.t)
-        least = LEAST_SIZE * np.nan_to_num(terms).max(axis=0)
-        extents = np.maximum(terms, np.maximum(least, ALMOST_NOTHING * self._moved(slopes)))
-        rows = model.kernels.manifest["path_limits"]
-        places = [j for j, row in enumerate(rows) if not (row["velocities"] or row["inputs"])]
-        if places:
-            own = np.abs(slopes[:, places])
-            moved = own[..., : model.nq] @ sizes.q + own[..., -1] * sizes.time
-            extents[:, places] = np.nan_to_num(moved).max(axis=0)
-        return np.where(extents > 0, extents, 1.0)
+
+def _dips(limits: LimitFunctions, mode: Mode, course: IntegratedSteps, places: Array) -> Array:
+    """States of a piece (k, d) where functions are lowest between ``places`` (places, n, d)."""
+
+    def states(step: Index, share: Array) -> Array:
+        return limits.states(mode, *course.part(step).at(share))
+
+    values = limits.values(places.reshape(-1, places.shape[2]))
+    by_place = values.reshape(*places.shape[:2], -1)
+    return states(*dips(by_place, lambda step, share: limits.values(states(step, share))))
+
+
+def _ways(slopes: Array, widths: Array) -> Array:
+    """The ways (n, k, d) out of a limit: in all that its function has slopes (n, d) by together,
+    each entry by its width, and in each alone."""
+    moved = np.nan_to_num(np.abs(slopes) * widths, posinf=0.0)
+    counts = moved > LEVEL * moved.max(axis=1, keepdims=True)
+    together = np.where(counts, np.sign(slopes), 0.0) * widths
+    alone = np.diag(widths)[widths > 0]
+    alone = np.broadcast_to(alone, (len(slopes), *alone.shape))
+    return np.concatenate([together[:, None], alone, -alone], axis=1)

@@ -44,6 +44,7 @@ MEASURED = {
     "error of a contact force": "force_error",
     "penetration": "penetration",
     "phase error": "phase_error",
+    "excess of a path constraint": "path_excess",
 }
 # What the command line prints.
 JSON_FIELDS = """
@@ -93,9 +94,11 @@ class Verification(Shown):
         Of the open-loop simulation; of a motion with lasting contact or friction, those that were
         not planned.
     path_excess : float
-        Largest excess of a path constraint, at nodes and between them, relative to the sum of the
-        absolute values of its terms; of one in coordinates alone, to how far the motion's ranges
-        move it.  Not a number where it was not measured, in older files.
+        Largest excess of a path constraint or a bound, at nodes and between them: the distance to
+        where it is kept, as a share of the widths of the motion, or of 50 times the thickness of
+        what the motion passes through; of a bound, and where velocities or inputs are in it, the
+        share of the absolute values of its terms, where that is larger.  Not a number where it was
+        not measured, in older files.
     force_error : float
         Largest error of a contact force or a friction force at a node, relative to the largest of
         its contact.

@@ -1,0 +1,180 @@
+"""The functions r >= 0 that a motion keeps, of states as rows (q | v | u | t | y): its path
+constraints as they were stated, and the bounds of its velocities and quantities."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.base.names import velocity_name
+from dmoc.base.records import record
+from dmoc.check.checked_motion import Motion
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import Mode
+from dmoc.mechanics.model import Model
+
+
+@record(frozen=True, eq=False)
+class Bound:
+    """A side on which a velocity, or a quantity of the model, is bounded, sign (z - value) >= 0,
+    with its place there."""
+
+    name: str
+    sign: float
+    value: float
+    is_velocity: bool
+    place: int
+
+
+@record(frozen=True, eq=False)
+class LimitFunctions:
+    """The functions r >= 0 of a motion, those of path constraints before those of bounds."""
+
+    motion: Motion
+    bounds: tuple[Bound, ...]
+
+    @classmethod
+    def of(cls, motion: Motion) -> LimitFunctions:
+        kernels, bounds = motion.model.kernels, list[Bound]()
+        rates = [velocity_name(q) for q in kernels.coordinates]
+        for name, box in motion.trajectory.limits.items():
+            if name not in kernels.integrals:
+                of = rates if name in rates else kernels.quantities
+                sides = [(s, e) for s, e in zip((1.0, -1.0), box, strict=True) if np.isfinite(e)]
+                bounds += [Bound(name, *side, name in rates, of.index(name)) for side in sides]
+        return cls(motion, tuple(bounds))
+
+    @property
+    def model(self) -> Model:
+        return self.motion.model
+
+    @cached_property
+    def constraints(self) -> int:
+        """Number of path constraints, which come first."""
+        return len(self.model.kernels.manifest["path_constraints"])
+
+    @cached_property
+    def rows(self) -> list[Mapping[str, Any]]:
+        """What each function depends on, as the model says."""
+        rate = {"coordinates": [], "velocities": True, "inputs": False, "time": False}
+        kernels = self.model.kernels
+        own = [rate if b.is_velocity else kernels.quantity_rows[b.place] for b in self.bounds]
+        return [*kernels.manifest["path_limits"], *own]
+
+    @cached_property
+    def texts(self) -> list[str]:
+        """What is exceeded, in words."""
+        names = self.model.kernels.manifest["path_constraints"]
+        texts = [f"path constraint {name!r}" for name in names]
+        return texts + [f"the bound of {b.name}" for b in self.bounds]
+
+    @cached_property
+    def _begins(self) -> list[int]:
+        """Where v, u, t and y begin in a state."""
+        nq, nu = self.model.nq, self.model.nu
+        return [nq, 2 * nq, 2 * nq + nu, 2 * nq + nu + 1]
+
+    @cached_property
+    def depends(self) -> NDArray[np.bool_]:
+        """Which entries of a state each function depends on, shape (m, d)."""
+        model, on = self.model, list[Array]()
+        for row in self.rows:
+            places = np.isin(np.arange(model.nq), row["coordinates"])
+            parts = (row["velocities"], model.nq), (row["inputs"], model.nu), (row["time"], 1)
+            others = [np.full(size, bool(there)) for there, size in parts]
+            on.append(np.hstack([places, *others, np.full(model.ny, bool(row.get("forces")))]))
+        return np.array(on, dtype=bool).reshape(len(self.rows), self._begins[-1] + model.ny)
+
+    def states(self, mode: Mode, q: Array, v: Array, u: Array, t: Array) -> Array:
+        """States of a mode as rows, with the accelerations and forces of the flow there, if
+        quantities contain any."""
+        parts = [q, v, u, t[:, None]]
+        if self.model.ny:
+            r = self.motion.flow.integrator.reaction(mode, np.hstack([q, v]), u, t)
+            parts.append(np.hstack([r.acceleration, r.normal, r.tangential, r.joint]))
+        return np.hstack(parts)
+
+    def split(self, states: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """q, v, u, t and y of states (n, d)."""
+        q, v, u, t, y = (np.ascontiguousarray(a) for a in np.split(states, self._begins, axis=1))
+        return q, v, u, t[:, 0], y
+
+    def values(self, states: Array) -> Array:
+        """The functions at states, shape (n, m)."""
+        parts = [self._constraints(states)] if self.constraints else []
+        for bound in self.bounds:
+            parts.append(bound.sign * (self.bounded(bound, states) - bound.value)[:, None])
+        return np.hstack(parts)
+
+    def _constraints(self, states: Array) -> Array:
+        q, v, u, t, _ = self.split(states)
+        return self.model.path_at(q, v, u, t)
+
+    def terms(self, states: Array) -> Array:
+        """Sums of the absolute values of the terms of the functions, shape (n, m)."""
+        q, v, u, t, _ = self.split(states)
+        parts = [self.model.path_terms(q, v, u, t)] if self.constraints else []
+        for bound in self.bounds:
+            value = np.abs(self.bounded(bound, states))
+            parts.append((value + abs(bound.value))[:, None])
+        return np.hstack(parts)
+
+    @cached_property
+    def by_terms(self) -> list[bool]:
+        """Which functions are measured by their terms too: bounds, and path constraints that
+        contain velocities or inputs; terms of others depend on where zero lies."""
+        own = self.rows[: self.constraints]
+        of_constraints = [bool(row["velocities"] or row["inputs"]) for row in own]
+        return of_constraints + [True] * len(self.bounds)
+
+    def bounded(self, bound: Bound, states: Array) -> Array:
+        """What is bounded, at states, shape (n,)."""
+        if bound.is_velocity:
+            return np.asarray(states[:, self.model.nq + bound.place])
+        return self.model.quantities(*self.split(states))[:, bound.place]
+
+    def slopes(self, states: Array) -> Array:
+        """Derivatives of the functions by states, shape (n, m, d)."""
+        slopes, whole = np.zeros((len(states), *self.depends.shape)), self.split(states)
+        if self.constraints:
+            own = self.model.path_slopes_at(*whole[:4])
+            slopes[:, : self.constraints, : own.shape[2]] = own
+        of_quantities = None
+        for j, bound in enumerate(self.bounds, self.constraints):
+            if bound.is_velocity:
+                slopes[:, j, self.model.nq + bound.place] = bound.sign
+                continue
+            if of_quantities is None:
+                of_quantities = self.model.quantity_slopes(*whole)
+            slopes[:, j] = bound.sign * of_quantities[:, bound.place]
+        return slopes
+
+    def sizes(self, states: Array) -> Array:
+        """Sizes of what a state consists of along these states, shape (d,)."""
+        sizes, needed = self.motion.sizes, self.motion.needed_inputs
+        _, _, u, _, y = self.split(states)
+        used = np.abs(u).max(axis=0, initial=0.0)
+        inputs = np.maximum(used, np.where(np.isfinite(needed), needed, 0.0))
+        forces = np.abs(y).max(axis=0, initial=0.0)
+        return np.concatenate([sizes.q, sizes.v, inputs, [sizes.time], forces])
+
+    def widths(self, states: Array) -> Array:
+        """The widths in which these states lie, shape (d,): sizes of coordinates and the time are
+        ranges, those of all others the largest magnitudes, which have two signs."""
+        widths, begins = self.sizes(states), self._begins
+        widths[begins[0] : begins[2]] *= 2
+        widths[begins[3] :] *= 2
+        return widths
+
+    def even_widths(self, states: Array) -> Array:
+        """The same where a motion is as wide in all coordinates, and in all velocities, as in the
+        widest one, compared by the masses: for what a motion passes beside itself."""
+        widths, root = self.widths(states), np.sqrt(self.motion.nodes.inertia)
+        for begin in (0, self._begins[0]):
+            own = slice(begin, begin + self.model.nq)
+            widths[own] = (widths[own] * root).max() / root
+        return widths
