@@ -18,7 +18,7 @@ from dmoc.simulation.contact_modes import Reaction, conditions
 from dmoc.simulation.friction_at import check_impact
 from dmoc.simulation.hit_coefficients import hit_coefficients, several_by_law
 from dmoc.simulation.impact_course import Blow, blow_on
-from dmoc.simulation.mode_choice import Place
+from dmoc.simulation.mode_choice import Place, Setting
 from dmoc.simulation.simultaneous_impacts import NOISE, simultaneous
 from dmoc.simulation.single_hit import SingleHit, single_hit
 
@@ -117,6 +117,24 @@ def _effective(
     rebound = 2 * restitution * np.maximum(rates, 0.0)
     dies = (pressed > 0) & (rebound < SETTLED * h * (1 - restitution) * pressed)
     return np.where(dies, 0.0, restitution), dies
+
+
+def dying(setting: Setting, place: Place, mode: Mode, before: Array) -> list[int]:
+    """Touched surfaces that an impact has opened, from rates before it, and whose flight back, with
+    those of the impacts that follow if each keeps as much of the rates, is none: what clatters
+    comes to rest."""
+    model, nq, t = setting.model, setting.model.nq, np.array([place.t])
+    q, v = place.y[:nq], place.y[nq : 2 * nq]
+    on = np.flatnonzero(model.gaps(q, place.t) >= -place.small.gap)
+    slopes, rates = model.gap_slopes(q, place.t)[on, :-1], model.gap_rates(q, v, place.t)[on]
+    across = np.sqrt(np.einsum("ji,ij->j", slopes, model.responses(q, slopes, place.t)))
+    kept = (-rates / across).max() / (before[on] / across).max()
+    pushed = setting.integrator.reaction(mode, place.y[None], place.u[None], t).acceleration[0]
+    back = slopes @ pushed + model.gap_accelerations(q, v, place.t)[on]
+    soon = 2 * -rates < SETTLED * setting.h * (1 - kept) * back
+    low = rates**2 < 2 * back * place.small.gap[on]
+    dying = (rates < 0) & (back > 0) & (soon | low)
+    return [j for j in on[dying].tolist() if j not in mode.closed]
 
 
 def _uncoupled(model: Model, at: Place, j: int, on: list[int]) -> bool:

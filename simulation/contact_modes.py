@@ -21,6 +21,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dmoc.base.records import record
+from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved_transpose
 from dmoc.mechanics.contact_mode import Mode
@@ -169,7 +170,7 @@ def borne(model: Model, mode: Mode, reaction: Reaction, q: Array, t: Array) -> R
     for row, P in zip(bad, free, strict=True):
         forces = reaction.normal[[row]], reaction.tangential[[row]]
         changes = spread(model, mode, P.T)
-        best = _furthest(model, mode, forces, changes)
+        best = _furthest(model, mode, forces, changes, round(float(np.trace(P))))
         normal[row] += best @ changes[0]
         tangential[row] += best @ (changes[1] - spread(model, mode, 0 * P.T)[1])
         joint[row] += best @ changes[2]
@@ -214,24 +215,40 @@ def _margins(model: Model, mode: Mode, forces: tuple[Array, Array]) -> Array:
 
 
 def _furthest(
-    model: Model, mode: Mode, forces: tuple[Array, Array], changes: tuple[Array, Array, Array]
-) -> Array:
-    """How much of each change makes the least margin largest: a linear program; nothing where it
-    has no solution."""
-    from scipy.optimize import linprog  # here, because the check does without SciPy
-
+    model: Model, mode: Mode, forces: tuple[Array, Array], changes: tuple[Array, Array, Array],
+    count: int,
+) -> Array:  # fmt: skip
+    """How much of each change, of which a count are independent, makes the least margin largest: a
+    linear program; nothing where it has no solution."""
     least = _margins(model, mode, forces)[0]
     none, changed = (0 * changes[0], 0 * changes[1]), changes[:2]
     slopes = (_margins(model, mode, changed) - _margins(model, mode, none)).T
     size = float(np.abs(least).max())
     if not size > 0:
         return np.zeros(len(changes[0]))
+    if count == 1:
+        most = int(np.abs(slopes).max(axis=0).argmax())
+        along = _furthest_along(least / size, slopes[:, most]) * size
+        return np.where(np.arange(len(changes[0])) == most, along, 0.0)
+    from scipy.optimize import linprog  # here, because the check does without SciPy
+
     rows = np.hstack([-slopes, np.ones((len(least), 1))])
     goal = np.append(np.zeros(slopes.shape[1]), -1.0)
     answer = linprog(
         goal, rows, least / size, bounds=[*[(None, None)] * slopes.shape[1], (None, 1.0)]
     )
     return np.asarray(answer.x[:-1] * size) if answer.success else np.zeros(len(changes[0]))
+
+
+def _furthest_along(least: Array, slopes: Array) -> float:
+    """How much of one change makes the least margin largest, up to 1: where two margins are alike,
+    or one is 1."""
+    rising = slopes[:, None] - slopes
+    apart, moved = np.abs(rising) > SAME * np.abs(slopes).max(), slopes != 0
+    alike = (least - least[:, None])[apart] / rising[apart]
+    x = np.concatenate([alike, (1 - least[moved]) / slopes[moved]])
+    worst = np.minimum((least + x[:, None] * slopes).min(axis=1), 1.0)
+    return float(x[np.lexsort((np.abs(x), -worst))[0]])
 
 
 # What a mode keeps --------------------------------------------------------------------------------

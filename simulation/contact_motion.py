@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 
 from dmoc.base.errors import SimulationError
 from dmoc.base.records import record
+from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode, names_of
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import FRICTION_WORDS, Collision
-from dmoc.simulation.contact_impacts import SETTLED, struck
+from dmoc.simulation.contact_impacts import dying, struck
 from dmoc.simulation.contact_modes import borne, limits, slack
 from dmoc.simulation.friction_at import with_friction
 from dmoc.simulation.mode_choice import Hints, Place, Setting, mode_at
@@ -119,6 +120,24 @@ def nodes(
             k += 1
             journal.last = ContactState(k * setting.h, state, normal, tangential)
             yield journal.last
+        rests = not len(rows[0]) and _rests(setting, mode, journal.last, u[k - 1], reach)
+        while rests and k < len(u) and (u[k] == u[k - 1]).all():
+            k += 1
+            journal.last = replace(journal.last, t=k * setting.h)
+            yield journal.last
+
+
+def _rests(setting: Setting, mode: Mode, at: ContactState, u: Array, reach: Reach) -> bool:
+    """Whether a state goes on for ever under its inputs: nothing moves or is accelerated, and
+    nothing depends on the time."""
+    model, nq = setting.model, setting.model.nq
+    if model.kernels.manifest["explicit_time"]:
+        return False
+    times, mass = np.array([at.t]), np.sqrt(np.diagonal(model.mass(at.y[:nq], at.t)))
+    acceleration = setting.integrator.reaction(mode, at.y[None], u[None], times).acceleration[0]
+    moved = np.abs(mass * at.y[nq : 2 * nq]), np.abs(mass * acceleration)
+    most = reach.velocity, reach.acceleration
+    return all(bool((m <= ROUNDING * size).all()) for m, size in zip(moved, most, strict=True))
 
 
 def node(setting: Setting, mode: Mode, y: Array, u: Array, t: float) -> ContactState:
@@ -232,30 +251,12 @@ def _resolved(
     reach = reached(model, after, place.u, place.t, setting.h, reach)
     place = _place(setting, after, place.u, place.t, reach)
     mode = mode_at(setting, place, Hints())
-    if dying := _dying(setting, place, mode, model.gap_rates(q, v, place.t)):
-        closed = Mode((*mode.closed, *dying), mode.sticking, mode.sliding)
+    if settled := dying(setting, place, mode, model.gap_rates(q, v, place.t)):
+        closed = Mode((*mode.closed, *settled), mode.sticking, mode.sliding)
         place = replace(place, y=_settled(setting, closed, place))
         mode = mode_at(setting, place, Hints())
     journal.collisions += _records(model, place, (v, mode), impact.impulses)
     return place, mode
-
-
-def _dying(setting: Setting, place: Place, mode: Mode, before: Array) -> list[int]:
-    """Touched surfaces that an impact has opened, from rates before it, and whose flight back, with
-    those of the impacts that follow if each keeps as much of the rates, is none: what clatters
-    comes to rest."""
-    model, nq, t = setting.model, setting.model.nq, np.array([place.t])
-    q, v = place.y[:nq], place.y[nq : 2 * nq]
-    on = np.flatnonzero(model.gaps(q, place.t) >= -place.small.gap)
-    slopes, rates = model.gap_slopes(q, place.t)[on, :-1], model.gap_rates(q, v, place.t)[on]
-    across = np.sqrt(np.einsum("ji,ij->j", slopes, model.responses(q, slopes, place.t)))
-    kept = (-rates / across).max() / (before[on] / across).max()
-    pushed = setting.integrator.reaction(mode, place.y[None], place.u[None], t).acceleration[0]
-    back = slopes @ pushed + model.gap_accelerations(q, v, place.t)[on]
-    soon = 2 * -rates < SETTLED * setting.h * (1 - kept) * back
-    low = rates**2 < 2 * back * place.small.gap[on]
-    dying = (rates < 0) & (back > 0) & (soon | low)
-    return [j for j in on[dying].tolist() if j not in mode.closed]
 
 
 def _records(

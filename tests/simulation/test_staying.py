@@ -9,6 +9,9 @@ import motions
 import numpy as np
 import pytest
 import sympy as sp
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
 from sympy.physics.mechanics import dynamicsymbols
 from systems import landing_system
 
@@ -16,6 +19,7 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.results.simulation import Simulation
 from dmoc.simulation import contact_motion
+from dmoc.simulation.contact_modes import _furthest_along
 
 pytestmark = pytest.mark.slow
 
@@ -54,6 +58,21 @@ def swing() -> dmoc.MechanicalSystem:
         "swing", [a, b], speed / 2 - g * (tip[1] - c(a)), {g: 9.81, f: 0.4},
         tangents={"upper": a, "lower": b - a}, friction={"upper": f, "lower": f / 4},
     )  # fmt: skip
+
+
+def ladder() -> dmoc.MechanicalSystem:
+    """A uniform ladder of 2 m on a floor and against a wall, of which a force pulls the middle."""
+    u = dynamicsymbols("u")
+    kinetic = (x.diff(T) ** 2 + y.diff(T) ** 2) / 2 + a.diff(T) ** 2 / 6
+    return dmoc.MechanicalSystem(
+        "pulled_ladder", [x, y, a], kinetic - g * y, {g: 9.81, mu: 0.4}, [u], {x: u},
+        surfaces={"floor": y >= sp.sin(a), "wall": x >= sp.cos(a)},
+        tangents={"floor": x + sp.cos(a), "wall": y + sp.sin(a)},
+        friction={"floor": mu, "wall": mu},
+    )  # fmt: skip
+
+
+LEANS = [np.cos(1.2), np.sin(1.2), 1.2]
 
 
 RUNS: dict[str, tuple[Callable[[], dmoc.MechanicalSystem], dict[str, object], int]] = {
@@ -113,6 +132,15 @@ RUNS: dict[str, tuple[Callable[[], dmoc.MechanicalSystem], dict[str, object], in
         {"position": [np.sin(0.3), np.cos(0.3)], "step_size": 0.01, "steps": 70},
         3,
     ),
+    "a ladder that rests": (ladder, {"position": LEANS, "step_size": 0.01, "steps": 300}, 1),
+    "a ladder that is pulled away": (
+        ladder,
+        {
+            "position": LEANS, "step_size": 0.01, "steps": 60,
+            "inputs": lambda t: [0.0 if t < 0.2 else 1.0 if t < 0.4 else 8.0],
+        },
+        5,
+    ),
     "joints with friction": (
         swing,
         {"position": [1.0, -0.5], "step_size": 0.02, "steps": 400},
@@ -145,6 +173,7 @@ def test_the_motion_is_that_of_single_steps(
 ) -> None:
     run = simulated(kernels(name), name)
     monkeypatch.setattr(contact_motion, "AT_ONCE", 0)
+    monkeypatch.setattr(contact_motion, "_rests", lambda *_: False)
     single = simulated(kernels(name), name)
     size = np.abs(single.q).max()
     assert run.q == pytest.approx(single.q, abs=1e-9 * size)
@@ -173,3 +202,17 @@ def test_few_steps_need_a_choice(
     monkeypatch.setattr(contact_motion, "through_step", counted)
     simulated(kernels(name), name)
     assert len(steps) <= RUNS[name][2]
+
+
+@settings(max_examples=100)
+@given(st.lists(st.tuples(st.floats(-3, 3), st.integers(-3, 3)), min_size=2, max_size=6))
+def test_forces_that_stay_furthest_from_their_limits(rows: list[tuple[float, int]]) -> None:
+    """The least margin along a change of forces is as large as a linear program makes it."""
+    least, slopes = np.array(rows).T
+    assume(slopes.any())
+    most = linprog(
+        [0, -1], np.column_stack([-slopes, np.ones(len(rows))]), least,
+        bounds=[(None, None), (None, 1.0)],
+    )  # fmt: skip
+    x = _furthest_along(least, slopes)
+    assert min(1.0, (least + x * slopes).min()) == pytest.approx(-most.fun, abs=1e-8)
