@@ -73,16 +73,17 @@ class Minimum:
     cost : float
     agreeing_starts : int
         How many starts have led to it.
-    status : Status or None
-        Of its solution on the mesh of ``steps``, "solved" where the check confirmed it; None where
-        it is known from the coarse mesh only.
+    status : Status, or "coarse"
+        Of its solution on the mesh of ``steps``, "solved" where the check confirmed it; "coarse"
+        where it is known from the coarse mesh only: there was a cheaper one, or no time, or it led
+        to none on a finer mesh.
     steps : tuple of int
         Steps of each phase.
     """
 
     cost: float
     agreeing_starts: int
-    status: Status | None
+    status: str
     steps: tuple[int, ...]
 
 

@@ -37,9 +37,9 @@ from dmoc.results.schema import (
 )
 from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
-from dmoc.solvers.outcome import Status
+from dmoc.solvers.outcome import UNREFINED, Status
 
-FORMAT, OLDEST = 19, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 20, 6  # the format that is written, and the oldest that is read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 # What files of older formats lack, with the values there: of a solution, of its motion, of phases
 # and collisions.
@@ -70,9 +70,18 @@ def _as_now(header: Any) -> Any:
             now = {**LACKING_BESIDE, **_starts_as_now(solution)}
             now |= {"trajectory": motion, "verification": check}
             if isinstance(others := solution.get("others"), list):
-                now["others"] = list(map(_starts_as_now, others))
+                now["others"] = list(map(_minimum_as_now, others))
             return {**header, "format": FORMAT, "solution": now}
     return header
+
+
+def _minimum_as_now(minimum: Any) -> Any:
+    """Another minimum in an older file, in which one of the coarse mesh has no status."""
+    match _starts_as_now(minimum):
+        case {"status": None, **rest}:
+            return {**rest, "status": UNREFINED}
+        case other:
+            return other
 
 
 def _starts_as_now(minimum: Any) -> Any:
@@ -281,7 +290,7 @@ MINIMUM = Record(
     {
         "cost": Number(),
         "agreeing_starts": Whole(),
-        "status": Either(Nothing(), Choice(tuple(Status))),
+        "status": Choice((*Status, UNREFINED)),
         "steps": Listed(Whole(0)),
     },
 )

@@ -22,6 +22,7 @@ from dmoc.motion.trajectory import Array, Trajectory, impulses_in_words
 from dmoc.report.canvas import new_figure
 from dmoc.report.rounding import without_rounding
 from dmoc.results.solution_table import in_words, table_of_solution
+from dmoc.solvers.outcome import UNREFINED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -132,7 +133,7 @@ def _minima(s: Solution) -> Iterator[tuple[Cell, ...]]:
     steps = "+".join(str(phase.steps) for phase in s.phases)
     yield f"{s.cost:.7g}", str(s.agreeing_starts), f"{s.status}, this one", steps
     for other in s.others:
-        status = "coarse mesh only" if other.status is None else str(other.status)
+        status = "coarse mesh only" if other.status == UNREFINED else other.status
         steps = "+".join(map(str, other.steps))
         yield f"{other.cost:.7g}", str(other.agreeing_starts), status, steps
 

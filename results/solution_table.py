@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from dmoc.base.table import Cell, Table, passed
 from dmoc.motion.largest_forces import largest_forces
 from dmoc.motion.trajectory import impulses_in_words, noun_of
+from dmoc.solvers.outcome import UNREFINED
 
 if TYPE_CHECKING:
     from dmoc.results.solution import Solution
@@ -66,9 +67,9 @@ def in_words(values: Mapping[str, float]) -> str:
 
 def _minima(s: Solution) -> Iterator[tuple[Cell, ...]]:
     for other in s.others[:MOST_OTHERS]:
-        seen = "coarse mesh" if other.status is None else str(other.status).replace("_", " ")
+        seen = "coarse mesh" if other.status == UNREFINED else other.status.replace("_", " ")
         # Costs of two meshes differ by the error of the mesh, to either side.
-        if other.status is not None and other.steps != s.steps:
+        if other.status != UNREFINED and other.steps != s.steps:
             seen += f" in {'+'.join(map(str, other.steps))} steps"
         starts = "1 start" if other.agreeing_starts == 1 else f"{other.agreeing_starts} starts"
         yield "other minimum", f"{other.cost:.7g} ({seen}), from {starts}"

@@ -122,7 +122,6 @@ def _from_parent(task: NodeTask) -> Node:
 def _explored(task: NodeTask) -> Node:
     """Solve from the best of some starts on a coarse mesh, the parent's motion among them."""
     deadline = Deadline.after(task.seconds)
-    half = deadline.share(0.5)
     coarse = coarse_of(task.problem)
     points = {} if task.start is None else {"relaxed": task.start}
     if task.parent is not None:
@@ -150,8 +149,7 @@ def _explored(task: NodeTask) -> Node:
         evidence = (f"the motion that proposes it leads to none ({_ends_of(starts)})",)
         return Node(task.sequence, Verdict.FAILED, evidence=evidence, starts=tuple(starts))
     if not solutions:
-        # The starts have half of the time.
-        if half.passed:
+        if exploration.late:
             return _late(task, starts)
         try:
             rest = _without_minimum(task, coarse, starts, deadline)

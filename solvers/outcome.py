@@ -53,6 +53,7 @@ SENTENCES = {
 MINIMA = (Status.SOLVED, Status.GRAZES)
 CONVERGED = (*MINIMA, Status.NOT_VERIFIED)
 NOWHERE = (Status.INFEASIBLE, Status.STALLED)
+UNREFINED = "coarse"  # of a minimum that is known from a coarse mesh alone, in place of a status
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ courses of one hit after the other are changed as long as the cost falls.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -34,7 +34,8 @@ from dmoc.solving.starts import InitialGuess, starts_of
 MOST_WAYS, LAPS = 100, 4
 # Starts of a course that the law takes, at most, and of any other one.
 STARTS, FEW = 16, 4
-# Share of the time that the tries may take, and of what is left of it which one may take.
+# Share of the time that the tries may take; each has an equal one of what is left for it and those
+# that are still to come, so that a slow one leaves time for the word that helps.
 SHARE = 0.5
 CONFIRMED = (Status.SOLVED, Status.GRAZES)
 # Statuses after which no further way is tried.
@@ -104,21 +105,20 @@ class _Tries:
         x = starts_of(way, self.guess).points[0]
         chosen = Layout.of(way).problem_at(way, x)
         words = _words_with(self.problem, courses_at(chosen, states_before(way, x)))
+        others = len(_alike(self.problem))
         for _ in range(LAPS):
-            if words in self.tried or self._try(words, STARTS) is not None or not self._goes_on:
+            if words in self.tried or not self._goes_on:
                 return
-            way, end = self.problem.but(sequence=words), self._alone(words)
+            if self._try(words, others, STARTS) is not None:
+                return
+            way, end = self.problem.but(sequence=words), self._alone(words, self._share(others))
             states = [(p.q[-1], p.v[-1], float(p.t[-1])) for p in end.phases[:-1]]
             chosen = designed_as(way, end.trajectory.parameters)
             words = _words_with(self.problem, courses_at(chosen, states))
 
     def take_all_alike(self) -> None:
         """Try the ways in which all hits take the same course."""
-        words, count = _words(self.problem), max(map(len, self.problem.open_hits.values()))
-        for k in range(count):
-            way = tuple(of_event[min(k, len(of_event) - 1)] for of_event in words)
-            if way not in self.tried and self._goes_on:
-                self._try(way)
+        self._try_all(_alike(self.problem), further=1)
 
     def change_single_ones(self) -> None:
         """Change the course of one hit after the other, as long as that costs less."""
@@ -129,41 +129,43 @@ class _Tries:
         while unchanged < len(self.problem.open_hits):
             i = next(places)
             others = [(*best[:i], word, *best[i + 1 :]) for word in self.problem.open_hits[i]]
-            for words in others:
-                if words not in self.tried and self._goes_on:
-                    self._try(words)
+            self._try_all(others, further=len(self.problem.open_hits) - unchanged)
             better = min([best, *others], key=self.rank)
             unchanged = unchanged + 1 if better == best else 1
             best = better
 
     def enumerate(self) -> None:
         """Try all ways, in as far as they are not too many."""
-        for words in itertools.product(*_words(self.problem)):
-            if not self._goes_on:
-                return
-            if words not in self.tried:
-                self._try(words)
+        self._try_all([*itertools.islice(itertools.product(*_words(self.problem)), MOST_WAYS)])
 
     def nearest(self) -> Words:
-        """The way that comes nearest to a motion, of some."""
-        for words in list(self.tried)[:LAPS]:
-            self._alone(words)
+        """The way that comes nearest to a motion, of some, for which half of the time is left."""
+        some = list(self.tried)[:LAPS]
+        for words in some:
+            self._alone(words, self.request.options.deadline.share(SHARE / len(some)))
         return min(self.near, key=lambda words: self.near[words].max_violation)
 
     @property
     def _goes_on(self) -> bool:
         return len(self.tried) < MOST_WAYS and not self.deadline.passed
 
-    def _within_share(self) -> Request:
-        """What one try may take."""
-        left = self.request.options.after(self.spent)
-        return replace(self.request, options=left).within(deadline=left.deadline.share(SHARE))
+    def _share(self, others: int) -> Deadline:
+        """Until when one try may take that has so many others beside it."""
+        return self.deadline.share(1 / (1 + others))
 
-    def _try(self, words: Words, starts: int = FEW) -> Solution | None:
-        """The best minimum on a coarse mesh, from some starts; a start has its own limit of
-        iterations."""
-        way, request = self.problem.but(sequence=words), self._within_share()
-        request = request.within(iterations=self.request.options.iterations)
+    def _try_all(self, ways: Sequence[Words], further: int = 0) -> None:
+        """Try those of some ways that were not tried, as long as it goes on; ``further`` others are
+        to come after them."""
+        untried = [words for words in ways if words not in self.tried]
+        for k, words in enumerate(untried, 1):
+            if self._goes_on:
+                self._try(words, len(untried) - k + further)
+
+    def _try(self, words: Words, others: int, starts: int = FEW) -> Solution | None:
+        """The best minimum on a coarse mesh, from some starts, in time for others; a start has its
+        own limit of iterations."""
+        way = self.problem.but(sequence=words)
+        request = self.request.within(deadline=self._share(others))
         if way.kernels.compiled:
             effort = Effort.of(min(request.starts or starts, starts), request.seed)
             points = on_coarse_mesh(way, self.guess)
@@ -174,13 +176,14 @@ class _Tries:
             self.tried[words] = s if s.minimum else None
         return self.tried[words]
 
-    def _alone(self, words: Words) -> Solution:
+    def _alone(self, words: Words, deadline: Deadline) -> Solution:
         """Where the guess alone leads."""
         if words not in self.near:
-            request = self._within_share()
-            few = max(request.options.iterations // (2 * LAPS), 1)
+            left = self.request.options.after(self.spent)
+            few = max(left.iterations // (2 * LAPS), 1)
+            request = self.request.within(iterations=few, deadline=deadline)
             way = self.problem.but(sequence=words)
-            self.near[words] = self._from_guess(way, request.within(iterations=few))
+            self.near[words] = self._from_guess(way, request)
             self.spent += self.near[words].iterations
         return self.near[words]
 
@@ -195,6 +198,12 @@ class _Tries:
 def _words(problem: Problem) -> list[list[str]]:
     """The words that each event may have."""
     return [problem.open_hits.get(i, [word]) for i, word in enumerate(problem.sequence)]
+
+
+def _alike(problem: Problem) -> list[Words]:
+    """The ways in which all hits take the same course."""
+    words, count = _words(problem), max(map(len, problem.open_hits.values()))
+    return [tuple(one[min(k, len(one) - 1)] for one in words) for k in range(count)]
 
 
 def _words_with(problem: Problem, courses: Mapping[int, Course]) -> Words:

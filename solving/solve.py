@@ -91,7 +91,9 @@ def solve(
         Limit of the solve, and of each start; where another method takes over (from slsqp, ipm),
         half of them are kept for it.
     seconds : float, optional
-        Limit of the guess, the solve and the check together.
+        Limit of the guess, the solve and the check together.  The starts have half of it, and nine
+        tenths as long as none has led to a motion; of hits whose course is not said, the courses
+        that are tried have half of it, in equal parts.
     progress : callable, bool or "lines", optional
         Called with an Iteration (number, cost, violation) after every iteration.  True shows it in
         a line on a terminal or in a notebook, "lines" writes it to standard error every second.

@@ -22,7 +22,7 @@ from dmoc.solving.request import Request
 from dmoc.solving.starts import InitialGuess, starts_of
 
 # Starts that were not tried may lead to a motion.
-OUT_OF_STARTS = "the time limit was reached before a start led to a motion: raise it"
+OUT_OF_STARTS = "the time limit was used up before a start led to a motion: raise it"
 
 
 def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Solution:

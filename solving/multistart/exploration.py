@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dmoc.base.deadline import Deadline
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses, natural_time
@@ -19,10 +20,10 @@ from dmoc.guess.random_motions import random_motions
 from dmoc.problem.problem import Problem
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Minimum, Solution
-from dmoc.solvers.outcome import Options, Status
+from dmoc.solvers.outcome import UNREFINED, Options, Status
 from dmoc.solving.attempts import Attempt
 from dmoc.solving.multistart.minima import Basin, cost_of, gathered
-from dmoc.solving.multistart.parallel import attempts_from
+from dmoc.solving.multistart.parallel import attempts_from, free_threads
 from dmoc.solving.multistart.ranking import Ranked, Refinements, ranked
 from dmoc.solving.programs import Programs
 
@@ -43,6 +44,9 @@ WIDER = (4.0, 2.8, 2.0, 1.6, 1.3, 1.12, 1.0)
 WIDE_STARTS, FOLLOWED = 32, 8
 # Starts that are made before the clock is looked at, where a number of them is given.
 TOGETHER = 400
+# Share of the time that starts have, and the larger one where none has led to a motion: what is
+# left then is for the refinement of the first one that does, or for what conflicts.
+STARTING, SEEKING = 0.5, 0.9
 
 
 @dataclass(frozen=True)
@@ -106,7 +110,7 @@ class Exploration:
 
     def others(self, best: int) -> tuple[Minimum, ...]:
         """The minima other than the answer, the cheapest first."""
-        others = [Minimum(c.cost, c.starts, None, c.problem.phase_steps) for c in self.coarse]
+        others = [Minimum(c.cost, c.starts, UNREFINED, c.problem.phase_steps) for c in self.coarse]
         for i, r in enumerate(self.ranked):
             if i != best:
                 s = r.solution
@@ -120,16 +124,17 @@ def explored(
     options: Options,
     points: Mapping[str, Array] | None = None,
 ) -> Exploration:
-    """Look for minima from many starts, which have half of the time; ``points`` are further ones by
-    name, unknowns of the problem on its coarse mesh.  An interrupted solve raises
-    KeyboardInterrupt."""
+    """Look for minima from many starts, which have half of the time, and more as long as none leads
+    to a motion; ``points`` are further ones by name, unknowns of the problem on its coarse mesh.
+    An interrupted solve raises KeyboardInterrupt."""
     options = replace(options, progress=None)
-    half = replace(options, deadline=options.deadline.share(0.5))
+    starting, seeking = (options.deadline.share(share) for share in (STARTING, SEEKING))
     with np.errstate(all="ignore"):
         refinements = Refinements(problem)
-        minima, starts = _minima(refinements, effort, half, points or {})
-        late = not minima and half.deadline.passed
-        refined, coarse = ranked(refinements, minima, effort, options, half.deadline)
+        within = replace(options, deadline=starting)
+        minima, starts = _minima(refinements, effort, within, seeking, points or {})
+        late = not minima and seeking.passed
+        refined, coarse = ranked(refinements, minima, effort, options, starting)
     return Exploration(tuple(refined), tuple(coarse), tuple(starts), late)
 
 
@@ -143,9 +148,14 @@ def coarse_of(problem: Problem) -> Problem:
 
 
 def _minima(
-    refinements: Refinements, effort: Effort, options: Options, points: Mapping[str, Array]
+    refinements: Refinements,
+    effort: Effort,
+    options: Options,
+    seeking: Deadline,
+    points: Mapping[str, Array],
 ) -> tuple[list[Basin], list[Start]]:
-    """Distinct minima on the coarse mesh, the cheapest first, and the starts."""
+    """Distinct minima on the coarse mesh, the cheapest first, and the starts; where there is none
+    yet, further starts are tried until a later deadline."""
     problem = refinements.problem
     coarse = coarse_of(problem)
     # On a coarse mesh the energies of a long and of a short step tell little of the rates: minima
@@ -169,7 +179,8 @@ def _minima(
         numbers = range(begin, max(end, begin))
         x = random_motions(coarse, guesses, natural, numbers, effort.seed)
         named |= {f"random {k + 1}": x_k for k, x_k in zip(numbers, x, strict=True)}
-        attempts = attempts_from(programs, list(named.values()), few)
+        latest = few.deadline if minima else seeking
+        attempts = _attempts(programs, list(named.values()), few, latest)
         starts += [_start(name, a) for name, a in zip(named, attempts, strict=False)]
         minima = gathered(minima, attempts)
         late = len(attempts) < len(named)
@@ -179,8 +190,23 @@ def _minima(
             programs = Programs(coarse, scale_of(coarse, x[-1]))
         named, begin = {}, numbers.stop
     if not minima and effort.widens:
-        minima = _tightened(coarse, natural, effort.seed, few)
+        minima = _tightened(coarse, natural, effort.seed, replace(few, deadline=seeking))
     return minima, starts
+
+
+def _attempts(
+    programs: Programs, points: Sequence[Array], options: Options, latest: Deadline
+) -> list[Attempt]:
+    """Attempts from some points in their order, as many as there is time for; until a later
+    deadline those that follow, as long as none is solved."""
+    attempts = attempts_from(programs, points, options)
+    later, at_once = replace(options, deadline=latest), free_threads()
+    while len(attempts) < len(points) and not latest.passed:
+        if any(attempt.status is Status.SOLVED for attempt in attempts):
+            break
+        some = points[len(attempts) : len(attempts) + at_once]
+        attempts += attempts_from(programs, some, later)
+    return attempts
 
 
 def _enough(

@@ -35,7 +35,7 @@ def test_files_of_older_formats_load_without_what_they_lack(solution: dmoc.Solut
     del header["solution"]["design"]
     header["solution"]["found"] = header["solution"].pop("agreeing_starts")
     minimum = {"cost": 200.0, "found": 3, "status": "solved", "steps": [20, 20]}
-    header["solution"]["others"] = [minimum]
+    header["solution"]["others"] = [minimum, {**minimum, "status": None}]
     for phase in motion["phases"]:
         for name in ("q_inside", "p_inside"):
             del phase[name]
@@ -52,7 +52,8 @@ def test_files_of_older_formats_load_without_what_they_lack(solution: dmoc.Solut
     assert old.verification is not None and old.verification.max_segment_defect == worst
     assert np.isnan([old.verification.path_excess, old.verification.phase_error]).all()
     assert old.agreeing_starts == solution.agreeing_starts > 0
-    assert old.others == (Minimum(200.0, 3, Status.SOLVED, (20, 20)),)
+    assert [m.status for m in old.others] == [Status.SOLVED, "coarse"]
+    assert old.others[0] == Minimum(200.0, 3, Status.SOLVED, (20, 20))
     assert old.verify().passed and old.design == {}
     np.testing.assert_array_equal(old.unknowns, solution.unknowns)
     figure = old.plot()  # by its coordinates

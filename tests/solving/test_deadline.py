@@ -6,14 +6,22 @@ import math
 import pickle
 import time
 from concurrent.futures import Executor, Future
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import block_and_wall
 import pytest
+from hit_problems import back
+from systems import unit_mass
 
 import dmoc
 from dmoc.base.deadline import ENDLESS, Deadline
-from dmoc.solving import many, workforce
+from dmoc.solvers.outcome import Options, Status
+from dmoc.solving import many, open_hits, workforce
+from dmoc.solving.attempts import Attempt
+from dmoc.solving.multistart import exploration
+from dmoc.solving.multistart.exploration import Effort
 
 
 @pytest.fixture
@@ -101,3 +109,82 @@ def test_a_worker_may_take_all_its_time_before_it_counts_as_hanging(
     problem = block_and_wall.problem(0.8, 10)
     batch = dmoc.solve_many([problem], seconds=200.0, executor=slow)
     assert batch.status == ("solved",) and len(slow.tasks) == 1
+
+
+def block(bound: float) -> dmoc.Problem:
+    """One metre from rest to rest in 2 s, for which it takes 1 N."""
+    return dmoc.Problem(
+        unit_mass("in_time"), start={"x": 0}, goal={"x": 1, "x_dot": 0}, steps=10, final_time=2,
+        bounds={"u": (-bound, bound)},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("first", "begun"),
+    [
+        (3, 8),  # half of the time, of which each start takes a fifteenth
+        (9, 9),
+        (12, 12),
+        (None, 14),  # until nothing but a refinement has time
+    ],
+)
+def test_starts_go_on_until_one_leads_to_a_motion(
+    now: list[float], monkeypatch: pytest.MonkeyPatch, first: int | None, begun: int
+) -> None:
+    count, real = 0, exploration.attempts_from
+
+    def slow(programs: Any, points: Any, options: Options) -> list[Attempt]:
+        nonlocal count
+        attempts = list[Attempt]()
+        for x in points:
+            if options.deadline.passed:
+                break
+            now[0], count = now[0] + 2.0, count + 1
+            (attempt,) = real(programs, [x], replace(options, deadline=ENDLESS))
+            attempts.append(attempt if count == first else attempt.ending(Status.INFEASIBLE))
+        return attempts
+
+    monkeypatch.setattr(exploration, "attempts_from", slow)
+    monkeypatch.setattr(exploration, "free_threads", lambda: 1)
+    ended = exploration.explored(block(5.0), Effort(), Options(deadline=Deadline.after(30.0)))
+    assert len(ended.starts) == count == begun
+    assert bool(ended.solutions) == (first is not None) and ended.late == (first is None)
+
+
+def test_a_time_limit_is_told_where_it_is_used_up(
+    now: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With half a newton there is no motion; each start that says so takes 2 s."""
+    real = exploration.attempts_from
+
+    def slow(programs: Any, points: Any, options: Options) -> list[Attempt]:
+        some = points[: max(0, math.ceil(options.deadline.left / 2))]
+        now[0] += 2.0 * len(some)
+        return real(programs, some, replace(options, deadline=ENDLESS)) if some else []
+
+    monkeypatch.setattr(exploration, "attempts_from", slow)
+    short, long = (dmoc.solve(block(0.5), "ipm", seconds=s, starts=20) for s in (30.0, 60.0))
+    assert short.status == "time_limit" and "raise it" in short.message and short.starts == 14
+    assert long.status == "infeasible" and long.starts == 20
+
+
+@pytest.mark.parametrize("place", [0, 4, 9])
+def test_every_word_of_a_hit_is_tried_in_time(
+    now: list[float], monkeypatch: pytest.MonkeyPatch, place: int
+) -> None:
+    """Each of the ten takes all the time that it is given, and one leads to a motion."""
+    problem = back(sequence=["floor"])
+    (words,) = problem.open_hits.values()
+    minimum: Any = SimpleNamespace(status=Status.SOLVED, cost=1.0)
+    times = list[float]()
+
+    def slow(way: dmoc.Problem, effort: Any, options: Options, points: Any) -> Any:
+        times.append(options.deadline.left)
+        now[0] += times[-1]
+        helps = way.sequence == (words[place],)
+        return SimpleNamespace(solutions=(minimum,) if helps else ())
+
+    monkeypatch.setattr(open_hits, "explored", slow)
+    answer = dmoc.solve(problem, "ipm", seconds=30.0)
+    assert [c.word for c in answer.collisions] == [words[place]]
+    assert len(words) == 10 and min(times) > 15 / 12 and now[0] <= 115.0 + 1e-6
