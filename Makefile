@@ -11,7 +11,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # SymPy remembers a thousand results of each of its functions; tests derive more than that.
 export SYMPY_CACHE_SIZE ?= 20000
 
-.PHONY: demo test test-fast test-browser test-processors test-wheels mutations check docs docs-check pictures linkcheck bench ladder twenty release clean
+.PHONY: demo test test-fast test-browser test-processors test-wheels mutations night check docs docs-check pictures linkcheck bench ladder twenty release clean
 
 demo: $(VENV)/.installed-plot
 	@$(BIN)/python examples/seed.py demo
@@ -37,6 +37,11 @@ test-processors: $(VENV)/.installed-test
 mutations: $(VENV)/.installed-test
 	$(BIN)/python -m pip install --quiet 'setuptools>=77' 'Cython>=3.1'
 	$(BIN)/python tools/mutations.py
+
+# Once a night: examples as users run them, the list of changes, the ladder and the campaigns; what
+# they said last is committed, benchmarks/results/night.
+night: $(VENV)/.installed-test $(VENV)/.installed-bench
+	$(BIN)/python tools/night.py
 
 check: $(VENV)/.installed-test $(VENV)/.installed-check
 	$(BIN)/ruff check .

@@ -29,6 +29,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="write the generated sources instead of comparing them",
     )
+    parser.addoption(
+        "--as-users",
+        action="store_true",
+        help="starts, flags of the compiler and pictures as users have them, which takes longer",
+    )
 
 
 def pytest_collection_finish() -> None:
@@ -48,11 +53,20 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
+@pytest.fixture(scope="session")
+def as_users(pytestconfig: pytest.Config) -> bool:
+    """Whether nothing is made quicker than users have it."""
+    return bool(pytestconfig.getoption("--as-users"))
+
+
 @pytest.fixture(scope="session", autouse=True)
-def flags() -> Iterator[tuple[str, ...]]:
+def flags(as_users: bool) -> Iterator[tuple[str, ...]]:
     """Compile kernels without optimisation, which gives the same numbers in a third of the time,
     and functions inside those that call them; the flags of users are handed on."""
     users = compiler.FLAGS
+    if as_users:
+        yield users
+        return
     with pytest.MonkeyPatch.context() as patch:
         inside = "-Dinline=inline __attribute__((always_inline))"
         patch.setattr(compiler, "FLAGS", (*users, "-O0", inside))
@@ -61,10 +75,13 @@ def flags() -> Iterator[tuple[str, ...]]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def effort() -> Iterator[Callable[..., Effort]]:
+def effort(as_users: bool) -> Iterator[Callable[..., Effort]]:
     """Explore from the first third of the starts that users have where a test names no number: a
     known answer that they meet is met by all; the effort of users is handed on."""
     users = Effort.of
+    if as_users:
+        yield users
+        return
     with pytest.MonkeyPatch.context() as patch:
         few = {"first": 5, "most": 33, "more": 100}
         patch.setattr(Effort, "of", lambda *arguments: replace(users(*arguments), **few))
@@ -72,10 +89,13 @@ def effort() -> Iterator[Callable[..., Effort]]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def coarse_figures() -> Iterator[Callable[..., None]]:
+def coarse_figures(as_users: bool) -> Iterator[Callable[..., None]]:
     """Draw figures with few pixels, and axes where they are at first, which takes a quarter of what
     it takes users; their layout is handed on."""
     users = ConstrainedLayoutEngine.execute
+    if as_users:
+        yield users
+        return
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(canvas, "DPI", 60)
         patch.setattr(ConstrainedLayoutEngine, "execute", lambda *_: None)

@@ -138,7 +138,7 @@ def fate(change: Change, copy: Path) -> Fate:
 def noticed(change: Change, copy: Path) -> Fate:
     """Whether the tests nearest to a change that was made fail."""
     if Path(change.file).suffix in COMPILED and not built(copy):
-        return Fate(change, "died", "it does not compile")
+        return Fate(change, "unfit", "it does not compile")
     groups = [change.tests] if change.tests else list(nearest(change.file))
     for group in groups:
         evidence = run(group if change.tests else ("-m", "not slow", *group), copy)
@@ -175,9 +175,10 @@ def fails_anyway(test: str, copy: Path) -> bool:
 
 def nearest(file: str) -> Iterator[tuple[str, ...]]:
     """Groups of tests near a file: those that import its module, then the folder of its layer."""
-    layer, stem = Path(file).parts[0], Path(file).stem
-    layer = "public" if layer == "src" else layer
-    names = (f"dmoc.{layer}.{stem} ", f"dmoc.{stem} ", f"from dmoc.{layer} import {stem}")
+    parts = [part for part in Path(file).with_suffix("").parts if part not in ("src", "dmoc")]
+    layer = parts[0] if len(parts) > 1 else "public"
+    package, stem = ".".join(["dmoc", *parts[:-1]]), parts[-1]
+    names = (f"{package}.{stem} ", f"from {package} import {stem}")
     files = sorted((ROOT / "tests").rglob("test_*.py"))
     texts = {path: path.read_text(encoding="utf-8") for path in files}
     near = [p for p, text in texts.items() if any(name in text for name in names)]
