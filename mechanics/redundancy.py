@@ -3,7 +3,8 @@
 Both lower corners of a box that stands on a floor with friction keep four conditions of three
 coordinates.  One of them says nothing new, and its force is one of several with the same effect.
 Conditions are looked at in an order, where constraints of the model come first, then contacts, then
-what sticks, at positions at which the constraints hold and the contacts are closed.
+what sticks, at positions at which the constraints hold and the contacts are closed, some of them
+at later times: what follows from a constraint sticks only if that never moves it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.projection import onto
 
-# How far from the start positions are drawn, as shares of the reach.
+# How far from the start positions are drawn, and how late, as shares of the reach.
 SPREAD = (0.0, 0.3, 1.0)
 # What is left of a slope of length 1 besides the others that it follows from.
 NOTHING_NEW = 1e-8
@@ -62,24 +63,26 @@ class Redundancy:
 
 
 def redundancy(
-    model: Model, mode: Mode, start: Array, reach: Array, first: Sequence[int] = ()
+    model: Model, mode: Mode, start: Array, reach: Array, latest: float, first: Sequence[int] = ()
 ) -> Redundancy:
-    """What follows of the conditions of a mode, of whose closed surfaces some come ``first``."""
+    """What follows of the conditions of a mode until the ``latest`` time, of whose closed surfaces
+    some come ``first``."""
     closed = sorted(mode.closed, key=lambda j: (j not in first, j))
     stuck = sorted(mode.sticking, key=lambda k: (not model.has_friction[k], k))
     if model.nj + len(closed) + len(stuck) < 2:
         return Redundancy()
     names = [*model.kernels.joints, *model.contacts.named(closed)]
     names += [model.kernels.tangents[k] for k in stuck]
-    seen, fits = list[Bools](), list[Bools]()
+    seen, fits, misfits = list[Bools](), list[Bools](), list[Bools]()
     others, slides = np.zeros(len(names), dtype=bool), False
     rng = np.random.default_rng(0)
     for share in SPREAD:
-        q, kept = _onto(model, closed, start + share * reach * rng.standard_normal(model.nq), reach)
+        q, t = start + share * reach * rng.standard_normal(model.nq), share * latest
+        q, kept = _onto(model, closed, q, t, reach)
         slopes = [
-            model.joint_slopes(q),
-            model.gap_slopes(q)[closed],
-            model.tangent_slopes(q)[stuck],
+            model.joint_slopes(q, t),
+            model.gap_slopes(q, t)[closed],
+            model.tangent_slopes(q, t)[stuck],
         ]
         rows = np.vstack(slopes) * np.append(reach, 1.0)
         if not np.isfinite(rows).all():
@@ -89,13 +92,14 @@ def redundancy(
             return Redundancy()
         seen.append(new)
         fits.append(fit & np.append(kept, np.ones(len(stuck), dtype=bool)))
-        pushes = _with_friction(model, mode, closed, q, rows[:, :-1], reach)
+        misfits.append(~fit & kept.all())
+        pushes = _with_friction(model, mode, closed, (q, t), rows[:, :-1], reach)
         slides |= np.linalg.matrix_rank(pushes, NOTHING_NEW) > new.sum()
         others |= _without_effect(pushes)
     if not seen or np.any(seen, axis=0).all():
         return Redundancy()
     follows = ~np.any(seen, axis=0)
-    wrong = follows & ~np.any(fits, axis=0)
+    wrong = follows & (~np.any(fits, axis=0) | np.any(misfits, axis=0))
     joints, on, held = np.split(follows, [model.nj, model.nj + len(closed)])
     return Redundancy(
         tuple(j for j, f in zip(closed, on, strict=True) if f),
@@ -107,17 +111,19 @@ def redundancy(
     )
 
 
-def _onto(model: Model, closed: Sequence[int], q: Array, reach: Array) -> tuple[Array, Bools]:
+def _onto(
+    model: Model, closed: Sequence[int], q: Array, t: float, reach: Array
+) -> tuple[Array, Bools]:
     """A position moved to where joints hold and surfaces are closed, and which of them are."""
 
     def conditions(q: Array) -> tuple[Array, Array]:
-        miss = np.hstack([model.joints(q), model.gaps(q)[:, closed]])
-        slopes = np.concatenate([model.joint_slopes(q), model.gap_slopes(q)[:, closed]], axis=1)
+        miss = np.hstack([model.joints(q, t), model.gaps(q, t)[:, closed]])
+        slopes = np.hstack([model.joint_slopes(q, t), model.gap_slopes(q, t)[:, closed]])
         return miss, slopes[..., :-1] * reach
 
     q = onto(conditions, q[None], reach)[0]
-    off = np.abs(np.append(model.joints(q), model.gaps(q)[closed]))
-    sizes = np.append(model.joint_sizes(q), model.gap_sizes(q)[closed])
+    off = np.abs(np.append(model.joints(q, t), model.gaps(q, t)[closed]))
+    sizes = np.append(model.joint_sizes(q, t), model.gap_sizes(q, t)[closed])
     return q, np.asarray(off <= KEPT * sizes)
 
 
@@ -142,12 +148,14 @@ def _new(slopes: Array) -> tuple[Bools, Bools]:
 
 
 def _with_friction(
-    model: Model, mode: Mode, closed: Sequence[int], q: Array, slopes: Array, reach: Array
-) -> Array:
-    """Directions in which units of the forces push, with the friction of what slides, each of the
-    length 1."""
-    pushes, along = slopes.copy(), model.tangent_slopes(q)[:, :-1] * reach
-    model = model.with_friction_at(q)
+    model: Model, mode: Mode, closed: Sequence[int], place: tuple[Array, float], slopes: Array,
+    reach: Array,
+) -> Array:  # fmt: skip
+    """Directions in which units of the forces push at a place, with the friction of what slides,
+    each of the length 1."""
+    (q, t), pushes = place, slopes.copy()
+    along = model.tangent_slopes(q, t)[:, :-1] * reach
+    model = model.with_friction_at(q, t=t)
     for k, s in mode.sliding:
         if model.supports[k] != RAIL:
             row = model.nj + list(closed).index(model.supports[k])

@@ -14,6 +14,7 @@ from dmoc.mechanics.possible_words import open_hits
 from dmoc.mechanics.redundancy import Redundancy, redundancy
 from dmoc.mechanics.sequence_words import mode_of, touch_along, words_along
 from dmoc.mechanics.touch import Touch
+from dmoc.problem.reach import latest_time
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
@@ -48,8 +49,9 @@ def open_hits_of(problem: Problem) -> dict[int, list[str]]:
 
 def redundant_of(problem: Problem) -> tuple[Redundancy, ...]:
     """What follows of the conditions of each phase."""
-    modes = problem.touch.modes
+    model, modes, latest = problem.model, problem.touch.modes, latest_time(problem)
+    start, reach = problem.start_position, problem.reach
     return tuple(
-        redundancy(problem.model, mode, problem.start_position, problem.reach, before.closed)
+        redundancy(model, mode, start, reach, latest, before.closed)
         for before, mode in zip((FREE, *modes), modes, strict=False)
     )

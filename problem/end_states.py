@@ -14,6 +14,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import is_positive
 from dmoc.mechanics.coefficients import check_coefficients
 from dmoc.mechanics.contact_mode import STICK
+from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.impulse_response import unknown_in_impacts
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.derived import once
@@ -326,7 +327,8 @@ def _check_independent(problem: Problem, phase: int, mode: Mode) -> None:
     contradict each other, and forces of contacts that a motion depends on without determining
     them."""
     model, follows = problem.model, problem.redundant[phase]
-    names = [*model.contacts.named(mode.closed), *problem.kernels.joints]
+    rails = [model.kernels.tangents[k] for k in mode.sticking if model.contacts.supports[k] == RAIL]
+    names = [*model.contacts.named(mode.closed), *rails, *problem.kernels.joints]
     if follows.joints:
         more = [problem.kernels.joints[j] for j in follows.joints]
         raise ProblemError(
@@ -335,9 +337,9 @@ def _check_independent(problem: Problem, phase: int, mode: Mode) -> None:
         )
     if follows.contradictory:
         raise ProblemError(
-            f"the contacts {', '.join(names)} of phase {phase} contradict each other: "
-            f"{' and '.join(follows.contradictory)} cannot hold together with the others; leave "
-            "one out, or say how it slides."
+            f"{_what(problem, mode)} {', '.join(names)} of phase {phase} contradict each other: "
+            f"{' and '.join(follows.contradictory)} cannot hold together with the others; say how "
+            "it slides, or leave one out."
         )
     if follows.loose:
         raise ProblemError(

@@ -75,11 +75,16 @@ def gap_sizes(problem: Problem, q: Array, t: float = 0.0) -> Array:
     return np.asarray(np.fmax(problem.model.gap_sizes(q, t), moved))
 
 
+def latest_time(problem: Problem) -> float:
+    """The end of the time that a problem allows, or a time behind its beginning."""
+    low, high = problem.final_time_bounds
+    return float(high if np.isfinite(high) else 1.0 + 2.0 * low)
+
+
 def rate_sizes(problem: Problem, slopes: Array, v: Array) -> Array:
     """Sizes of rates with some slopes (..., n, nq + 1), of velocities (..., nq) and of what makes
     the reach in the time that a problem allows, shape (..., n)."""
-    low, high = problem.final_time_bounds
-    fast = np.maximum(np.abs(v), problem.reach / (high if np.isfinite(high) else 1.0 + 2.0 * low))
+    fast = np.maximum(np.abs(v), problem.reach / latest_time(problem))
     one = np.ones((*v.shape[:-1], 1))
     return np.asarray((np.abs(slopes) @ np.concatenate([fast, one], axis=-1)[..., None])[..., 0])
 

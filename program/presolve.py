@@ -20,7 +20,7 @@ from dmoc.mechanics.redundancy import redundancy
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.design import samples
 from dmoc.problem.problem import Problem
-from dmoc.problem.reach import gap_sizes, rate_sizes
+from dmoc.problem.reach import gap_sizes, latest_time, rate_sizes
 from dmoc.program.blocks import Bools, Index
 from dmoc.program.layout import Layout
 
@@ -122,7 +122,8 @@ def _redundant(problem: Problem, touch: Touch) -> tuple[Bools, Bools, Bools]:
         stopped = np.flatnonzero(touch.stops[i]).tolist()
         mode = touch.modes[i]
         still = replace(mode, sticking=(*mode.sticking, *stopped))
-        follows = redundancy(problem.model, still, problem.start_position, problem.reach)
+        given = problem.start_position, problem.reach, latest_time(problem)
+        follows = redundancy(problem.model, still, *given)
         stops[i, list(follows.sticking)] = True
     return closed, sticks, stops & touch.stops
 
@@ -157,8 +158,7 @@ def _joints_settled(
 def _states(problem: Problem, lay: Layout, limits: tuple[Array, Array], i: int) -> States:
     """States at the start (0), at an event, or at the end."""
     rng, first, last = np.random.default_rng(i), i == 0, i == lay.phases
-    early, late = problem.final_time_bounds
-    late = late if np.isfinite(late) else 1.0 + 2.0 * early
+    early, late = problem.final_time_bounds[0], latest_time(problem)
     t = np.zeros(SAMPLES) if first else rng.uniform(early if last else 0.0, late, SAMPLES)
 
     def drawn(index: Index, middle: Array | float, size: Array) -> Array:

@@ -3,6 +3,8 @@
 # Determinant, measured by the sizes of its rows and columns, of conditions that are far from saying
 # the same twice, and singular values, as shares of the largest, of those that do.
 cdef double REGULAR = 1e-6, REDUNDANT = 1e-11
+# What conditions that can hold together leave of second derivatives, as a share of their terms.
+cdef double AGREEING = 1e-9
 cdef enum:
     SIDE_BY_SIDE = 16     # rows: what fits into a processor's cache
     SIDE_BY_SIDE_NUMPY = 256
@@ -30,6 +32,10 @@ cdef class Conditions:
     cdef ptrdiff_t[::1] varies
     cdef double[::1] gamma_D, sigma_D, phi_D, g, tau, phi, C, B, along, bent, lam, change
     cdef double[::1] responses, A, scaled, V, unit, wanted, spare
+    # Whether the conditions that were answered last say the same twice, and whether those of a row
+    # contradict one another.
+    cdef bint dependent
+    cdef unsigned char[::1] contradicted
 
     def __init__(self, kernels, par):
         self.nq, self.nu = len(kernels.coordinates), len(kernels.inputs)
@@ -39,6 +45,7 @@ cdef class Conditions:
         self.kernels, self.par = kernels, np.append(par[0], 0.0)
         self.capacity = SIDE_BY_SIDE if kernels.compiled else SIDE_BY_SIDE_NUMPY
         self.t, self.pivot = _space(self.capacity), np.zeros(self.nq, dtype=np.intp)
+        self.contradicted = np.zeros(self.capacity, dtype=np.uint8)
         if self.nc:
             self.surface = Rows(kernels, "surface")
 
@@ -233,7 +240,8 @@ cdef class Conditions:
             self.bent[p] += x
 
     cdef void react(self, ptrdiff_t i, const double *LU, double *a) noexcept nogil:
-        """Add to a = M^-1 F of row i what its multipliers make of it."""
+        """Add to a = M^-1 F of row i what its multipliers make of it: as little as possible is left
+        of conditions that contradict one another."""
         cdef ptrdiff_t p, c
         for p in range(self.m):
             self.wanted[p] = -self.bent[p]
@@ -242,6 +250,24 @@ cdef class Conditions:
         self.answer(LU, &self.B[0], &self.lam[i * self.m])
         for c in range(self.nq):
             a[c] += self.change[c]
+        self.contradicted[i] = self.dependent and self.disagree(a)
+
+    cdef bint disagree(self, const double *a) noexcept nogil:
+        """Whether an acceleration keeps something that the mode demands beside the joints from
+        staying where it is, measured by all that accelerates the conditions."""
+        cdef ptrdiff_t p, c
+        cdef double slope, terms, most = 0.0
+        for p in range(self.m):
+            self.wanted[p], terms = self.bent[p], fabs(self.bent[p])
+            for c in range(self.nq):
+                slope = self.C[p * self.nq + c]
+                self.wanted[p] += slope * a[c]
+                terms += fabs(slope) * (fabs(a[c]) + fabs(self.change[c]))
+            most = fmax(most, terms / self.unit[p])
+        for p in range(self.closed + self.sticking):
+            if fabs(self.wanted[p]) > AGREEING * most * self.unit[p]:
+                return True
+        return False
 
     cdef void answer(self, const double *LU, const double *B, double *lam) noexcept nogil:
         """The change M^-1 B^T lam of an acceleration, a velocity or a position that changes the
@@ -267,6 +293,7 @@ cdef class Conditions:
                     self.A[p * m + k] += self.C[p * nq + c] * self.responses[c * columns + k]
                 self.A[p * m + k] /= self.unit[p] * self.unit[k]
                 self.scaled[p * m + k] = self.A[p * m + k]
+        self.dependent = False
         if m == 1:
             lam[0] /= self.A[0]
         else:
@@ -278,6 +305,7 @@ cdef class Conditions:
             if fabs(determinant) > REGULAR:
                 solve(&self.A[0], &self.exchange[0], lam, m, m, 1)
             else:
+                self.dependent = True
                 shortest(&self.scaled[0], &self.V[0], lam, &self.A[0], m, REDUNDANT)
         for p in range(m):
             lam[p] /= self.unit[p]

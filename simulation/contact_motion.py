@@ -24,23 +24,17 @@ from dmoc.mechanics.contact_mode import FREE, Mode, names_of
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import FRICTION_WORDS, Collision
 from dmoc.simulation.contact_impacts import dying, struck
-from dmoc.simulation.contact_modes import borne, limits, slack
-from dmoc.simulation.friction_at import with_friction
-from dmoc.simulation.mode_choice import Hints, Place, Setting, mode_at
-from dmoc.simulation.roots import crossing
+from dmoc.simulation.contact_modes import borne
+from dmoc.simulation.mode_choice import Hints, Place, Setting, check_driven, mode_at
+from dmoc.simulation.mode_flow import PLACES, ModeFlow
 from dmoc.simulation.tolerances import Reach, reached, tolerances
 
-# Where in a way limits are looked at, and, where one falls at once, how near to its start.
-PLACES, NEAR = np.linspace(0.0, 1.0, 9)[1:], 0.5 ** np.arange(50, 0, -1)
 MOST_EVENTS, MOST_AT_ONCE = 1000, 50  # within one step, and at one moment of it
 MOMENT = 1e-4  # of a step: flights of bounces that do not settle are longer
 MOST_SHOWN = 3  # of the events that come to no end
-LOCATED = 1e-12  # of a step, to which events are located
 SHORTEST = 1e-13  # share of a step that is not gone any more
 # Steps that are gone in compiled code between two looks for Ctrl-C.
 AT_ONCE = 256
-# Error of a step, in sizes, that shows that it is too long to be followed.
-ASTRAY = 1e-6
 
 
 @dataclass(frozen=True)
@@ -186,37 +180,48 @@ def through_step(
     model, (reach, journal), (begin, end) = setting.model, so_far, span
     place, hints = _place(setting, y, u, begin, reach), Hints()
     mode, modes, times = Mode(), list[Mode](), list[float]()
-    before = journal.last
+    before, ahead, struck_before = journal.last, None, len(journal.collisions)
     for _ in range(MOST_EVENTS):
-        struck_before = len(journal.collisions)
-        place, mode = _resolved(setting, place, (mode, hints), reach, journal)
-        changed = journal.note(model, mode, place.t)
-        if before is not None and (changed or len(journal.collisions) > struck_before):
-            journal.marks.append(ModeChange(before, node(setting, mode, place.y, u, place.t), mode))
-        if end - place.t <= SHORTEST * setting.h:
-            return place.y, mode
-        way = _ContactFlow.of(setting, place, mode)
-        rows = way.rows(place.t + PLACES * (end - place.t))
-        event = way.first(end, rows)
+        if ahead:
+            mode = mode_at(setting, ahead, Hints())
+        else:
+            place, mode = _resolved(setting, place, (mode, hints), reach, journal)
+        way = ModeFlow(setting, place, mode)
+        gone = end - place.t <= SHORTEST * setting.h
+        last, event = (place.y, None) if gone else way.until(end)
+        ahead = None
+        if event and event.limit is None:
+            ahead = _place(setting, way.state(event.broken), u, event.broken, reach)
+        if event is None or event.time > place.t or not ahead:  # or it does not last
+            changed = journal.note(model, mode, place.t)
+            if before is not None and (changed or len(journal.collisions) > struck_before):
+                after = node(setting, mode, place.y, u, place.t)
+                journal.marks.append(ModeChange(before, after, mode))
+            struck_before = len(journal.collisions)
+            before = node(setting, mode, way.state(event.time), u, event.time) if event else before
         if event is None:
-            return rows[-1], mode
-        at, which = event
+            return last, mode
         modes.append(mode)
-        times.append(at)
-        if at - times[-MOST_AT_ONCE:][0] < MOMENT * setting.h and len(times) >= MOST_AT_ONCE:
+        times.append(event.time)
+        if _crowded(times, setting.h):
             break
-        y = way.rows(np.array([at]))[0] if at > place.t else place.y
-        before = node(setting, mode, y, u, at)
-        reach = reached(model, y, u, at, setting.h, reach)
-        place = _place(setting, y, u, at, reach)
-        hints = _hints(setting, place, mode, which)
-        place = replace(place, y=_on_limit(setting, place, mode, which))
+        y = way.state(event.time)
+        reach = reached(model, y, u, event.time, setting.h, reach)
+        place = _place(setting, y, u, event.time, reach)
+        if event.limit is not None:
+            hints = _hints(setting, place, mode, event.limit)
+            place = replace(place, y=_on_limit(setting, place, mode, event.limit))
     shown = ", ".join(_events_shown(model, modes, journal))
     raise SimulationError(
         f"collisions or changes of contact come to no end at t = {place.t:.6g} s, {len(modes)} in "
         f"the step of {setting.h:.4g} s (Zeno), the last of {shown}: give these surfaces a "
         "restitution of 0, change the step size, or stop before it."
     )
+
+
+def _crowded(times: list[float], h: float) -> bool:
+    """Whether the last events of a step come to no end."""
+    return len(times) >= MOST_AT_ONCE and times[-1] - times[-MOST_AT_ONCE] < MOMENT * h
 
 
 def _events_shown(model: Model, modes: list[Mode], journal: MotionRecord) -> Iterator[str]:
@@ -242,6 +247,7 @@ def _resolved(
     )
     if not hit.any():
         return place, mode_at(setting, place, hints)
+    check_driven(model, place, [int(j) for j in np.flatnonzero(hit)])
     # Errors of location would add up from bounce to bounce.
     place = replace(place, y=_placed(setting, hit, place.y, place.t))
     resting = setting.integrator.reaction(mode, place.y[None], place.u[None], np.array([place.t]))
@@ -311,82 +317,3 @@ def _settled(setting: Setting, mode: Mode, place: Place) -> Array:
     t, y = np.array([place.t]), place.y[None].copy()
     setting.integrator.settle(mode, y, t, setting.model.tangents(y[:, : setting.model.nq], t))
     return np.asarray(y[0])
-
-
-@record(frozen=True, eq=False)
-class _ContactFlow:
-    """The motion in one mode from a place on: its state at a later time."""
-
-    setting: Setting
-    place: Place
-    mode: Mode
-    held: Array
-
-    @classmethod
-    def of(cls, setting: Setting, place: Place, mode: Mode) -> _ContactFlow:
-        q = place.y[None, : setting.model.nq]
-        return cls(setting, place, mode, setting.model.tangents(q, np.array([place.t])))
-
-    def rows(self, times: Array) -> Array:
-        """Rows of states at later times."""
-        n, integrator, at = len(times), self.setting.integrator, self.place
-        y, u, held = (np.repeat(a, n, axis=0) for a in (at.y[None], at.u[None], self.held))
-        number, t = np.arange(n), np.full(n, at.t)
-        integrator.sizes = np.append(at.small.size, 1.0)
-        integrator.advance(y, number, number + 1, t, times - t, u, u, self.mode, held)
-        if integrator.worst > ASTRAY:
-            raise SimulationError(
-                f"the motion cannot be followed over the step of {times[-1] - at.t:.4g} s at "
-                f"t = {at.t:.6g} s: reduce the step size, or stop before its mass matrix is "
-                "singular."
-            )
-        if not np.isfinite(y).all():
-            raise SimulationError(
-                f"the motion cannot be followed from t = {at.t:.6g} s on: its mass matrix "
-                "is singular, or its forces are not finite there; stop before it."
-            )
-        return y
-
-    def _limits(self, rows: Array, times: Array) -> Array:
-        """The limits of the mode at states at later times."""
-        setting = self.setting
-        u = np.repeat(self.place.u[None], len(times), axis=0)
-        with_friction(setting.model, rows, u, times, self.mode.closed)
-        return limits(setting.model, setting.integrator.reaction, self.mode, (rows, u, times))
-
-    def first(self, end: float, rows: Array) -> tuple[float, int] | None:
-        """The first time at which a limit is passed, and which; None if there is none until the
-        end.  ``rows`` are the states at the places on the way there."""
-        t, least = self.place.t, -slack(self.mode, self.place.small)
-        times = t + PLACES * (end - t)
-        kept = self._limits(rows, times)
-        over = kept < least
-        if not over.any():
-            return None
-        row = int(np.argmax(over.any(axis=1)))
-        if row == 0:  # from the start on, or soon after it
-            times = t + NEAR * (times[0] - t)
-            times, kept = (
-                np.append(times, t + PLACES[0] * (end - t)),
-                np.vstack([self._limits(self.rows(times), times), kept[:1]]),
-            )
-            over = kept < least
-            row = int(np.argmax(over.any(axis=1)))
-        moments = [self._moment(int(j), (times, kept), row) for j in np.flatnonzero(over[row])]
-        return min(moments)
-
-    def _moment(self, j: int, seen: tuple[Array, Array], row: int) -> tuple[float, int]:
-        """When a limit is passed that holds in the rows before, and not in this one."""
-        times, kept = seen
-        inside = np.flatnonzero(kept[:row, j] > 0)
-        if not len(inside):
-            return float(times[row - 1]) if row else self.place.t, j
-        low, high = int(inside[-1]), row
-
-        def limit(time: float) -> float:
-            at = np.array([time])
-            return float(self._limits(self.rows(at), at)[0, j])
-
-        ends = [(float(times[k]), float(kept[k, j])) for k in (low, high)]
-        near = max(LOCATED * self.setting.h, 4 * np.finfo(float).eps * abs(ends[1][0]))
-        return crossing(limit, ends[0], ends[1], near), j

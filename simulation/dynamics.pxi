@@ -192,7 +192,8 @@ cdef class Dynamics(Conditions):
         self, mode, const double[:, ::1] y, const double[:, ::1] u, const double[::1] t
     ):
         """Accelerations and forces of rows of states (q | v ...) in a mode, with inputs u (n, nu)
-        at times t (n,)."""
+        at times t (n,); forces are not numbers where the conditions of the mode contradict one
+        another."""
         cdef ptrdiff_t n = y.shape[0], nq = self.nq, begin = 0, i, j, k, count
         self._enter(mode)
         self._rows(n, y.shape[1], t.shape[0])
@@ -216,6 +217,8 @@ cdef class Dynamics(Conditions):
                 for i in range(count):
                     for j in range(nq):
                         a[begin + i, j] = self.rates[i * 2 * nq + nq + j]
+                    for j in range(self.m if self.contradicted[i] else 0):
+                        self.lam[i * self.m + j] = NAN
                     self.spread(i, &normal[begin + i, 0], &tangential[begin + i, 0])
                     for j in range(self.nj):
                         joint[begin + i, j] = self.lam[(i + 1) * self.m - self.nj + j]

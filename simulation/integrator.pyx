@@ -166,6 +166,8 @@ cdef class Integrator(Method):
             self.slide_rate.run(n, args, stride, results)
         self.slope(n, 2 * nq, y, &self.slopes[0])
         for i in range(n):
+            if self.m and self.contradicted[i]:
+                return False
             for j in range(self.nc):
                 p = self.closed_at[j]
                 if not (self.lam[i * self.m + p] if p >= 0 else -self.g[i * self.nc + j]) > 0:

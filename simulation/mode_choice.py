@@ -9,7 +9,7 @@ impulses of a plastic impact.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -24,7 +24,7 @@ from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
-from dmoc.simulation.contact_modes import borne
+from dmoc.simulation.contact_modes import REDUNDANT, borne
 from dmoc.simulation.friction_at import with_friction
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.tolerances import Tolerances
@@ -127,12 +127,33 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
             "parameters, and stop before the motion gets there."
         )
     if mode is None:
+        check_driven(model, at, on)
         names = ", ".join(repr(model.kernels.surfaces[j]) for j in on) or "the rails"
         raise SimulationError(
             f"no state of contact and friction of {names} at t = {at.t:.6g} s obeys the laws of "
             "Coulomb (Painleve's paradox): lower the friction, or stop before it."
         )
     return mode
+
+
+def check_driven(model: Model, at: Place, on: Sequence[int]) -> None:
+    """Refuse surfaces that a state meets, and gets through by what the joints do alone.
+
+    Raises
+    ------
+    SimulationError
+        If no force or impulse of such a surface has an effect.
+    """
+    q, t = at.y[: model.nq], at.t
+    for j in on if model.nj else ():
+        n = model.gap_slopes(q, t)[j, :-1]
+        alone = float(n @ solved(model.mass(q, t), n))
+        if not float(n @ model.responses(q, n, t)) > REDUNDANT * alone:
+            raise SimulationError(
+                f"the constraints ({', '.join(model.kernels.joints)}) drive the motion through "
+                f"surface {model.kernels.surfaces[j]!r} at t = {t:.6g} s, and no contact stops "
+                "what constraints drive: change them, or stop before it."
+            )
 
 
 def _at_rest(setting: Setting, at: Place, mode: Mode | None, held: dict[Mode, Array]) -> Mode:
