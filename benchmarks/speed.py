@@ -21,6 +21,7 @@ from common import (
     clocked,
     from_casadi,
     guess,
+    kkt_layout,
     ms,
     neighbour,
     profile,
@@ -118,7 +119,7 @@ def contact(quick: bool) -> Section:
         )
         x = guess(problem)
         nlp = program(problem, x)
-        runs = [profile(nlp, x)[1] for _ in range(3 if quick else 51)]
+        runs = [profile(nlp, x) for _ in range(3 if quick else 51)]
         parts = sorted(runs, key=lambda r: r["seconds"])[len(runs) // 2]
         seconds = parts["seconds"] / parts["iterations"]
         reference = seconds if name == "free" else reference
@@ -134,23 +135,27 @@ def answer(quick: bool) -> Section:
     section = Section(
         "Time to a checked answer",
         "The reference problem with N steps in each phase, from the statement to an answer that "
-        f"the simulation has checked: medians of `dmoc.solve`, kernels being built. {PEER} gets "
-        "the first automatic guess, and its answer is checked by the same simulation; its solve is "
-        "without building the graph.",
+        "the simulation has checked: medians of `dmoc.solve` of a problem that is stated anew, "
+        "kernels being built, in a process that has solved others. The first one in a process "
+        "finds nothing that is kept from others, and has a column of its own. A dash stands where "
+        "the best of the starts is the answer; its check is among theirs. "
+        f"{PEER} gets the first automatic guess instead of "
+        "starts, and its answer is checked by the same simulation; its solve is without building "
+        "the graph.",
         [
-            "N", "method", "solved", "guess, ms", "solve, ms", "check, ms", "total, ms",
-            f"{PEER} takes", "cost",
+            "N", "method", "solved", "guess or starts, ms", "solve, ms", "check, ms", "total, ms",
+            "first, ms", f"{PEER} takes", "cost",
         ],
     )  # fmt: skip
     for steps, methods in ((100, ("ipm", "slsqp", "ipopt", "uno")), (1000, ("ipm",))):
-        problem = seed(steps=steps)
         repeats = 1 if quick or steps > 100 else 3
-        peer = _middle([_peer_answer(problem) for _ in range(repeats)])
-        section.row(steps, PEER, *_answer_cells(peer, peer))
+        peer = _middle([_peer_answer(seed(steps=steps)) for _ in range(repeats)])
+        section.row(steps, PEER, *_answer_cells(peer, peer, np.nan))
         for method in methods[: 2 if quick else None]:
             often = 1 if method == "uno" else 3 * repeats
-            own = _middle([_own_answer(problem, method) for _ in range(often)])
-            section.row(steps, method, *_answer_cells(own, peer))
+            own = _middle([_own_answer(seed(steps=steps), method) for _ in range(often)])
+            first = _first(f"answer by {method}", steps, repeats)
+            section.row(steps, method, *_answer_cells(own, peer, first))
     return section
 
 
@@ -158,7 +163,7 @@ def answer(quick: bool) -> Section:
 class TimedAnswer:
     """Seconds of the parts of a way to a checked answer, whether it was confirmed, and the cost."""
 
-    guess: float
+    starts: float
     solve: float
     check: float
     total: float
@@ -168,8 +173,9 @@ class TimedAnswer:
 
 def _own_answer(problem: dmoc.Problem, method: str) -> TimedAnswer:
     total, solution = clocked(lambda: dmoc.solve(problem, method))
-    parts = (solution.seconds.get(part, np.nan) for part in ("guess", "solve", "verify"))
-    return TimedAnswer(*parts, total, solution.status == "solved", solution.cost)
+    starts, solve, check = (solution.seconds[part] for part in ("explore", "solve", "verify"))
+    confirmed = solution.status == "solved"
+    return TimedAnswer(starts, solve or np.nan, check, total, confirmed, solution.cost)
 
 
 def _peer_answer(problem: dmoc.Problem) -> TimedAnswer:
@@ -190,9 +196,11 @@ def _middle(answers: list[TimedAnswer]) -> tuple[TimedAnswer, str]:
     return (good[len(good) // 2] if good else replace(answers[0], total=np.nan)), share
 
 
-def _answer_cells(own: tuple[TimedAnswer, str], peer: tuple[TimedAnswer, str]) -> tuple[Any, ...]:
+def _answer_cells(
+    own: tuple[TimedAnswer, str], peer: tuple[TimedAnswer, str], first: float
+) -> tuple[Any, ...]:
     answer, share = own
-    parts = (answer.guess, answer.solve, answer.check, answer.total)
+    parts = (answer.starts, answer.solve, answer.check, answer.total, first)
     return share, *map(ms, parts), ratio(peer[0].total, answer.total), f"{answer.cost:.6f}"
 
 
@@ -202,7 +210,7 @@ def where(quick: bool) -> Section:
         "Where the time of `ipm` goes",
         "Microseconds an iteration: kernels (values, first and second derivatives, assembled), "
         "linear system (factorisations, solves, refinement), the rest (vectors, line search, one "
-        "call into Python).",
+        "call into Python). The analysis is that of the first program of its form in a process.",
         [
             "N", "iterations", "factorisations", "kernels, us", "linear system, us", "rest, us",
             "analysis before the first, ms",
@@ -213,14 +221,14 @@ def where(quick: bool) -> Section:
         x = guess(problem)
         nlp = program(problem, x)
         runs = [profile(nlp, x) for _ in range(3 if quick else 15)]
-        analysis = median(seconds for seconds, _ in runs)
-        r = sorted((parts for _, parts in runs), key=lambda r: r["seconds"])[len(runs) // 2]
+        r = sorted(runs, key=lambda r: r["seconds"])[len(runs) // 2]
         parts = (
             r["seconds_kernels"],
             r["seconds_linear"],
             r["seconds"] - r["seconds_kernels"] - r["seconds_linear"],
         )
         each = [f"{1e6 * p / r['iterations']:.0f}" for p in parts]
+        analysis = _first("analysis", steps, 1 if quick else 5)
         section.row(steps, r["iterations"], r["factorisations"], *each, ms(analysis))
     return section
 
@@ -265,10 +273,20 @@ def _in_process(what: str, steps: int, repeats: int) -> dict[str, Any]:
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
+def _first(what: str, steps: int, processes: int) -> float:
+    """Median seconds of something in processes of its own, which have done nothing before."""
+    return median(_in_process(what, steps, 1)["seconds"] for _ in range(processes))
+
+
 def _measure(what: str, steps: int, repeats: int) -> dict[str, Any]:
     problem = seed(steps=steps)
+    if what.startswith("answer by "):
+        answer = _own_answer(problem, what.removeprefix("answer by "))
+        return {"seconds": answer.total if answer.confirmed else np.nan}
     x = guess(problem)
     nlp = program(problem, x)
+    if what == "analysis":
+        return {"seconds": clocked(lambda: kkt_layout(nlp))[0]}
     if what == "ipm":
         before = _memory("VmRSS")
         Path("/proc/self/clear_refs").write_text("5")  # from here the peak is that of the solve

@@ -82,6 +82,14 @@ def test_no_line_of_an_item_begins_another_list(page: Path) -> None:
     assert not re.findall(r"^ {1,3}(?:[-+*]|\d+[.)]) .*", _unquoted(page.read_text()), re.M)
 
 
+@pytest.mark.parametrize("page", [ROOT / "README.md", DOCS / "searching.md"], ids=name)
+def test_the_time_of_all_sequences_is_that_of_the_report(page: Path) -> None:
+    (report,) = (p.read_text() for p in REPORTS if p.stem == "README")
+    (seconds,) = re.findall(r"^\| 6 \| 127 \| 2 \| ([\d.]+) \|", report, re.MULTILINE)
+    (line,) = (text for text in page.read_text().splitlines() if "127 sequences" in text)
+    assert f" {seconds} s" in line
+
+
 @pytest.mark.parametrize("page", [*PAGES, *REPORTS], ids=name)
 def test_links_of_a_page_lead_to_a_file_or_a_heading_on_github(page: Path) -> None:
     """Where pages are read as they stand: what the manual makes of them is not there."""
