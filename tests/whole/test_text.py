@@ -85,7 +85,7 @@ def test_no_line_of_an_item_begins_another_list(page: Path) -> None:
 @pytest.mark.parametrize("page", [ROOT / "README.md", DOCS / "searching.md"], ids=name)
 def test_the_time_of_all_sequences_is_that_of_the_report(page: Path) -> None:
     (report,) = (p.read_text() for p in REPORTS if p.stem == "README")
-    (seconds,) = re.findall(r"^\| 6 \| 127 \| 2 \| ([\d.]+) \|", report, re.MULTILINE)
+    (seconds,) = re.findall(r"^\| 6 \| 127 \| 2 \| (\d+\.\d+) \|", report, re.MULTILINE)
     (line,) = (text for text in page.read_text().splitlines() if "127 sequences" in text)
     assert f" {seconds} s" in line
 
