@@ -23,6 +23,7 @@ from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import standing
 from dmoc.guess.hits import through_hits, with_hidden
+from dmoc.guess.inverse_dynamics import acting
 from dmoc.guess.limit_excess import is_limited, largest_excess
 from dmoc.guess.tracking import Choice, March, Tracker, resting
 from dmoc.guess.transfer import on_mesh
@@ -123,6 +124,7 @@ def _trials(
     grows without bound or the deadline has passed."""
     problem = tracker.problem
     beyond_marcher = is_limited(problem) or problem.model.has_objective
+    beyond_marcher |= tracker.around_other_inputs
     if not (beyond_marcher or deadline.passed):
         return tracker.trials(choice, times, steps)
     excess, cost = np.full((2, len(times)), np.nan)
@@ -259,6 +261,7 @@ def _unknowns(problem: Problem, lay: Layout, plan: Waypoints, motion: March) -> 
     x[lay.impact.lam], x[lay.impact.v_a], x[lay.impact.v_c] = motion.lam, motion.v_a, motion.v_c
     times = lay.times(x)
     x[lay.index_t] = times[: len(lay.index_t)]
+    x = acting(problem, x)
     inside = lay.scheme.within(motion.q[:-1], motion.q[1:])
     x[lay.index_q_i] = inside.reshape(lay.total, -1)
     for node, index_p, index_v, v in (

@@ -7,6 +7,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import follows, through_hits, with_hidden
+from dmoc.guess.inverse_dynamics import acting
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.projection import onto
@@ -48,7 +49,7 @@ def standing(problem: Problem, natural: float) -> Array:
         x[index_p] = problem.model.momentum(q, at)
         if len(index_v):
             x[index_v] = at
-    return in_contact(problem, x)
+    return in_contact(problem, acting(problem, x))
 
 
 def _points(problem: Problem, lay: Layout, durations: Array) -> Array:

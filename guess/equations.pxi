@@ -1,5 +1,5 @@
-"""The equations of motion M q'' = F + B u at one state: the rows that no input enters, and the
-inputs that come closest to accelerations."""
+"""The equations of motion M q'' = F + B (u - u_0) at one state, around inputs u_0: the rows that no
+input enters, and the inputs that come closest to accelerations."""
 
 cdef double SAME_INPUT = 1e-15  # inputs whose singular values differ by this factor act as one
 
@@ -15,17 +15,19 @@ cdef class Equations:
     cdef Call dynamics, input_matrix
     cdef double[:, ::1] q, v, t, mass, force, B             # of the state that is looked at
     cdef double[::1] root, known_B, rest, inverse          # rest (silent, nq), inverse (nu, nq)
+    cdef double[::1] around                                 # u_0
     cdef double[::1] a, u                                   # accelerations and inputs
     cdef double[::1] rows, right, part, solution, work
 
-    def __init__(self, kernels, par, inertia):
+    def __init__(self, kernels, par, inertia, around):
         cdef int nq = len(kernels.coordinates), nu = len(kernels.inputs), most = max(nq, nu)
         self.nq, self.nu = nq, nu
-        q, v, t, idle = (_block(n) for n in (nq, nq, 1, nu))
+        q, v, t = (_block(n) for n in (nq, nq, 1))
         self.q, self.v, self.t = q, v, t
         mass, force, B = _block(nq * nq), _block(nq), _block(nq * nu)
         self.mass, self.force, self.B = mass, force, B
-        state = (q, v, idle, t, par)
+        self.around = np.append(around, 0.0)
+        state = (q, v, np.array(around)[None], t, par)
         self.dynamics = Call(kernels, "dynamics", state, (mass, force))
         self.input_matrix = Call(kernels, "input_matrix", state, (B,))
         self.root = np.sqrt(inertia)
@@ -159,7 +161,7 @@ cdef class Equations:
         cdef int i, j, nq = self.nq
         cdef double sum
         for j in range(self.nu):
-            self.u[j] = 0.0
+            self.u[j] = self.around[j]
         for i in range(nq):
             sum = -self.force[0, i]
             for j in range(nq):

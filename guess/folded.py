@@ -14,7 +14,8 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import natural_time
 from dmoc.guess.extension import impulse_between, with_event
-from dmoc.guess.random_motions import inputs_for, random_motions
+from dmoc.guess.inverse_dynamics import inputs_for
+from dmoc.guess.random_motions import random_motions
 from dmoc.guess.transfer import Piece, equally_long, unknowns_along
 from dmoc.mechanics.algebra import solved
 from dmoc.problem.design import designed_as

@@ -27,6 +27,7 @@ from dmoc.base.arguments import (
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import in_contact
+from dmoc.guess.inverse_dynamics import acting
 from dmoc.guess.tracking import reflected
 from dmoc.guess.transfer import times_of_inputs
 from dmoc.mechanics.model_values import by_name
@@ -129,7 +130,7 @@ def along(problem: Problem, courses: Sequence[Courses], automatic: Array) -> Arr
                 if name in part.named:
                     u[rows, j] = _sampled(part.named[name], name, at, whole, smooth=False)
     x[lay.index_q], x[lay.index_u] = q, u
-    return _completed(problem, lay, x)
+    return _completed(problem, lay, acting(problem, x))
 
 
 # Reading ------------------------------------------------------------------------------------------

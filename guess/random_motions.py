@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import all_in_contact
+from dmoc.guess.inverse_dynamics import acting, inputs_for
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
 from dmoc.problem.design import designed, drawn
@@ -44,6 +45,8 @@ SHAKEN, IDLE, LOOSE, DRIVEN = range(4)
 KINDS = 4
 # Spread of the logarithm of the durations of a shaken motion.
 SHAKE = 0.7
+# What a seed of inputs has behind the number of its motion.
+INPUTS = 1
 # Newton steps from a random point to a surface, and the step, in reaches, after which none follows.
 NEWTON, ARRIVED = 12, 1e-15
 # Speed towards a surface that a motion has at least, relative to that of its straight way.
@@ -85,6 +88,9 @@ def _random_motions(
         others = [k for k, is_shaken in zip(numbers, shaken, strict=True) if not is_shaken]
         if others:
             x[~shaken] = _unknowns(problem, lay, _Drawn.of(problem, natural, others, seed))
+        if problem.operating_inputs.any():
+            rngs = (np.random.default_rng([seed, k, INPUTS]) for k in numbers)
+            x = np.array([acting(problem, row, r) for row, r in zip(x, rngs, strict=True)])
         return all_in_contact(problem, x)
 
 
@@ -334,16 +340,3 @@ def _inputs(problem: Problem, lay: Layout, drawn: _Drawn, begin: Array) -> Array
             inputs.append(own.reshape(-1, n, nu))
         u[drawn.driven] = np.concatenate(inputs, axis=1)[:, steps]
     return np.clip(u, *problem.input_bounds.T)
-
-
-def inputs_for(problem: Problem, q: Array, v: Array, a: Array, t: Array) -> Array:
-    """Inputs that come closest to accelerations, shape (n, nu); 0 where nothing can be said."""
-    if not problem.nu:
-        return np.zeros((len(q), 0))
-    M, F = problem.model.equations(q, v, t=t)
-    B = problem.model.input_matrix(q, v, t=t) / np.sqrt(problem.inertia)[:, None]
-    missing = (np.einsum("kij,kj->ki", M, a) - F) / np.sqrt(problem.inertia)
-    good = np.isfinite(B).all(axis=(1, 2)) & np.isfinite(missing).all(axis=1)
-    u = np.zeros((len(q), problem.nu))
-    u[good] = np.einsum("kij,kj->ki", np.linalg.pinv(B[good]), missing[good])
-    return u

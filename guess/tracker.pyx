@@ -51,7 +51,7 @@ cdef class Marcher(Equations):
 
     def __init__(self, problem):
         kernels, par = problem.kernels, problem.parameter_values
-        super().__init__(kernels, par, problem.inertia)
+        super().__init__(kernels, par, problem.inertia, problem.operating_inputs)
         cdef int nq = self.nq, nu = self.nu
         q, t, u_end, cost = map(np.asarray, (self.q, self.t, _block(nu), _block(1)))
         self.u_end, self.cost_now = u_end, cost
@@ -246,9 +246,10 @@ cdef class Marcher(Equations):
         return results
 
     def motion(self, plan, tuple steps, tuple prescribed):
-        """Follow a plan; return q (total + 1, nq), u (total, nu), impulses, velocities before and
-        after the collisions (collisions, nq) and at the end (nq,), or None where the motion grows
-        without bound.  ``excess`` and ``cost`` are then those of the motion."""
+        """Follow a plan; return q (total + 1, nq), u (total, nu), accelerations (total, nq),
+        impulses, velocities before and after the collisions (collisions, nq) and at the end (nq,),
+        or None where the motion grows without bound.  ``excess`` and ``cost`` are then those of the
+        motion."""
         cdef const double[:, ::1] q = plan.positions, v = plan.velocities
         cdef const double[::1] T = plan.durations
         cdef const ptrdiff_t[::1] n = self._checked(plan, steps)
@@ -269,21 +270,21 @@ cdef class Marcher(Equations):
 
 cdef class _Record:
     """What is kept of a motion."""
-    cdef double[:, ::1] q, u, v_a, v_c
+    cdef double[:, ::1] q, u, a, v_a, v_c
     cdef double[::1] lam
     cdef tuple arrays
 
     def __init__(self, start, nu, total, hits):
         nq = len(start)
-        self.arrays = (np.empty((total + 1, nq)), np.empty((total, nu)), np.empty(hits),
-                       np.empty((hits, nq)), np.empty((hits, nq)))
-        self.q, self.u, self.lam, self.v_a, self.v_c = self.arrays
+        self.arrays = (np.empty((total + 1, nq)), np.empty((total, nu)), np.empty((total, nq)),
+                       np.empty(hits), np.empty((hits, nq)), np.empty((hits, nq)))
+        self.q, self.u, self.a, self.lam, self.v_a, self.v_c = self.arrays
         self.arrays[0][0] = start
 
     cdef void step(self, ptrdiff_t done, Marcher m) noexcept nogil:
         cdef int i
         for i in range(m.nq):
-            self.q[done, i] = m.at[i]
+            self.q[done, i], self.a[done - 1, i] = m.at[i], m.a[i]
         for i in range(m.nu):
             self.u[done - 1, i] = m.u[i]
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
+from dmoc.guess.inverse_dynamics import inputs_for
 from dmoc.guess.tracker import WINDOW, Marcher
 from dmoc.guess.waypoints import Route, Waypoints, plans_of, route_of, shares_of
 from dmoc.problem.problem import Problem
@@ -72,9 +73,32 @@ class Tracker:
         motion = self.marcher.motion(plan, steps, choice)
         if motion is None:
             return None
-        q, u, lam, v_a, v_c, end = motion
+        q, u, a, lam, v_a, v_c, end = motion
         start, free, excess = plan.velocities[0], self.marcher.free_steps, self.marcher.excess
+        if self.around_other_inputs:
+            u, excess = self._inputs(plan, steps, q, a)
         return March(q, u, lam, v_a, v_c, free, start, end, excess)
+
+    @property
+    def around_other_inputs(self) -> bool:
+        """Whether forces are looked at around other inputs than zero: then the excesses and costs
+        of trials, which take them for linear, are rough."""
+        return bool(self.problem.operating_inputs.any())
+
+    def _inputs(
+        self, plan: Waypoints, steps: tuple[int, ...], q: Array, a: Array
+    ) -> tuple[Array, float]:
+        """Inputs of steps with some accelerations, within their bounds, and their excess: what they
+        miss of the accelerations, relative to both."""
+        h = np.repeat(plan.durations / np.maximum(steps, 1), steps)
+        middle, rates = (q[:-1] + q[1:]) / 2, np.diff(q, axis=0) / h[:, None]
+        t = np.cumsum(h) - h / 2
+        u = inputs_for(self.problem, middle, rates, a, t)
+        reached = self.problem.model.acceleration(middle, rates, u, t)
+        reach = self.problem.reach
+        missing = (np.abs(reached - a) / reach).max(initial=0.0)
+        size = (np.abs(reached) / reach).max(initial=0.0) + (np.abs(a) / reach).max(initial=0.0)
+        return u, float(missing / (size or 1.0))
 
     def prescribed(self, final_time: float) -> Choice:
         """Choose nu coordinates: those that surfaces and goal say most about, as long as the others

@@ -32,6 +32,7 @@ from dmoc.problem.design import (
     unchosen,
 )
 from dmoc.problem.end_states import check_ends, end_speeds_of
+from dmoc.problem.operating_inputs import operating_inputs_of
 from dmoc.problem.positions import goal_position_of, start_position_of, unsaid_of
 from dmoc.problem.quantities import quantity_ranges_of
 from dmoc.problem.ranges import (
@@ -341,6 +342,7 @@ class Problem(Shown):
     inertia = cached_property(inertia_of)
     reach = cached_property(reach_of)
     end_speeds = cached_property(end_speeds_of)
+    operating_inputs = cached_property(operating_inputs_of)
 
     # Values ---------------------------------------------------------------------------------------
 

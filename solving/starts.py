@@ -17,6 +17,7 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
+from dmoc.guess.inverse_dynamics import acting
 from dmoc.guess.keyframes import along, courses_of, is_by_name, with_design
 from dmoc.guess.transfer import Piece, pieces_of, unknowns_along
 from dmoc.problem.problem import Problem
@@ -72,7 +73,7 @@ def starts_of(problem: Problem, guess: InitialGuess, deadline: Deadline = ENDLES
     if is_by_name(guess):
         courses = courses_of(problem, guess)
         return Starts((along(problem, courses, initial_guesses(problem, deadline)[0].x),))
-    return Starts((_from_array(problem, guess),))
+    return Starts((acting(problem, _from_array(problem, guess)),))
 
 
 def _from_solution(problem: Problem, guess: Solution) -> Starts:

@@ -1,0 +1,160 @@
+"""Inputs that come closest to accelerations, and motions whose inputs do nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dmoc.base.records import record
+from dmoc.base.tolerances import SAME
+from dmoc.codegen.kernels import Array
+from dmoc.problem.operating_inputs import slopes_by_inputs
+from dmoc.problem.problem import Problem
+from dmoc.program.layout import Layout
+
+# Least squares of forces that are not linear in the inputs: iterations, the first damping relative
+# to the slopes, and by how much it changes.
+ITERATIONS, DAMPING, FASTER = 60, 1e-2, 10.0
+# Share of the largest slope of the forces by an input below which it hardly acts, and of the way to
+# the value of that slope by which it is moved there.
+WEAK, TOWARDS = 1e-2, 0.1
+
+
+def inputs_for(problem: Problem, q: Array, v: Array, a: Array, t: Array) -> Array:
+    """Inputs that come closest to accelerations, shape (n, nu); 0 where nothing can be said."""
+    if not problem.nu:
+        return np.zeros((len(q), 0))
+    if problem.operating_inputs.any():
+        return _everywhere_acting(_Balance.of(problem, q, v, a, t))
+    M, F = problem.model.equations(q, v, t=t)
+    B = problem.model.input_matrix(q, v, t=t) / np.sqrt(problem.inertia)[:, None]
+    missing = (np.einsum("kij,kj->ki", M, a) - F) / np.sqrt(problem.inertia)
+    good = np.isfinite(B).all(axis=(1, 2)) & np.isfinite(missing).all(axis=1)
+    u = np.zeros((len(q), problem.nu))
+    u[good] = np.einsum("kij,kj->ki", np.linalg.pinv(B[good]), missing[good])
+    return u
+
+
+def acting(problem: Problem, x: Array, rng: np.random.Generator | None = None) -> Array:
+    """Unknowns x of a motion whose inputs change its forces.
+
+    No solver moves inputs at which the forces have no slope anywhere in the motion, as those of u^2
+    at u = 0: they become inputs of the equations of motion or, with a generator, random ones,
+    within their bounds or of that size.
+    """
+    if not problem.operating_inputs.any():
+        return x
+    with np.errstate(all="ignore"):
+        lay = Layout.of(problem)
+        q_k, q_kp1, u_k, u_kp1, h, t_k, _ = lay.step_inputs(x)
+        state, t = ((q_k + q_kp1) / 2, (q_kp1 - q_k) / h), (t_k + h / 2)[:, 0]
+        around = np.tile(problem.operating_inputs, (lay.total, 1))
+        own, others = (slopes_by_inputs(problem, *state, u, t) for u in ((u_k + u_kp1) / 2, around))
+        silent = ((own <= SAME * others) | (others == 0)).all(axis=0) & others.any(axis=0)
+        if not silent.any():
+            return x
+        x = x.copy()
+        u = inputs_for(problem, *state, _accelerations(lay, state[1], t), t)[lay.step_of_input]
+        if rng is not None:
+            low, high = problem.input_bounds.T
+            size, draws = np.abs(u).max(axis=0), rng.uniform(-1.0, 1.0, u.shape)
+            bounded = np.isfinite(high - low)
+            middle, half = np.where(bounded, (low + high) / 2, 0.0), (high - low) / 2
+            u = np.clip(middle + draws * np.where(bounded, half, size), low, high)
+        changed = silent | (problem.operating_inputs != 0)
+        at = lay.index_u[:, changed]
+        x[at] = u[:, changed]
+        return x
+
+
+def _accelerations(lay: Layout, rates: Array, t: Array) -> Array:
+    """Those of steps from their rates, phase by phase."""
+    a = np.zeros_like(rates)
+    for begin, end in zip(lay.ends[:-1], lay.ends[1:], strict=True):
+        if end - begin > 1:
+            a[begin:end] = np.gradient(rates[begin:end], t[begin:end], axis=0)
+    return a
+
+
+# Forces that are not linear in the inputs --------------------------------------------------------
+
+
+@record(frozen=True, eq=False)
+class _Balance:
+    """States of a problem, shape (n, nq) each, their times, and the generalised forces that the
+    inputs have to come closest to there, by the roots of the inertias."""
+
+    problem: Problem
+    q: Array
+    v: Array
+    t: Array
+    wanted: Array
+
+    @classmethod
+    def of(cls, problem: Problem, q: Array, v: Array, a: Array, t: Array) -> _Balance:
+        wanted = np.einsum("kij,kj->ki", problem.model.mass(q, t), a) / np.sqrt(problem.inertia)
+        return cls(problem, q, v, t, np.where(np.isfinite(wanted), wanted, 0.0))
+
+    def missing(self, u: Array) -> Array:
+        """What inputs leave of the forces."""
+        F = self.problem.model.equations(self.q, self.v, u, self.t)[1]
+        return np.asarray(self.wanted - F / np.sqrt(self.problem.inertia))
+
+    def closest(self, u: Array) -> tuple[Array, Array]:
+        """Inputs within their bounds from others, by least squares with damping (Levenberg), and
+        squares of what they leave."""
+        root, (low, high) = np.sqrt(self.problem.inertia), self.problem.input_bounds.T
+        missing, damping = self.missing(u), np.full(len(u), DAMPING)
+        for _ in range(ITERATIONS):
+            B = self.problem.model.input_matrix(self.q, self.v, u, self.t) / root[:, None]
+            B = np.where(np.isfinite(B), B, 0.0)
+            length = np.sqrt((B * B).sum(axis=1, keepdims=True))
+            B /= np.where(length > 0, length, 1.0)
+            normal = np.swapaxes(B, 1, 2) @ B + damping[:, None, None] * np.eye(u.shape[1])
+            right = np.swapaxes(B, 1, 2) @ np.where(np.isfinite(missing), missing, 0.0)[..., None]
+            step = np.linalg.solve(normal, right)[..., 0] / np.where(length > 0, length, 1.0)[:, 0]
+            trial = np.clip(u + step, low, high)
+            left = self.missing(trial)
+            better = _squares(left) < _squares(missing)
+            moved = np.abs(trial - u).max(axis=1)
+            u, missing = (
+                np.where(better[:, None], trial, u),
+                np.where(better[:, None], left, missing),
+            )
+            damping = np.where(better, np.maximum(damping / FASTER, SAME), damping * FASTER)
+            if (moved <= SAME * np.abs(u).max(axis=1)).all():
+                break
+        return u, _squares(missing)
+
+
+def _squares(missing: Array) -> Array:
+    total = (missing * missing).sum(axis=1)
+    return np.where(np.isfinite(total), total, np.inf)
+
+
+def _everywhere_acting(balance: _Balance) -> Array:
+    """The inputs that leave the least from the operating inputs and from those with other signs;
+    such as hardly act anywhere are moved to where they do."""
+    problem = balance.problem
+    around = problem.operating_inputs
+    turned = around * (-1.0) ** np.arange(problem.nu)
+    best, least = np.tile(around, (len(balance.q), 1)), np.full(len(balance.q), np.inf)
+    for begin in (around, -around, turned, -turned)[: 2 * problem.nu]:
+        rows = np.tile(np.clip(begin, *problem.input_bounds.T), (len(best), 1))
+        u, left = balance.closest(rows)
+        # Of several that are as close one sign is kept throughout a motion.
+        better = left < (1 - SAME) * least - SAME * _squares(balance.wanted)
+        best, least = np.where(better[:, None], u, best), np.where(better, left, least)
+    return _moved_where_weak(balance, best)
+
+
+def _moved_where_weak(balance: _Balance, u: Array) -> Array:
+    """Inputs moved, where they hardly act, towards where they act most; to the operating inputs
+    where they act nowhere."""
+    problem, state = balance.problem, (balance.q, balance.v)
+    around = np.tile(problem.operating_inputs, (len(u), 1))
+    slopes, others = (slopes_by_inputs(problem, *state, at, balance.t) for at in (u, around))
+    most = slopes.max(axis=0)
+    nowhere = most <= SAME * others.max(axis=0)
+    strongest = np.take_along_axis(u, slopes.argmax(axis=0)[None], axis=0)
+    moved = np.where(nowhere, around, u + TOWARDS * (strongest - u))
+    return np.where(nowhere | (slopes <= WEAK * most), moved, u)
