@@ -74,6 +74,11 @@ class Curvature:
     least: float = np.inf
     direction: Array = field(default_factory=lambda: np.zeros(0))
 
+    @classmethod
+    def inflection(cls, direction: Array) -> Curvature:
+        """None along a direction in which the cost falls in third order."""
+        return cls(Landscape.SADDLE, 0.0, direction)
+
 
 class SecondOrder:
     """The second-order conditions at a stationary point with its multipliers, of a program without

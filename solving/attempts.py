@@ -13,8 +13,9 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import SAME_COST
 from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.curvature import Landscape, SecondOrder
+from dmoc.solvers.curvature import Curvature, Landscape, SecondOrder
 from dmoc.solvers.diagnosis import diagnose
+from dmoc.solvers.inflection import falling_inputs
 from dmoc.solvers.judge import INFEASIBLE, judged, rounded
 from dmoc.solvers.outcome import NOWHERE, Duals, Ending, Options, Outcome, Status
 from dmoc.solving.indeterminacy import left_open_along
@@ -196,10 +197,13 @@ class LocalSolver:
         plain = self.programs.free(nlp)
         duals = replace(outcome.duals, w=outcome.duals.w[: plain.n_in])
         second = SecondOrder(plain, outcome.x, duals)
-        around = second.curvature()
-        if around.shape is Landscape.VALLEY:
-            return attempt.saying(left_open_along(plain, around.direction))
-        beside = second.cheaper(around)
+        falling = falling_inputs(plain, outcome.x, duals)
+        beside = [] if falling is None else second.cheaper(Curvature.inflection(falling))
+        if not beside:
+            around = second.curvature()
+            if around.shape is Landscape.VALLEY:
+                return attempt.saying(left_open_along(plain, around.direction))
+            beside = second.cheaper(around)
         if not beside:
             return attempt
         left = options.after(outcome.iterations)

@@ -64,7 +64,10 @@ def _settled(
     for ending in endings:
         if stopped.is_set():
             break
-        attempts.append(solver.settled(nlp, judged(nlp, ending, options), options))
+        attempt = solver.settled(nlp, judged(nlp, ending, options), options)
+        if nlp.problem.operating_inputs.any():  # many of their ends are no minima
+            attempt = solver.ascertained(attempt, options)
+        attempts.append(attempt)
         if attempts[-1].status is Status.INTERRUPTED:
             raise KeyboardInterrupt
     return attempts
