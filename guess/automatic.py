@@ -261,7 +261,8 @@ def _unknowns(problem: Problem, lay: Layout, plan: Waypoints, motion: March) -> 
     x[lay.impact.lam], x[lay.impact.v_a], x[lay.impact.v_c] = motion.lam, motion.v_a, motion.v_c
     times = lay.times(x)
     x[lay.index_t] = times[: len(lay.index_t)]
-    x = acting(problem, x)
+    if np.ptp(motion.q, axis=0).any():  # standing still takes no inputs
+        x = acting(problem, x)
     inside = lay.scheme.within(motion.q[:-1], motion.q[1:])
     x[lay.index_q_i] = inside.reshape(lay.total, -1)
     for node, index_p, index_v, v in (

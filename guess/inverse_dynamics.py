@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.base.records import record
-from dmoc.base.tolerances import SAME
+from dmoc.base.tolerances import KEPT, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.problem.operating_inputs import slopes_by_inputs
 from dmoc.problem.problem import Problem
@@ -45,15 +45,18 @@ def acting(problem: Problem, x: Array, rng: np.random.Generator | None = None) -
         return x
     with np.errstate(all="ignore"):
         lay = Layout.of(problem)
-        q_k, q_kp1, u_k, u_kp1, h, t_k, _ = lay.step_inputs(x)
-        state, t = ((q_k + q_kp1) / 2, (q_kp1 - q_k) / h), (t_k + h / 2)[:, 0]
+        q_k, q_kp1, u_k, u_kp1, h, *_ = lay.step_inputs(x)
+        state, t = ((q_k + q_kp1) / 2, (q_kp1 - q_k) / h), lay.times(x)
+        t = (t[:-1] + t[1:]) / 2
         around = np.tile(problem.operating_inputs, (lay.total, 1))
         own, others = (slopes_by_inputs(problem, *state, u, t) for u in ((u_k + u_kp1) / 2, around))
         silent = ((own <= SAME * others) | (others == 0)).all(axis=0) & others.any(axis=0)
         if not silent.any():
             return x
         x = x.copy()
-        u = inputs_for(problem, *state, _accelerations(lay, state[1], t), t)[lay.step_of_input]
+        u = inputs_for(problem, *state, _accelerations(problem, lay, state[1], t), t)
+        own = slopes_by_inputs(problem, *state, u, t)
+        u = np.where((own <= SAME * others).all(axis=0), around, u)[lay.step_of_input]
         if rng is not None:
             low, high = problem.input_bounds.T
             size, draws = np.abs(u).max(axis=0), rng.uniform(-1.0, 1.0, u.shape)
@@ -66,13 +69,14 @@ def acting(problem: Problem, x: Array, rng: np.random.Generator | None = None) -
         return x
 
 
-def _accelerations(lay: Layout, rates: Array, t: Array) -> Array:
-    """Those of steps from their rates, phase by phase."""
+def _accelerations(problem: Problem, lay: Layout, rates: Array, t: Array) -> Array:
+    """Those of steps from their rates, phase by phase; none where they are as small as rounding
+    errors of positions make them."""
     a = np.zeros_like(rates)
     for begin, end in zip(lay.ends[:-1], lay.ends[1:], strict=True):
         if end - begin > 1:
             a[begin:end] = np.gradient(rates[begin:end], t[begin:end], axis=0)
-    return a
+    return np.where(np.abs(a) > KEPT * problem.reach / t[-1] ** 2, a, 0.0)
 
 
 # Forces that are not linear in the inputs --------------------------------------------------------
@@ -138,7 +142,7 @@ def _everywhere_acting(balance: _Balance) -> Array:
     around = problem.operating_inputs
     turned = around * (-1.0) ** np.arange(problem.nu)
     best, least = np.tile(around, (len(balance.q), 1)), np.full(len(balance.q), np.inf)
-    for begin in (around, -around, turned, -turned)[: 2 * problem.nu]:
+    for begin in (0 * around, around, -around, turned, -turned)[: 2 * problem.nu + 1]:
         rows = np.tile(np.clip(begin, *problem.input_bounds.T), (len(best), 1))
         u, left = balance.closest(rows)
         # Of several that are as close one sign is kept throughout a motion.
@@ -148,13 +152,8 @@ def _everywhere_acting(balance: _Balance) -> Array:
 
 
 def _moved_where_weak(balance: _Balance, u: Array) -> Array:
-    """Inputs moved, where they hardly act, towards where they act most; to the operating inputs
-    where they act nowhere."""
-    problem, state = balance.problem, (balance.q, balance.v)
-    around = np.tile(problem.operating_inputs, (len(u), 1))
-    slopes, others = (slopes_by_inputs(problem, *state, at, balance.t) for at in (u, around))
-    most = slopes.max(axis=0)
-    nowhere = most <= SAME * others.max(axis=0)
+    """Inputs moved, where they hardly act, towards where they act most."""
+    slopes = slopes_by_inputs(balance.problem, balance.q, balance.v, u, balance.t)
     strongest = np.take_along_axis(u, slopes.argmax(axis=0)[None], axis=0)
-    moved = np.where(nowhere, around, u + TOWARDS * (strongest - u))
-    return np.where(nowhere | (slopes <= WEAK * most), moved, u)
+    weak = slopes <= WEAK * slopes.max(axis=0)
+    return np.where(weak, u + TOWARDS * (strongest - u), u)

@@ -56,6 +56,12 @@ class Starts:
             return None
         return Duals(*multiplier_vectors(nlp, self.multipliers))
 
+    def or_acting(self, problem: Problem) -> Starts:
+        """The same and, where their inputs change no forces, others behind them whose inputs do."""
+        changed = [(x, acting(problem, x)) for x in self.points]
+        others = tuple(other for x, other in changed if other is not x)
+        return replace(self, points=(*self.points, *others))
+
 
 def loaded(guess: InitialGuess) -> InitialGuess:
     """A guess as it is, or the solution of the file that it names."""
@@ -69,7 +75,7 @@ def starts_of(problem: Problem, guess: InitialGuess, deadline: Deadline = ENDLES
     if guess is None:
         return Starts(tuple(g.x for g in initial_guesses(problem, deadline)))
     if isinstance(guess, Solution):
-        return _from_solution(problem, guess)
+        return _from_solution(problem, guess).or_acting(problem)
     if is_by_name(guess):
         courses = courses_of(problem, guess)
         return Starts((along(problem, courses, initial_guesses(problem, deadline)[0].x),))
