@@ -147,6 +147,7 @@ def test_of_times_that_keep_the_inputs_the_cheapest_is_taken() -> None:
             model=SimpleNamespace(has_objective=False),
         ),
         trials=lambda choice, times, steps: np.array([tried[t] for t in times]).T,
+        around_other_inputs=False,
     )
     assert _best_time(planner, (0,), np.array(list(tried)), ENDLESS) == 2.0
     assert _best_time(planner, (0,), np.array([3.0, 4.0]), ENDLESS) == 3.0
