@@ -132,7 +132,8 @@ class Problem(Shown):
         what ``guess`` gives.
     ignored : sequence of str, optional
         Surfaces that hold nothing back where the sequence does not name them: feet without knees,
-        which scuff the floor as they swing.
+        which scuff the floor as they swing.  What the sequence leaves opens: its first step away is
+        no way through the surface.
     via : sequence of mappings, optional
         Coordinates, and quantities of these, at the events by name, one mapping for each (None for
         nothing): numbers or ranges.

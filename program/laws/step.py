@@ -161,6 +161,8 @@ class StepLaw(Law):
         hits = (lay.touch.surfaces != NOWHERE) & (lay.touch.open is None)
         keep[lay.collision_nodes[hits], lay.touch.surfaces[hits]] = False
         keep[:, self._ignored()] = False
+        for step, surfaces in self._left():
+            keep[step + 1, surfaces] = True
         for i, mode in enumerate(lay.touch.modes):
             keep[lay.ends[i] : lay.ends[i + 1] + 1, list(mode.closed)] = False
         for node, event in zip(lay.collision_nodes, lay.touch.events, strict=True):
@@ -174,13 +176,23 @@ class StepLaw(Law):
     def _gaps_inside(self, timed: Bools) -> Bools:
         """The same inside steps, of the surfaces whose times are known there."""
         lay = self.lay
-        keep = np.repeat(~lay.touch.is_closed[lay.phase_of_step] & timed, lay.inside, axis=0)
+        keep = ~lay.touch.is_closed[lay.phase_of_step] & timed
         keep[:, self._ignored()] = False
-        return keep
+        for step, surfaces in self._left():
+            keep[step, surfaces] = timed[surfaces]
+        return np.repeat(keep, lay.inside, axis=0)
 
     def _ignored(self) -> Bools:
         """Surfaces that the problem ignores."""
         return np.isin(self.problem.kernels.surfaces, self.problem.ignored)
+
+    def _left(self) -> Iterator[tuple[int, list[int]]]:
+        """Steps that begin where surfaces that are ignored are left, and these: the sequence names
+        them, so that they are not passed there, as under load."""
+        ignored = np.flatnonzero(self._ignored())
+        for step, event in zip(self.lay.collision_nodes, self.lay.touch.events, strict=True):
+            if step < self.lay.total:
+                yield int(step), np.intersect1d(event.leaves, ignored).astype(int).tolist()
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:
         lay, momentum = self.lay, self.momentum.index
