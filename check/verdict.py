@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
+from dmoc.base.errors import SimulationError
+from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table, passed
 from dmoc.check.amplification import Carried
 from dmoc.check.arcs import PENETRATION
@@ -56,6 +58,7 @@ missed_contacts extra_contacts penetration limit_excess force_error path_excess 
 TERMINAL, WEIGHED, UNSTABLE_SEGMENT = 0.25, 0.01, 0.005
 
 
+@public(SimulationError)
 @dataclass(frozen=True)
 class Verification(Shown):
     """What the check found.  Errors are relative to the range of the coordinate and to the largest

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
 
 
+@public(ModelError)
 @dataclass(frozen=True)
 class Reference:
     """A model named by the user, with the fields of the problem it comes with; ``made`` makes

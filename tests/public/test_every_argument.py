@@ -20,6 +20,7 @@ from systems import block_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.models.registry import find
 
 X, U = dynamicsymbols("x u")
 T, M = dynamicsymbols._t, sp.Symbol("m")
@@ -246,8 +247,10 @@ def test_an_unknown_keyword_is_refused_in_one_sentence_by_every_one_of_them(
 ) -> None:
     """But those of a mapping, which are Python's."""
     others = {"state.keys", "state.values", "state.items", "system.from_joints"}
-    for what in calls.keys() - others:
-        call, keywords = calls[what]
+    found = find("cart_pendulum")
+    more = {"a reference": (found.kernels, {}), "find": (find, {"reference": "cart_pendulum"})}
+    for what in calls.keys() - others | more.keys():
+        call, keywords = (calls | more)[what]
         if "disturbed" in what:  # a call of these tests
             continue
         with pytest.raises(dmoc.DmocError) as refused:
