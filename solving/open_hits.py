@@ -73,7 +73,7 @@ def best_way(problem: Problem, guess: InitialGuess, request: Request) -> Solutio
         if ended or spent >= options.iterations:
             break
     answer = answers[-1 if ended else 0]
-    ways = _ways_in_words(answer, len(tries.good), len(tries.tried))
+    ways = _ways_in_words(answer, len(tries.good), len(tries.tried), tries.deadline.ends)
     return replace(saying(answer, ways), iterations=spent)
 
 
@@ -218,12 +218,14 @@ def _words_with(problem: Problem, courses: Mapping[int, Course]) -> Words:
     return tuple(words_of_events())
 
 
-def _ways_in_words(answer: Solution, good: int, ways: int) -> str:
-    """What is known of the other courses."""
+def _ways_in_words(answer: Solution, good: int, ways: int, timed: bool) -> str:
+    """What is known of the other courses, each of which had its part of a time limit, if any."""
     words = ", ".join(c.word for c in answer.collisions)
     if not good:
+        within = " in its part of the time" if timed else ""
         return (
-            f"none of {ways} ways through the hits with friction led to a motion; this is {words}"
+            f"none of {ways} ways through the hits with friction led to a motion{within}; this is "
+            f"{words}"
         )
     return (
         f"{good} of {ways} ways through the hits with friction led to a motion, the best is {words}"
