@@ -12,6 +12,7 @@ from pathlib import Path
 import gaits
 import motions
 import pytest
+from hypothesis import HealthCheck, settings
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from systems import block_system, landing_system, puck_system
 
@@ -21,6 +22,10 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
 from dmoc.report import canvas
 from dmoc.solving.multistart.exploration import Effort
+
+# However slow a machine is, its tests are the same.
+settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("untimed")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

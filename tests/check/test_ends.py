@@ -103,6 +103,10 @@ def test_one_judgement_excuses_the_end_of_a_run_alone(cube: Kernels) -> None:
 
     assert check(0.249, calm, none, none).passed
     assert "terminal error 0.251 exceeds 0.25: too coarse" in check(0.251, calm, none, none).message
+    late = np.zeros((len(parts) + 1, 6))
+    late[-1] = 0.5  # the end is predicted, what is met before is not
+    assert check(0.5, Carried(1000.0, 0.0, lambda: late), none, none).passed
+    assert not check(0.5, Carried(1000.0, 0.0, lambda: late), stray, none).passed
     excused = check(0.5, wild, stray, none)
     assert excused.passed and "unstable" in excused.message and not excused.extra_contacts
     for end, run in ((0.5, none), (0.5, stray), (0.0, none)):

@@ -47,7 +47,7 @@ def test_the_linear_system_is_that_of_the_program(seed: dmoc.Problem) -> None:
     np.testing.assert_allclose(matrix[np.ix_(K.place[free], K.place[free])], expected, atol=1e-12)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.integers(0, 10**6), st.integers(0, 8), st.integers(0, 7))
 def test_factorisation_solves_and_counts_signs(number: int, pivots: int, final: int) -> None:
     """Random sparse indefinite matrices against dense linear algebra, whatever the widths of the

@@ -12,7 +12,7 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.program.layout import Layout
-from dmoc.solving.mode_edges import _lifts
+from dmoc.solving.mode_edges import _lifts, _runs
 from dmoc.solving.starts import restated
 
 X, Y, A, U, V = dynamicsymbols("x y a u v")
@@ -33,6 +33,17 @@ def crane() -> dmoc.Problem:
         system, start={"x": 0, "a": 0}, goal={"x": 0.5, "a": 0, "x_dot": 0, "a_dot": 0},
         contacts=["rail:slip+"], steps=80, final_time=1.5,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("held", "runs"),
+    [
+        ("1101", [(0, 2)]), ("0111", [(1, 4)]), ("0100", []), ("1110110", [(0, 3), (4, 6)]),
+        ("1001", []), ("1", []), ("11", [(0, 2)]), ("", []),
+    ],
+)  # fmt: skip
+def test_a_stay_has_two_steps_wherever_it_is(held: str, runs: list[tuple[int, int]]) -> None:
+    assert _runs(np.array([c == "1" for c in held], dtype=bool)) == [range(*run) for run in runs]
 
 
 @pytest.mark.slow

@@ -57,7 +57,7 @@ def nodes_of(*expressions: Any) -> tuple[list[GraphNode], dict[Any, GraphNode]]:
     return to_nodes(graph, expressions, table), table
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.recursive(LEAVES, joined, max_leaves=12))
 def test_first_and_second_derivatives_are_sympys(expression: Any) -> None:
     (node,), table = nodes_of(expression)

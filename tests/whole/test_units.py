@@ -67,7 +67,7 @@ def block_problem(kernels: Kernels, units: Frame, e: float) -> dmoc.Problem:
 
 
 @METHODS
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(length=DECADES, mass=DECADES, time=DECADES, e=st.sampled_from([1.0, 0.6, 0.0]))
 def test_a_block_and_its_wall(
     order: int, method: str, length: int, mass: int, time: int, e: float
@@ -92,7 +92,7 @@ def cart_problem(order: int, units: Frame) -> dmoc.Problem:
 
 
 @METHODS
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=3)
 @given(length=DECADES, mass=DECADES, time=DECADES)
 def test_the_pendulum_on_its_cart(
     order: int, method: str, length: int, mass: int, time: int

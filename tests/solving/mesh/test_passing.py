@@ -80,7 +80,7 @@ def rest_to_rest(steps: int) -> dmoc.Problem:
 
 
 @pytest.mark.slow
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(
     excess=st.floats(1.001, 50),
     order=st.sampled_from([2.0, 4.0, 6.0]),
