@@ -21,10 +21,14 @@ from dmoc.base.messages import LONGEST_TEXT
 from dmoc.base.messages import path as path
 from dmoc.base.messages import place as place
 from dmoc.base.messages import shown as shown
+from dmoc.base.tolerances import LARGEST_PARAMETER
 
 MOST_ENTRIES = (
     10_000  # of a list: beyond it a generator without an end is more likely than a meaning
 )
+
+# Texts, and bytes in other clothes, whose entries are no numbers.
+TEXTS = (str, bytes, bytearray, memoryview)
 
 Range = tuple[float, float]
 # What `interval` reads: a number, a pair (lower, upper) with None for no bound, None for free.
@@ -62,6 +66,15 @@ def number(value: Any, what: str, error: ErrorKind = ProblemError) -> float:
             f"{what} = {shown(value)}: expected a {'' if result is None else 'finite '}number."
         )
     return result
+
+
+def check_magnitude(size: float, value: Any, what: str, error: ErrorKind = ProblemError) -> None:
+    """Refuse a value, of some size as a float, of which squares overflow."""
+    if value != 0 and not 1 / LARGEST_PARAMETER <= abs(size) <= LARGEST_PARAMETER:
+        raise error(
+            f"{what} = {shown(value)}: expected 0 or a magnitude from 1e-100 to 1e100; use other "
+            "units."
+        )
 
 
 def positive(value: Any, what: str, expected: str, error: ErrorKind = ProblemError) -> float:
@@ -154,7 +167,7 @@ def listed(
 ) -> list[Any]:
     """Read a list, or anything else that has an order; the order of a set is none, and a
     mapping's values would be ignored."""
-    if isinstance(value, (str, bytes)):
+    if isinstance(value, TEXTS):
         raise error(f"{what} = {shown(value)}: expected a list of {of} such as [{shown(value)}].")
     if isinstance(value, (Mapping, Set)):
         kind = "mapping" if isinstance(value, Mapping) else "set"
@@ -186,7 +199,7 @@ def array(value: Any) -> NDArray[np.float64] | None:
         raw = np.asarray(value)
     except Exception:  # rows of different lengths, or a foreign class
         return None
-    if _is_masked(value):
+    if _is_masked(value) or isinstance(value, TEXTS):
         return None
     if raw.dtype.kind == "O":
         entries = [_float(entry) for entry in raw.ravel()]

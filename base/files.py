@@ -6,7 +6,8 @@ import os
 import secrets
 import stat
 import tempfile
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from dmoc.base.errors import OutputError
@@ -45,6 +46,37 @@ def _replace(target: Path, content: bytes) -> None:
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+
+
+def write_folder(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
+    """Write files into a new or empty folder; where one of them cannot be written, none is left."""
+    is_new, written = not folder.exists(), list[Path]()
+    try:
+        check_folder(folder)
+        for name, content in sorted(contents.items()):
+            written.append(write_whole(folder / name, content))
+    except BaseException:
+        for file in written:
+            file.unlink(missing_ok=True)
+        if is_new:
+            with suppress(OSError):  # there is none, or somebody else has put something there
+                folder.rmdir()
+        raise
+    return written
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """A folder for the time of some work; where the disk for temporary files is full, or nothing
+    can be written there, the work is refused in words."""
+    try:
+        with tempfile.TemporaryDirectory(prefix="dmoc-") as folder:
+            yield Path(folder)
+    except OSError as error:
+        raise OutputError(
+            f"temporary files in {tempfile.gettempdir()} cannot be written ({error.strerror}): set "
+            "TMPDIR to a place with room."
+        ) from None
 
 
 def check_file(path: Path) -> None:

@@ -17,6 +17,8 @@ KEPT = 1e-6
 # Costs that differ by less, relative to them, may be those of one minimum: solves that end at
 # different points of its neighbourhood differ by as much.
 SAME_COST = 1e-5
+# A parameter or a mass is also multiplied by itself, and no larger than this.
+LARGEST_PARAMETER = 1e100
 # A divisor that may be zero is at least this.
 TINY = 1e-300
 # Of a solve, where it is given none: the residual of optimality, relative to the cost, the largest

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 from dmoc.base.errors import ModelError, OutputError
+from dmoc.base.files import check_folder, write_whole
 from dmoc.cli.console import out, written
 from dmoc.cli.shared_options import out_option
 from dmoc.cli.words import argument, option
@@ -84,15 +86,9 @@ def _text(kind: TemplateKind) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with open(path, "x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
+    if os.path.lexists(path):
         raise OutputError(
             f"{path} exists, and is left as it is: choose another name, or --out another folder."
-        ) from None
-    except OSError as error:
-        raise OutputError(
-            f"{path} cannot be written ({error.strerror}): choose a writable folder."
-        ) from None
+        )
+    check_folder(path.parent)
+    write_whole(path, text.encode())

@@ -7,13 +7,13 @@ import os
 import shlex
 import shutil
 import sys
-import tempfile
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import BuildError
+from dmoc.base.files import scratch_folder
 
 # Contraction into fused operations stays off so that results are the same on every machine.  A
 # warning is no reason to refuse a user's model.
@@ -79,9 +79,9 @@ def tried_compiler() -> list[str]:
         If there is none, or it fails.
     """
     command = compiler()
-    with tempfile.TemporaryDirectory(prefix="dmoc-") as work:
-        (Path(work) / SOURCE).write_text(f'#include "{HEADER}"\n#include <math.h>\n')
-        compile_library(Path(work), command, "trial.so")
+    with scratch_folder() as work:
+        (work / SOURCE).write_text(f'#include "{HEADER}"\n#include <math.h>\n')
+        compile_library(work, command, "trial.so")
     return command
 
 

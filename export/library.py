@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import ctypes
 import re
-import tempfile
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from dmoc.base.errors import BuildError
+from dmoc.base.files import scratch_folder
 from dmoc.base.messages import place
 from dmoc.codegen.compiler import HEADER, SOURCE, compile_library, compiler
-from dmoc.export.solver import KERNELS, PARTS
+from dmoc.export.solver import KERNELS, PARTS, PLANNER
 
 # The source that is compiled with those of a folder.
 BESIDE = "dmoc_loaded.c"
+# What the header of a problem asks for where its folder has a planner too.
+PLANNER_HEADERS = [name for name in PLANNER if name.endswith(".h")]
 FORMAT = re.compile(r"DMOC_SOLVER_FORMAT = (\d+)")
 PROBLEM = re.compile(r"const dmoc_carried (\w+)_problem = \{")
 
@@ -40,21 +42,27 @@ def sources_in(folder: Path) -> dict[str, str]:
     if named is None:
         raise FileNotFoundError
     parts = [*KERNELS, HEADER, f"{named[1]}.h", *(n for names in PARTS.values() for n in names)]
+    parts += [name for name in PLANNER_HEADERS if (folder / name).exists()]
     return {"program.c": program} | {name: text(name) for name in parts}
 
 
 def library_of(texts: Mapping[str, str]) -> ctypes.CDLL:
     """The sources as a library; its file is not needed once it is loaded."""
     beside = resources.files(__package__).joinpath(BESIDE).read_text(encoding="utf-8")
-    (name,) = PROBLEM.findall(texts["program.c"])
-    with tempfile.TemporaryDirectory(prefix="dmoc-") as work:
-        folder = Path(work)
+    name, *_ = PROBLEM.findall(texts["program.c"])
+    others = [file for file in (*texts, BESIDE) if file.endswith(".c") and file != SOURCE]
+    words = [*compiler(), f"-DDMOC_PROBLEM={name}_problem"]
+    with scratch_folder() as folder:
         for file, text in {**texts, BESIDE: beside}.items():
             (folder / file).write_text(text, encoding="utf-8")
-        others = [file for file in (*texts, BESIDE) if file.endswith(".c") and file != SOURCE]
-        words = [*compiler(), f"-DDMOC_PROBLEM={name}_problem"]
         compile_library(folder, words, "solver.so", others)
-        return declared(ctypes.CDLL(str(folder / "solver.so")))
+        try:
+            return declared(ctypes.CDLL(str(folder / "solver.so")))
+        except (OSError, AttributeError) as error:
+            raise BuildError(
+                f"the sources of {name!r} lack functions of a solver ({error}): write the folder "
+                "again with dmoc.generate_solver."
+            ) from None
 
 
 def declared(c: ctypes.CDLL) -> ctypes.CDLL:

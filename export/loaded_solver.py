@@ -286,7 +286,7 @@ class LoadedSolver:
         return [name for name in self._names if name.startswith("restitution.")]
 
     def _values(self, name: str, value: Any) -> Iterator[tuple[str, float]]:
-        if isinstance(value, Mapping):
+        if isinstance(value, Mapping) and any(n.startswith(f"{name}.") for n in self._names):
             for key, part in value.items():
                 yield from self._values(f"{name}.{key}", part)
             return

@@ -6,7 +6,6 @@ import base64
 import gzip
 import os
 import subprocess
-import tempfile
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -17,7 +16,7 @@ import numpy as np
 from dmoc.base.arguments import path as path_of
 from dmoc.base.arguments import place
 from dmoc.base.errors import BuildError, MissingExtraError, OutputError, ProblemError
-from dmoc.base.files import check_file, write_whole
+from dmoc.base.files import check_file, scratch_folder, write_whole
 from dmoc.base.names import velocity_name
 from dmoc.base.signatures import public
 from dmoc.codegen.compiler import packaged
@@ -140,16 +139,16 @@ def generate_page(
 def _compiled(command: list[str], texts: Mapping[str, str], sizes: Mapping[str, Any]) -> bytes:
     """The solver of a page as WebAssembly, from the texts of its files."""
     own = resources.files("dmoc.export").joinpath(SOURCE).read_text(encoding="utf-8")
-    with tempfile.TemporaryDirectory(prefix="dmoc-") as folder:
+    with scratch_folder() as folder:
         for name, text in {**texts, SOURCE: own}.items():
-            (Path(folder) / name).write_text(text, encoding="utf-8")
+            (folder / name).write_text(text, encoding="utf-8")
         sources = sorted(n for n in texts if n.endswith(".c") and n not in ("main.c", "test.c"))
         defines = [f"-D{name}={value}" for name, value in sizes.items()]
         words = [*command, *TARGET, *defines, SOURCE, *sources, "-o", "page.wasm"]
         done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise BuildError(f"the compiler of the page failed: {done.stderr.strip()}")
-        return (Path(folder) / "page.wasm").read_bytes()
+        return (folder / "page.wasm").read_bytes()
 
 
 def _phase(layout: Layout, i: int) -> dict[str, Any]:

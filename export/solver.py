@@ -17,7 +17,7 @@ import numpy as np
 
 from dmoc.base.arguments import shown, whole
 from dmoc.base.errors import OutputError, ProblemError
-from dmoc.base.files import check_folder, write_whole
+from dmoc.base.files import write_folder
 from dmoc.base.messages import path as path_of
 from dmoc.base.messages import place
 from dmoc.base.signatures import public
@@ -155,8 +155,7 @@ def generate_solver(
         texts = _planner_files(name, problem, guess, most, feedback)
     else:
         texts = solver_files(name, problem, guess, most, feedback)[-1]
-    check_folder(target)
-    return [write_whole(target / file, text.encode()) for file, text in sorted(texts.items())]
+    return write_folder(target, {file: text.encode() for file, text in texts.items()})
 
 
 def solver_files(
@@ -379,11 +378,17 @@ def _words(names: Sequence[str]) -> list[str]:
     return [w if words.count(w) == 1 else f"{w}_{i}" for i, w in enumerate(words)]
 
 
+def _in_comment(text: str) -> str:
+    """A user's text, which may not end the comment in C that it stands in, nor begin another."""
+    return re.sub(r"(?<=\*)(?=/)|(?<=/)(?=\*)", " ", text)
+
+
 @cache
 def _template(name: str) -> jinja2.Template:
     environment = jinja2.Environment(
         trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
         undefined=jinja2.StrictUndefined, autoescape=False,
     )  # fmt: skip
+    environment.filters["in_comment"] = _in_comment
     text = resources.files(__package__).joinpath("templates", f"{name}.jinja")
     return environment.from_string(text.read_text(encoding="utf-8"))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.base.arguments import ErrorKind, check_known, is_number, number, shown
+from dmoc.base.arguments import ErrorKind, check_known, check_magnitude, is_number, number, shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import name_of
 from dmoc.codegen.kernels import Array, Kernels
@@ -22,7 +22,8 @@ def parameter_row(
     values = kernels.parameters
     for name, value in by_name(changes, "parameters", error).items():
         check_known(name, values, "parameter", error=error)
-        values[name] = number(value, f"parameter {name}", error)
+        values[name] = stated = number(value, f"parameter {name}", error)
+        check_magnitude(stated, stated, f"parameter {name}", error)
     for name, value in values.items():
         if value is None:
             raise error(

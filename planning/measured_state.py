@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.base.arguments import array, check_known, number, shown
+from dmoc.base.arguments import array, check_known, is_number, number, shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import velocity_name
 from dmoc.codegen.kernels import Array
@@ -54,8 +54,9 @@ def read_state(problem: Problem, state: Any) -> MeasuredState:
             for part in (names, rates)
         )
         return q, v
-    parts = array(np.concatenate([np.ravel(x) for x in state])) if _is_pair(state) else array(state)
-    if parts is None or parts.shape != (2 * len(names),) or not np.isfinite(parts).all():
+    halves = [array(part) for part in (state if _is_pair(state) else (state,))]
+    parts = np.concatenate([np.ravel(np.nan if half is None else half) for half in halves])
+    if parts.shape != (2 * len(names),) or not np.isfinite(parts).all():
         raise ProblemError(
             f"state = {shown(state)}: expected a mapping by name, or {2 * len(names)} finite "
             f"numbers: {', '.join([*names, *rates])}."
@@ -65,7 +66,7 @@ def read_state(problem: Problem, state: Any) -> MeasuredState:
 
 
 def _is_pair(state: Any) -> bool:
-    return isinstance(state, (tuple, list)) and len(state) == 2 and np.ndim(state[0]) == 1
+    return isinstance(state, (tuple, list)) and len(state) == 2 and not is_number(state[0])
 
 
 def consistent(problem: Problem, mode: Mode, state: MeasuredState) -> MeasuredState:

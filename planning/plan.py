@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dmoc.base.arguments import number
+from dmoc.base.errors import MotionError
 from dmoc.codegen.kernels import Array
 from dmoc.guess.transfer import Piece
 from dmoc.motion.states import State, state_at
@@ -58,8 +60,8 @@ class Plan:
 
     def at(self, time: float) -> State:
         """State and inputs at a time from the beginning of the motion; at the ends, those there."""
-        motion = self.trajectory
-        return state_at(motion, float(np.clip(time - self.origin, 0.0, motion.final_time)))
+        motion, passed = self.trajectory, number(time, "time", MotionError) - self.origin
+        return state_at(motion, min(max(passed, 0.0), motion.final_time))
 
     def input(self, time: float) -> Array:
         """The inputs at a time from the beginning of the motion, shape (nu,)."""

@@ -21,7 +21,7 @@ from typing import Any
 
 from dmoc.base.deadline import Deadline
 from dmoc.solvers.blas import WAITS
-from dmoc.solving.workforce import Answer, Task, Waiting, Work
+from dmoc.solving.workforce import Answer, NoMoreWork, Task, Waiting, Work
 
 # Tasks beside those that run, so that no worker waits for its next one.
 WAITING = 1
@@ -94,10 +94,14 @@ class Processes:
                     running[pool.submit(work.do, source[0])] = source[0], work.deadline(source[0])
             except BrokenProcessPool:  # a worker died between two tasks
                 return True
-            except OSError:  # and its pool is being closed, just when it was to start another one
-                if not getattr(self.pool, "_broken", False):
-                    raise
-                return True
+            except (OSError, AssertionError) as error:
+                # and its pool is being closed, just when it was to start another one
+                if getattr(self.pool, "_broken", False):
+                    return True
+                # no memory or semaphore is left, or this process is one that may start no other
+                raise NoMoreWork(
+                    f"no worker process can be started ({error}): take workers=1"
+                ) from None
             source.popleft()
         return False
 

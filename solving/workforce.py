@@ -12,6 +12,7 @@ from functools import partial
 from itertools import islice
 from typing import Any, Generic, TypeAlias, TypeVar
 
+from dmoc.base.arguments import shown
 from dmoc.base.deadline import Deadline
 
 # A worker that is this many times over a task's limit hangs, and is stopped; seconds are added for
@@ -25,7 +26,7 @@ Answer = TypeVar("Answer")
 
 
 class NoMoreWork(Exception):  # noqa: N818 - it ends the work and loses nothing
-    """The caller's executor takes no more tasks."""
+    """The caller's executor takes no more tasks, or no worker can be started."""
 
 
 @dataclass(frozen=True)
@@ -91,8 +92,12 @@ def in_executor(
             while waiting and len(running) < AHEAD:
                 try:
                     future = executor.submit(work.do, waiting[0])
-                except RuntimeError as error:  # shut down or broken
-                    raise NoMoreWork(f"the executor takes no more work ({error})") from None
+                except Exception as error:  # shut down or broken, or a foreign class
+                    why = str(error) or type(error).__name__
+                    raise NoMoreWork(f"the executor takes no more work ({why})") from None
+                if not isinstance(future, Future):
+                    answered = shown(future)
+                    raise NoMoreWork(f"the executor has returned {answered} for work, no future")
                 running[future] = waiting.popleft()
             done, _ = wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
             for future in list(running):

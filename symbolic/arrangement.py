@@ -91,11 +91,12 @@ def _factored(terms: Sequence[Part]) -> list[Part]:
             if len(own) > 1:
                 heappush(heap, (-len(own), key[0], key[1]))
             continue
-        g, divided = factor.graph, []
+        g, divided = factor.graph, list[Part]()
+        power = sign * int(min(abs(dict(products[i][0].parts)[factor]) for i in own))
         for i in own:
             n, c = products.pop(i)
-            divided.append((g.divided(n, factor, sign), c))
-        taken.append((g.product([(factor, sign), (g.sum(_factored(divided)), 1)]), 1.0))
+            divided.append((g.divided(n, factor, power), c))
+        taken.append((g.product([(factor, power), (g.sum(_factored(divided)), 1)]), 1.0))
     return [*taken, *products.values()]
 
 

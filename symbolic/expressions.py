@@ -90,12 +90,16 @@ class FinalTime(sp.Symbol):  # type: ignore[misc]  # SymPy has no types
 final_time = FinalTime("final_time", positive=True)
 
 
+# Expressions of SymPy that are no values: matrices, functions, orders of magnitude, ranges.
+NO_VALUES = (sp.MatrixExpr, sp.Lambda, sp.Order, sp.AccumBounds)
+
+
 def expression_in(value: Any, what: str) -> Any:
     """A scalar, real and finite SymPy expression; raise ModelError for what is none."""
     expression = (
         _number(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else value
     )
-    if not isinstance(expression, sp.Expr) or expression.is_Matrix:
+    if not isinstance(expression, sp.Expr) or isinstance(expression, NO_VALUES):
         remedy = (
             "write it with SymPy's symbols" if isinstance(value, str) else "give one, or a number"
         )

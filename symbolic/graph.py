@@ -244,12 +244,12 @@ class Graph:
             return self.make(SUM, 0.0, ((node, coefficient),))
         return node if coefficient == 1 else self.sum([(node, coefficient)])
 
-    def divided(self, product: GraphNode, factor: GraphNode, sign: int) -> GraphNode:
-        """A product without one of its factors, to the power 1 or -1, that it has at least."""
+    def divided(self, product: GraphNode, factor: GraphNode, power: int) -> GraphNode:
+        """A product without one of its factors, to a power that it has at least."""
         parts = tuple(
-            (n, e - sign if n is factor else e)
+            (n, e - power if n is factor else e)
             for n, e in product.parts
-            if n is not factor or e != sign
+            if n is not factor or e != power
         )
         alone = len(parts) == 1 and parts[0][1] == 1
         return parts[0][0] if alone else self.make(PRODUCT, None, parts) if parts else self.one

@@ -16,6 +16,7 @@ from dmoc.base.arguments import listed, shown
 from dmoc.base.errors import ModelError
 from dmoc.base.names import check_name, name_of
 from dmoc.base.signatures import public
+from dmoc.symbolic.definitions import atoms_below
 from dmoc.symbolic.drawing import Part
 from dmoc.symbolic.expressions import expression_in
 from dmoc.symbolic.system import MechanicalSystem
@@ -163,7 +164,13 @@ class Ground:
                 )
         system = MechanicalSystem(name, parameters={} if parameters is None else parameters, **own)
         values = {p: value for p, value in system.parameters.items() if value is not None}
+        known = {*system.coordinates, *system.parameters, dynamicsymbols._t}
         for size, what in bodies.sizes:
+            for atom in atoms_below(size, system.definitions) - known - set(system.definitions):
+                raise ModelError(
+                    f"{what} = {shown(size)} contains {shown(atom)}: expected coordinates, the "
+                    "time and parameters alone."
+                )
             check_size(size.subs(values), what)
         return system
 

@@ -14,6 +14,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from dmoc.base.arguments import shown
 from dmoc.base.errors import GenerationError, ModelError
 from dmoc.base.names import bounded_momentum, check_name, momentum_name, name_of, velocity_name
+from dmoc.base.tolerances import LARGEST_PARAMETER
 from dmoc.symbolic.contact_references import check_forces, forces_of
 from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.definitions import atoms_below, check_definitions, expanded, kinds_of
@@ -31,7 +32,6 @@ from dmoc.symbolic.graph import Graph, GraphNode, reverse
 from dmoc.symbolic.kinks import check_smooth, split
 from dmoc.symbolic.objectives import check_objective
 from dmoc.symbolic.restitution import check_restitution, check_tangential_restitution
-from dmoc.symbolic.system_fields import LARGEST_PARAMETER
 from dmoc.symbolic.traversal import evaluated
 
 if TYPE_CHECKING:

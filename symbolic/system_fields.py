@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
-from dmoc.base.arguments import listed, shown
+from dmoc.base.arguments import check_magnitude, listed, shown
 from dmoc.base.errors import ModelError
 from dmoc.base.names import name_of
 from dmoc.symbolic.drawing import parts_in
@@ -19,8 +19,6 @@ from dmoc.symbolic.expressions import expression_in, zero_of
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
 
-# A parameter or a mass is also multiplied by itself.
-LARGEST_PARAMETER = 1e100
 SEQUENCES = ("coordinates", "inputs")
 MAPPINGS = {  # with an example each
     "parameters": "{m: 1.0}",
@@ -123,11 +121,7 @@ def _parameter_value(symbol: Any, value: Any) -> float | None:
             number = math.inf
     if not math.isfinite(number):
         raise ModelError(f"parameter {symbol} = {shown(value)}: a finite number was expected.")
-    if value != 0 and not 1 / LARGEST_PARAMETER <= abs(number) <= LARGEST_PARAMETER:
-        raise ModelError(
-            f"parameter {symbol} = {shown(value)}: expected 0 or a magnitude from 1e-100 to 1e100; "
-            "use other units."
-        )
+    check_magnitude(number, value, f"parameter {symbol}", ModelError)
     for fact in ("positive", "negative", "nonnegative", "nonpositive", "nonzero"):
         if getattr(symbol, f"is_{fact}") and getattr(sp.Float(number), f"is_{fact}") is False:
             raise ModelError(

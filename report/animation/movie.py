@@ -5,16 +5,15 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from math import ceil
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dmoc.base.errors import MissingExtraError, OutputError
+from dmoc.base.files import scratch_folder
 from dmoc.motion.trajectory import Array
 from dmoc.report.animation.page import film_room
 from dmoc.report.animation.stage import Drawn, stage_of
@@ -42,7 +41,7 @@ def movie_of(film: Film, ending: str, speed: float | None, fps: int, style: Styl
     times = _times(max(take.trajectory.final_time for take in film.takes), speed, fps)
     figure, stages = _set(film, style)
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        folder = stack.enter_context(scratch_folder())
         path = folder / f"movie{ending}"
         writer = _writer(ending, fps, stack)
         stack.enter_context(_ffmpeg_errors())

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import pickle
 import platform
 import re
@@ -258,3 +260,20 @@ def test_figures_of_every_command_are_dark_where_asked(run: Run, tmp_path: Path)
     figures = sorted((tmp_path / "d").glob("*.png"))
     assert [f.stem for f in figures] == ["best", "plot", "simulation", "solution", "sweep", "tree"]
     assert all(imread(f)[2, 2, :3].max() < 0.2 for f in figures)
+
+
+@pytest.mark.parametrize("kind", [kind.value for kind in TemplateKind])
+def test_a_full_disk_leaves_no_half_of_a_new_file(
+    run: Run, tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same command works when there is room again."""
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as disk:
+        disk.setattr(os, "fsync", full)
+        code, _, err = run("new begun --kind", kind)
+    assert code != 0 and "begun.py cannot be written (No space left on device)" in err
+    assert not [*tmp_path.iterdir()]
+    assert run("new begun --kind", kind)[0] == 0

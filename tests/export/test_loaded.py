@@ -3,6 +3,9 @@ batches in threads, and folders that are refused."""
 
 from __future__ import annotations
 
+import errno
+import multiprocessing
+import os
 import shutil
 import signal
 import threading
@@ -19,7 +22,7 @@ from pytest import approx
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.base.errors import BuildError, ProblemError
+from dmoc.base.errors import BuildError, OutputError, ProblemError
 from dmoc.export.constants import Constants
 from dmoc.export.loaded_solver import LoadedSolver, load_solver
 from dmoc.export.motion_text import rest_text
@@ -258,6 +261,28 @@ def test_the_rest_of_a_motion_keeps_its_constraint(tmp_path: Path) -> None:
     assert end.cost == approx(own.cost, rel=1e-9)
 
 
+def solved_by(time: float) -> tuple[str, str, list[str]]:
+    """In a forked process: how the solver of the parent ends there, in each of its ways."""
+    (solver,) = FORKED
+    solver.set(final_time=time)
+    several = solver.solve_many([{}, {}], threads=2)
+    return solver.solve().status, solver.explore(2).status, [end.status for end in several]
+
+
+FORKED: list[LoadedSolver] = []
+
+
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_a_forked_process_solves_with_the_solver_of_its_parent(bob: LoadedSolver) -> None:
+    """The thread of the parent, in which it has solved, is none of the child's."""
+    assert bob.solve().status == "solved"
+    FORKED[:] = [bob]
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        ends = pool.map_async(solved_by, (1.1, 1.2, 1.3)).get(WAITS)
+    assert ends == [("solved", "solved", ["solved"] * 2)] * 3
+    assert bob.solve().status == "solved"
+
+
 def test_several_starts(bob: LoadedSolver) -> None:
     """From a bob that goes over the top the shorter way is found; a seed says all."""
     short = bob.solve()
@@ -306,6 +331,57 @@ def test_static_friction_is_no_less_than_kinetic(tmp_path: Path) -> None:
         solver.set(parameters=parameters)
         with pytest.raises(ProblemError, match=f"parameters.{named}: expected friction of 0 or"):
             solver.solve()
+
+
+def test_mappings_that_hold_themselves_or_nothing_known(bob: LoadedSolver) -> None:
+    """The names of a solver end somewhere; an empty mapping of a part that it has says nothing."""
+    itself: dict[str, object] = {}
+    itself["x"] = itself
+    deep: object = 1.0
+    for _ in range(5000):
+        deep = {"x": deep}
+    before = bob.numbers
+    cases: tuple[dict[str, object], ...] = (
+        {"start": itself}, {"start": deep}, {"nonsense": {}}, {"start": {"z": {}}},
+    )  # fmt: skip
+    for fields in cases:
+        with pytest.raises(ProblemError, match=r"no number that this solver|expected a number\."):
+            bob.set(**fields)
+        with pytest.raises(ProblemError, match=r"no number that this solver|expected a number\."):
+            bob.solve_many([fields])
+    bob.set(start={})
+    assert bob.numbers == before
+
+
+@pytest.mark.slow
+def test_a_folder_without_the_functions_of_a_solver(bob_folder: Path, tmp_path: Path) -> None:
+    for name in ("dmoc_judge.c", "dmoc_starts.c", "dmoc_numbers.c", "kernels.c"):
+        folder = shutil.copytree(bob_folder, tmp_path / name[:-2])
+        (folder / name).write_text("")
+        with pytest.raises(BuildError, match=r"of 'bob' lack functions|the compiler failed"):
+            load_solver(folder)
+
+
+@pytest.mark.slow
+def test_the_folder_of_a_planner_has_the_solver_of_the_whole_motion(tmp_path: Path) -> None:
+    problem = thrown()
+    planner = dmoc.Planner(problem, dmoc.solve(problem, "ipm", starts=1))
+    dmoc.generate_solver(planner, tmp_path / "thrown")
+    assert load_solver(tmp_path / "thrown").solve().cost == approx(planner.solution.cost, rel=1e-9)
+
+
+def full_disk(*_: object, **__: object) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_full_disk_for_temporary_files_is_told(
+    bob_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Path, "write_text", full_disk)
+    with pytest.raises(
+        OutputError, match=r"cannot be written \(No space left on device\): set TMP"
+    ):
+        load_solver(bob_folder)
 
 
 def test_folders_that_are_none(bob_folder: Path, tmp_path: Path) -> None:

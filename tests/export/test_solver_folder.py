@@ -3,6 +3,8 @@ themselves."""
 
 from __future__ import annotations
 
+import errno
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -31,6 +33,44 @@ def test_folders_that_are_refused(tmp_path: Path) -> None:
         with pytest.raises(OutputError, match="no free name in C"):
             dmoc.generate_solver(problem, tmp_path / name)
     assert [p.name for p in tmp_path.iterdir()] == ["full"]
+
+
+@pytest.mark.parametrize("is_new", [True, False])
+def test_a_full_disk_leaves_no_half_of_a_folder(
+    is_new: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same command works when there is room again."""
+    problem, target, writes = linkage(2), tmp_path / "bob", iter(range(100))
+    solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    if not is_new:
+        target.mkdir()
+
+    def full(_: int) -> None:
+        if next(writes) == 7:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as disk:
+        disk.setattr(os, "fsync", full)
+        with pytest.raises(OutputError, match="No space left on device"):
+            dmoc.generate_solver(problem, target, guess=solution)
+    assert target.exists() is not is_new and not [*tmp_path.rglob("*.*")]
+    assert len(dmoc.generate_solver(problem, target, guess=solution)) > 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("title", ["*/ int stray = 1; /*", "a **/ b", "/*/ c", "a /* b", "*/*/ d"])
+def test_a_title_stays_in_its_comment(title: str, tmp_path: Path) -> None:
+    """Nothing that a user writes is C, and no compiler warns of it."""
+    x, u = dynamicsymbols("x u")
+    sled = dmoc.MechanicalSystem(
+        "sled", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, cost=u**2, title=title
+    )
+    problem = dmoc.Problem(dmoc.build(sled), {x: 0}, {x: 1, "x_dot": 0}, steps=4, final_time=1)
+    dmoc.generate_solver(problem, tmp_path / "sled")
+    header = (tmp_path / "sled" / "sled.h").read_text()
+    comment, _, code = header.partition("*/")
+    assert code.startswith("\n#ifndef SLED_HEADER") and title[-1] in comment
+    compiled(tmp_path / "sled")
 
 
 @pytest.mark.parametrize("name", ["math", "passes", "clean", "2nd", "swing-up"])

@@ -14,7 +14,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_on_floor, unit_mass
 
 import dmoc
-from dmoc.base.errors import ProblemError
+from dmoc.base.errors import MotionError, ProblemError
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.planning.measured_state import consistent
 from dmoc.planning.rest import planned
@@ -376,9 +376,15 @@ def test_bad_input_is_one_sentence(bounced: Bounced, wall: dmoc.MechanicalSystem
     for state, words in (
         ({"y": 1.0}, "unknown"), ({}, "leaves x out"), ([1.0], "2 finite numbers: x, x_dot"),
         ({"x": np.nan}, "x in the state"), ("x", "expected a mapping by name"),
+        ([[1.0, 2.0], [3.0]], "2 finite numbers"), ([[1.0], "x"], "2 finite numbers"),
+        ([[1.0], [[2.0], [3.0, 4.0]]], "2 finite numbers"), (memoryview(b"ab"), "2 finite numb"),
     ):  # fmt: skip
         with pytest.raises(ProblemError, match=words):
             planner.replan(0.1, state)
+    for time in ("x", None, np.nan, [0.1], memoryview(b"a")):
+        for asked in (planner.plan.at, planner.plan.input):
+            with pytest.raises(MotionError, match=r"^time = .*: expected a (finite )?number"):
+                asked(time)  # type: ignore[arg-type]
     planner.replan(0.2, {"x": 0.1, "x_dot": 0.5})
     with pytest.raises(ProblemError, match=r"expected a time from 0\.2 s on"):
         planner.replan(0.1, {"x": 0.1})

@@ -3,6 +3,7 @@ by one that fails, by time or by Ctrl-C."""
 
 from __future__ import annotations
 
+import errno
 import multiprocessing.util
 import os
 import subprocess
@@ -220,6 +221,49 @@ def test_an_executor_that_takes_no_more_is_told(block: dmoc.Problem) -> None:
     problems = masses(block, 1.0, 1.0)
     batch = dmoc.solve_many(problems, executor=Refusing(), verify=False)
     assert set(batch.status) == {"not_tried"} and "takes no more work (closed)" in batch.message[0]
+
+
+class Broken(Executor):
+    """Raises, or returns what is no future."""
+
+    def __init__(self, answer: object) -> None:
+        self.answer = answer
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Any:
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        (TypeError("no"), "the executor takes no more work (no)"),
+        (ValueError(), "the executor takes no more work (ValueError)"),
+        (OSError(28, "No space"), "the executor takes no more work ([Errno 28] No space)"),
+        (None, "the executor has returned None for work, no future"),
+    ],
+)
+def test_an_executor_that_is_broken_ends_the_work(
+    block: dmoc.Problem, answer: object, says: str
+) -> None:
+    batch = dmoc.solve_many(masses(block, 1.0, 1.0), executor=Broken(answer), verify=False)
+    assert batch.status == ("not_tried",) * 2 and set(batch.message) == {says}
+
+
+def test_where_no_worker_can_be_started_that_is_told(
+    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on a full disk, and in a process of a pool."""
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("dmoc.solving.processes.ProcessPoolExecutor", full)
+    batch = dmoc.solve_many(masses(block, 1.0, 1.0), workers=2, verify=False)
+    assert batch.status == ("not_tried",) * 2
+    assert batch.message[0].startswith("no worker process can be started ([Errno 28] No space")
+    assert batch.message[0].endswith("take workers=1")
 
 
 def test_no_problems_are_an_empty_table() -> None:

@@ -374,3 +374,15 @@ def test_masses_that_mpmath_calls_otherwise_or_has_no_order_for(
     parameters = {s: 2.0 for s in own.free_symbols if s.name == "n"}
     made = dmoc.MechanicalSystem("mass", [x], own * x.diff() ** 2 / 2, parameters)
     assert made.coordinates == (x,)
+
+
+@pytest.mark.parametrize("power", [1000, -1000, 5000])
+def test_a_high_power_is_taken_out_of_a_sum_at_once(power: int) -> None:
+    """One by one would go as deep as the power."""
+    g = Graph()
+    x, y, z = (g.symbol(name) for name in "xyz")
+    (sum_of_both,) = with_common_factors([g.power(x, power) * y + g.power(x, power) * z])
+    values = {x: 1.001, y: 2.0, z: 3.0}
+    (value,) = evaluated([sum_of_both], values, math)
+    assert value == pytest.approx(5 * 1.001**power, rel=1e-12)
+    assert operations([sum_of_both]) <= 4

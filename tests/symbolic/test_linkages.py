@@ -375,3 +375,16 @@ def test_a_biped_is_generated_in_code_that_a_compiler_takes() -> None:
     text = c_files(model)["kernels.c"]
     assert 2e5 < len(text) < 1e6
     assert len(model.facts["coordinates"]) == 12 and len(model.facts["surfaces"]) == 2
+
+
+def test_an_inertia_that_turns_nothing_is_an_inertia_yet() -> None:
+    """Of a body that slides, whose angle is that of the world."""
+    x = dynamicsymbols("x")
+    for inertia in (x.diff(), sp.Symbol("I"), dynamicsymbols("w")):
+        world = dmoc.planar.World()
+        world.slide(x, mass=1, inertia=inertia)
+        with pytest.raises(ModelError, match=r"inertia of body x = .* expected coordinates, the t"):
+            world.system("cart")
+    world = dmoc.planar.World()
+    world.slide(x, mass=1, inertia=1 + x**2)
+    assert world.system("cart").coordinates == (x,)
