@@ -115,6 +115,7 @@ def refined(
 
     Where a finer mesh is not solved, leads to a dearer minimum, or makes nothing better, the finest
     mesh that the simulation confirms is the answer, and its message says what the finer one did.
+    Its error is then at most its difference to the finest mesh and the error of that.
     """
     past = History()
     while True:
@@ -124,7 +125,7 @@ def refined(
         mesh = f"the mesh of {max(problem.phase_steps)} steps a phase"
         if not s.minimum and past.levels:
             reason = f"{mesh} ended {s.status} ({s.message})"
-            return _best(_with_coarser(past, problem, solve), tolerance, check, reason)
+            return _best(_with_coarser(past, problem, solve), problem, tolerance, check, reason)
         if not s.minimum:
             past = _failed(past, s)
             if s.status == Status.TIME_LIMIT:
@@ -137,7 +138,7 @@ def refined(
             past = past.ending_with(past.last.checked(check))
             if past.last.solution.minimum:
                 reason = f"{mesh} led to another minimum, which costs {s.cost:.6g}"
-                return _best(past, tolerance, check, reason)
+                return _best(past, problem, tolerance, check, reason)
         past = _measured(past, s, problem, tolerance, check, timed=deadline.ends)
         if past.meets(tolerance):
             return _result(past)
@@ -145,7 +146,7 @@ def refined(
         if not reason and deadline.passed:
             reason = "the time limit is reached"
         if reason:
-            return _best(past, tolerance, check, reason)
+            return _best(past, problem, tolerance, check, reason)
         problem = problem.meshed(steps)
 
 
@@ -302,10 +303,13 @@ def _result(past: History) -> Solution:
     )
 
 
-def _best(past: History, tolerance: float, check: Check, reason: str) -> Solution:
+def _best(past: History, problem: Problem, tolerance: float, check: Check, reason: str) -> Solution:
     """The solution on the finest mesh that the simulation confirms, and why there is no finer one;
     it is not verified where it does not meet the tolerance."""
+    finest, past = past.last, _seen_open(past, problem, tolerance)
     past = _confirmed(past, check) or past.ending_with(past.last.checked(check))
+    if past.last.solution.steps != finest.solution.steps:
+        past = past.ending_with(_beside(past.last, finest))
     s = _result(past)
     if past.meets(tolerance):
         return saying(s, reason)
@@ -321,6 +325,24 @@ def _best(past: History, tolerance: float, check: Check, reason: str) -> Solutio
         met = past.error(past.last) <= tolerance
         unmet = contradicted if met else f"{unmet}, and {contradicted}"
     return replace(s, status=Status.NOT_VERIFIED, message=f"{unmet}: {reason}")
+
+
+def _seen_open(past: History, problem: Problem, tolerance: float) -> History:
+    """The history with what the problem leaves open, where finer and finer meshes have settled the
+    cost alone, whether the simulation confirms the finest one or not."""
+    errors = past.last.errors
+    if past.leaves_open or len(past.levels) < 2 or not errors.cost <= tolerance < errors.motion:
+        return past
+    finest = problem.meshed(list(past.last.solution.steps))
+    return replace(past, leaves_open=_left_open(past, finest))
+
+
+def _beside(level: Level, finest: Level) -> Level:
+    """A mesh that is confirmed beside the finest one, which is not: it is off by what it differs
+    from that, and that is off, whatever the meshes up to it could tell."""
+    seen, left, own = changes(level.solution, finest.solution), finest.errors, level.errors
+    cost, motion = seen.cost + left.cost, seen.motion + left.motion
+    return replace(level, errors=Errors(min(own.cost, cost), min(own.motion, motion)))
 
 
 def _confirmed(past: History, check: Check) -> History | None:

@@ -140,6 +140,23 @@ def test_a_contradicted_finest_mesh_gives_way_to_a_confirmed_one() -> None:
     assert answer.steps == (40, 40)
 
 
+@pytest.mark.parametrize("finest", [80, 160])
+def test_a_confirmed_mesh_is_measured_against_finer_ones_that_are_contradicted(finest: int) -> None:
+    """The first mesh alone is confirmed, and has no estimate of its own."""
+    problem, exact = block_and_wall.problem(0.8, 20), block_and_wall.closed_form(0.8)[0]
+
+    def check(solution: dmoc.Solution) -> dmoc.Solution:
+        seen = checked(solution)
+        return seen if max(solution.steps) <= 20 else replace(seen, status=Status.NOT_VERIFIED)
+
+    answer = refined(problem, 2e-2, ENDLESS, solved_until(finest, Status.STALLED), check)
+    assert answer.steps == (20, 20) and answer.status == "solved"
+    assert answer.error_estimate is not None
+    assert abs(answer.cost / exact - 1) <= answer.error_estimate <= 2e-2
+    sharper = refined(problem, 1e-5, ENDLESS, solved_until(finest, Status.STALLED), check)
+    assert sharper.status == "not_verified" and sharper.steps == (20, 20)
+
+
 def test_an_equal_cost_is_not_another_minimum() -> None:
     """The same cost from another motion: only a dearer one is another minimum."""
     problem = block_and_wall.problem(0.8, 20)
