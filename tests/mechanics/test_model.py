@@ -143,8 +143,8 @@ def test_values_are_read_once_for_all_who_take_them(
         else parameter_row(pendulum, {}, error)
     )
     assert row.shape == (1, len(pendulum.parameters))
-    np.testing.assert_array_equal(restitution_row(pendulum, {"right": 0.5}, error), [1.0, 0.5])
-    for restitution in ({"lefd": 1.0}, 2.0, {"left": "soft"}, np.nan):
+    np.testing.assert_array_equal(restitution_row(pendulum, {"upper": 0.5}, error), [1.0, 0.5])
+    for restitution in ({"lowr": 1.0}, 2.0, {"lower": "soft"}, np.nan):
         with pytest.raises(error, match="restitution"):
             restitution_row(pendulum, restitution, error)
     for changes in ({"no": 1.0}, {next(iter(pendulum.parameters)): None}):
