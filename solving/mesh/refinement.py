@@ -316,7 +316,7 @@ def _best(past: History, problem: Problem, tolerance: float, check: Check, reaso
     if s.status is Status.TIME_LIMIT:
         return s
     unmet = f"the estimated error {past.error(past.last):.2g} exceeds the tolerance {tolerance:g}"
-    if len(past.levels) == 1:
+    if past.error(past.last) == np.inf and len(past.levels) == 1:
         unmet = "one mesh was solved, which gives no estimate of its error"
     if s.verification and not s.verification.passed:
         contradicted = (
@@ -328,13 +328,18 @@ def _best(past: History, problem: Problem, tolerance: float, check: Check, reaso
 
 
 def _seen_open(past: History, problem: Problem, tolerance: float) -> History:
-    """The history with what the problem leaves open, where finer and finer meshes have settled the
-    cost alone, whether the simulation confirms the finest one or not."""
+    """The history with what the problem leaves open, where durations and positions change by more
+    than the cost on finer and finer meshes, whether the simulation confirms the finest or not."""
     errors = past.last.errors
-    if past.leaves_open or len(past.levels) < 2 or not errors.cost <= tolerance < errors.motion:
+    if past.leaves_open or len(past.levels) < 2:
         return past
-    finest = problem.meshed(list(past.last.solution.steps))
-    return replace(past, leaves_open=_left_open(past, finest))
+    if not max(tolerance, errors.cost) < errors.motion < np.inf:
+        return past
+    fine, coarse = past.last.solution, past.levels[-2].solution
+    meshed = problem.meshed(list(fine.steps))
+    settled = errors.cost <= tolerance
+    sentence = _left_open(past, meshed) if settled else undetermined(meshed, fine, coarse)
+    return replace(past, leaves_open=sentence)
 
 
 def _beside(level: Level, finest: Level) -> Level:

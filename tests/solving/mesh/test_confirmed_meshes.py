@@ -182,6 +182,26 @@ def test_one_mass_that_has_time_to_spare_ends_no_refinement() -> None:
     assert solution.cost == pytest.approx(coarse.cost, rel=1e-4)
 
 
+def test_what_is_open_is_seen_where_finer_meshes_are_contradicted() -> None:
+    """The coarse mesh is the answer: the cost is settled, and the motion is another one on each
+    mesh, further and further away."""
+    problem = block_and_wall.problem(0.8, 20)
+
+    def solve(meshed: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
+        s = dmoc.solve(meshed, "ipm", guess=guess, starts=1, verify=False)
+        phases = tuple(replace(p, q=p.q + 1e-4 * max(s.steps) ** 2) for p in s.phases)
+        return replace(s, trajectory=replace(s.trajectory, phases=phases))
+
+    def check(solution: dmoc.Solution) -> dmoc.Solution:
+        confirmed = Status.SOLVED if max(solution.steps) <= 20 else Status.NOT_VERIFIED
+        return replace(checked(solution), status=confirmed)
+
+    answer = refined(problem, 2e-2, ENDLESS, solve, check)
+    assert max(answer.steps) == 20
+    assert "the problem hardly determines durations and positions" in answer.message
+    assert answer.error_estimate is not None
+
+
 def test_everything_is_open_where_nothing_costs() -> None:
     x, y = dynamicsymbols("x y")
     system = dmoc.MechanicalSystem(
