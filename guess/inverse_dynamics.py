@@ -7,7 +7,7 @@ import numpy as np
 from dmoc.base.records import record
 from dmoc.base.tolerances import KEPT, SAME
 from dmoc.codegen.kernels import Array
-from dmoc.problem.operating_inputs import slopes_by_inputs
+from dmoc.problem.operating_inputs import enter_linearly, slopes_by_inputs
 from dmoc.problem.problem import Problem
 from dmoc.program.layout import Layout
 
@@ -41,7 +41,7 @@ def acting(problem: Problem, x: Array, rng: np.random.Generator | None = None) -
     at u = 0: they become inputs of the equations of motion or, with a generator, random ones,
     within their bounds or of that size.
     """
-    if not problem.operating_inputs.any():
+    if enter_linearly(problem):
         return x
     with np.errstate(all="ignore"):
         lay = Layout.of(problem)

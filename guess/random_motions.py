@@ -25,6 +25,7 @@ from dmoc.guess.inverse_dynamics import acting, inputs_for
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
 from dmoc.problem.design import designed, drawn
+from dmoc.problem.operating_inputs import enter_linearly
 from dmoc.problem.problem import Problem
 from dmoc.problem.quantities import onto_quantities
 from dmoc.problem.ranges import midpoints
@@ -88,7 +89,7 @@ def _random_motions(
         others = [k for k, is_shaken in zip(numbers, shaken, strict=True) if not is_shaken]
         if others:
             x[~shaken] = _unknowns(problem, lay, _Drawn.of(problem, natural, others, seed))
-        if problem.operating_inputs.any():
+        if not enter_linearly(problem):
             rngs = (np.random.default_rng([seed, k, INPUTS]) for k in numbers)
             x = np.array([acting(problem, row, r) for row, r in zip(x, rngs, strict=True)])
         return all_in_contact(problem, x)

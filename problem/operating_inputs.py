@@ -29,7 +29,7 @@ def operating_inputs_of(problem: Problem) -> Array:
     within the bounds, or of a size that balances the forces that there are, of as few inputs as it
     takes."""
     zero, every = np.zeros(problem.nu), np.ones(problem.nu)
-    if not problem.nu or problem.kernels.manifest["inputs_enter_linearly"]:
+    if enter_linearly(problem):
         return zero
     with np.errstate(all="ignore"):
         forces = _Forces.of(problem)
@@ -41,6 +41,11 @@ def operating_inputs_of(problem: Problem) -> Array:
         supports = [*np.eye(problem.nu), 1.0 * flat, 1.0 * ~flat, every]
         candidates = [forces.sized(sign * s) for s in supports for sign in (1.0, -1.0)]
         return max(candidates, key=lambda u: int((forces.slopes(u) > 0).any(axis=0).sum()))
+
+
+def enter_linearly(problem: Problem) -> bool:
+    """Whether the forces have the same slopes by the inputs at all inputs."""
+    return bool(not problem.nu or problem.kernels.manifest["inputs_enter_linearly"])
 
 
 def slopes_by_inputs(problem: Problem, q: Array, v: Array, u: Array, t: Array) -> Array:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.problem.operating_inputs import slopes_by_inputs
+from dmoc.problem.operating_inputs import enter_linearly, slopes_by_inputs
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.outcome import Duals
 
@@ -23,7 +23,7 @@ NONE, BESIDE = 1e-3, 0.03
 def falling_inputs(nlp: Transcription, x: Array, duals: Duals) -> Array | None:
     """A direction of such inputs, by their sizes, along which L falls in third order; None where
     there is none."""
-    if not nlp.problem.operating_inputs.any():
+    if enter_linearly(nlp.problem):
         return None
     direction = np.zeros(nlp.n)
     flat, inputs = _flat_rows(nlp, nlp.physical(x)), nlp.layout.index_u

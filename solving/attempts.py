@@ -194,8 +194,7 @@ class LocalSolver:
         sharp = outcome.status is Status.STALLED and rounded(outcome.left)
         if outcome.status is not Status.SOLVED and not sharp:
             return attempt
-        plain = self.programs.free(nlp)
-        duals = replace(outcome.duals, w=outcome.duals.w[: plain.n_in])
+        plain, duals = self._plain(attempt)
         second = SecondOrder(plain, outcome.x, duals)
         falling = falling_inputs(plain, outcome.x, duals)
         beside = [] if falling is None else second.cheaper(Curvature.inflection(falling))
@@ -213,6 +212,19 @@ class LocalSolver:
         cost = attempt.cost() * nlp.scale.cost
         lower = lower.saying(f"motions beside a stationary one of cost {cost:.6g} led to it")
         return self.ascertained(lower, options, saddles - 1)
+
+    def past_inflection(self, attempt: Attempt, options: Options) -> Attempt:
+        """A solution whose cost falls in third order, ascertained; any other end as it is."""
+        if attempt.status is not Status.SOLVED:
+            return attempt
+        plain, duals = self._plain(attempt)
+        falling = falling_inputs(plain, attempt.outcome.x, duals)
+        return attempt if falling is None else self.ascertained(attempt, options)
+
+    def _plain(self, attempt: Attempt) -> tuple[Transcription, Duals]:
+        """The program of an attempt without minimal times, and the multipliers of its rows."""
+        plain, duals = self.programs.free(attempt.nlp), attempt.outcome.duals
+        return plain, replace(duals, w=duals.w[: plain.n_in])
 
     def _lower(self, saddle: Attempt, beside: Sequence[Array], options: Options) -> Attempt:
         """The cheaper minimum of those that motions beside a saddle lead to: the compiled method

@@ -65,9 +65,7 @@ def _settled(
         if stopped.is_set():
             break
         attempt = solver.settled(nlp, judged(nlp, ending, options), options)
-        if nlp.problem.operating_inputs.any():  # many of their ends are no minima
-            attempt = solver.ascertained(attempt, options)
-        attempts.append(attempt)
+        attempts.append(solver.past_inflection(attempt, options))
         if attempts[-1].status is Status.INTERRUPTED:
             raise KeyboardInterrupt
     return attempts

@@ -86,6 +86,15 @@ def test_a_motion_without_inputs_is_no_trap(options: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
+def test_a_slope_that_vanishes_at_the_inputs_of_a_guess_alone_is_no_trap() -> None:
+    problem = pushed((U - 1) ** 3, (U - 1) ** 6)
+    assert not problem.operating_inputs.any()
+    assert answer_of(problem, guess={"u": 1}).cost == pytest.approx(1.5, rel=1e-4)
+    solution = answer_of(problem)
+    assert solution.cost == pytest.approx(1.5, rel=1e-4) and not solution.others
+
+
+@pytest.mark.slow
 def test_an_input_that_signs_the_square_of_another_one() -> None:
     """u^4 + w^2 >= 2 |u^2 w|, whose least integral is 2 |dp| = 2 in one push and one pull."""
     solution = answer_of(pushed(U**2 * W, U**4 + W**2, (U, W)))
