@@ -136,23 +136,14 @@ def _squares(missing: Array) -> Array:
 
 
 def _everywhere_acting(balance: _Balance) -> Array:
-    """The inputs that leave the least from the operating inputs and from those with other signs;
-    such as hardly act anywhere are moved to where they do."""
-    problem = balance.problem
-    around = problem.operating_inputs
-    turned = around * (-1.0) ** np.arange(problem.nu)
-    best, least = np.tile(around, (len(balance.q), 1)), np.full(len(balance.q), np.inf)
-    for begin in (0 * around, around, -around, turned, -turned)[: 2 * problem.nu + 1]:
-        rows = np.tile(np.clip(begin, *problem.input_bounds.T), (len(best), 1))
-        u, left = balance.closest(rows)
-        # Of several that are as close one sign is kept throughout a motion.
-        better = left < (1 - SAME) * least - SAME * _squares(balance.wanted)
-        best, least = np.where(better[:, None], u, best), np.where(better, left, least)
-    return _moved_where_weak(balance, best)
-
-
-def _moved_where_weak(balance: _Balance, u: Array) -> Array:
-    """Inputs moved, where they hardly act, towards where they act most."""
+    """The inputs that leave the least: none, where they leave as little as those from the operating
+    inputs.  Such as hardly act are moved towards where they act most."""
+    low, high = balance.problem.input_bounds.T
+    none = np.tile(np.clip(0.0, low, high), (len(balance.q), 1))
+    u, left = balance.closest(np.tile(balance.problem.operating_inputs, (len(none), 1)))
+    least = _squares(balance.missing(none))
+    better = left < (1 - SAME) * least - SAME * _squares(balance.wanted)
+    u = np.where(better[:, None], u, none)
     slopes = slopes_by_inputs(balance.problem, balance.q, balance.v, u, balance.t)
     strongest = np.take_along_axis(u, slopes.argmax(axis=0)[None], axis=0)
     weak = slopes <= WEAK * slopes.max(axis=0)

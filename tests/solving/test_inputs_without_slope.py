@@ -75,7 +75,9 @@ def test_starts_find_what_inputs_without_slope_at_zero_do(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [{}, {"starts": 1}, {"guess": {"u": 0}}])
+@pytest.mark.parametrize(
+    "options", [{}, {"starts": 1}, {"guess": {"u": 0}}, {"guess": {"u": 0, "x": 0}}]
+)
 def test_a_motion_without_inputs_is_no_trap(options: dict[str, Any]) -> None:
     """sum f^2 h = 12/(T^3 (1 - 1/N^2)) of forces that are constant in N steps."""
     problem = pushed(U**3, U**6, steps=40)
@@ -162,6 +164,14 @@ def test_inverse_dynamics_find_inputs_of_forces_that_are_not_linear() -> None:
     u = inputs_for(problem, rest, rest, a, np.zeros(4))
     assert u[:3, 0] == pytest.approx([2.0, -3.0, 0.5], rel=1e-6)
     assert u[3, 0] == pytest.approx(-0.3, rel=1e-3)
+
+
+def test_a_motion_that_needs_no_inputs_has_none() -> None:
+    problem = pushed(U**3, U**6, goal=HERE, steps=40)
+    x = initial_guesses(problem)[0].x
+    assert not x[Layout.of(problem).index_u].any()
+    solution = answer_of(problem)
+    assert solution.cost == 0 and not solution.others
 
 
 def test_no_start_has_inputs_that_do_nothing() -> None:
