@@ -28,7 +28,7 @@ from dmoc.solving.multistart.exploration import Effort
 
 
 @pytest.fixture(scope="module", autouse=True)
-def as_users(effort: Callable[..., Effort]) -> Iterator[None]:
+def many_starts(effort: Callable[..., Effort]) -> Iterator[None]:
     """Explore from as many starts as users do."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Effort, "of", effort)
