@@ -183,21 +183,22 @@ def solve_many(
                 f"problems has {shown(problem)} at place {i}: expected Problems, as "
                 "dmoc.Problem(system, start=..., ...) states them."
             )
-    return batch_of(entries, {}, locals())
+    return batch_of(entries, {}, locals(), all(p.kernels.compiled for p in entries))
 
 
 def batch_of(
     problems: Sequence[Problem | DmocError],
     varied: Mapping[str, Array],
     keywords: Mapping[str, Any],
+    compiled: bool,
 ) -> Batch:
-    """Solve problems with the keywords of a batch; an error in the place of a problem is its row.
-    ``varied`` is what differs, by columns."""
+    """Solve problems with the keywords of a batch, whose kernels are all compiled or not; an error
+    in the place of a problem is its row.  A problem is asked for when its turn comes.  ``varied``
+    is what differs, by columns."""
     batch = read(BatchKeywords, keywords, ProblemError)
     method = batch.method
     if method is None:
-        stated = (p for p in problems if isinstance(p, Problem))
-        method = usual(SEARCHING, all(p.kernels.compiled for p in stated))
+        method = usual(SEARCHING, compiled)
     of_solves = _of_solves(method, batch), loaded(batch.guess)
     begin, rows, reason = time.perf_counter(), dict[int, Row](), NO_TIME
     deadline = Deadline.after(batch.seconds)
@@ -217,7 +218,7 @@ def batch_of(
         except NoMoreWork as error:
             reason = str(error)
     whole_rows = [rows.get(i, Row(i, NOT_TRIED, reason)) for i in range(len(problems))]
-    with_kernels = [_with_kernels(r, p) for r, p in zip(whole_rows, problems, strict=True)]
+    with_kernels = [_with_kernels(row, problems) for row in whole_rows]
     table = _table(with_kernels, varied, method, time.perf_counter() - begin)
     if not batch.keep:
         return table
@@ -237,15 +238,15 @@ def _answers(
     stack: ExitStack,
 ) -> Iterator[list[Row]]:
     """Rows as they come."""
-    numbered, workers, executor = list(enumerate(problems)), batch.workers, batch.executor
+    workers, executor = batch.workers, batch.executor
     alone, pace = executor is None and workers == 1, Pace()
 
     def shares() -> Iterator[Share]:
         begin = 0
-        while begin < len(numbered):
-            left = len(numbered) - begin  # each worker gets some of them
+        while begin < len(problems) and not deadline.passed:
+            left = len(problems) - begin  # each worker gets some of them
             size = 1 if alone else min(pace.together, left // (2 * workers) + 1)
-            part = tuple(numbered[begin : begin + size])
+            part = tuple((i, problems[i]) for i in range(begin, begin + size))
             yield Share(part, *of_solves, batch.keep, deadline)
             begin += size
 
@@ -316,8 +317,8 @@ def _again(share: Share, rows: Sequence[Row]) -> list[Share]:
     return [replace(share, problems=(one,), attempts=2) for one in share.problems]
 
 
-def _with_kernels(row: Row, problem: Problem | DmocError) -> Row:
-    if row.solution is None or isinstance(problem, DmocError):
+def _with_kernels(row: Row, problems: Sequence[Problem | DmocError]) -> Row:
+    if row.solution is None or isinstance(problem := problems[row.number], DmocError):
         return row
     return replace(row, solution=replace(row.solution, kernels=problem.kernels))
 

@@ -90,9 +90,13 @@ class Method:
                 f"'dmoc[{self.name}]'`."
             ) from None
 
+    def takes(self, inputs: int) -> bool:
+        """Whether so many inputs of all steps together are not too many."""
+        return self.most_inputs is None or inputs <= self.most_inputs
+
     def check_size(self, steps: Any, inputs: int, error: type[DmocError] = ProblemError) -> None:
         """Raise an error if the inputs of all steps together are too many for the method."""
-        if self.most_inputs is not None and inputs > self.most_inputs:
+        if not self.takes(inputs):
             raise error(
                 f"steps = {steps}: method {self.name} works with dense matrices and takes at most "
                 f"{self.most_inputs} inputs in all steps, these are {inputs}; take fewer steps or "

@@ -70,9 +70,11 @@ def request_of(problem: Problem, keywords: Keywords) -> Request:
     rubs = bool(problem.open_hits) or any(problem.touch.courses)
     # On peaks the condensed slsqp often stalls after hundreds of iterations, ipm takes a dozen.
     plain = tolerance is None and not (problem.held or rubs or problem.model.peaks_of)
+    inputs = problem.nu * sum(problem.phase_steps)
+    plain &= METHODS[DEFAULT].takes(inputs)
     method = METHODS[keywords.method or usual(DEFAULT if plain else REFINING, compiled)]
     method.require(problem.kernels.backend)
-    method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
+    method.check_size(problem.steps, inputs)
     limits = Options(
         keywords.optimality,
         keywords.violation,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from itertools import islice
 
 from dmoc.base.deadline import Deadline
-from dmoc.mechanics.contact_mode import STICK
-from dmoc.mechanics.contacts import NOWHERE
+from dmoc.mechanics.contact_mode import STICK, Mode
+from dmoc.mechanics.contacts import NOWHERE, Contacts
 from dmoc.mechanics.sequence_words import touch_along
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
@@ -28,7 +29,7 @@ def naming_turns(
     the sequence that says so.  ``solve`` solves a problem from few starts."""
     if answer.status is not Status.INFEASIBLE:
         return answer
-    for words in islice(_turned(problem, ()), MOST_TRIED):
+    for words in islice(_turned(problem), MOST_TRIED):
         if words == problem.sequence or deadline.passed:
             continue
         other = problem.but(sequence=words)
@@ -42,20 +43,47 @@ def naming_turns(
     return answer
 
 
-def _turned(problem: Problem, words: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """The sequences that begin with some words and in which hits turn or stop what slides, or leave
-    it; those with more turns first."""
-    if len(words) == len(problem.sequence):
-        yield tuple(words)
-        return
-    word, contacts = problem.sequence[len(words)], problem.touch.contacts
-    touch = touch_along(problem.touch.modes[0], [*words, word], contacts)
+@dataclass(frozen=True)
+class _Said:
+    """The first words of a sequence: the last of them with the mode before it, and those before."""
+
+    count: int
+    mode: Mode
+    word: str
+    before: _Said | None
+
+    def words(self) -> tuple[str, ...]:
+        words, said = list[str](), self
+        while said.before is not None:
+            words.append(said.word)
+            said = said.before
+        return tuple(reversed(words))
+
+
+def _turned(problem: Problem) -> Iterator[tuple[str, ...]]:
+    """The sequences in which hits turn or stop what slides, or leave it; those with more turns
+    first."""
+    contacts, waiting = problem.touch.contacts, [_Said(0, problem.touch.modes[0], "", None)]
+    while waiting:
+        said = waiting.pop()
+        if said.count == len(problem.sequence):
+            yield said.words()
+            continue
+        mode = touch_along(said.mode, [said.word] if said.count else [], contacts).modes[-1]
+        word = problem.sequence[said.count]
+        waiting += [
+            _Said(said.count + 1, mode, way, said)
+            for way in (word, *reversed([*_turns(mode, word, contacts)]))
+        ]
+
+
+def _turns(mode: Mode, word: str, contacts: Contacts) -> Iterator[str]:
+    """What an event may be instead of a word in a mode: a hit that turns or stops what slides."""
+    touch = touch_along(mode, [word], contacts)
     event, friction = touch.events[-1], dict(touch.events[-1].friction)
-    if event.hit != NOWHERE and event.course is None:
-        for k, sign in touch.modes[-1].sliding:
-            if k in friction:
-                continue
+    if event.hit == NOWHERE or event.course is not None:
+        return
+    for k, sign in touch.modes[-1].sliding:
+        if k not in friction:
             for state in (-sign, STICK):
-                turn = f"{contacts.tangents[k]}:{FRICTION_WORDS[state]}"
-                yield from _turned(problem, [*words, f"{word} {turn}"])
-    yield from _turned(problem, [*words, word])
+                yield f"{word} {contacts.tangents[k]}:{FRICTION_WORDS[state]}"

@@ -14,6 +14,7 @@ import numpy as np
 from dmoc.base.arguments import check_known, is_number, listed
 from dmoc.base.errors import DmocError, ProblemError
 from dmoc.base.progress import Listener
+from dmoc.base.records import record
 from dmoc.base.signatures import public
 from dmoc.mechanics.model_values import by_name
 from dmoc.problem.problem import Problem
@@ -47,6 +48,21 @@ class Axis:
 
 
 @public(ProblemError, OPTIONS)
+@record(frozen=True, eq=False)
+class Grid(Sequence[Problem | DmocError]):
+    """The problems of a sweep, each stated when it is asked for."""
+
+    problem: Problem
+    axes: Sequence[Axis]
+    rows: Sequence[Sequence[Any]]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, number: Any) -> Any:
+        return _problem(self.problem, self.axes, self.rows[number])
+
+
 def sweep(
     problem: Problem,
     parameters: Mapping[Any, Iterable[float]] | None = None,
@@ -127,8 +143,7 @@ def sweep(
         axis.column: np.array([_number(values[i]) for values in grid])
         for i, axis in enumerate(axes)
     }
-    problems = [_problem(problem, axes, values) for values in grid]
-    return batch_of(problems, columns, keywords)
+    return batch_of(Grid(problem, axes, grid), columns, keywords, problem.kernels.compiled)
 
 
 def _axes(problem: Problem, field: str, values_by_name: Mapping[Any, Iterable[Any]]) -> list[Axis]:

@@ -266,6 +266,26 @@ def test_where_no_worker_can_be_started_that_is_told(
     assert batch.message[0].endswith("take workers=1")
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_sweep_states_a_problem_when_its_turn_comes(
+    block: dmoc.Problem, workers: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not those that are left when the time is used up."""
+    stated = list[Any]()
+
+    def counted(problem: dmoc.Problem, axes: Any, values: Any) -> Any:
+        stated.append(values)
+        return problem.but(parameters={"m": values[0]})
+
+    monkeypatch.setattr("dmoc.solving.sweep._problem", counted)
+    masses = np.linspace(1.0, 2.0, 1000)
+    batch = dmoc.sweep(block, {"m": masses}, seconds=1e-9, workers=workers)
+    assert batch.status == ("not_tried",) * 1000 and not stated
+    assert (batch.varied["m"] == masses).all()
+    dmoc.sweep(block, {"m": masses[:3]})
+    assert [values for (values,) in stated] == [1.0, *masses[1:3]]
+
+
 def test_no_problems_are_an_empty_table() -> None:
     batch = dmoc.solve_many([])
     assert len(batch) == 0 and batch.complete and batch.columns()["cost"] == []

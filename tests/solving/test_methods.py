@@ -8,11 +8,14 @@ from typing import Any
 import block_and_wall
 import pytest
 from answers import answer_of
+from sympy.physics.mechanics import dynamicsymbols
 from systems import landing_problem, landing_system
 
 import dmoc
 from dmoc.base.errors import ProblemError, SearchError
+from dmoc.solving.keywords import Keywords
 from dmoc.solving.methods import FORMS, METHODS, listed
+from dmoc.solving.request import request_of
 
 
 def test_every_method_has_a_driver_and_its_package_is_an_extra() -> None:
@@ -90,3 +93,13 @@ def test_slsqp_solves_contacts_that_last(form: str) -> None:
     assert (solution.status, solution.method) == ("solved", "slsqp")
     assert solution.cost == pytest.approx(wanted.cost, rel=1e-5)
     assert [c.word for c in solution.collisions] == ["+floor:slip+", "floor:stick"]
+
+
+@pytest.mark.parametrize(("steps", "method"), [(2000, "slsqp"), (2001, "ipm")])
+def test_a_default_solve_of_many_steps_is_none_of_dense_matrices(steps: int, method: str) -> None:
+    x, u = dynamicsymbols("x u")
+    sled = dmoc.MechanicalSystem(
+        "sled", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, cost=u**2
+    )
+    problem = dmoc.Problem(sled, {x: 0}, {x: 1, "x_dot": 0}, final_time=1, steps=steps)
+    assert request_of(problem, Keywords()).method.name == method
