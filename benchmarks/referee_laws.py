@@ -74,7 +74,7 @@ def _ends(problem: dmoc.Problem, claim: Claim, replay: Replay) -> Iterator[Viola
             )
     low, high = problem.final_time_bounds
     by = max(low - replay.sizes.time, replay.sizes.time - high)
-    if by > LIMIT * replay.sizes.time:
+    if not by <= LIMIT * replay.sizes.time:
         yield Violation(
             "final time", "t", by, float(claim.t[-1]), f"the final time is off by {by:.3g} s"
         )
@@ -89,7 +89,7 @@ def _ends(problem: dmoc.Problem, claim: Claim, replay: Replay) -> Iterator[Viola
         for r in problem.relations:
             difference = states[1][r.end] - sum(f * states[0][name] for name, f in r.terms)
             by = max(r.low - difference, difference - r.high)
-            if by > 100 * LIMIT * sizes.get(r.end, abs(states[1][r.end]) + abs(difference)):
+            if not by <= 100 * LIMIT * sizes.get(r.end, abs(states[1][r.end]) + abs(difference)):
                 yield Violation(
                     "periodic", r.end, by, float(claim.t[-1]),
                     f"{r.end} at the end is off what periodic says by {by:.3g}",
@@ -169,7 +169,7 @@ def _limits(problem: dmoc.Problem, claim: Claim) -> Iterator[Violation]:
             share = LIMIT
             if kind in ("velocity", "quantity"):
                 size, share = max(size, np.abs(values[:, j]).max()), DEEP
-            if over[k] > share * max(size, 1e-100):
+            if not over[k] <= share * max(size, 1e-100):
                 text = f"{name} exceeds its bounds by {over[k]:.3g} at {times[k]:.5g} s"
                 yield Violation(kind, name, float(over[k]), float(times[k]), text)
     if kernels.manifest["path_constraints"] and claim.v is not None:
@@ -178,7 +178,7 @@ def _limits(problem: dmoc.Problem, claim: Claim) -> Iterator[Violation]:
         terms = problem.model.path_terms(claim.q[at], claim.v[at], u, claim.t[at]).max(axis=0)
         for j, name in enumerate(kernels.manifest["path_constraints"]):
             k = int(r[:, j].argmin())
-            if -r[k, j] > DEEP * max(float(terms[j]), 1e-100):
+            if not -r[k, j] <= DEEP * max(float(terms[j]), 1e-100):
                 text = f"path constraint {name} is exceeded by {-r[k, j]:.3g} at {t[k]:.5g} s"
                 yield Violation("path", name, float(-r[k, j]), float(t[k]), text)
 
@@ -195,7 +195,7 @@ def _surfaces(replay: Replay) -> Iterator[Violation]:
         size = replay.sizes.gaps(slopes)[0]
         for j, name in enumerate(names):
             k = int(values[:, j].argmax())
-            if values[k, j] > DEEP * size[k, j]:
+            if not values[k, j] <= DEEP * size[k, j]:
                 by, t = float(values[k, j]), float(claim.t[k])
                 yield Violation(kind, name, by, t, f"{name} {word} by {by:.3g} at {t:.5g} s")
 
@@ -220,7 +220,7 @@ def _impacts(replay: Replay) -> Iterator[Violation]:
             continue
         off = np.abs(claim.v[k + 1] - law)
         j = int((off / sizes.v).argmax())
-        if off[j] > ENERGY * sizes.v[j]:
+        if not off[j] <= ENERGY * sizes.v[j]:
             name = velocity_name(names[j])
             yield Violation(
                 "impact", f"{t:.5g} s", float(off[j]), t,
@@ -381,6 +381,6 @@ def _energy(replay: Replay) -> Iterator[Violation]:
     masses, size = model.mass(q, t), replay.sizes.v
     k, kinetic = int(rise.argmax()), np.einsum("ki,kij,kj->k", v, masses, v).max() / 2
     rounding = np.finfo(float).eps * np.einsum("i,kij,j->k", size, np.abs(masses), size).max()
-    if rise[k] > ENERGY * max(float(kinetic), float(np.ptp(done)), float(rounding)):
+    if not rise[k] <= ENERGY * max(float(kinetic), float(np.ptp(done)), float(rounding)):
         text = f"energy of {rise[k]:.3g} until {t[k]:.5g} s comes from nothing"
         yield Violation("energy", "energy", float(rise[k]), float(t[k]), text)

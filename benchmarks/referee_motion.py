@@ -17,6 +17,7 @@ from dmoc.codegen.kernels import Array
 OWN = "phase"  # a column that tables of dmoc have
 CLOCK = "numerical_time"  # of a tool whose physical time may stand still
 FORMS = ("held", "linear")
+MOST = 1e100  # a larger number overflows where it is multiplied by itself
 # Share of the final time, and of the numerical time, that passes while the physical time stands.
 SAME_TIME, SLOW = 1e-9, 1e-2
 _UNIT = re.compile(r"(.*?)\s*\[(.*)\]")
@@ -64,7 +65,10 @@ def read_claim(path: Path, problem: dmoc.Problem, form: str | None = None) -> Cl
     lines = _lines(path)
     comments = [line[1:].partition(":") for line in lines if line.startswith("#")]
     forms = [value.strip() for key, _, value in comments if key.strip() == "inputs"]
-    rows = list(csv.reader(line for line in lines if not line.startswith("#")))
+    try:
+        rows = list(csv.reader(line for line in lines if not line.startswith("#")))
+    except csv.Error as error:  # a cell of many thousand characters
+        raise MotionError(f"{path} is no table: {error}; expected numbers.") from None
     table = _columns(path, rows, problem)
     form = form or (forms[0] if forms else None)
     if form is None and OWN in (rows[0] if rows else []) and problem.control_form == "linear":
@@ -129,8 +133,11 @@ def _number(
         value = float(text) if text else np.nan
     except ValueError:
         value = np.inf
-    if not np.isfinite(value) and not (k == last and name in inputs and np.isnan(value)):
-        raise MotionError(f"{path}: {name} in row {k} is {text!r}: expected a finite number.")
+    if not abs(value) <= MOST and not (k == last and name in inputs and np.isnan(value)):
+        raise MotionError(
+            f"{path}: {name} in row {k} is {text[:60]!r}: expected a finite number, at most "
+            f"{MOST:g}, whose squares do not overflow."
+        )
     return value
 
 

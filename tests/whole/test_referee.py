@@ -306,6 +306,10 @@ def test_an_unstable_motion_is_followed_in_windows(judged: Judge) -> None:
         ("t,x,u,u\n0,0,0,0\n1,0,0,0", "stands twice"),
         ("# inputs: cubic\nt,x,u\n0,0,0\n1,0,0", "expected held or linear"),
         ("", "no column 't'"),
+        ("t,x,u\n0,0,0\n1,1e308,0", "x in row 2 is '1e308': expected a finite number, at most 1e"),
+        ("t,x,u\n0,0,0\n1,0,-1e101", "u in row 2 is '-1e101'"),
+        ("t,x,u\n0,0,0\n1,inf,0", "x in row 2 is 'inf'"),
+        ("t,x,u\n0,0,0\n1," + 131_073 * "0" + ",0", "is no table: field larger than field limit"),
     ],
 )
 def test_a_table_that_does_not_fit_is_refused_in_a_sentence(
