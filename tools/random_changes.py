@@ -66,6 +66,8 @@ FACTORS = {"*": "/", "/": "*"}
 TURNED = {"<": ">", ">": "<", "<=": ">=", ">=": "<=", "==": "!=", "!=": "=="}
 EDGES = {"<": "<=", "<=": "<", ">": ">=", ">=": ">"}
 OTHER_CONNECTIVE = {"and": "or", "or": "and", "&&": "||", "||": "&&"}
+# Functions whose arguments may come in any order.
+COMMUTING = {"min", "max", "minimum", "maximum", "fmin", "fmax", "hypot", "isdisjoint"}
 # Functions whose results are the other end of a range, and fields that are.
 ENDS = "min max|any all|minimum maximum|fmin fmax|argmin argmax|nanmin nanmax|ceil floor|sin cos"
 FIELDS = "first last|start stop|lower upper|low high|before after|begins ends|u0 u1"
@@ -172,7 +174,7 @@ class Source:
         """Of a call: its first two arguments exchanged."""
         if i + 1 >= len(self.tokens) or self.tokens[i + 1].word != "(":
             return
-        if self.tokens[i].word in KEYWORDS or self._ends_operand(i - 1):
+        if self.tokens[i].word in KEYWORDS | COMMUTING or self._ends_operand(i - 1):
             return
         parts, begin, depth = list[tuple[int, int]](), i + 2, 0
         for k in range(i + 2, len(self.tokens)):

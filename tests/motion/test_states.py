@@ -20,6 +20,7 @@ from dmoc.base.discretisation import ORDERS
 from dmoc.base.errors import MissingExtraError, MotionError
 from dmoc.models.registry import find
 from dmoc.motion.motion_tables import columns
+from dmoc.motion.scene import resampled
 from dmoc.motion.states import Names, state_at
 
 G = 9.81
@@ -223,3 +224,23 @@ def test_states_of_a_file_are_those_of_the_solution(tmp_path: Path) -> None:
     for name, value in solution.at(0.3).items():
         assert again.at(0.3)[name] == value, name
     assert len(again.phases[0].q_inside) == 12
+
+
+def test_a_phase_is_drawn_along_cubics_at_equal_parts_of_its_steps() -> None:
+    """x = t^3 and y = 1 - t at the uneven nodes 0, 1/2, 2: cubics meet them in between."""
+    nodes = np.array([0.0, 0.5, 2.0])
+
+    def at(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.stack([t**3, 1 - t], axis=1), np.stack([3 * t**2, -np.ones_like(t)], axis=1)
+
+    times, places = resampled(nodes, *at(nodes))
+    np.testing.assert_allclose(
+        times, np.append(np.linspace(0, 0.5, 31), np.linspace(0.5, 2, 31)[1:])
+    )
+    np.testing.assert_allclose(places, at(times)[0], atol=1e-12)
+    one = resampled(nodes[:1], *at(nodes[:1]))
+    np.testing.assert_array_equal(one[0], nodes[:1])
+    many = np.linspace(0, 1, 5001)
+    times, places = resampled(many, *at(many))
+    assert len(times) == 3001 and (times[0], times[-1]) == (0.0, 1.0)
+    np.testing.assert_allclose(places[:, 0], times**3)

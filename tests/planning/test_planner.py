@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ import dmoc
 from dmoc.base.errors import MotionError, ProblemError
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.planning.measured_state import consistent
-from dmoc.planning.rest import planned
 from dmoc.solvers.outcome import Status
 
 X, U = dynamicsymbols("x u")
@@ -278,30 +276,6 @@ def test_chosen_parameters_stay_and_what_is_periodic_ends_where_it_was_to() -> N
     plan = planner.replan(0.2, (there.q, there.v))
     assert plan.new and plan.trajectory.parameters["w"] == w0
     assert plan.trajectory.phases[-1].q[-1, 0] == pytest.approx(0.5)
-
-
-@pytest.mark.parametrize("name", ["x", "x_dot"])
-@pytest.mark.parametrize(
-    ("difference", "goal"),
-    [
-        ((0.1, 0.4), (0.6, 0.9)),
-        (0.25, 0.75),
-        ((None, 0.4), (None, 0.9)),
-        ((0.1, None), (0.6, None)),
-    ],
-)
-def test_what_is_periodic_ends_by_its_difference_from_the_start(
-    name: str, difference: Any, goal: Any
-) -> None:
-    system = unit_mass("planned_stride", cost=U**2 / 2)
-    start = {"x": 0.5, "x_dot": 0.5}
-    problem = dmoc.Problem(
-        system, start, {}, steps=4, final_time=1.0, periodic={name: (name, difference)}
-    )
-    solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
-    at = planned(problem, solution, 0.0).goal[name]
-    expected = goal if isinstance(goal, float) else [np.nan if g is None else g for g in goal]
-    assert np.array(at, dtype=float) == pytest.approx(expected, nan_ok=True)
 
 
 def test_what_no_input_reaches_may_be_missed_by_a_tolerance() -> None:

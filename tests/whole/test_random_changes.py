@@ -61,6 +61,7 @@ def test_a_kind_changes_a_line_in_its_ways(line: str, kind: str, changed: set[st
         "static double f(double *a, int b)",
         "double *x, **y;",
         "x = f(*a, **b)",
+        "x = hypot(a, b)",
         "x = f(a, key=b)",
         "x = [0, 1]",
         "first = first_of(last)",

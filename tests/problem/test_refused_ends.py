@@ -1,0 +1,76 @@
+"""Ends of which nothing could come are refused, and no others: what is fixed of them counts."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.base.errors import ProblemError
+from dmoc.codegen.kernels import Kernels
+from dmoc.problem.totals import total_bounds_of, total_limits_of
+
+X, Y, Z = dynamicsymbols("x y z")
+
+
+@pytest.fixture(scope="module")
+def corner() -> Kernels:
+    """A mass before x - y <= 1 and z <= 1, of which the first has two coordinates."""
+    kinetic = sum(c.diff() ** 2 for c in (X, Y, Z)) / 2
+    walls = {"lean": X - Y <= 1, "roof": Z <= 1}
+    return dmoc.build(dmoc.MechanicalSystem("corner", [X, Y, Z], kinetic, {}, surfaces=walls))
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+@pytest.mark.parametrize(
+    ("state", "behind"),
+    [
+        ({"x": 5.0, "y": 0.0, "z": 0.0}, "lean"),
+        ({"x": 5.0, "y": (0.0, 9.0), "z": 0.0}, ""),  # y may be 4 or more
+        ({"x": (0.0, 5.0), "y": 0.0, "z": 0.0}, ""),
+        ({"x": 0.0, "y": 0.0, "z": 1.1}, "roof"),
+        ({"x": (0.0, 5.0), "y": (0.0, 9.0), "z": 1.1}, "roof"),
+        ({"x": 0.0, "y": 0.0, "z": (1.0, 1.1)}, ""),
+        ({"x": 1.0, "y": 0.0, "z": 1.0}, ""),
+    ],
+)
+def test_an_end_lies_behind_a_surface_whose_coordinates_are_fixed(
+    corner: Kernels, end: str, state: dict[str, Any], behind: str
+) -> None:
+    ends: dict[str, Any] = {"start": {"x": 0.0, "y": 0.0, "z": 0.0}, "goal": {}} | {end: state}
+    if behind:
+        with pytest.raises(ProblemError, match=f"the {end} .* lies behind surface '{behind}'"):
+            dmoc.Problem(corner, **ends, steps=4, final_time=1.0)
+    else:
+        dmoc.Problem(corner, **ends, steps=4, final_time=1.0)
+
+
+@pytest.mark.parametrize(
+    ("sense", "bounds", "fits"),
+    [
+        (1, (None, 2.0), True), (1, (0.0, None), False), (1, (0.0, 2.0), False), (1, None, True),
+        (-1, (0.0, None), True), (-1, (None, 2.0), False), (-1, (0.0, 2.0), False),
+        (0, (0.0, 2.0), True),
+    ],
+)  # fmt: skip
+def test_an_integral_with_kinks_has_bounds_on_the_side_that_holds_it(
+    sense: int, bounds: Any, fits: bool
+) -> None:
+    problem: Any = SimpleNamespace(
+        kernels=SimpleNamespace(manifest={"senses": {"work": sense}}),
+        model=SimpleNamespace(totals_of=["way", "work"]), goal={"way": 1.0, "work": bounds},
+    )  # fmt: skip
+    if not fits:
+        with pytest.raises(ProblemError, match="its integrand has kinks"):
+            total_bounds_of(problem)
+        return
+    low, high = (np.nan if b is None else b for b in bounds or (None, None))
+    expected = [-np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high]
+    problem.total_bounds = total_bounds_of(problem)
+    np.testing.assert_array_equal(problem.total_bounds, [[1.0, 1.0], expected])
+    held = {"way": (1.0, 1.0)} | ({} if bounds is None else {"work": tuple(expected)})
+    assert total_limits_of(problem) == held
