@@ -48,10 +48,11 @@ typedef struct {
     const dmoc_entry *momentum, *surface, *gap_rate, *joint, *joint_rate, *tangent;
     int nq, nc, nj, nt, parameters;
     const int *chosen; /* [parameters] the unknowns that they are, or -1 */
-    const double *gap, *rate, *joint_size, *joint_rate_size, *tangent_size;
+    const double *gap, *rate, *joint_size, *joint_rate_size, *tangent_size, *slide_size;
     const double *reach; /* [nq] how far coordinates may move */
     const int *held; /* [phases*nc] 0 for what holds nothing back, 1 open, 2 closed */
     const int *stuck; /* [phases*nt] whether a tangent sticks */
+    const int *slides; /* [phases*nt] the direction in which it slides, 0 for none */
     int q, t;        /* the first unknowns of these tables; t is -1 for none */
 } dmoc_places;
 

@@ -3,7 +3,8 @@
 #include "dmoc_planner.h"
 
 /* As dmoc.planning has them. */
-static const double FEASIBLE = 1e-4, EARLY = 0.25, NEAR = 2e-3, LATE = 0.5, BEYOND = 0.05;
+static const double FEASIBLE = 1e-4, EARLY = 0.25, NEAR = 2e-3, LATE = 0.5, BEYOND = 0.05,
+                    AGAINST = 0.25;
 enum { PLAN_ITERATIONS = 60 };
 
 struct dmoc_planner {
@@ -281,6 +282,25 @@ static int is_behind(const dmoc_planner *p)
     return 0;
 }
 
+/* Whether the state slides against the direction of its phase, faster than what is measured wrong
+ * beside how fast the coordinates move. */
+static int is_against(const dmoc_planner *p)
+{
+    const dmoc_places *places = &p->solver->c->places;
+    const dmoc_entry *rate = p->solver->c->motion.functions[DMOC_TANGENTIAL].rates;
+    const double time = 0;
+    double *rates = p->solver->work, *parameters = rates + places->nt;
+    const double *moving[DMOC_MOST] = {p->state, p->state + places->nq, &time, parameters};
+    if (!rate)
+        return 0;
+    carried_parameters(p->solver, parameters);
+    carried_call(rate, moving, rates, NULL);
+    for (int k = 0; k < places->nt; ++k)
+        if (places->slides[k]*rates[k] < -AGAINST*places->slide_size[k])
+            return 1;
+    return 0;
+}
+
 static int planned(dmoc_planner *p, double time, const dmoc_limits *limits)
 {
     const int n = p->solver->c->places.nq, surface_after = p->phase < p->rests->phases - 1;
@@ -294,6 +314,8 @@ static int planned(dmoc_planner *p, double time, const dmoc_limits *limits)
     put_within(p);
     if (is_behind(p))
         return DMOC_BEHIND;
+    if (is_against(p))
+        return DMOC_AGAINST;
     carried_keep(p->solver, p->state, p->state + n);
     if (surface >= 0) {
         double gap, rate;
@@ -370,6 +392,8 @@ const char *dmoc_planner_sentence(int status)
 {
     return status == DMOC_BEHIND
                ? "the state lies far behind a surface: check what is measured"
+           : status == DMOC_AGAINST
+               ? "the state slides against the direction of its phase: check what is measured"
            : status == DMOC_NEARLY ? "the next event is sooner than a phase may last"
            : status == DMOC_NO_REST ? "the motion is over, or nothing is left of its bounds"
                                     : dmoc_solver_sentence(status);

@@ -39,7 +39,8 @@ typedef struct dmoc_planner dmoc_planner;
  * what its bounds leave of it, is over. */
 enum {
     DMOC_BEHIND = DMOC_NO_REST + 1, /* the state lies far behind a surface that is open */
-    DMOC_NEARLY /* the next event is sooner than a phase may last */
+    DMOC_NEARLY, /* the next event is sooner than a phase may last */
+    DMOC_AGAINST /* the state slides against the direction of its phase */
 };
 
 /* Bytes of memory that a planner takes. */

@@ -27,6 +27,7 @@ from dmoc.export.numbers import (
     passes_of,
 )
 from dmoc.mechanics.contact_mode import Mode
+from dmoc.problem.reach import rate_sizes
 from dmoc.program.arrays import ElementData, PassData, ProgramData, strided
 from dmoc.program.blocks import NOWHERE, Block, Index
 from dmoc.program.transcription import Transcription
@@ -232,12 +233,14 @@ def _places(c: Constants, carried: CarriedProgram, entries: Mapping[str, str]) -
     tangent, joint = (
         np.abs(slopes(q))[:, :-1] @ scale.q for slopes in (model.tangent_slopes, model.joint_slopes)
     )
-    sizes = scale.gap, scale.rate, joint, scale.joint_rate, tangent, carried.reach
+    slide = rate_sizes(problem, model.tangent_slopes(q), np.zeros(lay.nq))
+    sizes = scale.gap, scale.rate, joint, scale.joint_rate, tangent, slide, carried.reach
     held = np.array([_held(nlp, mode) for mode in lay.touch.modes])
     return initial(
         *called, lay.nq, model.nc, model.nj, model.nt, len(chosen), c.array("int", chosen),
         *(c.array("double", np.asarray(s, dtype=float)) for s in sizes), c.array("int", held),
-        c.array("int", lay.touch.sticks * 1), int(lay.index_q[0, 0]),
+        c.array("int", lay.touch.sticks * 1), c.array("int", lay.touch.signs.astype(np.intp)),
+        int(lay.index_q[0, 0]),
         int(lay.index_t[0]) if lay.timed else -1,
     )  # fmt: skip
 

@@ -16,8 +16,9 @@ from dmoc.mechanics.algebra import solved_transpose
 from dmoc.mechanics.contact_mode import STICK, Mode
 from dmoc.mechanics.model_values import by_name
 from dmoc.mechanics.projection import REDUNDANT, onto
-from dmoc.motion.trajectory import Collision
+from dmoc.motion.trajectory import FRICTION_WORDS, Collision
 from dmoc.problem.problem import Problem
+from dmoc.problem.reach import rate_sizes
 
 # Where a surface that is open is measured to be entered, a state is put so far in front of it, as a
 # share of how far the coordinates move: at it a motion could not move into it any more.
@@ -31,6 +32,10 @@ EARLY = 0.25
 # A state that is further beyond an open surface, as a share of how far the coordinates move, is no
 # state of the model.
 BEYOND = 0.05
+
+# A sliding velocity against its word by more than this share of what makes the reach of the
+# coordinates in the time of a problem is no error of a measurement.
+AGAINST = 0.25
 
 MeasuredState = tuple[Array, Array]
 
@@ -93,6 +98,7 @@ def consistent(problem: Problem, mode: Mode, state: MeasuredState) -> MeasuredSt
         gaps, sizes = model.gaps(q), np.abs(model.gap_slopes(q)[:, :-1]) @ problem.reach
         entered = [j for j in seen if j not in on and gaps[j] > -IN_FRONT * sizes[j]]
         if not entered:
+            _check_sliding(problem, mode, q, v)
             return q, _along(problem, mode, q, v)
         _check_near(problem, entered, gaps, sizes)
         on, aside = on + entered, np.append(aside, IN_FRONT * sizes[entered])
@@ -105,6 +111,21 @@ def _check_near(problem: Problem, entered: list[int], gaps: Array, sizes: Array)
             raise ProblemError(
                 f"the state lies {gaps[j]:.3g} behind surface {problem.kernels.surfaces[j]!r}: "
                 "nothing can be planned from there; check what is measured."
+            )
+
+
+def _check_sliding(problem: Problem, mode: Mode, q: Array, v: Array) -> None:
+    """Refuse a state that slides against the word of its phase by more than what was measured
+    wrong."""
+    slopes, still = problem.model.tangent_slopes(q), np.zeros(problem.nq)
+    rates, sizes = problem.model.slide_rates(q, v), rate_sizes(problem, slopes, still)
+    for k, sign in mode.sliding:
+        if sign * rates[k] < -AGAINST * sizes[k]:
+            name = problem.kernels.tangents[k]
+            raise ProblemError(
+                f"the state slides with {rates[k]:.3g} per second, against its contact "
+                f"'{name}:{FRICTION_WORDS[sign]}': nothing can be planned from there; check what "
+                "is measured, or say the phase."
             )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from dmoc.base.errors import ProblemError
 from dmoc.base.tolerances import KEPT, ROUNDING, SAME
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import is_positive
+from dmoc.mechanics.algebra import is_positive, solved
 from dmoc.mechanics.coefficients import check_coefficients
 from dmoc.mechanics.contact_mode import STICK
 from dmoc.mechanics.contacts import RAIL
@@ -292,12 +292,31 @@ def _check_start_in_contact(problem: Problem) -> None:
         rate, slope = float(model.slide_rates(q, v)[k]), model.tangent_slopes(q)[k]
         if sign == STICK:
             _check_rate(name, "slides", rate, _kept(problem, slope, q, v))
+        elif abs(rate) <= _kept(problem, slope, q, v):
+            _check_breaking(problem, q, k, sign)
         if sign * rate < -_kept(problem, slope, q, v):
             word, other = f"{FRICTION_WORDS[sign]}", f"{FRICTION_WORDS[-sign]}"
             raise ProblemError(
                 f"contact '{name}:{word}' begins with a sliding velocity of {rate:g} per second, "
                 f"against its direction: say '{name}:{other}', or give another velocity."
             )
+
+
+def _check_breaking(problem: Problem, q: Array, k: int, sign: int) -> None:
+    """Refuse a start at rest that slides without having broken away from its static friction; what
+    was measured may have just done so, and what constraints move does not stick at all."""
+    there, name = problem.model.with_friction_at(q[None]), problem.kernels.tangents[k]
+    static, kinetic = (np.ravel(mu[..., k])[0] for mu in (there.static_friction, there.friction))
+    along = problem.model.tangent_slopes(q)[k, :-1]
+    alone = float(along @ solved(problem.model.mass(q), along))
+    sticks = float(along @ problem.model.responses(q, along)) > KEPT * alone
+    if static > kinetic and sticks and not problem.measured:
+        word = f"{name}:{FRICTION_WORDS[sign]}"
+        raise ProblemError(
+            f"contact {word!r} begins at rest, where its static friction of {static:g} is above "
+            f"the kinetic one of {kinetic:g} and has to give way first: let it stick at the start, "
+            f"and begin the sequence with {word!r}."
+        )
 
 
 def _what(problem: Problem, mode: Mode) -> str:

@@ -19,7 +19,8 @@ from dmoc.solvers.outcome import Status
 pytestmark = pytest.mark.slow
 
 X, U = dynamicsymbols("x u")
-SOLVED, INFEASIBLE, ITERATIONS, TIME, BAD, NO_REST, BEHIND, NEARLY = 0, 1, 2, 3, 7, 10, 11, 12
+SOLVED, INFEASIBLE, ITERATIONS, TIME, BAD = 0, 1, 2, 3, 7
+NO_REST, BEHIND, NEARLY, AGAINST = 10, 11, 12, 13
 
 MAIN = r"""
 #include "NAME.h"
@@ -251,6 +252,10 @@ def test_what_stays_closed(order: int, tmp_path: Path) -> None:
     plans = planned(folder_of(planner, tmp_path / "slid"), tmp_path / "slid", steps)
     are_those_of_python(planner, steps, plans)
     assert plans[-1].end == pytest.approx(2.7)
+    back = [Step(0.5, (0.2, 0.0, -2.0, 0.0)), *steps[1:]]
+    plans = planned(folder_of(planner, tmp_path / "back"), tmp_path / "back", back)
+    assert [plan.status for plan in plans] == [AGAINST, SOLVED]
+    assert not planner.begin().replan(0.5, {"x": 0.2, "y": 0, "x_dot": -2}).new
 
 
 def test_what_sticks_does_not_move(tmp_path: Path) -> None:

@@ -257,6 +257,9 @@ def test_a_landing_and_what_stays_closed(order: int) -> None:
     expected = 1.5 / 2 - 0.8 + least(0.2, 0.8, 1.0, 1.5)
     assert plan.cost == pytest.approx(expected, rel=2e-3 if order == 2 else 1e-6)
     assert abs(plan.trajectory.phases[0].q[:, 1]).max() < 1e-9
+    back = planner.replan(0.6, {"x": 0.2, "y": 0, "x_dot": -2})
+    assert not back.new and "against its contact 'floor:slip+'" in back.message
+    assert planner.replan(0.7, {"x": 0.2, "y": 0, "x_dot": -1e-2}).new  # that was an error
 
 
 def test_chosen_parameters_stay_and_what_is_periodic_ends_where_it_was_to() -> None:

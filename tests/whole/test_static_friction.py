@@ -53,7 +53,7 @@ def test_the_moment_at_which_it_breaks_away_is_found(
 
 def test_a_push_begins_with_the_static_force_and_goes_on_with_the_kinetic_one() -> None:
     """1 m in 4 s against 1 N: 2/3 sqrt(6 d f^3) for the slide as without static friction, but for a
-    moment in which the force passes it; a slide that begins below it is refused."""
+    moment in which the force passes it."""
     system = dmoc.MechanicalSystem(
         "pushed", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, tangents={"rail": x},
         friction={"rail": (sp.S(5) / 2, 1)}, cost=u**2 / 2,
@@ -67,10 +67,20 @@ def test_a_push_begins_with_the_static_force_and_goes_on_with_the_kinetic_one() 
     assert [before.u[-1, 0], slide.u[0, 0]] == pytest.approx([2.5, 2.5])
     least = 2 / 3 * np.sqrt(6)
     assert least < solution.cost < 1.02 * least
-    slow = dmoc.Problem(
-        kernels, contacts=["rail:slip+"], steps=20, **stated | {"final_time": (None, 2.4)}
-    )
-    assert "begins to slide at 0 s, where friction" in dmoc.solve(slow, starts=1).message
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_start_at_rest_says_that_it_breaks_away(side: int) -> None:
+    """Also where it varies; with a velocity, or without a larger static one, it slides."""
+    word = "floor:slip+" if side > 0 else "floor:slip-"
+    stated: dict[str, Any] = {"start": {x: 0, y: 0}, "contacts": [word], "final_time": 1}
+    for pair in ((0.6, 0.3), (0.6 + x**2, 0.3), (0.6, 0.3 + x / 10)):
+        kernels = dmoc.build(block(pair), order=4)
+        with pytest.raises(ProblemError, match=r"0.6 is above the kinetic one of 0.3"):
+            dmoc.Problem(kernels, **stated)
+        moving = dmoc.Problem(kernels, **stated | {"start": {x: 0, y: 0, "x_dot": side}})
+        assert moving.words == ()
+    assert dmoc.Problem(dmoc.build(block((0.3, 0.3)), order=4), **stated).words == ()
 
 
 @pytest.mark.parametrize("steps", [10, 40])
