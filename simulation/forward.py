@@ -112,7 +112,7 @@ def simulate(
     check_coefficients(model, SimulationError)
     run = _SimulationTask(model, u, h, every, control)
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
-        _check_start(model, q, v)
+        _check_start(model, q, v, u[0])
         if control or model.has_friction.any() or model.tangential or model.nj:
             states = run.recorded(q, model.momentum(q, v))
             journal = _through_contacts(run, e, q, v, 0, states)
@@ -272,8 +272,15 @@ def _through_contacts(
     return journal
 
 
-def _check_start(model: Model, q: Array, v: Array) -> None:
-    """Refuse a position behind a surface, and a state that its joints do not allow."""
+def _check_start(model: Model, q: Array, v: Array, u: Array) -> None:
+    """Refuse a position behind a surface, a state that its joints do not allow, and one without
+    forces."""
+    if not np.isfinite(model.equations(q, v, u)[1]).all():
+        raise SimulationError(
+            "the forces at the start are not numbers: something divides by 0 there, or takes a "
+            "root or a logarithm of what has none; start elsewhere, or state forces that have a "
+            "value there."
+        )
     gaps = model.gaps(q)
     for name, gap, near in zip(model.kernels.surfaces, gaps, model.gap_rounding(q), strict=True):
         if gap > max(near, LEFT_OF_ZERO):

@@ -22,6 +22,7 @@ from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.expressions import approach_speed, atoms_of, coefficients_of, sliding_speed
 from dmoc.symbolic.graph import Graph, GraphNode, gradient
 from dmoc.symbolic.kinks import split
+from dmoc.symbolic.rest import has_roots, powers_at_rest, with_limits
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -88,9 +89,11 @@ class Continuous:
         table = _table(system, q, v, u, t, par, x, x_dot)
         table |= dict(zip(forces_of(system), y[len(q) :], strict=False))
         forces, R = system.force_vector, sp.S.Zero
-        if atoms_of(system.dissipation) & symbols_of(system.definitions):
+        # Nodes have derivatives where those of SymPy are 0/0 or complex.
+        damping = system.dissipation
+        if atoms_of(damping) & symbols_of(system.definitions) or has_roots(damping):
             forces = tuple(system.forces.get(s, sp.S.Zero) for s in system.coordinates)
-            R = system.dissipation
+            R = damping
 
         def rewrite(expression: Any) -> Any:
             # All at once, from the outside: a velocity contains its coordinate, that the time, and
@@ -171,7 +174,12 @@ class Continuous:
         for x, x_dot, value in zip(self.x, self.x_dot, self.x_of, strict=True):
             (table[x],) = plain_nodes(graph, [value], table)
             table[x_dot] = rate_of(table[x], rates)
-        return to_nodes(graph, functions, table)
+        powers = dict[Any, Any]()
+        for power in powers_at_rest(functions, (*self.v, *self.x_dot), self.u):
+            (base,) = plain_nodes(graph, [power.base.xreplace(powers)], table)
+            powers[power] = sp.Dummy()
+            table[powers[power]] = with_limits(base, float(power.exp))
+        return to_nodes(graph, [e.xreplace(powers) for e in functions], table)
 
     def to_nodes(self, graph: Graph) -> Continuous:
         """The same functions as nodes of a graph, whose symbols have the same names."""

@@ -82,7 +82,7 @@ class Split:
 def split(system: MechanicalSystem) -> Split:
     """Split the cost, integrals and path constraints of a system; raise ModelError for what cannot
     be split."""
-    real, back = _real(system)
+    real, back = real_symbols(system)
     signs: dict[Any, int] = {}
     of_cost = _Lifted(COST, "the cost", signs, 0)
     terms = [(e, e.xreplace(real)) for e in sp.Add.make_args(system.cost)]
@@ -226,7 +226,7 @@ def _sign_of(factor: Any, kink: Any, where: str, signs: dict[Any, int]) -> int:
             signs |= _needed(sign * factor)
             return sign
     raise ModelError(
-        f"{where} multiplies {_shown(kink)} by {_shown(factor)}, whose sign is not known: make its "
+        f"{where} multiplies {plain(kink)} by {plain(factor)}, whose sign is not known: make its "
         "parameters as Symbol(..., positive=True), or " + SMOOTH + "."
     )
 
@@ -264,18 +264,18 @@ def _refused(e: Any, where: str) -> ModelError:
         )
     else:
         why = "where it cannot be split: abs and Max must be limited from above, Min from below"
-    return ModelError(f"{where} contains {_shown(kink)}, {why}; {SMOOTH}.")
+    return ModelError(f"{where} contains {plain(kink)}, {why}; {SMOOTH}.")
 
 
 def _has_kinks(e: Any) -> bool:
     return bool(e.has(*KINKS))
 
 
-def _shown(e: Any) -> str:
+def plain(e: Any) -> str:
     return str(e.xreplace({s: sp.Symbol(s.name) for s in e.atoms(sp.Dummy)}))
 
 
-def _real(system: MechanicalSystem) -> tuple[dict[Any, Any], dict[Any, Any]]:
+def real_symbols(system: MechanicalSystem) -> tuple[dict[Any, Any], dict[Any, Any]]:
     """All symbols as real ones, of which SymPy knows that abs(a)**2 = a**2, and back."""
     places = (*system.coordinates, *system.definitions)
     symbols = (*places, *system.inputs, dynamicsymbols._t)

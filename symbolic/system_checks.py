@@ -29,8 +29,9 @@ from dmoc.symbolic.expressions import (
     unknown_symbol,
 )
 from dmoc.symbolic.graph import Graph, GraphNode, reverse
-from dmoc.symbolic.kinks import check_smooth, split
+from dmoc.symbolic.kinks import check_smooth, real_symbols, split
 from dmoc.symbolic.objectives import check_objective
+from dmoc.symbolic.rest import check_damping
 from dmoc.symbolic.restitution import check_restitution, check_tangential_restitution
 from dmoc.symbolic.traversal import evaluated
 
@@ -276,6 +277,8 @@ def _check_kinks(system: MechanicalSystem) -> None:
     """Refuse functions that jump, and kinks that cannot be split into smooth functions."""
     check_smooth(system.lagrangian, "the Lagrangian")
     check_smooth(system.dissipation, "the dissipation")
+    real, _ = real_symbols(system)
+    check_damping(system.dissipation.xreplace(real), [real[v] for v in system.velocities])
     check_smooth(system.terminal_cost, "the terminal cost", kinks=True)
     for name, place in system.constraints.items():
         check_smooth(place, f"constraint {name!r}", kinks=True)

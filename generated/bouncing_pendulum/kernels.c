@@ -447,4 +447,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "f9edfdacfdac1245df22a0faac3bb1c032eb5a9cfca4eec77755205c4f6837b4", 37, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "1957bd4092d0a68be3c2d49057159325509b6e69eadba84f9844045300b99aa7", 37, entries};

@@ -670,4 +670,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "396a0f29c2813785c54e1485b63dfd22fa6d0122af5bc3316673d71717e12408", 37, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "3e2a86aa206da49ddbb532b43a512aba23b8137cee246fef4c4864c02f66a383", 37, entries};

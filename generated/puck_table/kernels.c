@@ -567,4 +567,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "aa7846fc93d8adad2c24d98a664acf6c383cc590b7896dee1739c81c267c2b34", 37, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "007dc1ccfc8207d2397402493c37984badc4d5ef92c9e3d16d9fa0fd30a120e1", 37, entries};
