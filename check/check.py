@@ -28,7 +28,7 @@ from dmoc.check.checked_motion import Motion
 from dmoc.check.consistency import plan_errors
 from dmoc.check.contact_forces import force_errors
 from dmoc.check.events import event_errors
-from dmoc.check.findings import Findings
+from dmoc.check.findings import Findings, together
 from dmoc.check.planned_run import planned_run
 from dmoc.check.runs import open_run
 from dmoc.check.segments import segments, step_errors
@@ -46,8 +46,9 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
     A motion passes if every step and every tenth of a phase is right to 1 % of the motion's ranges,
     the end of every phase that is followed from its first node to 3 %, the energy to 2 %, time and
     positions go on at its events, where momenta change by the impulses alone and obey the law of
-    impact, it keeps its limits and surfaces between nodes, the simulation meets the planned
-    collisions and no others, and the end of an open-loop run is right to 25 %.  The last does not
+    impact, it keeps its limits and surfaces at nodes and between them, its cost, integrals and
+    peaks are right to 2 % along its own path, the simulation meets the planned collisions and no
+    others, and the end of an open-loop run is right to 25 %.  The last does not
     count for an unstable motion, whose amplification explains the end; its segments
     must be right to 0.5 %.
 
@@ -110,9 +111,7 @@ def _judged(motion: Motion) -> Verification:
     (forces, sizes), events = force_errors(motion), event_errors(motion, steps.work)
     run = planned_run(motion, parts, sizes) if motion.has_modes else open_run(motion)
     flowed = carried(motion, parts)
-    looks = (plan, steps.findings, forces, events)
-    errors = {name: error for look in looks for name, error in look.measured.items()}
-    errors |= {"segment error": float(parts.error.max())}
-    errors |= {"phase error": flowed.phase_error}
-    sentences = [s for look in (plan, forces, events, run) for s in look.contradictions]
-    return judged(motion, Findings(errors, tuple(sentences)), steps.path, parts, flowed, run)
+    of_segments = {"segment error": float(parts.error.max()), "phase error": flowed.phase_error}
+    beside = Findings(of_segments, tuple(run.contradictions))
+    found = together(plan, steps.findings, forces, events, beside)
+    return judged(motion, found, steps.path, parts, flowed, run)

@@ -29,7 +29,7 @@ SMOOTH = 1e-5
 ON_TIME = 0.01
 # What a contact may still push with where it leaves, as a share of its largest force.
 PRESSED = 0.05
-FORCE = "error of a contact force"
+FORCE, REACTION = "error of a contact force", "error of a constraint force"
 
 
 def forces(motion: Motion, i: int) -> Reaction:
@@ -58,12 +58,14 @@ def force_errors(motion: Motion) -> tuple[Findings, tuple[Array, Array, Array]]:
     joint: what is found, and these, of contacts (nc,), friction (nt,) and joints (nj,)."""
     model = motion.model
     if not (motion.has_modes or model.nj):
-        return Findings({FORCE: 0.0}), (np.zeros(model.nc), np.zeros(model.nt), np.zeros(0))
+        none = np.zeros(model.nc), np.zeros(model.nt), np.zeros(0)
+        return Findings({FORCE: 0.0, REACTION: 0.0}), none
     flows = [forces(motion, i) for i in range(motion.stepped)]
     normal, tangential, joint = _sizes(motion, flows)
-    worst, sentences = 0.0, left_out(motion)
+    worst, sentences = {FORCE: 0.0, REACTION: 0.0}, left_out(motion)
     for i, (mode, flow) in enumerate(zip(motion.modes, flows, strict=False)):
-        worst = max(worst, _difference(motion, i, flow, (normal, tangential, joint)))
+        for name, error in _differences(motion, i, flow, (normal, tangential, joint)):
+            worst[name] = max(worst[name], error)
         if mode == FREE:
             continue
         sentences += _off(motion, i)
@@ -78,7 +80,7 @@ def force_errors(motion: Motion) -> tuple[Findings, tuple[Array, Array, Array]]:
         sentences += _pressed(motion, i, normal)
     for i in range(motion.stepped):
         sentences += _gripped(motion, i, tangential)
-    return Findings({FORCE: worst}, tuple(sentences)), (normal, tangential, joint)
+    return Findings(worst, tuple(sentences)), (normal, tangential, joint)
 
 
 def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
@@ -176,22 +178,22 @@ def _sizes(motion: Motion, flows: list[Reaction]) -> tuple[Array, Array, Array]:
     return (*(np.maximum(size, NOTHING) for size in (normal, friction, joint)),)
 
 
-def _difference(motion: Motion, i: int, flow: Reaction, sizes: tuple[Array, ...]) -> float:
-    """Largest error of the planned forces of a phase, relative to the sizes; between two steps
-    whose inputs differ every force between theirs is right."""
+def _differences(
+    motion: Motion, i: int, flow: Reaction, sizes: tuple[Array, ...]
+) -> Iterator[tuple[str, float]]:
+    """Errors of the planned forces of a phase, relative to the sizes, by what they are; between two
+    steps whose inputs differ every force between theirs is right."""
     phase, kernels, at = motion.trajectory.phases[i], motion.model.kernels, motion.places[i]
-    worst = 0.0
-    for planned, names, numbers, by_law, size in (
-        (at.normal, phase.closed, kernels.surfaces, flow.normal, sizes[0]),
-        (at.tangential, tuple(phase.rubbing), kernels.tangents, flow.tangential, sizes[1]),
-        (at.reaction, phase.joints, kernels.joints, flow.joint, sizes[2]),
+    for what, planned, names, numbers, by_law, size in (
+        (FORCE, at.normal, phase.closed, kernels.surfaces, flow.normal, sizes[0]),
+        (FORCE, at.tangential, tuple(phase.rubbing), kernels.tangents, flow.tangential, sizes[1]),
+        (REACTION, at.reaction, phase.joints, kernels.joints, flow.joint, sizes[2]),
     ):
         for column, name in enumerate(names):
             j = numbers.index(name)
             low, high = by_law[..., j].min(axis=0), by_law[..., j].max(axis=0)
             off = np.maximum(low - planned[:, column], planned[:, column] - high)
-            worst = max(worst, largest(off / size[j]))
-    return worst
+            yield what, largest(off / size[j])
 
 
 def _off(motion: Motion, i: int) -> Iterator[str]:

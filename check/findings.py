@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,11 +14,21 @@ from dmoc.codegen.kernels import Array
 
 @record(frozen=True, eq=False)
 class Findings:
-    """Errors by the names that :data:`~dmoc.check.verdict.PASSING` has for them, and what
-    contradicts the motion, in sentences."""
+    """Errors by the names that :data:`~dmoc.check.verdict.PASSING` has for them, what contradicts
+    the motion, in sentences, and by the same names where errors come from."""
 
     measured: Mapping[str, float]
     contradictions: tuple[str, ...] = ()
+    origins: Mapping[str, str] = field(default_factory=dict)
+
+
+def together(*looks: Findings) -> Findings:
+    """What several looks, at different things, come to."""
+    return Findings(
+        {name: error for look in looks for name, error in look.measured.items()},
+        tuple(sentence for look in looks for sentence in look.contradictions),
+        {name: origin for look in looks for name, origin in look.origins.items()},
+    )
 
 
 def largest(a: ArrayLike) -> float:

@@ -1,91 +1,177 @@
-"""The integrals of a motion by a quadrature that divides steps until it agrees with itself, along
-the paths that are integrated from each node: what the motion says of them, and their bounds."""
+"""The integrals and the cost of a motion, along the paths that are integrated from each node: what
+the motion says of them, and the bounds of integrals."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from math import isnan
 
 import numpy as np
 
-from dmoc.base.discretisation import gauss
+from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
-from dmoc.check.findings import infinite_where_none
-from dmoc.check.path_limits import ALMOST_NOTHING, Excess, IntegratedSteps
+from dmoc.check.findings import Findings, infinite_where_none
+from dmoc.check.integrated_steps import IntegratedSteps
+from dmoc.check.path_limits import ALMOST_NOTHING, Excess
+from dmoc.check.quadrature import Integrals, Integrands, Place, integrals_along
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.bound_kernels import Index
 
-# Points of a part of a step, how often steps are halved, and the share of what a step adds that a
-# part and its halves may differ by.
-POINTS, DEEPEST, AGREES = 4, 10, 1e-6
-PLACES, WEIGHTS = gauss(POINTS)
+# Change of totals and peaks, in their sizes, that shows how much of an objective they make.
+NUDGE = 1e-3
+# What positions may be off by and still pass, in their sizes, and the share of the steps in which
+# integrands are no larger than what counts: a peak makes no error of its own small.
+PLACED, MOST = 0.01, 0.9
+# Errors below this share of the magnitude need no look at how little that is.
+SMALL = 1e-6
+INTEGRAL, COST = "error of an integral", "error of the cost"
+
+
+@record(frozen=True, eq=False)
+class _Totals:
+    """The integrals of a motion and, if it says one, behind them its cost: what they are called,
+    along the paths and as the motion says them, the sizes that errors are relative to, and the
+    errors."""
+
+    names: tuple[str, ...]
+    along: Integrals
+    values: Array
+    claims: Array
+    sizes: Array
+    errors: Array
 
 
 def integral_errors(
-    motion: Motion, courses: Sequence[IntegratedSteps]
-) -> tuple[float, tuple[Excess, ...]]:
-    """The largest error of an integral that the motion says, relative to that of the magnitude, and
-    the excesses of bounds of integrals, relative to value and bound, at least to the same."""
-    names = motion.model.kernels.integrals
-    if not names:
-        return 0.0, ()
-    parts = [_integrals(motion, course) for course in courses]
-    values, sizes = np.sum(parts, axis=0)
-    sizes = np.maximum(sizes, _least(motion, courses))
+    motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array
+) -> tuple[Findings, tuple[Excess, ...]]:
+    """The errors of the integrals and of the cost that the motion says, relative to those of the
+    magnitudes, and the excesses of bounds of integrals, relative to value and bound, at least to
+    the same.  ``peaks`` are those along the paths."""
+    count = len(motion.model.kernels.integrals)
+    if not (count or _has_cost(motion)):
+        return Findings({INTEGRAL: 0.0, COST: 0.0}), ()
+    totals = _totals(motion, courses, peaks)
+    measured, origins, errors = {}, {}, totals.errors.tolist()
+    for name, part in ((INTEGRAL, errors[:count]), (COST, errors[count:])):
+        measured[name] = worst = max(part, default=0.0)
+        if SMALL < worst < np.inf:
+            origins[name] = _explained(motion, totals, errors.index(worst))
+    sentences, excesses = _contradictions(motion, totals), _excesses(motion, totals)
+    return Findings(measured, tuple(sentences), origins), tuple(excesses)
+
+
+def _has_cost(motion: Motion) -> bool:
+    """Whether the motion says what it costs: a simulation does not."""
+    return not isnan(motion.trajectory.cost)
+
+
+def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) -> _Totals:
+    """The integrals and the cost of a motion."""
+    model, trajectory = motion.model, motion.trajectory
+    names, has_cost = tuple(model.kernels.integrals), _has_cost(motion)
+
+    def integrands(*state: Array) -> Array:
+        if not has_cost:
+            return model.integrands(*state)
+        cost = model.running_cost(*state)[:, None]
+        return np.hstack([model.integrands(*state), cost]) if names else cost
+
+    along = integrals_along(courses, integrands)
+    values, sizes = along.values.copy(), along.sizes.copy()
+    claims = [trajectory.totals.get(n, float(v)) for n, v in zip(names, values, strict=False)]
+    if has_cost:
+        claims.append(trajectory.cost)
+        of_integrals = values[: len(names)], sizes[: len(names)]
+        rest, size = _beside_running_cost(motion, of_integrals, peaks)
+        values[-1] += rest
+        sizes[-1] += size
+    off = np.abs(values - claims) + along.left
+    if trajectory.limits or not (off <= SMALL * sizes).all():
+        sizes = np.maximum(sizes, _least(motion, courses, integrands))
     sizes = np.where(sizes > 0, sizes, 1.0)
-    totals = np.array(
-        [motion.trajectory.totals.get(n, v) for n, v in zip(names, values, strict=True)]
+    errors = np.where(along.undefined | along.has_pole, np.inf, infinite_where_none(off / sizes))
+    what = (*map(repr, names), "the cost")
+    return _Totals(what, along, values, np.array(claims), sizes, errors)
+
+
+def _beside_running_cost(
+    motion: Motion, integrals: tuple[Array, Array], peaks: Array
+) -> tuple[float, float]:
+    """What the end and the objective, by values and sizes of integrals and by peaks, add to the
+    cost, and the size of that."""
+    model, first, last = motion.model, motion.trajectory.phases[0], motion.trajectory.phases[-1]
+    if not (model.has_objective or model.kernels.has("terminal_cost")):
+        return 0.0, 0.0
+    start, end = (first.q[:1], first.v[:1]), (last.q[-1:], last.v[-1:])
+    terminal = float(model.terminal_cost(*end, last.t[-1:])[0])
+    values, sizes = (
+        np.append(np.append(part, motion.sizes.time)[: len(model.totals_of)], of_peaks)
+        for part, of_peaks in zip(integrals, (peaks, np.abs(peaks)), strict=True)
     )
-    error = float(infinite_where_none(np.abs(values - totals) / sizes).max())
-    excesses = []
-    for name, value, size in zip(names, values.tolist(), sizes.tolist(), strict=True):
+
+    def objective(row: Array) -> float:
+        totals, highest = np.split(row, [len(model.totals_of)])
+        return model.objective(totals, highest, start, end)
+
+    value = objective(values)
+    moved = [abs(objective(values + NUDGE * way) - value) / NUDGE for way in np.diag(sizes)]
+    return terminal + value, abs(terminal) + abs(value) + sum(moved)
+
+
+def _least(motion: Motion, courses: Sequence[IntegratedSteps], integrands: Integrands) -> Array:
+    """Sizes of integrals below which there are rounding errors and errors of positions that pass:
+    a share of those over the whole time of motions whose velocities and inputs are of their sizes,
+    and what positions beside the own ones make, shape (number,)."""
+    sizes, states = motion.sizes, [c.at(0.5) for c in courses if len(c.steps)]
+    q, v, u, t = (np.concatenate(part) for part in zip(*states, strict=True))
+    used = np.abs(u).max(axis=0, initial=0.0)
+    needed = np.where(np.isfinite(motion.needed_inputs), motion.needed_inputs, 0.0)
+    fast, strong = np.tile(sizes.v, (len(q), 1)), np.tile(np.maximum(used, needed), (len(q), 1))
+    beside = PLACED * sizes.q
+    looks = (
+        ALMOST_NOTHING * integrands(q, fast, strong, t),
+        *(integrands(q + off, v, u, t) - integrands(q, v, u, t) for off in (beside, -beside)),
+    )
+    most = [
+        np.quantile(np.nan_to_num(np.abs(look), nan=0.0, posinf=0.0), MOST, axis=0)
+        for look in looks
+    ]
+    return np.asarray(sizes.time * np.max(most, axis=0))
+
+
+def _explained(motion: Motion, totals: _Totals, j: int) -> str:
+    """What an integral is along the paths, and where it is hardest to know."""
+    place = totals.along.hardest(j)
+    return (
+        f"{totals.names[j]} is {totals.values[j]:.6g} along the motion, not {totals.claims[j]:.6g},"
+        f" with an integrand of {place.value:.3g} {_where(motion, place)}"
+    )
+
+
+def _contradictions(motion: Motion, totals: _Totals) -> Iterator[str]:
+    """Integrands that are no number somewhere, or have a pole."""
+    along = totals.along
+    for j in np.flatnonzero(along.undefined | along.has_pole).tolist():
+        what = "is not a number" if along.undefined[j] else "has a pole"
+        yield (
+            f"the integrand of {totals.names[j]} {what} {_where(motion, along.hardest(j))}: keep "
+            "the motion away from there by a path constraint"
+        )
+
+
+def _where(motion: Motion, place: Place) -> str:
+    """A place in words."""
+    names = motion.trajectory.coordinates
+    values = ", ".join(f"{n} = {x:.4g}" for n, x in zip(names, place.q, strict=True))
+    return f"at {place.t:.4g} s, {values}"
+
+
+def _excesses(motion: Motion, totals: _Totals) -> Iterator[Excess]:
+    """Bounds of integrals that are exceeded."""
+    numbers = (part.tolist() for part in (totals.values, totals.sizes))
+    for name, value, size in zip(motion.model.kernels.integrals, *numbers, strict=False):
         low, high = motion.trajectory.limits.get(name, (-np.inf, np.inf))
         bound = low if low - value > value - high else high
         excess = max(low - value, value - high) / max(size, abs(value) + abs(bound))
         if excess > 0:
             what = f"the bound of {name} ({value:.6g})"
-            excesses.append(Excess(excess, excess, what, motion.trajectory.final_time))
-    return error, tuple(excesses)
-
-
-def _least(motion: Motion, courses: Sequence[IntegratedSteps]) -> Array:
-    """Sizes of integrals below which there are rounding errors: a share of those over the whole
-    time of motions whose velocities and inputs are of their sizes, shape (number,)."""
-    sizes, states = motion.sizes, [c.at(0.5) for c in courses if len(c.steps)]
-    q, _, u, t = (np.concatenate(part) for part in zip(*states, strict=True))
-    used = np.abs(u).max(axis=0, initial=0.0)
-    needed = np.where(np.isfinite(motion.needed_inputs), motion.needed_inputs, 0.0)
-    v = np.tile(sizes.v, (len(q), 1))
-    c = motion.model.integrands(q, v, np.tile(np.maximum(used, needed), (len(q), 1)), t)
-    most = np.nan_to_num(np.abs(c), posinf=0.0).max(axis=0)
-    return np.asarray(ALMOST_NOTHING * sizes.time * most)
-
-
-def _integrals(motion: Motion, course: IntegratedSteps) -> Array:
-    """Integrals over the steps of a mode, and those of the magnitudes, shape (2, number)."""
-    steps = np.arange(len(course.steps))
-    if not len(steps):
-        return np.zeros((2, len(motion.model.kernels.integrals)))
-    low, width = np.zeros(len(steps)), np.ones(len(steps))
-    whole = _over(motion, course, steps, low, width)
-    sums, enough = np.zeros(whole[:, 0].shape), AGREES * whole[1].sum(axis=0) / len(steps)
-    for depth in range(DEEPEST):
-        starts = np.stack([low, low + width / 2], axis=1)
-        halves = [_over(motion, course, steps, start, width / 2) for start in starts.T]
-        both = halves[0] + halves[1]
-        rough = (np.abs(both - whole) > enough).any(axis=(0, 2)) & (depth + 1 < DEEPEST)
-        sums += both[:, ~rough].sum(axis=1)
-        if not rough.any():
-            break
-        whole = np.concatenate([half[:, rough] for half in halves], axis=1)
-        steps, width = (np.tile(a[rough], 2) for a in (steps, width / 2))
-        low = starts[rough].T.ravel()
-    return sums
-
-
-def _over(motion: Motion, course: IntegratedSteps, steps: Index, low: Array, width: Array) -> Array:
-    """Integrals over parts of steps, and those of the magnitudes, shape (2, parts, number)."""
-    own, parts = course.part(steps), []
-    for place, weight in zip(PLACES, WEIGHTS, strict=True):
-        c = motion.model.integrands(*own.at(low + width * place))
-        parts.append((weight * width * own.steps.h)[:, None] * np.stack([c, np.abs(c)]))
-    return np.asarray(np.sum(parts, axis=0))
+            yield Excess(excess, excess, what, motion.trajectory.final_time)

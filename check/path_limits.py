@@ -3,8 +3,9 @@ quantities: at the nodes and between them, on the path that is integrated from e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +15,12 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING
 from dmoc.check.checked_motion import Motion
 from dmoc.check.depth import dips, distances
+from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.check.limit_functions import LimitFunctions
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.contact_mode import Mode
-from dmoc.simulation.flow import PLACES, Steps
+from dmoc.simulation.flow import PLACES
 
 # Share of the largest terms of a constraint by which it counts at least, where they all vanish.
 LEAST_SIZE = 0.02
@@ -35,37 +37,6 @@ LEVEL = 0.01
 # The share of what a motion passes through that it may lie within it, in units of the excess: it
 # gets through no wire, however thin this is beside the widths of the motion.
 THIN = 50.0
-
-
-@record(frozen=True, eq=False)
-class IntegratedSteps:
-    """Steps that were integrated from their first nodes: states (n, 2 nq ...) at both ends, and
-    the accelerations there (n, 2, nq)."""
-
-    steps: Steps
-    start: Array
-    ends: Array
-    stop: Array
-
-    def part(self, which: Index | slice) -> IntegratedSteps:
-        """Some of them."""
-        ends = (a[which] for a in (self.start, self.ends, self.stop))
-        return IntegratedSteps(self.steps.part(which), *ends)
-
-    def at(self, share: float | Array) -> tuple[Array, Array, Array, Array]:
-        """q, v, u and t at a share of every step, one for all or one for each: the polynomial of
-        degree 5."""
-        nq = self.ends.shape[2]
-        h, s = self.steps.h[:, None], np.reshape(share, (-1, 1))
-        q, v, a = self.start[:, :nq], h * self.start[:, nq : 2 * nq], h**2 * self.ends[:, 0]
-        d = self.stop[:, :nq] - q - v - a / 2
-        e = h * self.stop[:, nq : 2 * nq] - v - a
-        f = h**2 * self.ends[:, 1] - a
-        c3, c4, c5 = 10 * d - 4 * e + f / 2, -15 * d + 7 * e - f, 6 * d - 3 * e + f / 2
-        place = q + s * (v + s * (a / 2 + s * (c3 + s * (c4 + s * c5))))
-        rate = v + s * (a + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))
-        u = self.steps.u0 + s * (self.steps.u1 - self.steps.u0)
-        return place, rate / h, u, self.steps.t + s[:, 0] * self.steps.h
 
 
 @record(frozen=True, eq=False)
@@ -211,12 +182,19 @@ class _Path:
     @cached_property
     def weights(self) -> Array:
         """What excesses of functions count, shape (n, m)."""
-        rows = self.limits.rows
-        constant = self.limits.motion.trajectory.input_form.width == 0
-        varies = [r["inputs"] and (bool(r["coordinates"]) or r["velocities"]) for r in rows]
-        little = ~self.at_points[:, None] & np.array(varies, dtype=bool) & constant
-        acts = np.array([r["inputs"] or bool(r.get("forces")) for r in rows], dtype=bool)
-        return np.where(self.after[:, None] & acts, 0.0, np.where(little, VARYING, 1.0))
+        return counted(self.limits.motion, self.limits.rows, self.at_points, self.after)
+
+
+def counted(
+    motion: Motion, rows: Sequence[Mapping[str, Any]], at_points: Array, after: Array
+) -> Array:
+    """What excesses of functions with some rows count at states, of which some are quadrature
+    points, and some come after an event that ends the motion, shape (n, len(rows))."""
+    constant = motion.trajectory.input_form.width == 0
+    varies = [r["inputs"] and (bool(r["coordinates"]) or r["velocities"]) for r in rows]
+    little = ~at_points[:, None] & np.array(varies, dtype=bool) & constant
+    acts = np.array([r["inputs"] or bool(r.get("forces")) for r in rows], dtype=bool)
+    return np.where(after[:, None] & acts, 0.0, np.where(little, VARYING, 1.0))
 
 
 def _dips(limits: LimitFunctions, mode: Mode, course: IntegratedSteps, places: Array) -> Array:

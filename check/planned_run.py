@@ -20,7 +20,7 @@ from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import BEARABLE, ON_TIME, TURNED
 from dmoc.check.findings import largest
-from dmoc.check.path_limits import IntegratedSteps
+from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.check.runs import Departures, WholeRun, contacts_of_phases, is_planned
 from dmoc.check.segments import Segments, between, put
 from dmoc.check.verdict import PASSING

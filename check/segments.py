@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from dmoc.base.records import record
 from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
-from dmoc.check.findings import Findings, infinite_where_none, largest
+from dmoc.check.findings import Findings, infinite_where_none, largest, together
 from dmoc.check.integrals import integral_errors
+from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.check.passages import PERTURBED
-from dmoc.check.path_limits import Excess, IntegratedSteps, path_excess
+from dmoc.check.path_limits import Excess, path_excess
+from dmoc.check.peaks import peak_errors
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.contact_mode import FREE, Mode
@@ -73,8 +75,10 @@ def step_errors(motion: Motion) -> StepErrors:
     measured = [part.findings.measured for part in parts]
     worst = {name: max(errors[name] for errors in measured) for name in measured[0]}
     work = tuple(work for part in parts for work in part.work)
-    worst["error of an integral"], integrals = integral_errors(motion, courses)
-    return StepErrors(Findings(worst), work, (*path_excess(motion, courses), *integrals))
+    peaks, of_peaks = peak_errors(motion, courses)
+    totals, bounds = integral_errors(motion, courses, peaks)
+    findings = together(Findings(worst), of_peaks, totals)
+    return StepErrors(findings, work, (*path_excess(motion, courses), *bounds))
 
 
 def _course(motion: Motion, piece: ModeSpan) -> IntegratedSteps:
@@ -92,8 +96,9 @@ def _course(motion: Motion, piece: ModeSpan) -> IntegratedSteps:
 def _errors_on(motion: Motion, piece: ModeSpan, course: IntegratedSteps) -> StepErrors:
     nq, (low, high) = motion.model.nq, motion.trajectory.coordinate_bounds.T
     times, path = between(motion, course, PLACES[1:])
-    path = path.reshape(-1, nq)
-    gaps = penetration(motion.model, motion.sizes, path, times.ravel(), _open(motion, piece.mode))
+    nodes, at = _planned(motion, piece)
+    path, times = np.concatenate([nodes, path.reshape(-1, nq)]), np.append(at, times)
+    gaps = penetration(motion.model, motion.sizes, path, times, _open(motion, piece.mode))
     beside = path.T.copy()  # coordinates side by side have their extremes more quickly
     over = np.maximum(low - beside.min(axis=1), beside.max(axis=1) - high)
     errors, _ = _errors(motion, piece.mode, course.stop, motion.nodes.starts[piece.places] + 1)
@@ -105,6 +110,16 @@ def _errors_on(motion: Motion, piece: ModeSpan, course: IntegratedSteps) -> Step
     begins = motion.begins[list(piece.numbers)] - piece.places.start
     work = np.add.reduceat(course.stop[:, -1], begins)
     return StepErrors(Findings(measured), tuple(work.tolist()))
+
+
+def _planned(motion: Motion, piece: ModeSpan) -> tuple[Array, Array]:
+    """Positions and times of the nodes of phases, also of those inside steps."""
+    if len(motion.nodes_inside):
+        at = [motion.places[i] for i in piece.numbers]
+        return np.concatenate([a.q for a in at]), np.concatenate([a.t for a in at])
+    begins = motion.nodes.begins
+    own = slice(int(begins[piece.numbers[0]]), int(begins[piece.numbers[-1] + 1]))
+    return motion.nodes.q[own], motion.nodes.t[own]
 
 
 def between(motion: Motion, course: IntegratedSteps, places: Array) -> tuple[Array, Array]:

@@ -34,8 +34,11 @@ PASSING = {
     "excess of an input": 1e-6,
     "phase error": 0.03,
     "error of a contact force": 0.05,
+    "error of a constraint force": 0.02,
     "excess of a path constraint": 0.005,
     "error of an integral": 0.02,
+    "error of a peak": 0.02,
+    "error of the cost": 0.02,
 }
 # Those of them that a verification has as they were measured, and its fields.
 MEASURED = {
@@ -44,14 +47,19 @@ MEASURED = {
     "energy error": "energy_error",
     "error of the law of impact": "impact_error",
     "error of a contact force": "force_error",
+    "error of a constraint force": "reaction_error",
     "penetration": "penetration",
     "phase error": "phase_error",
     "excess of a path constraint": "path_excess",
+    "error of the cost": "cost_error",
 }
+# Those that are one field together.
+COST_ERRORS = ("error of the cost", "error of an integral", "error of a peak")
 # What the command line prints.
 JSON_FIELDS = """
 passed message terminal_error amplification max_defect max_segment_defect energy_error impact_error
 missed_contacts extra_contacts penetration limit_excess force_error path_excess phase_error
+cost_error reaction_error
 """.split()
 # The end of the open-loop run: its error as it is, or divided by the motion's amplification, where
 # segments are right to the last share.
@@ -108,6 +116,13 @@ class Verification(Shown):
     phase_error : float
         Largest error at the end of a phase that is followed from its own first node, divided by a
         sixth of its amplification where that is above 6.  Not a number in older files.
+    cost_error : float
+        Largest error of the cost, of an integral or of a peak of the motion, beside those along its
+        continuous path, relative to the integral of the magnitude or to the largest magnitude;
+        infinite where an integrand is not a number or has a pole.  Not a number in older files.
+    reaction_error : float
+        Largest error of the force of a constraint at a node, relative to its largest.  Not a number
+        in older files, whose ``force_error`` has it.
     """
 
     passed: bool
@@ -126,6 +141,8 @@ class Verification(Shown):
     force_error: float = 0.0
     path_excess: float = 0.0
     phase_error: float = 0.0
+    cost_error: float = 0.0
+    reaction_error: float = 0.0
 
     @property
     def excess(self) -> float:
@@ -170,12 +187,17 @@ class Verification(Shown):
                 ),
                 ("energy error", f"{self.energy_error:.3e}"),
                 ("law of impact", f"{self.impact_error:.3e}"),
-                ("force error", f"{self.force_error:.3e} of the largest of its contact"),
+                (
+                    "force error",
+                    f"{self.force_error:.3e} of the largest of its contact, "
+                    f"{self.reaction_error:.3e} of its constraint",
+                ),
                 ("contacts", contacts or "none"),
                 ("missed, extra", f"{len(self.missed_contacts)}, {len(self.extra_contacts)}"),
                 ("penetration", f"{self.penetration:.1e} between nodes"),
                 ("limits", f"exceeded by {self.limit_excess:.1e} between nodes"),
                 ("path constraints", f"exceeded by {self.path_excess:.1e} of their sizes"),
+                ("cost", f"off by {self.cost_error:.1e} of its size"),
             )
         )
 
@@ -202,10 +224,12 @@ def too_coarse(failures: list[str], amplified: float) -> str:
     return "; ".join(failures) + f": too coarse{unstable}, take more steps"
 
 
-def exceeded(measured: Mapping[str, float]) -> list[str]:
-    """The measures that exceed what passes."""
+def exceeded(measured: Mapping[str, float], origins: Mapping[str, str] | None = None) -> list[str]:
+    """The measures that exceed what passes, with where their errors come from."""
+    added = {name: f" ({origin})" for name, origin in (origins or {}).items()}
     return [
         f"{name} {_above(measured[name], PASSING[name])} exceeds {PASSING[name]:g}"
+        f"{added.get(name, '')}"
         for name in sorted(measured, key=[*PASSING].index)
         if not measured[name] <= PASSING[name]
     ]
@@ -249,7 +273,7 @@ def judged(
     to the plan, their errors may explain where the run leaves it.
     """
     errors, note, run, terminal = findings.measured, "", whole.departures, whole.terminal
-    failures = [*findings.contradictions, *exceeded(errors), *broken(paths)]
+    failures = [*findings.contradictions, *exceeded(errors, findings.origins), *broken(paths)]
     worst, amplified = errors["segment error"], flowed.amplification
     # What is contradicted already needs no other look.
     way = whole.way
@@ -286,4 +310,6 @@ def judged(
         errors.get("error of a contact force", 0.0),
         max((path.counts for path in paths), default=0.0),
         errors["phase error"],
+        max(errors[name] for name in COST_ERRORS),
+        errors["error of a constraint force"],
     )

@@ -158,6 +158,12 @@ class CostModel(BoundKernels):
         """Quantities whose peaks the objective has, and whether of both signs."""
         return [(int(j), bool(both)) for j, both in self.kernels.manifest.get("peaks", ())]
 
+    @cached_property
+    def peak_names(self) -> list[str]:
+        """What these peaks are called."""
+        names = self.kernels.quantities
+        return [f"{'largest' if both else 'peak'} {names[j]}" for j, both in self.peaks_of]
+
     def integrals(self, step: Sequence[Array]) -> Array:
         """What each step, with its hidden unknowns behind x_k, adds to the totals, shape (n,
         number)."""

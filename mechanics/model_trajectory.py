@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import nan
 
 import numpy as np
 
@@ -28,6 +29,7 @@ def motion_along(
     ignored: Sequence[str] = (),
     limits: Mapping[str, tuple[float, float]] | None = None,
     totals: Mapping[str, float] | None = None,
+    cost: float = nan,
     drawn: bool = True,
 ) -> Trajectory:
     """The motion through phases and collisions, with a coefficient of restitution for each surface,
@@ -73,6 +75,7 @@ def motion_along(
         limits=dict(limits or {}),
         quantities=tuple(kernels.quantities),
         totals=dict(totals or {}),
+        cost=cost,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -246,6 +247,8 @@ class Trajectory:
         Coefficient e_t of each surface that has one.
     totals : mapping of str to float
         Integrals of the model over the motion, and the peaks that its objective has.
+    cost : float
+        What the motion costs; not a number where nothing says it, as of a simulation.
     """
 
     model: str
@@ -268,6 +271,7 @@ class Trajectory:
     quantities: tuple[str, ...] = ()
     tangential_restitution: Mapping[str, float] = field(default_factory=dict)
     totals: Mapping[str, float] = field(default_factory=dict)
+    cost: float = math.nan
 
     def __repr__(self) -> str:
         events = "; ".join(map(str, self.collisions)) or "no event"

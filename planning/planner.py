@@ -203,7 +203,7 @@ class Planner:
         if good and ended is not None:
             motion = trajectory(nlp, ended.x)
             self._last = LastPlan(reached, motion, now, before.begun, ended.duals)
-            cost, count = nlp.cost(ended.x) * nlp.scale.cost, ended.iterations
+            cost, count = motion.cost, ended.iterations
         else:
             self._last = before
             motion, cost, count = self.plan.trajectory, self.plan.cost, 0

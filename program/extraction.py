@@ -19,7 +19,8 @@ from dmoc.motion.trajectory import FORCES, Collision, Phase, Trajectory
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block
 from dmoc.program.hidden_values import lifted
-from dmoc.program.layout import Layout, peak_names
+from dmoc.program.layout import Layout
+from dmoc.program.scaling import cost_of
 from dmoc.program.sharing import Forces, shared
 from dmoc.program.transcription import Transcription
 
@@ -33,7 +34,7 @@ FEWEST = 4
 
 def trajectory(nlp: Transcription, x: Array, drawn: bool = True) -> Trajectory:
     """Return the motion of the scaled unknowns x: times, coordinates, momenta, velocities,
-    inputs, collisions, and its scene if it is to be drawn."""
+    inputs, collisions, cost, and its scene if it is to be drawn."""
     nlp = nlp.designed(x)
     lay, problem = nlp.layout, nlp.problem
     momenta = nlp.momenta(x)
@@ -57,6 +58,7 @@ def trajectory(nlp: Transcription, x: Array, drawn: bool = True) -> Trajectory:
         ignored=problem.ignored,
         limits=problem.limits | problem.total_limits,
         totals=_totals(nlp, x),
+        cost=cost_of(problem, lay, x),  # hidden unknowns at their kinks
         drawn=drawn,
     )
 
@@ -137,7 +139,7 @@ def _totals(nlp: Transcription, x: Array) -> dict[str, float]:
     totals = dict(zip(model.totals_of, model.totals(step).tolist(), strict=True))
     totals.pop("final_time", None)
     peaks = x[lay.index_peaks] - loose_peaks(nlp, x / nlp.unit) * nlp.scale.peaks
-    return totals | dict(zip(peak_names(nlp.problem), peaks.tolist(), strict=True))
+    return totals | dict(zip(model.peak_names, peaks.tolist(), strict=True))
 
 
 def loose_peaks(nlp: Transcription, x: Array) -> Array:

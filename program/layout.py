@@ -79,7 +79,7 @@ class Layout(Unknowns):
             problem.touch,
             tuple(kernels.joints),
             tuple(problem.model.totals_of),
-            tuple(peak_names(problem)),
+            tuple(problem.model.peak_names),
             tuple(problem.design),
             _wanted_forces(problem, turning),
         )
@@ -293,12 +293,6 @@ class Layout(Unknowns):
         if not self.timed:
             parts[5] = np.zeros((self.total, 1))
         return parts
-
-
-def peak_names(problem: Problem) -> list[str]:
-    """What the peaks of the objective are called."""
-    names = problem.kernels.quantities
-    return [f"{'largest' if both else 'peak'} {names[j]}" for j, both in problem.model.peaks_of]
 
 
 def _ranged_rows(problem: Problem, ranges: Array) -> list[Mapping[str, Any]]:

@@ -123,7 +123,8 @@ PHASES = Record(
     },
     _wrong_phases,
 )
-MOTION = Record(TRAJECTORY.make, {**TRAJECTORY.fields, "phases": Together()}, TRAJECTORY.wrong)
+_COMMON = {name: kind for name, kind in TRAJECTORY.fields.items() if name != "cost"}
+MOTION = Record(TRAJECTORY.make, {**_COMMON, "phases": Together()}, TRAJECTORY.wrong)
 STRETCH = Record(
     Stretch,
     {

@@ -101,8 +101,6 @@ class Solution(Shown, MotionResult, Saved):
     message : str
         What happened, and what helps.
     method : str
-    cost : float
-        J, the sum of the discrete costs C_d.
     trajectory : Trajectory
         Phases (t, q, p, v, u) and collisions (surface, time, impulse, momenta before and after).
     multipliers : mapping of str to array
@@ -176,7 +174,6 @@ class Solution(Shown, MotionResult, Saved):
     status: Status
     message: str
     method: str
-    cost: float
     trajectory: Trajectory
     multipliers: Mapping[str, Array]
     active_bounds: tuple[ActiveBound, ...]
@@ -224,6 +221,11 @@ class Solution(Shown, MotionResult, Saved):
     def converged(self) -> bool:
         """Whether the solver came to a local minimum, whatever the check made of it."""
         return self.status in CONVERGED
+
+    @property
+    def cost(self) -> float:
+        """J, the sum of the discrete costs C_d, with what the end and the objective add."""
+        return self.trajectory.cost
 
     @property
     def phases(self) -> tuple[Phase, ...]:

@@ -68,6 +68,8 @@ def _as_now(header: Any) -> Any:
                     motion[name] = [{**lacking, **part} for part in parts]
             check = _check_as_now(solution.get("verification"))
             now = {**LACKING_BESIDE, **_starts_as_now(solution)}
+            if "cost" in now:
+                motion["cost"] = now.pop("cost")
             now |= {"trajectory": motion, "verification": check}
             if isinstance(others := solution.get("others"), list):
                 now["others"] = list(map(_minimum_as_now, others))
@@ -97,7 +99,7 @@ def _check_as_now(check: Any) -> Any:
     match check:
         case {"max_segment_defect": worst, **rest}:
             check = {**rest, "segment_defects": [worst], "contacts": []}
-    lacking = dict.fromkeys(("path_excess", "phase_error"), nan)
+    lacking = dict.fromkeys(("path_excess", "phase_error", "cost_error", "reaction_error"), nan)
     return {**lacking, **check} if isinstance(check, dict) else check
 
 
@@ -271,6 +273,7 @@ TRAJECTORY = Record(
         "limits": Mapped(Listed(Number(special=True), 2), names=Name()),
         "quantities": Listed(Name()),
         "totals": Mapped(Number(special=True)),
+        "cost": Number(special=True),
     },
     _wrong_motion,
 )
@@ -337,6 +340,8 @@ VERIFICATION = Record(
         "force_error": Number(special=True),
         "path_excess": Number(special=True),
         "phase_error": Number(special=True),
+        "cost_error": Number(special=True),
+        "reaction_error": Number(special=True),
     },
 )
 SOLUTION = Record(
@@ -345,7 +350,6 @@ SOLUTION = Record(
         "status": Choice(tuple(Status)),
         "message": Text(),
         "method": Name(),
-        "cost": Number(special=True),
         "trajectory": TRAJECTORY,
         "multipliers": Mapped(Stored(special=True)),
         "active_bounds": Listed(Bound()),

@@ -33,7 +33,7 @@ ENDINGS = (".html", ".pdf")
 # A4 in inches, its margin, the size of text in points, the lines of a page and the characters of
 # a line.
 PAPER, MARGIN, TEXT = (8.27, 11.69), 0.8, 8.5
-LINES, CHARACTERS = 74, 92
+LINES, CHARACTERS = 78, 92
 DOTS = 150  # of pictures, to the inch
 
 

@@ -14,7 +14,6 @@ from dmoc.mechanics.algebra import most_of
 from dmoc.motion.trajectory import Trajectory
 from dmoc.program.active_constraints import active_bounds
 from dmoc.program.extraction import loose_peaks, loose_totals, named_multipliers, trajectory
-from dmoc.program.layout import peak_names
 from dmoc.program.transcription import Transcription
 from dmoc.program.undefined_values import singular_at, undefined_at
 from dmoc.results.solution import Solution
@@ -48,7 +47,6 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
         status=status,
         message=message,
         method=method,
-        cost=nlp.cost(outcome.x) * nlp.scale.cost,
         trajectory=motion,
         multipliers=named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z),
         active_bounds=active_bounds(nlp, outcome.x, outcome.duals.w, outcome.duals.z),
@@ -81,7 +79,7 @@ def _loose(attempt: Attempt) -> str:
     nlp, x = attempt.nlp, attempt.outcome.x
     lay, slopes = nlp.layout, nlp.cost_gradient(x)
     peaks = (loose_peaks(nlp, x) > FAR_ABOVE) & (slopes[lay.index_peaks] < 0)
-    for name, loose in zip(peak_names(nlp.problem), peaks, strict=True):
+    for name, loose in zip(nlp.problem.model.peak_names, peaks, strict=True):
         if loose:
             return (
                 f"the cost has no minimum, it falls as {name} rises, which nothing bounds from "

@@ -54,7 +54,7 @@ class Level:
         """The error that the simulation has seen; infinite where it could not follow."""
         s = self.solution
         if s.verification:
-            return s.verification.max_segment_defect
+            return max(s.verification.max_segment_defect, s.verification.cost_error)
         return None if s.minimum else np.inf
 
     def checked(self, check: Check) -> Level:

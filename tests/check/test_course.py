@@ -12,7 +12,7 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.check.path_limits import IntegratedSteps
+from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.simulation.flow import Steps
 
 T = dynamicsymbols._t

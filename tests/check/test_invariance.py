@@ -94,7 +94,8 @@ def test_errors_do_not_hide_in_what_is_far_away(far: float) -> None:
     problem = invariance.KINDS["block and wall"].problem(invariance.Frame())
     kernels = dmoc.build(invariance.free_system())
     solution = dmoc.solve(dmoc.Problem(kernels, **problem), "ipm", starts=1)
-    motion = replace(solution.trajectory, phases=solution.phases[:1], collisions=())
+    phases = solution.phases[:1]
+    motion = replace(solution.trajectory, phases=phases, collisions=(), cost=np.nan)
     par = {"m": 1.0, "c": 1.0 + far}
     motion = replace(
         motion, parameters=par, coordinate_bounds=np.array([[-far, 2 + far]]),

@@ -161,8 +161,8 @@ def test_a_right_motion_is_confirmed(request: pytest.FixtureRequest, motion: str
         ("bounced", lambda s: with_values(s, wall=0.9), "was not planned"),
         ("bounced", lambda s: with_values(s, wall=0.5), "was not planned"),
         ("bounced", lambda s: with_values(s, wall=1.1), "gap"),
-        ("bounced", lambda s: replace(s, cost=1.001 * s.cost), "cost"),
-        ("bounced", lambda s: replace(s, cost=1.1 * s.cost), "excess"),
+        ("bounced", lambda s: with_motion(s, cost=1.001 * s.cost), "cost"),
+        ("bounced", lambda s: with_motion(s, cost=1.1 * s.cost), "excess"),
         ("pushed", lambda s: with_phase(s, 1, tangential=1.1), "force"),
         ("pushed", lambda s: with_phase(s, 1, tangential=-1.0), "force"),
         ("pushed", lambda s: with_phase(s, 0, normal=0.9), "force"),
@@ -171,7 +171,7 @@ def test_a_right_motion_is_confirmed(request: pytest.FixtureRequest, motion: str
         ("pushed", lambda s: with_phase(s, 2, q=1.01), "boundary"),
         ("pushed", lambda s: with_values(s, mu=0.15), "force"),
         ("pushed", lambda s: with_values(s, mu=0.05), "segment"),
-        ("pushed", lambda s: replace(s, cost=1.001 * s.cost), "cost"),
+        ("pushed", lambda s: with_motion(s, cost=1.001 * s.cost), "cost"),
     ],
 )
 def test_a_wrong_motion_is_contradicted(

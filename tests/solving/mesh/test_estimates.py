@@ -95,9 +95,10 @@ def test_a_cost_ten_errors_higher_is_that_of_another_minimum(cost: float, other:
 def test_what_the_simulation_has_seen_counts_beside_the_estimate(
     seen: float | None, error: float
 ) -> None:
-    check = seen and SimpleNamespace(max_segment_defect=seen)
-    level = Level(meshed(10, 2, verification=check), Errors(1e-3, 2e-4), 1)
-    assert History().error(level) == error
+    for segment, cost in ((seen, 0.0), (0.0, seen)):
+        check = seen and SimpleNamespace(max_segment_defect=segment, cost_error=cost)
+        level = Level(meshed(10, 2, verification=check), Errors(1e-3, 2e-4), 1)
+        assert History().error(level) == error
 
 
 def test_errors_that_have_not_become_smaller_for_two_meshes_are_idle() -> None:

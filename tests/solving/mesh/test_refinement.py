@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import nan
 from typing import Any
 
 import block_and_wall
@@ -161,10 +162,13 @@ def test_a_dearer_minimum_takes_the_place_only_of_one_that_is_contradicted(confi
 
     def solve(meshed: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
         s = dmoc.solve(meshed, "ipm", guess=guess, starts=1, verify=False)
-        return s if max(meshed.phase_steps) <= 20 else replace(s, cost=2 * s.cost)
+        dearer = replace(s.trajectory, cost=2 * s.cost)
+        return s if max(meshed.phase_steps) <= 20 else replace(s, trajectory=dearer)
 
     def check(solution: dmoc.Solution) -> dmoc.Solution:
-        seen = checked(solution)
+        motion = replace(solution.trajectory, cost=nan)  # whose cost is no matter here
+        seen = checked(replace(solution, trajectory=motion))
+        seen = replace(seen, trajectory=solution.trajectory)
         coarse = max(solution.steps) <= 20
         return seen if confirmed or not coarse else replace(seen, status=Status.NOT_VERIFIED)
 

@@ -286,7 +286,10 @@ def test_beside_a_contradicted_answer_the_cheapest_confirmed_minimum_is_told(
     problem = dmoc.Problem(block, **task, steps=10, final_time=1.0)
     ended = exploration.explored(problem, Effort(), Options())
     (first,) = ended.ranked
-    others = [replace(first, solution=replace(first.solution, cost=c)) for c in (7.0, 6.0)]
+    motions = [replace(first.solution.trajectory, cost=c) for c in (7.0, 6.0)]
+    others = [
+        replace(first, solution=replace(first.solution, trajectory=motion)) for motion in motions
+    ]
     others[1] = replace(others[1], solution=replace(others[1].solution, status=status))
     against = replace(first, solution=replace(first.solution, status=Status.NOT_VERIFIED))
     both = replace(ended, ranked=(against, *others))

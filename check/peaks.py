@@ -1,0 +1,65 @@
+"""The peaks of a motion along the paths that are integrated from each node, beside those that it
+says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dmoc.base.discretisation import DISCRETISATIONS
+from dmoc.check.checked_motion import Motion
+from dmoc.check.findings import Findings, infinite_where_none
+from dmoc.check.integrated_steps import IntegratedSteps
+from dmoc.check.limit_functions import LimitFunctions
+from dmoc.check.path_limits import ALMOST_NOTHING, counted
+from dmoc.codegen.kernels import Array
+from dmoc.simulation.flow import PLACES
+
+PEAK = "error of a peak"
+
+
+def peak_errors(motion: Motion, courses: Sequence[IntegratedSteps]) -> tuple[Array, Findings]:
+    """The peaks of quantities, and the errors of those that the motion says, relative to the
+    largest magnitude.  Between quadrature points, where quantities vary more, they count as path
+    constraints do."""
+    model, totals = motion.model, motion.trajectory.totals
+    if not model.peaks_of:
+        return np.zeros(0), Findings({PEAK: 0.0})
+    functions = LimitFunctions.of(motion)
+    states, at_points, after = _states(motion, functions, courses)
+    values, rows = model.quantities(*functions.split(states)), model.kernels.quantity_rows
+    slopes = np.abs(model.quantity_slopes(*functions.split(states)))
+    moved = np.nan_to_num(slopes @ functions.sizes(states), posinf=0.0).max(axis=0)
+    peaks, errors = np.zeros(len(model.peaks_of)), dict[float, str]()
+    for k, ((j, both), name) in enumerate(zip(model.peaks_of, model.peak_names, strict=True)):
+        z, counts = values[:, j], counted(motion, [rows[j]], at_points, after)[:, 0]
+        row = infinite_where_none(np.abs(z) if both else z)
+        peaks[k] = row[counts == 1].max()
+        claim = totals.get(name, float(peaks[k]))
+        above = float((counts * (row - claim))[counts > 0].max())
+        size = max(np.abs(z).max(), abs(claim), ALMOST_NOTHING * moved[j])
+        error = max(claim - peaks[k], above) / (size or 1.0)
+        errors[float(error)] = f"{name} is {peaks[k]:.6g} along the motion, not {claim:.6g}"
+    worst = max(errors)
+    return peaks, Findings({PEAK: worst}, (), {PEAK: errors[worst]})
+
+
+def _states(
+    motion: Motion, functions: LimitFunctions, courses: Sequence[IntegratedSteps]
+) -> tuple[Array, Array, Array]:
+    """States (n, d) of a motion, which of them are quadrature points, and which is the one after an
+    event that ends it."""
+    points, parts, at_points = DISCRETISATIONS[motion.trajectory.order].places, [], []
+    for piece, course in zip(motion.pieces, courses, strict=True):
+        for share in (*PLACES, *points):
+            parts.append(functions.states(piece.mode, *course.at(share)))
+            at_points.append(np.full(len(course.steps), bool(share in points)))
+    on_steps = sum(map(len, parts))
+    for phase, mode in zip(motion.trajectory.phases, motion.modes, strict=True):
+        if not phase.steps:
+            u = motion.trajectory.last_inputs[None]
+            parts.append(functions.states(mode, phase.q, phase.v, u, phase.t))
+    states = np.concatenate(parts)
+    after = np.arange(len(states)) >= on_steps
+    return states, np.append(np.concatenate(at_points), after[on_steps:]), after
