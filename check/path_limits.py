@@ -22,6 +22,8 @@ from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.simulation.flow import PLACES
 
+Bools = NDArray[np.bool_]
+
 # Share of the largest terms of a constraint by which it counts at least, where they all vanish.
 LEAST_SIZE = 0.02
 # And share of what the sizes of the motion could move it by, where nothing of it moves: rounding
@@ -186,7 +188,7 @@ class _Path:
 
 
 def counted(
-    motion: Motion, rows: Sequence[Mapping[str, Any]], at_points: Array, after: Array
+    motion: Motion, rows: Sequence[Mapping[str, Any]], at_points: Bools, after: Bools
 ) -> Array:
     """What excesses of functions with some rows count at states, of which some are quadrature
     points, and some come after an event that ends the motion, shape (n, len(rows))."""

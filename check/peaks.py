@@ -12,7 +12,7 @@ from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import Findings, infinite_where_none
 from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.check.limit_functions import LimitFunctions
-from dmoc.check.path_limits import ALMOST_NOTHING, counted
+from dmoc.check.path_limits import ALMOST_NOTHING, Bools, counted
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.flow import PLACES
 
@@ -47,7 +47,7 @@ def peak_errors(motion: Motion, courses: Sequence[IntegratedSteps]) -> tuple[Arr
 
 def _states(
     motion: Motion, functions: LimitFunctions, courses: Sequence[IntegratedSteps]
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Bools, Bools]:
     """States (n, d) of a motion, which of them are quadrature points, and which is the one after an
     event that ends it."""
     points, parts, at_points = DISCRETISATIONS[motion.trajectory.order].places, [], []
