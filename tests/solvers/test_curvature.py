@@ -11,7 +11,7 @@ import pytest
 import scipy.linalg
 import scipy.sparse
 
-from dmoc.solvers.curvature import FALLS, LEVEL, Curvature, Landscape, SecondOrder
+from dmoc.solvers.curvature import FALLS, LEVEL, Curvature, Landscape, SecondOrder, _weights
 from dmoc.solvers.kkt_layout import KKTLayout
 from dmoc.solvers.outcome import Duals
 
@@ -243,3 +243,16 @@ def test_a_fall_of_rounding_errors_is_none() -> None:
     for least, shape in shapes.items():
         p = Quadratic.of(np.diag([1.0, least]), [0.0, 0.0])
         assert p.curvature().shape is shape
+
+
+def test_unknowns_of_all_steps_weigh_as_one_together() -> None:
+    """Of a motion of four steps: five nodes, four steps, three hits, one duration, and nothing."""
+    numbers, blocks, first = [5, 4, 3, 1, 0], list[Any](), 0
+    for n in numbers:
+        index = np.arange(first, first + n)
+        blocks.append(SimpleNamespace(count=n, index=index, numbers=index))
+        first += n
+    nlp: Any = SimpleNamespace(n=first, layout=SimpleNamespace(unknowns=blocks, total=4))
+    weights = np.split(_weights(nlp), np.cumsum(numbers)[:-1])
+    for weight, expected in zip(weights, (1 / 5, 1 / 4, 1.0, 1.0, 1.0), strict=True):
+        np.testing.assert_array_equal(weight, expected)

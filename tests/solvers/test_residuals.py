@@ -9,6 +9,7 @@ from systems import double_integrator
 from dmoc.guess.automatic import initial_guesses
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
+from dmoc.solvers import slsqp_runs
 from dmoc.solvers.compiled import left_over, missed_by
 from dmoc.solvers.kkt import duality_gap, with_bounds
 from dmoc.solvers.outcome import Duals
@@ -92,3 +93,15 @@ def test_what_is_left_over_is_the_largest_of_all_parts() -> None:
         left_over(slope[:8], *values[1:])
     with pytest.raises(ValueError, match="expected bounds of 9 unknowns"):
         missed_by(x, lower, upper[:8], c, d)
+
+
+def test_least_squares_are_for_what_is_singular_or_not_square(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A regular matrix is solved; of a singular one and of a wide one the shortest is taken."""
+    A, b = np.array([[2.0, 1.0], [0.0, 4.0]]), np.array([4.0, 8.0])
+    singular, wide = np.array([[1.0, 1.0], [1.0, 1.0]]), np.array([[1.0, 1.0]])
+    np.testing.assert_allclose(slsqp_runs.solve_linear(singular, np.array([2.0, 2.0])), [1.0, 1.0])
+    np.testing.assert_allclose(slsqp_runs.solve_linear(wide, np.array([2.0])), [1.0, 1.0])
+    monkeypatch.setattr(slsqp_runs, "least_squares", None)
+    np.testing.assert_allclose(slsqp_runs.solve_linear(A, b), [1.0, 2.0])
