@@ -30,6 +30,7 @@ from dmoc.simulation.mode_flow import PLACES, ModeFlow
 from dmoc.simulation.tolerances import Reach, reached, tolerances
 
 MOST_EVENTS, MOST_AT_ONCE = 1000, 50  # within one step, and at one moment of it
+MOST_OFTEN = 10  # hits of a step in the long run, beyond which steps resolve nothing
 MOMENT = 1e-4  # of a step: flights of bounces that do not settle are longer
 MOST_SHOWN = 3  # of the events that come to no end
 SHORTEST = 1e-13  # share of a step that is not gone any more
@@ -203,7 +204,8 @@ def through_step(
             return last, mode
         modes.append(mode)
         times.append(event.time)
-        if _crowded(times, setting.h):
+        often = MOST_EVENTS + MOST_OFTEN * end / setting.h
+        if _crowded(times, setting.h) or len(journal.collisions) > often:
             break
         y = way.state(event.time)
         reach = reached(model, y, u, event.time, setting.h, reach)

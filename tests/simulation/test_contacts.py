@@ -351,3 +351,18 @@ def test_units_do_not_matter(
         motion, met = run(*np.power(10.0, [6 * i - 6, 6 * j - 6, 6 * ((i + j) % 3) - 6]))
         assert motion == pytest.approx(wanted, rel=1e-9, abs=1e-9)
         assert met == contacts
+
+
+def test_a_run_whose_steps_resolve_no_flight_ends_in_words() -> None:
+    """To and fro between walls 1 m apart: 800 hits a step go on for ever, 5 do not."""
+    x = dynamicsymbols("x")
+    shuttle = dmoc.build(
+        dmoc.MechanicalSystem(
+            "shuttle", [x], x.diff() ** 2 / 2, surfaces={"left": x >= 0, "right": x <= 1},
+            tangents={"rail": x}, friction={"rail": sp.Rational(1, 10**9)},
+        )
+    )  # fmt: skip
+    run = dmoc.simulate(shuttle, {x: 0.5}, {x: 50}, step_size=0.1, steps=20)
+    assert len(run.collisions) == 100
+    with pytest.raises(SimulationError, match=r"come to no end at t = 0\.1\d* s"):
+        dmoc.simulate(shuttle, {x: 0.5}, {x: 8000}, step_size=0.1, steps=10**6)
