@@ -92,6 +92,9 @@ def moved(by: float) -> Change:
         # at the end of x, in the middle of its way, and of the last coordinate
         (limited(0, 0.0019, 2), limited(0, 0.0021, 2), "excess of a limit 0.0021 exceeds"),
         (limited(0, -1, 0.9981), limited(0, -1, 0.9979), "excess of a limit 0.0021 exceeds"),
+        # at the first node
+        (limited(1, 0.0019, 2), limited(1, 0.0021, 2), "excess of a limit 0.0021 exceeds"),
+        (limited(2, 0.0019, 2), limited(2, 0.0021, 2), "excess of a limit 0.0021 exceeds"),
         (limited(2, -1, 0.9981), limited(2, -1, 0.9979), "excess of a limit 0.0021 exceeds"),
         (moved(-0.9e-6), moved(-1.1e-6), "the collision with 'wall' is -1.1e-06 off it"),
     ],
