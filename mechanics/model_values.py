@@ -23,7 +23,8 @@ def parameter_row(
     for name, value in by_name(changes, "parameters", error).items():
         check_known(name, values, "parameter", error=error)
         values[name] = stated = number(value, f"parameter {name}", error)
-        check_magnitude(stated, stated, f"parameter {name}", error)
+        # what follows from others by rounding may be a tiny number, which harms nothing
+        check_magnitude(max(abs(stated), 1.0), stated, f"parameter {name}", error)
     for name, value in values.items():
         if value is None:
             raise error(

@@ -37,7 +37,7 @@ def test_what_stands_for_no_value_is_no_expression(field: str, nothing: Any) -> 
         sled(**fields[field])
 
 
-@pytest.mark.parametrize("size", [1e101, 1e300, -1e300, 1e-101, 1e-300])
+@pytest.mark.parametrize("size", [1e101, 1e300, -1e300])
 def test_parameters_whose_squares_overflow_are_refused_wherever_they_are_changed(
     size: float,
 ) -> None:
