@@ -71,7 +71,7 @@ class Simulation(Shown, MotionResult, Saved):
         that has a drawing.
     notes : tuple of str
         What the laws of contact do not determine, in sentences: contact forces of which others
-        hold the same motion.
+        hold the same motion, hits at one moment of which the order decides.
 
     Examples
     --------
@@ -212,8 +212,8 @@ def simulate(
     ------
     SimulationError
         If an argument does not fit, a step has no solution, the mass matrix becomes singular,
-        collisions accumulate without coming to rest (Zeno), no state of contact obeys the law of
-        Coulomb, or several contacts with friction are hit at once and are not plastic.
+        collisions accumulate without coming to rest (Zeno), or no state of contact, or no impact,
+        obeys the law of Coulomb.
 
     Examples
     --------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,21 +19,24 @@ from dmoc.simulation.contact_modes import Reaction, conditions
 from dmoc.simulation.friction_at import check_impact
 from dmoc.simulation.hit_coefficients import hit_coefficients, several_by_law
 from dmoc.simulation.impact_course import Blow, blow_on
+from dmoc.simulation.impact_orders import undecided_of
 from dmoc.simulation.mode_choice import Place, Setting
 from dmoc.simulation.simultaneous_impacts import NOISE, simultaneous
 from dmoc.simulation.single_hit import SingleHit, single_hit
 
 # A rebound whose flight, with all that follow it, takes less than this share of a step is none.
 SETTLED = 1e-4
+MOST_IN_TURN = 20  # impacts on several surfaces after the first one of an order
 
 
 @record(frozen=True, eq=False)
 class Struck:
     """Velocity after impacts (nq,) and their impulses, in their order: of surfaces, with that of
-    the surface's tangent or 0."""
+    the surface's tangent or 0; where the order decides, the velocity with one of them hit first."""
 
     velocity: Array
     impulses: tuple[tuple[int, float, float], ...]
+    orders: tuple[tuple[int, Array], ...] = ()
 
 
 def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: float) -> Struck:
@@ -42,8 +46,8 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
     Raises
     ------
     SimulationError
-        If contacts with friction take part whose impact is not plastic and not known, or if the law
-        of impact has no outcome.
+        If friction takes part that is not known in an impact, or if the law of impact has no
+        outcome.
     """
     nq, surfaces = model.nq, model.kernels.surfaces
     q, v = at.y[:nq], at.y[nq : 2 * nq]
@@ -73,21 +77,51 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
         return _one_by_one(model, at, e)
     if len(hit) == 1 and _uncoupled(model, at, hit[0], on):
         return _alone(model, at, hit[0], model.rough.get(hit[0]), float(e[hit[0]]))
-    if len(hit) > 1 and any(e[j] > 0 for j in hit if j in model.rough):
-        raise SimulationError(
-            f"the contacts {names} with friction are hit at once at t = {at.t:.6g} s, with a "
-            "restitution above 0: the outcome of such an impact is not known to be unique; give "
-            "what is hit a restitution of 0, or have only one of them touch then."
-        )
-    blow = blow_on(model, at, on, e)
-    if blow is not None and not _gains(model, at, blow):
-        return Struck(blow.velocity, tuple(_felt(blow, on, model.rough)))
+    if (outcome := _at_once(model, at, on, hit, e)) is not None:
+        return outcome
     if not rough:
         return _one_by_one(model, at, e)
     raise SimulationError(
         f"the impact on {names} at t = {at.t:.6g} s has no outcome that obeys the laws of impact "
-        "and friction: give them a restitution of 0, or lower the friction."
+        "and friction: give them one restitution, or lower the friction."
     )
+
+
+def _at_once(model: Model, at: Place, on: list[int], hit: list[int], e: Array) -> Struck | None:
+    """Impacts on several touched surfaces, some of them with friction or under load: all together,
+    unless all orders in which they may be hit come to the same; None if the laws have no outcome
+    without a gain of energy."""
+    M, blow = model.mass(at.y[: model.nq], at.t), blow_on(model, at, on, e)
+    if blow is None or _gains(model, at, blow):
+        return None
+    ways = [(j, _first(model, at, j, (on, hit), e)) for j in hit if len(hit) > 1]
+    orders = tuple((j, way.velocity) for j, way in ways if way is not None)
+    change = blow.velocity - at.y[model.nq : 2 * model.nq]
+    apart = [v - orders[0][1] for _, v in orders]
+    if orders and all(off @ M @ off <= SAME**2 * (change @ M @ change) for off in apart):
+        blow, orders = next(way for _, way in ways if way is not None), ()
+    return Struck(blow.velocity, tuple(_felt(blow, on, model.rough)), orders)
+
+
+def _first(
+    model: Model, at: Place, j: int, among: tuple[list[int], list[int]], e: Array
+) -> Blow | None:
+    """The impacts on touched surfaces of which some are hit, one of these before the others meet;
+    None if they come to no end, or to no outcome without a gain of energy."""
+    (on, hit), nq = among, model.nq
+    whole = blow_on(model, at, [k for k in on if k == j or k not in hit], e)
+    for _ in range(MOST_IN_TURN):
+        if whole is None or _gains(model, at, whole):
+            return None
+        y = np.concatenate([at.y[:nq], whole.velocity])
+        if not (model.gap_rates(y[:nq], y[nq:], at.t) > at.small.rate)[on].any():
+            return whole
+        then = blow_on(model, replace(at, y=y), on, e)
+        if then is None:
+            return None
+        both = whole.normal + then.normal, whole.tangential + then.tangential
+        whole = Blow(then.velocity, *both)
+    return None
 
 
 def _struck_by(model: Model, hit: SingleHit, on: list[int]) -> Struck:
@@ -158,17 +192,17 @@ def _one_by_one(model: Model, at: Place, e: Array) -> Struck:
     normals, rates = model.gap_slopes(q, at.t)[:, :-1], model.gap_rates(q, v, at.t)
     changes = model.responses(q, normals, at.t)
     small = at.small
-    impulses = simultaneous(
+    impacts = simultaneous(
         model.gaps(q, at.t), small.gap, rates, small.rate / NOISE, normals @ changes, e, 0.0
     )
-    if impulses is None:
+    if impacts is None:
         raise SimulationError(
             f"the impacts at t = {at.t:.6g} s come to no end: bodies that meet so cannot be "
             "simulated, change the start or give the surfaces a restitution below 1."
         )
-    for j, impulse in impulses:
-        v = v - impulse * changes[:, j]
-    return Struck(v, tuple((j, impulse, 0.0) for j, impulse in impulses))
+    moment = undecided_of(model, (q, v, at.t), impacts)
+    impulses = tuple((j, impulse, 0.0) for j, impulse in impacts.impulses)
+    return Struck(moment.taken, impulses, moment.orders)
 
 
 def _alone(model: Model, at: Place, j: int, tangent: int | None, e: float) -> Struck:

@@ -25,6 +25,7 @@ from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import FRICTION_WORDS, Collision
 from dmoc.simulation.contact_impacts import dying, struck
 from dmoc.simulation.contact_modes import borne
+from dmoc.simulation.impact_orders import Undecided
 from dmoc.simulation.mode_choice import Hints, Place, Setting, check_driven, mode_at
 from dmoc.simulation.mode_flow import PLACES, ModeFlow
 from dmoc.simulation.tolerances import Reach, reached, tolerances
@@ -71,13 +72,15 @@ class ModeChange:
 
 @dataclass(eq=False)
 class MotionRecord:
-    """What happens on the way: collisions, moments between two modes, and the stretches of contact
-    and friction, of which some go on; ``last`` is the state that was reached."""
+    """What happens on the way: collisions, moments between two modes, those at which the order of
+    impacts decides, and the stretches of contact and friction, of which some go on; ``last`` is the
+    state that was reached."""
 
     collisions: list[Collision] = field(default_factory=list)
     stretches: list[Stretch] = field(default_factory=list)
     going: dict[tuple[str, int | None], float] = field(default_factory=dict)
     marks: list[ModeChange] = field(default_factory=list)
+    undecided: list[Undecided] = field(default_factory=list)
     last: ContactState | None = None
 
     def note(self, model: Model, mode: Mode | None, t: float) -> bool:
@@ -254,6 +257,8 @@ def _resolved(
     place = replace(place, y=_placed(setting, hit, place.y, place.t))
     resting = setting.integrator.reaction(mode, place.y[None], place.u[None], np.array([place.t]))
     impact = struck(model, place, resting, setting.restitution, setting.h)
+    if impact.orders:
+        journal.undecided.append(Undecided(place.t, impact.velocity, impact.orders))
     after = place.y.copy()
     after[nq : 2 * nq] = impact.velocity
     reach = reached(model, after, place.u, place.t, setting.h, reach)

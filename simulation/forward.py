@@ -30,6 +30,7 @@ from dmoc.simulation.contact_motion import (
     on_surfaces,
     start,
 )
+from dmoc.simulation.impact_orders import Undecided, notes_of, undecided_of
 from dmoc.simulation.mode_choice import Setting
 from dmoc.simulation.simultaneous_impacts import Lasting
 from dmoc.simulation.steered import Control, steered
@@ -131,7 +132,8 @@ def simulate(
         tuple(_with_rates(model, journal.collisions)),
         tuple(s for s in journal.stretches if s.friction is None),
         tuple(s for s in journal.stretches if s.friction is not None),
-        states.normal, states.tangential, tuple(_notes(model, journal.marks)),
+        states.normal, states.tangential,
+        (*_notes(model, journal.marks), *notes_of(model, journal.undecided)),
         tuple(journal.marks), model, e, h,
     )  # fmt: skip
 
@@ -218,8 +220,10 @@ def _from_impact_to_impact(
         journal = _through_contacts(run, e, q, v, first, recorded)
         before = [c for c in stepper.collisions if c[0] < first]
         journal.collisions[:0] = _collisions(model, before)
+        journal.undecided[:0] = _undecided(model, stepper, first)
         return recorded, journal
     journal = MotionRecord(list(_collisions(model, stepper.collisions)))
+    journal.undecided += _undecided(model, stepper, len(run.u))
     return _Recorded(*states, *run.forces(len(states[0]))), journal
 
 
@@ -236,6 +240,13 @@ def _before_settling(last: int, struck: list[int]) -> int:
 def _collisions(model: Model, records: list[list[Any]]) -> Iterator[Collision]:
     for _, time, j, lam, at, before, after in records:
         yield Collision(model.kernels.surfaces[j], time, at, float(lam), before, after)
+
+
+def _undecided(model: Model, stepper: Stepper, steps: int) -> Iterator[Undecided]:
+    """The moments within the first steps at which the order of impacts decides."""
+    for step, t, q, p, impacts in stepper.undecided:
+        if step < steps:
+            yield undecided_of(model, (q, model.velocity(q, p, t), t), impacts)
 
 
 def _with_rates(model: Model, collisions: list[Collision]) -> Iterator[Collision]:

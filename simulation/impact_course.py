@@ -54,7 +54,11 @@ def blow_on(model: Model, at: Place, on: list[int], e: Array) -> Blow | None:
     released = np.flatnonzero((course.approach > 0) & (e > 0) & (course.normal > 0))
     whole[released] = (1 + e[released]) * course.normal[released]
     course.falling[released] = course.approach[released]
-    return course.blow if course.follow(whole) else None
+    if not course.follow(whole):
+        return None
+    if len(released):
+        return Blow(course.velocity, course.normal, course.tangential)
+    return course.stopped
 
 
 @record(frozen=True, eq=False)
@@ -105,9 +109,9 @@ class _Course:
         )  # fmt: skip
 
     @property
-    def blow(self) -> Blow:
-        """What has happened, with the smallest of the impulses that have the same effect if those
-        are borne: what slid for a while and then stuck does not say how contacts share them."""
+    def stopped(self) -> Blow:
+        """What has happened to plastic contacts, with the smallest of the impulses that have the
+        same effect if those are borne: no restitution says how contacts share them."""
         held = self._whole
         own = Reaction(
             (self.velocity - self.at.y[self.model.nq : 2 * self.model.nq])[None],

@@ -47,7 +47,7 @@ cdef void _solve_factored(double[:, ::1] L, double[::1] b, int n) noexcept nogil
 cdef class Leg:
     """A leg of one model with given parameters, from (q_a, p) at the time t."""
     cdef readonly int nq, nu, nc, ni
-    cdef readonly list collisions
+    cdef readonly list collisions, undecided
     cdef readonly tuple held
     cdef object names, model
     cdef Call step, step_jac, impact, impact_jac, surface, slope, dynamics, momentum, total_energy
@@ -70,7 +70,7 @@ cdef class Leg:
         self.nq, self.nu, self.nc, self.ni = nq, nu, nc, ni
         self.restitution = np.append(restitution, 1.0)
         self.names, self.model = kernels.surfaces, Model(kernels, np.asarray(par))
-        self.collisions = []
+        self.collisions, self.undecided = [], []
 
         def block(size):
             return np.zeros((1, size))

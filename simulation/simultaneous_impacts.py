@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import record
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 
@@ -23,6 +24,15 @@ class Lasting(Exception):  # noqa: N818 - it is caught where the simulation bega
     do not carry it further."""
 
 
+@record(frozen=True, eq=False)
+class Impacts:
+    """Impulses of the impacts at one moment, in their order, as pairs of surface and impulse; where
+    the order decides, what each surface makes of it that is hit first: sums of impulses (nc,)."""
+
+    impulses: list[tuple[int, float]]
+    orders: tuple[tuple[int, Array], ...] = ()
+
+
 def simultaneous(
     gaps: Array,
     tolerance: Array,
@@ -31,13 +41,15 @@ def simultaneous(
     response: Array,
     restitution: Array,
     moment: float,
-) -> list[tuple[int, float]] | None:
-    """Impulses of the impacts at one moment, in their order, as pairs of surface and impulse.
+) -> Impacts | None:
+    """The impacts at one moment; None if elastic ones do not come to an end.
 
     Surfaces that are touched and approached get single impacts, lam = (1 + e) gamma / (n . M^-1 n),
     the hardest first, until every one that is touched opens or rests.  Where all of those are
     plastic they act together: lam >= 0, rates after <= 0, one of the two zero; only their sum has a
-    meaning, not the momenta between them.
+    meaning, not the momenta between them.  If it makes a difference which of several is hit first,
+    they are all compressed together, in the same way, and released with e times their impulses:
+    what is symmetric before stays so.
 
     Parameters
     ----------
@@ -50,39 +62,90 @@ def simultaneous(
     restitution : array of shape (nc,)
     moment : float
         Time within which surfaces are met at once.
-
-    Returns
-    -------
-    list of pairs, or None if elastic impacts do not come to an end
     """
-    rates, size = rates.copy(), size.copy()
-    inertia = np.maximum(np.diag(response), np.finfo(float).tiny)
-    impulses: list[tuple[int, float]] = []
+    at = _Moment(gaps, tolerance, response, restitution, moment)
+    in_turn = at.in_turn(rates, size)
+    hit = np.flatnonzero(at.hit(rates, size)).tolist()
+    if in_turn is None or len(hit) < 2:
+        return None if in_turn is None else Impacts(in_turn)
+    ways = [(j, at.in_turn(rates, size, j)) for j in hit]
+    orders = tuple((j, at.sums(way)) for j, way in ways if way is not None)
+    whole = at.sums(in_turn)
+    if all(at.energy(sums - whole) <= SAME**2 * at.energy(whole) for _, sums in orders):
+        return Impacts(in_turn)
+    return Impacts(at.together(rates, size), orders)
 
-    def touched() -> NDArray[np.bool_]:
-        return np.asarray(gaps > -(tolerance + moment * np.maximum(rates, 0.0)))
 
-    def strike(j: int, impulse: float) -> None:
-        change = response[:, j] * impulse
-        np.maximum(size, np.abs(change), out=size)
-        np.subtract(rates, change, out=rates)
-        impulses.append((j, impulse))
+@record(frozen=True, eq=False)
+class _Moment:
+    """What the impacts at one moment go by, as in :func:`simultaneous`."""
 
-    while (hit := np.logical_and(touched(), rates > NOISE * size)).any():
-        if not restitution[touched()].any() or (
-            len(impulses) >= MOST_IMPACTS and (restitution[touched()] < 1).any()
-        ):
-            on = np.flatnonzero(touched())
-            for k, impulse in zip(on, plastic(response[np.ix_(on, on)], rates[on]), strict=True):
-                if impulse > 0:
-                    strike(int(k), float(impulse))
-            return impulses
-        if len(impulses) >= MOST_IMPACTS:
-            return None
-        hardness = np.where(hit, rates / np.sqrt(inertia), 0.0)
-        j = int(np.flatnonzero(hardness >= (1 - SAME) * hardness.max())[0])
-        strike(j, float((1 + restitution[j]) * rates[j] / inertia[j]))
-    return impulses
+    gaps: Array
+    tolerance: Array
+    response: Array
+    restitution: Array
+    moment: float
+
+    def touched(self, rates: Array) -> NDArray[np.bool_]:
+        near = self.tolerance + self.moment * np.maximum(rates, 0.0)
+        return np.asarray(self.gaps > -near)
+
+    def hit(self, rates: Array, size: Array) -> NDArray[np.bool_]:
+        """What is touched and approached."""
+        return np.logical_and(self.touched(rates), rates > NOISE * size)
+
+    def sums(self, impulses: list[tuple[int, float]]) -> Array:
+        """The impulses of all surfaces (nc,)."""
+        whole = np.zeros(len(self.gaps))
+        for j, impulse in impulses:
+            whole[j] += impulse
+        return whole
+
+    def energy(self, impulses: Array) -> float:
+        """Twice what impulses (nc,) make of bodies at rest."""
+        return float(impulses @ self.response @ impulses)
+
+    def in_turn(
+        self, rates: Array, size: Array, first: int | None = None
+    ) -> list[tuple[int, float]] | None:
+        """One impact after the other, from the surface that is hit first on."""
+        rates, size, e = rates.copy(), size.copy(), self.restitution
+        inertia = np.maximum(np.diag(self.response), np.finfo(float).tiny)
+        impulses: list[tuple[int, float]] = []
+
+        def strike(j: int, impulse: float) -> None:
+            change = self.response[:, j] * impulse
+            np.maximum(size, np.abs(change), out=size)
+            np.subtract(rates, change, out=rates)
+            impulses.append((j, impulse))
+
+        if first is not None:
+            strike(first, float((1 + e[first]) * rates[first] / inertia[first]))
+        while (hit := self.hit(rates, size)).any():
+            touched = self.touched(rates)
+            if not e[touched].any() or (len(impulses) >= MOST_IMPACTS and (e[touched] < 1).any()):
+                for j, impulse in self.plastic(rates):
+                    strike(j, impulse)
+                return impulses
+            if len(impulses) >= MOST_IMPACTS:
+                return None
+            hardness = np.where(hit, rates / np.sqrt(inertia), 0.0)
+            j = int(np.flatnonzero(hardness >= (1 - SAME) * hardness.max())[0])
+            strike(j, float((1 + e[j]) * rates[j] / inertia[j]))
+        return impulses
+
+    def plastic(self, rates: Array) -> list[tuple[int, float]]:
+        """The impulses after which nothing that is touched is approached."""
+        on = np.flatnonzero(self.touched(rates))
+        pushes = plastic(self.response[np.ix_(on, on)], rates[on])
+        return [(int(k), float(push)) for k, push in zip(on, pushes, strict=True) if push > 0]
+
+    def together(self, rates: Array, size: Array) -> list[tuple[int, float]]:
+        """All of them at once."""
+        whole = (1 + self.restitution) * self.sums(self.plastic(rates))
+        left = rates - self.response @ whole
+        whole += self.sums(self.plastic(np.where(left > NOISE * size, left, np.minimum(left, 0.0))))
+        return [(int(j), float(whole[j])) for j in np.flatnonzero(whole > 0)]
 
 
 def plastic(response: Array, rates: Array) -> Array:

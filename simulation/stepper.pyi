@@ -3,6 +3,7 @@
 from typing import Any
 
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.simulation.simultaneous_impacts import Impacts
 
 class Stepper:
     nq: int
@@ -10,6 +11,7 @@ class Stepper:
     nc: int
     ni: int
     collisions: list[list[Any]]
+    undecided: list[tuple[int, float, Array, Array, Impacts]]
     held: tuple[int, tuple[Array, Array, Array]]
     def __init__(self, kernels: Kernels, par: Array, restitution: Array) -> None: ...
     def run(

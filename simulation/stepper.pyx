@@ -175,7 +175,7 @@ cdef class Stepper(LegAmongSurfaces):
         for k in range(self.nc):
             self.rate_size[k] = max(self.rate_size[k], fabs(self.rates_before[k] - self.rates[k]))
             near = self.tolerance[k] + SHORTEST_LEG * self.full * max(self.rates_before[k], 0.0)
-            if k != j and self.start_gap[k] > -near and self.rates[k] > RATE_TOLERANCE * self.rate_size[k]:
+            if k != j and self.start_gap[k] > -near and max(self.rates[k], self.rates_before[k]) > RATE_TOLERANCE * self.rate_size[k]:
                 alone = False
         with gil:
             if alone:
@@ -207,17 +207,19 @@ cdef class Stepper(LegAmongSurfaces):
         by_law = np.flatnonzero(touched & np.isnan(np.asarray(self.restitution)[: self.nc]))
         if len(by_law):
             raise SimulationError(several_by_law(self.model, by_law, t))
-        impulses = simultaneous(
+        impacts = simultaneous(
             np.asarray(self.start_gap), np.asarray(self.tolerance), np.asarray(self.rates_before), np.asarray(self.rate_size), normals @ np.linalg.solve(mass, normals.T),
             np.asarray(self.restitution)[: self.nc], SHORTEST_LEG * self.full,
         )
-        if impulses is None:
+        if impacts is None:
             touched = [repr(name) for name, gap, near in zip(self.names, self.start_gap, self.tolerance) if gap >= -near]
             raise SimulationError(
                 f"the impacts on surfaces {', '.join(touched)} at t = {t:.6g} s come to no end: bodies that meet so cannot be simulated, change the "
                 "start or give the surfaces a restitution below 1."
             )
-        for j, lam in impulses:
+        if impacts.orders:
+            self.undecided.append((number, t, np.array(self.q_a[0]), np.array(self.p), impacts))
+        for j, lam in impacts.impulses:
             self.record(number, t, j, lam, normals[j])
             for i in range(self.nq):
                 self.p[i] -= lam * normals[j, i]

@@ -12,6 +12,7 @@ import contact_problems
 import numpy as np
 import pytest
 import several_contacts
+import superballs
 from pages import ROOT
 from referee import Judgement, judge, main
 from referee_motion import read_claim
@@ -259,11 +260,12 @@ def test_linear_inputs_of_a_solution_of_one_phase_are_linear(tmp_path: Path) -> 
 
 
 def test_the_cost_of_a_motion_that_cannot_be_simulated_is_unknown(judged: Judge) -> None:
-    """Two hits with friction and restitution at once have no law."""
-    problem = several_contacts.falling_flat(0.6, "+left +right").but(sequence=[], restitution=0.5)
-    falls = {"x": 0.5 * T, "y": 1 - 4.905 * T**2, "a": 0 * T}
-    falls |= {"x_dot": 0.5 + 0 * T, "y_dot": -9.81 * T, "a_dot": 0 * T}
-    judgement = judged(problem, t=T, u=0 * T, w=0 * T, **falls)
+    """A hit with tangential restitution beside a wall that touches has no law."""
+    walled = superballs.pushed(surfaces={"floor": superballs.z >= 0.1, "wall": superballs.x >= 0})
+    problem = dmoc.Problem(dmoc.build(walled), start={"x": 0, "z": 1.1, "a": 0}, restitution=0.5)
+    falls = {"x": 0 * T, "z": 1.1 - 5 * T**2, "a": 0 * T}
+    falls |= {"x_dot": 0 * T, "z_dot": -10 * T, "a_dot": 0 * T}
+    judgement = judged(problem, t=T, u=0 * T, **falls)
     assert np.isnan(judgement.cost) and "unknown" in judgement.lines[0]
 
 
