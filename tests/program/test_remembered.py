@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
+from systems import double_integrator
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -113,19 +114,18 @@ def test_rows_follow_from_each_part_of_the_statement_that_they_follow_from(walls
         assert key(stated(walls, **same)) == keys[0]
 
 
-def test_the_analysis_of_a_linear_system_is_that_of_its_fixed_unknowns(walls: Kernels) -> None:
-    """Free at the start, at the end, or in its velocity: each another set of unknowns."""
-    starts = (
-        {"x": 0.0, "x_dot": 0.0},
-        {"x": (-1.0, 1.0), "x_dot": 0.0},
-        {"x": 0.0, "x_dot": (0, 1)},
-    )
-    goals = ({"x": 1.0}, {"x": (0.5, 1.0)})
-    every = [Transcription(stated(walls, start=s, goal=g)) for s in starts for g in goals]
+def test_the_analysis_of_a_linear_system_is_that_of_its_fixed_unknowns() -> None:
+    """Programs of one structure, of which the first, a middle or the last free unknown is fixed."""
+    problem = double_integrator(4)
+    every = [Transcription(problem) for _ in range(4)]
+    free = np.flatnonzero(every[0].lower < every[0].upper)
+    for nlp, k in zip(every[1:], (free[0], free[len(free) // 2], free[-1]), strict=True):
+        nlp.lower, nlp.upper = nlp.lower.copy(), nlp.upper.copy()
+        nlp.lower[k] = nlp.upper[k] = 0.0
     layouts = [kkt_layout(nlp) for nlp in every]
-    assert len({id(layout) for layout in layouts}) == len(every)
-    again = Transcription(stated(walls, start=starts[0], goal={"x": 0.9}))
-    assert kkt_layout(again) is layouts[0]
+    assert len({id(nlp.structure) for nlp in every}) == 1
+    assert len({id(layout) for layout in layouts}) == 4
+    assert kkt_layout(Transcription(problem.but(goal={**problem.goal, "x": 0.9}))) is layouts[0]
 
 
 def test_what_was_not_asked_for_the_longest_is_forgotten_first() -> None:
