@@ -7,11 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, bryson_denham, there_and_back
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.guess.automatic import initial_guesses
+from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.scaling import REACHED, scale_of
 
@@ -92,3 +95,33 @@ def test_a_guess_that_hardly_moves_is_no_measure_of_fixed_speeds(order: int, way
     guess = {"u": way, "x": [0, way, 0]}
     solution = dmoc.solve(bryson_denham(40, order), "ipm", guess=guess)
     assert solution.solved and solution.cost == pytest.approx(4, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("limit", "slope"),
+    [
+        ("x**2 + y**2 >= 1/100", 0.2),
+        ("x**2 + y**2 >= 1/1000000", 0.002),
+        ("1 >= 1/(100*(x**2 + y**2))", 20.0),
+        ("x**4 + y**4 >= 1/10000", 0.004),
+        ("7*x <= 8", 7.0),
+        ("x**2 + y**2 <= 100", 1.9),
+    ],
+    ids=["post", "wire", "inverse", "quartic", "plane", "far away"],
+)
+def test_an_excess_of_a_path_constraint_is_a_distance(limit: str, slope: float) -> None:
+    """Both nodes of a step move its middle by half; of a limit that is far away the slope counts
+    where the motion is, in the middle of the last step."""
+    x, y, u, w = dynamicsymbols("x y u w")
+    lagrangian = x.diff() ** 2 / 2 + y.diff() ** 2 / 2
+    system = dmoc.MechanicalSystem(
+        "passing", [x, y], lagrangian, inputs=[u, w], forces={x: u, y: w}, cost=u**2 + w**2,
+        path_constraints={"post": sp.sympify(limit, {"x": x, "y": y})},
+    )  # fmt: skip
+    stated = {"goal": {x: 1, y: 0}, "final_time": 1, "steps": 20}
+    problem = dmoc.Problem(dmoc.build(system), {x: -1, y: 0, "x_dot": 2}, **stated)
+    straight = initial_guesses(problem)[0].x.copy()
+    layout = Layout.of(problem)
+    straight[layout.index_q] = np.linspace([-1, 0], [1, 0], 21)
+    scale = scale_of(problem, straight)
+    assert scale.path == pytest.approx([slope / 2 * scale.q[0]], rel=1e-6)
