@@ -22,13 +22,14 @@ from dmoc.codegen.kernels import Kernels
 
 
 @pytest.mark.slow
-def test_a_force_without_a_slope_at_rest_is_differenced() -> None:
-    """Drag against the speed of a mass that starts at rest: sqrt(v^2) has no derivative there."""
+def test_a_force_without_a_slope_where_a_motion_starts_is_differenced() -> None:
+    """A spring with a force r^2 at the distance r, where a mass starts: r x is differentiated to
+    0/0 there."""
     x, y, f, g = dynamicsymbols("x y f g")
-    speed = sp.sqrt(x.diff() ** 2 + y.diff() ** 2)
+    distance = sp.sqrt(x**2 + y**2)
     system = dmoc.MechanicalSystem(
-        "dragged", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2, {}, [f, g],
-        {x: f - speed * x.diff(), y: g - speed * y.diff()}, cost=f**2 + g**2,
+        "sprung", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2, {}, [f, g],
+        {x: f - distance * x, y: g - distance * y}, cost=f**2 + g**2,
     )  # fmt: skip
     problem = dmoc.Problem(
         dmoc.build(system), start={"x": 0, "y": 0}, goal={"x": 1, "y": 0.5}, steps=40,
