@@ -36,8 +36,10 @@ from queue import SimpleQueue
 
 ROOT = Path(__file__).resolve().parent.parent
 LIST = ROOT / "tools" / "mutations.toml"
+FAST = ("-m", "not slow")
 COMPILED = {".pyx", ".pxd", ".pxi", ".c", ".h"}
-SECONDS = 600  # a change may also make a test hang, which is noticed
+# Of one group of tests, all that are not slow at most; pytest itself ends a test that hangs.
+SECONDS = 1800
 NO_TESTS, NO_FILE = 5, 4  # pytest's exit status where nothing was collected, or is not there
 
 
@@ -53,6 +55,15 @@ class Change:
 
     def __str__(self) -> str:
         return f"{self.file}: {' '.join(self.old.split())} -> {' '.join(self.new.split())}"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Tests that failed, or among which one did, and what was said of it."""
+
+    tests: tuple[str, ...]
+    words: str
+    stood: bool = True  # there were such tests
 
 
 @dataclass(frozen=True)
@@ -123,34 +134,27 @@ def fate(change: Change, copy: Path) -> Fate:
     if text.count(change.old) != 1:
         return Fate(change, "unfit", f"the old text stands there {text.count(change.old)} times")
     path.write_text(text.replace(change.old, change.new), encoding="utf-8")
+    groups = [change.tests] if change.tests else [(*FAST, *g) for g in nearest(change.file)]
     try:
-        seen = noticed(change, copy)
+        compiles = path.suffix not in COMPILED or built(copy)
+        failed = next(filter(None, (run(g, copy) for g in groups)), None) if compiles else None
     finally:
         path.write_text(text, encoding="utf-8")
         if path.suffix in COMPILED:
             built(copy)
-    test = seen.evidence.removeprefix("FAILED ").removeprefix("ERROR ").split(" - ")[0]
-    if test != seen.evidence and fails_anyway(test, copy):
-        return Fate(change, "unfit", f"without the change it fails too: {seen.evidence}")
-    return seen
-
-
-def noticed(change: Change, copy: Path) -> Fate:
-    """Whether the tests nearest to a change that was made fail."""
-    if Path(change.file).suffix in COMPILED and not built(copy):
+    if not compiles:
         return Fate(change, "unfit", "it does not compile")
-    groups = [change.tests] if change.tests else list(nearest(change.file))
-    for group in groups:
-        evidence = run(group if change.tests else ("-m", "not slow", *group), copy)
-        if evidence == str(NO_FILE):
-            return Fate(change, "unfit", f"{' '.join(group)}: no such tests")
-        if evidence is not None:
-            return Fate(change, "died", evidence)
-    return Fate(change, "survived", "in " + ", ".join(" ".join(group) for group in groups))
+    if failed is None:
+        return Fate(change, "survived", "in " + ", ".join(map(" ".join, groups)))
+    if not failed.stood:
+        return Fate(change, "unfit", failed.words)
+    if fails_anyway(failed.tests, copy):
+        return Fate(change, "unfit", f"without the change it fails too: {failed.words}")
+    return Fate(change, "died", failed.words)
 
 
-def run(tests: Sequence[str], copy: Path) -> str | None:
-    """Run tests in a copy; the first that fails, or why none can say so; None where all pass."""
+def run(tests: tuple[str, ...], copy: Path) -> Failure | None:
+    """Run tests in a copy; the first that fails, or all where none says so; None where all pass."""
     words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", *tests]
     try:
         ended = subprocess.run(
@@ -158,19 +162,21 @@ def run(tests: Sequence[str], copy: Path) -> str | None:
             timeout=SECONDS, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return f"{' '.join(tests)} took more than {SECONDS} s"
+        return Failure(tests, f"{' '.join(tests)} took more than {SECONDS} s")
     if ended.returncode in (0, NO_TESTS):
         return None
     if ended.returncode == NO_FILE:
-        return str(NO_FILE)
+        return Failure(tests, f"{' '.join(tests)}: no such tests", stood=False)
     lines = [x for x in ended.stdout.splitlines() if x.startswith(("FAILED", "ERROR"))]
-    return lines[0] if lines else ended.stdout[-160:]
+    if not lines:
+        return Failure(tests, ended.stdout[-160:])
+    return Failure((lines[0].partition(" ")[2].split(" - ")[0],), lines[0])
 
 
 @cache
-def fails_anyway(test: str, copy: Path) -> bool:
-    """Whether a test fails in a copy in which nothing is changed."""
-    return run((test,), copy) is not None
+def fails_anyway(tests: tuple[str, ...], copy: Path) -> bool:
+    """Whether tests fail in a copy in which nothing is changed."""
+    return run(tests, copy) is not None
 
 
 def nearest(file: str) -> Iterator[tuple[str, ...]]:

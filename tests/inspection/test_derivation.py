@@ -121,3 +121,18 @@ def test_an_objective_names_states_at_ends_as_everywhere_else():
     (section,) = [s for s in dmoc.derive(system).sections if s.title == "Objective"]
     (equation,) = section.equations
     assert str(equation.right) == "at_end(x_dot)**2 + at_start(x)"
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_kernels_of_kinks_agree_at_all_points_of_a_step(order: int) -> None:
+    """Half of a step has hidden unknowns of its own where there is one point of it."""
+    x, u, w = dynamicsymbols("x u w")
+    system = dmoc.MechanicalSystem(
+        "rough", [x], x.diff() ** 2 / 2, {}, [u, w], {x: u + w},
+        cost=u**2 + sp.Abs(u) + sp.Abs(w) * (1 + x**2),
+        integrals={"fuel": sp.Max(u, 2 * w)},
+    )  # fmt: skip
+    comparisons = kernel_errors(system, dmoc.build(system, order=order))
+    names = {c.kernel for c in comparisons}
+    assert {"lifted", "lifted_jac", "hidden", "integral"} <= names
+    assert max(c.error for c in comparisons) < 1e-11
