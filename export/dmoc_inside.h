@@ -33,6 +33,7 @@ struct dmoc_solver {
     double *physical, *times, *results, *work;
     void *memory;               /* of the method */
     int warm, wrong;
+    int strays;                 /* whether something slides otherwise than said where phases end */
     int unnamed;                /* whether a number was set that there is not */
     const char *expected;
     dmoc_end end;
@@ -85,6 +86,10 @@ int carried_apply(dmoc_solver *s);
 void carried_evaluate(dmoc_solver *s);
 int carried_judge(dmoc_solver *s, int word, const dmoc_limits *limits);
 int carried_all_inside(const dmoc_solver *s);
+/* Whether something slides against its direction, or moves where it sticks, in a state (q, v, t,
+ * parameters) of a phase in which tangential positions have slopes[nt*nq]; rates[nt] is room. */
+int carried_strays(const dmoc_solver *s, int phase, const double *const in[], const double *slopes,
+                   double *rates);
 
 /* dmoc_laws.c */
 /* Whether M[n*n] is positive definite; in its place comes its Cholesky factor. */

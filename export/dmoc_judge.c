@@ -117,8 +117,29 @@ static int inside(const dmoc_solver *s, int phase, int first, int last)
     return 1;
 }
 
+int carried_strays(const dmoc_solver *s, int phase, const double *const in[], const double *slopes,
+                   double *rates)
+{
+    const dmoc_places *p = &s->c->places;
+    const int *stuck = p->stuck + phase*p->nt, *slides = p->slides + phase*p->nt;
+    carried_call(s->c->motion.functions[DMOC_TANGENTIAL].rates, in, rates, NULL);
+    for (int k = 0; k < p->nt; ++k) {
+        double made = 0;
+        for (int i = 0; i < p->nq; ++i)
+            made += fabs(slopes[k*p->nq + i]*in[1][i]);
+        const double kept = CARRIED_KEPT*fmax(p->slide_size[k], made);
+        if (stuck[k] && !(fabs(rates[k]) <= kept))
+            return 1;
+        if (slides[k] && !(slides[k]*rates[k] >= -kept))
+            return 1;
+    }
+    return 0;
+}
+
 int carried_all_inside(const dmoc_solver *s)
 {
+    if (s->strays)
+        return 0;
     for (int i = 0, node = 0; i < s->c->phases; node += s->c->steps[i++])
         if (!inside(s, i, node, node + s->c->steps[i]))
             return 0;

@@ -159,8 +159,8 @@ static void push(const dmoc_solver *s, const node_of *at, int phase, int k, doub
 }
 
 /* Slopes of what is held in a phase, with rates at the velocity v or, without one, with values of
- * what is held in place; how many. */
-static int held(const node_of *at, int phase, const double *v)
+ * what is held in place; how many. With back also of what slides against its direction. */
+static int held(const node_of *at, int phase, const double *v, int back)
 {
     const dmoc_motion *m = &at->c->motion;
     const dmoc_places *places = &at->c->places;
@@ -175,11 +175,15 @@ static int held(const node_of *at, int phase, const double *v)
         carried_call(v ? m->functions[r->kind].rates
                        : r->kind == DMOC_NORMAL ? places->surface : places->joint,
                      v ? moving : there, at->rates, NULL);
-        for (int j = 0; j < r->columns; ++j)
-            if (r->holds[j]) {
-                carried_copy(at->push + count*n, at->slopes + r->column[j]*n, n);
-                at->multiplier[count++] = at->rates[r->column[j]];
+        const int *slides = back && r->kind == DMOC_TANGENTIAL ? places->slides + phase*places->nt
+                                                               : NULL;
+        for (int j = 0; j < r->columns; ++j) {
+            const int column = r->column[j];
+            if (r->holds[j] || (slides && slides[column]*at->rates[column] < 0)) {
+                carried_copy(at->push + count*n, at->slopes + column*n, n);
+                at->multiplier[count++] = at->rates[column];
             }
+        }
     }
     return count;
 }
@@ -233,12 +237,13 @@ static int respond(const node_of *at, int count)
     return count;
 }
 
-/* The momentum p moved the shortest way to where what is held has no rates. */
-static void hold(const node_of *at, int phase, double *p)
+/* The momentum p moved the shortest way to where what is held, and with back what slides against
+ * its direction, has no rates. */
+static void hold(const node_of *at, int phase, double *p, int back)
 {
     const int n = at->c->places.nq;
     velocity(at, p, at->column);
-    const int count = respond(at, held(at, phase, at->column));
+    const int count = respond(at, held(at, phase, at->column, back));
     for (int a = 0; a < count; ++a)
         for (int i = 0; i < n; ++i)
             p[i] -= at->multiplier[a]*at->push[a*n + i];
@@ -254,7 +259,7 @@ void carried_keep(const dmoc_solver *s, double *q, double *v)
         memset(at.mass, 0, sizeof(double)*(size_t)(n*n));
         for (int i = 0; i < n; ++i)
             at.mass[i*n + i] = 1/(reach[i]*reach[i]);
-        const int count = respond(&at, entered(&at, held(&at, 0, NULL)));
+        const int count = respond(&at, entered(&at, held(&at, 0, NULL, 0)));
         for (int a = 0; a < count; ++a)
             for (int i = 0; i < n; ++i)
                 q[i] -= at.multiplier[a]*at.response[a*n + i];
@@ -262,7 +267,7 @@ void carried_keep(const dmoc_solver *s, double *q, double *v)
     const double *in[DMOC_MOST] = {q, v, &time, at.parameters};
     weigh(&at);
     carried_call(s->c->places.momentum, in, at.spare, NULL);
-    hold(&at, 0, at.spare);
+    hold(&at, 0, at.spare, 1);
     velocity(&at, at.spare, v);
 }
 
@@ -303,18 +308,26 @@ void carried_parameters(const dmoc_solver *s, double *parameters)
 static void momenta(dmoc_solver *s, double *p, double *v)
 {
     const dmoc_carried *c = s->c;
-    const int n = c->places.nq;
+    const int n = c->places.nq, slides = c->motion.functions[DMOC_TANGENTIAL].count;
     node_of at = node_in(s);
+    s->strays = 0;
     for (int i = 0, first = 0, row = 0; i < c->phases; first += c->steps[i++])
         for (int k = 0; k <= c->steps[i]; ++k, ++row) {
             at.q = s->physical + c->places.q + (first + k)*n, at.t = s->times + first + k;
             weigh(&at);
             if (c->steps[i]) {
                 push(s, &at, i, k, p + row*n);
-                hold(&at, i, p + row*n);
             } else {
                 carried_copy(p + row*n, s->physical + c->motion.p_end, n);
             }
+            velocity(&at, p + row*n, at.column);
+            if (slides && (!k || k == c->steps[i])) {
+                const double *in[DMOC_MOST] = {at.q, at.column, at.t, at.parameters};
+                slope(&at, DMOC_TANGENTIAL);
+                s->strays |= carried_strays(s, i, in, at.slopes, at.stored);
+            }
+            if (c->steps[i])
+                hold(&at, i, p + row*n, 0);
             velocity(&at, p + row*n, v + row*n);
         }
 }

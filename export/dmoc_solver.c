@@ -194,7 +194,7 @@ const char *dmoc_solver_sentence(int status)
         "the solve was interrupted: the best iterate so far is kept",
         "there is not enough memory",
         "a number does not fit the problem: nothing was solved",
-        "the motion penetrates a surface or leaves what holds it: move its start or goal",
+        "the motion penetrates a surface, leaves its hold or slides against its word: move an end",
         "a mass, friction or restitution along the motion is none: change the parameters",
         "the first event is over, nothing is left on these phases alone, or the last end is no motion",
     };

@@ -34,7 +34,9 @@ typedef struct dmoc_solver dmoc_solver;
  * DMOC_INFEASIBLE, DMOC_ITERATION_LIMIT, DMOC_TIME_LIMIT, DMOC_STALLED and DMOC_INTERRUPTED. */
 enum {
     DMOC_BAD_NUMBER = DMOC_NO_MEMORY + 1, /* see dmoc_solver_wrong; nothing was solved */
-    DMOC_OUTSIDE, /* the motion penetrates a surface, or leaves a contact or a constraint */
+    /* The motion penetrates a surface, leaves a contact or a constraint, slides against the direction
+     * of a phase, or moves where it sticks. */
+    DMOC_OUTSIDE,
     /* With the parameters as they are, a mass is not positive somewhere along the motion, friction
      * is below zero or static friction below kinetic, or a hit returns more than it takes. */
     DMOC_UNPHYSICAL,

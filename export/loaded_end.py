@@ -22,9 +22,10 @@ class LoadedEnd:
     ----------
     status, message : str
         "solved", "infeasible", "iteration_limit", "time_limit", "stalled" or "interrupted" as those
-        of a solution; "outside" where the motion penetrates a surface or leaves what holds it;
-        "unphysical" where a mass, friction or restitution along it is none; in a batch "refused"
-        where a number does not fit, and "not_tried".
+        of a solution; "outside" where the motion penetrates a surface, leaves what holds it, moves
+        where it sticks or slides against its direction; "unphysical" where a mass, friction or
+        restitution along it is none; in a batch "refused" where a number does not fit, and
+        "not_tried".
     cost, optimality, violation : float
         In the unit of the cost; relative to the cost; relative to the size of the constraint.
     iterations, starts : int

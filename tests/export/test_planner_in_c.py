@@ -19,7 +19,7 @@ from dmoc.solvers.outcome import Status
 pytestmark = pytest.mark.slow
 
 X, U = dynamicsymbols("x u")
-SOLVED, INFEASIBLE, ITERATIONS, TIME, BAD = 0, 1, 2, 3, 7
+SOLVED, INFEASIBLE, ITERATIONS, TIME, BAD, OUTSIDE = 0, 1, 2, 3, 7, 8
 NO_REST, BEHIND, NEARLY, AGAINST = 10, 11, 12, 13
 
 MAIN = r"""
@@ -241,21 +241,30 @@ def test_what_is_no_state_changes_nothing(program: tuple[str, Path]) -> None:
 
 @pytest.mark.parametrize("order", [2, 4])
 def test_what_stays_closed(order: int, tmp_path: Path) -> None:
-    """A block slides on a floor; a state off it is moved onto it."""
+    """A block slides on a floor; a state off it is moved onto it, and one that slides back a little
+    stands still."""
     system = block_on_floor("planned_block", 1.0, 10.0, 0.1, cost=U**2 / 2)
     problem = dmoc.Problem(
         dmoc.build(system, order=order), {"x": 0.0, "y": 0.0}, {"x": 1.0, "x_dot": 0.0},
         contacts=["floor:slip+"], steps=20, final_time=2.0,
     )  # fmt: skip
     planner = dmoc.Planner(problem, horizon="recedes")
-    steps = [Step(0.5, (0.2, 1e-4, 0.8, -1e-3)), Step(0.7, (0.4, 0.0, 0.9, 0.0))]
+    steps = [
+        Step(0.5, (0.2, 1e-4, 0.8, -1e-3)), Step(0.7, (0.4, 0.0, 0.9, 0.0)),
+        Step(0.8, (0.4, 0.0, -0.1, 0.0)),
+    ]  # fmt: skip
     plans = planned(folder_of(planner, tmp_path / "slid"), tmp_path / "slid", steps)
     are_those_of_python(planner, steps, plans)
-    assert plans[-1].end == pytest.approx(2.7)
-    back = [Step(0.5, (0.2, 0.0, -2.0, 0.0)), *steps[1:]]
+    assert [plan.status for plan in plans] == [SOLVED] * 3
+    assert plans[-1].end == pytest.approx(2.8)
+    back = [Step(0.5, (0.2, 0.0, -2.0, 0.0)), steps[1]]
     plans = planned(folder_of(planner, tmp_path / "back"), tmp_path / "back", back)
     assert [plan.status for plan in plans] == [AGAINST, SOLVED]
     assert not planner.begin().replan(0.5, {"x": 0.2, "y": 0, "x_dot": -2}).new
+    program = compiled(tmp_path / "back", "driver.c")
+    for speed, status in ((0.1, SOLVED), (-0.1, OUTSIDE)):
+        (plan,) = planned(program, tmp_path / "back", steps[1:2], "goal.x_dot", str(speed))
+        assert (plan.status, plan.new) == (status, status == SOLVED)
 
 
 def test_what_sticks_does_not_move(tmp_path: Path) -> None:
