@@ -65,7 +65,7 @@ CASES: dict[str, tuple[Any, dict[str, float], Any]] = {
         lambda: cart(2, 15),
         {
             "start.alpha": 0.5, "goal.p_x": 0.1, "parameters.m_c": 1.05, "final_time.high": 1.1,
-            "bounds.F.high": 60.0, "start.x_dot": 0.2, "restitution.left": 0.95,
+            "bounds.F.high": 60.0, "start.x_dot": 0.2, "restitution.lower": 0.95,
         },
         lambda p: p.but(
             start={**p.start, "alpha": 0.5, "x_dot": 0.2}, goal={**p.goal, "p_x": 0.1},
