@@ -50,6 +50,27 @@ def test_an_end_lies_behind_a_surface_whose_coordinates_are_fixed(
 
 
 @pytest.mark.parametrize(
+    ("state", "into"),
+    [
+        ({"x": 1.0, "y": 0.0, "z": 0.0, "x_dot": 0.1}, "lean"),
+        ({"x": 1.0, "y": 0.0, "z": 0.0, "y_dot": 0.1}, ""),
+        ({"x": 1.0, "y": 0.0, "z": 1.0, "y_dot": 0.1, "z_dot": 0.1}, "roof"),
+        ({"x": 1.0, "y": (0.0, 9.0), "z": 0.0, "x_dot": 0.1}, ""),  # y may be more than 0
+        ({"x": 0.99, "y": 0.0, "z": 0.0, "x_dot": 0.1}, ""),
+    ],
+)
+def test_a_start_on_a_surface_does_not_move_into_it(
+    corner: Kernels, state: dict[str, Any], into: str
+) -> None:
+    stated = {"x_dot": 0.0, "y_dot": 0.0, "z_dot": 0.0} | state
+    if into:
+        with pytest.raises(ProblemError, match=f"lies on surface '{into}' and moves into"):
+            dmoc.Problem(corner, start=stated, goal={}, steps=4, final_time=1.0)
+    else:
+        dmoc.Problem(corner, start=stated, goal={}, steps=4, final_time=1.0)
+
+
+@pytest.mark.parametrize(
     ("sense", "bounds", "fits"),
     [
         (1, (None, 2.0), True), (1, (0.0, None), False), (1, (0.0, 2.0), False), (1, None, True),

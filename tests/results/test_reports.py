@@ -14,10 +14,11 @@ import pytest
 
 import dmoc
 from dmoc.base.errors import OutputError
-from dmoc.base.table import plain
+from dmoc.base.table import Table, plain
 from dmoc.problem.problem import Problem
+from dmoc.results import solution_report
 from dmoc.results.solution import Mesh, Minimum
-from dmoc.results.solution_report import tables
+from dmoc.results.solution_report import CHARACTERS, tables
 from dmoc.solvers.outcome import Status
 
 
@@ -117,3 +118,39 @@ def test_a_report_says_what_was_found(solution: dmoc.Solution) -> None:
 def test_reports_are_named_by_their_endings(solution: dmoc.Solution, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"end it in \.html or \.pdf"):
         solution.report(tmp_path / "r.docx")
+
+
+def test_long_cells_of_a_pdf_go_on_below_themselves(
+    solution: dmoc.Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Within the characters of a line, or in 20 where the cells before leave less."""
+    words, wide = " ".join(["word"] * 60), "w" * 80
+    shown = (
+        Table((("a", words), ("longer", "x")), title="One", notes=(words,)),
+        Table(((wide, words),), ("left", "right"), title="Two"),
+    )
+    monkeypatch.setattr(solution_report, "tables", lambda _: iter(shown))
+    lines = list(solution_report._lines(solution))
+    headings = [line for line, heading in lines if heading]
+    assert headings == [solution_report.title_of(solution), "One", "Two"]
+    texts = [line for line, _ in lines]
+    one, two = texts.index("One"), texts.index("Two")
+    first = texts[one + 1 : two - 1]
+    assert max(map(len, first)) <= CHARACTERS and min(map(len, first[:3])) > CHARACTERS - 10
+    assert [line[:8] for line in first[:5]] == ["a       "] + 3 * [" " * 8] + ["longer  "]
+    second = texts[two + 1 :]
+    assert second[0] == f"{'left':<82}right" and second[1][:82] == f"{wide}  "
+    assert {line[:82] for line in second[2:]} == {" " * 82}
+    assert {len(line) - 82 for line in second[1:]} == {19}
+
+
+def test_what_is_stated_names_its_own_sides(solution: dmoc.Solution) -> None:
+    """The start from the first node of the first phase, the end from the last node of the last."""
+    motion = solution.trajectory
+    rows = dict(tuple(map(plain, row)) for row in next(tables(solution)).rows)
+    for what, i in (("start", 0), ("end", -1)):
+        pairs = dict(pair.split(" = ") for pair in rows[what].split(", "))
+        phase = motion.phases[i]
+        for name, q, v in zip(motion.coordinates, phase.q[i], phase.v[i], strict=True):
+            assert float(pairs[name]) == pytest.approx(q, rel=1e-4, abs=1e-8)
+            assert float(pairs[f"{name}_dot"]) == pytest.approx(v, rel=1e-4, abs=1e-8)

@@ -96,6 +96,26 @@ def test_a_saved_simulation_comes_back_whole(falling: dmoc.Simulation, tmp_path:
     np.testing.assert_array_equal(again.at(0.9).v, falling.at(0.9).v)
 
 
+def test_quantities_and_coefficients_of_each_phase_come_back(tmp_path: Path) -> None:
+    """Two quantities, friction that rises along the floor, in phases of unlike lengths."""
+    x, y = dynamicsymbols("x y")
+    system = dmoc.MechanicalSystem(
+        "rougher", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2 - G * y, {},
+        surfaces={"floor": y >= 0}, tangents={"floor": x}, friction={"floor": 0.1 + x / 10},
+        restitution={"floor": 0}, quantities={"power": x * x.diff(), "height": y + x},
+    )  # fmt: skip
+    run = dmoc.simulate(system, {"y": 0.2}, {"x": 1.1}, step_size=0.03, steps=50)
+    phases = run.trajectory.phases
+    assert [p.mode for p in phases] == ["free", "floor:slip+", "floor:stick"]
+    assert len({len(p.t) for p in phases}) == 3
+    assert all(p.quantities.shape[1] == 2 for p in phases)
+    assert [p.coefficients.shape[1] for p in phases] == [0, 1, 1]
+    again = dmoc.Simulation.load(run.save(tmp_path / "s.npz")).trajectory.phases
+    for one, other in zip(phases, again, strict=True):
+        np.testing.assert_array_equal(other.quantities, one.quantities)
+        np.testing.assert_array_equal(other.coefficients, one.coefficients)
+
+
 @pytest.mark.slow
 def test_a_long_simulation_fits_into_its_file(tmp_path: Path) -> None:
     """More bounces than an archive has members."""

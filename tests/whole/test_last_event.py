@@ -109,6 +109,11 @@ def test_rows_that_fixed_values_settle_are_left_out() -> None:
     """Rows that depend on no other unknown would leave multipliers open."""
     stops = Transcription(against_wall(goal={"x": 1.0, "x_dot": 0.0}, sequence=["+wall"])).laws
     assert not stops.impact.contact.count and not stops.impact.energy.count
+    meets = Transcription(against_wall(goal={"x": 1.0}, sequence=["+wall"])).laws.impact
+    assert (meets.contact.count, meets.energy.count) == (0, 1)
+    comes = against_wall(goal={"x": (0.9, 1.1), "x_dot": 0.0}, sequence=["+wall"])
+    stays = Transcription(comes).laws.impact
+    assert (stays.contact.count, stays.energy.count) == (1, 0)
     rests = {"x": 1.0, "y": 0.0, "x_dot": 0.0, "y_dot": 0.0}
     lands = Transcription(thrown_block(4, "+floor", goal=rests)).laws
     assert not lands.friction.sticks.count and not lands.impact.energy.count
@@ -198,7 +203,7 @@ def test_a_pendulum_of_a_constraint_ends_with_its_hit(order: int) -> None:
         constraints={"rod": x**2 + y**2 - 1}, surfaces={"wall": x <= sp.Rational(1, 2)},
     )  # fmt: skip
     problem = dmoc.Problem(
-        dmoc.build(rod, order=order), start={"x": -1.0, "y": 0.0}, sequence=["wall"], steps=20,
+        dmoc.build(rod, order=order), start={"x": -1.0, "y": 0.0}, sequence=["wall"], steps=30,
         via=[{"y": (None, 0.0)}], durations=[None, 0], final_time=(None, 1.0), restitution=0.5,
     )  # fmt: skip
     solution = dmoc.solve(problem, starts=4)
