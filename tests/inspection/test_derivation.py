@@ -5,21 +5,27 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from xml.dom.minidom import parseString
 
+import mpmath as mp
 import numpy as np
 import pytest
 import sympy as sp
+from scipy import sparse
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, driven_system, puck_system, rod_system
 
 import dmoc
 from dmoc.base.discretisation import ORDERS
 from dmoc.base.errors import OutputError
+from dmoc.base.table import TONES
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.operation_counts import count_of
-from dmoc.inspection.kernel_check import kernel_errors
+from dmoc.inspection import system_derivation
+from dmoc.inspection.kernel_check import Checked, _curvature, _error, kernel_errors
+from dmoc.inspection.reference_functions import DIGITS
 from dmoc.inspection.system_derivation import small_problem
 from dmoc.symbolic.graph import Graph
 from dmoc.symbolic.spec import Input, KernelSpec, Output
@@ -136,3 +142,64 @@ def test_kernels_of_kinks_agree_at_all_points_of_a_step(order: int) -> None:
     names = {c.kernel for c in comparisons}
     assert {"lifted", "lifted_jac", "hidden", "integral"} <= names
     assert max(c.error for c in comparisons) < 1e-11
+
+
+def test_blocks_are_listed_one_behind_the_other() -> None:
+    blocks: Any = [
+        SimpleNamespace(name=name, count=count, name_of=lambda k, name=name: f"{name} {k}")
+        for name, count in (("p_B", 2), ("none", 0), ("q", 5), ("h", 1))
+    ]
+    assert list(system_derivation._listed(blocks)) == [
+        ("p B", "0", "2", "p_B 0"), ("q", "2", "5", "q 0"), ("h", "7", "1", "h 0"),
+    ]  # fmt: skip
+
+
+def test_a_hessian_is_drawn_with_both_its_triangles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """[x 0 x; 0 x x] of constraints, and [x x; . x] as the upper triangle of a Hessian."""
+    drawn = list[tuple[Any, ...]]()
+    monkeypatch.setattr(system_derivation, "sparsity", lambda *a: drawn.append(a) or "")
+
+    def pattern(m: list[list[int]]) -> SimpleNamespace:
+        matrix = sparse.csr_array(np.array(m))
+        return SimpleNamespace(indptr=matrix.indptr, matrix=lambda *_: matrix)
+
+    nlp: Any = SimpleNamespace(
+        assembled=SimpleNamespace(
+            jacobian=pattern([[1, 0, 1], [0, 1, 1]]), hessian=pattern([[1, 1], [0, 1]])
+        )
+    )
+    system_derivation._patterns(nlp)
+    (rows, columns, places, caption), hessian = drawn
+    assert (rows, columns, sorted(places)) == (2, 3, [(0, 0), (0, 2), (1, 1), (1, 2)])
+    assert caption == "Jacobian of the constraints: 2 x 3, 4 entries, 66.7 %"
+    assert sorted(hessian[2]) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert hessian[3].endswith("2 x 2, 4 entries, 100.0 %")
+
+
+def test_the_worst_kernel_is_named_and_the_bad_ones_marked(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = (Checked("a", 1e-12), Checked("b", 2e-9), Checked("c", 9e-10))
+    monkeypatch.setattr(system_derivation, "kernel_errors", lambda *_: errors)
+    kernels: Any = SimpleNamespace(manifest={"kernels": dict.fromkeys("dcbae")})
+    system: Any = None
+    text = system_derivation._check(system, kernels)
+    assert "Largest relative error: 2.0e-09 (b). Not compared: d, e." in text
+    bad = [n for n in ("1.0e-12", "2.0e-09", "9.0e-10") if f'{TONES["bad"][1]}">{n}' in text]
+    assert bad == ["2.0e-09"]
+
+
+def test_errors_are_measured_by_the_largest_value() -> None:
+    assert _error(np.array([1.0, 4.0]), [1.0, 5.0]) == pytest.approx(0.2)
+    assert _error(np.array([-4.0, 10.0]), [-5.0, 10.0]) == pytest.approx(0.1)
+    assert _error(np.array([8.0]), [4.0]) == pytest.approx(0.5)
+    assert _error(np.zeros(2), [0.0, 0.0]) == 0 and _error(np.zeros(0), []) == 0
+
+
+def test_curvatures_are_those_of_a_product() -> None:
+    """2 x^2 y - 3 x y: d . H e with H = [4 y, 4 x - 3; 4 x - 3, 0] at (2, 5)."""
+    values = {"a": np.array([2.0, -3.0])}
+    d, e = [mp.mpf(1), mp.mpf(2)], [mp.mpf(-1), mp.mpf(3)]
+    with mp.workdps(DIGITS):
+        bent = _curvature(
+            lambda x: {"a": [x[0] ** 2 * x[1], x[0] * x[1]]}, values, ([mp.mpf(2), mp.mpf(5)], d, e)
+        )
+    assert float(bent) == pytest.approx(20 * 1 * -1 + 5 * (1 * 3 + 2 * -1), rel=1e-12)

@@ -1,0 +1,173 @@
+"""Numbers that a solver takes, and the constants it is written with, one by one."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from systems import there_and_back
+
+from dmoc.codegen.kernels import Kernels
+from dmoc.export.constants import Constants
+from dmoc.export.numbers import (
+    NOT_ONE,
+    Number,
+    SolverNumbers,
+    _in_short,
+    _pool,
+    _range,
+    _same_form,
+    _with,
+    moved_arrays,
+    numbers_of,
+)
+from dmoc.export.program_text import _held, _number_rows, _state, shape_of, size_of
+from dmoc.guess.automatic import initial_guesses
+from dmoc.mechanics.contact_mode import Mode
+from dmoc.program.scaling import scale_of
+from dmoc.program.transcription import Transcription
+
+
+@pytest.mark.parametrize(
+    ("value", "way", "change"),
+    [
+        (1.0, 1.0, 2.0**-6),
+        (3.0, 1.0, 2.0**-4),
+        (-3.0, -1.0, -(2.0**-4)),
+        (0.25, 1.0, 2.0**-8),
+        (0.0, 1.0, 2.0**-15),  # as of a thousandth
+    ],
+)
+def test_a_number_is_changed_by_a_power_of_two(value: float, way: float, change: float) -> None:
+    assert Number(("bounds", "u"), value, way=way).change == change
+
+
+def test_a_number_is_named_by_where_it_stands() -> None:
+    assert Number(("via", 0, "x"), 1.0, side=1).name == "via.0.x.high"
+    assert Number(("bounds", "u"), 1.0, side=0).name == "bounds.u.low"
+    assert Number(("final_time",), 1.0).name == "final_time"
+
+
+def test_one_member_of_what_is_stated_is_replaced() -> None:
+    whole = [{"x": 1, "y": 2}, {"x": 3}]
+    assert _with(whole, [], 1, "new") == [{"x": 1, "y": 2}, "new"]
+    assert _with(whole, [], 0, "new") == ["new", {"x": 3}]
+    assert _with(whole, [0], "y", 9) == {"x": 1, "y": 9}
+    assert _range(2.0, 2.0) == 2.0
+    assert _range(-np.inf, 3.0) == (None, 3.0) and _range(1.0, np.inf) == (1.0, None)
+
+
+@pytest.mark.parametrize(
+    ("place", "moves", "pool"),
+    [
+        (1, [8], 8),  # behind three unknowns, two rows, and two more, stands the second parameter
+        (1, [7], None),
+        (1, [8, 9], None),
+        (1, [], None),
+        (NOT_ONE, [], NOT_ONE),
+        (NOT_ONE, [8], None),
+    ],
+)
+def test_a_parameter_moves_its_own_place_of_the_pool(
+    place: int, moves: list[int], pool: int | None
+) -> None:
+    base: Any = SimpleNamespace(n=3, m=2, pool=np.arange(10.0))
+    moved: Any = SimpleNamespace(n=3, m=2, pool=np.arange(10.0))
+    moved.pool[moves] += 0.5
+    assert _pool(base, moved, Number(("parameters", "m"), 1.0, pool=place)) == pool
+
+
+@pytest.fixture(scope="module")
+def nlp(block: Kernels) -> Transcription:
+    problem = there_and_back(block, steps=4, bounds={"u": (-100.0, 90.0)}, restitution=0.5)
+    return Transcription(problem, scale_of(problem, initial_guesses(problem)[0].x))
+
+
+def test_programs_of_other_forms_differ(nlp: Transcription, block: Kernels) -> None:
+    data = nlp.assembled.data
+    assert _same_form(data, data)
+    wider = there_and_back(block, steps=4, bounds={"u": (-80.0, 90.0)}, restitution=0.5)
+    assert _same_form(data, Transcription(wider, nlp.scale).assembled.data)
+    freer = there_and_back(block, steps=4, bounds={"u": (-80.0, 90.0)}, start={"x": (0, 0.1)})
+    assert not _same_form(data, Transcription(freer, nlp.scale).assembled.data)
+    longer = there_and_back(block, steps=5, bounds={"u": (-80.0, 90.0)})
+    assert not _same_form(data, Transcription(longer, nlp.scale).assembled.data)
+
+
+def test_bounds_of_an_input_move_the_bounds_of_its_unknowns(nlp: Transcription) -> None:
+    """Each in its own size, and nothing else; among the arrays upper bounds follow lower ones."""
+    numbers = numbers_of(nlp)
+    taken = {n.name: n for n in numbers.taken}
+    data, u = nlp.assembled.data, nlp.layout.index_u.ravel()
+    for name, first in (("bounds.u.low", 0), ("bounds.u.high", data.n)):
+        number = taken[name]
+        np.testing.assert_array_equal(np.sort(number.entries), np.sort(u + first))
+        np.testing.assert_allclose(number.slopes, 1 / nlp.unit[u])
+    rows, changes = _number_rows(nlp, numbers)
+    assert len(rows) == len(numbers.taken) and len(changes) == sum(
+        len(n.entries) for n in numbers.taken
+    )
+    arrays, at = moved_arrays(data, numbers.results), 0
+    for number, row in zip(numbers.taken, rows, strict=True):
+        assert f'"{number.name}"' in row and f" {at}, {len(number.entries)}," in row
+        for entry in number.entries:
+            array, place = map(int, changes[at].strip("{} ").split(",")[:2])
+            assert sum(map(len, arrays[:array])) + place == entry and place < len(arrays[array])
+            at += 1
+
+
+def test_factors_that_nothing_moves_are_left_out(nlp: Transcription) -> None:
+    """Of three results that stand behind the others the middle one is moved."""
+    data = nlp.assembled.data
+    results = [SimpleNamespace(factors=lambda data, k=k: np.zeros(k)) for k in (2, 3, 4)]
+    others = sum(map(len, moved_arrays(data, ())))
+    entries = np.array([1, others + 2, others + 4])
+    number = Number(("bounds", "u"), 1.0, entries=entries, slopes=np.ones(3))
+    stated: Any = (number,), (), (None, None), tuple(results)
+    short = _in_short(data, SolverNumbers(*stated))
+    assert short.results == (results[1],)
+    np.testing.assert_array_equal(short.taken[0].entries, [1, others, others + 2])
+
+
+@pytest.mark.parametrize(
+    ("index", "count", "shape"),
+    [
+        (np.arange(6).reshape(3, 2), 6, (3, 2)),
+        (np.arange(3), 3, (3, 1)),
+        (np.array([[0, 1], [-1, 2]]), 3, (3, 1)),
+        (np.arange(12).reshape(2, 3, 2), 12, (2, 6)),
+    ],
+)
+def test_tables_have_rows_and_columns(
+    index: np.ndarray, count: int, shape: tuple[int, int]
+) -> None:
+    block: Any = SimpleNamespace(index=index, count=count)
+    assert shape_of(block) == shape
+
+
+def test_a_matrix_of_a_kernel_has_as_many_values_as_entries() -> None:
+    assert size_of({"rows": [0, 1, 1], "shape": [9, 9]}) == 3
+    assert size_of({"shape": [2, 3]}) == 6
+
+
+def test_what_is_closed_or_ignored_is_told_apart() -> None:
+    contacts = SimpleNamespace(surface_numbers={"a": 0, "b": 1, "c": 2})
+    problem = SimpleNamespace(
+        model=SimpleNamespace(nc=3), touch=SimpleNamespace(contacts=contacts), ignored=["c"]
+    )
+    nlp: Any = SimpleNamespace(problem=problem)
+    np.testing.assert_array_equal(_held(nlp, Mode((0,))), [2, 1, 0])
+    np.testing.assert_array_equal(_held(nlp, Mode()), [1, 1, 0])
+
+
+def test_a_fixed_state_names_its_numbers() -> None:
+    state: Any = SimpleNamespace(
+        names=("start.x", "", "start.v"), values=np.array([1.0, 2.0]), momenta=np.array([7])
+    )
+    taken = [Number(("start", "v"), 1.0), Number(("start", "x"), 1.0)]
+    c = Constants()
+    text = _state(c, state, taken)
+    assert text.startswith("{1,") and "{ 1, -1, 0, };" in " ".join(" ".join(c.lines).split())
+    assert _state(c, None, taken) == "{0, NULL, NULL, NULL}"
