@@ -50,7 +50,7 @@ solve cart_pendulum
     --steps -5 | expected a whole number of at least 2 steps
     --steps 10,10,10 | one for each of the 2 phases
     --steps 1000000000 | expected at most 100000 steps
-    --steps 50000 | takes at most 2000 inputs in all steps
+    --steps 50000 --method slsqp | takes at most 2000 inputs in all steps
     --steps many | expected a whole number
     --final-time -1 | expected a positive time
     --final-time 2:1 | exceeds the upper bound
