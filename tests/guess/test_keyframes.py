@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 import sympy as sp
 from answers import answer_of
+from sympy.physics.mechanics import dynamicsymbols
 from systems import driven_system, landing_problem
 
 import dmoc
+from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
-from dmoc.guess.keyframes import along, courses_of
+from dmoc.guess.keyframes import along, courses_of, with_design
 from dmoc.program.layout import Layout
 
 
@@ -127,3 +129,24 @@ def test_keyframes_come_down_on_contacts_that_last() -> None:
     assert x[lay.impact.lam[0]] == pytest.approx(-x[lay.impact.v_a[0, 1]])
     assert x[lay.impact.v_c[0, 1]] == pytest.approx(0.0, abs=1e-12)
     assert x[lay.impact.lam[1]] == 0.0
+
+
+def test_a_guess_of_a_design_alone_leaves_the_automatic_motion() -> None:
+    """Values at both ends of a range are within; what else is named goes on."""
+    x, k = dynamicsymbols("x"), sp.Symbol("k")
+    spring = dmoc.MechanicalSystem("spring", [x], x.diff() ** 2 / 2 - k * x**2 / 2, {k: 2.0})
+    problem = dmoc.Problem(
+        spring, start={"x": 1.0}, goal={"x": 0.0}, design={"k": (1.0, 4.0)}, steps=4,
+        final_time=1.0,
+    )  # fmt: skip
+    for value in (1.0, 3.0, 4.0):
+        guess = {"k": value}
+        chosen, rest = with_design(problem, guess)
+        assert chosen.design_values.tolist() == [value] and rest is None and guess
+    chosen, rest = with_design(problem, {"x": [1.0, 0.5], "k": 3.0})
+    assert chosen.design_values.tolist() == [3.0] and rest == {"x": [1.0, 0.5]}
+    for guess in ({"x": [1.0, 0.5]}, None):
+        assert with_design(problem, guess) == (problem, guess)
+    for value in (0.99, 4.01):
+        with pytest.raises(ProblemError, match=r"k = .* lies outside its range 1 to 4"):
+            with_design(problem, {"k": value})
