@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ import dmoc
 from dmoc.base.discretisation import ORDERS
 from dmoc.base.errors import MissingExtraError, MotionError
 from dmoc.models.registry import find
+from dmoc.motion import states
 from dmoc.motion.motion_tables import columns
 from dmoc.motion.scene import resampled
 from dmoc.motion.states import Names, state_at
@@ -244,3 +246,20 @@ def test_a_phase_is_drawn_along_cubics_at_equal_parts_of_its_steps() -> None:
     times, places = resampled(many, *at(many))
     assert len(times) == 3001 and (times[0], times[-1]) == (0.0, 1.0)
     np.testing.assert_allclose(places[:, 0], times**3)
+
+
+@pytest.mark.parametrize("inside", [1, 2, 3])
+def test_forces_at_nodes_leave_out_those_inside_of_steps(
+    inside: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of rows at nodes and at places between them, as many in each step; all of a phase without
+    steps."""
+    rows = np.arange(4 * inside + 1.0)[:, None]
+    motion: Any = None
+    monkeypatch.setattr(states, "_all_forces", lambda motion, phase: phase.forces)
+    phase: Any = SimpleNamespace(steps=4, forces=[(0, rows), (1, -rows)])
+    one, other = states.phase_forces(motion, phase)
+    np.testing.assert_array_equal(one[:, 0], inside * np.arange(5.0))
+    np.testing.assert_array_equal(other, -one)
+    rest: Any = SimpleNamespace(steps=0, forces=[(0, rows[:1])])
+    np.testing.assert_array_equal(states.phase_forces(motion, rest)[0], [[0.0]])

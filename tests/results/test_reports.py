@@ -10,6 +10,7 @@ from math import inf
 from pathlib import Path
 from xml.dom.minidom import parseString
 
+import numpy as np
 import pytest
 
 import dmoc
@@ -147,7 +148,13 @@ def test_long_cells_of_a_pdf_go_on_below_themselves(
 def test_what_is_stated_names_its_own_sides(solution: dmoc.Solution) -> None:
     """The start from the first node of the first phase, the end from the last node of the last."""
     motion = solution.trajectory
-    rows = dict(tuple(map(plain, row)) for row in next(tables(solution)).rows)
+    phases = tuple(
+        replace(p, q=p.q + 1 + i + np.arange(len(p.q))[:, None], v=p.v + 5 + i + p.t[:, None])
+        for i, p in enumerate(motion.phases)
+    )
+    motion = replace(motion, phases=phases)
+    moved = replace(solution, trajectory=motion)
+    rows = dict(tuple(map(plain, row)) for row in next(tables(moved)).rows)
     for what, i in (("start", 0), ("end", -1)):
         pairs = dict(pair.split(" = ") for pair in rows[what].split(", "))
         phase = motion.phases[i]
