@@ -133,7 +133,7 @@ def test_lengths_are_sliders_and_angles_hands(solution: dmoc.Solution) -> None:
     scene = scene_for(motion)
     assert wrong_scene(scene) is None and len(scene.times) == 2
     kinds = " ".join(f"{s.kind}:{s.name}" for s in scene.shapes)
-    assert kinds == "disc:alpha link: link:x box: contact:left"
+    assert kinds == "disc:alpha link: link:x box: contact:lower"
     _, hand, rail, slider, contact = scene.shapes
     q = np.vstack([phase.q for phase in motion.phases])
     for i, phase in enumerate(motion.phases):

@@ -19,6 +19,7 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import MissingExtraError, OutputError, SolutionFileError
 from dmoc.results.batch_file import BATCH, FILE
+from dmoc.results.batch_table import table_of_batch
 from dmoc.results.result_file import content_of, result_in
 
 
@@ -135,3 +136,9 @@ def test_files_of_the_first_format_know_no_design(batch: dmoc.Batch) -> None:
     old = dmoc.Batch.from_bytes(archive(parts))
     assert old.design == {}
     assert list(old.columns()) == list(batch.columns())
+
+
+def test_a_table_says_how_many_were_tried_a_second(batch: dmoc.Batch) -> None:
+    for seconds, rate in ((0.5, batch.tried / 0.5), (8.0, batch.tried / 8.0)):
+        (*_, last) = table_of_batch(replace(batch, total_seconds=seconds)).notes
+        assert last.endswith(f"; in {seconds:.1f} s ({rate:.1f} a second)")

@@ -10,6 +10,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.models.registry import find
+from dmoc.sequences import search
 from dmoc.sequences.identity import SEARCHED, facts, identity
 from dmoc.sequences.settings import Settings
 
@@ -112,3 +113,17 @@ def test_nodes_of_proposed_sequences_are_not_those_of_a_tree(problem: dmoc.Probl
         for strategy in ("tree", "propose", "both")
     )
     assert tree != proposing == both
+
+
+def test_steps_that_a_problem_leaves_open_are_those_of_its_first_mesh(
+    problem: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two phases of them; those that are stated stay."""
+    taken = list[tuple[Any, Any]]()
+    monkeypatch.setattr(
+        search, "_searched", lambda stated, problem, _: taken.append((stated.steps, problem.steps))
+    )
+    left_open = problem.but(steps=None)
+    dmoc.search(left_open)
+    dmoc.search(problem)
+    assert taken == [(None, 2 * max(left_open.phase_steps)), (20, 20)]
