@@ -111,7 +111,7 @@ def tables_of(nlp: Transcription) -> list[Block]:
 
 def shape_of(block: Block) -> tuple[int, int]:
     """Rows and columns of a table; one column where places of its shape are empty."""
-    if block.count < block.index.size or block.index.ndim == 1:
+    if block.count < block.index.size:
         return block.count, 1
     return len(block.index), block.count // len(block.index)
 

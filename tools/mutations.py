@@ -12,8 +12,10 @@ A list (``tools/mutations.toml``) has one entry for each change::
     survives = "why no test can notice it"          # optional
 
 Without ``tests`` the nearest are the files in ``tests`` that import the module, then the folder of
-its layer, then all, without those that are slow.  Changes are made in a copy of the checkout;
-compiled sources are compiled again there.  A test that fails without the change too tells nothing.
+its layer, then all, without those that are slow; last the slow ones of the nearest.
+
+Changes are made in a copy of the checkout; compiled sources are compiled again there.  A test that
+fails without the change too tells nothing.
 The exit status is 1 if a change survives without a reason, dies in spite of one, or does not fit
 the sources any more.
 """
@@ -36,7 +38,7 @@ from queue import SimpleQueue
 
 ROOT = Path(__file__).resolve().parent.parent
 LIST = ROOT / "tools" / "mutations.toml"
-FAST = ("-m", "not slow")
+FAST, SLOW = ("-m", "not slow"), ("-m", "slow")
 COMPILED = {".pyx", ".pxd", ".pxi", ".c", ".h"}
 # Of one group of tests, all that are not slow at most; pytest itself ends a test that hangs.
 SECONDS = 1800
@@ -134,7 +136,7 @@ def fate(change: Change, copy: Path) -> Fate:
     if text.count(change.old) != 1:
         return Fate(change, "unfit", f"the old text stands there {text.count(change.old)} times")
     path.write_text(text.replace(change.old, change.new), encoding="utf-8")
-    groups = [change.tests] if change.tests else [(*FAST, *g) for g in nearest(change.file)]
+    groups = [change.tests] if change.tests else groups_near(change.file)
     try:
         compiles = path.suffix not in COMPILED or built(copy)
         failed = next(filter(None, (run(g, copy) for g in groups)), None) if compiles else None
@@ -177,6 +179,12 @@ def run(tests: tuple[str, ...], copy: Path) -> Failure | None:
 def fails_anyway(tests: tuple[str, ...], copy: Path) -> bool:
     """Whether tests fail in a copy in which nothing is changed."""
     return run(tests, copy) is not None
+
+
+def groups_near(file: str) -> list[tuple[str, ...]]:
+    """What runs the tests near a file: the fast ones, and last the slow ones of the nearest."""
+    near = list(nearest(file))
+    return [*((*FAST, *group) for group in near), (*SLOW, *near[0])]
 
 
 def nearest(file: str) -> Iterator[tuple[str, ...]]:

@@ -14,7 +14,7 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.scene import COLUMNS, Scene, Shape, wrong_scene
 from dmoc.motion.trajectory import Trajectory
-from dmoc.report.default_drawing import scene_for
+from dmoc.report.default_drawing import _straight, scene_for
 from dmoc.report.places import extent_of, room_of
 from dmoc.report.shapes import look_of, painter
 from dmoc.report.snapshots import height_of, layout_of, window_of
@@ -234,3 +234,14 @@ def test_the_room_of_what_stands_still_at_one_place_is_a_room() -> None:
     for place in (0.0, 1e-20, 1e20):
         room = room_of([still("point", place, place)], 0.1, 0.1)
         assert room.left < place < room.right and room.bottom < place < room.top
+
+
+@pytest.mark.parametrize(
+    ("jump", "normal"),
+    [([3.0, 4.0], [0.6, 0.8]), ([-2.0], [-1, 0]), ([0.0, 0.0], [0, 1]), ([0.0], [0, 1])],
+)
+def test_a_contact_pushes_as_the_momentum_jumps(jump: list[float], normal: list[float]) -> None:
+    """Upwards where it does not."""
+    rows = np.array([[0.5, 2.0], [1.5, 3.0]])
+    made = _straight(lambda q: q, np.array(jump))(rows)
+    np.testing.assert_allclose(made, np.hstack([rows, [normal, normal]]))
