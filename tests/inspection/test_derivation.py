@@ -203,3 +203,19 @@ def test_curvatures_are_those_of_a_product() -> None:
             lambda x: {"a": [x[0] ** 2 * x[1], x[0] * x[1]]}, values, ([mp.mpf(2), mp.mpf(5)], d, e)
         )
     assert float(bent) == pytest.approx(20 * 1 * -1 + 5 * (1 * 3 + 2 * -1), rel=1e-12)
+
+
+def test_kernels_of_contacts_agree_beside_inputs() -> None:
+    """A floor that rises, with friction, and laws of both restitutions."""
+    x, y, u = dynamicsymbols("x y u")
+    mu, k = sp.symbols("mu k")
+    system = dmoc.MechanicalSystem(
+        "rising", [x, y], x.diff() ** 2 / 2 + y.diff() ** 2 - 9.81 * y, {mu: 0.3, k: 0.5}, [u],
+        {x: u, y: u / 2}, cost=u**2, surfaces={"floor": y >= dynamicsymbols._t / 3},
+        tangents={"floor": x}, friction={"floor": mu}, tangential_restitution={"floor": k},
+        restitution={"floor": sp.exp(-k * dmoc.approach_speed)},
+    )  # fmt: skip
+    comparisons = kernel_errors(system, dmoc.build(system))
+    names = {c.kernel for c in comparisons}
+    assert {"friction", "tangential", "rebound", "tangent", "slide_rate", "surface"} <= names
+    assert max(c.error for c in comparisons) < 1e-11
