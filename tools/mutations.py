@@ -156,12 +156,13 @@ def fate(change: Change, copy: Path) -> Fate:
 
 
 def run(tests: tuple[str, ...], copy: Path) -> Failure | None:
-    """Run tests in a copy; the first that fails, or all where none says so; None where all pass."""
+    """Run tests in a copy; the first that fails, or all where none says so; None where all pass.
+    They have a session of their own: what a change lets a test end is not this process."""
     words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", *tests]
     try:
         ended = subprocess.run(
             words, cwd=copy, env=_environment(copy), capture_output=True, text=True,
-            timeout=SECONDS, check=False,
+            timeout=SECONDS, check=False, start_new_session=True,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return Failure(tests, f"{' '.join(tests)} took more than {SECONDS} s")

@@ -68,7 +68,8 @@ EDGES = {"<": "<=", "<=": "<", ">": ">=", ">=": ">"}
 OTHER_CONNECTIVE = {"and": "or", "or": "and", "&&": "||", "||": "&&"}
 # Functions whose arguments may come in any order.
 COMMUTING = {"min", "max", "minimum", "maximum", "fmin", "fmax", "hypot", "isdisjoint"}
-# Functions whose results are the other end of a range, and fields that are.
+# Functions, where they are called or named in full, whose results are the other end of a range, and
+# fields that are.
 ENDS = "min max|any all|minimum maximum|fmin fmax|argmin argmax|nanmin nanmax|ceil floor|sin cos"
 FIELDS = "first last|start stop|lower upper|low high|before after|begins ends|u0 u1"
 OPEN, CLOSE = set("([{"), set(")]}")
@@ -154,7 +155,9 @@ class Source:
             yield from self._index(i)
         if token.kind == "name":
             after_point = i > 0 and self.tokens[i - 1].word in (".", "->")
-            new = OTHER_END.get(word) or (OTHER_FIELD.get(word) if after_point else None)
+            called = self.tokens[i + 1 : i + 2] and self.tokens[i + 1].word == "("
+            new = OTHER_END.get(word) if after_point or called else None
+            new = new or (OTHER_FIELD.get(word) if after_point else None)
             if new and (self._kind(i + 1) != "operator" or self.tokens[i + 1].word != "="):
                 yield Edit("end", begin, end, new)
             yield from self._arguments(i)

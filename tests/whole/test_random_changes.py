@@ -42,6 +42,7 @@ def made(text: str) -> dict[str, set[str]]:
         ("x = max(a)", "end", {"x = min(a)"}),
         ("x = p->first", "end", {"x = p->last"}),
         ("x = a.any()", "end", {"x = a.all()"}),
+        ("x = f(np.minimum)", "end", {"x = f(np.maximum)"}),
     ],
 )  # fmt: skip
 def test_a_kind_changes_a_line_in_its_ways(line: str, kind: str, changed: set[str]) -> None:
@@ -65,6 +66,7 @@ def test_a_kind_changes_a_line_in_its_ways(line: str, kind: str, changed: set[st
         "x = f(a, key=b)",
         "x = [0, 1]",
         "first = first_of(last)",
+        "x = f(minimum)",
     ],
 )
 def test_what_says_nothing_stays(text: str) -> None:
