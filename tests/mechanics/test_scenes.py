@@ -55,9 +55,9 @@ def test_a_solution_has_the_scene_of_its_motion(solution: dmoc.Solution) -> None
         np.testing.assert_allclose(places(scene, "point", i), tip, atol=1e-12)
         np.testing.assert_allclose(scene.times[i], phase.t)
         np.testing.assert_allclose(places(scene, "box", i)[:, :2], np.stack([x, 0 * x], 1))
-    left = scene.contacts[0]
-    assert left.name == "left"
-    nx, ny = scene.of(left, 0)[-1, 2:]
+    lower = scene.contacts[0]
+    assert lower.name == "lower"
+    nx, ny = scene.of(lower, 0)[-1, 2:]
     np.testing.assert_allclose((nx, ny), (-np.sin(np.pi / 10), np.cos(np.pi / 10)), atol=1e-9)
 
 

@@ -122,7 +122,7 @@ def test_momenta_jump_at_the_collision_and_it_is_named(
             list(line.get_xdata()) == [hit.time] * 2 and line.get_gid() is None
             for line in axes.lines
         )
-    assert [[t.get_text() for t in axes.texts] for axes in panels] == [["left"], [], [], [], []]
+    assert [[t.get_text() for t in axes.texts] for axes in panels] == [["lower"], [], [], [], []]
 
 
 def test_inputs_are_steps_and_far_bounds_are_told_beside_them(
@@ -160,8 +160,8 @@ def test_snapshots_are_the_scene_at_seven_times_of_each_phase(
 ) -> None:
     titled = [a for a in figure.axes if a.get_title()]
     assert [a.get_title() for a in titled] == [
-        "0 to 0.0964 s,\nthen left",
-        "0.0964 to 1 s,\nafter left",
+        "0 to 0.0964 s,\nthen lower",
+        "0.0964 to 1 s,\nafter lower",
     ]
     for axes, phase in zip(titled, solution.phases, strict=True):
         masses = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == "o"]
