@@ -100,7 +100,7 @@ def test_a_thousand_steps_a_phase(seed: dmoc.Problem) -> None:
     solution = answer_of(seed.but(steps=1000), method="ipm", starts=1)
     assert solution.cost == pytest.approx(129.986 - (129.986 - 129.6024) / 100, abs=2e-3)
     with pytest.raises(ProblemError, match="method ipm"):
-        dmoc.solve(seed.but(steps=1001))
+        dmoc.solve(seed.but(steps=1001), "slsqp")
 
 
 @pytest.mark.slow
