@@ -99,7 +99,7 @@ def _beside_running_cost(
     """What the end and the objective, by values and sizes of integrals and by peaks, add to the
     cost, and the size of that."""
     model, first, last = motion.model, motion.trajectory.phases[0], motion.trajectory.phases[-1]
-    if not (model.has_objective or model.kernels.has("terminal_cost")):
+    if not (model.has_objective or model.has_terminal_cost):
         return 0.0, 0.0
     start, end = (first.q[:1], first.v[:1]), (last.q[-1:], last.v[-1:])
     terminal = float(model.terminal_cost(*end, last.t[-1:])[0])

@@ -28,6 +28,11 @@ class CostModel(BoundKernels):
         """Second derivatives of the integrand in each input, shape (..., nu)."""
         return self._at("running_cost", q, self._state(v), u, t)[1]
 
+    @property
+    def has_terminal_cost(self) -> bool:
+        """Whether there is a cost of the end."""
+        return self.kernels.has("terminal_cost")
+
     def terminal_cost(self, q: Array, v: Array, t: ArrayLike) -> Array:
         """The cost of the state and the time at the end, shape (...)."""
         size = int(self.kernels.has("terminal_cost"))

@@ -47,7 +47,6 @@ class Axis:
         return WHERE[self.field] + self.name
 
 
-@public(ProblemError, OPTIONS)
 @record(frozen=True, eq=False)
 class Grid(Sequence[Problem | DmocError]):
     """The problems of a sweep, each stated when it is asked for."""
@@ -63,6 +62,7 @@ class Grid(Sequence[Problem | DmocError]):
         return _problem(self.problem, self.axes, self.rows[number])
 
 
+@public(ProblemError, OPTIONS)
 def sweep(
     problem: Problem,
     parameters: Mapping[Any, Iterable[float]] | None = None,

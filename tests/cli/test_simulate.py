@@ -34,7 +34,7 @@ def test_a_model_is_simulated(run: Run, tmp_path: Path) -> None:
 def test_a_solution_is_simulated(run: Run, seed: dmoc.Problem) -> None:
     dmoc.solve(seed.but(steps=40), "ipm", starts=1).save("s.npz")
     code, out, _ = run("simulate s.npz")
-    assert code == 0 and "collision left" in out
+    assert code == 0 and "collision lower" in out
 
 
 def test_a_solution_of_a_model_that_is_named_is_simulated(

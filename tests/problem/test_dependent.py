@@ -15,8 +15,8 @@ import dmoc
 from dmoc.base.errors import ProblemError
 
 
-def stated(start: dict[Any, Any], **fields: Any) -> dmoc.Problem:
-    return dmoc.Problem(dmoc.build(bob()), start=start, steps=20, final_time=1.0, **fields)
+def stated(start: dict[Any, Any], steps: int = 20, **fields: Any) -> dmoc.Problem:
+    return dmoc.Problem(dmoc.build(bob()), start=start, steps=steps, final_time=1.0, **fields)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_rest_and_what_the_constraints_leave_open_stay_zero() -> None:
 
 
 def test_a_coordinate_that_is_left_out_follows() -> None:
-    problem = stated({X: 0.6, "x_dot": 0.8}, bounds={Y: (-2, 0)}, goal={X: 0.0, "x_dot": 0.0})
+    problem = stated({X: 0.6, "x_dot": 0.8}, steps=40, bounds={Y: (-2, 0)}, goal={X: 0.0, "x_dot": 0.0})
     solution = answer_of(problem, "ipm", starts=4)
     first = solution.phases[0]
     np.testing.assert_allclose(first.q[0], [0.6, -0.8], atol=1e-12)

@@ -244,10 +244,11 @@ def test_names_of_a_model_are_texts_in_the_page() -> None:
 
 @pytest.mark.slow
 def test_a_search_has_its_tree_and_its_motions(solution: dmoc.Solution, tmp_path: Path) -> None:
+    moved = replace(solution, trajectory=replace(motion(), cost=solution.cost))
     branches = [
-        ((), "no event", "feasible", 3.0, ("confirmed",), replace(solution, trajectory=motion())),
+        ((), "no event", "feasible", 3.0, ("confirmed",), moved),
         (("wall",), "wall", "infeasible", None, ("the goal is missed",), None),
-        (("floor",), "floor", "optimal", 1.0, (), replace(solution, trajectory=motion())),
+        (("floor",), "floor", "optimal", 1.0, (), moved),
     ]
     content = read(animate_tree("shuttle", branches, tmp_path / "tree.html").read_text("utf-8"))
     assert [(n["sequence"], n["verdict"], n["motion"]) for n in content["tree"]] == [

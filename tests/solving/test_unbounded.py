@@ -191,6 +191,7 @@ def test_what_runs_away_is_named_wherever_the_solve_was_lost() -> None:
     goal, order, fields, _ = ENDLESS["a price of the end and time"]
     problem = sled(goal, order, **fields)
     lost = dmoc.solve(problem, "ipm", starts=1)
-    lost = replace(lost, cost=14484.6, message="", status=Status.STALLED)
+    costs = replace(lost.trajectory, cost=14484.6)
+    lost = replace(lost, trajectory=costs, message="", status=Status.STALLED)
     told = ended(problem, lost, lambda _, motion: motion, partial(dmoc.solve, starts=16))
     assert told.message.startswith("the cost has no minimum, it falls as final_time grows: -400")
