@@ -45,7 +45,9 @@ def test_rest_and_what_the_constraints_leave_open_stay_zero() -> None:
 
 
 def test_a_coordinate_that_is_left_out_follows() -> None:
-    problem = stated({X: 0.6, "x_dot": 0.8}, steps=40, bounds={Y: (-2, 0)}, goal={X: 0.0, "x_dot": 0.0})
+    problem = stated(
+        {X: 0.6, "x_dot": 0.8}, steps=40, bounds={Y: (-2, 0)}, goal={X: 0.0, "x_dot": 0.0}
+    )
     solution = answer_of(problem, "ipm", starts=4)
     first = solution.phases[0]
     np.testing.assert_allclose(first.q[0], [0.6, -0.8], atol=1e-12)

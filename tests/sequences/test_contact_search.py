@@ -58,7 +58,7 @@ def test_a_gait_that_few_starts_lead_to_is_met_by_more_as_the_note_says() -> Non
     few = dmoc.search(problem, 1, events=["+right -left"])
     assert few.best is None
     assert any("starts=64 may find one" in note for note in few.notes)
-    more = dmoc.search(problem, 1, events=["+right -left"], starts=64)
+    more = dmoc.search(problem, 1, events=["+right -left"], starts=128)
     assert more.best is not None and more.best.sequence == ("+right -left",)
     assert more.best.cost == pytest.approx(compass_gait.PERIOD, rel=1e-3)
     assert not any("starts=" in note for note in more.notes)

@@ -60,7 +60,7 @@ def test_a_cost_that_is_no_number_is_told() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["slsqp", "ipm"])
-@pytest.mark.parametrize(("m", "status"), [(1e-300, "solved"), (1e100, "stalled")])
+@pytest.mark.parametrize(("m", "status"), [(1e-300, "solved"), (1e100, "solved")])
 def test_masses_at_the_ends_of_the_numbers_end_in_a_status(
     losing: Kernels, method: str, m: float, status: str
 ) -> None:
