@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from math import isfinite, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -171,8 +172,10 @@ def _take(name: str, motion: Any) -> Take:
             f"motions = {shown(motion)}: expected solutions, simulations or their trajectories, "
             "one, several, or a mapping of names to them."
         )
-    status, message, cost = (getattr(motion, what, "") for what in ("status", "message", "cost"))
-    return Take(name, motion.trajectory, str(status), message, None if cost == "" else float(cost))
+    status, message = (getattr(motion, what, "") for what in ("status", "message"))
+    cost = float(getattr(motion, "cost", nan))  # of which a motion may say nothing
+    stated = cost if isfinite(cost) else None
+    return Take(name, motion.trajectory, str(status), message, stated)
 
 
 def _named(takes: Sequence[Take]) -> list[Take]:

@@ -126,7 +126,7 @@ def release(driver: WebDriver) -> None:
         ("parameters.m_c", 1.3, {"parameters": {"m_c": 1.3}}),
         ("bounds.F.high", 40.0, {"bounds": {"F": (-200.0, 40.0), "x": (-10.0, 10.0)}}),
         ("parameters.alpha_min", 0.4, {"parameters": {"alpha_min": 0.4}}),
-        ("restitution.left", 0.95, {"restitution": 0.95}),
+        ("restitution.lower", 0.95, {"restitution": 0.95}),
     ],
 )
 def test_a_number_that_is_moved_gives_the_motion_of_a_solve(

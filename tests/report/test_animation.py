@@ -244,7 +244,7 @@ def test_names_of_a_model_are_texts_in_the_page() -> None:
 
 @pytest.mark.slow
 def test_a_search_has_its_tree_and_its_motions(solution: dmoc.Solution, tmp_path: Path) -> None:
-    moved = replace(solution, trajectory=replace(motion(), cost=solution.cost))
+    moved = replace(solution, trajectory=motion())
     branches = [
         ((), "no event", "feasible", 3.0, ("confirmed",), moved),
         (("wall",), "wall", "infeasible", None, ("the goal is missed",), None),
