@@ -24,7 +24,10 @@ from dmoc.report import canvas
 from dmoc.solving.multistart.exploration import Effort
 
 # However slow a machine is, its tests are the same.
-settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "untimed", deadline=None, derandomize="CI" in os.environ,
+    suppress_health_check=[HealthCheck.too_slow],
+)  # fmt: skip
 settings.load_profile("untimed")
 
 
