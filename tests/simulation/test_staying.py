@@ -205,7 +205,13 @@ def test_few_steps_need_a_choice(
 
 
 @settings(max_examples=100)
-@given(st.lists(st.tuples(st.floats(-3, 3), st.integers(-3, 3)), min_size=2, max_size=6))
+# The linear program itself takes what it misses by 1e-7 as met.
+@given(
+    st.lists(
+        st.tuples(st.integers(-3000, 3000).map(lambda n: n / 1000), st.integers(-3, 3)),
+        min_size=2, max_size=6,
+    )
+)  # fmt: skip
 def test_forces_that_stay_furthest_from_their_limits(rows: list[tuple[float, int]]) -> None:
     """The least margin along a change of forces is as large as a linear program makes it."""
     least, slopes = np.array(rows).T
