@@ -35,11 +35,9 @@ from several_contacts import (
     time_of_slender,
     time_to_land,
 )
-from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import ProblemError
-from dmoc.program.transcription import Transcription
 
 BOTH_METHODS = pytest.mark.parametrize("method", ["ipm", "slsqp"])
 
@@ -367,39 +365,3 @@ def test_what_touches_by_other_contacts_has_nothing_to_land_from() -> None:
             box("three_corners", corners=3), start=STANDING, contacts=["left", "right"],
             sequence=["+middle"], steps=5, final_time=1,
         )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("stated", "rows"),
-    [
-        ({"contacts": ["left"], "sequence": ["+right -left"], "durations": [None, 0]}, []),
-        (
-            {"contacts": ["left"], "final_time": 1, "design": {"k": (0.5, 2)}},
-            ["right 0", "right 4"],
-        ),
-        ({"contacts": ["left"], "final_time": 1}, []),
-        ({"final_time": 1}, ["left 0", "right 0", "left 4", "right 4"]),
-        ({"final_time": 1, "ignored": ["right"]}, ["left 0", "left 4"]),
-        ({"final_time": 1, "start": {"y": 0.5, "a": 0.2}}, []),
-        (
-            {"final_time": 1, "start": {"y": 0.5}, "periodic": {"a": "-a"}},
-            ["left 0", "right 0", "left 4", "right 4"],
-        ),
-    ],
-    ids=["exchanged", "of another length", "standing", "free", "ignored", "fixed", "in one state"],
-)
-def test_a_gap_that_is_that_of_a_contact_at_the_other_end_is_no_row(
-    stated: dict[str, Any], rows: list[str]
-) -> None:
-    """Mirrored from one end to the other, the right foot begins where the left one has ended: both
-    rows together would leave no motion between them, and no limit to their multipliers."""
-    y, a = dynamicsymbols("y a")
-    k = sp.Symbol("k")
-    feet = {"left": y - k * a >= 0, "right": y + a >= 0}
-    lagrangian = y.diff() ** 2 / 2 + a.diff() ** 2 / 2 - GRAVITY * y
-    system = dmoc.MechanicalSystem("beam", [y, a], lagrangian, {k: 1.0}, surfaces=feet)
-    mirrored = {"start": {}, "steps": 4, "periodic": {"y": "y", "a": "-a"}}
-    problem = dmoc.Problem(dmoc.build(system), **mirrored | stated)
-    gap = Transcription(problem).laws.step.gap
-    ends = [(k, j) for k, j in gap.places.tolist() if k in (0, problem.steps)]
-    assert [f"{[*feet][j]} {k}" for k, j in ends] == rows
