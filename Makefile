@@ -11,7 +11,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # SymPy remembers a thousand results of each of its functions; tests derive more than that.
 export SYMPY_CACHE_SIZE ?= 20000
 
-.PHONY: demo test test-fast test-browser test-processors test-wheels mutations night check docs docs-check pictures linkcheck bench ladder twenty release clean
+.PHONY: demo test test-fast test-browser test-processors test-wheels test-kernels mutations night check docs docs-check pictures linkcheck bench ladder twenty release clean
 
 demo: $(VENV)/.installed-plot
 	@$(BIN)/python examples/seed.py demo
@@ -31,6 +31,10 @@ test-browser: $(VENV)/.installed-browser
 # Solvers in C on 32-bit ARM and on aarch64, which qemu emulates: qemu-user-static has to be there.
 test-processors: $(VENV)/.installed-test
 	$(BIN)/python -m pytest tests/processors/*.py
+
+# Examples under five kernels of BLAS and with parameters changed by a part in 1e12: some minutes.
+test-kernels: $(VENV)/.installed-test
+	$(BIN)/python tools/kernels.py
 
 # Lines of the sources changed one at a time, each under the tests that ought to notice it; changed C
 # is compiled in place, for which pip installs setuptools and Cython in environments of its own alone.
