@@ -183,13 +183,18 @@ def fails_anyway(tests: tuple[str, ...], copy: Path) -> bool:
 
 
 def groups_near(file: str) -> list[tuple[str, ...]]:
-    """What runs the tests near a file: the fast ones, and last the slow ones of the nearest."""
-    near = list(nearest(file))
-    return [*((*FAST, *group) for group in near), (*SLOW, *near[0])]
+    """What runs the tests near a file, each once: the fast ones, and last the slow ones of the
+    nearest."""
+    near, groups, done = list(nearest(file)), list[tuple[str, ...]](), list[str]()
+    for group in near:
+        groups.append((*FAST, *group, *done))
+        done += [f"--ignore={tests}" for tests in group]
+    return [*groups, (*SLOW, *near[0])]
 
 
 def nearest(file: str) -> Iterator[tuple[str, ...]]:
-    """Groups of tests near a file: those that import its module, then the folder of its layer."""
+    """Groups of tests near a file: those that import its module, the most closely named and those
+    with the fewest other modules first, then the folder of its layer, then all."""
     parts = [part for part in Path(file).with_suffix("").parts if part not in ("src", "dmoc")]
     layer = parts[0] if len(parts) > 1 else "public"
     package, stem = ".".join(["dmoc", *parts[:-1]]), parts[-1]
@@ -197,6 +202,7 @@ def nearest(file: str) -> Iterator[tuple[str, ...]]:
     files = sorted((ROOT / "tests").rglob("test_*.py"))
     texts = {path: path.read_text(encoding="utf-8") for path in files}
     near = [p for p, text in texts.items() if any(name in text for name in names)]
+    near.sort(key=lambda p: (stem not in p.stem, texts[p].count("from dmoc.")))
     if near:
         yield tuple(str(p.relative_to(ROOT)) for p in near)
     if (ROOT / "tests" / layer).is_dir():

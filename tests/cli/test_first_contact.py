@@ -11,10 +11,13 @@ import re
 import runpy
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
+import sympy as sp
 from commands import Run
 from matplotlib.image import imread
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base import errors
@@ -22,6 +25,7 @@ from dmoc.cli.new import TemplateKind
 from dmoc.solvers.outcome import Status
 
 ROOT = Path(__file__).resolve().parents[2]
+TIME = dynamicsymbols._t
 
 
 @pytest.fixture
@@ -165,6 +169,54 @@ def test_what_a_new_file_says_comes_next_works(
     assert "passed" in texts[1] and "Lagrangian" in texts[2]
     for made in ("begun.npz", "begun.png", "begun/solution.npz", "begun/solution.png"):
         assert (tmp_path / made).stat().st_size > 1000
+
+
+def machine(run: Run, kind: str) -> tuple[dmoc.MechanicalSystem, dict[str, Any]]:
+    """The system of a new file, and the names of its coordinates, inputs and parameters."""
+    assert run("new begun --kind", kind)[0] == 0
+    made = runpy.run_path("begun.py")
+    return made["system"], {n: s for n, s in made.items() if isinstance(s, sp.Expr)}
+
+
+def equation(system: dmoc.MechanicalSystem, c: Any, motion: dict[Any, Any]) -> Any:
+    """Lagrange's equation of a coordinate along a motion: its inertia less its forces."""
+    v = c.diff()
+    inertia = system.lagrangian.diff(v).diff(TIME) - system.lagrangian.diff(c)
+    drag = sp.sympify(system.dissipation).diff(v)
+    return sp.expand((inertia + drag - system.forces.get(c, 0)).subs(motion).doit())
+
+
+def test_blocks_of_new_files_are_moved_by_their_inputs(run: Run, tmp_path: Path) -> None:
+    system, n = machine(run, "collision")
+    assert equation(system, n["x"], {}) == n["m"] * n["x"].diff(TIME, 2) - n["u"]
+    (tmp_path / "begun.py").unlink()
+    system, n = machine(run, "contact")
+    assert equation(system, n["x"], {}) == n["m"] * n["x"].diff(TIME, 2) - n["u"]
+    assert equation(system, n["y"], {}) == n["m"] * n["y"].diff(TIME, 2) + n["m"] * n["g"]
+
+
+def test_the_pendulum_of_a_new_file_hangs_down_and_is_damped(run: Run) -> None:
+    system, n = machine(run, "smooth")
+    phi, m, g, length = n["phi"], n["m"], n["g"], n["length"]
+    turned = m * length**2 * phi.diff(TIME, 2) + m * g * length * sp.sin(phi)
+    forces = n["torque"] - n["damping"] * phi.diff()
+    assert sp.expand(equation(system, phi, {}) - turned + forces) == 0
+
+
+def test_the_mechanism_of_a_new_file_is_a_hammer_with_a_spring(run: Run) -> None:
+    """By its angle from hanging down, along which its forces do their work."""
+    system, n = machine(run, "mechanism")
+    x, y, u, m, l, g, k = (n[name] for name in ("x", "y", "u", "m", "l", "g", "k"))
+    phi = dynamicsymbols("phi")
+    swung = {x: l * sp.sin(phi), y: -l * sp.cos(phi)}
+    left = sum(equation(system, c, swung) * swung[c].diff(phi) for c in (x, y))
+    spring, weight = k * l**2 * sp.sin(phi) * sp.cos(phi), m * g * l * sp.sin(phi)
+    assert sp.simplify(left - (m * l**2 * phi.diff(TIME, 2) + weight + spring - u)) == 0
+    assert sp.simplify(system.constraints["rod"].subs(swung)) == 0
+    power = sp.sympify(system.quantities["power"]).subs(swung).doit()
+    assert sp.simplify(power - u * phi.diff()) == 0
+    assert system.integrals == {"effort": u**2}
+    assert sp.expand(system.objective - dmoc.total("effort")) == 0.01 * k
 
 
 @pytest.mark.parametrize(

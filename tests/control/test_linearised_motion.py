@@ -13,7 +13,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.deadline import ENDLESS
 from dmoc.check.checked_motion import Motion
-from dmoc.control.linearisation import GAUSS, PARTS, input_sizes, linear_phase
+from dmoc.control.linearisation import GAUSS, PARTS, input_sizes, linear_phase, projection
+from dmoc.mechanics.contact_mode import FREE
 
 X, U, T = dynamicsymbols("x"), dynamicsymbols("u"), dynamicsymbols._t
 
@@ -36,6 +37,14 @@ def test_slopes_are_those_of_the_times_of_their_places() -> None:
         np.testing.assert_allclose(linear.A[:, i, 1, 0], -(1 + 4 * t), rtol=1e-9)
         np.testing.assert_allclose(linear.B[:, i, 1, 0], 2 + t, rtol=1e-9)
         assert (linear.A[:, i, 0] == [0, 1]).all() and not linear.B[:, i, 0].any()
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 4, 5])
+def test_where_nothing_is_held_deviations_stay_as_they_are(rows: int) -> None:
+    motion: Any = SimpleNamespace(model=SimpleNamespace(nj=0))
+    y = np.arange(4.0 * rows).reshape(rows, 4)
+    kept = projection(motion, FREE, y, np.zeros(rows))
+    np.testing.assert_array_equal(kept @ y[..., None], y[..., None])
 
 
 @pytest.mark.parametrize(

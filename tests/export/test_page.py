@@ -16,6 +16,8 @@ from systems import block_system
 
 import dmoc
 from dmoc.base.errors import MissingExtraError, OutputError, ProblemError
+from dmoc.export.numbers import Number
+from dmoc.export.page import _slider
 from dmoc.models.registry import find
 
 DATA = re.compile(r'<script type="application/json" id="film">(.*?)</script>', re.S)
@@ -84,6 +86,30 @@ def test_every_number_of_the_solver_has_a_slider(plan: dict[str, Any]) -> None:
         most = number["group"] == "restitution"  # which is 1
         assert number["low"] < number["value"] < number["high"] + most
         assert number["group"] in plan["groups"]
+
+
+@pytest.mark.parametrize(
+    ("number", "low", "high"),
+    [
+        (Number(("parameters", "m"), 4.0), 0.4, 8.0),
+        (Number(("parameters", "m"), -4.0), -8.0, -0.4),
+        (Number(("parameters", "m"), 0.0), -1.0, 1.0),
+        (Number(("restitution", "wall"), 0.5, share=True), 0.05, 1.0),
+        (Number(("bounds", "F"), -3.0, side=0), -6.0, -0.3),
+        (Number(("bounds", "x"), 3.0, side=1), 0.3, 6.0),  # is no state
+        (Number(("final_time",), 5.0), 0.5, 10.0),
+        (Number(("start", "x"), 0.5), -2.5, 3.5),  # half of what the motion covers
+        (Number(("goal", "x"), -9.0), -13.5, -4.5),  # half of itself
+        (Number(("via", 0, "x"), 0.0), -3.0, 3.0),
+        (Number(("start", "y"), 0.0), -1.0, 1.0),
+        (Number(("start", "y"), 0.5), 0.25, 0.75),
+    ],
+)
+def test_a_slider_reaches_around_its_number(number: Number, low: float, high: float) -> None:
+    """The motion covers 6 m along x, and nothing along y."""
+    slider = _slider(number, {}, {}, {"x": 6.0, "y": 0.0})
+    assert (slider["low"], slider["high"]) == pytest.approx((low, high))
+    assert slider["value"] == number.value and slider["name"] == number.name
 
 
 def throw(**changes: Any) -> dmoc.Problem:

@@ -17,6 +17,7 @@ from systems import block_system, double_integrator, there_and_back
 
 import dmoc
 from dmoc.base.deadline import ENDLESS
+from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Kernels
 from dmoc.guess.automatic import _best_time, initial_guesses
 from dmoc.guess.transfer import times_of_inputs
@@ -39,6 +40,28 @@ def test_a_range_at_an_end_leaves_the_bounds_of_the_way(block: Kernels) -> None:
     lower, upper = (nlp.limits[i][nlp.layout.index_q[:, 0]] for i in (0, 1))
     assert list(lower) == [0.0, -1.0, -1.0, -1.0, -1.0]
     assert list(upper) == [0.5, 0.5, 0.5, 0.5, 0.3]
+
+
+@pytest.mark.parametrize("event", [0, 1])
+@pytest.mark.parametrize(
+    ("place", "refused"),
+    [
+        ((-2.0, -1.1), True), ((-2.0, -1.0), False), ((-2.0, 0.0), False), ((-2.0, 2.0), False),
+        ((-0.2, 0.2), False), ((0.0, 2.0), False), ((0.5, 2.0), False), ((0.6, 2.0), True),
+        ((None, -1.1), True), ((0.6, None), True), (-1.1, True), (-1.0, False), (0.6, True),
+    ],
+)  # fmt: skip
+def test_a_place_of_an_event_overlaps_the_bounds_of_its_coordinate(
+    block: Kernels, event: int, place: Any, refused: bool
+) -> None:
+    via = [{}, {"x": place}] if event else [{"x": place}, {}]
+    stated = {"sequence": ["wall", "wall"], "via": via, "bounds": {"x": (-1.0, 0.5)}}
+    if not refused:
+        ends = place if isinstance(place, tuple) else (place, place)
+        assert there_and_back(block, **stated).via_bounds[event, 0].tolist() == list(ends)
+        return
+    with pytest.raises(ProblemError, match=f"via of event {event + 1}: x = .* lies outside its b"):
+        there_and_back(block, **stated)
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,20 @@ import dmoc
 from dmoc.base.errors import ModelError, MotionError, SimulationError, SolutionFileError
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.motion_tables import columns
-from dmoc.results.simulation import mean_inputs
+from dmoc.results.simulation import _start_velocity, mean_inputs
 
 G = 10.0
 X, T = dynamicsymbols("x"), dynamicsymbols._t
+
+
+@pytest.mark.parametrize("rests", [0, 1, 2])
+def test_what_hardly_moves_at_the_start_of_a_motion_that_moves_rests(rests: int) -> None:
+    """1e-10 m/s are an error of rounding beside 100 m/s in any phase, and a speed beside none."""
+    rates = [np.array([[1e-10, 1e-10, 0.0, 1e-3], [100.0, 0.0, 1.0, 0.0]])]
+    rates[rests:rests] = [np.array([[1e-10, 1e-10, 0.0, 1e-3]])]
+    rates.insert(0 if rests else 2, np.array([[1e-10, 1e-10, 0.0, 1e-3]]))
+    motion: Any = SimpleNamespace(phases=[SimpleNamespace(v=v) for v in rates])
+    np.testing.assert_array_equal(_start_velocity(motion), [0.0, 1e-10, 0.0, 1e-3])
 
 
 @pytest.fixture(scope="module")

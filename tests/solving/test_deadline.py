@@ -39,6 +39,7 @@ def test_a_limit_ends_at_its_moment_and_not_before(now: list[float]) -> None:
     for now[0], left, passed in ((100.0, 10.0, False), (105.0, 5.0, False), (110.0, 0.0, True)):
         assert (deadline.left, deadline.passed) == (left, passed) and deadline.ends
         assert half.passed == (now[0] >= 105.0)
+        assert passed or deadline.seconds == left
     assert deadline.seconds is not None and 0 < deadline.seconds < 1e-6
     assert deadline.share(0.5).passed
 
