@@ -90,7 +90,16 @@ class CasadiModel:
         along = ca.jacobian(tangents, q)
         self.mass, self.along = function("M", mass), function("along", along)
         self.slips = function("slips", along @ v + ca.jacobian(tangents, t))
-        self.friction = [float(read(system.friction[name])) for name in system.tangents]
+        pairs = [coefficients(system.friction[name]) for name in system.tangents]
+        self.static_friction = [float(read(static)) for static, _ in pairs]
+        self.friction = [float(read(kinetic)) for _, kinetic in pairs]
+        self.quantities = function("z", ca.vertcat(*map(read, system.quantities.values())))
+
+
+def coefficients(friction: Any) -> tuple[Any, Any]:
+    """The static and the kinetic coefficient of friction."""
+    static, kinetic = friction if isinstance(friction, sp.Tuple) else (friction, friction)
+    return static, kinetic
 
 
 class CasadiProgram:
@@ -279,9 +288,13 @@ class CasadiTranscription(CasadiProgram):
                 self.demand(value[int(i)], bounds[i])
 
     def collision(self, hit: int, before: NodeState, t: ca.SX) -> NodeState:
+        """The state after an event of the sequence."""
+        surface = list(self.problem.kernels.surfaces).index(self.problem.sequence[hit])
+        return self.bounce(hit, surface, before, t)
+
+    def bounce(self, hit: int, surface: int, before: NodeState, t: ca.SX) -> NodeState:
         """The state after a collision: an impulse along the normal, and Newton's law of impact."""
         (q, v), model, problem = before, self.model, self.problem
-        surface = list(problem.kernels.surfaces).index(problem.sequence[hit])
         begin, push = self.start.after(hit)
         after = self.unknown("v_after", begin, (-np.inf, np.inf))
         impulse = self.unknown("impulse", push, (0.0, np.inf))
@@ -292,6 +305,17 @@ class CasadiTranscription(CasadiProgram):
         self.demand(jump + normal * impulse)
         self.demand(model.rates(q, after, 0, t)[surface] + e * model.rates(q, v, 0, t)[surface])
         return q, after
+
+    def enter(self, phase: int, state: NodeState, t: ca.SX) -> None:
+        """A phase begins."""
+
+    def outside(self, state: NodeState, t: ca.SX) -> None:
+        """No surface is passed at a node."""
+        self.demand(self.model.gaps(*state, 0, t), (-np.inf, 0.0))
+
+    def ends(self, first: NodeState, last: NodeState, t: ca.SX) -> None:
+        """The goal, in the last rows."""
+        self.boundary(self.problem.goal_bounds, last, t)
 
     def midpoint(
         self, before: NodeState, after: NodeState, u: ca.SX | None, t: ca.SX, h: ca.SX
@@ -339,17 +363,19 @@ def transcribed(
     step = getattr(program, rule or ("midpoint" if problem.order == 2 else "simpson"))
     T = program.durations()
     cost, t = ca.SX(0), ca.SX(0)
-    state = program.node(0, 0.0)
+    first = state = program.node(0, 0.0)
     program.boundary(problem.start_bounds, state, t)
     for phase, steps in enumerate(problem.phase_steps):
-        h, u = T[phase] / steps, None
+        program.enter(phase, state, t)
+        u = None
         for k in range(steps):
             program.phase, program.share = phase, k / steps
+            h = T[phase] / steps
             after = program.node(phase, (k + 1) / steps)
             more, u = step(state, after, u, t, h)
             cost, t, state = cost + more, t + h, after
-            program.demand(model.gaps(*state, 0, t), (-np.inf, 0.0))
+            program.outside(state, t)
         if phase < problem.phases - 1:
             state = program.collision(phase, state, t)
-    program.boundary(problem.goal_bounds, state, t)
+    program.ends(first, state, t)
     return program.solver(cost + model.terminal_cost(*state, 0, t), seconds, **ipopt)
