@@ -199,7 +199,10 @@ def nearest(file: str) -> Iterator[tuple[str, ...]]:
     layer = parts[0] if len(parts) > 1 else "public"
     package, stem = ".".join(["dmoc", *parts[:-1]]), parts[-1]
     names = (f"{package}.{stem} ", f"from {package} import {stem}")
-    files = sorted((ROOT / "tests").rglob("test_*.py"))
+    files = [
+        path for path in sorted((ROOT / "tests").rglob("test_*.py"))
+        if not {*path.relative_to(ROOT).parts} & left_out()
+    ]  # fmt: skip
     texts = {path: path.read_text(encoding="utf-8") for path in files}
     near = [p for p, text in texts.items() if any(name in text for name in names)]
     near.sort(key=lambda p: (stem not in p.stem, texts[p].count("from dmoc.")))
@@ -208,6 +211,13 @@ def nearest(file: str) -> Iterator[tuple[str, ...]]:
     if (ROOT / "tests" / layer).is_dir():
         yield (f"tests/{layer}",)
     yield ("tests",)
+
+
+@cache
+def left_out() -> frozenset[str]:
+    """Folders whose tests need more than `make test` has."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    return frozenset(project["tool"]["pytest"]["ini_options"]["norecursedirs"])
 
 
 def built(copy: Path) -> bool:

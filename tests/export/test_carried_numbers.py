@@ -10,11 +10,13 @@ import pytest
 from systems import there_and_back
 
 from dmoc.codegen.kernels import Kernels
+from dmoc.export import numbers
 from dmoc.export.constants import Constants
 from dmoc.export.numbers import (
     NOT_ONE,
     Number,
     SolverNumbers,
+    _flat,
     _in_short,
     _pool,
     _range,
@@ -57,6 +59,22 @@ def test_one_member_of_what_is_stated_is_replaced() -> None:
     assert _with(whole, [0], "y", 9) == {"x": 1, "y": 9}
     assert _range(2.0, 2.0) == 2.0
     assert _range(-np.inf, 3.0) == (None, 3.0) and _range(1.0, np.inf) == (1.0, None)
+
+
+@pytest.mark.parametrize("fixed", [[0], [1, 2], [3], [0, 3], []])
+def test_momenta_that_follow_from_states_are_no_numbers(
+    fixed: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither their lower nor their upper bounds are; what stands behind these is."""
+    arrays = [np.arange(1.0, 5.0), np.arange(11.0, 15.0), np.arange(21.0, 27.0)]
+    monkeypatch.setattr(numbers, "moved_arrays", lambda data, results: arrays)
+    monkeypatch.setattr(numbers, "_results", lambda data: None)
+    data: Any = None
+    lower, upper, others = np.split(_flat(data, np.array(fixed, np.intp)), [4, 8])
+    kept = ~np.isin(np.arange(4), fixed)
+    np.testing.assert_array_equal(lower, arrays[0] * kept)
+    np.testing.assert_array_equal(upper, arrays[1] * kept)
+    np.testing.assert_array_equal(others, arrays[2])
 
 
 @pytest.mark.parametrize(

@@ -267,6 +267,27 @@ def test_what_stays_closed(order: int, tmp_path: Path) -> None:
         assert (plan.status, plan.new) == (status, status == SOLVED)
 
 
+def test_a_state_is_moved_the_shortest_way_in_reaches(tmp_path: Path) -> None:
+    """From 0.01 above a slope of 1 in 2, on which a block goes to (1, 0.5): the squares of dx/1 and
+    of dy/0.5 are least for dx = 0.01, dy = -0.005.  Along it the block weighs nothing and has the
+    mass 1.25."""
+    y = dynamicsymbols("y")
+    system = dmoc.MechanicalSystem(
+        "planned_slope", [X, y], (X.diff() ** 2 + y.diff() ** 2) / 2 - 9 * (y - X / 2), inputs=[U],
+        forces={X: U}, cost=U**2 / 2, surfaces={"slope": y >= X / 2},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=4), {"x": 0.0, "y": 0.0}, {"x": 1.0, "y": 0.5, "x_dot": 0.0},
+        contacts=["slope"], steps=10, final_time=2.0,
+    )  # fmt: skip
+    planner = dmoc.Planner(problem)
+    np.testing.assert_allclose(problem.reach, [1.0, 0.5])
+    steps = [Step(0.5, (0.2, 0.11, 0.0, 0.0))]
+    plans = planned(folder_of(planner, tmp_path / "slope"), tmp_path / "slope", steps)
+    are_those_of_python(planner, steps, plans)
+    assert plans[0].cost == pytest.approx(1.25**2 * least(0.21, 0.0, 1.0, 1.5), rel=1e-6)
+
+
 def test_what_sticks_does_not_move(tmp_path: Path) -> None:
     """The ball has landed and sticks: from another place its goal is not to be reached."""
     planner = dmoc.Planner(landing_problem(8))

@@ -30,6 +30,32 @@ def phase_of(over: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, list[tupl
     return Planner._phase(own, None, STATE, 10.8), judged
 
 
+@pytest.mark.parametrize(
+    ("t", "measured", "replans"),
+    [
+        (0.94, 0.9, False), (0.96, 0.9, True), (1.0, 0.9, True),  # due at 1 s, in steps of 0.1 s
+        (3.3, 3.3, True), (3.5, 3.5, False), (3.9, 3.9, False),  # three periods before its end
+        (1.0, 0.0, False), (1.0, None, False),  # nothing was measured
+    ],
+)  # fmt: skip
+def test_a_plan_is_made_where_it_is_due_but_not_at_the_end(
+    t: float, measured: float | None, replans: bool
+) -> None:
+    """Every 0.2 s of a motion of 4 s, from what was measured, in the later of two phases."""
+    made = list[tuple[Any, ...]]()
+    own: Any = SimpleNamespace(
+        _due=1.0, every=0.2, _last=SimpleNamespace(phase=2),
+        plan=SimpleNamespace(final_time=4.0, input=lambda at: np.array([at])),
+        replan=lambda time, state, phase: made.append((time, *map(list, state), phase)),
+    )  # fmt: skip
+    state: Any = measured and SimpleNamespace(time=measured, phase=1, y=np.arange(4.0))
+    if measured == 0:
+        state = SimpleNamespace(time=0.0, phase=1, y=np.arange(4.0))
+    assert Planner.steer(own, 0, t, 0.1, state) == pytest.approx([t + 0.05])
+    assert made == ([(measured, [0.0, 1.0], [2.0, 3.0], 2)] if replans else [])
+    assert own._due == pytest.approx(t + 0.2 if replans else 1.0)
+
+
 @pytest.mark.parametrize("over", [0, 1, 2, 3])
 def test_events_are_judged_by_their_own_phases(over: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """How late it is, how long the phase lasts that an event ends, and since when it is known."""

@@ -13,7 +13,7 @@ from systems import unit_mass
 import dmoc
 from dmoc.base.errors import ProblemError
 from dmoc.planning.measured_state import arrival, is_over
-from dmoc.planning.rest import _check, planned
+from dmoc.planning.rest import _check, check_recedes, planned
 
 U = dynamicsymbols("u")
 
@@ -67,6 +67,29 @@ def test_problems_without_a_rest_of_their_kind_are_refused(
             _check(problem)
     else:
         _check(problem)
+
+
+@pytest.mark.parametrize(
+    ("durations", "final_time", "refused"),
+    [
+        ([(0.5, 1.4), (0.3, 0.9), (0.2, 0.6)], (1.6, 9.0), True),  # 1.5 s after the first
+        ([(0.5, 1.4), (0.3, 0.9), (0.2, 0.6)], (1.4, 9.0), False),
+        ([(0.5, 1.4), (0.3, 0.9), (0.2, np.inf)], (1.6, 9.0), False),
+        ([(0.5, 9.0), (0.1, 0.2)], (0.3, 9.0), True),
+        ([(0.5, 1.4)], (1.6, 9.0), False),  # one phase
+    ],
+)
+def test_later_phases_last_long_enough_for_a_horizon_that_recedes(
+    durations: list[tuple[float, float]], final_time: tuple[float, float], refused: bool
+) -> None:
+    problem: Any = SimpleNamespace(
+        duration_bounds=np.array(durations), final_time_bounds=final_time, phases=len(durations)
+    )
+    if not refused:
+        check_recedes(problem)
+        return
+    with pytest.raises(ProblemError, match=f"the final time is {final_time[0]} s at least"):
+        check_recedes(problem)
 
 
 def before(gaps: tuple[float, ...], rates: tuple[float, ...]) -> Any:

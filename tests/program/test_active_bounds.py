@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 from contact_problems import floor
-from systems import block_system
+from systems import block_system, there_and_back
 
 import dmoc
-from dmoc.program.active_constraints import ActiveBound, _impulses
+from dmoc.codegen.kernels import Kernels
+from dmoc.program.active_constraints import ActiveBound, _bounds, _impulses
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.layout import Layout
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.outcome import SENTENCES, Status
 
 BOUNDS = {
@@ -45,6 +47,30 @@ def test_a_bound_is_its_text_and_is_read_from_it(text: str, bound: ActiveBound) 
             bound.side,
         )
         assert (again.value, again.places) == (bound.value, bound.places)
+
+
+@pytest.mark.parametrize("place", [0, 2, 3])
+@pytest.mark.parametrize(
+    ("value", "force", "side"),
+    [
+        (-4.0, 1e-6, ">="), (-4.0, -1e-6, ""), (-4.0, 1e-8, ""), (-4.0, 0.0, ""),
+        (4.0, -1e-6, "<="), (4.0, 1e-6, ""), (4.0, -1e-8, ""), (4.0, 0.0, ""),
+        (-3.0, 1.1, ">="), (-3.0, 0.9, ""), (-3.0, -1.1, ""), (-3.0, -7.1, "<="),
+        (3.0, -1.1, "<="), (3.0, -0.9, ""), (3.0, 1.1, ""), (3.0, 7.1, ">="),
+        (-4.2, 1e-6, ">="), (4.2, -1e-6, "<="), (-4.2, 1e-8, ""),  # beyond it
+    ],
+)  # fmt: skip
+def test_a_bound_holds_where_its_multiplier_exceeds_the_distance(
+    block: Kernels, place: int, value: float, force: float, side: str
+) -> None:
+    """An input between -4 and 4 in one of four steps, all others far inside."""
+    problem = there_and_back(block, steps=2, bounds={"u": (-4.0, 4.0)})
+    nlp = Transcription(problem, replace(Transcription(problem).scale, u=np.ones(1)))
+    x, z = np.zeros(nlp.n), np.zeros(nlp.n)
+    unknown = nlp.layout.index_u[place, 0]
+    x[unknown], z[unknown] = value, force
+    told = list(_bounds(nlp, x, z))
+    assert told == ([f"u {side} {-4 if side == '>=' else 4} in 1 step"] if side else [])
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,11 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
+import struct
 from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -102,6 +105,32 @@ def test_declared_sizes_are_refused_before_anything_is_unpacked(
     with pytest.raises(SolutionFileError, match="declares more than 1048576 bytes"):
         dmoc.Solution.from_bytes(bomb)
     assert not read
+
+
+@pytest.mark.parametrize(
+    ("declared", "numbers", "refused"),
+    [
+        ((6,), 6, False), ((2, 3), 6, False), ((0,), 0, False), ((0, 3), 0, False),
+        ((6,), 5, True), ((6,), 7, True), ((2, 3), 7, True), ((2, 3), 0, True), ((0,), 1, True),
+        ((5,), 5, True), ((7,), 7, True), ((3, 2), 6, True), ((6, 1), 6, True),
+    ],
+)  # fmt: skip
+def test_an_array_has_the_shape_that_is_asked_for_and_as_many_numbers(
+    declared: tuple[int, ...], numbers: int, refused: bool
+) -> None:
+    """Six numbers, two rows of three, or none are asked for."""
+    asked = {(2, 3): (2, 3), (3, 2): (2, 3), (0,): (0,), (0, 3): (0, 3)}.get(declared, (6,))
+    shape = ", ".join(map(str, declared)) + "," * (len(declared) == 1)
+    head = f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({shape}), }}\n".encode()
+    values = np.arange(float(numbers))
+    content = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head + values.tobytes()
+    read: Any = SimpleNamespace(_read=lambda name, most: content)
+    if not refused:
+        array = archives.Archive.array(read, "x", asked)
+        np.testing.assert_array_equal(array, values.reshape(asked))
+        return
+    with pytest.raises(Refused, match="'x' has another shape than declared"):
+        archives.Archive.array(read, "x", asked)
 
 
 def test_a_file_of_another_format_says_so(content: bytes) -> None:

@@ -12,6 +12,7 @@ from xml.dom.minidom import parseString
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import dmoc
 from dmoc.base.errors import OutputError
@@ -44,6 +45,24 @@ def test_a_start_is_told_in_its_own_size(solution: dmoc.Solution) -> None:
     alpha = motion.coordinates[0]
     assert texts[0][alpha] == texts[1][alpha] == 0.0 and texts[1][f"{alpha}_dot"] == 0.25
     assert texts[0] == pytest.approx(texts[1], rel=1e-4)
+
+
+@pytest.mark.parametrize("lines", [1, 7, 1000])
+def test_pages_have_every_line_once_and_in_order(
+    solution: dmoc.Solution, lines: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    pages, real = list[list[tuple[str, bool]]](), solution_report._printed
+
+    def printed(page: list[tuple[str, bool]]) -> Figure:
+        pages.append(page)
+        return real(page)
+
+    monkeypatch.setattr(solution_report, "_printed", printed)
+    monkeypatch.setattr(solution_report, "LINES", lines)
+    monkeypatch.setattr(solution_report, "_lines", lambda _: ((str(k), not k) for k in range(15)))
+    solution.report(tmp_path / "report.pdf")
+    assert [int(line) for page in pages for line, _ in page] == list(range(15))
+    assert [len(page) for page in pages[:-1]] == [lines] * (len(pages) - 1)
 
 
 def test_other_minima_are_told_with_their_mesh(solution: dmoc.Solution) -> None:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import subprocess
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import dmoc
+from dmoc.codegen.border import Library
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.compiled import Factorisation, interior_point, interior_points, kkt_pattern
 from dmoc.solvers.kkt_layout import kkt_layout
 
+ROOT = Path(__file__).resolve().parents[2]
 ARRAYS = ("size", "stretch", "x", "y", "z_lower", "z_upper")
 LAYOUT = ("place", "row", "from_hess", "from_jac", "diagonal")
 
@@ -79,3 +83,28 @@ def test_a_wrong_pattern_is_refused() -> None:
     ):  # fmt: skip
         with pytest.raises(ValueError, match="expected"):
             kkt_pattern(size=2, **{**right, name: wrong})
+
+
+WIDE = """#include "dmoc_kernel.h"
+static dmoc_kernel *const none = 0;
+static const dmoc_array array[40];
+static const dmoc_entry entry[] = {{"wide", none, %d, %d, array}};
+const dmoc_table wide_kernels = {"wide", "none", 1, entry};
+"""
+
+
+@pytest.mark.parametrize(
+    ("inputs", "outputs", "refused"), [(16, 16, False), (17, 1, True), (1, 17, True)]
+)
+def test_a_kernel_has_no_more_arrays_than_there_is_room_for(
+    tmp_path: Path, inputs: int, outputs: int, refused: bool
+) -> None:
+    (tmp_path / "wide.c").write_text(WIDE % (inputs, outputs), encoding="utf-8")
+    command = ["gcc", "-shared", "-fPIC", "-I", str(ROOT / "codegen"), "wide.c", "-o", "wide.so"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    library = Library(tmp_path / "wide.so", "wide")
+    if not refused:
+        assert list(library.functions()) == ["wide"]
+        return
+    with pytest.raises(ValueError, match="wide: more than 16 inputs or outputs"):
+        library.functions()

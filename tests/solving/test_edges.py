@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -11,7 +14,9 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.guess.transfer import Piece
 from dmoc.program.layout import Layout
+from dmoc.solving import starts
 from dmoc.solving.mode_edges import _lifts, _runs
 from dmoc.solving.starts import restated
 
@@ -95,6 +100,30 @@ def test_what_is_proposed_for_the_start_are_other_contacts() -> None:
     lay, x = Layout.of(later), restated(later, slides)
     assert x[lay.index_h] * lay.steps == pytest.approx([0.2, 3.8])
     assert np.all(np.diff(lay.times(x)) > 0) and lay.times(x)[-1] == pytest.approx(4)
+
+
+@pytest.mark.parametrize("nodes", [(3, 5), (5, 3), (4, 2)])
+def test_a_motion_with_a_phase_more_begins_with_a_step_of_the_first(
+    nodes: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two phases of so many nodes, with a hit of 3 N s between them, and nothing that is new."""
+    times = [np.linspace(i, i + 1, n) for i, n in enumerate(nodes)]
+    pieces = [Piece(t, t[:, None], t[:, None], t, t[:, None]) for t in times]
+    solution: Any = SimpleNamespace(
+        proposal=SimpleNamespace(times=(1.0,)), final_time=2.0, trajectory=None,
+        collisions=[SimpleNamespace(impulse=3.0)],
+    )  # fmt: skip
+    monkeypatch.setattr(starts, "pieces_of", lambda _: pieces)
+    monkeypatch.setattr(starts, "unknowns_along", lambda _, *stated: stated)
+    problem: Any = SimpleNamespace(phases=3)
+    stated: Any = restated(problem, solution)
+    first, second = times
+    ends = [first[:2], first[1:], second]
+    assert [p.t.tolist() for p in stated[0]] == [t.tolist() for t in ends]
+    assert [p.q[:, 0].tolist() for p in stated[0]] == [t.tolist() for t in ends]
+    assert stated[1] == [0.0, 3.0]
+    problem.phases = 2
+    assert [p.t.tolist() for p in restated(problem, solution)[0]] == [t.tolist() for t in times]
 
 
 @pytest.mark.slow
