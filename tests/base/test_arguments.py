@@ -1,15 +1,40 @@
-"""What a pair of limits may be: two numbers in an order, whatever holds them."""
+"""What a number and a pair of limits may be, whatever holds them, and what is meant by a name."""
 
 from __future__ import annotations
 
+from fractions import Fraction
 from math import inf
 from typing import Any
 
 import numpy as np
 import pytest
 
-from dmoc.base.arguments import limits
+from dmoc.base.arguments import check_known, is_number, limits
 from dmoc.base.errors import ProblemError
+
+
+@pytest.mark.parametrize(
+    ("value", "number"),
+    [
+        (1, True), (1.5, True), (np.float32(1), True), (np.int8(1), True), (Fraction(1, 3), True),
+        (np.array(1.5), True), (np.array(2), True), (np.ma.masked_array(1.5, mask=False), True),
+        (np.ma.masked_array(1.5, mask=True), False), (np.array([1.5]), False), ("1", False),
+        (np.array(True), False), (np.array(1j), False), (np.array("1"), False), (None, False),
+        (True, False), (np.bool_(1), False), (1j, False), (b"1", False), ([1.0], False),
+    ],
+)  # fmt: skip
+def test_what_counts_as_one_real_number(value: Any, number: bool) -> None:
+    assert is_number(value) is number
+
+
+def test_the_nearest_of_the_names_is_meant() -> None:
+    names = ["alpha", "alpha_dot", "beta", "x"]
+    for name, meant in (("alfa", "alpha"), ("alpha_dt", "alpha_dot"), ("bta", "beta")):
+        with pytest.raises(ProblemError, match=rf" \(did you mean '{meant}'\?\)\."):
+            check_known(name, names, "state")
+    with pytest.raises(ProblemError, match=r"expected one of alpha, alpha_dot, beta, x\."):
+        check_known("qqq", names, "state")
+    check_known("beta", names, "state")
 
 
 @pytest.mark.parametrize(

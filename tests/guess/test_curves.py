@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import cos, exp, pi
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from dmoc.guess.transfer import Piece, equally_long
-from dmoc.problem.surfaces import _root
+from dmoc.problem.surfaces import _root, crossings
 
 
 @pytest.mark.parametrize(
@@ -42,6 +44,35 @@ def test_the_root_of_what_is_linear_takes_few_values() -> None:
 
     assert _root(value, 0.0, 3.0, 1e-15) == pytest.approx(pi / 2, rel=1e-15)
     assert len(places) <= 8
+
+
+@pytest.mark.parametrize(
+    ("place", "points"),
+    [
+        (4.0, [4.0]),  # as far as is looked
+        (4.01, []), (0.3, [0.3]), (-4.0, [-4.0]), (-4.01, []), (-1.0, [-1.0]),
+        (0.5, [0.5]), (1.0, [1.0]), (0.0, [0.0]),
+    ],
+)  # fmt: skip
+def test_a_surface_is_met_up_to_four_reaches_away(place: float, points: list[float]) -> None:
+    """Of a coordinate that reaches 1 m from q = 0; the other one reaches 5 m and is not moved."""
+    model = SimpleNamespace(
+        surface_coordinates=[np.array([1])], gap_rounding=lambda q, t: np.array([1e-12]),
+        gaps=lambda q, t: (q[..., 1] - place)[..., None],
+    )  # fmt: skip
+    problem: Any = SimpleNamespace(model=model, reach=np.array([5.0, 1.0]), nq=2)
+    crossed = crossings(problem, np.array([7.0, 0.0]), 0)
+    np.testing.assert_allclose(crossed, [[7.0, p] for p in points], atol=1e-12)
+
+
+def test_both_sides_of_a_surface_are_met_nearest_first() -> None:
+    """(q - 1)(q - 3)(q + 2) = 0 from 0.5."""
+    model = SimpleNamespace(
+        surface_coordinates=[np.array([0])], gap_rounding=lambda q, t: np.array([1e-12]),
+        gaps=lambda q, t: (q - 1) * (q - 3) * (q + 2),
+    )  # fmt: skip
+    problem: Any = SimpleNamespace(model=model, reach=np.array([1.0]), nq=1)
+    np.testing.assert_allclose(crossings(problem, np.array([0.5]), 0), [[1.0], [-2.0]], atol=1e-9)
 
 
 def test_positions_between_nodes_are_those_of_the_cubics() -> None:

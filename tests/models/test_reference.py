@@ -5,9 +5,11 @@ from __future__ import annotations
 import pickle
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import dmoc
+from dmoc.models.catalogue import ENTRIES
 from dmoc.models.registry import find
 
 MODEL = """
@@ -24,6 +26,24 @@ def solved(reference: str) -> dmoc.Solution:
     model = find(reference)
     problem = dmoc.Problem(model.kernels(), **{**model.defaults, "steps": 10})
     return dmoc.solve(problem, "ipm", iterations=3, verify=False)
+
+
+@pytest.mark.parametrize("name", [n for n, e in ENTRIES.items() if e.problem])
+def test_what_is_shipped_can_be_stated(name: str) -> None:
+    """Its start and its goal lie before all surfaces and within all bounds."""
+    reference = find(name)
+    problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    assert problem.kernels.name == ENTRIES[name].model
+    for end in (problem.start_bounds, problem.goal_bounds):
+        fixed = end.position[:, 0] == end.position[:, 1]
+        at = np.where(fixed, end.position[:, 0], problem.start_position)
+        assert (problem.model.gaps(at) < 0).all()
+
+
+def test_the_swing_up_of_the_source_begins_at_27_degrees() -> None:
+    reference = find("cart_pendulum")
+    assert np.degrees(reference.defaults["start"]["alpha"]) == pytest.approx(27.0)
+    assert np.degrees(reference.defaults["goal"]["alpha"]) == pytest.approx(90.0)
 
 
 @pytest.mark.slow

@@ -26,6 +26,32 @@ def corner() -> Kernels:
 
 
 @pytest.mark.parametrize("end", ["start", "goal"])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
+@pytest.mark.parametrize(
+    ("closed", "beyond", "refused"),
+    [
+        (False, -1.0, False), (False, 0.0, False), (False, 5e-13, False), (False, 1e-11, True),
+        (True, 1e-11, False), (True, 5e-10, False), (True, 1e-8, True),
+    ],
+)  # fmt: skip
+def test_what_rounding_leaves_behind_a_surface_is_a_share_of_its_place(
+    block: Kernels, end: str, size: float, closed: bool, beyond: float, refused: bool
+) -> None:
+    """A wall at some size: 1e-12 of it, and 1e-9 of what is closed."""
+    at, there = {"x": size * (1 + beyond)}, {"x": 0.0}
+    stated: dict[str, Any] = {"parameters": {"wall": size}, "final_time": 1.0, "steps": 4}
+    if closed:
+        stated["contacts"] = ["wall"]
+        there = {"x": size}
+    ends = {"start": at, "goal": there} if end == "start" else {"start": there, "goal": at}
+    if refused:
+        with pytest.raises(ProblemError, match=f"the {end} .* lies behind surface 'wall'"):
+            dmoc.Problem(block, **ends, **stated)
+    else:
+        dmoc.Problem(block, **ends, **stated)
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
 @pytest.mark.parametrize(
     ("state", "behind"),
     [

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
@@ -11,10 +14,11 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.program.scaling import scale_of
 from dmoc.solvers.outcome import Options
+from dmoc.solving import touches
 from dmoc.solving.methods import METHODS
 from dmoc.solving.programs import Programs
 from dmoc.solving.starts import starts_of
-from dmoc.solving.touches import pays, slopes
+from dmoc.solving.touches import _closing, _turning, pays, slopes
 
 X, Y, U, V = dynamicsymbols("x y u v")
 MU, M_XY = sp.symbols("mu m_xy")
@@ -37,6 +41,45 @@ def problem() -> dmoc.Problem:
         dmoc.build(system), start=start, goal=goal, sequence=["floor:slip+"], steps=20,
         final_time=1, restitution=0.5,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("found", "pays_off"),
+    [
+        ([[0.0]], False), ([[1.0]], False), ([[-1.0]], True), ([[]], False),
+        ([[1.0, -1.0]], True), ([[1.0], [0.5]], False), ([[1.0], [-1.0]], True),
+        ([[-1.0], [1.0]], True), ([[-1e-5]], True), ([[-5e-6]], False), ([[5e-6]], False),
+    ],
+)  # fmt: skip
+def test_a_collision_pays_where_a_slope_falls(
+    found: list[list[float]], pays_off: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By more than a millionth of the cost of 7; some touches are among other events."""
+    events = np.flatnonzero([False, True, False, True])[: len(found)]
+    law = SimpleNamespace(touching=np.isin(np.arange(5), events))
+    nlp: Any = SimpleNamespace(laws=SimpleNamespace(impact=law))
+    outcome: Any = SimpleNamespace(x=None)
+    slopes_of = dict(zip(events.tolist(), found, strict=True))
+    monkeypatch.setattr(touches, "cost_size", lambda *_: 7.0)
+    monkeypatch.setattr(touches, "slopes", lambda _, __, i: slopes_of[i])
+    assert pays(nlp, outcome) is pays_off
+
+
+@pytest.mark.parametrize(
+    ("friction", "closing", "turning"),
+    [
+        (1, 2.0 - 0.2 * 0.5, 0.5 - 0.2 * 3.0),
+        (-1, 2.0 + 0.2 * 0.5, 0.5 + 0.2 * 3.0),
+        (0, 2.0 - 0.5**2 / 3.0, None),  # the inertia of what does not slide
+    ],
+)
+def test_an_impulse_changes_both_rates(
+    friction: int, closing: float, turning: float | None
+) -> None:
+    """A normal impulse with the friction of 0.2 of it against the sliding."""
+    A = np.array([[2.0, 0.5], [0.5, 3.0]])
+    assert _closing(A, 0.2, friction) == pytest.approx(closing)
+    assert turning is None or _turning(A, 0.2, friction) == pytest.approx(turning)
 
 
 @pytest.mark.slow
