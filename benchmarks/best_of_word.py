@@ -1,110 +1,62 @@
 """How often the best motion of a word is found: sixty problems with one sequence each, solved from
-no guess, beside the best motion that anybody has found.
+no guess, beside CasADi and IPOPT from random straight lines and the best motion anybody has found.
 
-python benchmarks/best_of_word.py --default-only             the default call, without a limit
+python benchmarks/best_of_word.py                        all budgets, both; table and figure
+python benchmarks/best_of_word.py --figure               table and figure of what was recorded
+python benchmarks/best_of_word.py --default-only         the default call, without a limit
+python benchmarks/best_of_word.py --kernels              the same under other kernels of BLAS
+python benchmarks/best_of_word.py --improve starts lines --seeds 1 2     looks for better motions
 python benchmarks/best_of_word.py --default-only --problems acrobot "three links, wall"
-python benchmarks/best_of_word.py --improve --seeds 1 2 3    looks for better ones, and keeps them
 
-CPU seconds are those of one thread on one core, with built kernels.
+CPU seconds are those of one thread on one core, with built kernels and programs.  Records are
+results/best_of_word_runs.json; the best known motions, results/best_of_word.json.
 """
 
 from __future__ import annotations
 
 import argparse
-import multiprocessing
+import json
 import os
+import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
-from math import isfinite, nan
-from typing import Any
+from math import isfinite
+from pathlib import Path
 
 import best_of_word_known as known
+import best_of_word_runs as runs
 from best_of_word_known import Best
-from best_of_word_problems import WORDS, Word
-from common import table
+from best_of_word_problems import NAMED
+from best_of_word_runs import SHARE, Answer
+from common import on_cores, table
 
-import dmoc
-
-SHARE = 0.01  # of the best known cost, within which one counts as found
-MANY = 2000  # starts of a try to improve
+KERNELS = ("Haswell", "SkylakeX", "Zen", "Sandybridge", "Prescott")  # of OpenBLAS
+SAME = 1e-6  # relative difference of costs that are one
 PROCESSES = 2
+BUDGETS = (0.1, 0.3, 1.0, 3.0, 10.0)
 HEADER = ("problem", "status", "cost", "best known", "ratio", "starts", "agreeing", "CPU s")
 
 
-@dataclass(frozen=True)
-class Answer:
-    """What one solve says, its starts and its CPU seconds."""
-
-    name: str
-    status: str
-    cost: float = nan
-    starts: int = 0
-    agreeing: int = 0
-    cpu: float = nan
-
-    def near(self, best: Mapping[str, Best]) -> bool:
-        """Whether it is confirmed, and costs hardly more than the best known motion."""
-        return self.status == "solved" and best[self.name].within(SHARE, self.cost)
-
-    def row(self, best: Mapping[str, Best]) -> tuple[str, ...]:
-        least = best[self.name].cost
-        mark = "" if self.near(best) else "**"
-        return (
-            self.name, f"{mark}{self.status}{mark}", f"{self.cost:.7g}", f"{least:.7g}",
-            f"{self.cost / least:.4f}", str(self.starts), str(self.agreeing), f"{self.cpu:.2f}",
-        )  # fmt: skip
-
-
-def by_default(word: Word, **options: Any) -> Answer:
-    """The default call."""
-    problem = word.problem
-    begin = time.process_time()
-    try:
-        solution = dmoc.solve(problem, **options)
-    except dmoc.DmocError as error:
-        return Answer(word.name, f"{type(error).__name__}: {error}")
-    return Answer(
-        word.name, str(solution.status), float(solution.cost), solution.starts or 1,
-        solution.agreeing_starts or 0, time.process_time() - begin,
-    )  # fmt: skip
-
-
-# Several processes, a core each -------------------------------------------------------------------
-
-
-def on_cores(run: Callable[[Word], Any], words: Sequence[Word]) -> Iterator[Any]:
-    """What a function says of each word, as it comes; each process has a core of its own."""
-    available = sorted(os.sched_getaffinity(0))[:PROCESSES]
-    cores = multiprocessing.SimpleQueue()
-    for core in available:
-        cores.put(core)
-    with multiprocessing.Pool(len(available), _on_core, (cores,)) as pool:
-        yield from pool.imap_unordered(partial(_run, run), [word.name for word in words])
-
-
-def _on_core(cores: Any) -> None:
-    os.sched_setaffinity(0, {cores.get()})
-
-
-def _run(run: Callable[[Word], Any], name: str) -> Any:
-    return run(next(word for word in WORDS if word.name == name))
-
-
-# Commands -----------------------------------------------------------------------------------------
-
-
-def defaults(words: Sequence[Word], best: Mapping[str, Best]) -> None:
-    """Print what the default call says of each word, and the share that it finds."""
+def by_default(names: Sequence[str], best: Mapping[str, Best], silent: bool) -> list[Answer]:
+    """What the default call says of each word; shown as it comes."""
     answers = dict[str, Answer]()
-    for answer in on_cores(by_default, words):
+    for answer in on_cores(runs.by_default, names, PROCESSES):
         answers[answer.name] = answer
-        sys.stderr.write(f"{' '.join(answer.row(best))}\n")
-    ordered = [answers[word.name] for word in words]
-    print(table(HEADER, [answer.row(best) for answer in ordered]))
-    print("\n" + summary(ordered, best))
+        if not silent:
+            sys.stderr.write(f"{' '.join(row(answer, best))}\n")
+    return [answers[name] for name in names]
+
+
+def row(answer: Answer, best: Mapping[str, Best]) -> tuple[str, ...]:
+    least = best[answer.name].cost
+    mark = "" if answer.near(best) else "**"
+    return (
+        answer.name, f"{mark}{answer.status}{mark}", f"{answer.cost:.7g}", f"{least:.7g}",
+        f"{answer.cost / least:.4f}", str(answer.starts), str(answer.agreeing),
+        f"{answer.cpu:.2f}",
+    )  # fmt: skip
 
 
 def summary(answers: Sequence[Answer], best: Mapping[str, Best]) -> str:
@@ -116,28 +68,25 @@ def summary(answers: Sequence[Answer], best: Mapping[str, Best]) -> str:
     )
 
 
-def improve(words: Sequence[Word], best: Mapping[str, Best], seeds: Sequence[int]) -> None:
-    """Look for better motions by the default and from many starts, and keep them."""
-    for name, new in on_cores(partial(_improved, best, seeds), words):
-        before = best.get(name)
-        if new is None or new == before:
-            continue
-        best = {**known.read(), name: new}
-        known.write(best)
-        was = f"{before.cost:.7g}" if before else "unknown"
-        print(f"{name}: {was} -> {new.cost:.7g}, {new.source}", flush=True)
+def under_kernels(names: Sequence[str]) -> list[str]:
+    """Words whose default answer is another one under another kernel of BLAS."""
+    every = {kernel: _under(kernel, names) for kernel in KERNELS}
+    lines = []
+    for i, name in enumerate(names):
+        answers = {kernel: every[kernel][i] for kernel in KERNELS}
+        first = answers[KERNELS[0]]
+        if not all(first.same(answer, SAME) for answer in answers.values()):
+            texts = (f"{k}: {a.status} {a.cost:.9g}" for k, a in answers.items())
+            lines.append(f"! {name}: {', '.join(texts)}")
+    return lines
 
 
-def _improved(
-    best: Mapping[str, Best], seeds: Sequence[int], word: Word
-) -> tuple[str, Best | None]:
-    problem = word.problem
-    tries = [("the default", partial(dmoc.solve, problem))]
-    tries += [
-        (f"{MANY} starts, seed {seed}", partial(dmoc.solve, problem, starts=MANY, seed=seed))
-        for seed in seeds
-    ]
-    return word.name, known.improved(word, best.get(word.name), tries)
+def _under(kernel: str, names: Sequence[str]) -> list[Answer]:
+    """The kernel is chosen where NumPy is loaded: in another process."""
+    command = [sys.executable, __file__, "--default-only", "--json", "--problems", *names]
+    environment = {**os.environ, "OPENBLAS_CORETYPE": kernel}
+    ended = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
+    return [Answer(**record) for record in json.loads(ended.stdout)]
 
 
 def main() -> None:
@@ -145,19 +94,42 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--problems", nargs="+", metavar="NAME", help="all by default")
+    parser.add_argument(
+        "--budgets", nargs="+", type=float, default=BUDGETS, metavar="S", help="CPU seconds"
+    )
     parser.add_argument("--default-only", action="store_true", help="the default call alone")
-    parser.add_argument("--improve", action="store_true", help="look for better motions")
-    parser.add_argument("--seeds", nargs="*", type=int, default=[], help="of the many starts")
+    parser.add_argument("--kernels", action="store_true", help="it under five kernels of BLAS")
+    parser.add_argument("--figure", action="store_true", help="of what was recorded, with a table")
+    parser.add_argument(
+        "--improve", nargs="+", choices=tuple(known.WAYS), help="ways to look for better motions"
+    )
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1], help="of starts and lines")
+    parser.add_argument("--json", action="store_true", help="answers of the default as JSON")
+    parser.add_argument("--out", type=Path, default=runs.FOLDER, help="folder of the records")
     options = parser.parse_args()
-    names = [word.name for word in WORDS]
-    chosen = options.problems or names
-    if unknown := [name for name in chosen if name not in names]:
-        parser.error(f"--problems {unknown[0]!r}: expected some of {', '.join(names)}")
-    words, best = [word for word in WORDS if word.name in chosen], known.read()
+    names = options.problems or list(NAMED)
+    if unknown := [name for name in names if name not in NAMED]:
+        parser.error(f"--problems {unknown[0]!r}: expected some of {', '.join(NAMED)}")
     if options.improve:
-        improve(words, best, options.seeds)
-    if options.default_only:
-        defaults(words, best)
+        found = partial(known.looked_for, options.improve, options.seeds)
+        for line in known.improve(on_cores(found, names, PROCESSES)):
+            print(line, flush=True)
+    elif options.default_only:
+        best = known.read()
+        answers = by_default(names, best, options.json)
+        if options.json:
+            print(json.dumps([asdict(answer) for answer in answers]))
+            return
+        print(table(HEADER, [row(answer, best) for answer in answers]))
+        print("\n" + summary(answers, best))
+    elif options.kernels:
+        lines = under_kernels(names)
+        print("\n".join([*lines, f"{len(lines)} of {len(names)} hang on the last digit"]))
+    else:
+        if not options.figure:
+            run = partial(runs.run, tuple(options.budgets))
+            runs.keep(on_cores(run, names, PROCESSES), options.out)
+        print(runs.report(options.out).markdown())
 
 
 if __name__ == "__main__":

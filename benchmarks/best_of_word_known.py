@@ -1,15 +1,18 @@
-"""The best known motion of each word: kept as keyframes, confirmed by a solve that begins there."""
+"""The best known motion of each word: kept as keyframes, confirmed by a solve that begins there,
+looked for in several ways."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import best_of_word_peer as peer
 import numpy as np
-from best_of_word_problems import Word
+from best_of_word_problems import NAMED, Word
 
 import dmoc
 from dmoc.base.files import write_whole
@@ -20,8 +23,11 @@ FINER = (1, 2, 4)  # meshes on which a motion may be confirmed
 SAME = 1e-3  # relative difference of two costs that are of one minimum, on meshes of these sizes
 CHEAPER = 1e-6  # by more than this share, a cost is a better one
 DIGITS = 6
+MANY = 2000  # starts of a try
+LINE_SECONDS = 20.0  # of CPU, for straight lines from which CasADi begins
 
 Guess = list[dict[str, list[float]]]
+Tries = Iterator[tuple[str, Callable[[], dmoc.Solution]]]  # what leads to a motion, and how
 
 
 @dataclass(frozen=True)
@@ -92,7 +98,7 @@ def kept(problem: dmoc.Problem, motion: dmoc.Solution, source: str) -> Best | No
 
 
 def improved(
-    word: Word, before: Best | None, tries: Sequence[tuple[str, Callable[[], dmoc.Solution]]]
+    word: Word, before: Best | None, tries: Iterable[tuple[str, Callable[[], dmoc.Solution]]]
 ) -> Best | None:
     """The best of what was known and of what some tries lead to."""
     best = before
@@ -103,3 +109,52 @@ def improved(
             if new is not None and (best is None or new.cost < best.cost):
                 best = new
     return best
+
+
+# Ways to look for better ones ---------------------------------------------------------------------
+
+
+def default(word: Word, seeds: Sequence[int], best: Best | None) -> Tries:
+    """The default call."""
+    yield "the default", partial(dmoc.solve, word.problem)
+
+
+def starts(word: Word, seeds: Sequence[int], best: Best | None) -> Tries:
+    """Many starts."""
+    for seed in seeds:
+        many = partial(dmoc.solve, word.problem, starts=MANY, seed=seed)
+        yield f"{MANY} starts, seed {seed}", many
+
+
+def lines(word: Word, seeds: Sequence[int], best: Best | None) -> Tries:
+    """Minima of CasADi and IPOPT from random straight lines that cost less, as these say."""
+    for seed in seeds:
+        try:
+            for motion in peer.motions(word, LINE_SECONDS, MANY, seed):
+                if best is None or motion.cost < best.cost - SAME * abs(best.cost):
+                    run = partial(dmoc.solve, word.problem, "ipm", guess=motion.guess, starts=1)
+                    yield f"a straight line by CasADi, seed {seed}", run
+        except peer.NotStatedError:
+            return
+
+
+WAYS = {"default": default, "starts": starts, "lines": lines}
+
+
+def looked_for(ways: Sequence[str], seeds: Sequence[int], name: str) -> tuple[str, Best | None]:
+    """The best motion of a word after looking for better ones in some ways."""
+    word, best = NAMED[name], read().get(name)
+    for way in ways:
+        best = improved(word, best, WAYS[way](word, seeds, best))
+    return name, best
+
+
+def improve(results: Iterable[tuple[str, Best | None]]) -> Iterator[str]:
+    """Keep what is better; a line on each."""
+    for name, new in results:
+        best = read()
+        before = best.get(name)
+        if new is not None and (before is None or new.cost < before.cost):
+            write({**best, name: new})
+            was = f"{before.cost:.7g}" if before else "unknown"
+            yield f"{name}: {was} -> {new.cost:.7g}, {new.source}"

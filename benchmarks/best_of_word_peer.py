@@ -16,6 +16,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from best_of_word_problems import STEPS, Word
 from common import Mode
 from ladder_casadi import (
     CasadiModel,
@@ -25,12 +26,13 @@ from ladder_casadi import (
     StraightLine,
     transcribed,
 )
-from ladder_smooth import Statement
 
 import dmoc
 
 POSITIVE, NEGATIVE = (0.0, np.inf), (-np.inf, 0.0)
 SUCCEEDED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+# Sliding speeds may be so negative: where sliding begins and ends they are zero by an equation.
+SLACK = 1e-6
 LONGEST = 5.0  # times the natural one, where a final time has no upper bound
 
 
@@ -40,11 +42,11 @@ class NotStatedError(Exception):
 
 @dataclass(frozen=True)
 class RandomLine:
-    """Straight lines from the start through a random place at each event to the goal, with random
-    durations; without inputs."""
+    """Straight lines from the start through random places to the goal, with random durations and
+    without inputs.  The places are at the events, or half way where there are none."""
 
-    places: np.ndarray  # at the ends of the phases, shape (phases + 1, nq)
-    seconds: np.ndarray
+    places: np.ndarray  # shape (lines + 1, nq)
+    seconds: np.ndarray  # of the phases
     nu: int
 
     @classmethod
@@ -58,28 +60,28 @@ class RandomLine:
         seconds = np.clip(time * shares, *problem.duration_bounds.T)
         ends = np.array([line.begin, line.end])
         wide = np.maximum(np.abs(np.diff(ends, axis=0)), 1.0)
-        below, above = problem.coordinate_bounds.T
-        inner = rng.uniform(ends.min(axis=0) - wide / 2, ends.max(axis=0) + wide / 2,
-                            (phases - 1, problem.nq))  # fmt: skip
-        return cls(np.vstack([ends[:1], inner.clip(below, above), ends[1:]]), seconds, problem.nu)
+        shape = max(phases, 2) - 1, problem.nq
+        inner = rng.uniform(ends.min(axis=0) - wide / 2, ends.max(axis=0) + wide / 2, shape)
+        places = np.vstack([ends[:1], inner, ends[1:]]).clip(*problem.coordinate_bounds.T)
+        return cls(places, seconds, problem.nu)
 
     def durations(self, phases: int) -> np.ndarray:
         return self.seconds
 
     def state(self, phase: int, share: float) -> tuple[np.ndarray, np.ndarray]:
-        begin, end = self.places[phase : phase + 2]
-        return begin + share * (end - begin), self._velocity(phase)
+        lines, phases = len(self.places) - 1, len(self.seconds)
+        along = (phase + share) * lines / phases  # in lines
+        line = min(int(along), lines - 1)
+        begin, end = self.places[line : line + 2]
+        seconds = self.seconds[phase] * phases / lines
+        velocity = (end - begin) / seconds if seconds > 0 else np.zeros_like(begin)
+        return begin + (along - line) * (end - begin), velocity
 
     def inputs(self, phase: int, share: float) -> np.ndarray:
         return np.zeros(self.nu)
 
     def after(self, hit: int) -> tuple[np.ndarray, float]:
-        return self._velocity(hit + 1), 0.0
-
-    def _velocity(self, phase: int) -> np.ndarray:
-        seconds = self.seconds[phase]
-        way = self.places[phase + 1] - self.places[phase]
-        return np.asarray(way / seconds if seconds > 0 else np.zeros_like(way))
+        return self.state(hit + 1, 0.0)[1], 0.0
 
 
 def in_mode(base: CasadiModel, problem: dmoc.Problem, mode: Mode) -> CasadiModel:
@@ -118,7 +120,7 @@ def in_mode(base: CasadiModel, problem: dmoc.Problem, mode: Mode) -> CasadiModel
             most *= forces[mode.closed.index(supports[k])]
         force = forces[len(mode.closed) + i]
         limits += [most - force, most + force]
-    limits += [sign * base.slips(q, v, u, t)[k] for k, sign in mode.sliding]
+    limits += [sign * base.slips(q, v, u, t)[k] + SLACK for k, sign in mode.sliding]
     own = copy(base)
     own.acceleration = ca.Function("a", [q, v, u, t], [loose])
     own.path = ca.Function("r", [q, v, u, t], [ca.vertcat(base.path(q, v, u, t), *limits)])
@@ -290,10 +292,10 @@ class PeerMotion:
     guess: list[dict[str, Any]]
 
 
-def motions(
-    statement: Statement, problem: dmoc.Problem, seconds: float, starts: int, seed: int = 0
-) -> Iterator[PeerMotion]:
+def motions(word: Word, seconds: float, starts: int, seed: int = 0) -> Iterator[PeerMotion]:
     """Minima from random straight lines, as many as there is CPU time for; building takes none."""
+    problem = word.problem
+    problem = problem.meshed(STEPS) if problem.steps is None else problem
     _check(problem)
     made = list[WordTranscription]()
 
@@ -303,7 +305,9 @@ def motions(
 
     limits = {"max_cpu_time": seconds, "max_wall_time": 1e6}
     rng = np.random.default_rng(seed)
-    solver = transcribed(statement, problem, seconds, RandomLine.of(problem, rng), kind, **limits)
+    solver = transcribed(
+        word.statement, problem, seconds, RandomLine.of(problem, rng), kind, **limits
+    )
     program, spent = made[0], 0.0
     for _ in range(starts):
         x0, begin = program.begin(RandomLine.of(problem, rng)), time.process_time()

@@ -195,3 +195,4 @@ KINDS: Mapping[str, Callable[[], Statement]] = {
 WORDS = tuple(
     Word(name, state) for part in (LADDER, CATALOGUE, KINDS, ARMS) for name, state in part.items()
 )
+NAMED = {word.name: word for word in WORDS}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import platform
 import re
 import sys
 import textwrap
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import metadata
@@ -192,6 +193,21 @@ def solves(nlp: Transcription, x: np.ndarray, method: str, repeats: int, *more: 
     runs = [solve(nlp, x, method, options, *more) for _ in range(repeats)]
     good = [seconds for seconds, outcome in runs if outcome.status is Status.SOLVED]
     return Solves(median(good) if good else np.nan, len(good), repeats, runs[-1][1])
+
+
+def on_cores(run: Callable[[str], Any], names: Sequence[str], processes: int) -> Iterator[Any]:
+    """What a function says of each name, as it comes, in several processes with a core each, whose
+    CPU seconds are those of one thread."""
+    cores: Any = multiprocessing.SimpleQueue()
+    for core in sorted(os.sched_getaffinity(0))[:processes]:
+        cores.put(core)
+    with multiprocessing.Pool(processes, _on_core, (cores,)) as pool:
+        yield from pool.imap_unordered(run, names)
+
+
+def _on_core(cores: Any) -> None:
+    if not cores.empty():  # where there are fewer cores, the others have all of them
+        os.sched_setaffinity(0, {cores.get()})
 
 
 # Below the public names of dmoc: programs, drivers and motions by hand ----------------------------
