@@ -38,7 +38,7 @@ size_t carried_work_size(const dmoc_carried *c)
     for (int i = 0; i < DMOC_KINDS; ++i)
         entries += (size_t)c->motion.functions[i].entries;
     return free + n + (size_t)c->motion.inputs + 2*n*n + 3*n + entries + 3*k*n + k*k + 3*k +
-           (size_t)(3*c->places.nc + c->places.nj + 8*c->places.nt) + 1;
+           (size_t)(3*c->places.nc + c->places.nj + 8*c->places.nt);
 }
 
 /* B := (A^-1 B')' for the rows of B[rows*n], by elimination in A[n*n]; not a number where A is

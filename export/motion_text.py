@@ -134,7 +134,7 @@ def work_of(nlp: Transcription) -> int:
         for kind, (slopes, _, matrix) in KINDS.items() if names[kind]
     )  # fmt: skip
     sizes = 2 * n * n + 4 * n + 3 * k * n + k * k + 3 * k + entries
-    return sizes + int(nlp.par.shape[1]) + model.nu + 3 * model.nc + model.nj + 8 * model.nt + 1
+    return sizes + int(nlp.par.shape[1]) + model.nu + 3 * model.nc + model.nj + 8 * model.nt
 
 
 def has_rest(nlp: Transcription, numbers: SolverNumbers) -> bool:

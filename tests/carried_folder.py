@@ -23,13 +23,17 @@ def run(*command: str, folder: Path, stdin: str = "") -> subprocess.CompletedPro
 
 
 @cache
-def shared(flags: tuple[str, ...]) -> list[str]:
-    """The objects that all solvers and planners have."""
+def shared(flags: tuple[str, ...], without: str = "") -> list[str]:
+    """The objects that all solvers and planners have, without those of a source."""
     places = {**PARTS, "dmoc.export": (*PARTS["dmoc.export"], *PLANNER)}
     parts = {Path(str(resources.files(package))): names for package, names in places.items()}
     flags = (*WARNINGS, *flags, *(f"-I{folder}" for folder in (*parts, HEADERS)))
     sources = [folder / name for folder, names in parts.items() for name in names]
-    return [object_of(source, *flags) for source in sources if source.suffix == ".c"]
+    return [
+        object_of(source, *flags)
+        for source in sources
+        if source.suffix == ".c" and source.name != without
+    ]
 
 
 def compiled(folder: Path, main: str = "main.c", *flags: str) -> str:
