@@ -219,6 +219,25 @@ def test_the_mechanism_of_a_new_file_is_a_hammer_with_a_spring(run: Run) -> None
     assert sp.expand(system.objective - dmoc.total("effort")) == 0.01 * k
 
 
+@pytest.mark.parametrize("kind", [kind.value for kind in TemplateKind])
+def test_a_new_file_draws_what_moves_where_it_is(run: Run, kind: str) -> None:
+    """The mass at the end of its rod, as high as its weight has it; contacts push as gaps open."""
+    system, n = machine(run, kind)
+    ends = {tuple(s.points[-1]) for s in system.drawing if isinstance(s, dmoc.Link)}
+    masses = [tuple(s.at) for s in system.drawing if isinstance(s, dmoc.Point)]
+    assert set(masses) == ends and bool(masses) == (kind in ("mechanism", "smooth"))
+    for _, height in masses:
+        weight = system.lagrangian.diff(n["g"])
+        assert sp.simplify(weight + n["m"] * height) == 0
+    for contact in (s for s in system.drawing if isinstance(s, dmoc.Contact)):
+        surface = system.surfaces[contact.surface]
+        opening = surface.gts - surface.lts
+        normal = contact.normal or (0, 1)
+        for c in system.coordinates:
+            work = sum(d * sp.sympify(at).diff(c) for d, at in zip(normal, contact.at, strict=True))
+            assert work == opening.diff(c), contact.surface
+
+
 @pytest.mark.parametrize(
     ("words", "proposed"),
     [

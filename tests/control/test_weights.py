@@ -1,11 +1,16 @@
-"""Matrices that may be weights of states and of inputs: by their eigenvalues."""
+"""Matrices that may be weights of states and of inputs, by their eigenvalues, and the gains beside
+a phase."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dmoc.base.errors import SimulationError
+from dmoc.control import feedback
 from dmoc.control.feedback import weight_matrix
 
 NAMES = "x", "y", "z"
@@ -56,3 +61,31 @@ def test_a_weight_is_symmetric(place: tuple[int, int]) -> None:
     matrix[place] += 1e-3
     with pytest.raises(SimulationError, match="Q is not symmetric"):
         weight_matrix(matrix, "Q", NAMES, ONE)
+
+
+@pytest.mark.parametrize(("before", "after"), [(0, 0), (1, 3), (3, 1), (2, 0)])
+def test_gains_are_constant_beside_a_phase(
+    before: int, after: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A phase of four nodes, passed by on both sides as far as its states are finite."""
+    K, u = np.arange(4.0)[:, None, None], np.arange(10.0, 13.0)[:, None]
+    sides = {-1: before, 1: after}
+    monkeypatch.setattr(feedback, "gains", lambda *_: K)
+    monkeypatch.setattr(feedback, "projection", lambda *_: None)
+    monkeypatch.setattr(feedback, "input_slopes", lambda *_: None)
+    monkeypatch.setattr(
+        feedback, "beyond",
+        lambda motion, i, s, side: (np.full(sides[side], 100.0 * side), np.zeros((sides[side], 2))),
+    )  # fmt: skip
+    steps = SimpleNamespace(u0=np.array([[7.0], [8.0]]), u1=np.array([[8.0], [9.0]]))
+    phase = SimpleNamespace(t=np.array([2.0, 5.0]))
+    motion: Any = SimpleNamespace(
+        trajectory=SimpleNamespace(phases=[phase]), modes=[None], steps=[steps]
+    )
+    linear: Any = SimpleNamespace(t=np.linspace(2.0, 5.0, 4), y=np.ones((4, 2)), u=u)
+    one: Any = None
+    guide = feedback._guide(motion, 0, linear, one, one)
+    assert (guide.begin, guide.end) == (2.0, 5.0)
+    assert guide.t.tolist() == [-100.0] * before + [2.0, 3.0, 4.0, 5.0] + [100.0] * after
+    assert guide.u[:, 0].tolist() == [7.0] * before + [10.0, 11.0, 12.0, 9.0] + [9.0] * after
+    assert guide.K[:, 0, 0].tolist() == [0.0] * before + [0.0, 1.0, 2.0, 3.0] + [3.0] * after

@@ -11,7 +11,7 @@ from systems import there_and_back
 
 from dmoc.codegen.kernels import Kernels
 from dmoc.export import numbers
-from dmoc.export.constants import Constants
+from dmoc.export.constants import WIDTH, Constants
 from dmoc.export.numbers import (
     NOT_ONE,
     Number,
@@ -178,6 +178,20 @@ def test_what_is_closed_or_ignored_is_told_apart() -> None:
     nlp: Any = SimpleNamespace(problem=problem)
     np.testing.assert_array_equal(_held(nlp, Mode((0,))), [2, 1, 0])
     np.testing.assert_array_equal(_held(nlp, Mode()), [1, 1, 0])
+
+
+def test_lines_of_constants_are_as_full_as_their_width_allows() -> None:
+    """For numbers of 1 to 24 characters, in any order."""
+    values = [float(v) for v in np.random.default_rng(3).normal(size=400) ** 9] + [0.0, 1.0, -1.0]
+    c = Constants()
+    c.array("double", values)
+    head, *lines, foot = c.lines
+    assert head.endswith("[403] = {") and foot == "};"
+    words = [line.split() for line in lines]
+    assert [float(w.rstrip(",")) for line in words for w in line] == values
+    assert all(line.startswith("    ") and len(line) <= WIDTH for line in lines)
+    for line, (first, *_) in zip(lines, words[1:], strict=False):
+        assert len(line) + 1 + len(first) > WIDTH
 
 
 def test_a_fixed_state_names_its_numbers() -> None:

@@ -52,6 +52,22 @@ def test_a_file_gives_the_table_back(batch: dmoc.Batch, tmp_path: Path) -> None:
     assert {f.name for f in fields(dmoc.Batch)} == stored | {"solutions"}
 
 
+@pytest.mark.parametrize("rows", [0, 1, 39, 40, 41, 57])
+def test_what_a_table_leaves_out_is_counted(batch: dmoc.Batch, rows: int) -> None:
+    """It shows 40 rows at most."""
+    every = np.arange(float(rows))
+    longer = replace(
+        batch, varied={"m": every}, status=("solved",) * rows, cost=every, final_time=every,
+        iterations=every, collision_times=every[:, None], message=("",) * rows, design={},
+    )  # fmt: skip
+    table = table_of_batch(longer)
+    assert [row[0] for row in table.rows] == [f"{m:.6g}" for m in every[:40]]
+    left = [note for note in table.notes if " more: " in note]
+    assert left == (
+        [f"... and {rows - 40} more: --out FILE, or save(), has all of them"] * (rows > 40)
+    )
+
+
 def test_an_empty_table_has_a_file_too(tmp_path: Path) -> None:
     empty = dmoc.solve_many([])
     assert len(dmoc.Batch.load(empty.save(tmp_path / "empty.npz"))) == 0
