@@ -53,7 +53,7 @@ from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 from dmoc.symbolic.traversal import operations
 
-FORMAT = 24  # of the facts and the kernel list
+FORMAT = 25  # of the facts and the kernel list
 # Operations of the second derivatives of a Lagrangian at all points of a step, and elsewhere, from
 # which on it is a function of its own.
 LARGE_STEP, LARGE = 500, 600

@@ -20,6 +20,7 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.errors import ModelError
+from dmoc.symbolic.powers import rooted
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -96,12 +97,14 @@ def split(system: MechanicalSystem) -> Split:
             signs |= own.signs
             unknowns = [*unknowns, *own.unknowns]
     rows: list[tuple[str, Any]] = []
+    moving = set(real.values()) - {real[s] for s in system.parameters}
     for name, r in system.path_functions.items():
-        if not _has_kinks(r.xreplace(real)):
-            rows.append((name, r))
-            continue
-        parts = _branches(r.xreplace(real), f"path constraint {name!r}", signs)
-        rows += [(name, part.xreplace(back)) for part in parts]
+        own = r.xreplace(real)
+        powers = {power: sp.Dummy("power", real=True) for power in _smooth_powers(own)}
+        as_they_were = {dummy: power for power, dummy in powers.items()}
+        for part in _branches(own.xreplace(powers), f"path constraint {name!r}", signs):
+            row = rooted(part.xreplace(as_they_were), moving)
+            rows.append((name, r if row == own else row.xreplace(back)))
     return Split(
         cost, lifted.xreplace(back), integrals, senses, tuple(rows),
         tuple(hidden.mapped(back) for hidden in unknowns), {back[s]: n for s, n in signs.items()},
@@ -173,6 +176,19 @@ class _Lifted:
         ]
         self.unknowns.append(Hidden(s, kink, self.of, tuple(limits)))
         return s
+
+
+def _smooth_powers(e: Any) -> set[Any]:
+    """Powers of absolute values that have two derivatives everywhere: abs(a)**c, c > 2, of which
+    SymPy makes a**2*abs(a) for c = 3."""
+
+    def is_smooth(part: Any) -> bool:
+        powers = dict(part.as_powers_dict())
+        kinks = {f: c + powers.get(f.args[0], 0) for f, c in powers.items() if f.func is sp.Abs}
+        high = all((c - 2).is_positive for c in kinks.values())
+        return bool(kinks) and high and not any(_has_kinks(f) for f in powers if f not in kinks)
+
+    return {part for part in e.atoms(sp.Pow, sp.Mul) if part.has(sp.Abs) and is_smooth(part)}
 
 
 def _branches(r: Any, where: str, signs: dict[Any, int]) -> list[Any]:

@@ -447,4 +447,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "1957bd4092d0a68be3c2d49057159325509b6e69eadba84f9844045300b99aa7", 37, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "9f1d4373fa4530ae6be3620d27eb27ed3e7131092e033a9453ea942ac6fb6978", 37, entries};

@@ -670,4 +670,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "3e2a86aa206da49ddbb532b43a512aba23b8137cee246fef4c4864c02f66a383", 37, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "ba93f21acf4620873900d27fcf884b0e48fe5d0e9378fe1e591cc8b9b55a5d9c", 37, entries};

@@ -567,4 +567,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "007dc1ccfc8207d2397402493c37984badc4d5ef92c9e3d16d9fa0fd30a120e1", 37, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "88b36b0476ab2a1accd89e53eecf1a9646b87cd0fdcafbb4bb323bb73c9939bb", 37, entries};

@@ -57,6 +57,12 @@ class Level:
             return max(s.verification.max_segment_defect, s.verification.cost_error)
         return None if s.minimum else np.inf
 
+    @property
+    def path_excess(self) -> float:
+        """By how much path constraints are exceeded, between the nodes too, where that is known."""
+        v = self.solution.verification
+        return np.nan_to_num(v.path_excess) if v else 0.0
+
     def checked(self, check: Check) -> Level:
         """The same with the result of the simulation."""
         return self if self.simulated is not None else replace(self, solution=check(self.solution))
@@ -90,8 +96,19 @@ class History:
         return level.errors.cost if self.leaves_open else level.errors.largest
 
     def error(self, level: Level) -> float:
-        """The estimate, or what the simulation has seen."""
-        return max(self.estimate(level), level.simulated or 0.0)
+        """The estimate, or what the check has seen."""
+        return max(self.estimate(level), self.seen(level))
+
+    def seen(self, level: Level) -> float:
+        """The error that the check has seen, of the motion or beyond a path constraint."""
+        return max(level.simulated or 0.0, level.path_excess)
+
+    def is_idle(self, tolerance: float) -> bool:
+        """Whether finer meshes have not made smaller what exceeds a tolerance: estimates are those
+        of all meshes, the check has seen some."""
+        checked = [level for level in self.levels if level.simulated is not None]
+        estimates, seen = map(self.estimate, self.levels), map(self.seen, checked)
+        return any(e[-1:] > [tolerance] and _idle(e) for e in map(list, (estimates, seen)))
 
     def meets(self, tolerance: float) -> bool:
         """Whether the last mesh is confirmed and its error meets a tolerance."""
@@ -252,11 +269,11 @@ def _next(past: History, tolerance: float, problem: Problem) -> tuple[str, list[
     if len(contradicted) > CONTRADICTED and contradicted[-1]:
         message = contradicted[-1].message.removesuffix(", take more steps")
         return f"the simulation contradicts finer and finer meshes ({message})", []
-    errors = [past.error(level) for level in past.levels]
-    if _idle(errors):
+    if past.is_idle(tolerance):
         reason = "finer meshes do not make it smaller, rounding errors or the solver's tolerance "
         return f"{reason}outweigh it", []
-    s, factor = past.last.solution, 4 if FAR * tolerance < errors[-1] < np.inf else 2
+    far = FAR * tolerance < past.error(past.last) < np.inf
+    s, factor = past.last.solution, 4 if far else 2
     steps = finer([p.duration for p in s.phases], s.steps, [factor * n for n in s.steps])
     if max(steps) > MOST_STEPS:
         return f"finer meshes than {MOST_STEPS} steps a phase are not tried", []

@@ -14,9 +14,11 @@ import numpy as np
 
 from dmoc.base.deadline import Deadline
 from dmoc.base.records import record
+from dmoc.check.verdict import PASSING
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses, natural_time
 from dmoc.guess.random_motions import random_motions
+from dmoc.guess.transfer import on_mesh
 from dmoc.problem.problem import Problem
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Minimum, Solution
@@ -32,6 +34,8 @@ from dmoc.solving.programs import Programs
 COARSE = 24
 # Of steps that are held, with nodes inside, which have about three times the unknowns of others.
 COARSE_HELD = 12
+# Steps of a phase on the finest mesh that motions start on.
+FINEST = 4 * COARSE
 # So many minima of a coarse mesh at most are refined to see whether they are the same one, before
 # more starts are tried.
 FEW = 3
@@ -105,6 +109,15 @@ class Exploration:
     late: bool = False  # the time was used up before any start led to a motion
 
     @property
+    def breaks_through(self) -> bool:
+        """Whether the simulation contradicts all minima, on finer meshes too, and the best one
+        because it breaks a path constraint."""
+        checks = [r.solution.verification for r in self.ranked if np.isinf(r.cost)]
+        if not checks or len(checks) < len(self.ranked) or checks[0] is None:
+            return False
+        return checks[0].path_excess > PASSING["excess of a path constraint"]
+
+    @property
     def solutions(self) -> tuple[Solution, ...]:
         return tuple(r.solution for r in self.ranked)
 
@@ -126,16 +139,52 @@ def explored(
 ) -> Exploration:
     """Look for minima from many starts, which have half of the time, and more as long as none leads
     to a motion; ``points`` are further ones by name, unknowns of the problem on its coarse mesh.
-    An interrupted solve raises KeyboardInterrupt."""
+    Where all minima go through what path constraints forbid, between the nodes of any mesh, they
+    are looked for on a finer one.  An interrupted solve raises KeyboardInterrupt."""
     options = replace(options, progress=None)
     starting, seeking = (options.deadline.share(share) for share in (STARTING, SEEKING))
+    mesh, points = coarse_of(problem), points or {}
     with np.errstate(all="ignore"):
-        refinements = Refinements(problem)
-        within = replace(options, deadline=starting)
-        minima, starts = _minima(refinements, effort, within, seeking, points or {})
-        late = not minima and seeking.passed
-        refined, coarse = ranked(refinements, minima, effort, options, starting)
-    return Exploration(tuple(refined), tuple(coarse), tuple(starts), late)
+        exploration = _explored(problem, mesh, effort, options, (starting, seeking), points)
+        while effort.settles and exploration.breaks_through and not starting.passed:
+            coarse, steps = mesh, _finer(problem, mesh)
+            if not steps:
+                break
+            mesh = problem.meshed(steps)
+            points = {name: on_mesh(mesh, coarse, x) for name, x in points.items()}
+            if problem.steps is None:
+                more = zip(problem.phase_steps, steps, strict=True)
+                ranking = problem.meshed([max(n, own) for n, own in more])
+            else:
+                ranking = problem
+            finer = _explored(ranking, mesh, effort, options, (starting, seeking), points)
+            exploration = finer if finer.ranked else exploration
+    return exploration
+
+
+def _explored(
+    problem: Problem,
+    coarse: Problem,
+    effort: Effort,
+    options: Options,
+    latest: tuple[Deadline, Deadline],
+    points: Mapping[str, Array],
+) -> Exploration:
+    """What starts on a coarse mesh lead to, with the times that they have."""
+    refinements, (starting, seeking) = Refinements(problem), latest
+    within = replace(options, deadline=starting)
+    minima, starts = _minima(refinements, coarse, effort, within, seeking, points)
+    late = not minima and seeking.passed
+    refined, left = ranked(refinements, minima, effort, options, starting)
+    return Exploration(tuple(refined), tuple(left), tuple(starts), late)
+
+
+def _finer(problem: Problem, coarse: Problem) -> list[int]:
+    """Steps of the phases of the next mesh to start on; none where there is none."""
+    steps = [2 * n for n in coarse.phase_steps]
+    if problem.steps is not None:
+        steps = [min(n, own) for n, own in zip(steps, problem.phase_steps, strict=True)]
+    return steps if coarse.phase_steps != tuple(steps) and max(steps) <= FINEST else []
 
 
 def coarse_of(problem: Problem) -> Problem:
@@ -149,6 +198,7 @@ def coarse_of(problem: Problem) -> Problem:
 
 def _minima(
     refinements: Refinements,
+    coarse: Problem,
     effort: Effort,
     options: Options,
     seeking: Deadline,
@@ -157,7 +207,6 @@ def _minima(
     """Distinct minima on the coarse mesh, the cheapest first, and the starts; where there is none
     yet, further starts are tried until a later deadline."""
     problem = refinements.problem
-    coarse = coarse_of(problem)
     # On a coarse mesh the energies of a long and of a short step tell little of the rates: minima
     # would live on what they miss, and be far from those of a finer mesh.
     if coarse.phase_steps != problem.phase_steps:

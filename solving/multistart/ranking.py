@@ -21,7 +21,7 @@ from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import COMPILED_METHOD, Attempt, LocalSolver
 from dmoc.solving.checked_solution import checked, solution_of
 from dmoc.solving.mesh_steps import finer
-from dmoc.solving.multistart.minima import Basin, joined
+from dmoc.solving.multistart.minima import Basin, cost_of, joined
 from dmoc.solving.programs import Programs
 
 if TYPE_CHECKING:
@@ -114,13 +114,16 @@ def ranked(
     if effort.settles and good:
         best = min(good, key=Ranked.rank)
         refined = [_settled(r, best, options) for r in refined]
+    elif effort.settles:
+        refined = _until_confirmed(sorted(refined, key=Ranked.rank), options, deadline)
     return sorted(refined, key=Ranked.rank), left
 
 
 def _mesh(problem: Problem, coarse: Basin) -> Problem:
-    """The mesh where a minimum is ranked: that of the problem, at most; where that is left open,
-    without more steps for phases that have shrunk."""
-    steps = [min(n, RANKING) for n in problem.phase_steps]
+    """The mesh where a minimum is ranked, which is no coarser than its own: that of the problem, at
+    most; where that is left open, without more steps for phases that have shrunk."""
+    pairs = zip(problem.phase_steps, coarse.problem.phase_steps, strict=True)
+    steps = [min(n, max(RANKING, own)) for n, own in pairs]
     if problem.steps is None:
         steps = finer(coarse.durations.tolist(), coarse.problem.phase_steps, steps)
     return problem.meshed(steps)
@@ -132,20 +135,41 @@ def _settled(r: Ranked, best: Ranked, options: Options) -> Ranked:
     that is confirmed costs no more on either mesh, as motions do that switch in other steps."""
     if r.solution.minimum:
         return r
+    fine = _on_finer(r, options)
+    if fine is None:
+        return r
+    cost = cost_of(fine)
+    if cost < best.cost <= r.solution.cost:
+        other = _on(fine.nlp.problem, best.minimum.attempt, options)
+        solved = other.status is Status.SOLVED
+        if solved and Basin.of(other).at_most(Basin.of(fine)):
+            return r
+    return replace(r, cost=cost)
+
+
+def _until_confirmed(
+    contradicted: Sequence[Ranked], options: Options, deadline: Deadline
+) -> list[Ranked]:
+    """Minima that the simulation contradicts, one after the other with its cost on a finer mesh
+    until one is confirmed there."""
+    settled = list(contradicted)
+    for i, r in enumerate(contradicted):
+        fine = None if i and deadline.passed else _on_finer(r, options)
+        if fine is not None:
+            settled[i] = replace(r, cost=cost_of(fine))
+            break
+    return settled
+
+
+def _on_finer(r: Ranked, options: Options) -> Attempt | None:
+    """A minimum on a finer mesh, if it is confirmed there."""
     mesh = r.minimum.problem
     fine = mesh.meshed([min(FINER * n, MOST_STEPS) for n in mesh.phase_steps])
     attempt = _on(fine, r.minimum.attempt, options)
     if attempt.status is not Status.SOLVED:
-        return r
-    s = checked(solution_of(attempt, COMPILED_METHOD.name, {}))
-    if not s.minimum:
-        return r
-    if s.cost < best.cost <= r.solution.cost:
-        other = _on(fine, best.minimum.attempt, options)
-        solved = other.status is Status.SOLVED
-        if solved and Basin.of(other).at_most(Basin.of(attempt)):
-            return r
-    return replace(r, cost=s.cost)
+        return None
+    confirmed = checked(solution_of(attempt, COMPILED_METHOD.name, {})).minimum
+    return attempt if confirmed else None
 
 
 def _refined(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:

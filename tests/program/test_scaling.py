@@ -103,11 +103,12 @@ def test_a_guess_that_hardly_moves_is_no_measure_of_fixed_speeds(order: int, way
         ("x**2 + y**2 >= 1/100", 0.2),
         ("x**2 + y**2 >= 1/1000000", 0.002),
         ("1 >= 1/(100*(x**2 + y**2))", 20.0),
-        ("x**4 + y**4 >= 1/10000", 0.004),
+        ("x**4 + y**4 >= 1/10000", 1.0),  # its root is a distance
+        ("(x**4 + y**4 - 1/10000)*(2 + y**2) >= 0", 0.008),
         ("7*x <= 8", 7.0),
         ("x**2 + y**2 <= 100", 1.9),
     ],
-    ids=["post", "wire", "inverse", "quartic", "plane", "far away"],
+    ids=["post", "wire", "inverse", "quartic", "product", "plane", "far away"],
 )
 def test_an_excess_of_a_path_constraint_is_a_distance(limit: str, slope: float) -> None:
     """Both nodes of a step move its middle by half; of a limit that is far away the slope counts

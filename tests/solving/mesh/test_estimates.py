@@ -91,14 +91,40 @@ def test_a_cost_ten_errors_higher_is_that_of_another_minimum(cost: float, other:
     assert not refinement._dearer(History((before,)), after, 0.9)
 
 
+SEEN = "max_segment_defect", "cost_error", "path_excess"
+
+
+@pytest.mark.parametrize("name", SEEN)
 @pytest.mark.parametrize(("seen", "error"), [(None, 1e-3), (1e-4, 1e-3), (3e-3, 3e-3)])
-def test_what_the_simulation_has_seen_counts_beside_the_estimate(
-    seen: float | None, error: float
+def test_what_the_check_has_seen_counts_beside_the_estimate(
+    name: str, seen: float | None, error: float
 ) -> None:
-    for segment, cost in ((seen, 0.0), (0.0, seen)):
-        check = seen and SimpleNamespace(max_segment_defect=segment, cost_error=cost)
-        level = Level(meshed(10, 2, verification=check), Errors(1e-3, 2e-4), 1)
-        assert History().error(level) == error
+    check = seen and SimpleNamespace(**(dict.fromkeys(SEEN, 0.0) | {name: seen}))
+    level = Level(meshed(10, 2, verification=check), Errors(1e-3, 2e-4), 1)
+    assert History().error(level) == error
+
+
+@pytest.mark.parametrize(
+    ("estimates", "seen", "idle"),
+    [
+        ([4e-3, 2e-3, 1e-3], [9e-3, 9e-3, 9e-3], True),
+        ([4e-3, 2e-3, 1e-3], [None, 2e-3, 9e-3], False),  # seen on two meshes alone
+        ([4e-3, 2e-3, 1e-3], [9e-3, 9e-3, 2e-3], False),
+        ([2e-3, 2e-3, 2e-3], [9e-3, 5e-3, 2e-3], True),
+        ([2e-3, 2e-3, 2e-3], [None, None, None], True),
+        ([1e-5, 1e-5, 1e-5], [1e-5, 1e-5, 1e-5], False),  # which meets the tolerance
+    ],
+)
+def test_what_exceeds_the_tolerance_is_idle_by_itself(
+    estimates: list[float], seen: list[float | None], idle: bool
+) -> None:
+    """The excess of a path constraint, which is known on some meshes, and the estimates of all."""
+    levels = []
+    for k, (estimate, excess) in enumerate(zip(estimates, seen, strict=True)):
+        check = excess and SimpleNamespace(**(dict.fromkeys(SEEN, 0.0) | {"path_excess": excess}))
+        solution = meshed(10 * 2**k, 2, verification=check)
+        levels.append(Level(solution, Errors(estimate, 0.0), 1))
+    assert History(tuple(levels)).is_idle(1e-4) is idle
 
 
 def test_errors_that_have_not_become_smaller_for_two_meshes_are_idle() -> None:
