@@ -12,7 +12,7 @@ A list (``tools/mutations.toml``) has one entry for each change::
     survives = "why no test can notice it"          # optional
 
 Without ``tests`` the nearest are the files in ``tests`` that import the module, then the folder of
-its layer, then all, without those that are slow; last the slow ones of the nearest.
+its layer, without those that are slow, then the slow ones of the nearest; last all that are not.
 
 Changes are made in a copy of the checkout; compiled sources are compiled again there.  A test that
 fails without the change too tells nothing.
@@ -38,7 +38,7 @@ from queue import SimpleQueue
 
 ROOT = Path(__file__).resolve().parent.parent
 LIST = ROOT / "tools" / "mutations.toml"
-FAST, SLOW = ("-m", "not slow"), ("-m", "slow")
+FAST, SLOW, IGNORE = ("-m", "not slow"), ("-m", "slow"), "--ignore="
 COMPILED = {".pyx", ".pxd", ".pxi", ".c", ".h"}
 # Of one group of tests, all that are not slow at most; pytest itself ends a test that hangs.
 SECONDS = 1800
@@ -147,7 +147,8 @@ def fate(change: Change, copy: Path) -> Fate:
     if not compiles:
         return Fate(change, "unfit", "it does not compile")
     if failed is None:
-        return Fate(change, "survived", "in " + ", ".join(map(" ".join, groups)))
+        named = (" ".join(w for w in g if not w.startswith(IGNORE)) for g in groups)
+        return Fate(change, "survived", "in " + ", ".join(named))
     if not failed.stood:
         return Fate(change, "unfit", failed.words)
     if fails_anyway(failed.tests, copy):
@@ -183,13 +184,13 @@ def fails_anyway(tests: tuple[str, ...], copy: Path) -> bool:
 
 
 def groups_near(file: str) -> list[tuple[str, ...]]:
-    """What runs the tests near a file, each once: the fast ones, and last the slow ones of the
-    nearest."""
+    """What runs the tests near a file, each once: the fast ones, and before those of all other
+    layers the slow ones of the nearest."""
     near, groups, done = list(nearest(file)), list[tuple[str, ...]](), list[str]()
     for group in near:
         groups.append((*FAST, *group, *done))
-        done += [f"--ignore={tests}" for tests in group]
-    return [*groups, (*SLOW, *near[0])]
+        done += [f"{IGNORE}{tests}" for tests in group]
+    return [*groups[:-1], (*SLOW, *near[0]), groups[-1]]
 
 
 def nearest(file: str) -> Iterator[tuple[str, ...]]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import dmoc
+from dmoc.base.errors import ModelError
 from dmoc.models.catalogue import ENTRIES
 from dmoc.models.registry import find
 
@@ -26,6 +27,57 @@ def solved(reference: str) -> dmoc.Solution:
     model = find(reference)
     problem = dmoc.Problem(model.kernels(), **{**model.defaults, "steps": 10})
     return dmoc.solve(problem, "ipm", iterations=3, verify=False)
+
+
+LADDER = """
+from sympy.physics.mechanics import dynamicsymbols
+import dmoc
+
+x = dynamicsymbols("x")
+
+def mass(name="mass", *more, **fields):
+    return dmoc.MechanicalSystem(name, [x], x.diff() ** 2 / 2, {}, **fields)
+
+def needs(one, /, *, other):
+    return mass()
+
+def raises():
+    raise ValueError("first: second: third")
+
+def silent():
+    raise ValueError
+
+shifted = mass("shifted")
+number = 5
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "ladder.py"
+    path.write_text(LADDER, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("name", ["mass", "shifted"])
+def test_a_system_of_a_file_is_found_by_its_name(file: Path, name: str) -> None:
+    reference = find(f"{file}:{name}")
+    assert reference.system().name == name and reference.name == f"{file}:{name}"
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("needs", "needs in .*ladder.py needs the arguments one, other: expected"),
+        ("raises", "cannot be loaded: ValueError in line 14: first: second: third; correct"),
+        ("silent", "cannot be loaded: ValueError in line 17: no message; correct"),
+        ("number", "number in .*ladder.py is 5: expected a MechanicalSystem"),
+        ("nothing", "ladder.py defines no 'nothing': expected"),
+    ],
+)
+def test_what_is_no_system_of_a_file_is_told(file: Path, name: str, told: str) -> None:
+    with pytest.raises(ModelError, match=told):
+        find(f"{file}:{name}")
 
 
 @pytest.mark.parametrize("name", [n for n, e in ENTRIES.items() if e.problem])

@@ -4,7 +4,7 @@ same ones again."""
 from __future__ import annotations
 
 import pytest
-from mutations import nearest
+from mutations import groups_near, nearest
 from pages import ROOT
 from random_changes import LAYERS, Source, drawn
 
@@ -94,3 +94,21 @@ def test_the_nearest_tests_are_those_that_import_a_module_then_those_of_its_laye
     first, second, last = nearest("solving/mesh/error.py")
     assert "tests/solving/mesh/test_estimates.py" in first
     assert (second, last) == (("tests/solving",), ("tests",))
+    named, *others = next(nearest("guess/transfer.py"))
+    assert named == "tests/guess/test_transfer.py" and others
+
+
+def test_tests_run_once_and_slow_ones_of_the_nearest_before_those_of_all_layers() -> None:
+    first, layer, slow, every = groups_near("check/planned_run.py")
+    files = [word for word in first if word.endswith(".py")]
+    assert {"tests/check/test_passing.py", "tests/check/test_event_times.py"} <= set(files)
+    ignored = [f"--ignore={file}" for file in files]
+    assert first == ("-m", "not slow", *files) and slow == ("-m", "slow", *files)
+    assert layer == ("-m", "not slow", "tests/check", *ignored)
+    assert every == ("-m", "not slow", "tests", *ignored, "--ignore=tests/check")
+
+
+def test_tests_that_need_more_than_others_are_left_out() -> None:
+    assert not any(
+        "browser" in file or "processors" in file for file in next(nearest("models/registry.py"))
+    )
