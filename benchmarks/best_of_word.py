@@ -127,6 +127,7 @@ def main() -> None:
         print("\n".join([*lines, f"{len(lines)} of {len(names)} hang on the last digit"]))
     else:
         if not options.figure:
+            runs.on_cpu_clock()
             run = partial(runs.run, tuple(options.budgets))
             runs.keep(on_cores(run, names, PROCESSES), options.out)
         print(runs.report(options.out).markdown())

@@ -95,8 +95,8 @@ def test_random_lines_keep_the_bounds_of_durations_and_coordinates() -> None:
 def test_a_run_is_told_in_a_table(tmp_path: Path) -> None:
     """The peer's best of its lines is found at its time; what it does not state has a dash."""
     cost = BEST["two discs"].cost
-    answer = asdict(Answer("two discs", "solved", cost, 17, 15, 0.4, 0.5))
-    dear = asdict(Answer("a hop", "solved", 2 * BEST["a hop"].cost, 17, 15, 0.4, 0.5))
+    answer = asdict(Answer("two discs", "solved", cost, 17, 15, 0.4))
+    dear = asdict(Answer("a hop", "solved", 2 * BEST["a hop"].cost, 17, 15, 0.4))
     budgets = (0.1, 1.0)
     runs.keep(
         [{"name": "two discs", "default": answer, "budgets": [[b, answer] for b in budgets],
