@@ -6,7 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dmoc.control.riccati import backward_sweep, closed_loop
+from dmoc.control.linearisation import LinearPhase
+from dmoc.control.riccati import Weights, backward_sweep, closed_loop, gains, hamiltonian
 
 R = np.random.default_rng(5)
 # Transitions of the intervals of three phases, what two events make of a deviation, and the last.
@@ -40,3 +41,23 @@ def test_costs_of_the_end_are_carried_through_all_events(events: int) -> None:
         if i:
             carried = carried @ jumps[i - 1]
     np.testing.assert_allclose(closed_loop(hamiltonians(), jumps, along), carried, rtol=1e-9)
+
+
+def test_costs_of_a_long_time_are_those_of_the_closed_form() -> None:
+    """y'' = u with the cost y^2 + u^2: P = (sqrt 2, 1; 1, sqrt 2), in any sizes; backwards for 20 s
+    from a cost at the end, and from none."""
+    unit, of_input = np.array([2.0, 5.0]), np.array([3.0])
+    count, t = 80, np.linspace(0.0, 20.0, 81)
+    A, B = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+    phase = LinearPhase(
+        t, np.zeros((count + 1, 2)), np.zeros((count, 1)), np.tile(A, (count, 2, 1, 1)),
+        np.tile(B, (count, 2, 1, 1)),
+    )  # fmt: skip
+    weights = Weights(np.diag([1.0, 0.0]) * unit[:, None] * unit, np.array([[9.0]]), unit, of_input)
+    exact = np.array([[np.sqrt(2), 1.0], [1.0, np.sqrt(2)]])
+    for last in (np.zeros((2, 2)), LAST):
+        (P,) = backward_sweep([hamiltonian(phase, weights)], [], last)
+        np.testing.assert_allclose(P[0] / unit[:, None] / unit, exact, rtol=1e-6)
+    # The best feedback u = -(1, sqrt 2) y, whatever the sizes.
+    K = gains(np.tile(B, (count + 1, 1, 1)), P, np.tile(np.eye(2), (count + 1, 1, 1)), weights)
+    np.testing.assert_allclose(K[0], [[1.0, np.sqrt(2)]], rtol=1e-6)

@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dmoc.motion.trajectory import Phase, Trajectory
 from dmoc.planning import planner
+from dmoc.planning.plan import Plan
 from dmoc.planning.planner import Planner
+from dmoc.solvers.outcome import Status
 
 STATE = np.zeros(1), np.zeros(1)
 
@@ -54,6 +57,21 @@ def test_a_plan_is_made_where_it_is_due_but_not_at_the_end(
     assert Planner.steer(own, 0, t, 0.1, state) == pytest.approx([t + 0.05])
     assert made == ([(measured, [0.0, 1.0], [2.0, 3.0], 2)] if replans else [])
     assert own._due == pytest.approx(t + 0.2 if replans else 1.0)
+
+
+def test_a_plan_counts_the_time_from_the_beginning_of_the_motion() -> None:
+    """Made at 3 s for 2 s, x = 10 s^2 at s seconds from then; before and after it, its ends."""
+    s = np.linspace(0.0, 2.0, 5)
+    phase = Phase(s, 10 * s[:, None] ** 2, 20 * s[:, None], 20 * s[:, None], s[:-1, None] + 7)
+    limits = np.array([[-np.inf, np.inf]])
+    motion = Trajectory(
+        "m", "", ("x",), ("u",), {}, (phase,), (), "constant", limits, limits, {}, 2
+    )
+    plan = Plan(3.5, 0, Status.SOLVED, "", motion, 3.0, 1.0, 0.1, 4, True)
+    assert plan.final_time == 5.0
+    for time, x in ((3.0, 0.0), (4.0, 10.0), (5.0, 40.0), (2.0, 0.0), (9.0, 40.0)):
+        assert float(plan.at(time)["x"]) == pytest.approx(x)
+    assert plan.input(3.25) == pytest.approx([7.0]) and plan.input(4.75) == pytest.approx([8.5])
 
 
 @pytest.mark.parametrize("over", [0, 1, 2, 3])

@@ -5,14 +5,16 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from films import TURN, motion
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from dmoc.report.animation.page import film_room
-from dmoc.report.animation.stage import _banner_text, stage_of
+from dmoc.report.animation.stage import _banner_text, _beside, stage_of
 from dmoc.report.film import Take
+from dmoc.report.places import Room
 from dmoc.report.style import LIGHT
 
 
@@ -45,3 +47,29 @@ def test_what_has_no_place_is_told_for_a_while_until_the_next(time: float, words
     ]
     take: Any = SimpleNamespace(events=events, trajectory=SimpleNamespace(final_time=10.0))
     assert _banner_text(take, time) == words
+
+
+@pytest.mark.parametrize(
+    ("x", "normal", "width", "aside", "down"),
+    [
+        # In the middle of 200 points, 100 to both sides; a text of 40 reaches 20 to both.
+        (5.0, (1, 0), 40, -12 - 20, 0), (5.0, (-1, 0), 40, 12 + 20, 0),
+        (5.0, (0, 1), 40, 0, -16), (5.0, (0, -1), 40, 0, 16),
+        (0.0, (0, 1), 40, 24, -16),  # at an edge, which it keeps 4 from
+        (10.0, (0, 1), 40, -24, -16),
+        (1.0, (1, 0), 40, 4, -24),  # pushed back by 36, over the mechanism: two lines below
+        (9.0, (-1, 0), 40, -4, -24),
+        (2.7, (1, 0), 40, -30, 0),  # pushed back by 2
+        (5.0, (0, 1), 400, 0, -16),  # wider than the picture
+    ],
+)  # fmt: skip
+def test_a_text_stands_beside_its_contact_within_the_picture(
+    x: float, normal: tuple[float, float], width: float, aside: float, down: float
+) -> None:
+    figure = Figure((200 / 72, 100 / 72), dpi=100)
+    axes, room = figure.add_axes((0, 0, 1, 1)), Room(0.0, 10.0, 0.0, 5.0)
+    mark: Any = {"at": np.array([x, 1.0, *normal])}
+    assert _beside(axes, mark, room, width) == pytest.approx((aside, down))
+    shifted, room = {"at": np.array([x + 7.0, 1.0, *normal])}, Room(7.0, 17.0, 0.0, 5.0)
+    beside: Any = shifted
+    assert _beside(axes, beside, room, width) == pytest.approx((aside, down))
