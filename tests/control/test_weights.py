@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 from dmoc.base.errors import SimulationError
 from dmoc.control import feedback
@@ -61,6 +62,21 @@ def test_a_weight_is_symmetric(place: tuple[int, int]) -> None:
     matrix[place] += 1e-3
     with pytest.raises(SimulationError, match="Q is not symmetric"):
         weight_matrix(matrix, "Q", NAMES, ONE)
+
+
+@pytest.mark.parametrize("t", [2.0, 2.05, 2.1, 2.25, 2.4, 2.7, 2.99, 3.0])
+def test_a_motion_is_followed_along_cubics_with_linear_gains(t: float) -> None:
+    """Between nodes of positions and rates; before the first and after the last as there."""
+    nodes = np.array([2.0, 2.1, 2.4, 3.0])
+    q, v = np.array([[1.0, 4.0], [2.0, 3.0], [5.0, 0.0], [4.0, 1.0]]), np.arange(8.0).reshape(4, 2)
+    K, u = nodes[:, None, None] ** 2, np.arange(4.0)[:, None]
+    guide = feedback.Guide(2.1, 2.4, nodes, np.hstack([q, v]), u, K)
+    cubics, k = CubicHermiteSpline(nodes, q, v), min(np.searchsorted(nodes, t, "right") - 1, 2)
+    y, inputs, gains = feedback.follow(guide, t)
+    np.testing.assert_allclose(y, [*cubics(t), *cubics(t, 1)], atol=1e-12)
+    assert inputs == [k] and gains == pytest.approx(np.interp(t, nodes, nodes**2))
+    for outside, end in ((1.0, 0), (9.0, 3)):
+        assert feedback.follow(guide, outside)[0] == pytest.approx([*q[end], *v[end]])
 
 
 @pytest.mark.parametrize(("before", "after"), [(0, 0), (1, 3), (3, 1), (2, 0)])

@@ -12,13 +12,15 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.mechanics.contact_mode import STICK
+from dmoc.program.hit_stages import END, STOP
 from dmoc.program.scaling import scale_of
 from dmoc.solvers.outcome import Options
 from dmoc.solving import touches
 from dmoc.solving.methods import METHODS
 from dmoc.solving.programs import Programs
 from dmoc.solving.starts import starts_of
-from dmoc.solving.touches import _closing, _turning, pays, slopes
+from dmoc.solving.touches import _by_poisson, _closing, _turning, pays, slopes
 
 X, Y, U, V = dynamicsymbols("x y u v")
 MU, M_XY = sp.symbols("mu m_xy")
@@ -80,6 +82,40 @@ def test_an_impulse_changes_both_rates(
     A = np.array([[2.0, 0.5], [0.5, 3.0]])
     assert _closing(A, 0.2, friction) == pytest.approx(closing)
     assert turning is None or _turning(A, 0.2, friction) == pytest.approx(turning)
+
+
+@pytest.mark.parametrize(
+    ("way", "coupling", "late", "shares"),
+    [
+        # Slides back where A_nt < -mu A_tt = -0.9, on where it is more; stops where it is less
+        # than 0.9; each slope with the normal inertia of the sliding that closes the impact.
+        ((1, -1), -1.2, False, [(0, 1.64), (1, 2.36)]), ((1, -1), -0.5, False, []),
+        ((1, -1), 1.2, False, []), ((1, -1), -1.2, True, [(1, 2.36), (1.5, 2.36)]),
+        ((-1, 1), 1.2, False, [(0, 1.64), (1, 2.36)]), ((-1, 1), 0.5, False, []),
+        ((-1, 1), -1.2, False, []), ((-1, 1), 1.2, True, [(1, 2.36), (1.5, 2.36)]),
+        ((1, STICK), 0.6, False, [(0, 1.88), (1, 1.82)]), ((1, STICK), 1.2, False, []),
+        ((1, STICK), 0.6, True, [(1, 1.82), (1.5, 1.82)]), ((1, STICK), -1.2, False, []),
+    ],
+)  # fmt: skip
+def test_a_hit_that_stops_sliding_costs_what_its_ways_cost(
+    way: tuple[int, int], coupling: float, late: bool, shares: list[tuple[float, float]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Slopes 7 by the impulse and 5 by that at which sliding stops, in rates of 2 m/s, e = 0.5."""
+    A = np.array([[2.0, coupling], [coupling, 3.0]])
+    monkeypatch.setattr(touches, "response", lambda *_: A)
+    monkeypatch.setattr(touches, "friction_of", lambda *_: 0.3)
+    P_h = np.array([[0, 1]])
+    nlp: Any = SimpleNamespace(
+        problem=None, scale=SimpleNamespace(rate=np.array([2.0])),
+        layout=SimpleNamespace(hit=SimpleNamespace(P_h=P_h)),
+    )  # fmt: skip
+    passage: Any = SimpleNamespace(friction=way, surface=0, moments=(STOP, END), event=0, late=late)
+    by_unknown, outcome = np.zeros(2), SimpleNamespace()
+    by_unknown[P_h[0, STOP]] = 5.0
+    unused: Any = outcome
+    found = _by_poisson(nlp, unused, passage, (7.0, by_unknown), (np.zeros(2), 0.0, 0.5))
+    assert found == pytest.approx([(7.0 + share * 5.0) * 2.0 / size for share, size in shares])
 
 
 @pytest.mark.slow

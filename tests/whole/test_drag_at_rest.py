@@ -44,6 +44,16 @@ def test_a_body_that_is_let_go_falls_against_its_drag(
     assert run.q[:, 1] == pytest.approx(-np.log(np.cosh(run.t)), abs=error)
 
 
+@pytest.mark.parametrize("power", [SPEED, SPEED**3, sp.sqrt(VY**2) ** 3])
+@pytest.mark.parametrize("order", [2, 4])
+def test_what_grows_with_the_speed_is_nothing_at_rest(power: Any, order: int) -> None:
+    """A lift of 5 times a power of the speed leaves what rests where it is."""
+    system = dmoc.MechanicalSystem("lifts", [x, y], MASS, {}, forces={y: 5 * power})
+    run = dmoc.simulate(dmoc.build(system, order=order), {y: 0.3}, {}, step_size=0.1, steps=5)
+    np.testing.assert_allclose(run.q, np.tile([0.0, 0.3], (6, 1)), atol=1e-12)
+    np.testing.assert_allclose(run.v, 0.0, atol=1e-12)
+
+
 def test_a_drag_that_depends_on_places_of_bodies() -> None:
     """The same fall with the point of a definition in the dissipation."""
     a = dynamicsymbols("a")
