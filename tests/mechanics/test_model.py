@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from systems import unit_mass
 
 import dmoc
 from dmoc.base.errors import ProblemError, SimulationError
@@ -34,6 +35,23 @@ def states(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         rng.normal(size=(n, 1)),
         rng.normal(size=n),
     )
+
+
+@pytest.mark.parametrize("rows", [(), (3,)])
+def test_a_model_that_nothing_touches_has_no_contacts(rows: tuple[int, ...]) -> None:
+    """Values of none, and slopes of none by all coordinates and the time."""
+    kernels = dmoc.build(unit_mass("untouched"))
+    free = Model(kernels, parameter_row(kernels, {}))
+    q, v, t = np.ones((*rows, 1)), np.ones((*rows, 1)), np.ones(rows)
+    for along in (
+        free.gap_rates, free.gap_accelerations, free.slide_rates, free.slide_accelerations,
+        free.joint_rates, free.joint_accelerations,
+    ):  # fmt: skip
+        assert along(q, v, t).shape == (*rows, 0)
+    for values in (free.gaps, free.joints):
+        assert values(q, t).shape == (*rows, 0)
+    for slopes in (free.gap_slopes, free.tangent_slopes, free.joint_slopes):
+        assert slopes(q, t).shape == (*rows, 0, 2)
 
 
 def test_rows_of_states_are_evaluated_as_each_of_them_alone(model: Model) -> None:

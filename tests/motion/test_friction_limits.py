@@ -1,4 +1,4 @@
-"""How much friction what rubs along a phase may bear."""
+"""How much friction what rubs along a phase may bear, and where forces inside steps stand."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from films import motion
+
+from dmoc.motion.trajectory import Phase
 
 NORMAL = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0], *3 * [[1.0, 1.0, 1.0]]])
 
@@ -28,3 +30,20 @@ def test_what_has_no_number_bears_what_is_not_known(unknown: str) -> None:
     if unknown:
         expected[:, list(friction).index(unknown)] = np.nan
     np.testing.assert_array_equal(film.friction_limits(phase), expected)
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_forces_inside_steps_stand_at_the_places_of_their_polynomials(order: int) -> None:
+    """Of three steps of 0.5 s; the forces are the times."""
+    places = {2: [], 4: [0.5], 6: [0.5 - np.sqrt(5) / 10, 0.5 + np.sqrt(5) / 10]}[order]
+    nodes = np.array([1.0, 1.5, 2.0, 2.5])
+    inside = np.array([n + 0.5 * p for n in nodes[:-1] for p in places])
+    column = np.zeros((4, 1))
+    phase = Phase(
+        nodes, column, column, column, column[1:], ("floor",), normal=nodes[:, None],
+        normal_inside=inside.reshape(-1, 1) if places else np.zeros((0, 0)),
+    )  # fmt: skip
+    ((times, forces),) = phase.forces.values()
+    every = np.sort(np.append(nodes, inside))
+    np.testing.assert_allclose(times, every)
+    np.testing.assert_allclose(forces[:, 0], every)
