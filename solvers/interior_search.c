@@ -181,6 +181,10 @@ int ip_line_search(solver *s)
             alpha_min = min(alpha_min, DELTA*pow(theta, S_THETA)/pow(-slope, S_PHI));
     }
     alpha_min = max(GAMMA_ALPHA*alpha_min, SHORTEST_STEP);
+    /* Whether rounding errors decide what costs less: then no share of a step says more than the
+     * whole one, and the multipliers need that. */
+    const int feasible = largest(s->now.residual, s->m) <= s->options->violation;
+    const int rounding = change < ROUNDING && feasible;
     for (double alpha = alpha_max; alpha >= alpha_min; alpha /= 2) {
         if (!try_step(s, s->dv, alpha))
             continue;
@@ -200,6 +204,8 @@ int ip_line_search(solver *s)
             accepted = correct(s, &length, slope, switching);
             dy = s->soc_dy;
         }
+        if (!accepted && rounding)
+            break;
         if (!accepted)
             continue;
         if (!(accepted == 1 && switching))
@@ -208,9 +214,7 @@ int ip_line_search(solver *s)
         exchange_points(s);
         return 1;
     }
-    /* A step this small that no length of makes acceptable fails on rounding errors too. */
-    const int feasible = largest(s->now.residual, s->m) <= s->options->violation;
-    if (change < ROUNDING && feasible && ++s->tiny <= MOST_TINY && try_step(s, s->dv, alpha_max)) {
+    if (rounding && ++s->tiny <= MOST_TINY && try_step(s, s->dv, alpha_max)) {
         take_dual_step(s, s->dy, alpha_max, alpha_z);
         exchange_points(s);
         return 1;

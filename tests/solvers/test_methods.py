@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from answers import answer_of
 from methods import SPARSE
+from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, there_and_back
 
 import dmoc
@@ -346,3 +347,19 @@ def test_kernels_on_numpy_give_the_same_program_and_no_interior_point() -> None:
         a.program.curvatures(x, y, 0.5), b.program.curvatures(x, y, 0.5), rtol=1e-13, atol=1e-12
     )
     assert dmoc.solve(problems[1], starts=1, verify=False).status == "solved"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [1600, 4000, 8000])
+def test_rounding_errors_of_a_fine_mesh_leave_no_step_half_taken(steps: int) -> None:
+    """1 m from rest to rest in 1 s: of N equal steps with constant forces, 12/(1 - 1/N^2).  Near it
+    no cost tells a step from its half, and the multipliers need the whole one."""
+    x, u = dynamicsymbols("x u")
+    system = dmoc.MechanicalSystem(
+        "straight", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, cost=u**2
+    )
+    problem = dmoc.Problem(system, {"x": 0}, {"x": 1, "x_dot": 0}, final_time=1, steps=steps)
+    solution = dmoc.solve(problem, "ipm", verify=False)
+    assert solution.status == "solved" and solution.optimality < 1e-9
+    assert solution.iterations <= 6
+    assert solution.cost == pytest.approx(12 / (1 - 1 / steps**2), rel=1e-10)
