@@ -77,6 +77,14 @@ def check_magnitude(size: float, value: Any, what: str, error: ErrorKind = Probl
         )
 
 
+def check_largest(size: float, what: str, error: ErrorKind = ProblemError) -> None:
+    """Refuse a finite value of which squares overflow; a smaller one counts as nothing."""
+    if LARGEST_PARAMETER < abs(size) < math.inf:
+        raise error(
+            f"{what} = {shown(size)}: expected a magnitude of at most 1e100; use other units."
+        )
+
+
 def positive(value: Any, what: str, expected: str, error: ErrorKind = ProblemError) -> float:
     """Read a positive finite number."""
     result = _float(value)

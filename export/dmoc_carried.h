@@ -14,12 +14,16 @@ typedef struct {
     double slope;
 } dmoc_change;
 
+/* What a number may be: any bound, a coefficient above 0 and at most 1, a time, one that may be 0, a
+ * position or velocity, a parameter. */
+enum { DMOC_BOUND, DMOC_SHARE, DMOC_TIME, DMOC_EARLIEST_TIME, DMOC_STATE, DMOC_PARAMETER };
+
 /* pool: where the value of a parameter is in the pool, -1 for none. least, most: the numbers that
- * it must lie between, -1 for none. share: it must be above 0 and at most 1. */
+ * it must lie between, -1 for none. */
 typedef struct {
     const char *name;
     double value; /* of the day of export */
-    int pool, first, changes, least, most, share;
+    int pool, first, changes, least, most, kind;
 } dmoc_number;
 
 /* A result of an element of a pass (0 values, 1 slopes, 2 curvatures) whose factors numbers move:

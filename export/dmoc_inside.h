@@ -81,6 +81,7 @@ static inline int carried_stepped(const dmoc_carried *c)
 
 /* dmoc_numbers.c */
 int carried_apply(dmoc_solver *s);
+int carried_limited(dmoc_solver *s, const dmoc_limits *limits);
 
 /* dmoc_judge.c */
 void carried_evaluate(dmoc_solver *s);

@@ -1,6 +1,9 @@
 /* Numbers into the program, and those that do not fit. */
 #include "dmoc_inside.h"
 
+/* Beyond them squares overflow. */
+static const double LONGEST_TIME = 1e60, LARGEST = 1e100;
+
 int dmoc_solver_numbers(const dmoc_carried *c) { return c->numbers; }
 
 int dmoc_solver_find(const dmoc_carried *c, const char *name)
@@ -91,7 +94,9 @@ static int set_state(dmoc_solver *s, const dmoc_state *state, int phase)
     return 1;
 }
 
-/* Whether a number is one, and between those that it must lie between. */
+static int within(double size, double most) { return 1/most <= size && size <= most; }
+
+/* Whether a number is one, between those that it must lie between, and what it may be. */
 static int fits(dmoc_solver *s, int i)
 {
     const dmoc_number *number = &s->c->number[i];
@@ -101,8 +106,17 @@ static int fits(dmoc_solver *s, int i)
         return refuse(s, i, "no less than its lower bound");
     if (number->most >= 0 && s->numbers[i] > s->numbers[number->most])
         return refuse(s, i, "no more than its upper bound");
-    if (number->share && !(s->numbers[i] > 0 && s->numbers[i] <= 1))
+    const double value = s->numbers[i], size = fabs(value);
+    const int kind = number->kind;
+    if (kind == DMOC_SHARE && !(value > 0 && value <= 1))
         return refuse(s, i, "a coefficient above 0, at most 1");
+    if ((kind == DMOC_TIME || (kind == DMOC_EARLIEST_TIME && value != 0)) &&
+        !(value > 0 && within(size, LONGEST_TIME)))
+        return refuse(s, i, "a positive time from 1e-60 to 1e60 s");
+    if (kind == DMOC_PARAMETER && value != 0 && !within(size, LARGEST))
+        return refuse(s, i, "0 or a magnitude from 1e-100 to 1e100");
+    if (kind == DMOC_STATE && size > LARGEST)
+        return refuse(s, i, "a magnitude of at most 1e100");
     return 1;
 }
 
@@ -165,6 +179,15 @@ static int hold_together(dmoc_solver *s, condition *fulfilled, const char *expec
             break;
     }
     return last < 0 || refuse(s, last, expected);
+}
+
+/* Whether limits and tolerances are such that an end says something. */
+int carried_limited(dmoc_solver *s, const dmoc_limits *limits)
+{
+    const int tolerances = limits->optimality > 0 && limits->optimality < INFINITY &&
+                           limits->violation > 0 && limits->violation < INFINITY;
+    return (tolerances && limits->iterations >= 0 && !isnan(limits->seconds)) ||
+           refuse(s, -1, "positive tolerances, 0 iterations or more, and seconds that are a number");
 }
 
 int carried_apply(dmoc_solver *s)

@@ -153,7 +153,7 @@ int dmoc_solver_solve(dmoc_solver *s, const dmoc_limits *given)
 {
     const dmoc_limits limits = given ? *given : dmoc_solver_limits();
     const ptrdiff_t n = s->program.n;
-    if (!carried_apply(s))
+    if (!carried_apply(s) || !carried_limited(s, &limits))
         return DMOC_BAD_NUMBER;
     memset(&s->end, 0, sizeof s->end);
     for (ptrdiff_t i = 0; i < n; ++i) {

@@ -108,8 +108,8 @@ int dmoc_solver_explore(dmoc_solver *s, int starts, unsigned long long seed,
 /* The sentence that belongs to an end. */
 const char *dmoc_solver_sentence(int status);
 dmoc_end dmoc_solver_end(const dmoc_solver *s);
-/* The number that a solve has refused, -1 for one that there is not, and what it expected of it;
- * -1 and NULL for none. */
+/* The number that a solve has refused, -1 for one that there is not and for its limits, and what it
+ * expected of it; -1 and NULL for none. */
 int dmoc_solver_wrong(const dmoc_solver *s, const char **expected);
 
 /* The motion: all unknowns, and how many; a table of them, or of what follows from them, with rows

@@ -33,6 +33,8 @@ CHANGE = 2.0**-6
 PROPORTIONAL, TOGETHER = 1e-9, 1e-8
 NOT_ONE = -1
 SIDES, ENDS = ("low", "high"), ("start", "goal")
+# What a number may be, in the order of dmoc_carried.h.
+KINDS = ("bound", "share", "time", "earliest time", "state", "parameter")
 
 
 @record(frozen=True, eq=False)
@@ -48,7 +50,7 @@ class Number:
     path: tuple[str | int, ...]
     value: float
     side: int | None = None
-    share: bool = False  # it has to be above 0 and at most 1
+    kind: str = "bound"  # of KINDS: what it may be
     pool: int = NOT_ONE
     entries: Index = field(default_factory=lambda: np.zeros(0, np.intp))
     slopes: Array = field(default_factory=lambda: np.zeros(0))
@@ -209,39 +211,40 @@ def _stated(problem: Problem, states: Sequence[FixedState | None]) -> Iterator[N
     values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
     for j, (name, value) in enumerate(values.items()):
         if name not in problem.design:
-            yield Number(("parameters", name), float(value), pool=j)
+            yield Number(("parameters", name), float(value), kind="parameter", pool=j)
     for end, state in zip(ENDS, states, strict=True):
         still = [n.removeprefix(f"{end}.") for n in state.names if n] if state else []
         for name, value in (dict.fromkeys(still, 0.0) | dict(getattr(problem, end))).items():
-            yield from _ends((end, name), value)
-    yield from _ends(("final_time",), problem.final_time)
+            yield from _ends((end, name), value, "state")
+    yield from _ends(("final_time",), problem.final_time, "time")
     for i, value in enumerate(problem.durations or ()):
         if problem.phase_steps[i]:  # the phase after the last event has no duration
-            yield from _ends(("durations", i), value)
+            yield from _ends(("durations", i), value, "time")
     for part in ("bounds", "design"):
         for name, value in getattr(problem, part).items():
             yield from _ends((part, name), value)
     for i, places in enumerate(problem.via or ()):
         for name, value in (places or {}).items():
-            yield from _ends(("via", i, name), value)
+            yield from _ends(("via", i, name), value, "state")
     hits = {problem.kernels.surfaces[event.hit] for event in problem.touch.events if event.hit >= 0}
     for name, e in _field(problem, "restitution").items():
         if name in hits and not np.isnan(e):
-            yield Number(("restitution", name), e, share=True)
+            yield Number(("restitution", name), e, kind="share")
     for name, value in _field(problem, "periodic").items():
         if value:
             yield from _ends(("periodic", name), value)
 
 
-def _ends(path: tuple[str | int, ...], value: Any) -> Iterator[Number]:
+def _ends(path: tuple[str | int, ...], value: Any, kind: str = "bound") -> Iterator[Number]:
     """The number of a value, or those of a range."""
     low, high = interval(value, ".".join(map(str, path)))
     if low == high:
-        yield Number(path, low)
+        yield Number(path, low, kind=kind)
         return
     for side, end in enumerate((low, high)):
         if np.isfinite(end):
-            yield Number(path, end, side)
+            earliest = kind == "time" and not side
+            yield Number(path, end, side, kind="earliest time" if earliest else kind)
 
 
 def _state(nlp: Transcription, end: str) -> FixedState | None:

@@ -233,7 +233,7 @@ def _slider(
         ends = value - around, value + around
     else:
         ends = (LEAST * value, MOST * value) if value else (-1.0, 1.0)
-        ends = (ends[0], 1.0) if number.share else ends
+        ends = (ends[0], 1.0) if number.kind == "share" else ends
     label = None if timed else labels.get(what, label_of(what))
     return {
         "name": number.name, "group": GROUPS[field], "words": SIDES[number.side] + words,

@@ -19,6 +19,7 @@ from dmoc.export.motion_text import (
 )
 from dmoc.export.numbers import (
     ENDS,
+    KINDS,
     SIDES,
     FixedState,
     Number,
@@ -190,7 +191,7 @@ def _number_rows(nlp: Transcription, numbers: SolverNumbers) -> tuple[list[str],
             array = int(np.searchsorted(ends, entry, side="right")) - 1
             changes.append(initial(array, entry - int(ends[array]), literal(slope)))
         count = len(changes) - first
-        fit = *limits, int(n.share)
+        fit = *limits, KINDS.index(n.kind)
         rows.append(initial(f'"{n.name}"', literal(n.value), n.pool, first, count, *fit))
     return rows, changes
 

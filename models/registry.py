@@ -148,7 +148,8 @@ def load_for_file(reference: str, order: int) -> Kernels:
 def _shipped(name: str) -> Reference:
     entry = catalogue.ENTRIES.get(name)
     if entry is None and name.endswith(".py"):
-        raise ModelError(f"{name} names a file without an object in it: expected {name}:name.")
+        file = place(name)
+        raise ModelError(f"{file} names a file without an object in it: expected {file}:name.")
     if entry is None:
         models = ", ".join(sorted(catalogue.ENTRIES))
         raise ModelError(

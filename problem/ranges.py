@@ -12,6 +12,7 @@ import numpy as np
 from dmoc.base.arguments import (
     Range,
     check_known,
+    check_largest,
     interval,
     is_zero,
     limits,
@@ -83,7 +84,7 @@ def via_of(problem: Problem) -> Array:
             if name in problem.kernels.quantities:
                 continue
             j = problem.kernels.coordinates.index(name)
-            bounds[i, j] = interval(value, f"{what}: {name}")
+            bounds[i, j] = _of_state(value, f"{what}: {name}")
             low, high = problem.coordinate_bounds[j]
             if bounds[i, j, 1] < low or bounds[i, j, 0] > high:
                 raise ProblemError(
@@ -231,7 +232,7 @@ def boundary_of(problem: Problem, end: str) -> Boundary:
     for name in state:
         check_known(name, *names_in(problem, end), f"at the {end}")
     position, velocity, momentum = (
-        np.array([interval(state.get(name), f"{end} of {name}") for name in names])
+        np.array([_of_state(state.get(name), f"{end} of {name}") for name in names])
         for names in (coordinates, velocities, momenta)
     )
     if end == "start":
@@ -264,6 +265,14 @@ def boundary_of(problem: Problem, end: str) -> Boundary:
                     f"to {above:g}."
                 )
     return _as_momenta(problem, boundary, end == "start")
+
+
+def _of_state(value: Any, what: str) -> Range:
+    """Read a number or a range of a state."""
+    low, high = interval(value, what)
+    for side in (low, high):
+        check_largest(side, what)
+    return low, high
 
 
 def _as_momenta(problem: Problem, boundary: Boundary, at_start: bool) -> Boundary:

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from systems import there_and_back
+from systems import block_system, there_and_back
 
+import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.export import numbers
 from dmoc.export.constants import WIDTH, Constants
@@ -28,6 +29,7 @@ from dmoc.export.numbers import (
 from dmoc.export.program_text import _held, _number_rows, _state, shape_of, size_of
 from dmoc.guess.automatic import initial_guesses
 from dmoc.mechanics.contact_mode import Mode
+from dmoc.program.layout import Layout
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
 
@@ -203,3 +205,23 @@ def test_a_fixed_state_names_its_numbers() -> None:
     text = _state(c, state, taken)
     assert text.startswith("{1,") and "{ 1, -1, 0, };" in " ".join(" ".join(c.lines).split())
     assert _state(c, None, taken) == "{0, NULL, NULL, NULL}"
+
+
+def test_each_number_has_its_kind() -> None:
+    """What a solver in C refuses follows from it; the earliest of two times may be none."""
+    kinds = {
+        "parameters.m": "parameter", "start.x": "state", "start.x_dot": "state",
+        "restitution.wall": "share", "bounds.u.low": "bound", "bounds.u.high": "bound",
+    }  # fmt: skip
+    fixed, within = {"final_time": "time"}, {"final_time.high": "time"}
+    within["final_time.low"] = "earliest time"
+    kernels = dmoc.build(block_system())
+    for final_time, of_time in ((1.0, fixed), ((0.5, 2.0), within)):
+        problem = there_and_back(kernels, bounds={"u": (-9, 9)}, final_time=final_time)
+        problem = problem.but(restitution=0.5)
+        states = numbers._state(
+            SimpleNamespace(problem=problem, layout=Layout.of(problem)), "start"
+        )
+        stated = {n.name: n.kind for n in numbers._stated(problem, (states, None))}
+        expected = kinds | of_time
+        assert {name: stated[name] for name in expected} == expected

@@ -94,7 +94,7 @@ def test_every_number_of_the_solver_has_a_slider(plan: dict[str, Any]) -> None:
         (Number(("parameters", "m"), 4.0), 0.4, 8.0),
         (Number(("parameters", "m"), -4.0), -8.0, -0.4),
         (Number(("parameters", "m"), 0.0), -1.0, 1.0),
-        (Number(("restitution", "wall"), 0.5, share=True), 0.05, 1.0),
+        (Number(("restitution", "wall"), 0.5, kind="share"), 0.05, 1.0),
         (Number(("bounds", "F"), -3.0, side=0), -6.0, -0.3),
         (Number(("bounds", "x"), 3.0, side=1), 0.3, 6.0),  # is no state
         (Number(("final_time",), 5.0), 0.5, 10.0),

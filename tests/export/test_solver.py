@@ -286,6 +286,69 @@ def test_what_a_solver_says(folder: Path) -> None:
     assert sentences[NO_REST].startswith("the first event is over, nothing is left")
 
 
+REFUSALS = r"""
+#include "bob.h"
+#include <math.h>
+#include <stdio.h>
+
+static double memory[BOB_MEMORY];
+
+static void solve_with(dmoc_solver *s, const dmoc_limits *limits)
+{
+    const char *expected;
+    const int status = dmoc_solver_solve(s, limits), number = dmoc_solver_wrong(s, &expected);
+    printf("%d %d - %s\n", status, number, expected ? expected : "");
+}
+
+int main(void)
+{
+    dmoc_solver *s = dmoc_solver_begin(&bob_problem, memory, sizeof memory);
+    const int numbers[] = {BOB_FINAL_TIME, BOB_GOAL_X};
+    const double values[] = {-1, 0, 1e-61, 1e61, 1e101, -1e101, 1e-101, NAN, INFINITY};
+    for (int i = 0; i < 2; ++i) {
+        const double before = dmoc_solver_get(s, numbers[i]);
+        for (int k = 0; k < 9; ++k) {
+            dmoc_limits none = dmoc_solver_limits();
+            none.iterations = 0;
+            dmoc_solver_set(s, numbers[i], values[k]);
+            solve_with(s, &none);
+        }
+        dmoc_solver_set(s, numbers[i], before);
+    }
+    for (int k = 0; k < 8; ++k) {
+        const double no[] = {NAN, 0, -1, INFINITY};
+        dmoc_limits limits = dmoc_solver_limits();
+        *(k < 4 ? &limits.violation : &limits.optimality) = no[k % 4];
+        solve_with(s, &limits);
+    }
+    dmoc_limits limits = dmoc_solver_limits();
+    limits.seconds = NAN;
+    solve_with(s, &limits);
+    limits = dmoc_solver_limits(), limits.iterations = -1;
+    solve_with(s, &limits);
+    solve_with(s, NULL);
+    return 0;
+}
+"""
+
+
+def test_numbers_and_limits_that_are_none_are_refused(folder: Path) -> None:
+    """Those that a problem in Python refuses: times that are not positive, what is not finite or
+    overflows in squares; tolerances that nothing or everything would meet."""
+    (folder / "refusals.c").write_text(REFUSALS)
+    done = run(compiled(folder, "refusals.c"), folder=folder)
+    assert done.returncode == 0, done.stderr
+    lines = [line.split(maxsplit=3) for line in done.stdout.splitlines()]
+    taken = [int(line[0]) != BAD_NUMBER for line in lines]
+    time, place, limits = taken[:9], taken[9:18], taken[18:]
+    assert not any(time) and lines[0][3] == "a positive time from 1e-60 to 1e60 s"
+    assert place == [True, True, True, True, False, False, True, False, False]
+    assert lines[13][3] == "a magnitude of at most 1e100"
+    assert not any(limits[:-1]) and limits[-1]
+    assert {line[1] for line in lines[18:28]} == {"-1"}
+    assert all(line[3].startswith("positive tolerances") for line in lines[18:28])
+
+
 @pytest.mark.slow
 def test_speeds_at_the_ends_of_a_constraint(tmp_path: Path) -> None:
     """They are what the rod leaves: from below with 0.5 m/s to the side costs another effort."""
