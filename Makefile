@@ -11,7 +11,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # SymPy remembers a thousand results of each of its functions; tests derive more than that.
 export SYMPY_CACHE_SIZE ?= 20000
 
-.PHONY: demo test test-fast test-browser test-processors test-wheels test-kernels mutations night check docs docs-check pictures linkcheck bench ladder twenty release clean
+.PHONY: demo test test-fast test-browser test-processors test-wheels test-kernels mutations night check docs docs-check pictures linkcheck bench ladder twenty words release clean
 
 demo: $(VENV)/.installed-plot
 	@$(BIN)/python examples/seed.py demo
@@ -86,6 +86,9 @@ ladder: $(VENV)/.installed-bench
 
 twenty: $(VENV)/.installed-bench
 	cd benchmarks && ../$(BIN)/python twenty.py
+
+words: $(VENV)/.installed-bench
+	cd benchmarks && ../$(BIN)/python best_of_word.py
 
 # A source distribution and a manylinux wheel for every interpreter here, each tried, ready to be uploaded.
 release: $(VENV)/.installed-release
