@@ -138,7 +138,21 @@ def lines(word: Word, seeds: Sequence[int], best: Best | None) -> Tries:
             return
 
 
-WAYS = {"default": default, "starts": starts, "lines": lines}
+def neighbours(word: Word, seeds: Sequence[int], best: Best | None) -> Tries:
+    """The best known motions of words with the same coordinates, inputs and phases."""
+    shape = _shape(word)
+    for name, other in read().items():
+        if name != word.name and other.guess and _shape(NAMED[name]) == shape:
+            run = partial(dmoc.solve, word.problem, "ipm", guess=other.guess, starts=1)
+            yield f"the motion of: {name}", run
+
+
+def _shape(word: Word) -> tuple[object, ...]:
+    system, data = word.statement.system, word.statement.data
+    return tuple(system.coordinates), tuple(system.inputs), len(data.get("sequence", ()))
+
+
+WAYS = {"default": default, "starts": starts, "lines": lines, "neighbours": neighbours}
 
 
 def looked_for(ways: Sequence[str], seeds: Sequence[int], name: str) -> tuple[str, Best | None]:
