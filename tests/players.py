@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from io import BytesIO
 from typing import Any
 
@@ -11,6 +13,16 @@ from PIL import Image
 from selenium.webdriver.chrome.webdriver import WebDriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
+
+PATIENCE = 20.0  # seconds until what is awaited counts as lost
+
+
+def awaited(condition: Callable[[], object], otherwise: Callable[[], object] = str) -> None:
+    """Wait until a condition holds; what is said ``otherwise`` where it never does."""
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, otherwise()
+        time.sleep(0.01)
 
 
 def now(driver: WebDriver) -> float:

@@ -12,7 +12,7 @@ from statistics import median
 import numpy as np
 import pushed_block
 import pytest
-from players import circle, now, playing, seek
+from players import awaited, circle, now, playing, seek
 from selenium.webdriver.chrome.webdriver import WebDriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
@@ -23,7 +23,7 @@ from dmoc.models.registry import find
 
 Open = Callable[..., WebDriver]
 LENGTH, STEPS = 0.5, 50  # of the pendulum, and of each phase
-PATIENCE, ENOUGH = 10.0, 0.03  # seconds for the first motion, and for one while dragging
+ENOUGH = 0.03  # seconds for a motion while dragging
 
 
 @pytest.fixture(scope="module")
@@ -47,10 +47,7 @@ def count(driver: WebDriver) -> int:
 
 def planned(driver: WebDriver, least: int = 1) -> WebDriver:
     """The page, after so many motions were planned."""
-    end = time.monotonic() + PATIENCE
-    while count(driver) < least:
-        assert time.monotonic() < end, text(driver)
-        time.sleep(0.01)
+    awaited(lambda: count(driver) >= least, lambda: text(driver))
     return driver
 
 

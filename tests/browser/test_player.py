@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from films import END, EVIL, TURN, mirrored, motion, place
-from players import circle, now, playing, press, scale, seek, shot, texts
+from players import awaited, circle, now, playing, press, scale, seek, shot, texts
 from selenium.webdriver.chrome.webdriver import WebDriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
@@ -72,8 +72,7 @@ def test_a_page_plays_by_itself_and_pauses(opened: Open, page: Path) -> None:
     driver = opened(page, still=False)
     assert playing(driver)
     first = now(driver)
-    time.sleep(0.5)
-    assert now(driver) != first
+    awaited(lambda: now(driver) != first)
     driver.find_element(By.ID, "play").click()
     stopped = now(driver)
     time.sleep(0.3)
@@ -114,13 +113,13 @@ def test_it_begins_again_only_in_a_loop(opened: Open, page: Path) -> None:
     driver.find_element(By.ID, "loop").click()
     seek(driver, 1.3)
     driver.find_element(By.ID, "play").click()
-    time.sleep(1.0)
-    assert not playing(driver) and now(driver) == END
+    awaited(lambda: not playing(driver))
+    assert now(driver) == END
     driver.find_element(By.ID, "loop").click()
     seek(driver, 1.3)
     driver.find_element(By.ID, "play").click()
-    time.sleep(1.0)
-    assert playing(driver) and now(driver) < END
+    awaited(lambda: now(driver) < 1.3)
+    assert playing(driver)
 
 
 def test_keys_play_step_and_go_to_the_ends(opened: Open, page: Path) -> None:
