@@ -198,3 +198,29 @@ def test_a_motion_is_not_shifted_with_parameters_that_were_refused(wall: LoadedS
     wall.set(parameters={"c": 1})
     wall.shift(0.1)
     assert wall.solve().status == "solved"
+
+
+@pytest.mark.slow
+def test_static_friction_is_no_less_than_kinetic(tmp_path: Path) -> None:
+    """Which of two numbers is refused is the one that spoils it, in their order."""
+    low, high = sp.symbols("low high")
+    sled = dmoc.MechanicalSystem(
+        "paired_sled", [x], x.diff() ** 2 / 2, {low: 0.2, high: 0.5}, [u], {x: u},
+        tangents={"belt": x}, friction={"belt": (high, low)}, cost=u**2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(sled, order=4), {"x": 0, "x_dot": 1}, {"x": 1, "x_dot": 0.5},
+        contacts=["belt:slip+"], steps=6, final_time=1.5,
+    )  # fmt: skip
+    dmoc.generate_solver(problem, tmp_path / "sled")
+    solver = load_solver(tmp_path / "sled")
+    solver.set(parameters={"low": 0.6, "high": 0.7})
+    assert solver.solve().status == "solved"
+    for parameters, named in (
+        ({"low": 0.6, "high": 0.55}, "low = 0.6"),
+        ({"low": 0.2, "high": 0.1}, "high = 0.1"),
+        ({"low": -0.1, "high": 0.5}, "low = -0.1"),
+    ):
+        solver.set(parameters=parameters)
+        with pytest.raises(ProblemError, match=f"parameters.{named}: expected friction of 0 or"):
+            solver.solve()

@@ -4,25 +4,27 @@ batches in threads, and folders that are refused."""
 from __future__ import annotations
 
 import errno
+import itertools
 import multiprocessing
 import os
 import shutil
 import signal
 import threading
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
 
 import numpy as np
 import pytest
-import sympy as sp
 from carried_problems import design, linkage, stride
 from pytest import approx
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import BuildError, OutputError, ProblemError
+from dmoc.export import loaded_solver
 from dmoc.export.constants import Constants
 from dmoc.export.loaded_solver import LoadedSolver, load_solver
 from dmoc.export.motion_text import rest_text
@@ -162,18 +164,26 @@ def test_a_batch_is_the_same_for_any_number_of_threads(block: LoadedSolver) -> N
         block.solve_many([{}, 5])
 
 
-def test_an_interrupt_keeps_what_is_done(block: LoadedSolver) -> None:
-    main = threading.main_thread().ident
-    before = {*threading.enumerate()}
+def test_an_interrupt_keeps_what_is_done(
+    block: LoadedSolver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    main, shares, done = threading.main_thread().ident, itertools.count(1), threading.Event()
     assert main is not None
     signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in jobs of the background
 
+    class Rooms(SimpleQueue[Any]):
+        """What threads take and give back with each share."""
+
+        def put(self, *room: Any) -> None:
+            super().put(*room)
+            if next(shares) > 2 + 2:
+                done.set()
+
     def interrupts() -> None:
-        while not {*threading.enumerate()} - before - {other}:  # of the batch
-            time.sleep(1e-3)
-        time.sleep(0.1)
+        done.wait(60)
         signal.pthread_kill(main, signal.SIGINT)
 
+    monkeypatch.setattr(loaded_solver, "SimpleQueue", Rooms)
     other = threading.Thread(target=interrupts)
     other.start()
     ends = block.solve_many([{"final_time": 1 + k / 20_000} for k in range(20_000)], threads=2)
@@ -305,32 +315,6 @@ def test_several_starts(bob: LoadedSolver) -> None:
     bob.set(bounds={"u": (5, -5)})
     with pytest.raises(ProblemError, match=r"bounds.u.high = -5"):
         bob.explore(3)
-
-
-@pytest.mark.slow
-def test_static_friction_is_no_less_than_kinetic(tmp_path: Path) -> None:
-    """Which of two numbers is refused is the one that spoils it, in their order."""
-    x, u = dynamicsymbols("x u")
-    low, high = sp.symbols("low high")
-    sled = dmoc.MechanicalSystem(
-        "paired_sled", [x], x.diff() ** 2 / 2, {low: 0.2, high: 0.5}, [u], {x: u},
-        tangents={"belt": x}, friction={"belt": (high, low)}, cost=u**2,
-    )  # fmt: skip
-    problem = dmoc.Problem(
-        dmoc.build(sled, order=4), {"x": 0, "x_dot": 1}, {"x": 1, "x_dot": 0.5},
-        contacts=["belt:slip+"], steps=6, final_time=1.5,
-    )  # fmt: skip
-    solver = load_solver(carried(problem, tmp_path / "sled"))
-    solver.set(parameters={"low": 0.6, "high": 0.7})
-    assert solver.solve().status == "solved"
-    for parameters, named in (
-        ({"low": 0.6, "high": 0.55}, "low = 0.6"),
-        ({"low": 0.2, "high": 0.1}, "high = 0.1"),
-        ({"low": -0.1, "high": 0.5}, "low = -0.1"),
-    ):
-        solver.set(parameters=parameters)
-        with pytest.raises(ProblemError, match=f"parameters.{named}: expected friction of 0 or"):
-            solver.solve()
 
 
 def test_mappings_that_hold_themselves_or_nothing_known(bob: LoadedSolver) -> None:
