@@ -122,9 +122,11 @@ def _onto(
         return miss, slopes[..., :-1] * reach
 
     q = onto(conditions, q[None], reach)[0]
-    off = np.abs(np.append(model.joints(q, t), model.gaps(q, t)[closed]))
+    (misses,), (slopes,) = conditions(q[None])
     sizes = np.append(model.joint_sizes(q, t), model.gap_sizes(q, t)[closed])
-    return q, np.asarray(off <= KEPT * sizes)
+    # What a coordinate is alone has no size of its own where that is zero.
+    sizes = np.fmax(sizes, np.abs(slopes).sum(axis=1))
+    return q, np.asarray(np.abs(misses) <= KEPT * sizes)
 
 
 def _new(slopes: Array) -> tuple[Bools, Bools]:

@@ -37,12 +37,23 @@ def model() -> Model:
         ((SAME, LEFT, LEAN), (LEFT, LEAN), (SAME,)),
     ],
 )  # fmt: skip
+@pytest.mark.parametrize("start", [(0.0, 0.0), (1.0, 0.0), (0.3, -0.1), (-0.2, 2.0)])
 def test_what_says_nothing_new_follows(
-    model: Model, closed: tuple[int, ...], first: tuple[int, ...], follow: tuple[int, ...]
+    model: Model,
+    closed: tuple[int, ...],
+    first: tuple[int, ...],
+    follow: tuple[int, ...],
+    start: tuple[float, float],
 ) -> None:
-    told = redundancy(model, Mode.of(closed, {}), np.zeros(2), np.ones(2), 1.0, first)
+    """And fits, whatever rounding leaves of the places."""
+    told = redundancy(model, Mode.of(closed, {}), np.array(start), np.ones(2), 1.0, first)
     assert told.closed == follow and bool(told) == bool(follow)
     assert not (told.sticking or told.joints or told.contradictory or told.loose)
+
+
+def test_what_is_not_finite_anywhere_says_nothing(model: Model) -> None:
+    told = redundancy(model, Mode.of((LOW, SAME), {}), np.zeros(2), np.full(2, np.nan), 1.0)
+    assert not told and not told.pressing
 
 
 def test_forces_that_share_an_effect_are_not_determined(model: Model) -> None:

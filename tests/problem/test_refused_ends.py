@@ -25,6 +25,38 @@ def corner() -> Kernels:
     return dmoc.build(dmoc.MechanicalSystem("corner", [X, Y, Z], kinetic, {}, surfaces=walls))
 
 
+@pytest.fixture(scope="module")
+def twins() -> Kernels:
+    """A point before two lines that are the same, and one across them."""
+    lines = {"low": Y >= 0, "same": 2 * Y >= 0, "left": X >= 0}
+    kinetic = (X.diff() ** 2 + Y.diff() ** 2) / 2
+    return dmoc.build(dmoc.MechanicalSystem("before_twins", [X, Y], kinetic, {}, surfaces=lines))
+
+
+@pytest.mark.parametrize(
+    ("contacts", "sequence", "refused"),
+    [
+        (["low"], ["+same"], "same touches wherever low do"),
+        (["low", "left"], ["+same"], "same touches wherever low and left do"),
+        (["same"], ["+low"], "low touches wherever same do"),
+        (["left"], ["+low"], ""),
+        (["left"], ["+low +same"], ""),
+    ],
+)
+def test_what_touches_with_others_has_nothing_to_land_from(
+    twins: Kernels, contacts: list[str], sequence: list[str], refused: str
+) -> None:
+    """Of two surfaces that are the same, and a third one."""
+    start = {"x": 0.0} if "left" in contacts else {"x": 1.0}
+    start |= {"y": 0.0} if {"low", "same"} & {*contacts} else {"y": 1.0}
+    stated: dict[str, Any] = {"contacts": contacts, "sequence": sequence, "restitution": 0.0}
+    if refused:
+        with pytest.raises(ProblemError, match=rf"event 1 \(\{sequence[0]}\): {refused}"):
+            dmoc.Problem(twins, start, {}, steps=4, final_time=1.0, **stated)
+    else:
+        dmoc.Problem(twins, start, {}, steps=4, final_time=1.0, **stated)
+
+
 @pytest.mark.parametrize("end", ["start", "goal"])
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
 @pytest.mark.parametrize(
