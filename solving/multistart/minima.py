@@ -16,17 +16,22 @@ from dmoc.solving.attempts import Attempt
 
 # Relative differences of durations that belong to the same minimum, beside that of costs.
 SAME_TIMES = 1e-3
+# Places, relative to their sizes, that differ by more belong to another motion; so many of those
+# that cost the same are kept.
+SAME_PLACES, MOST_WAYS = 1e-3, 4
 
 
 @record(frozen=True, eq=False)
 class Basin:
     """Starts that led to the same minimum: the attempt of the first one, its cost and durations in
-    units, and how many they are."""
+    units, how many they are, and those of them that cost the same along other ways, as on both
+    sides of an obstacle and through it."""
 
     attempt: Attempt
     cost: float
     durations: Array
     starts: int = 1
+    ways: tuple[Attempt, ...] = ()
 
     @classmethod
     def of(cls, attempt: Attempt) -> Basin:
@@ -41,6 +46,12 @@ class Basin:
     def met_by(self, starts: int) -> Basin:
         """The same with more starts."""
         return replace(self, starts=self.starts + starts)
+
+    def beside(self, other: Attempt) -> Basin:
+        """The same with another way, if it is one."""
+        ways = (self.attempt, *self.ways)
+        is_new = len(self.ways) < MOST_WAYS and not any(_same_places(way, other) for way in ways)
+        return replace(self, ways=(*self.ways, other)) if is_new else self
 
     def costs_as(self, other: Basin) -> bool:
         """Whether both cost the same, compared with the size of the cost."""
@@ -62,6 +73,13 @@ def cost_of(attempt: Attempt) -> float:
     return attempt.nlp.cost(attempt.outcome.x) * attempt.nlp.scale.cost
 
 
+def _same_places(one: Attempt, other: Attempt) -> bool:
+    """Whether two motions on the same mesh are where the other one is."""
+    lay, scale = one.nlp.layout, one.nlp.scale
+    q, p = (a.nlp.physical(a.outcome.x)[lay.index_q] for a in (one, other))
+    return bool((np.abs(q - p) <= SAME_PLACES * scale.q).all())
+
+
 def gathered(minima: list[Basin], attempts: Sequence[Attempt]) -> list[Basin]:
     """The distinct minima, the cheapest first, with some attempts more."""
     for attempt in attempts:
@@ -74,5 +92,6 @@ def joined(minima: list[Basin], new: Basin) -> list[Basin]:
     """The distinct minima, the cheapest first, with one more and the starts that led to it."""
     for i, basin in enumerate(minima):
         if basin.same(new):
-            return [*minima[:i], basin.met_by(new.starts), *minima[i + 1 :]]
+            met = basin.met_by(new.starts).beside(new.attempt)
+            return [*minima[:i], met, *minima[i + 1 :]]
     return sorted([*minima, new], key=lambda basin: basin.cost)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
@@ -67,6 +67,11 @@ class Refinements:
             self.solved[id(coarse.attempt)] = coarse.attempt, attempt
         return attempt
 
+    def ways(self, coarse: Basin, options: Options) -> Iterator[Attempt]:
+        """Its other ways there, each solved when it is asked for."""
+        for way in coarse.ways:
+            yield _refined(_mesh(self.problem, coarse), way, options)
+
     def merged(self, minima: Sequence[Basin], options: Options) -> list[Basin]:
         """The distinct ones, the cheapest first: several may become one."""
         distinct = list[Basin]()
@@ -108,7 +113,8 @@ def ranked(
             refined[same] = replace(r, minimum=r.minimum.met_by(coarse.starts))
             continue
         s = solution_of(attempt, COMPILED_METHOD.name, {})
-        s = checked(s) if effort.verifies else s
+        if effort.verifies:
+            new, s = _confirmed(new, checked(s), refinements.ways(coarse, options))
         refined.append(Ranked(new, s, s.cost if s.minimum else np.inf))
     good = [r for r in refined if r.solution.minimum]
     if effort.settles and good:
@@ -117,6 +123,21 @@ def ranked(
     elif effort.settles:
         refined = _until_confirmed(sorted(refined, key=Ranked.rank), options, deadline)
     return sorted(refined, key=Ranked.rank), left
+
+
+def _confirmed(
+    minimum: Basin, solution: Solution, ways: Iterator[Attempt]
+) -> tuple[Basin, Solution]:
+    """A minimum with its solution; where the simulation contradicts it, along the first other way
+    of the same cost that it confirms."""
+    if solution.minimum:
+        return minimum, solution
+    for attempt in ways:
+        if attempt.status is Status.SOLVED and Basin.of(attempt).same(minimum):
+            other = checked(solution_of(attempt, COMPILED_METHOD.name, {}))
+            if other.minimum:
+                return replace(minimum, attempt=attempt), other
+    return minimum, solution
 
 
 def _mesh(problem: Problem, coarse: Basin) -> Problem:

@@ -66,6 +66,18 @@ def test_a_thin_wall_is_no_reason_to_say_that_there_is_no_way(steps: int) -> Non
     assert solution.status in ("solved", "not_verified")
 
 
+@pytest.mark.parametrize("power", [2, 4, 6])
+@pytest.mark.parametrize("size", [0.03, 0.05])
+def test_of_ways_that_cost_the_same_one_is_taken_that_goes_around(power: int, size: float) -> None:
+    """With 20 steps and a node in the middle, to wait there before the post and to hurry past costs
+    as much as to go around it: each half is N/2 steps from rest to rest along x or y, and a
+    straight way of n steps from rest to rest within T costs 12/T^3/(1 - 1/n^2)."""
+    solution = around(X**power + Y**power >= size**power, REST, steps=20)
+    assert solution.status == "solved", solution.message
+    expected = 48 / (1 - 1 / 20**2) + 192 * size**2 / (1 - 1 / 10**2)
+    assert solution.cost == pytest.approx(expected, rel=1e-8)
+
+
 def test_a_tolerance_holds_between_nodes_too() -> None:
     """Two discs, rest to rest: the cost is settled to 2e-5 where they are entered by 3e-4."""
     discs = ((X + 0.3) ** 2 + (Y - 0.02) ** 2 - 0.05**2) * (
