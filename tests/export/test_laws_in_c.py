@@ -84,6 +84,18 @@ def braked() -> dmoc.Problem:
     )
 
 
+def eased() -> dmoc.Problem:
+    """Along a rail that drags with mu - k w x, w at 1 N: least at the last node."""
+    kernels = pushed(
+        [x], x.diff() ** 2 / 2, {mu: 0.3, k: 0.1}, inputs=[u, w], cost=u**2 + (w - 1) ** 2,
+        friction={"rail": mu - k * w * x}, **ON_RAIL,
+    )  # fmt: skip
+    return dmoc.Problem(
+        kernels, {x: 0, "x_dot": 1}, {x: 1, "x_dot": 1}, steps=20, controls="linear",
+        bounds={"w": (0, 1)}, **DRAGS,
+    )  # fmt: skip
+
+
 def breaking() -> dmoc.Problem:
     """Static friction (1 + x^2) mu_s beside the kinetic mu."""
     kernels = pushed(
@@ -109,6 +121,7 @@ def weighed() -> dmoc.Problem:
         (bouncing, {"parameters": {"k": 1.5}}, {"parameters": {"k": 4}}),
         (slowing, {"parameters": {"k": 0.5}}, {"parameters": {"k": 1.5}}),
         (braked, {"parameters": {"k": 0.2}}, {"parameters": {"k": 0.5}}),
+        (eased, {"parameters": {"k": 0.295}}, {"parameters": {"k": 0.31}}),
         (breaking, {"parameters": {"mu": 0.4}}, {"parameters": {"mu": 0.7}}),
         (weighed, {"goal": {"x": 1.2}}, {"goal": {"x": 2.0}}),
     ],
