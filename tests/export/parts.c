@@ -1,6 +1,7 @@
 /* Parts of a carried solver alone, with what their files keep to themselves: one number a line.
  *
  *   parts positive n M...                   whether a matrix [n*n] is positive definite
+ *   parts solve n rows A... B...           the rows of B[rows*n] by elimination in A[n*n]
  *   parts room nq inputs parameters nc nj nt functions[3] entries[3]
  *                                           the areas that a node has, one after the other, and
  *                                           what is left behind them
@@ -19,6 +20,19 @@ static void positive(char **words)
     for (int i = 0; i < n*n; ++i)
         M[i] = strtod(words[1 + i], NULL);
     printf("%d\n", carried_positive(M, n));
+}
+
+static void eliminate(char **words)
+{
+    double A[MOST], B[MOST];
+    const int n = atoi(words[0]), rows = atoi(words[1]);
+    for (int i = 0; i < n*n; ++i)
+        A[i] = strtod(words[2 + i], NULL);
+    for (int i = 0; i < rows*n; ++i)
+        B[i] = strtod(words[2 + n*n + i], NULL);
+    solve(A, n, B, rows);
+    for (int i = 0; i < rows*n; ++i)
+        printf("%.17g\n", B[i]);
 }
 
 static void room(char **words)
@@ -54,6 +68,9 @@ static void room(char **words)
 int main(int count, char **words)
 {
     (void)count;
-    (strcmp(words[1], "room") ? positive : room)(words + 2);
+    if (!strcmp(words[1], "solve"))
+        eliminate(words + 2);
+    else
+        (strcmp(words[1], "room") ? positive : room)(words + 2);
     return 0;
 }

@@ -1,5 +1,5 @@
-"""Parts of carried solvers alone, under the sanitizers: which masses are positive definite, and
-what a node works with."""
+"""Parts of carried solvers alone, under the sanitizers: which masses are positive definite, what
+elimination solves, and what a node works with."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
 import pytest
 from c_objects import SANITIZED, WARNINGS, object_of
 from carried_folder import run, shared
@@ -16,7 +17,7 @@ from dmoc.export.solver import PARTS
 
 pytestmark = pytest.mark.slow
 
-Parts = Callable[..., list[int]]
+Parts = Callable[..., list[float]]
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +35,10 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Parts:
                folder=folder)  # fmt: skip
     assert done.returncode == 0, done.stderr
 
-    def printed(*words: object) -> list[int]:
+    def printed(*words: object) -> list[float]:
         done = run("./parts", *map(str, words), folder=folder)
         assert done.returncode == 0, done.stderr
-        return [int(line) for line in done.stdout.split()]
+        return [float(line) for line in done.stdout.split()]
 
     return printed
 
@@ -65,6 +66,29 @@ def test_a_mass_is_definite_where_every_pivot_is_clear_of_rounding(
 ) -> None:
     flat = [entry for row in matrix for entry in row]
     assert parts("positive", len(matrix), *map(repr, flat)) == [definite]
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        [[4.0]], [[2.0, 1.0], [1.0, 3.0]], [[0.0, 2.0], [5.0, 1.0]],  # which exchanges rows
+        [[4.0, 1.0, 0.5], [1.0, 3.0, -1.0], [0.5, -1.0, 2.0]],
+        [[0.0, 0.0, 2.0], [1.0, 1e-9, 3.0], [4.0, 5.0, 6.0]], [[1.0, 2.0, 3.0], [1.0, 2.0, 4.0],
+        [0.0, 7.0, 1.0]],
+    ],
+)  # fmt: skip
+def test_elimination_solves_for_every_row(
+    parts: Parts, matrix: list[list[float]], rows: int
+) -> None:
+    A, n = np.array(matrix), len(matrix)
+    B = np.arange(1.0, 1.0 + rows * n).reshape(rows, n) ** 1.5
+    solved = np.array(parts("solve", n, rows, *map(repr, A.ravel().tolist() + B.ravel().tolist())))
+    np.testing.assert_allclose(solved.reshape(rows, n), np.linalg.solve(A, B.T).T, rtol=1e-9)
+
+
+def test_a_singular_matrix_solves_nothing(parts: Parts) -> None:
+    assert not np.isfinite(parts("solve", 2, 1, 1.0, 2.0, 2.0, 4.0, 1.0, 1.0)).all()
 
 
 def test_every_area_of_a_node_has_its_room(parts: Parts) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from contact_problems import against_wall, floor, pushed
@@ -119,3 +122,21 @@ def test_a_block_that_is_dropped_comes_to_rest_on_the_floor() -> None:
     assert P[:-1].sum() == pytest.approx(2 * 5 - weight / 2, rel=1e-3)  # its fall, and its weight
     assert height[lands + 1 :] == pytest.approx(0, abs=1e-3)
     assert P[lands + 2 : -1] == pytest.approx(weight, rel=0.02)
+
+
+@pytest.mark.parametrize("surface", [0, 1, 2])
+def test_a_tangent_is_pressed_by_its_surface_in_contacts_and_hits(surface: int) -> None:
+    """Three surfaces, of which the first is hit at node 2, the last at nodes 3 and 5."""
+    contacts = np.arange(100, 118).reshape(6, 3)
+    touch = SimpleNamespace(
+        contacts=SimpleNamespace(supports=[surface]), surfaces=np.array([0, 2, 2])
+    )
+    lay = SimpleNamespace(
+        total=5, touch=touch, collision_nodes=np.array([2, 3, 5]),
+        impact=SimpleNamespace(lam=np.array([7, 8, 9])), relaxed=SimpleNamespace(P_r=contacts),
+    )  # fmt: skip
+    law: Any = SimpleNamespace(lay=lay)
+    (lasting, whole), (struck, one) = ComplementarityLaw._pressed(law, 0)
+    hits = {0: [-1, -1, 7, -1, -1, -1], 1: [-1] * 6, 2: [-1, -1, -1, 8, -1, 9]}[surface]
+    assert lasting.tolist() == contacts[:, surface].tolist() and struck.tolist() == hits
+    assert (whole == 1).all() and (one == 1).all()
