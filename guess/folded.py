@@ -15,7 +15,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import natural_time
 from dmoc.guess.extension import impulse_between, with_event
 from dmoc.guess.inverse_dynamics import inputs_for
-from dmoc.guess.random_motions import random_motions
+from dmoc.guess.random_motions import FEW_IN_TURN, random_motions
 from dmoc.guess.transfer import Piece, equally_long, unknowns_along
 from dmoc.mechanics.algebra import solved
 from dmoc.problem.design import designed_as
@@ -76,7 +76,7 @@ def folded_motions(
     lay, names = Layout.of(plain), problem.kernels.surfaces
     kept = [j for j, name in enumerate(names) if name not in problem.ignored]
     with np.errstate(all="ignore"):
-        for x in random_motions(plain, [], natural_time(plain), numbers, seed):
+        for x in random_motions(plain, [], natural_time(plain), numbers, seed, FEW_IN_TURN):
             own = lay.problem_at(problem, x)
             folded = _folded(own, lay.times(x), x[lay.index_q], kept, mirrors)
             if folded is not None:

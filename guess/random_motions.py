@@ -1,13 +1,15 @@
 """Random smooth motions through the collisions of a problem, many at once, to start from.
 
 A motion has durations, points at the start, the collisions and the goal, velocities there that obey
-the law of impact, and between them cubics with a few waves on top.  There are four kinds in turn.
-*Shaken* ones are an automatic guess with waves, other durations and less of its inputs.  *Driven*
-ones know nothing but the statement: they have waves s (1 - s) sin(m pi s) in each phase, which
-leave the points on their surfaces, and the inputs of the equations of motion by least squares,
-within their bounds; *idle* ones are the same without inputs; *loose* ones have waves sin(m pi s)
-over the whole time, which leave the surfaces, and no inputs either.  No kind is best for all
-problems.  Motion k of a seed is the same whichever others are asked for.
+the law of impact, and between them cubics with a few waves on top.  There are five kinds in turn.
+*Straight* ones have lines instead of cubics, with one bump of a coordinate in a phase, up or down,
+or none, and no inputs.  *Shaken* ones are an automatic guess with waves, other durations and less
+of its inputs.  *Driven* ones know nothing but the statement: they have
+waves s (1 - s) sin(m pi s) in each phase, which leave the points on their surfaces, and the inputs
+of the equations of motion by least squares, within their bounds; *idle* ones are the same without
+inputs; *loose* ones have waves sin(m pi s) over the whole time, which leave the surfaces, and no
+inputs either.  No kind is best for all problems.  Motion k of a seed is the same whichever others
+are asked for.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import all_in_contact
 from dmoc.guess.inverse_dynamics import acting, inputs_for
+from dmoc.guess.neighbours import WAVES, shaken
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
 from dmoc.problem.design import designed, drawn
@@ -40,10 +43,12 @@ SHARES = 1.3
 # its own number of waves.  On pendulums, carts and an acrobot smaller ones find nothing new, larger
 # ones hardly anything.
 SMALLEST, LOOSEST, LARGEST = 0.05, 0.3, 1.6
-WAVES = 6
-# Kinds of motions, by their numbers.
-SHAKEN, IDLE, LOOSE, DRIVEN = range(4)
-KINDS = 4
+# Kinds of motions, and those of the numbers in turn.  On arms of two and three links twice as many
+# solves from straight ones end as from the others; loose ones have met the rarest minima.
+STRAIGHT, SHAKEN, IDLE, LOOSE, DRIVEN = range(5)
+IN_TURN = (SHAKEN, DRIVEN, STRAIGHT, LOOSE, STRAIGHT, IDLE, STRAIGHT, LOOSE)
+# Those of few motions, and of motions that begin relaxed programs.
+FEW_IN_TURN = (SHAKEN, IDLE, LOOSE, DRIVEN)
 # Spread of the logarithm of the durations of a shaken motion.
 SHAKE = 0.7
 # What a seed of inputs has behind the number of its motion.
@@ -55,9 +60,15 @@ APPROACH = 0.3
 
 
 def random_motions(
-    problem: Problem, guesses: Sequence[Array], natural: float, numbers: range, seed: int = 0
+    problem: Problem,
+    guesses: Sequence[Array],
+    natural: float,
+    numbers: range,
+    seed: int = 0,
+    in_turn: Sequence[int] = IN_TURN,
 ) -> Array:
-    """Unknowns of the random motions with the given numbers, shape (len(numbers), n).
+    """Unknowns of the random motions with the given numbers, shape (len(numbers), n), of kinds in
+    turn.
 
     ``guesses`` are unknowns that are shaken; ``natural`` is a final time in seconds around which
     motions are made where the problem does not bound it.
@@ -68,50 +79,53 @@ def random_motions(
         draws = [drawn(problem, np.random.default_rng([seed, k])) for k in numbers]
         return np.vstack(
             [
-                _random_motions(designed(problem, own), guesses, natural, range(k, k + 1), seed)
+                _random_motions(
+                    designed(problem, own), guesses, natural, range(k, k + 1), seed, in_turn
+                )
                 for k, own in zip(numbers, draws, strict=True)
             ]
         )
-    return _random_motions(problem, guesses, natural, numbers, seed)
+    return _random_motions(problem, guesses, natural, numbers, seed, in_turn)
 
 
 def _random_motions(
-    problem: Problem, guesses: Sequence[Array], natural: float, numbers: range, seed: int
+    problem: Problem,
+    guesses: Sequence[Array],
+    natural: float,
+    numbers: range,
+    seed: int,
+    in_turn: Sequence[int],
 ) -> Array:
     lay = Layout.of(problem)
     x = np.empty((len(numbers), lay.size))
-    shaken = np.array([bool(guesses) and k % KINDS == SHAKEN for k in numbers])
+    kinds = kinds_of(numbers, in_turn)
+    is_shaken = (kinds == SHAKEN) & bool(guesses)
     with np.errstate(all="ignore"):
-        for i in np.flatnonzero(shaken):
+        for i in np.flatnonzero(is_shaken):
             k = numbers[i]
-            guess = guesses[k // KINDS % len(guesses)]
+            guess = guesses[k // len(in_turn) % len(guesses)]
             x[i] = _shaken(problem, lay, guess, np.random.default_rng([seed, k]))
-        others = [k for k, is_shaken in zip(numbers, shaken, strict=True) if not is_shaken]
+        others = [numbers[i] for i in np.flatnonzero(~is_shaken)]
         if others:
-            x[~shaken] = _unknowns(problem, lay, _Drawn.of(problem, natural, others, seed))
+            some = _Drawn.of(problem, natural, others, kinds[~is_shaken], seed)
+            x[~is_shaken] = _unknowns(problem, lay, some)
         if not enter_linearly(problem):
             rngs = (np.random.default_rng([seed, k, INPUTS]) for k in numbers)
             x = np.array([acting(problem, row, r) for row, r in zip(x, rngs, strict=True)])
         return all_in_contact(problem, x)
 
 
+def kinds_of(numbers: Sequence[int], in_turn: Sequence[int] = IN_TURN) -> NDArray[np.intp]:
+    """The kinds of the motions with the given numbers."""
+    kinds: NDArray[np.intp] = np.array(in_turn, np.intp)[np.array(numbers, int) % len(in_turn)]
+    return kinds
+
+
 def _shaken(problem: Problem, lay: Layout, guess: Array, rng: np.random.Generator) -> Array:
     """A guess with waves, other durations and less of its inputs."""
-    x = guess.copy()
-    x[lay.index_design] = problem.design_values
     size = SMALLEST * (LARGEST / SMALLEST) ** rng.random()
-    m = np.pi * np.arange(1, WAVES + 1)
-    waves = rng.standard_normal((WAVES, lay.nq)) * size * problem.reach / (m / np.pi)[:, None]
-    s = np.arange(lay.total + 1) / lay.total
-    x[lay.index_q] += np.sin(np.outer(s, m)) @ waves
-    inside = lay.scheme.within(s[:-1, None], s[1:, None]).reshape(-1, 1)
-    x[lay.index_q_i] += (np.sin(inside * m) @ waves).reshape(lay.total, -1)
-    durations = lay.durations(guess) * np.exp(SHAKE * rng.standard_normal(lay.phases))
-    low, high = problem.final_time_bounds
-    total = float(durations.sum())
-    durations *= min(max(total, low), high) / total
-    x[lay.index_h] = lay.step_sizes(np.clip(durations, *problem.duration_bounds.T))
-    lay.put_times(x)
+    x = shaken(problem, lay, guess, rng, size, SHAKE)
+    x[lay.index_design] = problem.design_values
     x[lay.index_u] *= rng.uniform(-1, 1)
     return x
 
@@ -121,7 +135,7 @@ class _Drawn:
     """Durations (count, phases); points (count, phases + 1, nq); velocities after and before them,
     at both ends of each phase (count, phases, nq); waves of the phases (count, phases, WAVES, nq)
     and of the whole time (count, WAVES, nq); impulses (count, collisions); whether there are inputs
-    (count,)."""
+    (count,), and whether it is straight."""
 
     durations: Array
     points: Array
@@ -131,11 +145,18 @@ class _Drawn:
     whole: Array
     lam: Array
     driven: NDArray[np.bool_]
+    straight: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, problem: Problem, natural: float, numbers: Sequence[int], seed: int) -> _Drawn:
+    def of(
+        cls,
+        problem: Problem,
+        natural: float,
+        numbers: Sequence[int],
+        kind: NDArray[np.intp],
+        seed: int,
+    ) -> _Drawn:
         draws = [np.random.default_rng([seed, k]) for k in numbers]
-        kind = np.array(numbers) % KINDS
         phases, nq = problem.phases, problem.nq
         uniform = np.array([r.random(3 + 2 * nq) for r in draws])
         normal = np.array([r.standard_normal((phases + 1, nq)) for r in draws])
@@ -148,16 +169,26 @@ class _Drawn:
         waves = waves * (problem.reach * size[:, None])[:, None, None, :]
         waves /= np.arange(1, WAVES + 1)[:, None]
         waves *= (np.arange(WAVES) <= WAVES * uniform[:, 2, None])[:, None, :, None]
+        straight = kind == STRAIGHT
+        waves[straight] = 0.0
+        waves[straight, :, 0] = _bumps(problem, draws, size)[straight]
         loose = kind == LOOSE
         whole = np.where(loose[:, None, None], waves[:, 0], 0.0)
         waves[loose] = 0.0
         legs = np.diff(points, axis=1) / np.where(durations > 0, durations, 1.0)[:, :, None]
         v_first, v_last, lam = _velocities(problem, durations, points, legs)
-        return cls(durations, points, v_first, v_last, waves, whole, lam, kind == DRIVEN)
+        return cls(durations, points, v_first, v_last, waves, whole, lam, kind == DRIVEN, straight)
 
     def of_rows(self, rows: NDArray[np.bool_]) -> _Drawn:
         """Some of the motions."""
         return _Drawn(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+
+def _bumps(problem: Problem, draws: Sequence[np.random.Generator], size: Array) -> Array:
+    """Bumps up and down of the coordinates in the phases, or none, shape (count, phases, nq)."""
+    shape = (problem.phases, problem.nq)
+    signs = np.array([r.integers(-1, 2, shape) for r in draws])
+    return np.asarray(signs * problem.reach * size[:, None, None])
 
 
 def _durations(problem: Problem, natural: float, uniform: Array, shares: Array) -> Array:
@@ -272,12 +303,13 @@ def _velocities(
     return v_first, v_last, lam
 
 
-def _along(drawn: _Drawn, i: int, s: Array, rates: int = 0) -> Array:
+def _along(drawn: _Drawn, i: int, s: Array, order: int = 0) -> Array:
     """Positions of phase i at shares s of it, without the waves of the whole time, and so many of
-    their derivatives by time, shape (rates + 1, count, len(s), nq)."""
+    their derivatives by time, shape (order + 1, count, len(s), nq)."""
     T = drawn.durations[:, i, None, None]
     q0, q1 = drawn.points[:, i, None], drawn.points[:, i + 1, None]
-    d0, d1 = drawn.v_first[:, i, None] * T, drawn.v_last[:, i, None] * T
+    rates = drawn.v_first[:, i, None] * T, drawn.v_last[:, i, None] * T
+    d0, d1 = (np.where(drawn.straight[:, None, None], q1 - q0, rate) for rate in rates)
     cubic = [q0, d0, 3 * (q1 - q0) - 2 * d0 - d1, 2 * (q0 - q1) + d0 + d1]
     parts = np.concatenate([*cubic, 4 * drawn.waves[:, i]], axis=1)
     m = np.pi * np.arange(1, WAVES + 1)
@@ -289,7 +321,7 @@ def _along(drawn: _Drawn, i: int, s: Array, rates: int = 0) -> Array:
         [none, one, 2 * s, 3 * s**2, slope * sin + bump * m * cos],
         [none, none, 2 * one, 6 * s, -2 * sin + 2 * slope * m * cos - bump * m * m * sin],
     ]
-    return np.stack([np.hstack(shapes[k]) @ parts / T**k for k in range(rates + 1)])
+    return np.stack([np.hstack(shapes[k]) @ parts / T**k for k in range(order + 1)])
 
 
 def _everywhere(drawn: _Drawn, times: Array) -> Array:

@@ -137,6 +137,14 @@ class Solution(Shown, MotionResult, Saved):
         How many starts were tried on a coarse mesh; 0 where the solve began from a guess alone.
     agreeing_starts : int
         How many of them have led to this minimum.
+    first_start : str
+        The first of these: "automatic 1" of those that the statement and its equations of motion
+        give, "random 7", "neighbour 12" of those beside minima that were met before, or "given".
+    unseen_share : float or None
+        Estimated share of further starts, of those that lead to a minimum, that lead to one not met
+        so far: (f + 1) / (n + 2) where n starts have led to minima, f of them to one each that no
+        other has met (Good, "The population frequencies of species and the estimation of population
+        parameters", 1953).  None where no start has led to one, or none was tried.
     others : tuple of Minimum
         The other minima that they have led to, the cheapest first.
     proposal : Proposal or None
@@ -191,6 +199,8 @@ class Solution(Shown, MotionResult, Saved):
     scale: Mapping[str, float] = field(default_factory=dict)
     starts: int = 0
     agreeing_starts: int = 0
+    first_start: str = ""
+    unseen_share: float | None = None
     others: tuple[Minimum, ...] = ()
     proposal: Proposal | None = None
     design: Mapping[str, float] = field(default_factory=dict)
@@ -337,6 +347,7 @@ class Solution(Shown, MotionResult, Saved):
             "scale": dict(self.scale),
             "starts": self.starts,
             "found": self.agreeing_starts,
+            **_named(self, "first_start unseen_share"),
             "others": [_other(m) for m in self.others],
             "proposal": None if proposal is None else asdict(proposal),
             **refinement,

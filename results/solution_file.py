@@ -39,11 +39,13 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import UNREFINED, Status
 
-FORMAT, OLDEST = 20, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 21, 6  # the format that is written, and the oldest that is read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 # What files of older formats lack, with the values there: of a solution, of its motion, of phases
 # and collisions.
-LACKING_BESIDE: Mapping[str, Any] = {"proposal": None, "design": {}, "periodic": {}}
+LACKING_BESIDE: Mapping[str, Any] = {
+    "proposal": None, "design": {}, "periodic": {}, "first_start": "", "unseen_share": None,
+}  # fmt: skip
 LACKING: Mapping[str, Any] = {
     "units": {}, "scene": None, "limits": {}, "quantities": [], "totals": {},
     "tangential_restitution": {},
@@ -367,6 +369,8 @@ SOLUTION = Record(
         "scale": Mapped(Number()),
         "starts": Whole(),
         "agreeing_starts": Whole(),
+        "first_start": Text(),
+        "unseen_share": Either(Nothing(), Number(0.0, 1.0)),
         "others": Listed(MINIMUM),
         "proposal": Either(Nothing(), PROPOSAL),
         "design": Mapped(Number(), names=Name()),

@@ -139,9 +139,18 @@ def _minima(s: Solution) -> Iterator[tuple[Cell, ...]]:
 
 
 def _explored(s: Solution) -> str:
+    first = f", the first time from {s.first_start}" if s.first_start else ""
+    unseen = (
+        ""
+        if s.unseen_share is None
+        else (
+            f" About {s.unseen_share:.0%} of further starts that lead to a minimum would lead to "
+            "one not met so far (estimate of Good and Turing)."
+        )
+    )
     return (
-        f"{s.starts} starts on a coarse mesh. Minima are local: none of these starts led to a "
-        "better one."
+        f"{s.starts} starts on a coarse mesh{first}. Minima are local: none of these starts led to "
+        f"a better one.{unseen}"
     )
 
 

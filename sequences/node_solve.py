@@ -19,6 +19,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.contacts import in_contact
 from dmoc.guess.extension import impulse_between, with_event
+from dmoc.guess.random_motions import FEW_IN_TURN
 from dmoc.guess.transfer import equally_long, pieces_of, unknowns_along
 from dmoc.problem.design import designed_as
 from dmoc.problem.problem import Problem
@@ -33,7 +34,9 @@ from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.checked_solution import without_effect
 from dmoc.solving.mesh.one_mesh import on_mesh_of, solved_on_mesh
 from dmoc.solving.methods import METHODS
-from dmoc.solving.multistart.exploration import Effort, Start, coarse_of, explored
+from dmoc.solving.multistart.effort import Effort
+from dmoc.solving.multistart.exploration import coarse_of, explored
+from dmoc.solving.multistart.rounds import Start
 from dmoc.solving.request import Request
 from dmoc.solving.starts import InitialGuess, restated
 
@@ -130,11 +133,14 @@ def _explored(task: NodeTask) -> Node:
         points["proposal"] = restated(coarse, task.proposer)
     more = task.starts if task.start is None else 0
     effort = Effort(
-        0,
-        more,
-        more,
-        agreeing=0.0,
-        leading=0.0,
+        first=0,
+        random=more,
+        kinds=FEW_IN_TURN,
+        beside=0,
+        most=more,
+        often=1,
+        unseen=1.0,
+        unseen_far=1.0,
         refined=1,
         most_refined=MOST_REFINED,
         settles=False,

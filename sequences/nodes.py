@@ -26,7 +26,7 @@ from dmoc.results.schema import (
 from dmoc.results.solution import Solution
 from dmoc.sequences.search_table import table_of_node
 from dmoc.solvers.outcome import Status
-from dmoc.solving.multistart.exploration import Start
+from dmoc.solving.multistart.rounds import Start
 
 Sequence = tuple[str, ...]
 

@@ -113,8 +113,12 @@ def notes_of_proposals(candidates: Candidates) -> list[str]:
             "relaxed one does"
         )
     if every and best is not None and not best.sequence:
-        touches = "touch" if candidates.problem.touch.modes[0].free else "change its contacts"
-        notes.append(f"nothing needs to {touches}: no proposal with an event costs less")
+        touches = "touches" if candidates.problem.touch.modes[0].free else "changes its contacts"
+        notes.append(
+            f"of the sequences that were tried none costs less than the motion in which nothing "
+            f"{touches}; what no relaxed start has led to was not tried: strategy 'both' goes on "
+            "with the tree"
+        )
     if not every:
         notes.append(
             "no relaxed motion says a sequence, and none was tried but the empty one: strategy "

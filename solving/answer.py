@@ -26,6 +26,8 @@ FROM_COARSE = 300
 # A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier
 # may be driven further down.
 BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
+# Share of starts with unseen minima above which more of them are advised, so many times as many.
+FEW_UNSEEN, MORE = 0.1, 4
 NO_EVENT = (
     "the sequence is empty: dmoc.search(problem, strategy='propose') looks for events with which "
     "there is a motion"
@@ -113,9 +115,8 @@ def _refined(problem: Problem, guess: InitialGuess, request: Request, first: Sol
 
     check = partial(checked, deadline=options.deadline)
     answer = refined(problem, tolerance, options.deadline, on_mesh, check)
-    answer = replace(
-        answer, starts=first.starts, agreeing_starts=first.agreeing_starts, others=first.others
-    )
+    met = ("starts", "agreeing_starts", "first_start", "unseen_share", "others")
+    answer = replace(answer, **{name: getattr(first, name) for name in met})
     confirmed = answer.verification is not None and answer.verification.passed
     near = answer.error_estimate is not None and answer.error_estimate <= request.loose
     if answer.status is Status.NOT_VERIFIED and confirmed and near:
@@ -131,7 +132,15 @@ def _starts_in_words(s: Solution) -> str:
     minima = f"one {other}minimum" if several == 1 else f"{several} {other}minima"
     if s.agreeing_starts:
         others = f"others to {minima}" if several else "none to another one"
-        return f"{s.agreeing_starts} of {s.starts} starts led to it, {others}"
+        led = f"{s.agreeing_starts} of {s.starts} starts led to it, {others}"
+        return led if s.unseen_share is None else f"{led}; {_unseen_in_words(s)}"
     if several:
         return f"{s.starts} starts led to {minima} on a coarse mesh alone"
     return f"none of {s.starts} starts on a coarse mesh led to a motion"
+
+
+def _unseen_in_words(s: Solution) -> str:
+    """What further starts may lead to, and how to try them where that is more than little."""
+    unseen = s.unseen_share or 0.0
+    share = f"about {unseen:.0%} of further ones would lead to a minimum not met so far"
+    return share if unseen <= FEW_UNSEEN else f"{share}, as starts={MORE * s.starts} tries"

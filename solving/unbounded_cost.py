@@ -15,6 +15,7 @@ from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import NO_TIME, expected_time, initial_guesses
 from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import LONGEST_TIME
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Solution
 from dmoc.solvers.kkt import LEAST_COST
@@ -62,10 +63,11 @@ def bounded(
     """
     share = answer.cost / answer.scale.get("cost", np.inf)
     limited = np.isfinite(problem.final_time_bounds[1])
-    if limited or not answer.minimum or not NONE < share < LEAST_COST:
+    if limited or not answer.converged or not NONE < share < LEAST_COST:
         return answer
     # with that time, not from it on: a solve of what has no minimum comes to no end
-    longer = solve(problem.but(final_time=LONGER * answer.final_time), answer)
+    time = min(LONGER * answer.final_time, LONGEST_TIME)
+    longer = solve(problem.but(final_time=time), answer)
     if not (longer.minimum and longer.cost < (1 - FALLS) * answer.cost):
         return answer
     message = (

@@ -21,7 +21,7 @@ from dmoc.codegen import compiler
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
 from dmoc.report import canvas
-from dmoc.solving.multistart.exploration import Effort
+from dmoc.solving.multistart.effort import Effort
 
 # However slow a machine is, its tests are the same.
 settings.register_profile(
@@ -84,14 +84,14 @@ def flags(as_users: bool) -> Iterator[tuple[str, ...]]:
 
 @pytest.fixture(scope="session", autouse=True)
 def effort(as_users: bool) -> Iterator[Callable[..., Effort]]:
-    """Explore from the first third of the starts that users have where a test names no number: a
+    """Explore from half of the starts that users have where a test names no number: a
     known answer that they meet is met by all; the effort of users is handed on."""
     users = Effort.of
     if as_users:
         yield users
         return
     with pytest.MonkeyPatch.context() as patch:
-        few = {"first": 5, "most": 33, "more": 100}
+        few = {"random": 8, "beside": 8, "most": 150, "often": 3, "unseen": 0.08}
         patch.setattr(Effort, "of", lambda *arguments: replace(users(*arguments), **few))
         yield users
 

@@ -16,7 +16,8 @@ from dmoc.results.solution import Solution, broken_off, saying
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import attempted
 from dmoc.solving.checked_solution import checked, solution_of
-from dmoc.solving.multistart.exploration import Effort, coarse_of, explored
+from dmoc.solving.multistart.effort import Effort
+from dmoc.solving.multistart.exploration import coarse_of, explored
 from dmoc.solving.programs import Programs
 from dmoc.solving.request import Request
 from dmoc.solving.starts import InitialGuess, starts_of
@@ -43,10 +44,13 @@ def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Sol
     confirmed = [s for s in exploration.solutions if s.minimum]
     if answer.status is Status.NOT_VERIFIED and confirmed:
         answer = saying(answer, _cheapest(confirmed))
+    ranked = exploration.ranked[i].minimum if i < len(exploration.ranked) else None
     return replace(
         answer,
         starts=len(exploration.starts),
-        agreeing_starts=exploration.ranked[i].minimum.starts if i < len(exploration.ranked) else 0,
+        agreeing_starts=ranked.starts if ranked else 0,
+        first_start=ranked.first if ranked else "",
+        unseen_share=exploration.unseen,
         others=exploration.others(i),
         seconds=spent | {"guess": 0.0, "solve": 0.0} | dict(answer.seconds),
     )

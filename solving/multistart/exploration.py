@@ -7,8 +7,8 @@ is none.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,18 +16,14 @@ from dmoc.base.deadline import Deadline
 from dmoc.base.records import record
 from dmoc.check.verdict import PASSING
 from dmoc.codegen.kernels import Array
-from dmoc.guess.automatic import initial_guesses, natural_time
-from dmoc.guess.random_motions import random_motions
 from dmoc.guess.transfer import on_mesh
 from dmoc.problem.problem import Problem
-from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Minimum, Solution
-from dmoc.solvers.outcome import UNREFINED, Options, Status
-from dmoc.solving.attempts import Attempt
-from dmoc.solving.multistart.minima import Basin, cost_of, gathered
-from dmoc.solving.multistart.parallel import attempts_from, free_threads
+from dmoc.solvers.outcome import UNREFINED, Options
+from dmoc.solving.multistart.effort import Effort, met_by_cost, unseen_share
+from dmoc.solving.multistart.minima import Basin
 from dmoc.solving.multistart.ranking import Ranked, Refinements, ranked
-from dmoc.solving.programs import Programs
+from dmoc.solving.multistart.rounds import Rounds, Start
 
 # Steps of a phase on the coarse mesh.  With 12, motions with many collisions mislead, and their
 # refinement takes longer than is saved.
@@ -36,67 +32,9 @@ COARSE = 24
 COARSE_HELD = 12
 # Steps of a phase on the finest mesh that motions start on.
 FINEST = 4 * COARSE
-# So many minima of a coarse mesh at most are refined to see whether they are the same one, before
-# more starts are tried.
-FEW = 3
-# Iterations of a start, where one that takes more never led to the best minimum; and where contacts
-# last or constraints hold: gaits take long.
-USUAL, LASTING = 60, 300
-# Limits of inputs are widened by the first factor and tightened by the others where nothing else
-# has helped, with so many starts, of which so many minima are followed.
-WIDER = (4.0, 2.8, 2.0, 1.6, 1.3, 1.12, 1.0)
-WIDE_STARTS, FOLLOWED = 32, 8
-# Starts that are made before the clock is looked at, where a number of them is given.
-TOGETHER = 400
 # Share of the time that starts have, and the larger one where none has led to a motion: what is
 # left then is for the refinement of the first one that does, or for what conflicts.
 STARTING, SEEKING = 0.5, 0.9
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How many starts are tried, and what is done with what they find."""
-
-    # Random starts: so many at first, the most where those do not agree on a minimum, more where
-    # these have not met the best minimum often enough to think that there is none much rarer.
-    first: int = 16
-    most: int = 100
-    more: int = 300
-    often: int = 5
-    # Share of the starts with a minimum that lead to the best one, and share of all starts, where
-    # no more are needed.
-    agreeing: float = 0.75
-    leading: float = 0.4
-    # Minima that are refined at least, and at most, where cheaper coarse ones are left.
-    refined: int = 4
-    most_refined: int = 16
-    settles: bool = True  # minima that are not confirmed are looked at on a finer mesh
-    widens: bool = True  # limits of inputs, to tighten them, where no start leads to a motion
-    iterations: int | None = None  # of a start; by default as many as it seems to take
-    guesses: int | None = None  # automatic ones that are tried at most
-    total: int | None = None  # all starts, where their number is given
-    seed: int = 0
-    verifies: bool = True  # minima are checked by simulation before they are ranked
-
-    @classmethod
-    def of(cls, starts: int | None, seed: int, verifies: bool = True) -> Effort:
-        """As many starts as it seems to take, or a given number."""
-        return cls(widens=starts is None, total=starts, seed=seed, verifies=verifies)
-
-    def agree(self, minima: Sequence[Basin], starts: int) -> bool:
-        """Whether so many of the starts, and of those with a minimum, have met the best one."""
-        best = _met_best(minima)
-        share = self.agreeing * sum(basin.starts for basin in minima)
-        return best > 0 and best >= max(share, self.leading * starts)
-
-
-@dataclass(frozen=True)
-class Start:
-    """One start: its name, how it ended, its cost on the coarse mesh where solved."""
-
-    name: str
-    status: Status
-    cost: float | None
 
 
 @record(frozen=True, eq=False)
@@ -106,6 +44,7 @@ class Exploration:
     ranked: tuple[Ranked, ...]  # on the ranking mesh, the best first: confirmed ones before others
     coarse: tuple[Basin, ...]  # that were not refined, or could not be
     starts: tuple[Start, ...]
+    unseen: float | None = None  # the estimated share of further starts that meet other minima
     late: bool = False  # the time was used up before any start led to a motion
 
     @property
@@ -173,10 +112,13 @@ def _explored(
     """What starts on a coarse mesh lead to, with the times that they have."""
     refinements, (starting, seeking) = Refinements(problem), latest
     within = replace(options, deadline=starting)
-    minima, starts = _minima(refinements, coarse, effort, within, seeking, points)
+    rounds = Rounds.begun(refinements, coarse, effort, within, seeking, points)
+    rounds.run()
+    minima = rounds.minima
     late = not minima and seeking.passed
+    unseen = unseen_share(met_by_cost(minima)[:, 0]) if minima else None
     refined, left = ranked(refinements, minima, effort, options, starting)
-    return Exploration(tuple(refined), tuple(left), tuple(starts), late)
+    return Exploration(tuple(refined), tuple(left), tuple(rounds.starts), unseen, late)
 
 
 def _finer(problem: Problem, coarse: Problem) -> list[int]:
@@ -191,126 +133,3 @@ def coarse_of(problem: Problem) -> Problem:
     """The problem on the mesh of the exploration."""
     most = COARSE_HELD if problem.held and problem.scheme.inside else COARSE
     return problem.meshed([min(n, most) for n in problem.phase_steps])
-
-
-# On the coarse mesh -------------------------------------------------------------------------------
-
-
-def _minima(
-    refinements: Refinements,
-    coarse: Problem,
-    effort: Effort,
-    options: Options,
-    seeking: Deadline,
-    points: Mapping[str, Array],
-) -> tuple[list[Basin], list[Start]]:
-    """Distinct minima on the coarse mesh, the cheapest first, and the starts; where there is none
-    yet, further starts are tried until a later deadline."""
-    problem = refinements.problem
-    # On a coarse mesh the energies of a long and of a short step tell little of the rates: minima
-    # would live on what they miss, and be far from those of a finer mesh.
-    if coarse.phase_steps != problem.phase_steps:
-        coarse = coarse.in_rates()
-    room = effort.guesses if effort.total is None else effort.total - len(points)
-    guesses = [g.x for g in initial_guesses(coarse, options.deadline)][:room]
-    natural = natural_time(coarse)
-    most = effort.iterations or (LASTING if problem.held else USUAL)
-    few = replace(options, iterations=min(options.iterations, most))
-    named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
-    scale = scale_of(coarse, next(iter(named.values())))
-    programs = Programs(coarse, scale)
-    minima, starts = list[Basin](), list[Start]()
-    begin, ends = 0, [effort.first, effort.most, effort.more]
-    if effort.total is not None:
-        last = max(effort.total - len(named), 0)
-        ends = [*range(TOGETHER, last, TOGETHER), last]
-    for end in ends:
-        numbers = range(begin, max(end, begin))
-        x = random_motions(coarse, guesses, natural, numbers, effort.seed)
-        named |= {f"random {k + 1}": x_k for k, x_k in zip(numbers, x, strict=True)}
-        latest = few.deadline if minima else seeking
-        attempts = _attempts(programs, list(named.values()), few, latest)
-        starts += [_start(name, a) for name, a in zip(named, attempts, strict=False)]
-        minima = gathered(minima, attempts)
-        late = len(attempts) < len(named)
-        if late or _enough(refinements, effort, minima, (len(starts), end), few):
-            break
-        if not minima and len(x):  # the first guess may be so small beside motions that exist
-            programs = Programs(coarse, scale_of(coarse, x[-1]))
-        named, begin = {}, numbers.stop
-    if not minima and effort.widens:
-        minima = _tightened(coarse, natural, effort.seed, replace(few, deadline=seeking))
-    return minima, starts
-
-
-def _attempts(
-    programs: Programs, points: Sequence[Array], options: Options, latest: Deadline
-) -> list[Attempt]:
-    """Attempts from some points in their order, as many as there is time for; until a later
-    deadline those that follow, as long as none is solved."""
-    attempts = attempts_from(programs, points, options)
-    later, at_once = replace(options, deadline=latest), free_threads()
-    while len(attempts) < len(points) and not latest.passed:
-        if any(attempt.status is Status.SOLVED for attempt in attempts):
-            break
-        some = points[len(attempts) : len(attempts) + at_once]
-        attempts += attempts_from(programs, some, later)
-    return attempts
-
-
-def _enough(
-    refinements: Refinements,
-    effort: Effort,
-    minima: Sequence[Basin],
-    tried: tuple[int, int],
-    options: Options,
-) -> bool:
-    """Whether no more starts are needed after those that were tried, in all and random ones."""
-    if effort.total is not None:
-        return False
-    starts, random = tried
-    agreed = effort.agree(minima, starts)
-    if not agreed and 0 < random == effort.first and 1 < len(minima) <= FEW:
-        agreed = effort.agree(refinements.merged(minima, options), starts)
-    met = _met_best(minima) >= effort.often
-    return (met and random >= effort.most) or (agreed and random >= effort.first)
-
-
-def _met_best(minima: Sequence[Basin]) -> int:
-    """Starts that have met the least cost, whatever the durations: where a motion may wait, many
-    minima cost the same."""
-    return sum(basin.starts for basin in minima if basin.costs_as(minima[0]))
-
-
-def _start(name: str, attempt: Attempt) -> Start:
-    solved = attempt.status is Status.SOLVED
-    return Start(name, attempt.status, cost_of(attempt) if solved else None)
-
-
-def _tightened(coarse: Problem, natural: float, seed: int, options: Options) -> list[Basin]:
-    """Minima that are left when wide limits of the inputs are tightened step by step."""
-    if not np.isfinite(coarse.input_bounds).any():
-        return []
-    wide = _widened(coarse, WIDER[0])
-    points = [g.x for g in initial_guesses(wide, options.deadline)]
-    scale = scale_of(wide, points[0])
-    points += list(random_motions(wide, points, natural, range(WIDE_STARTS), seed))
-    minima = list[Basin]()
-    for factor in WIDER:
-        tightened = _widened(coarse, factor)
-        minima = gathered([], attempts_from(Programs(tightened, scale), points, options))
-        points = [b.attempt.nlp.physical(b.attempt.outcome.x) for b in minima[:FOLLOWED]]
-        if not points:
-            break
-    return minima
-
-
-def _widened(problem: Problem, factor: float) -> Problem:
-    """The problem with wider limits of its inputs."""
-    low, high = problem.input_bounds.T
-    sizes = [np.where(np.isfinite(limit), np.abs(limit), 0.0) for limit in (low, high)]
-    width = np.where(np.isfinite(high - low), (high - low) / 2, np.maximum(*sizes))
-    more = (factor - 1) * width
-    names = problem.kernels.inputs
-    boxes = dict(zip(names, zip(low - more, high + more, strict=True), strict=True))
-    return problem.but(bounds={**problem.bounds, **boxes})

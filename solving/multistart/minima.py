@@ -23,29 +23,41 @@ SAME_PLACES, MOST_WAYS = 1e-3, 4
 
 @record(frozen=True, eq=False)
 class Basin:
-    """Starts that led to the same minimum: the attempt of the first one, its cost and durations in
-    units, how many they are, and those of them that cost the same along other ways, as on both
-    sides of an obstacle and through it."""
+    """Starts that led to the same minimum: the attempt and the name of the first one, its cost and
+    durations in units, how many they are, how many of them were not beside a minimum, and those of
+    them that cost the same along other ways, as on both sides of an obstacle and through it."""
 
     attempt: Attempt
     cost: float
     durations: Array
     starts: int = 1
+    first: str = ""
+    far: int = 1
     ways: tuple[Attempt, ...] = ()
 
     @classmethod
-    def of(cls, attempt: Attempt) -> Basin:
+    def of(cls, attempt: Attempt, first: str = "", far: bool = True) -> Basin:
         nlp, x = attempt.nlp, attempt.outcome.x
-        return cls(attempt, cost_of(attempt), nlp.layout.durations(nlp.physical(x)))
+        durations = nlp.layout.durations(nlp.physical(x))
+        return cls(attempt, cost_of(attempt), durations, 1, first, int(far))
 
     @property
     def problem(self) -> Problem:
         """The problem on the mesh of the minimum."""
         return self.attempt.nlp.problem
 
-    def met_by(self, starts: int) -> Basin:
-        """The same with more starts."""
-        return replace(self, starts=self.starts + starts)
+    @property
+    def motion(self) -> Array:
+        """Its unknowns, in units of the problem."""
+        return self.attempt.nlp.physical(self.attempt.outcome.x)
+
+    def met_by(self, other: Basin) -> Basin:
+        """The same with the starts of another one."""
+        return replace(self, starts=self.starts + other.starts, far=self.far + other.far)
+
+    def on_mesh_of(self, attempt: Attempt) -> Basin:
+        """The same minimum on another mesh, where it is an attempt."""
+        return replace(Basin.of(attempt, self.first), starts=self.starts, far=self.far)
 
     def beside(self, other: Attempt) -> Basin:
         """The same with another way, if it is one."""
@@ -57,10 +69,10 @@ class Basin:
         """Whether both cost the same, compared with the size of the cost."""
         return self.at_most(other) and other.at_most(self)
 
-    def at_most(self, other: Basin) -> bool:
-        """Whether it costs the same as another one or less."""
+    def at_most(self, other: Basin, share: float = SAME_COST) -> bool:
+        """Whether it costs the same as another one or less, within a share of the cost's size."""
         size = max(abs(self.cost), self.attempt.nlp.scale.cost)
-        return self.cost - other.cost <= SAME_COST * size
+        return self.cost - other.cost <= share * size
 
     def same(self, other: Basin) -> bool:
         """Whether both are the same minimum."""
@@ -92,6 +104,8 @@ def joined(minima: list[Basin], new: Basin) -> list[Basin]:
     """The distinct minima, the cheapest first, with one more and the starts that led to it."""
     for i, basin in enumerate(minima):
         if basin.same(new):
-            met = basin.met_by(new.starts).beside(new.attempt)
+            met = basin.met_by(new).beside(new.attempt)
             return [*minima[:i], met, *minima[i + 1 :]]
-    return sorted([*minima, new], key=lambda basin: basin.cost)
+    # Of equal costs the first one that was met comes first, whatever their last digits.
+    place = next((i for i, basin in enumerate(minima) if not basin.at_most(new)), len(minima))
+    return [*minima[:place], new, *minima[place:]]

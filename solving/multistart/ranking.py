@@ -25,7 +25,7 @@ from dmoc.solving.multistart.minima import Basin, cost_of, joined
 from dmoc.solving.programs import Programs
 
 if TYPE_CHECKING:
-    from dmoc.solving.multistart.exploration import Effort
+    from dmoc.solving.multistart.effort import Effort
 
 # Steps of a phase on the mesh where minima are ranked.
 RANKING = 100
@@ -78,7 +78,7 @@ class Refinements:
         for coarse in minima:
             attempt = self.of(coarse, options)
             if attempt.status is Status.SOLVED:
-                distinct = joined(distinct, replace(Basin.of(attempt), starts=coarse.starts))
+                distinct = joined(distinct, coarse.on_mesh_of(attempt))
         return distinct
 
 
@@ -106,11 +106,11 @@ def ranked(
         if attempt.status is not Status.SOLVED:
             left.append(coarse)
             continue
-        new = replace(Basin.of(attempt), starts=coarse.starts)
+        new = coarse.on_mesh_of(attempt)
         same = next((i for i, r in enumerate(refined) if r.minimum.same(new)), None)
         if same is not None:
             r = refined[same]
-            refined[same] = replace(r, minimum=r.minimum.met_by(coarse.starts))
+            refined[same] = replace(r, minimum=r.minimum.met_by(coarse))
             continue
         s = solution_of(attempt, COMPILED_METHOD.name, {})
         if effort.verifies:

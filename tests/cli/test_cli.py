@@ -34,14 +34,16 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
     keys = (
         "model method status message cost final_time totals design active_bounds phases "
         "collisions largest_forces max_violation optimality iterations seconds verification "
-        "conflicts scale starts found others proposal"
+        "conflicts scale starts found first_start unseen_share others proposal"
     )
     assert " ".join(summary) == keys
     assert summary["cost"] == pytest.approx(129.6024, rel=1e-5)
     assert summary["starts"] > 5 and 1 <= summary["found"] <= summary["starts"]
     assert summary["message"].endswith(
-        f"{summary['found']} of {summary['starts']} starts led to it, none to another one"
+        f"{summary['found']} of {summary['starts']} starts led to it, none to another one; about "
+        f"{summary['unseen_share']:.0%} of further ones would lead to a minimum not met so far"
     )
+    assert summary["first_start"].split()[0] in ("automatic", "random", "neighbour")
     assert summary["others"] == []
     assert set(summary["phases"][0]) == {"steps", "step_size", "duration", "mode"}
     keys = (

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.guess.automatic import initial_guesses
-from dmoc.guess.random_motions import DRIVEN, IDLE, KINDS, LOOSE, SHAKEN, random_motions
+from dmoc.guess.random_motions import (
+    DRIVEN,
+    IDLE,
+    LOOSE,
+    SHAKEN,
+    STRAIGHT,
+    kinds_of,
+    random_motions,
+)
 from dmoc.problem.problem import Problem
 from dmoc.program.layout import Layout
 
@@ -21,7 +31,7 @@ def motions(problem: Problem, count: int = 40, seed: int = 0) -> tuple[Layout, n
 def test_they_lie_on_their_surfaces_and_obey_the_law_of_impact(seed: dmoc.Problem) -> None:
     problem = seed.but(sequence=("lower", "upper", "lower"), restitution=0.7, steps=8)
     lay, x = motions(problem)
-    kind = np.arange(len(x)) % KINDS
+    kind = kinds_of(range(len(x)))
     x = x[(kind == DRIVEN) | (kind == IDLE)]
     for i, node in enumerate(lay.collision_nodes):
         j = int(lay.touch.surfaces[i])
@@ -54,22 +64,45 @@ def test_a_number_is_a_motion_however_many_there_are(seed: dmoc.Problem) -> None
 
 def test_the_kinds_differ_in_what_they_keep(seed: dmoc.Problem) -> None:
     lay, x = motions(seed.but(steps=10))
-    kind = np.arange(len(x)) % KINDS
+    kind = kinds_of(range(len(x)))
     (node,), (j,) = lay.collision_nodes, lay.touch.surfaces
     off = np.abs(seed.model.gaps(x[:, lay.index_q[node]])[:, j])
-    assert off[(kind == DRIVEN) | (kind == IDLE)].max() < 1e-9
+    assert off[(kind == DRIVEN) | (kind == IDLE) | (kind == STRAIGHT)].max() < 1e-9
     assert np.median(off[kind == LOOSE]) > 0.01
     idle = np.abs(x[:, lay.index_u]).max(axis=(1, 2)) == 0
-    assert idle[(kind == IDLE) | (kind == LOOSE)].all() and not idle[kind == DRIVEN].any()
+    assert idle[(kind != DRIVEN) & (kind != SHAKEN)].all() and not idle[kind == DRIVEN].any()
     guess = initial_guesses(seed.but(steps=10))[0].x
     assert np.abs(x[kind == SHAKEN][0, lay.index_q[0]] - guess[lay.index_q[0]]).max() < 1e-12
+
+
+def test_straight_ones_have_one_bump_of_a_coordinate_in_a_phase_or_none(
+    seed: dmoc.Problem,
+) -> None:
+    """q = q0 + s (q1 - q0) + 4 a s (1 - s) sin(pi s): what is left of the line has one sign, is
+    symmetric in the phase, and is as often up as down or nothing."""
+    problem = seed.but(steps=10)
+    lay, x = motions(problem, 200)
+    q = x[kinds_of(range(200)) == STRAIGHT][:, lay.index_q]
+    s = np.arange(11) / 10
+    signs = []
+    for first, last in pairwise(lay.ends):
+        part = q[:, first : last + 1]
+        line = part[:, :1] + s[:, None] * (part[:, -1:] - part[:, :1])
+        bump = 4 * s * (1 - s) * np.sin(np.pi * s)
+        assert part - line == pytest.approx(
+            bump[:, None] * (part - line)[:, 5:6], abs=1e-9 * float(np.abs(q).max())
+        )
+        high = (part - line)[:, 5]
+        signs.append(np.where(np.abs(high) < 1e-9, 0, np.sign(high)))
+    shares = [np.mean(np.array(signs) == sign) for sign in (-1, 0, 1)]
+    assert shares == pytest.approx([1 / 3] * 3, abs=0.08)
 
 
 def test_inputs_are_those_of_the_equations_of_motion(block: Kernels) -> None:
     """A block that is pushed along a line: u = m q''."""
     problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, steps=200)
     lay, x = motions(problem, 20)
-    x = x[np.arange(20) % KINDS == DRIVEN]
+    x = x[kinds_of(range(20)) == DRIVEN]
     h = x[:, lay.index_h]
     q = x[:, lay.index_q[:, 0]]
     bend = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) / h**2

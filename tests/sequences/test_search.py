@@ -25,7 +25,7 @@ from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import Attempt
 from dmoc.solving.mesh.one_mesh import solved_on_mesh
 from dmoc.solving.methods import METHODS
-from dmoc.solving.multistart import exploration
+from dmoc.solving.multistart import rounds
 from dmoc.solving.multistart.parallel import attempts_from
 from dmoc.solving.request import Request
 
@@ -281,18 +281,18 @@ def test_random_starts_find_what_the_others_miss_and_belong_to_a_seed(
     """The first starts of a node lead nowhere, as at some deep ones of the pendulum."""
 
     def astray(*arguments: Any) -> list[Attempt]:
-        rounds.append(1)
+        calls.append(1)
         attempts = attempts_from(*arguments)
-        if len(rounds) > 1:
+        if len(calls) > 1:
             return attempts
         failed = Status.INFEASIBLE
         return [replace(a, outcome=replace(a.outcome, status=failed)) for a in attempts]
 
     without = dmoc.search(table, 0).nodes[0]
-    monkeypatch.setattr(exploration, "attempts_from", astray)
+    monkeypatch.setattr(rounds, "attempts_from", astray)
     results: list[SearchResult] = []
     for number in (3, 3, 4):
-        rounds: list[int] = []
+        calls: list[int] = []
         results.append(dmoc.search(table, 0, starts=2, seed=number))
     a, b, other = (outline(r) for r in results)
     assert a == b != other

@@ -3,6 +3,8 @@ minimal times that were only estimated."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -20,24 +22,75 @@ from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.outcome import Duals, Options, Outcome, Residuals, Status
 from dmoc.solving import attempts
 from dmoc.solving.attempts import Attempt, LocalSolver
-from dmoc.solving.multistart.exploration import Effort
-from dmoc.solving.multistart.minima import Basin
+from dmoc.solving.multistart.effort import Effort, met_by_cost, unseen_share
+from dmoc.solving.multistart.minima import Basin, joined
 from dmoc.solving.multistart.ranking import Ranked
 from dmoc.solving.open_hits import _Tries
 
 NONE = np.zeros(0)
 
 
-def test_starts_agree_where_most_minima_and_enough_starts_are_the_best() -> None:
+def met(*counts: int, costs: Sequence[float] = (1.0, 2.0, 3.0, 4.0), far: int = 5) -> list[Basin]:
+    """Minima of some costs, and how many starts have met each, so many at most far from all."""
     attempt: Any = SimpleNamespace(nlp=SimpleNamespace(scale=SimpleNamespace(cost=1.0)))
+    return [
+        Basin(attempt, c, np.ones(1), n, "", min(n, far))
+        for c, n in zip(costs, counts, strict=False)
+    ]
 
-    def met(best: int, other: int) -> list[Basin]:
-        return [Basin(attempt, 1.0, np.ones(1), best), Basin(attempt, 2.0, np.ones(1), other)]
 
-    effort = Effort()  # three of four minima, four of ten starts
-    assert not effort.agree(met(3, 1), 16)
-    assert not effort.agree(met(7, 9), 16)
-    assert effort.agree(met(7, 1), 16)
+def test_the_share_of_unseen_minima_is_that_of_minima_met_once() -> None:
+    """(f + 1) / (n + 2), of n starts and f minima met once; costs that are equal count as one."""
+
+    def unseen(minima: list[Basin]) -> float:
+        return unseen_share(met_by_cost(minima)[:, 0])
+
+    assert unseen(met(7, 1, 1, 2)) == pytest.approx(3 / 13)
+    assert unseen(met(8)) == pytest.approx(1 / 10)
+    assert unseen(met(1, 1, 6, costs=(1.0, 1.0, 2.0))) == pytest.approx(1 / 10)
+    assert unseen(met(6, 1, 1, costs=(1.0, 2.0, 2.0))) == pytest.approx(1 / 10)
+    assert met_by_cost(met(6, 1, 1, costs=(1.0, 2.0, 2.0))).tolist() == [[6, 5], [2, 2]]
+
+
+def test_starts_suffice_where_the_best_is_met_often_and_little_is_unseen() -> None:
+    """Met five times, 16 since the first of these, and few minima met once, of all starts and of
+    those far from them."""
+    effort = Effort()
+    assert effort.suffices(met(20, 10), 40, 16)
+    assert not effort.suffices(met(20, 10), 40, 15)
+    assert not effort.suffices(met(4, 30), 40, 16)
+    assert effort.suffices(met(5, 30), 40, 16)
+    assert not effort.suffices(met(20, 10, 1, far=20), 40, 16)  # 2 of 33
+    assert effort.suffices(met(30, 10, 1, far=20), 50, 16)  # 2 of 43
+    assert effort.suffices(met(9, 5, 5, 5), 40, 16)
+    assert not effort.suffices(met(8, 5, 5, 5), 40, 16)  # six each on the average
+    assert not effort.suffices(met(20, 10, far=1), 40, 16)  # 3 of 4 of those far away
+    assert effort.suffices(met(20, 10, far=3), 40, 16)  # 1 of 8
+    assert not effort.suffices(met(20, far=4), 40, 16)  # 1 of 6
+    assert not effort.suffices([], 40, 40)
+    assert not replace(effort, total=50).suffices(met(20, 10), 40, 16)
+
+
+def test_starts_suffice_where_all_of_them_lead_to_one_minimum() -> None:
+    assert Effort().suffices(met(9), 9, 8)
+    assert not Effort().suffices(met(9), 10, 9)
+    assert not Effort().suffices(met(8, 1), 9, 8)
+
+
+def test_starts_of_one_minimum_are_counted_together() -> None:
+    one = met(3, far=2)[0].met_by(met(4, far=1)[0])
+    assert (one.starts, one.far) == (7, 3)
+
+
+def test_of_equal_costs_the_minimum_that_was_met_first_comes_first() -> None:
+    attempt: Any = SimpleNamespace(nlp=SimpleNamespace(scale=SimpleNamespace(cost=1.0)))
+    minima = [Basin(attempt, 1.0, np.array([1.0])), Basin(attempt, 3.0, np.array([1.0]))]
+    new = Basin(attempt, 1.0 - 1e-12, np.array([2.0]))
+    assert [float(b.durations[0]) for b in joined(minima, new)] == [1.0, 2.0, 1.0]
+    cheaper = replace(new, cost=0.9)
+    assert [b.cost for b in joined(minima, cheaper)] == [0.9, 1.0, 3.0]
+    dearer = replace(new, cost=4.0)
+    assert [b.cost for b in joined(minima, dearer)] == [1.0, 3.0, 4.0]
 
 
 def test_a_collision_without_effect_ranks_behind_a_dearer_one_with_it() -> None:

@@ -20,8 +20,8 @@ from dmoc.base.deadline import ENDLESS, Deadline
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving import many, open_hits, workforce
 from dmoc.solving.attempts import Attempt
-from dmoc.solving.multistart import exploration
-from dmoc.solving.multistart.exploration import Effort
+from dmoc.solving.multistart import exploration, rounds
+from dmoc.solving.multistart.effort import Effort
 
 
 @pytest.fixture
@@ -132,7 +132,7 @@ def block(bound: float) -> dmoc.Problem:
 def test_starts_go_on_until_one_leads_to_a_motion(
     now: list[float], monkeypatch: pytest.MonkeyPatch, first: int | None, begun: int
 ) -> None:
-    count, real = 0, exploration.attempts_from
+    count, real = 0, rounds.attempts_from
 
     def slow(programs: Any, points: Any, options: Options) -> list[Attempt]:
         nonlocal count
@@ -145,8 +145,8 @@ def test_starts_go_on_until_one_leads_to_a_motion(
             attempts.append(attempt if count == first else attempt.ending(Status.INFEASIBLE))
         return attempts
 
-    monkeypatch.setattr(exploration, "attempts_from", slow)
-    monkeypatch.setattr(exploration, "free_threads", lambda: 1)
+    monkeypatch.setattr(rounds, "attempts_from", slow)
+    monkeypatch.setattr(rounds, "free_threads", lambda: 1)
     ended = exploration.explored(block(5.0), Effort(), Options(deadline=Deadline.after(30.0)))
     assert len(ended.starts) == count == begun
     assert bool(ended.solutions) == (first is not None) and ended.late == (first is None)
@@ -156,14 +156,14 @@ def test_a_time_limit_is_told_where_it_is_used_up(
     now: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With half a newton there is no motion; each start that says so takes 2 s."""
-    real = exploration.attempts_from
+    real = rounds.attempts_from
 
     def slow(programs: Any, points: Any, options: Options) -> list[Attempt]:
         some = points[: max(0, math.ceil(options.deadline.left / 2))]
         now[0] += 2.0 * len(some)
         return real(programs, some, replace(options, deadline=ENDLESS)) if some else []
 
-    monkeypatch.setattr(exploration, "attempts_from", slow)
+    monkeypatch.setattr(rounds, "attempts_from", slow)
     short, long = (dmoc.solve(block(0.5), "ipm", seconds=s, starts=20) for s in (30.0, 60.0))
     assert short.status == "time_limit" and "raise it" in short.message and short.starts == 14
     assert long.status == "infeasible" and long.starts == 20

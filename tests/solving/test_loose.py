@@ -23,6 +23,8 @@ class Answer:
     message: str = "as fine as it gets"
     starts: int = 0
     agreeing_starts: int = 0
+    first_start: str = ""
+    unseen_share: float | None = None
     others: tuple[Any, ...] = ()
 
 
@@ -31,9 +33,10 @@ def loosened(monkeypatch: pytest.MonkeyPatch, found: Answer) -> Answer:
     monkeypatch.setattr(answer, "refined", lambda *_: found)
     request: Any = SimpleNamespace(tolerance=1e-6, options=Options(), loose=1e-3)
     problem: Any = SimpleNamespace(phase_steps=(4,))
-    first: Any = SimpleNamespace(starts=5, agreeing_starts=3, others=("other",))
+    met = {"starts": 5, "agreeing_starts": 3, "first_start": "random 2", "unseen_share": 0.2}
+    first: Any = SimpleNamespace(**met, others=("other",))
     kept: Any = answer._refined(problem, None, request, first)
-    assert (kept.starts, kept.agreeing_starts, kept.others) == (5, 3, ("other",))
+    assert {name: getattr(kept, name) for name in met} == met and kept.others == ("other",)
     result: Answer = kept
     return result
 

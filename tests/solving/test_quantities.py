@@ -147,7 +147,7 @@ def test_bounds_of_a_quantity_are_path_constraints(arms, order, form):
     limits = {"most": u * a.diff() <= 2, "least": u * a.diff() >= -2}
     stated = dmoc.build(arm(path_constraints=limits), order=order)
     problem = reaching(stated, controls=form, steps=120 // order)
-    one = dmoc.solve(problem, "ipm", starts=12)
+    one = dmoc.solve(problem, "ipm")
     other = problem.but(kernels=arms[order], bounds={"power": (-2, 2)})
     two = dmoc.solve(other, "ipm", starts=1, guess=one)
     assert one.verification.passed and two.verification.passed
@@ -167,7 +167,7 @@ def test_derivatives_of_the_cost_by_what_is_said_of_quantities(arms):
         return reaching(arms[2], bounds=bounds, goal=goal, steps=60)
 
     at = np.array([2.0, 1.0, 3.0])
-    solution = dmoc.solve(problem(*at), "ipm", starts=12)
+    solution = dmoc.solve(problem(*at), "ipm")
     slopes_by_name = dmoc.sensitivities(problem(*at), solution)
     slopes = []
     for way in np.eye(3) * 1e-3:
@@ -231,7 +231,7 @@ def test_quantities_end_as_they_start_and_further(arms, order):
 
 
 def test_quantities_of_motions_and_files(arms, tmp_path: Path):
-    solution = dmoc.solve(reaching(arms[4], bounds={"power": (-2, 2)}), "ipm", starts=12)
+    solution = dmoc.solve(reaching(arms[4], bounds={"power": (-2, 2)}), "ipm")
     state = solution.at(0.37)
     np.testing.assert_allclose(state["tip_x"], np.sin(state.q).sum(), rtol=1e-5)
     np.testing.assert_allclose(state["power"], state["u"] * state["a_dot"], rtol=1e-3)

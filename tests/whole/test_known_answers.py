@@ -253,7 +253,7 @@ def test_kellys_cart_pole() -> None:
     problem = cart_pole.problem(80, 4)
     kelly, best = (
         dmoc.solve(problem, "ipm", guess=cart_pole.straight(problem)),
-        dmoc.solve(problem, "ipm"),
+        dmoc.solve(problem, "ipm", starts=40),
     )
     assert kelly.solved and kelly.cost == pytest.approx(cart_pole.LIMIT, rel=1e-5)
     assert kelly.cost == pytest.approx(cart_pole.DYMOS, rel=2e-3)

@@ -15,7 +15,7 @@ from dmoc.base import errors
 from dmoc.cli.app import command_line
 from dmoc.sequences.nodes import Verdict
 from dmoc.solvers.outcome import Status
-from dmoc.solving.multistart.exploration import Effort
+from dmoc.solving.multistart.effort import Effort
 
 pytestmark = pytest.mark.slow
 

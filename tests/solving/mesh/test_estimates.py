@@ -149,7 +149,8 @@ def test_a_small_cost_that_falls_by_a_hundredth_in_twice_the_time_has_no_minimum
     cost: float, falls: float, open_ended: bool, endless: bool
 ) -> None:
     def answer(cost: float, time: float) -> Any:
-        return SimpleNamespace(cost=cost, final_time=time, minimum=True, scale={"cost": 1.0})
+        ends = {"minimum": True, "converged": True, "scale": {"cost": 1.0}}
+        return SimpleNamespace(cost=cost, final_time=time, **ends)
 
     limits = (1.0, np.inf if open_ended else 9.0)
     problem: Any = SimpleNamespace(final_time_bounds=limits, but=lambda final_time: final_time)

@@ -23,8 +23,8 @@ from dmoc.models.registry import find
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import Attempt
 from dmoc.solving.mesh import one_mesh
-from dmoc.solving.multistart import exploration, ranking
-from dmoc.solving.multistart.exploration import Effort
+from dmoc.solving.multistart import exploration, ranking, rounds
+from dmoc.solving.multistart.effort import Effort
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -126,27 +126,35 @@ def test_a_number_of_starts_is_kept(hanging: dmoc.Problem) -> None:
 def test_starts_that_there_is_no_time_for_are_not_made(
     block: Kernels, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They are made some at a time; none after those at which the time is used up."""
+    """They are made some at a time, random ones and others beside what these have led to; none
+    after those at which the time is used up."""
     problem = dmoc.Problem(
         block, start={"x": 0}, goal={"x": 1, "x_dot": 0}, bounds={"u": (-9, 9)}, steps=4,
         final_time=1.0,
     )  # fmt: skip
-    numbers_made, make = list[range](), exploration.random_motions
+    made: dict[str, list[range]] = {"random_motions": [], "neighbours": []}
 
-    def made(problem: dmoc.Problem, *others: Any) -> Any:
-        numbers_made.append(others[2])
-        return make(problem, *others)
+    def recording(name: str) -> Callable[..., Any]:
+        make = getattr(rounds, name)
 
-    monkeypatch.setattr(exploration, "random_motions", made)
-    monkeypatch.setattr(exploration, "TOGETHER", 20)
-    effort = Effort(total=50, widens=False)
+        def recorded(problem: dmoc.Problem, *others: Any) -> Any:
+            made[name].append(next(numbers for numbers in others if isinstance(numbers, range)))
+            return make(problem, *others)
+
+        return recorded
+
+    for name in made:
+        monkeypatch.setattr(rounds, name, recording(name))
+    effort = Effort(first=8, random=4, beside=12, total=50, widens=False)
     ended = exploration.explored(problem, effort, Options())
+    named = len(ended.starts) - sum(map(len, made["random_motions"] + made["neighbours"]))
     assert len(ended.starts) == 50 and ended.ranked[0].minimum.starts == 50
-    assert [k for numbers in numbers_made for k in numbers] == list(range(numbers_made[-1].stop))
-    assert max(map(len, numbers_made)) == 20
-    numbers_made.clear()
+    assert ended.ranked[0].minimum.first == "automatic 1" and named >= 1
+    assert made["neighbours"] == [range(12), range(12, 24)]
+    assert made["random_motions"] == [range(24), range(24, 24), range(24, 26 - named)]
+    made["random_motions"].clear()
     few = exploration.explored(problem, effort, Options(deadline=Deadline.after(1e-9)))
-    assert len(numbers_made) == 1 and len(few.starts) < 50
+    assert len(made["random_motions"]) == 1 and len(few.starts) < 50
 
 
 @pytest.mark.slow
@@ -173,7 +181,7 @@ def test_a_confirmed_minimum_is_not_passed_over_for_the_same_one_of_a_finer_mesh
     """With inputs that are linear in steps, two minima differ in the step of a switch: one costs
     5.7134 and is not confirmed, the other 5.7095.  Of 200 steps both cost 5.7010."""
     problem = little_torque(pendulum_and_torque, 2.0, 50).but(controls="linear")
-    solution = answer_of(problem, "ipm")
+    solution = answer_of(problem, "ipm", seed=1)
     assert solution.cost == pytest.approx(5.70947, rel=1e-5)
     other = next(m for m in solution.others if m.cost < 6)
     assert other.status == "not_verified" and other.cost > solution.cost
@@ -207,14 +215,14 @@ def test_starts_that_come_to_rest_lead_to_rest() -> None:
     at_rest = double_integrator(40).but(start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0})
     solution = answer_of(at_rest, "ipm")
     assert solution.cost < 1e-12
-    assert solution.agreeing_starts == solution.starts == 17
+    assert solution.agreeing_starts == solution.starts == 9
 
 
 def test_minima_of_the_coarse_mesh_that_become_one_need_no_more_starts(seed: dmoc.Problem) -> None:
     """Of 24 steps the source's problem has two, of costs 131.4 and 139.6."""
     solution = dmoc.solve(seed, "ipm")
     assert solution.cost == pytest.approx(129.6024, rel=1e-6)
-    assert solution.starts < 30 and solution.others == ()
+    assert solution.starts < 40 and solution.others == ()
 
 
 def test_minima_that_finer_meshes_lose_are_told(

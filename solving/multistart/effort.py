@@ -1,0 +1,81 @@
+"""How many starts are tried, and what those that were tried say of minima that were not met."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.guess.random_motions import IN_TURN
+from dmoc.solving.multistart.minima import Basin
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How many starts are tried, and what is done with what they find."""
+
+    # Random starts at first, random ones in each later round and motions beside the minima that
+    # were met, and the most of all these.
+    first: int = 8
+    random: int = 16
+    kinds: Sequence[int] = IN_TURN  # of random motions
+    beside: int = 16
+    most: int = 300
+    # No more are needed where all have led to one minimum; or where the best one was met so often,
+    # so many starts on the average have met each, so many have met no cheaper one since, and at
+    # most such a share of further starts is expected to meet a minimum not met so far: of all, and
+    # of those that are not beside a minimum.
+    often: int = 5
+    each: int = 6
+    unseen: float = 0.06
+    unseen_far: float = 0.15
+    # Minima that are refined at least, and at most, where cheaper coarse ones are left.
+    refined: int = 4
+    most_refined: int = 16
+    settles: bool = True  # minima that are not confirmed are looked at on a finer mesh
+    widens: bool = True  # limits of inputs, to tighten them, where no start leads to a motion
+    iterations: int | None = None  # of a start; by default as many as it seems to take
+    guesses: int | None = None  # automatic ones that are tried at most
+    total: int | None = None  # all starts, where their number is given
+    seed: int = 0
+    verifies: bool = True  # minima are checked by simulation before they are ranked
+
+    @classmethod
+    def of(cls, starts: int | None, seed: int, verifies: bool = True) -> Effort:
+        """As many starts as it seems to take, or a given number."""
+        return cls(widens=starts is None, total=starts, seed=seed, verifies=verifies)
+
+    def suffices(self, minima: Sequence[Basin], starts: int, unbeaten: int) -> bool:
+        """Whether so many starts, of which some minima have come, are enough; ``unbeaten`` of them
+        came after the one that has met the best minimum first."""
+        if self.total is not None or not minima:
+            return False
+        if len(minima) == 1 and minima[0].starts == starts:
+            return True
+        every, far = met_by_cost(minima).T
+        seen = unseen_share(every) <= self.unseen and unseen_share(far) <= self.unseen_far
+        often = every[0] >= self.often and every.sum() >= self.each * len(every)
+        return seen and often and unbeaten >= self.beside
+
+
+def met_by_cost(minima: Sequence[Basin]) -> NDArray[np.intp]:
+    """Starts that have met each cost of some minima, the cheapest first, whatever the durations,
+    and those of them that were not beside a minimum: shape (costs, 2).  Where a motion may wait,
+    many minima cost the same."""
+    counts, before = list[list[int]](), None
+    for basin in minima:
+        if before is None or not basin.costs_as(before):
+            counts.append([0, 0])
+        counts[-1][0] += basin.starts
+        counts[-1][1] += basin.far
+        before = basin
+    return np.array(counts, np.intp).reshape(-1, 2)
+
+
+def unseen_share(counts: NDArray[np.intp]) -> float:
+    """Estimated share of further starts, of those that lead to a minimum, that lead to one of
+    another cost than those met so far so many times each: the share of costs met once (Good 1953,
+    after Turing), as if one more had been."""
+    return float((np.count_nonzero(counts == 1) + 1) / (counts.sum() + 2))

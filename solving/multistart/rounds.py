@@ -1,0 +1,189 @@
+"""Rounds of starts on a coarse mesh, and the minima that they lead to: random motions, and motions
+beside the minima that were met before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from dmoc.base.deadline import Deadline
+from dmoc.codegen.kernels import Array
+from dmoc.guess.automatic import initial_guesses, natural_time
+from dmoc.guess.neighbours import neighbours
+from dmoc.guess.random_motions import random_motions
+from dmoc.problem.problem import Problem
+from dmoc.program.scaling import scale_of
+from dmoc.solvers.outcome import Options, Status
+from dmoc.solving.attempts import Attempt
+from dmoc.solving.multistart.effort import Effort
+from dmoc.solving.multistart.minima import Basin, cost_of, joined
+from dmoc.solving.multistart.parallel import attempts_from, free_threads
+from dmoc.solving.multistart.ranking import RANKING, Refinements
+from dmoc.solving.multistart.tightening import tightened
+from dmoc.solving.programs import Programs
+
+# The coarse mesh is taken twice as fine, up to the ranking mesh, while the cost of its best minimum
+# changes by more than such a part there: what coarse steps miss makes minima of its own.
+MISSED = 0.05
+# Iterations of a start, where one that takes more never led to the best minimum; and where contacts
+# last or constraints hold: gaits take long.
+USUAL, LASTING = 60, 300
+# Waves beside minima get smaller by a factor where less than such a share of their solves end.
+FEW_END, NARROWER = 0.6, 0.5
+NEIGHBOUR = "neighbour"
+
+
+@dataclass(frozen=True)
+class Start:
+    """One start: its name, how it ended, its cost on the coarse mesh where solved."""
+
+    name: str
+    status: Status
+    cost: float | None
+
+
+@dataclass
+class Rounds:
+    """Rounds of starts on a coarse mesh, and the distinct minima they have led to, the cheapest
+    first; where there is none yet, further starts are tried until a later deadline."""
+
+    refinements: Refinements
+    effort: Effort
+    options: Options
+    seeking: Deadline
+    coarse: Problem
+    guesses: list[Array]
+    natural: float
+    programs: Programs
+    named: dict[str, Array]  # starts that are not random
+    minima: list[Basin]
+    starts: list[Start]
+    random: int = 0  # motions of each kind so far
+    beside: int = 0
+    amplitude: float = 1.0  # of the waves beside minima
+    unbeaten: int = 0  # starts since the best minimum was met first
+
+    @classmethod
+    def begun(
+        cls,
+        refinements: Refinements,
+        coarse: Problem,
+        effort: Effort,
+        options: Options,
+        seeking: Deadline,
+        points: Mapping[str, Array],
+    ) -> Rounds:
+        problem = refinements.problem
+        # On a coarse mesh the energies of a long and of a short step tell little of the rates:
+        # minima would live on what they miss, and be far from those of a finer mesh.
+        if coarse.phase_steps != problem.phase_steps:
+            coarse = coarse.in_rates()
+        room = effort.guesses if effort.total is None else effort.total - len(points)
+        guesses = [g.x for g in initial_guesses(coarse, options.deadline)][:room]
+        named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
+        most = effort.iterations or (LASTING if problem.held else USUAL)
+        few = replace(options, iterations=min(options.iterations, most))
+        programs = Programs(coarse, scale_of(coarse, next(iter(named.values()))))
+        natural = natural_time(coarse)
+        return cls(
+            refinements, effort, few, seeking, coarse, guesses, natural, programs, named, [], []
+        )
+
+    def run(self) -> None:
+        """Try starts until there are enough, or no time for more."""
+        effort = self.effort
+        while self._round(*self._next()):
+            enough = effort.suffices(self.minima, len(self.starts), self.unbeaten)
+            if enough or not any(self._next()):
+                break
+            self._refine_mesh()
+        if not self.minima and effort.widens:
+            later = replace(self.options, deadline=self.seeking)
+            self.minima = tightened(self.coarse, self.natural, effort.seed, later)
+
+    def _next(self) -> tuple[int, int]:
+        """How many random starts the next round has, and how many beside the minima."""
+        effort = self.effort
+        if effort.total is None:
+            left = max(effort.most - self.random - self.beside, 0)
+        else:
+            left = max(effort.total - len(self.named) - len(self.starts), 0)
+        if not self.starts:  # of a number that is given, half at least
+            first = effort.first if effort.total is None else max(effort.first, left // 2)
+            return min(first, left), 0
+        beside = min(effort.beside if self.minima else 0, left)
+        # the first round has had random starts only; those that lead nowhere have no neighbours
+        random = effort.random if self.beside else 0 if beside else effort.random + effort.beside
+        return min(random, left - beside), beside
+
+    def _round(self, random: int, beside: int) -> bool:
+        """Try some random starts and some beside the minima, after those that are named; whether
+        there was time for all."""
+        named, seed = self.named, self.effort.seed
+        numbers = range(self.random, self.random + random)
+        kinds = self.effort.kinds
+        x = random_motions(self.coarse, self.guesses, self.natural, numbers, seed, kinds)
+        named |= {f"random {k + 1}": x_k for k, x_k in zip(numbers, x, strict=True)}
+        if beside:
+            at = range(self.beside, self.beside + beside)
+            motions = [basin.motion for basin in self.minima]
+            around = neighbours(self.coarse, motions, at, seed, self.amplitude)
+            named |= {f"{NEIGHBOUR} {k + 1}": x_k for k, x_k in zip(at, around, strict=True)}
+        self.random, self.beside, self.named = numbers.stop, self.beside + beside, {}
+        latest = self.options.deadline if self.minima else self.seeking
+        attempts = _attempts(self.programs, list(named.values()), self.options, latest)
+        for name, attempt in zip(named, attempts, strict=False):
+            self.starts.append(_start(name, attempt))
+            best = self.minima[0] if self.minima else None
+            ended = attempt.status is Status.SOLVED
+            if ended:
+                far = not name.startswith(NEIGHBOUR)
+                self.minima = joined(self.minima, Basin.of(attempt, name, far))
+            better = ended and not (best and best.at_most(self.minima[0]))
+            self.unbeaten = 0 if better else self.unbeaten + 1
+        ends = [a.status is Status.SOLVED for a in attempts[-beside or len(named) :]]
+        if len(attempts) == len(named) and sum(ends) < FEW_END * len(ends):
+            self.amplitude *= NARROWER
+        if not self.minima and len(x):  # the first guess may be so small beside motions that exist
+            self.programs = Programs(self.coarse, scale_of(self.coarse, x[-1]))
+        return len(attempts) == len(named)
+
+    def _refine_mesh(self) -> None:
+        """Go on with twice as many steps where the best minimum costs something else on the mesh
+        where it is ranked."""
+        most = [min(n, RANKING) for n in self.refinements.problem.phase_steps]
+        steps = [min(2 * n, m) for n, m in zip(self.coarse.phase_steps, most, strict=True)]
+        if not self.minima or tuple(steps) == self.coarse.phase_steps:
+            return
+        best = self.minima[0]
+        fine = self.refinements.of(best, self.options)
+        if fine.status is Status.SOLVED:
+            there = Basin.of(fine)
+            if best.at_most(there, MISSED) and there.at_most(best, MISSED):
+                return
+        finer = self.coarse.meshed(steps)
+        minima = Refinements(finer).merged(self.minima, self.options)
+        if minima:
+            self.coarse, self.minima, self.unbeaten = finer, minima, 0
+            self.programs = Programs(finer, minima[0].attempt.nlp.scale)
+            self.guesses = [g.x for g in initial_guesses(finer, self.options.deadline)]
+
+
+def _attempts(
+    programs: Programs, points: Sequence[Array], options: Options, latest: Deadline
+) -> list[Attempt]:
+    """Attempts from some points in their order, as many as there is time for; until a later
+    deadline those that follow, as long as none is solved."""
+    attempts = attempts_from(programs, points, options)
+    later, at_once = replace(options, deadline=latest), free_threads()
+    while len(attempts) < len(points) and not latest.passed:
+        if any(attempt.status is Status.SOLVED for attempt in attempts):
+            break
+        some = points[len(attempts) : len(attempts) + at_once]
+        attempts += attempts_from(programs, some, later)
+    return attempts
+
+
+def _start(name: str, attempt: Attempt) -> Start:
+    solved = attempt.status is Status.SOLVED
+    return Start(name, attempt.status, cost_of(attempt) if solved else None)

@@ -1,0 +1,138 @@
+"""Rounds of starts: what the next one has, when the mesh gets finer, how far neighbours are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from systems import double_integrator
+
+import dmoc
+from dmoc.base.deadline import ENDLESS
+from dmoc.solvers.outcome import Options, Status
+from dmoc.solving.attempts import Attempt
+from dmoc.solving.multistart import rounds
+from dmoc.solving.multistart.effort import Effort
+from dmoc.solving.multistart.exploration import coarse_of
+from dmoc.solving.multistart.ranking import Refinements
+from dmoc.solving.multistart.rounds import Rounds
+
+EFFORT = Effort(first=4, random=2, beside=6, most=40)
+
+
+def search(problem: dmoc.Problem, effort: Effort = EFFORT) -> Rounds:
+    return Rounds.begun(Refinements(problem), coarse_of(problem), effort, Options(), ENDLESS, {})
+
+
+def names(found: Rounds) -> list[str]:
+    return [start.name.split()[0] for start in found.starts]
+
+
+def ending(failing: Callable[[int, str], bool]) -> Callable[..., list[Attempt]]:
+    """Attempts of which some are no minima, by the round and the kind of their start."""
+    solve, sizes = rounds._attempts, list[int]()
+
+    def attempts(programs: Any, points: Sequence[Any], *others: Any) -> list[Attempt]:
+        sizes.append(len(points))
+        kinds = ["far"] * (len(points) - 6) + ["beside"] * 6 if len(sizes) > 1 else ["far"] * 99
+        return [
+            a.ending(Status.STALLED) if failing(len(sizes), kind) else a
+            for a, kind in zip(solve(programs, points, *others), kinds, strict=False)
+        ]
+
+    return attempts
+
+
+def test_the_first_round_is_far_the_second_beside_later_ones_both() -> None:
+    found = search(double_integrator(30))
+    assert found._next() == (4, 0)
+    found._round(4, 0)
+    assert found._next() == (0, 6)
+    found._round(0, 6)
+    assert found._next() == (2, 6)
+    assert names(found) == ["automatic"] + ["random"] * 4 + ["neighbour"] * 6
+
+
+def test_without_a_minimum_there_are_no_neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rounds, "_attempts", ending(lambda n, _: n < 3))
+    found = search(double_integrator(30))
+    found._round(*found._next())
+    assert found._next() == (8, 0)
+    found._round(8, 0)
+    assert not found.minima and found._next() == (8, 0)
+    found._round(8, 0)
+    assert found.minima and found._next() == (0, 6)
+
+
+def test_there_are_no_more_than_the_most() -> None:
+    found = search(double_integrator(30), replace(EFFORT, most=11))
+    found._round(*found._next())
+    found._round(*found._next())
+    assert found._next() == (0, 1)
+    found._round(0, 1)
+    assert found._next() == (0, 0)
+    given = search(double_integrator(30), replace(EFFORT, total=3))
+    assert given._next() == (2, 0)
+
+
+def test_starts_since_the_best_are_counted() -> None:
+    """All lead to one minimum: the first of them has met it."""
+    found = search(double_integrator(30))
+    found._round(4, 0)
+    assert found.unbeaten == 4
+    found.minima = [replace(found.minima[0], cost=13.0)]  # as if they had led to a dearer one
+    found._round(0, 6)
+    assert found.unbeaten == 5 and found.minima[0].first == "neighbour 1"
+    assert found.minima[0].far == 0 and found.minima[1].far == 5
+
+
+@pytest.mark.parametrize("share, factor", [(0.0, 0.5), (1.0, 1.0)])
+def test_waves_get_smaller_where_few_neighbours_end(
+    monkeypatch: pytest.MonkeyPatch, share: float, factor: float
+) -> None:
+    fails = ending(lambda _, kind: kind == "beside" and share < 0.5)
+    monkeypatch.setattr(rounds, "_attempts", fails)
+    found = search(double_integrator(30))
+    found._round(4, 0)
+    assert found.amplitude == 1.0
+    found._round(0, 6)
+    assert found.amplitude == factor
+
+
+@pytest.mark.parametrize("there", [11.0, 12.5, 13.0])
+def test_the_mesh_gets_finer_where_the_best_minimum_costs_something_else(
+    monkeypatch: pytest.MonkeyPatch, there: float
+) -> None:
+    """12 on 24 steps of 50: within 5 % on the finer mesh, or less, or more."""
+    found = search(double_integrator(50))
+    found._round(4, 0)
+    coarse, of = found.minima[0], Refinements.of
+    assert coarse.cost == pytest.approx(12, rel=1e-2) and found.coarse.phase_steps == (24,)
+
+    def told(refinements: Refinements, basin: Any, options: Options) -> Attempt:
+        attempt = of(refinements, basin, options)
+        if refinements.problem.phase_steps != (50,):
+            return attempt
+        scale = attempt.nlp.scale
+        other = replace(scale, cost=scale.cost * there / basin.cost)
+        monkeypatch.setattr(attempt.nlp, "scale", other)
+        return attempt
+
+    monkeypatch.setattr(Refinements, "of", told)
+    found._refine_mesh()
+    finer = abs(there - coarse.cost) > 0.05 * max(there, coarse.cost)
+    assert found.coarse.phase_steps == ((48,) if finer else (24,))
+    assert found.minima[0].problem.phase_steps == found.coarse.phase_steps
+    assert found.minima[0].starts == 5 and found.unbeaten == (0 if finer else 4)
+    found._round(0, 6)
+    assert found.minima[0].starts == 11 and np.isfinite(found.minima[0].cost)
+
+
+def test_the_mesh_of_a_problem_with_few_steps_stays() -> None:
+    found = search(double_integrator(20))
+    found._round(4, 0)
+    found._refine_mesh()
+    assert found.coarse.phase_steps == (20,) and found.unbeaten == 4
