@@ -274,7 +274,8 @@ class WordTranscription(CasadiTranscription):
             if not steps:
                 continue
             q = np.array([end, *(row[:nq] for p, row in nodes[1:] if p == phase)])
-            u = np.array([row for p, row in inputs if p == phase]).reshape(-1, nu)
+            rows = [row for p, row in inputs if p == phase]
+            u = np.reshape(rows, (len(rows), nu))
             end = q[-1]
             courses = dict(zip(kernels.coordinates, q.T.tolist(), strict=True))
             courses |= dict(zip(kernels.inputs, u.T.tolist(), strict=True))
