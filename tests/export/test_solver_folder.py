@@ -20,7 +20,7 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import OutputError
 
-MINE = ("main.c", "test.c", "driver.c")
+MINE = ("main.c", "test.c", "driver.c", "refusals.c")
 
 
 def test_folders_that_are_refused(tmp_path: Path) -> None:
