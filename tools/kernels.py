@@ -34,7 +34,7 @@ import dmoc
 def changed(function):
     def call(problem, *arguments, **options):
         stated = zip(problem.kernels.parameters, problem.parameter_values[0].tolist(), strict=True)
-        values = {{name: (1 - {CHANGED}) * x for name, x in stated}}
+        values = {{n: (1 - {CHANGED}) * x for n, x in stated if n not in problem.design}}
         return function(problem.but(parameters=values), *arguments, **options)
     return call
 
