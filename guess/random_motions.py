@@ -4,12 +4,11 @@ A motion has durations, points at the start, the collisions and the goal, veloci
 the law of impact, and between them cubics with a few waves on top.  There are five kinds in turn.
 *Straight* ones have lines instead of cubics, with one bump of a coordinate in a phase, up or down,
 or none, and no inputs.  *Shaken* ones are an automatic guess with waves, other durations and less
-of its inputs.  *Driven* ones know nothing but the statement: they have
-waves s (1 - s) sin(m pi s) in each phase, which leave the points on their surfaces, and the inputs
-of the equations of motion by least squares, within their bounds; *idle* ones are the same without
-inputs; *loose* ones have waves sin(m pi s) over the whole time, which leave the surfaces, and no
-inputs either.  No kind is best for all problems.  Motion k of a seed is the same whichever others
-are asked for.
+of its inputs.  *Driven* ones know nothing but the statement: they have waves s (1 - s) sin(m pi s)
+in each phase, which leave the points on their surfaces, and the inputs of the equations of motion
+by least squares, within their bounds; *idle* ones are the same without inputs; *loose* ones have
+waves sin(m pi s) over the whole time, which leave the surfaces, and no inputs either.  No kind is
+best for all problems.  Motion k of a seed is the same whichever others are asked for.
 """
 
 from __future__ import annotations

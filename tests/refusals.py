@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,3 +35,18 @@ def check_refused(error: str, call: str, words: str, names: dict[str, Any]) -> N
         assert part in text[at:], text
         at = text.index(part, at) + len(part)
     assert text.endswith(".") and "\n" not in text and len(text) < 400, text
+
+
+def refusal_test(table: str) -> Callable[..., None]:
+    """A test of each row, with the names of a fixture ``names``; what is refused leaves no file."""
+
+    @pytest.mark.parametrize(("error", "call", "words"), refusals(table))
+    def test(
+        names: dict[str, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+        error: str, call: str, words: str,
+    ) -> None:  # fmt: skip
+        monkeypatch.chdir(tmp_path)
+        check_refused(error, call, words, names)
+        assert not list(tmp_path.iterdir())
+
+    return test

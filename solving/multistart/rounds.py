@@ -141,8 +141,8 @@ class Rounds:
                 self.minima = joined(self.minima, Basin.of(attempt, name, far))
             better = ended and not (best and best.at_most(self.minima[0]))
             self.unbeaten = 0 if better else self.unbeaten + 1
-        ends = [a.status is Status.SOLVED for a in attempts[-beside or len(named) :]]
-        if len(attempts) == len(named) and sum(ends) < FEW_END * len(ends):
+        led = sum(a.status is Status.SOLVED for a in attempts[len(named) - beside :])
+        if len(attempts) == len(named) and led < FEW_END * beside:
             self.amplitude *= NARROWER
         if not self.minima and len(x):  # the first guess may be so small beside motions that exist
             self.programs = Programs(self.coarse, scale_of(self.coarse, x[-1]))

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 import sympy as sp
-from refusals import check_refused, refusals
+from refusals import refusal_test
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
@@ -98,11 +97,4 @@ def names() -> dict[str, Any]:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(("error", "call", "words"), refusals(TABLE))
-def test_it_is_refused_in_one_sentence(
-    names: dict[str, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
-    error: str, call: str, words: str,
-) -> None:  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    check_refused(error, call, words, names)
-    assert not list(tmp_path.iterdir())
+test_it_is_refused_in_one_sentence = refusal_test(TABLE)
