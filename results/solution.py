@@ -23,6 +23,7 @@ from dmoc.motion.trajectory import (
     Trajectory,
 )
 from dmoc.program.active_constraints import ActiveBound
+from dmoc.results.exploration import exploration_of
 from dmoc.results.motion_result import MotionResult
 from dmoc.results.proposal import Proposal
 from dmoc.results.result_file import Saved
@@ -345,10 +346,7 @@ class Solution(Shown, MotionResult, Saved):
             "verification": None if check is None else check.to_dict(),
             "conflicts": list(self.conflicts),
             "scale": dict(self.scale),
-            "starts": self.starts,
-            "found": self.agreeing_starts,
-            **_named(self, "first_start unseen_share"),
-            "others": [_other(m) for m in self.others],
+            **exploration_of(self),
             "proposal": None if proposal is None else asdict(proposal),
             **refinement,
         }
@@ -356,11 +354,6 @@ class Solution(Shown, MotionResult, Saved):
 
 def _named(value: Any, names: str) -> dict[str, Any]:
     return {name: getattr(value, name) for name in names.split()}
-
-
-def _other(m: Minimum) -> dict[str, Any]:
-    """Another minimum as plain data."""
-    return {"cost": m.cost, "found": m.agreeing_starts, **_named(m, "status steps")}
 
 
 def _event(c: Collision) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from dmoc.base.tolerances import ROUNDING
 from dmoc.motion.trajectory import Array, Trajectory, impulses_in_words
 from dmoc.report.canvas import new_figure
 from dmoc.report.rounding import without_rounding
+from dmoc.results.exploration import exploration_in_words
 from dmoc.results.solution_table import in_words, table_of_solution
 from dmoc.solvers.outcome import UNREFINED
 
@@ -139,18 +140,11 @@ def _minima(s: Solution) -> Iterator[tuple[Cell, ...]]:
 
 
 def _explored(s: Solution) -> str:
-    first = f", the first time from {s.first_start}" if s.first_start else ""
-    unseen = (
-        ""
-        if s.unseen_share is None
-        else (
-            f" About {s.unseen_share:.0%} of further starts that lead to a minimum would lead to "
-            "one not met so far (estimate of Good and Turing)."
-        )
-    )
+    words = exploration_in_words(s)
+    estimate = "" if s.unseen_share is None else " Shares are estimates of Good and Turing."
     return (
-        f"{s.starts} starts on a coarse mesh{first}. Minima are local: none of these starts led to "
-        f"a better one.{unseen}"
+        f"On a coarse mesh {words}. Minima are local: none of these starts led to a better one."
+        f"{estimate}"
     )
 
 

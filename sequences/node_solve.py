@@ -248,7 +248,6 @@ def _node(task: NodeTask, solutions: Sequence[Solution]) -> Node:
         )
     if s.proposal is not None:
         evidence += (str(s.proposal),)
-    shortest = tuple(b for b in s.active_bounds if b.kind is BoundKind.DURATION and b.side == ">=")
     return Node(
         task.sequence,
         verdict,
@@ -256,9 +255,14 @@ def _node(task: NodeTask, solutions: Sequence[Solution]) -> Node:
         tuple(p.duration for p in s.phases),
         evidence,
         minima=(s.cost,),
-        shortest=shortest,
+        shortest=held_by(s),
         solution=replace(s, kernels=None),  # travels without the kernels, which the caller has
     )
+
+
+def held_by(s: Solution) -> tuple[str, ...]:
+    """Bounds of durations that hold a motion."""
+    return tuple(b for b in s.active_bounds if b.kind is BoundKind.DURATION and b.side == ">=")
 
 
 def _ends_of(starts: Sequence[Start]) -> str:

@@ -20,6 +20,7 @@ from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.motion.trajectory import noun_of
 from dmoc.problem.problem import Problem
+from dmoc.results.exploration import exploration_of
 from dmoc.sequences.candidates import Candidates
 from dmoc.sequences.comparison import CONFIRMED, with_optimum
 from dmoc.sequences.final_solve import state_best
@@ -108,13 +109,16 @@ class SearchResult(Shown):
         return sorted(good, key=lambda n: (n.cost, len(n.sequence), n.sequence))
 
     def to_dict(self) -> dict[str, Any]:
-        """The summary that the command line prints as JSON."""
+        """The summary that the command line prints as JSON; "exploration" is that of the best
+        sequence, as a solution has it."""
+        motion = None if self.best is None else self.best.solution
         return {
             "model": self.problem.kernels.name,
             "best": [] if self.best is None else list(self.best.sequence),
             "cost": None if self.best is None else self.best.cost,
             "complete": self.complete,
             "counts": self.counts,
+            "exploration": None if motion is None else exploration_of(motion),
             "notes": list(self.notes),
             "proposals": [p.to_dict() for p in self.proposals],
             "nodes": [n.to_dict() for n in self.nodes],
@@ -197,9 +201,9 @@ def search(
     and from random starts on a coarse mesh, and gets a verdict with its evidence; the children of
     one whose last collision cannot be made are not looked at.  The law of impact is stated in the
     rates of the gaps, gamma+ = -e gamma-.  Sequences that would be the best, and that the
-    simulation contradicts on their mesh, are solved on finer ones.  The best one is solved once
-    more as :func:`dmoc.solve` does, from its motion: its cost is that of the solve, if that is
-    confirmed.
+    simulation contradicts on their mesh, are solved on finer ones.  The best one is explored once
+    more as :func:`dmoc.solve` does, its motion being one of the starts: its cost is that of the
+    solve, if that is confirmed, and its evidence says how likely a better motion of it was missed.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ from functools import partial
 
 from dmoc.problem.problem import Problem
 from dmoc.program.sharing import in_words
+from dmoc.results.exploration import exploration_in_words
 from dmoc.results.solution import Solution, broken_off, saying
 from dmoc.solvers.outcome import Status
 from dmoc.solving.checked_solution import checked
@@ -26,8 +27,6 @@ FROM_COARSE = 300
 # A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier
 # may be driven further down.
 BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
-# Share of starts with unseen minima above which more of them are advised, so many times as many.
-FEW_UNSEEN, MORE = 0.1, 4
 NO_EVENT = (
     "the sequence is empty: dmoc.search(problem, strategy='propose') looks for events with which "
     "there is a motion"
@@ -35,9 +34,15 @@ NO_EVENT = (
 
 
 def answer_of(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
-    """Solve on the mesh of the problem, or to a tolerance."""
-    if request.starts is None and guess is not None:
-        request = replace(request, starts=1)
+    """Solve on the mesh of the problem, or to a tolerance; from a guess alone if one is given
+    without a number of starts."""
+    alone = request.starts is None and guess is not None
+    return best_answer(problem, guess, replace(request, starts=1) if alone else request)
+
+
+def best_answer(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
+    """Solve on the mesh of the problem, or to a tolerance; a guess is one of many starts, unless
+    their number is 1."""
     tolerance, of_mesh = request.tolerance, request
     if tolerance is not None:
         base = min(request.options.optimality, max(tolerance, BASE_OPTIMALITY))
@@ -77,7 +82,7 @@ def _completed(
     forces = in_words(problem) if answer.minimum else ""
     answer = saying(answer, forces) if forces else answer
     if answer.starts:
-        answer = saying(answer, _starts_in_words(answer))
+        answer = saying(answer, exploration_in_words(answer))
     answer = naming_turns(problem, answer, few, request.options.deadline)
     if answer.status is Status.INFEASIBLE and _may_touch(problem):
         answer = saying(answer, NO_EVENT)
@@ -124,23 +129,3 @@ def _refined(problem: Problem, guess: InitialGuess, request: Request, first: Sol
         message = f"a local minimum was found, confirmed by simulation; {answer.message}"
         answer = replace(answer, status=status, message=message)
     return answer
-
-
-def _starts_in_words(s: Solution) -> str:
-    """What the starts have led to."""
-    several, other = len(s.others), "other " if s.agreeing_starts else ""
-    minima = f"one {other}minimum" if several == 1 else f"{several} {other}minima"
-    if s.agreeing_starts:
-        others = f"others to {minima}" if several else "none to another one"
-        led = f"{s.agreeing_starts} of {s.starts} starts led to it, {others}"
-        return led if s.unseen_share is None else f"{led}; {_unseen_in_words(s)}"
-    if several:
-        return f"{s.starts} starts led to {minima} on a coarse mesh alone"
-    return f"none of {s.starts} starts on a coarse mesh led to a motion"
-
-
-def _unseen_in_words(s: Solution) -> str:
-    """What further starts may lead to, and how to try them where that is more than little."""
-    unseen = s.unseen_share or 0.0
-    share = f"about {unseen:.0%} of further ones would lead to a minimum not met so far"
-    return share if unseen <= FEW_UNSEEN else f"{share}, as starts={MORE * s.starts} tries"

@@ -24,7 +24,7 @@ from dmoc.program.layout import Layout
 from dmoc.results.solution import Solution, saying
 from dmoc.solvers.outcome import Status
 from dmoc.solving.answer import answer_of
-from dmoc.solving.mesh.one_mesh import on_coarse_mesh, solved_on_mesh
+from dmoc.solving.mesh.one_mesh import GIVEN, on_coarse_mesh, solved_on_mesh
 from dmoc.solving.multistart.effort import Effort
 from dmoc.solving.multistart.exploration import coarse_of, explored
 from dmoc.solving.request import Request
@@ -189,7 +189,7 @@ class _Tries:
         return self.near[words]
 
     def _from_guess(self, way: Problem, request: Request) -> Solution:
-        guess = on_coarse_mesh(way, self.guess).get("given")
+        guess = on_coarse_mesh(way, self.guess).get(GIVEN)
         s = solved_on_mesh(coarse_of(way), guess, request)
         if s.status is Status.INTERRUPTED:
             raise KeyboardInterrupt

@@ -26,6 +26,7 @@ class Request:
     """How a problem shall be solved; its parts are checked.
 
     ``verify`` is for the solution, ``ranks_checked`` for the minima among which it is chosen.
+    ``most`` are the starts that are tried at most where ``starts`` leaves their number open.
     ``tolerance`` is that of a refinement, None where the mesh of the problem is the only one; where
     finer meshes do not lead there, an error up to ``loose`` that the check confirms is a solution
     too.  ``refining`` is the method of other meshes than that of the answer.
@@ -40,6 +41,7 @@ class Request:
     seed: int = 0
     tolerance: float | None = None
     loose: float = LOOSE
+    most: int | None = None
     refining: Method = METHODS[REFINING]
 
     def within(self, **limits: Any) -> Request:

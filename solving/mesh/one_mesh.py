@@ -22,6 +22,7 @@ from dmoc.solving.programs import Programs
 from dmoc.solving.request import Request
 from dmoc.solving.starts import InitialGuess, starts_of
 
+GIVEN = "given"  # the name of a start that is a guess
 # Starts that were not tried may lead to a motion.
 OUT_OF_STARTS = "the time limit was used up before a start led to a motion: raise it"
 
@@ -30,7 +31,7 @@ def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Sol
     """Solve on one mesh, from the best of many starts or from a guess alone."""
     if request.starts == 1 or not problem.kernels.compiled:
         return solved_on_mesh(problem, guess, request)
-    effort = Effort.of(request.starts, request.seed, request.ranks_checked)
+    effort = Effort.of(request.starts, request.seed, request.ranks_checked, request.most)
     begin = time.perf_counter()
     points = on_coarse_mesh(problem, guess)
     exploration = explored(problem, effort, request.options, points)
@@ -104,7 +105,7 @@ def on_coarse_mesh(problem: Problem, guess: InitialGuess) -> dict[str, Array]:
         return {}
     with np.errstate(all="ignore"):
         x = starts_of(problem, guess).points[0]
-        return {"given": on_mesh(coarse_of(problem), problem, x)}
+        return {GIVEN: on_mesh(coarse_of(problem), problem, x)}
 
 
 def on_mesh_of(problem: Problem, solution: Solution) -> bool:

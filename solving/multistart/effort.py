@@ -43,9 +43,13 @@ class Effort:
     verifies: bool = True  # minima are checked by simulation before they are ranked
 
     @classmethod
-    def of(cls, starts: int | None, seed: int, verifies: bool = True) -> Effort:
-        """As many starts as it seems to take, or a given number."""
-        return cls(widens=starts is None, total=starts, seed=seed, verifies=verifies)
+    def of(
+        cls, starts: int | None, seed: int, verifies: bool = True, most: int | None = None
+    ) -> Effort:
+        """As many starts as it seems to take, perhaps so many at most beside a motion that is
+        known, or a given number."""
+        widens, most = starts is None and most is None, cls.most if most is None else most
+        return cls(widens=widens, most=most, total=starts, seed=seed, verifies=verifies)
 
     def suffices(self, minima: Sequence[Basin], starts: int, unbeaten: int) -> bool:
         """Whether so many starts, of which some minima have come, are enough; ``unbeaten`` of them

@@ -40,8 +40,9 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
     assert summary["cost"] == pytest.approx(129.6024, rel=1e-5)
     assert summary["starts"] > 5 and 1 <= summary["found"] <= summary["starts"]
     assert summary["message"].endswith(
-        f"{summary['found']} of {summary['starts']} starts led to it, none to another one; about "
-        f"{summary['unseen_share']:.0%} of further ones would lead to a minimum not met so far"
+        f"{summary['found']} of {summary['starts']} starts led to it, the first of them "
+        f"{summary['first_start']}, none to another one, which leaves open that about "
+        f"{summary['unseen_share']:.0%} of further ones lead to another minimum"
     )
     assert summary["first_start"].split()[0] in ("automatic", "random", "neighbour")
     assert summary["others"] == []

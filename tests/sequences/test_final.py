@@ -3,21 +3,29 @@ lost."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import sympy as sp
 from answers import answer_of
-from searches import shipped
+from searches import shipped, unnamed
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_on_floor
 
 import dmoc
 from dmoc.base.deadline import ENDLESS, Deadline
+from dmoc.results.exploration import exploration_in_words
+from dmoc.sequences import final_solve
+from dmoc.sequences.final_solve import FEWEST
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.traversal import _looked_at
 from dmoc.sequences.tree import FINER, FINEST, Tree
+from dmoc.solvers.outcome import Status
+from dmoc.solving.answer import best_answer
+from dmoc.solving.request import Request
 
 
 @pytest.mark.slow
@@ -72,6 +80,77 @@ def test_what_is_confirmed_in_the_rates_alone_is_kept_and_told() -> None:
     assert "is not confirmed, so that its cost is the one in the rates" in result.notes[-1]
 
 
+@pytest.mark.parametrize("steps", [None, 40])
+def test_a_better_motion_that_few_starts_miss_is_found_and_told(
+    steps: int | None, tmp_path: Path
+) -> None:
+    """The automatic guess leads to the dearer of two minima of one hit, and is the only start."""
+    problem = unnamed("cart_pendulum_hanging", steps=steps)
+    result = dmoc.search(problem, 1, surfaces=["lower"])
+    best = result.best
+    assert best is not None and best.solution is not None and best.cost is not None
+    explored = answer_of(problem.but(sequence=["lower"]), "ipm")
+    assert best.cost == best.solution.cost == pytest.approx(explored.cost, rel=1e-3)
+    first, words, before, *_ = best.evidence
+    assert first == f"cost {best.cost:.6g}, confirmed by simulation"
+    assert words == exploration_in_words(best.solution) and best.solution.message.endswith(words)
+    dearer = max(best.minima)
+    assert before == f"the few starts of the search led to one that costs {dearer:.6g}"
+    assert dearer > 1.1 * best.cost and len(best.minima) == 2
+    assert result.notes[-2:] == (f"lower: {words}", f"lower: {before}")
+    facts = result.to_dict()["exploration"]
+    assert facts["unseen_share"] == best.solution.unseen_share is not None
+    assert facts["starts"] == best.solution.starts > FEWEST and facts["first_start"] != "given"
+    saved = dmoc.Solution.load(best.solution.save(tmp_path / "best.npz"))
+    assert saved.unseen_share == facts["unseen_share"]
+
+
+def test_a_motion_that_no_start_finds_again_is_kept_beside_what_they_lead_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem = unnamed("cart_pendulum", steps=40)
+    dear = dmoc.solve(problem.but(sequence=["lower"]), "ipm", starts=1)
+    met = {"starts": 9, "agreeing_starts": 4, "unseen_share": 0.2, "first_start": "random 2"}
+    far = replace(dear, trajectory=replace(dear.trajectory, cost=1e3), **met)
+    monkeypatch.setattr(final_solve, "best_answer", lambda *_: far)
+    result = dmoc.search(problem, 1, surfaces=["lower"])
+    assert result.best is not None and result.best.solution is not None
+    best = result.best.solution
+    assert result.best.cost == pytest.approx(dear.cost, rel=1e-6)
+    assert (best.starts, best.agreeing_starts, best.first_start) == (9, 1, "given")
+    assert [(m.cost, m.agreeing_starts) for m in best.others] == [(1e3, 4)]
+    assert best.message.endswith(exploration_in_words(best)) and best.unseen_share == 0.2
+
+
+def test_an_exploration_that_ctrl_c_ends_leaves_the_motion_of_the_node(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem = unnamed("cart_pendulum_hanging", steps=40)
+    ended = dmoc.solve(problem.but(sequence=["lower"]), "ipm", starts=1)
+    ended = replace(ended, status=Status.INTERRUPTED)
+    monkeypatch.setattr(final_solve, "best_answer", lambda *_: ended)
+    result = dmoc.search(problem, 1, surfaces=["lower"])
+    assert not result.complete and "interrupted" in result.notes[0]
+    assert result.best is not None and result.best.solution is not None
+    assert result.best.solution.solved and result.best.solution.starts == 0
+
+
+def test_the_best_is_explored_from_a_share_of_the_starts_of_all_nodes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    limits = list[int | None]()
+
+    def explored(problem: dmoc.Problem, guess: Any, request: Request) -> dmoc.Solution:
+        limits.append(request.most)
+        return best_answer(problem, guess, request)
+
+    monkeypatch.setattr(final_solve, "best_answer", explored)
+    dmoc.search(unnamed("cart_pendulum_hanging", steps=40), 1, surfaces=["lower"])
+    whole = dmoc.search(shipped("puck_table", steps=10), 3, seed=3)
+    tried = sum(len(n.starts) for n in whole.nodes)
+    assert limits == [FEWEST, tried // 2] and tried > 2 * FEWEST
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("steps", [6, 8, 10, 12])
 def test_a_sequence_that_coarse_meshes_speak_against_is_solved_on_finer_ones(steps: int) -> None:
@@ -82,7 +161,8 @@ def test_a_sequence_that_coarse_meshes_speak_against_is_solved_on_finer_ones(ste
     times = node.solution.steps[0] // steps
     assert node.solution.steps == (times * steps,) and times in (2, 4, 8, 16)
     assert node.evidence[0].endswith(f"confirmed by simulation, with {times} times the steps")
-    assert f"with {steps} steps a phase it costs" in node.evidence[1]
+    assert "starts led to it" in node.evidence[1]
+    assert f"with {steps} steps a phase it costs" in node.evidence[2]
     fine = dmoc.solve(problem.but(sequence=[], steps=400), "ipm", guess=node.solution)
     assert node.cost == pytest.approx(fine.cost, rel=2e-3)
 
