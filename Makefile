@@ -45,6 +45,7 @@ mutations: $(VENV)/.installed-test
 # Once a night: examples as users run them, the list of changes, the ladder and the campaigns; what
 # they said last is committed, benchmarks/results/night.
 night: $(VENV)/.installed-test $(VENV)/.installed-bench
+	$(BIN)/python -m pip install --quiet 'setuptools>=77' 'Cython>=3.1'
 	$(BIN)/python tools/night.py
 
 check: $(VENV)/.installed-test $(VENV)/.installed-check

@@ -12,6 +12,9 @@ ROUNDING = 1e-12
 SAME = 1e-9
 # Where forces balance, solvers leave 1e-10 of what they would do alone.
 BALANCED = 1e-8
+# Conditions say the same twice where less is left of a slope of length 1 beside the others: the
+# smallest singular value of such slopes; that of their products is its square.
+DEPENDENT = 3e-6
 # What a solver, or a user who has rounded its numbers, leaves of a condition that is kept.
 KEPT = 1e-6
 # Costs that differ by less, relative to them, may be those of one minimum: solves that end at

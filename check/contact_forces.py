@@ -14,9 +14,10 @@ from dmoc.check.consistency import DRIFT, OFF
 from dmoc.check.findings import Findings, largest
 from dmoc.check.segments import put
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.mechanics.contacts import RAIL
-from dmoc.simulation.contact_modes import Reaction, conditions, nearest
+from dmoc.simulation.contact_modes import Reaction, nearest
 from dmoc.simulation.sizes import NOTHING, pushes
 
 # What a force may pull or exceed its cone by, as a share of the largest of its contact, and what a
@@ -273,10 +274,12 @@ def _paradoxes(motion: Motion, i: int) -> Iterator[str]:
     rails_alone = Mode(mode.closed, (), mode.sliding)
     inputs = np.vstack([motion.steps[i].u0, motion.steps[i].u1[-1:]])
     there = model.with_friction_at(phase.q, phase.v, inputs, phase.t)
-    c = conditions(there, rails_alone, phase.q, phase.t)
+    closed = conditions_of(there, rails_alone, joints=False)
+    C = closed.slopes(there, phase.q, phase.t)[..., :-1]
+    B = closed.pushes(there, phase.q, phase.t, C)
     for place, j in enumerate(mode.closed):
-        pushed = model.responses(phase.q, c.B[:, place], phase.t)
-        wrong = np.flatnonzero(~((c.C[:, place] * pushed).sum(axis=1) < 0))
+        pushed = model.responses(phase.q, np.ascontiguousarray(B[:, place]), phase.t)
+        wrong = np.flatnonzero(~((C[:, place] * pushed).sum(axis=1) < 0))
         if len(wrong):
             yield (
                 f"sliding of {model.kernels.surfaces[j]!r} at {phase.t[wrong[0]]:.4g} s presses "
@@ -315,11 +318,11 @@ def _turning(motion: Motion, i: int) -> Iterator[str]:
     """Sliding against its planned direction, or from rest into the other one."""
     phase, model = motion.trajectory.phases[i], motion.model
     rates, size = model.slide_rates(phase.q, phase.v, phase.t), motion.sizes.slide
-    for j, s in motion.modes[i].sliding:
-        forward = s * rates[:, j]
+    slides = conditions_of(model, motion.modes[i])
+    for j, forward in slides.forward(rates).items():
         k = int(np.argmin(forward))
         if not forward[k] >= -TURNED * size[j]:
             yield (
                 f"{model.kernels.tangents[j]} slides with {rates[k, j]:.4g} at {phase.t[k]:.4g} s, "
-                f"against its planned direction {s:+d}"
+                f"against its planned direction {-np.sign(rates[k, j]):+.0f}"
             )

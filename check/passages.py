@@ -10,17 +10,11 @@ import numpy as np
 from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_mode import FREE, Mode, without_rails
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import Collision, Phase
-from dmoc.simulation.contact_modes import (
-    Reaction,
-    answers,
-    borne,
-    condition_rates,
-    conditions,
-    spread,
-)
+from dmoc.simulation.contact_modes import Reaction, borne
 from dmoc.simulation.hit_coefficients import wrong_coefficient
 from dmoc.simulation.single_hit import single_hit
 
@@ -154,12 +148,13 @@ class EventPassage:
             return ImpactResult(v, np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt)))
         if self.rubs is not None and self.hit is not None:
             return self._with_friction((self.hit, self.rubs), q, v, t)
-        wanted = -condition_rates(model, mode, q, v, t)
+        held = conditions_of(model, mode)
+        wanted = -held.rates(model, q, v, t)
         if self.hit is not None:
             e = model.coefficients(self.restitution, q, v, t)
             wanted[:, 0] *= 1 + e[:, self.hit]
-        change, lam = answers(model.mass(q, t), conditions(model, mode, q, t), wanted)
-        return ImpactResult(v + change, *spread(model, mode, lam)[:2])
+        change, lam = held.answers(model, q, t, wanted)
+        return ImpactResult(v + change, *held.spread(model, lam)[:2])
 
     def _with_friction(
         self, contact: tuple[int, int], q: Array, v: Array, t: Array

@@ -116,7 +116,7 @@ def motion_text(c: Constants, nlp: Transcription, entries: Mapping[str, str], mo
         holds = r.holds & ~np.isin(np.array(r.columns), others)
         arrays = (c.array("int", np.asarray(a)) for a in (r.columns, holds * 1, r.unknowns))
         place = [*KINDS].index(r.kind)
-        rows.append(initial(i, place, len(r.columns), literal(float(r.sign)), *arrays))
+        rows.append(initial(i, place, len(r.columns), literal(r.functions.push), *arrays))
     inputs = (c.array("int", lay.index_u[at]) for at in (lay.row_u_k, lay.row_u_kp1))
     return initial(
         momenta, entries["dynamics"], initial(*functions), lay.nu, len(rows), lay.scheme.degree,

@@ -152,7 +152,7 @@ def _balance(problem: Problem, lay: Layout, x: Array) -> None:
         missing, now = left[places], t[places]
         q = np.ascontiguousarray(x[lay.index_places[places]])
         mass = model.mass(q, now)
-        G = np.concatenate([-r.sign * r.slopes(model, q, now) for r in reactions], axis=1)
+        G = np.concatenate([-r.functions.push * r.slopes(model, q, now) for r in reactions], axis=1)
         response = [solved(mass, np.ascontiguousarray(G[:, m])) for m in range(G.shape[1])]
         A = G @ np.stack(response, axis=2)
         b = (G @ solved(mass, missing)[..., None])[..., 0]
@@ -172,4 +172,4 @@ def _balance(problem: Problem, lay: Layout, x: Array) -> None:
             pushed = impulses[beside, first : first + len(r.columns)]
             pushed = pushed * (share / whole[places[beside]])[:, None]
             first += len(r.columns)
-            x[r.unknowns] = pushed if r.pulls else np.maximum(pushed, 0.0)
+            x[r.unknowns] = pushed if r.functions.pulls else np.maximum(pushed, 0.0)

@@ -7,11 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.conditions import conditions_of, multipliers
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
-
-# Singular values below this share of the largest are those of contacts that say the same twice.
-REDUNDANT = 1e-10
 
 
 def held_responses(
@@ -19,30 +17,19 @@ def held_responses(
 ) -> tuple[Array, Array, Array]:
     """Changes of the velocity (nq, m) by impulses B (m, nq) at a position, where what is closed and
     what sticks hold, and the impulses beside them of surfaces (m, nc) and tangents (m, nt)."""
-    model = model.in_impact_at(q, t)
-    pushed, count = model.responses(q, B, t), len(holding.closed)
-    normal, tangential = np.zeros((len(B), model.nc)), np.zeros((len(B), model.nt))
-    if not count:
-        return pushed, normal, tangential
-    along = model.tangent_slopes(q, t)[:, :-1]
-    pushes = -model.gap_slopes(q, t)[:, :-1]
-    C = np.vstack([pushes[list(holding.closed)], along[list(holding.sticking)]])
-    for k, s in holding.sliding:
-        pushes[model.supports[k]] -= s * model.friction[k] * along[k]
-    D = np.vstack([pushes[list(holding.closed)], C[count:]])
-    response = model.responses(q, np.vstack([C, D]), t)
-    A = C @ response
-    if not (np.isfinite(A).all() and np.isfinite(pushed).all()):
-        return np.full_like(pushed, np.nan), normal + np.nan, tangential + np.nan
-    squares, A = np.split(A, 2, axis=1)
-    size = np.sqrt(np.maximum(np.diagonal(squares), np.finfo(float).tiny))
-    inverse = np.linalg.pinv(A / size / size[:, None], rcond=REDUNDANT) / size / size[:, None]
-    impulses = -inverse @ (C @ pushed)
-    normal[:, list(holding.closed)] = impulses[:count].T
-    tangential[:, list(holding.sticking)] = impulses[count:].T
-    for k, s in holding.sliding:
-        tangential[:, k] = -s * model.friction[k] * normal[:, model.supports[k]]
-    return pushed + response[:, len(C) :] @ impulses, normal, tangential
+    model, held = model.in_impact_at(q, t), conditions_of(model, holding, joints=False)
+    pushed = model.responses(q, B, t)
+    if not len(held):
+        return pushed, np.zeros((len(B), model.nc)), np.zeros((len(B), model.nt))
+    C = held.slopes(model, q, t)[:, :-1]
+    push, along = np.split(
+        model.responses(q, np.vstack([held.pushes(model, q, t, C), C]), t), 2, axis=1
+    )
+    size = np.sqrt(np.maximum(np.diagonal(C @ along), np.finfo(float).tiny))
+    times = len(B), 1, 1
+    A, sizes = np.tile(C @ push, times), np.tile(size, times[:2])
+    forces = held.spread(model, lam := multipliers(A, sizes, -(C @ pushed).T))
+    return pushed + push @ lam.T, forces.normal, forces.tangential
 
 
 def unknown_in_impacts(model: Model, tangents: Iterable[int]) -> str:

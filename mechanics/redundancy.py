@@ -15,17 +15,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.base.tolerances import KEPT
+from dmoc.base.tolerances import DEPENDENT, KEPT
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.conditions import GAPS, JOINTS, TANGENTS, Condition, Conditions, in_order
 from dmoc.mechanics.contact_mode import Mode
-from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.projection import onto
 
 # How far from the start positions are drawn, and how late, as shares of the reach.
 SPREAD = (0.0, 0.3, 1.0)
-# What is left of a slope of length 1 besides the others that it follows from.
-NOTHING_NEW = 1e-8
 # What a force shares with forces without effect, of length 1, that is more than rounding errors.
 UNDETERMINED = 1e-6
 
@@ -71,6 +69,10 @@ def redundancy(
     stuck = sorted(mode.sticking, key=lambda k: (not model.has_friction[k], k))
     if model.nj + len(closed) + len(stuck) < 2:
         return Redundancy()
+    placed = tuple(Condition(JOINTS, i) for i in range(model.nj))
+    placed += tuple(Condition(GAPS, j) for j in closed)
+    sticks = tuple(Condition(TANGENTS, k) for k in stuck)
+    mine, at_places = (in_order(model.contacts, of, mode) for of in ((*placed, *sticks), placed))
     names = [*model.kernels.joints, *model.contacts.named(closed)]
     names += [model.kernels.tangents[k] for k in stuck]
     seen, fits, misfits = list[Bools](), list[Bools](), list[Bools]()
@@ -78,13 +80,9 @@ def redundancy(
     rng = np.random.default_rng(0)
     for share in SPREAD:
         q, t = start + share * reach * rng.standard_normal(model.nq), share * latest
-        q, kept = _onto(model, closed, q, t, reach)
-        slopes = [
-            model.joint_slopes(q, t),
-            model.gap_slopes(q, t)[closed],
-            model.tangent_slopes(q, t)[stuck],
-        ]
-        rows = np.vstack(slopes) * np.append(reach, 1.0)
+        q, kept = _onto(model, at_places, q, t, reach)
+        slopes = mine.slopes(model, q, t)
+        rows = slopes * np.append(reach, 1.0)
         if not np.isfinite(rows).all():
             continue
         new, fit = _new(rows)
@@ -93,8 +91,10 @@ def redundancy(
         seen.append(new)
         fits.append(fit & np.append(kept, np.ones(len(stuck), dtype=bool)))
         misfits.append(~fit & kept.all())
-        pushes = _with_friction(model, mode, closed, (q, t), rows[:, :-1], reach)
-        slides |= np.linalg.matrix_rank(pushes, NOTHING_NEW) > new.sum()
+        pushes = mine.pushes(model.with_friction_at(q, t=t), q, t, slopes) * reach
+        length = np.linalg.norm(pushes, axis=1, keepdims=True)
+        pushes /= np.where(length > 0, length, 1.0)
+        slides |= np.linalg.matrix_rank(pushes, DEPENDENT) > new.sum()
         others |= _without_effect(pushes)
     if not seen or np.any(seen, axis=0).all():
         return Redundancy()
@@ -106,24 +106,20 @@ def redundancy(
         tuple(k for k, f in zip(stuck, held, strict=True) if f),
         tuple(map(int, np.flatnonzero(joints))),
         tuple(name for name, w in zip(names, wrong, strict=True) if w),
-        tuple(model.kernels.tangents[k] for k, _ in mode.sliding) if slides else (),
+        tuple(model.kernels.tangents[drag.tangent] for drag in mine.drags) if slides else (),
         *_named(names, others, len(names) - len(stuck)),
     )
 
 
-def _onto(
-    model: Model, closed: Sequence[int], q: Array, t: float, reach: Array
-) -> tuple[Array, Bools]:
-    """A position moved to where joints hold and surfaces are closed, and which of them are."""
+def _onto(model: Model, kept: Conditions, q: Array, t: float, reach: Array) -> tuple[Array, Bools]:
+    """A position moved to where conditions hold, and which of them do."""
 
     def conditions(q: Array) -> tuple[Array, Array]:
-        miss = np.hstack([model.joints(q, t), model.gaps(q, t)[:, closed]])
-        slopes = np.hstack([model.joint_slopes(q, t), model.gap_slopes(q, t)[:, closed]])
-        return miss, slopes[..., :-1] * reach
+        return kept.values(model, q, t), kept.slopes(model, q, t)[..., :-1] * reach
 
     q = onto(conditions, q[None], reach)[0]
     (misses,), (slopes,) = conditions(q[None])
-    sizes = np.append(model.joint_sizes(q, t), model.gap_sizes(q, t)[closed])
+    sizes = np.append(model.joint_sizes(q, t), model.gap_sizes(q, t)[kept.places(GAPS)[1]])
     # What a coordinate is alone has no size of its own where that is zero.
     sizes = np.fmax(sizes, np.abs(slopes).sum(axis=1))
     return q, np.asarray(np.abs(misses) <= KEPT * sizes)
@@ -141,29 +137,12 @@ def _new(slopes: Array) -> tuple[Bools, Bools]:
             for b in basis:
                 rest -= (b[:-1] @ rest[:-1]) * b
         left = float(np.linalg.norm(rest[:-1]))
-        new[i] = left > NOTHING_NEW * length
+        new[i] = left > DEPENDENT * length
         if new[i]:
             basis.append(rest / left)
         else:
-            fits[i] = abs(rest[-1]) <= NOTHING_NEW * max(length, float(np.linalg.norm(row)))
+            fits[i] = abs(rest[-1]) <= DEPENDENT * max(length, float(np.linalg.norm(row)))
     return new, fits
-
-
-def _with_friction(
-    model: Model, mode: Mode, closed: Sequence[int], place: tuple[Array, float], slopes: Array,
-    reach: Array,
-) -> Array:  # fmt: skip
-    """Directions in which units of the forces push at a place, with the friction of what slides,
-    each of the length 1."""
-    (q, t), pushes = place, slopes.copy()
-    along = model.tangent_slopes(q, t)[:, :-1] * reach
-    model = model.with_friction_at(q, t=t)
-    for k, s in mode.sliding:
-        if model.supports[k] != RAIL:
-            row = model.nj + list(closed).index(model.supports[k])
-            pushes[row] += s * model.friction[k] * along[k]
-    length = np.linalg.norm(pushes, axis=1, keepdims=True)
-    return np.asarray(pushes / np.where(length > 0, length, 1.0))
 
 
 def _named(names: list[str], chosen: Bools, first: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -174,5 +153,5 @@ def _named(names: list[str], chosen: Bools, first: int) -> tuple[tuple[str, ...]
 
 def _without_effect(pushes: Array) -> Bools:
     """Forces of which others have the same effect."""
-    both = np.linalg.pinv(pushes.T, rcond=NOTHING_NEW) @ pushes.T
+    both = np.linalg.pinv(pushes.T, rcond=DEPENDENT) @ pushes.T
     return np.asarray(1 - np.diagonal(both) > UNDETERMINED)

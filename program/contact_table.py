@@ -7,12 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from dmoc.base.records import record
-from dmoc.mechanics.contact_mode import STICK, names_of
+from dmoc.mechanics.conditions import GAPS, TANGENTS
+from dmoc.mechanics.contact_mode import names_of
 from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Index, Numbering
 from dmoc.program.reactions import (
-    GAPS,
-    TANGENTS,
     EventImpulses,
     PhaseReaction,
     event_impulses,
@@ -78,16 +77,12 @@ class ContactUnknowns:
         closed, rubbing = names_of(self.touch.contacts, mode)
         if closed:
             index, holds = self.P[rows][:, list(mode.closed)], np.ones(len(closed), dtype=bool)
-            yield PhaseReaction(
-                "normal", closed, GAPS, mode.closed, index, -1.0, holds, True, False
-            )
+            yield PhaseReaction(GAPS, closed, mode.closed, index, holds)
         if rubbing:
             columns = tuple(mode.rubbing)
-            sticks = np.array([sign == STICK for sign in rubbing.values()])
+            sticks = np.isin(columns, mode.sticking)
             index = self.T[rows][:, list(columns)]
-            yield PhaseReaction(
-                "tangential", tuple(rubbing), TANGENTS, columns, index, 1.0, sticks, False, True
-            )
+            yield PhaseReaction(TANGENTS, tuple(rubbing), columns, index, sticks)
 
     def impulses(self, i: int) -> Iterator[EventImpulses]:
         """Those of event i beside lam."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import most_of, solved
+from dmoc.mechanics.conditions import Forces
 from dmoc.mechanics.contact_forces import accelerations_and_forces
 from dmoc.mechanics.contact_mode import Mode, names_of, without_rails
 from dmoc.mechanics.model import Model
@@ -21,7 +22,7 @@ from dmoc.program.blocks import NOWHERE, Block
 from dmoc.program.hidden_values import lifted
 from dmoc.program.layout import Layout
 from dmoc.program.scaling import cost_of
-from dmoc.program.sharing import Forces, shared
+from dmoc.program.sharing import shared
 from dmoc.program.transcription import Transcription
 
 # Impulses of an event by their kind and name.
@@ -211,7 +212,7 @@ def _pushed(nlp: Transcription, x: Array, i: int, q: Array, t: Array) -> Array:
     rows = slice(None) if not at.own else np.append(0, np.flatnonzero(at.ends[at.rows(i)]))
     for r in nlp.layout.reactions(i):
         slopes = r.slopes(nlp.problem.model, q, t)
-        change += r.sign * np.einsum("kj,kji->ki", r.impulses(x)[rows], slopes)
+        change += r.functions.push * np.einsum("kj,kji->ki", r.impulses(x)[rows], slopes)
     change[0] *= -1
     change[1:-1] /= 1 if at.own else 2
     return change

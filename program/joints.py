@@ -7,17 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from dmoc.base.records import record
-from dmoc.mechanics.model import Model
+from dmoc.mechanics.conditions import JOINTS
 from dmoc.program.blocks import Bools, Index, Numbering
 from dmoc.program.reactions import (
     EventImpulses,
-    Functions,
     PhaseReaction,
     event_impulses,
 )
 from dmoc.program.stations import Stations
-
-JOINTS = Functions(Model.joints, Model.joint_slopes, Model.joint_rates)
 
 
 @record(frozen=True, eq=False)
@@ -57,4 +54,4 @@ class JointUnknowns:
         if self.names:
             every, holds = tuple(range(len(self.names))), np.ones(len(self.names), dtype=bool)
             rows = self.R[self.stations.rows(i)]
-            yield PhaseReaction("reaction", self.names, JOINTS, every, rows, 1.0, holds, True, True)
+            yield PhaseReaction(JOINTS, self.names, every, rows, holds)

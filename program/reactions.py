@@ -6,27 +6,16 @@ through all reactions alike.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.conditions import Functions
 from dmoc.mechanics.model import Model
 from dmoc.program.blocks import NOWHERE, Bools, Index
-
-
-class Functions(NamedTuple):
-    """Functions of places of a model, their slopes in (q, t), and their rates."""
-
-    values: Callable[[Model, Array, Array], Array]
-    slopes: Callable[[Model, Array, Array], Array]
-    rates: Callable[[Model, Array, Array, Array], Array]
-
-
-GAPS = Functions(Model.gaps, Model.gap_slopes, Model.gap_rates)
-TANGENTS = Functions(Model.tangents, Model.tangent_slopes, Model.slide_rates)
 
 
 @record(frozen=True, eq=False)
@@ -35,32 +24,25 @@ class PhaseReaction:
 
     Attributes
     ----------
-    kind : str
-        Of the forces of a phase: "normal", "tangential".
     functions : Functions
     columns : tuple of int
         Those of the functions that push, m of them; ``names`` are theirs.
     unknowns : array of int, shape (rows, m)
         Impulses in the rows of :class:`~dmoc.program.stations.Stations`.
-    sign : float
-        They change the momentum by sign * impulse * slope.
     holds : array of bool, shape (m,)
-        Functions whose rates vanish.
-    in_place : bool
-        What holds is zero; otherwise it keeps its value of the first row.
-    pulls : bool
-        Impulses of both signs.
+        Functions whose rates vanish; those of the others are of what slides.
     """
 
-    kind: str
-    names: tuple[str, ...]
     functions: Functions
+    names: tuple[str, ...]
     columns: tuple[int, ...]
     unknowns: Index
-    sign: float
     holds: Bools
-    in_place: bool
-    pulls: bool
+
+    @property
+    def kind(self) -> str:
+        """Of the forces of a phase: "normal", "tangential", "reaction"."""
+        return self.functions.kind
 
     @property
     def held(self) -> list[int]:
@@ -77,7 +59,7 @@ class PhaseReaction:
     def misses(self, model: Model, q: Array, t: Array) -> Array:
         """How far positions along the phase are from where it holds them, shape (n, held)."""
         values = self.functions.values(model, q, t)[:, self.held]
-        return np.asarray(values if self.in_place else values - values[:1])
+        return np.asarray(values if self.functions.in_place else values - values[:1])
 
     def rates(self, model: Model, q: Array, v: Array, t: Array) -> Array:
         """Rates of what it holds, shape (n, held)."""

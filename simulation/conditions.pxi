@@ -2,7 +2,7 @@
 
 # Determinant, measured by the sizes of its rows and columns, of conditions that are far from saying
 # the same twice, and singular values, as shares of the largest, of those that do.
-cdef double REGULAR = 1e-6, REDUNDANT = 1e-11
+cdef double REGULAR = 1e-6, REDUNDANT = DEPENDENT**2
 # What conditions that can hold together leave of second derivatives, as a share of their terms.
 cdef double AGREEING = 1e-9
 cdef enum:
@@ -12,7 +12,7 @@ cdef enum:
 
 cdef class Conditions:
     """What a mode demands of one model: closed gaps, what sticks, joints; for one thread."""
-    cdef object kernels
+    cdef object kernels, contacts
     cdef bint ready  # for joints, and modes with contacts or friction
     cdef ptrdiff_t nq, nu, nc, nt, nj, capacity
     cdef Rows surface, tangent, gap_rate, slide_rate, bearing, holding
@@ -53,8 +53,8 @@ cdef class Conditions:
         """Make what joints, and modes with contacts or friction, need."""
         cdef ptrdiff_t nq = self.nq, rows = self.capacity, most = self.nc + self.nt + self.nj
         kernels, self.ready = self.kernels, True
-        contacts = Contacts(tuple(kernels.surfaces), tuple(kernels.tangents))
-        self.support = np.array([*contacts.supports, RAIL], dtype=np.intp)
+        self.contacts = Contacts(tuple(kernels.surfaces), tuple(kernels.tangents))
+        self.support = np.array([*self.contacts.supports, RAIL], dtype=np.intp)
         none = np.zeros(0, dtype=np.intp)
         self.gamma_row = self.gamma_column = self.sigma_row = self.sigma_column = none
         self.phi_row = self.phi_column = none
@@ -75,7 +75,7 @@ cdef class Conditions:
             self.varied, self.speed = _space(rows * self.nt), _space(rows * self.nt)
             self.slows = kernels.has("dragging")
             varying = kernels.manifest.get("varying_friction", ())
-            names = [contacts.tangent_numbers[row["name"]] for row in varying]
+            names = [self.contacts.tangent_numbers[row["name"]] for row in varying]
             self.varies, self.pressed = np.array(names, dtype=np.intp), np.ones(self.nt)
             self.bearing = Rows(kernels, "bearing") if names else None
             self.holding = Rows(kernels, "holding") if names and self.static_too else None
@@ -108,23 +108,16 @@ cdef class Conditions:
         if not self.ready:
             self._contacts()
         mode = FREE if mode is None else mode
-        closed, sticking, sliding = mode.closed, mode.sticking, mode.sliding
-        if not all(0 <= j < self.nc for j in closed) or not all(
-            0 <= k < self.nt for k in (*sticking, *(k for k, _ in sliding))
-        ):
-            raise ValueError(f"expected some of {self.nc} surfaces and of {self.nt} tangents")
-        self.closed, self.sticking, self.sliding = len(closed), len(sticking), len(sliding)
-        self.m = self.closed + self.sticking + self.nj
+        held = conditions_among(self.contacts, mode, self.nj)
+        closed, sticking = held.places(GAPS), held.places(TANGENTS)
+        self.m, self.sliding = len(held), len(held.drags)
+        self.closed, self.sticking = len(closed[0]), len(sticking[0])
         self.closed_at[:], self.sticks_at[:], self.slides_at[:] = -1, -1, -1
-        for i, j in enumerate(closed):
-            self.closed_at[<ptrdiff_t>j] = i
-        for i, k in enumerate(sticking):
-            self.sticks_at[k] = self.closed + i
-        for i, (k, s) in enumerate(sliding):
-            self.slides_at[k], self.way[i] = i, s
-            self.presses[i] = self.closed_at[self.support[k]] if self.support[k] >= 0 else -1
-            if self.presses[i] < 0 <= self.support[k]:
-                raise ValueError("expected closed surfaces under what slides")
+        for places, (here, numbers) in ((self.closed_at, closed), (self.sticks_at, sticking)):
+            for i, k in zip(here, numbers):
+                places[k] = i
+        for i, (k, way, pressed_by) in enumerate(held.drags):
+            self.slides_at[k], self.way[i], self.presses[i] = i, way, pressed_by
 
     cdef int gradients(self, ptrdiff_t n, ptrdiff_t width, const double *y) except -1 nogil:
         """Evaluate what the conditions of n rows are made of."""

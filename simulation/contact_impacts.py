@@ -12,10 +12,11 @@ from dmoc.base.errors import SimulationError
 from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.mechanics.impulse_response import unknown_in_impacts
 from dmoc.mechanics.model import Model
-from dmoc.simulation.contact_modes import Reaction, conditions
+from dmoc.simulation.contact_modes import Reaction
 from dmoc.simulation.friction_at import check_impact
 from dmoc.simulation.hit_coefficients import hit_coefficients, several_by_law
 from dmoc.simulation.impact_course import Blow, blow_on
@@ -173,13 +174,14 @@ def dying(setting: Setting, place: Place, mode: Mode, before: Array) -> list[int
 
 def _uncoupled(model: Model, at: Place, j: int, on: list[int]) -> bool:
     """Whether an impact on one surface leaves the others that are touched alone."""
-    q, t = at.y[None, : model.nq], np.array([at.t])
+    q = at.y[: model.nq]
     others = [k for k in on if k != j]
     if not others:
         return True
     rubs = tuple(k for k, s in enumerate(model.supports) if s in on)
-    c = conditions(model, Mode((j, *others), rubs), q, t).C[0, : len(on) + len(rubs)]
-    A = c @ model.responses(q[0], c, at.t)
+    met = conditions_of(model, Mode((j, *others), rubs), joints=False)
+    c = met.slopes(model, q, at.t)[:, :-1]
+    A = c @ model.responses(q, c, at.t)
     at_j = np.array([True, *[False] * len(others), *[model.supports[k] == j for k in rubs]])
     size = np.sqrt(np.outer(np.diag(A), np.diag(A)))
     return bool((np.abs(A)[np.ix_(at_j, ~at_j)] <= ROUNDING * size[np.ix_(at_j, ~at_j)]).all())

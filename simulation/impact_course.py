@@ -26,9 +26,10 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved_transpose
+from dmoc.mechanics.conditions import answers, conditions_of, sizes_by_mass
 from dmoc.mechanics.contact_mode import STICK, Mode
 from dmoc.mechanics.model import Model
-from dmoc.simulation.contact_modes import Reaction, answers, borne, conditions, nearest, spread
+from dmoc.simulation.contact_modes import Reaction, borne, nearest
 from dmoc.simulation.mode_choice import Hints, Place, first_mode, is_borne
 
 # Parts of one impact: each ends where a contact changes its state.
@@ -217,15 +218,15 @@ class _Course:
 
     def _part(self, mode: Mode, sense: float) -> _Part | None:
         """A part in a mode; None if its conditions contradict each other."""
-        c, bounds = conditions(self.model, mode, *self.moment), -sense * self.falling
-        wanted = np.zeros((1, c.C.shape[1]))
+        held, bounds = conditions_of(self.model, mode), -sense * self.falling
+        C = held.slopes(self.model, *self.moment)[..., :-1]
+        wanted = np.zeros((1, len(held)))
         wanted[0, : len(mode.closed)] = bounds[list(mode.closed)]
-        change, lam = answers(self.M, c, wanted)
-        lengths = np.einsum("nmi,nim->nm", c.C, solved_transpose(self.M, c.C))
-        off, size = (c.C @ change[..., None])[..., 0] - wanted, self._size(change[0])
-        if not (np.abs(off) <= SAME * size * np.sqrt(lengths)).all():
+        change, lam = answers(self.M, C, held.pushes(self.model, *self.moment, C), wanted)
+        off, size = (C @ change[..., None])[..., 0] - wanted, self._size(change[0])
+        if not (np.abs(off) <= SAME * size * sizes_by_mass(self.M, C)).all():
             return None
-        reaction = Reaction(change, *spread(self.model, mode, lam))
+        reaction = Reaction(change, *held.spread(self.model, lam))
         reaction = borne(self.model, mode, reaction, *self.moment)
         return _Part(mode, change[0], reaction.normal[0], reaction.tangential[0], bounds)
 

@@ -27,6 +27,8 @@ from elimination cimport factor, shortest, solve
 
 import numpy as np
 
+from dmoc.base.tolerances import DEPENDENT
+from dmoc.mechanics.conditions import GAPS, TANGENTS, conditions_among
 from dmoc.mechanics.contact_mode import FREE
 from dmoc.mechanics.contacts import RAIL, Contacts
 from dmoc.simulation.contact_modes import Reaction

@@ -18,13 +18,13 @@ import numpy as np
 
 from dmoc.base.errors import SimulationError
 from dmoc.base.records import record
-from dmoc.base.tolerances import SAME
+from dmoc.base.tolerances import DEPENDENT, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
-from dmoc.simulation.contact_modes import REDUNDANT, borne
+from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.friction_at import with_friction
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.tolerances import Tolerances
@@ -148,7 +148,7 @@ def check_driven(model: Model, at: Place, on: Sequence[int]) -> None:
     for j in on if model.nj else ():
         n = model.gap_slopes(q, t)[j, :-1]
         alone = float(n @ solved(model.mass(q, t), n))
-        if not float(n @ model.responses(q, n, t)) > REDUNDANT * alone:
+        if not float(n @ model.responses(q, n, t)) > DEPENDENT**2 * alone:
             raise SimulationError(
                 f"the constraints ({', '.join(model.kernels.joints)}) drive the motion through "
                 f"surface {model.kernels.surfaces[j]!r} at t = {t:.6g} s, and no contact stops "

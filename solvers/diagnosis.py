@@ -140,7 +140,7 @@ def _pulls_of(name: str, lay: Layout, y: Array) -> Iterator[str]:
     for i in range(lay.stepped):
         rows = at.rows(i)
         for r in lay.reactions(i):
-            if not r.pulls and name in r.names:
+            if not r.functions.pulls and name in r.names:
                 impulse = r.impulses(y)[:, r.names.index(name)]
                 force = impulse / (y[lay.index_h[i]] * at.share[rows])
                 k = int(np.argmin(force))

@@ -13,23 +13,20 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.mechanics.conditions import answers, conditions_of
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation import contact_motion
 from dmoc.simulation.contact_modes import (
-    Conditions,
     Reaction,
     _furthest_along,
     _independent,
-    answers,
-    conditions,
     kept,
     names_without_effect,
     nearest,
     slack,
-    spread,
 )
 from dmoc.simulation.contact_motion import MotionRecord, Stretch
 from dmoc.simulation.recording import _at_once, _inputs, _joint_impulses, _merged, _Moment, _Side
@@ -55,33 +52,32 @@ def test_a_contact_that_slides_pushes_askew(table: Model) -> None:
     """By mu against where it slides; its gap grows downwards, its force acts upwards."""
     q = np.array([[0.5, 0.0]])
     for s in (1, -1):
-        both = conditions(table, Mode((1,), (), ((0, s),)), q, ZERO)
-        np.testing.assert_allclose(both.C, [[[0, -1]]], atol=1e-12)
-        np.testing.assert_allclose(both.B, [[[-0.25 * s, 1]]], atol=1e-12)
-        normal, tangential, joint = spread(
-            table, Mode((1,), (), ((0, s),)), np.array([[8.0], [2.0]])
-        )
+        both = conditions_of(table, Mode((1,), (), ((0, s),)))
+        np.testing.assert_allclose(both.slopes(table, q, ZERO)[..., :-1], [[[0, -1]]], atol=1e-12)
+        np.testing.assert_allclose(both.pushes(table, q, ZERO), [[[-0.25 * s, 1]]], atol=1e-12)
+        normal, tangential, joint = both.spread(table, np.array([[8.0], [2.0]]))
         np.testing.assert_allclose(normal, [[0, 8, 0], [0, 2, 0]])
         np.testing.assert_allclose(tangential, [[-2.0 * s], [-0.5 * s]])
         assert joint.shape == (2, 0)
-    sticks = conditions(table, Mode((1,), (0,)), q, ZERO)
-    np.testing.assert_allclose(sticks.C, [[[0, -1], [1, 0]]], atol=1e-12)
-    np.testing.assert_allclose(sticks.B, [[[0, 1], [1, 0]]], atol=1e-12)
+    sticks = conditions_of(table, Mode((1,), (0,)))
+    slopes, pushes = sticks.slopes(table, q, ZERO)[..., :-1], sticks.pushes(table, q, ZERO)
+    np.testing.assert_allclose(slopes, [[[0, -1], [1, 0]]], atol=1e-12)
+    np.testing.assert_allclose(pushes, [[[0, 1], [1, 0]]], atol=1e-12)
 
 
 def test_multipliers_are_the_smallest_with_their_effect() -> None:
     """Masses 1 and 4; twice the same condition shares its force."""
     M = np.diag([1.0, 4.0])[None]
     one = np.array([[[0.0, 2.0]]])
-    change, lam = answers(M, Conditions(one, one), np.array([[3.0]]))
+    change, lam = answers(M, one, one, np.array([[3.0]]))
     np.testing.assert_allclose(change, [[0.0, 1.5]])
     np.testing.assert_allclose(lam, [[3.0]])
     twice = np.array([[[0.0, 1.0], [0.0, 1.0]]])
-    change, lam = answers(M, Conditions(twice, twice), np.array([[1.5, 1.5]]))
+    change, lam = answers(M, twice, twice, np.array([[1.5, 1.5]]))
     np.testing.assert_allclose(change, [[0.0, 1.5]])
     np.testing.assert_allclose(lam, [[3.0, 3.0]])
     both = np.array([[[1.0, 0.0], [1.0, 1.0]]])
-    change, lam = answers(M, Conditions(both, both), np.array([[1.0, 3.0]]))
+    change, lam = answers(M, both, both, np.array([[1.0, 3.0]]))
     np.testing.assert_allclose(change, [[1.0, 2.0]])
     np.testing.assert_allclose(lam, [[-7.0, 8.0]])
 
