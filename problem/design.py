@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 # Random values of a design with which what holds at all of them holds for all: so many.
 SAMPLES = 3
-# What depends on the values of design parameters.
+# What depends on the values of design parameters, beside these.
 OF_DESIGN = {
-    "design_values", "parameter_values", "model", "redundant", "start_position", "goal_position",
-    "inertia", "reach", "end_speeds",
+    "parameter_values", "model", "redundant", "start_position", "goal_position", "inertia", "reach",
+    "end_speeds",
 }  # fmt: skip
 
 

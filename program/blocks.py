@@ -144,7 +144,10 @@ class Numbering:
         missed: Missed = PLAIN,
         counted: Counted | None = None,
     ) -> Block:
-        """A block of a shape, or of a mask whose False members do not exist."""
+        """A block of a shape, or of a mask whose False members do not exist; its members are
+        remembered by its name, which no other block has."""
+        if any(block.name == name for block in self.made):
+            raise ValueError(f"two blocks are called {name!r}: multipliers are kept by these names")
         if isinstance(where, tuple):
             count = math.prod(where)
             index = np.arange(self.next, self.next + count).reshape(where)

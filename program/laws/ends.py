@@ -192,7 +192,7 @@ class EndsLaw(Law):
             missed=Missed(unit=seconds),
         )
         self.goal_range = block(
-            "goal",
+            "goal >=",
             (len(limits),),
             lambda i: within(f"goal of {limits[i][0].name}", *limits[i][1:]),
             lambda s: lay.units(s)[bounded],

@@ -11,7 +11,7 @@ these contacts does not change in the impact::
     joined      phi_dot(q_c, v_h) = 0       of constraints
     presses     dP >= 0                     of contacts that do not stick
     grips       mu dP - |dT| >= 0           of those that stick
-    goes on     s sigma(q_c, v_h) >= 0      of what slides, at the stop
+    slides on   s sigma(q_c, v_h) >= 0      of what slides, at the stop
 
 with the differences dP, dT from the begin to the stop of sliding, and from there to the end: while
 the friction of the impact is the same, all impulses grow in one proportion.
@@ -62,7 +62,7 @@ class HeldLaw(Law):
     joined: Block = field(init=False)
     presses: Block = field(init=False)
     grips: Block = field(init=False)
-    goes_on: Block = field(init=False)
+    slides_on: Block = field(init=False)
 
     @property
     def lay(self) -> Layout:
@@ -132,8 +132,8 @@ class HeldLaw(Law):
             lambda i, of, k, _: f"friction cone of {names.tangents[k]} {part(i, of)}",
             lambda s: s.friction[:, None],
         )
-        self.goes_on = block(
-            "goes on",
+        self.slides_on = block(
+            "slides on",
             drags & ~grips,
             lambda i, k: f"sliding of {names.tangents[k]} {moment(i, STOP)}",
             lambda s: s.slide,
@@ -160,7 +160,7 @@ class HeldLaw(Law):
                     terms.append(Term(push, (q, impulse, t), (within,), sign))
                     terms.append(Term(rate, (q, v, t), (row.index[here, m],)))
         for sign in (1.0, -1.0):
-            rows = np.where(lay.touch.signs[1:] == sign, self.goes_on.index, NOWHERE)
+            rows = np.where(lay.touch.signs[1:] == sign, self.slides_on.index, NOWHERE)
             (here,) = np.nonzero((rows != NOWHERE).any(axis=1))
             if len(here):
                 q, t = lay.index_q[nodes[here]], places.times(nodes[here])

@@ -6,11 +6,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from every_constraint import driven_problem, ending, program_of, small
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.program.blocks import GOAL, LAW
-from dmoc.program.extraction import trajectory
+from dmoc.program.blocks import GOAL, LAW, Numbering
+from dmoc.program.extraction import multiplier_vectors, named_multipliers, trajectory
 from dmoc.program.layout import Layout
 from dmoc.program.transcription import Transcription
 
@@ -207,7 +208,7 @@ def test_rows_say_what_it_costs_to_miss_them_and_in_what_words(nlp: Transcriptio
         "force", "force at ends",
     } & set(prices)  # fmt: skip
     assert {name for name, price in prices.items() if price == GOAL} == {
-        "goal", "periodic", "quantity fixed", "quantity within",
+        "goal", "goal >=", "periodic", "quantity fixed", "quantity within",
     } & set(prices)  # fmt: skip
     units = {"kg m/s", "kg m2/s", "m", "rad", "m/s", "rad/s", "s", ""}
     for block in blocks:
@@ -215,6 +216,28 @@ def test_rows_say_what_it_costs_to_miss_them_and_in_what_words(nlp: Transcriptio
             assert block.missed.unit(*place) in units
             assert block.missed.words is None or block.missed.words(*place)
         assert block.counted is None or len(block.counted.places) == len(block.index)
+
+
+def test_multipliers_are_kept_by_the_names_of_their_rows(nlp: Transcription) -> None:
+    """Also of a goal that is a number beside one that is a range."""
+    x, y, rng = *dynamicsymbols("x y"), np.random.default_rng(3)
+    system = dmoc.MechanicalSystem("two_goals", [x, y], x.diff() ** 2 + y.diff() ** 2)
+    still = {"x": 0, "y": 0, "x_dot": None, "y_dot": None}
+    goal = {"x_dot": 1.0, "y_dot": (0.0, 2.0)}
+    both = Transcription(dmoc.Problem(dmoc.build(system), still, goal, steps=3, final_time=1.0))
+    assert {"goal", "goal >="} <= {b.name for b in (*both.equalities, *both.inequalities)}
+    for program in (nlp, both):
+        duals = [rng.normal(size=n) for n in (program.n_eq, program.n_in, program.n)]
+        again = multiplier_vectors(program, named_multipliers(program, *duals))
+        for one, other in zip(duals, again, strict=True):
+            np.testing.assert_allclose(other, one, rtol=1e-12)
+
+
+def test_two_blocks_of_one_name_are_refused() -> None:
+    block = Numbering()
+    block("goal", (2,), str, lambda s: 1.0)
+    with pytest.raises(ValueError, match="two blocks are called 'goal'"):
+        block("goal", (1,), str, lambda s: 1.0)
 
 
 def test_first_derivatives_equal_differences(nlp: Transcription) -> None:
