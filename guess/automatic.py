@@ -19,7 +19,7 @@ import numpy as np
 
 from dmoc.base.deadline import ENDLESS, Deadline
 from dmoc.base.records import record
-from dmoc.base.tolerances import SAME
+from dmoc.base.tolerances import BALANCED, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import standing
 from dmoc.guess.hits import through_hits, with_hidden
@@ -215,12 +215,9 @@ def expected_time(problem: Problem) -> float | None:
     full = [np.where(np.isfinite(side), side, 0.0) for side in box.T]
     times = [reach[i] / abs(v[i]) for i in range(problem.nq) if v[i] != 0]
     for u in (np.zeros(problem.nu), *full):
-        a = np.abs(problem.model.acceleration(q, u=u))
-        times += [
-            float(np.sqrt(2 * reach[i] / a[i]))
-            for i in range(problem.nq)
-            if np.isfinite(a[i]) and a[i] > 0
-        ]
+        a = np.abs(problem.model.acceleration(q, u=u)) / reach
+        least = BALANCED * np.where(np.isfinite(a), a, 0.0).max()  # what rounding leaves of none
+        times += [float(np.sqrt(2 / rate)) for rate in a if np.isfinite(rate) and rate > least]
     if not times:
         return None
     ordered, middle = np.sort(times), len(times) // 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.tolerances import BALANCED, SAME
 from dmoc.codegen.kernels import Array
@@ -49,7 +50,7 @@ def inertia_of(problem: Problem) -> Array:
 def reach_of(problem: Problem) -> Array:
     """How far each coordinate may be expected to move: to the goal, to zero, to the surfaces
     of the sequence, or, where that says nothing, what the inertias make of the reach of the
-    others, shape (nq,)."""
+    others, which for a light leg are many turns: half of one is as far as it gets, shape (nq,)."""
     start, goal = problem.start_position, problem.goal_position
     ends = np.max(np.abs([goal - start, start, goal]), axis=0) * (1 - problem.unsaid)
     root = np.sqrt(np.abs(problem.inertia))
@@ -65,7 +66,9 @@ def reach_of(problem: Problem) -> Array:
     for other in (ends, away, width):
         reach = np.where(reach > least, reach, other)
     reach = np.where(reach > least, reach, (reach * root).max() / root)
-    return reach if (reach > 0).all() else np.where(reach > 0, reach, _swing(problem))
+    reach = reach if (reach > 0).all() else np.where(reach > 0, reach, _swing(problem))
+    far = (reach > np.pi) & (np.maximum(ends, width) <= least)
+    return np.where(far & _turns(problem), np.pi, reach) if far.any() else reach
 
 
 def gap_sizes(problem: Problem, q: Array, t: float = 0.0) -> Array:
@@ -105,6 +108,25 @@ def _to_surfaces(problem: Problem, root: Array) -> tuple[Array, Array]:
         away = np.where((away == 0) & np.isfinite(to), to, away)
         shortest = np.where(np.isfinite(way), np.maximum(shortest, way), shortest)
     return away, shortest
+
+
+def _turns(problem: Problem) -> NDArray[np.bool_]:
+    """Which coordinates are angles: inertias, forces and contacts are as before after a full turn,
+    and not after another one, shape (nq,)."""
+    model, nq = problem.model, problem.nq
+    ways = np.vstack([np.zeros(nq), 2 * np.pi * np.eye(nq), np.eye(nq)])
+    q = problem.start_position + np.cos(np.arange(nq)) + ways  # where no sine is zero
+    v = np.ones_like(q)
+    with np.errstate(all="ignore"):
+        parts = (*model.equations(q, v), model.gaps(q), model.tangent_slopes(q))
+        turned, other = np.ones(nq, bool), np.zeros(nq, bool)
+        for part in parts:
+            rows = part.reshape(len(q), -1)
+            least = SAME * np.abs(rows).max(initial=0.0)
+            moved = np.abs(rows[1:] - rows[0]).max(axis=1, initial=0.0)
+            turned &= moved[:nq] <= least
+            other |= moved[nq:] > least
+    return turned & other
 
 
 def _time(problem: Problem) -> float:

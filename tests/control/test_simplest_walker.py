@@ -78,3 +78,22 @@ def test_its_multipliers_are_those_of_its_return_map() -> None:
     assert multipliers[0] == approx(1, abs=1e-5)  # the floor is the same everywhere
     assert np.sort_complex(multipliers[1:3]) == approx(eigenvalues, abs=5e-4)
     assert abs(multipliers[3:]) == approx(0, abs=1e-4)
+
+
+@mark.slow
+def test_its_shortest_gait_is_met_from_starts_of_its_own() -> None:
+    """Nothing is said of angles whose feet weigh next to nothing, and nothing drives them."""
+    fixed = fsolve(lambda z: step(z)[0] - z, [0.193937, -0.203867], xtol=1e-12)
+    _, times, _ = step(fixed)
+    legs = {"a": "b", "b": "a", "a_dot": "b_dot", "b_dot": "a_dot"}
+    problem = dmoc.Problem(
+        walker(), {"x": 0.0}, contacts=["left"], sequence=["+right -left"],
+        ignored=["left", "right"], final_time=(3, 5), durations=[None, 0],
+        via=[{"a": (-0.5, -0.05)}],
+        periodic={"x": ("x", None), "y": "y", "x_dot": "x_dot", "y_dot": "y_dot", **legs},
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    assert solution.solved and solution.agreeing_starts > 1
+    assert solution.final_time == approx(times[-1], rel=1e-3)
+    (other,) = solution.others
+    assert other.cost == approx(3.88246, rel=1e-3) and other.status == "solved"
