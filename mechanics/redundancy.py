@@ -9,7 +9,7 @@ at later times: what follows from a constraint sticks only if that never moves i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,10 +77,7 @@ def redundancy(
     names += [model.kernels.tangents[k] for k in stuck]
     seen, fits, misfits = list[Bools](), list[Bools](), list[Bools]()
     others, slides = np.zeros(len(names), dtype=bool), False
-    rng = np.random.default_rng(0)
-    for share in SPREAD:
-        q, t = start + share * reach * rng.standard_normal(model.nq), share * latest
-        q, kept = _onto(model, at_places, q, t, reach)
+    for q, t, kept in places_held(model, at_places, start, reach, latest):
         slopes = mine.slopes(model, q, t)
         rows = slopes * np.append(reach, 1.0)
         if not np.isfinite(rows).all():
@@ -109,6 +106,17 @@ def redundancy(
         tuple(model.kernels.tangents[drag.tangent] for drag in mine.drags) if slides else (),
         *_named(names, others, len(names) - len(stuck)),
     )
+
+
+def places_held(
+    model: Model, at_places: Conditions, start: Array, reach: Array, latest: float
+) -> Iterator[tuple[Array, float, Bools]]:
+    """Positions and times at which conditions hold, from the start on, and which of them do."""
+    rng = np.random.default_rng(0)
+    for share in SPREAD:
+        q, t = start + share * reach * rng.standard_normal(model.nq), share * latest
+        q, kept = _onto(model, at_places, q, t, reach)
+        yield q, t, kept
 
 
 def _onto(model: Model, kept: Conditions, q: Array, t: float, reach: Array) -> tuple[Array, Bools]:

@@ -70,8 +70,8 @@ class ForceUnknowns:
         def place(r: int) -> str:
             return f"in step {r}" if between else stations.label(r)
 
-        labels, ends = _labels(*names, touch), ("at the start", "at the goal")
-        there = _there(*names, touch)[:, : len(labels) * wanted.contained]
+        labels, ends = labels_of_forces(*names, touch), ("at the start", "at the goal")
+        there = there_are_forces(*names, touch)[:, : len(labels) * wanted.contained]
         y = block(
             "y",
             there[phase] & wanted.along,
@@ -97,7 +97,8 @@ def sizes(s: Scale) -> Array:
     return np.asarray(np.concatenate([s.v, s.lam, s.friction, s.reaction]) / s.time)
 
 
-def _labels(coordinates: Sequence[str], joints: Sequence[str], touch: Touch) -> list[str]:
+def labels_of_forces(coordinates: Sequence[str], joints: Sequence[str], touch: Touch) -> list[str]:
+    """What the accelerations and forces are called."""
     names = touch.contacts
     return [
         *(f"acceleration of {name}" for name in coordinates),
@@ -107,7 +108,7 @@ def _labels(coordinates: Sequence[str], joints: Sequence[str], touch: Touch) -> 
     ]
 
 
-def _there(coordinates: Sequence[str], joints: Sequence[str], touch: Touch) -> Bools:
+def there_are_forces(coordinates: Sequence[str], joints: Sequence[str], touch: Touch) -> Bools:
     """Which accelerations and forces there are in each phase, shape (phases, ny)."""
     held = np.array([bool(joints) or not mode.free for mode in touch.modes])[:, None]
     a, R = (np.repeat(held, len(names), axis=1) for names in (coordinates, joints))

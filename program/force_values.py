@@ -13,7 +13,7 @@ from dmoc.program.layout import Layout
 
 def with_forces(problem: Problem, lay: Layout, x: Array) -> Array:
     """Unknowns with the accelerations and forces that their states and inputs have."""
-    force = lay.force
+    x, force = _with_liftoffs(problem, lay, x), lay.force
     if not (np.append(force.y, force.y_ends, axis=0) != NOWHERE).any():
         return x
     x, steps, problem = x.copy(), np.array([0, lay.total - 1]), lay.problem_at(problem, x)
@@ -23,6 +23,21 @@ def with_forces(problem: Problem, lay: Layout, x: Array) -> Array:
     ):
         y, there = _forces(problem, lay, x, step, share), index != NOWHERE
         x[index[there]] = y[there]
+    return x
+
+
+def _with_liftoffs(problem: Problem, lay: Layout, x: Array) -> Array:
+    """Unknowns with those before lift-offs."""
+    if not lay.liftoff.of:
+        return x
+    x, t, problem = x.copy(), lay.times(x), lay.problem_at(problem, x)
+    for event in (one.event for one in lay.liftoff.of):
+        node, index = lay.collision_nodes[event], lay.liftoff.y_lift_off[event]
+        q, v, u = lay.index_q[node], lay.impact.v_a[event], lay.index_u[lay.row_u_kp1[node - 1]]
+        state = x[q][None], x[v][None], x[u][None], t[[node]]
+        (y,) = accelerations_and_forces(problem.model, lay.touch.modes[event], state)
+        there = index != NOWHERE
+        x[index[there]] = np.where(np.isfinite(y), y, 0.0)[there]
     return x
 
 

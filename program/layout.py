@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property, lru_cache
 from itertools import accumulate
 from typing import Any
@@ -18,6 +18,7 @@ from dmoc.problem.design import designed, moves_by_design
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.force_unknowns import Wanted
+from dmoc.program.liftoffs import liftoffs_of
 from dmoc.program.reactions import EventImpulses, PhaseReaction
 from dmoc.program.stations import Stations
 from dmoc.program.unknowns import Kind, Unknowns, first_rows, steps_of_rows
@@ -82,6 +83,7 @@ class Layout(Unknowns):
             tuple(problem.model.peak_names),
             tuple(problem.design),
             _wanted_forces(problem, turning),
+            liftoffs_of(problem),
         )
         return (_shared if sum(kind.steps) <= MOST_SHARED else cls.numbered)(kind)
 
@@ -217,6 +219,14 @@ class Layout(Unknowns):
     @cached_property
     def collision_nodes(self) -> Index:
         return self.ends[1:-1]
+
+    @property
+    def begins_open(self) -> Iterator[tuple[int, list[int]]]:
+        """Steps that begin with a lift-off, and the surfaces that leave there."""
+        for one in self.liftoff.of:
+            step = int(self.collision_nodes[one.event])
+            if step < self.total:
+                yield step, list(one.surfaces)
 
     @cached_property
     def row_u_k(self) -> Index:

@@ -11,8 +11,9 @@ on them; q_i: coordinates of the nodes inside the steps; s: hidden unknowns for 
 last phase has no steps, p_E is the momentum after the event, and v_E is its v_c.  Behind those of
 laws are w, velocities at the nodes inside phases, and t_i, times of the nodes inside steps, both
 only where something pushes along steps with nodes inside, then accelerations and forces that
-quantities contain (:mod:`dmoc.program.force_unknowns`), and behind these totals and peaks of an
-objective, and design parameters.
+quantities contain (:mod:`dmoc.program.force_unknowns`) or that are before lift-offs
+(:mod:`dmoc.program.liftoffs`), and behind these totals and peaks of an objective, and design
+parameters.
 Laws that push have tables of their own: :class:`~dmoc.program.impacts.ImpactUnknowns` (lam, v_a,
 v_c, in these places because files keep multipliers in this order),
 :class:`~dmoc.program.contact_table.ContactUnknowns`,
@@ -42,6 +43,7 @@ from dmoc.program.force_unknowns import ForceUnknowns, Wanted
 from dmoc.program.hit_stages import HeldUnknowns, HitUnknowns
 from dmoc.program.impacts import ImpactUnknowns, impulses, names_of_events, velocities
 from dmoc.program.joints import JointUnknowns
+from dmoc.program.liftoffs import Liftoff, LiftoffUnknowns
 from dmoc.program.relaxed_contacts import RelaxedUnknowns
 from dmoc.program.scale import Scale
 from dmoc.program.stations import Stations
@@ -68,6 +70,7 @@ class Kind:
     peaks: tuple[str, ...]
     design: tuple[str, ...]
     forces: Wanted
+    liftoffs: tuple[Liftoff, ...]
 
 
 @record(frozen=True, eq=False)
@@ -110,6 +113,7 @@ class Unknowns:
     joint: JointUnknowns
     relaxed: RelaxedUnknowns
     force: ForceUnknowns
+    liftoff: LiftoffUnknowns
 
     @classmethod
     def numbered(cls, kind: Kind) -> Self:
@@ -132,6 +136,7 @@ class Unknowns:
         states += own.of_pushes(block)
         pushing = kind.coordinates, kind.joints
         force = ForceUnknowns.of(block, kind.forces, form, stations, pushing, touch)
+        liftoff = LiftoffUnknowns.numbered(block, kind.liftoffs, pushing, touch)
         states += _of_objective(block, kind)
         indices = {f"index_{b.name}": b.index for b in states}
         if not steps[-1]:
@@ -139,7 +144,7 @@ class Unknowns:
         return cls(
             len(kind.coordinates), len(kind.inputs), steps, form, scheme, kind.timed, touch,
             tuple(block.made), **indices, impact=impact, contact=contact, hit=hit, held=held,
-            joint=joint, relaxed=relaxed, force=force,
+            joint=joint, relaxed=relaxed, force=force, liftoff=liftoff,
         )  # fmt: skip
 
     @cached_property

@@ -10,13 +10,14 @@ Along a phase, accelerations a and forces y = (a | N | T | R) obey at each state
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from dmoc.symbolic.contact_kernels import at_speeds
 from dmoc.symbolic.continuous import Continuous, dot, rates, sum_of
 from dmoc.symbolic.graph import gradient
-from dmoc.symbolic.kernel_family import contracted
-from dmoc.symbolic.spec import Input
+from dmoc.symbolic.kernel_family import contracted, family, state_inputs
+from dmoc.symbolic.spec import Input, KernelSpec
 
 
 def forces_input(points: Sequence[Continuous]) -> tuple[Input, ...]:
@@ -62,3 +63,16 @@ def equations_of_forces(f: Continuous, supports: Sequence[int | None]) -> list[A
         )
     ]
     return [*(r + p for r, p in zip(residual(f, a), pushed, strict=True)), *bent, *slides]
+
+
+def forces_at_events(f: Continuous, supports: Sequence[int | None]) -> list[KernelSpec]:
+    """The kernel of these equations at a state, of a model with surfaces whose quantities contain
+    no forces: the law of lift-offs has them too."""
+    if f.y or not f.g:
+        return []
+    count = len(f.q) + len(f.g) + len(f.tau) + len(f.phi)
+    y = Input.vector(f.L.graph, "y", count)
+    equations = equations_of_forces(replace(f, y=tuple(y.symbols)), supports)
+    *state, par = state_inputs(f)
+    text = "Equations of the accelerations and forces e = 0 at a state."
+    return family("forces_point", text, (*state, y), {"e": equations}, par)

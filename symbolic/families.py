@@ -16,7 +16,7 @@ import sympy as sp
 
 from dmoc.base.discretisation import DISCRETISATIONS, known_order
 from dmoc.base.names import name_of
-from dmoc.symbolic.contact_forces import residual
+from dmoc.symbolic.contact_forces import forces_at_events, residual
 from dmoc.symbolic.contact_kernels import joint_kernels, surface_kernels, tangent_kernels, varying
 from dmoc.symbolic.contact_references import symbols_of_forces
 from dmoc.symbolic.continuous import (
@@ -53,7 +53,7 @@ from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 from dmoc.symbolic.traversal import operations
 
-FORMAT = 25  # of the facts and the kernel list
+FORMAT = 26  # of the facts and the kernel list
 # Operations of the second derivatives of a Lagrangian at all points of a step, and elsewhere, from
 # which on it is a function of its own.
 LARGE_STEP, LARGE = 500, 600
@@ -97,7 +97,8 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
         ),
         *path_limits(f, plain.as_nodes([t for own in terms for t in own], graph)),
         *quantity_values(f),
-        *_state_kernels(f, _light(f, LARGE)),
+        *_state_kernels(f, light := _light(f, LARGE)),
+        *forces_at_events(light, _supports(system)),
         *integrand_kernels(f),
         *surface_kernels(f),
         *rebound_kernels(f),
@@ -241,8 +242,6 @@ def _step_kernels(
     step = {"r_minus": e.r_minus, "r_plus": e.r_plus, "C_d": [e.C_d], "r_i": e.r_i}
     energies = {"e_plus": [at_events.e_plus], "e_minus": [at_events.e_minus]}
     par, ways = parameters(f), (e.chain, e.spread, e.definitions)
-    numbers = {name: j for j, name in enumerate(system.surfaces)}
-    supports = [numbers.get(name) for name in system.tangents]
     return [
         *family(
             "step",
@@ -261,10 +260,16 @@ def _step_kernels(
             *ways,
         ),
         *path_kernels(f, e, inputs),
-        *quantity_kernels(f, e, inputs, supports),
+        *quantity_kernels(f, e, inputs, _supports(system)),
         *objective_kernels(system, plain, f, e, inputs),
         *hidden_kernels(system, plain, f, e, inputs),
     ]
+
+
+def _supports(system: MechanicalSystem) -> list[int | None]:
+    """The surfaces of the tangents, None of rails."""
+    numbers = {name: j for j, name in enumerate(system.surfaces)}
+    return [numbers.get(name) for name in system.tangents]
 
 
 def _state_kernels(f: Continuous, light: Continuous) -> list[KernelSpec]:

@@ -7,6 +7,7 @@ from math import pi
 
 import numpy as np
 import sympy as sp
+from liftoff_problems import everything
 from sympy.physics.mechanics import dynamicsymbols
 from systems import driven_system, landing_system, rod_system, slippery_rod_system
 
@@ -231,6 +232,7 @@ def ending(problem: dmoc.Problem) -> dmoc.Problem:
 def program_of(form: str, pendulum: Kernels, puck: Kernels) -> Transcription:
     """The programs of the fixture by the words of their forms."""
     ways = {"driven": ("m", "l", "amplitude"), "relaxed": ("l", "amplitude")}
+    ways["lift-off"] = ("l", "mu", "amplitude")
     ways["relaxed"] = ways["relaxed"] if "moving" in form else ("l", "mu", "rub")
     names = ways.get(form.split(",")[0], ("l", "rise", "k", "mu", "rub"))
     design = dict.fromkeys(names, (0.3, 2.0)) if "design" in form else {}
@@ -255,6 +257,8 @@ def program_of(form: str, pendulum: Kernels, puck: Kernels) -> Transcription:
         rod = rod_problem("periodic" in form, system=slippery).but(design=design)
         return Transcription(relaxed(rod, Open((0, 1), (0, 1, 2), (1,)), ["wall"], 3, 0.5))
     order = int(form[-1]) if "order" in form else 2
+    if form.startswith("lift-off"):
+        return Transcription(everything(order).but(design=design))
     if "slowed" in form:
         return Transcription(slowed_problem(order, design))
     if "contacts" in form:

@@ -186,6 +186,35 @@ static inline void running_cost(OUT C)
 }
 KERNEL(running_cost, INTO(0, 1))
 
+/* Equations of the accelerations and forces e = 0 at a state. */
+static inline void forces_point(IN q, IN y, IN par, OUT e)
+{
+    e[0] = y[1] - par[0]*par[1]*(par[2]*sin(q[0]) + par[1]*y[0]);
+    e[1] = -y[0];
+}
+KERNEL(forces_point, ROW(0), ROW(4), ROW(5), INTO(0, 2))
+
+/* First derivatives of `forces_point` with respect to (q, v, u, t, y).
+ *   e_D [2, 5] at 0: 0 3-4; 1: 3 */
+static inline void forces_point_jac(IN q, IN par, OUT e_D)
+{
+    const double
+    w0 = par[0]*par[1];
+    e_D[0] = -par[2]*cos(q[0])*w0;
+    e_D[1] = -par[1]*w0;
+    e_D[2] = 1.0;
+    e_D[3] = -1.0;
+}
+KERNEL(forces_point_jac, ROW(0), ROW(5), INTO(0, 4))
+
+/* Second derivatives of the weighted sum of all results of `forces_point`.
+ *   hess [5, 5] at 0: 0 */
+static inline void forces_point_hess(IN q, IN par, IN w_e, OUT hess)
+{
+    hess[0] = par[0]*par[1]*par[2]*sin(q[0])*w_e[0];
+}
+KERNEL(forces_point_hess, ROW(0), ROW(5), ROW(6), INTO(0, 1))
+
 /* Gaps g <= 0. */
 static inline void surface(IN q, IN par, OUT g)
 {
@@ -364,6 +393,7 @@ KERNEL(drawing, ROW(0), ROW(2), INTO(0, 14))
 #define DYNAMICS_INPUTS {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}
 #define RESIDUAL_INPUTS {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"a", 1}, {"par", 4}
 #define MOMENTUM_INPUTS {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}
+#define FORCES_POINT_INPUTS {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"y", 2}, {"par", 4}
 #define SURFACE_INPUTS {"q", 1}, {"t", 1}, {"par", 4}
 #define NORMAL_INPUTS {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}
 #define RATE_WORK_INPUTS {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}
@@ -385,6 +415,9 @@ ARRAYS(momentum_jac, MOMENTUM_INPUTS, {"p_D", 1})
 ARRAYS(momentum_hess, MOMENTUM_INPUTS, {"w_p", 1}, {"hess", 0})
 ARRAYS(energy, MOMENTUM_INPUTS, {"E", 1})
 ARRAYS(running_cost, DYNAMICS_INPUTS, {"C", 1}, {"C_DD_u", 0})
+ARRAYS(forces_point, FORCES_POINT_INPUTS, {"e", 2})
+ARRAYS(forces_point_jac, FORCES_POINT_INPUTS, {"e_D", 4})
+ARRAYS(forces_point_hess, FORCES_POINT_INPUTS, {"w_e", 2}, {"hess", 1})
 ARRAYS(surface, SURFACE_INPUTS, {"g", 1})
 ARRAYS(surface_jac, SURFACE_INPUTS, {"g_D", 1})
 ARRAYS(surface_hess, SURFACE_INPUTS, {"w_g", 1}, {"hess", 0})
@@ -424,6 +457,9 @@ static const dmoc_entry entries[] = {
     ENTRY(momentum_hess, 5, 1),
     ENTRY(energy, 4, 1),
     ENTRY(running_cost, 5, 2),
+    ENTRY(forces_point, 6, 1),
+    ENTRY(forces_point_jac, 6, 1),
+    ENTRY(forces_point_hess, 7, 1),
     ENTRY(surface, 3, 1),
     ENTRY(surface_jac, 3, 1),
     ENTRY(surface_hess, 4, 1),
@@ -447,4 +483,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1),
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "9f1d4373fa4530ae6be3620d27eb27ed3e7131092e033a9453ea942ac6fb6978", 37, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", "f9d0d39cfeba1339df2ca1147bf922977d570d2b76583c497659d10c7affa632", 40, entries};

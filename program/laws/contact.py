@@ -2,7 +2,9 @@
 
 A phase with closed contacts has normal impulses P_k >= 0 at each of its nodes, the ends among them,
 and velocities v- before and v+ after its events (equations :eq:`del-contact` to :eq:`events` of the
-theory); what rubs at them is the law of friction (:mod:`dmoc.program.laws.friction`)::
+theory), but at the last one before a lift-off whose force says when
+(:mod:`dmoc.program.laws.liftoff`); what rubs at them is the law of friction
+(:mod:`dmoc.program.laws.friction`)::
 
     momentum   ... - sum P_k grad g(q_k) = 0      also of arrival, departure
     closed     g(q_k) = 0                         at the nodes after the first one
@@ -80,6 +82,9 @@ class ContactLaw(Law):
         if not self.pulling:
             for index in (unknowns.P, unknowns.P_c):
                 box[index[index != NOWHERE], 0] = 0.0
+            for one in lay.liftoff.of:
+                last = lay.stations.rows(one.event).stop - 1
+                box[unknowns.P[last, list(one.surfaces)], 0] = -np.inf
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
         free = self.lay.touch.free

@@ -33,6 +33,34 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
+def signs_of(lay: Layout, ny: int) -> Array:
+    """Directions of sliding at each row of y in each phase, shape (phases, ny); without columns
+    where there are no such unknowns."""
+    signs = np.zeros((lay.phases, ny))
+    if ny:
+        signs[:, _tangents(lay)] = lay.touch.signs
+    return signs
+
+
+def sizes_of_equations(s: Scale, signs: Array) -> Array:
+    """Accelerations of what is held, else forces, shape (places, ny)."""
+    held, ny = np.concatenate([s.p, s.rate, s.slide, s.joint_rate]) / s.time, signs.shape[1]
+    return np.where(signs == 0, held[:ny], sizes(s)[:ny])
+
+
+def by_kernel(lay: Layout, signs: Array, rows: Index) -> Index:
+    """Rows of y in the order of the kernels: those of what holds, of what slides forth, and of what
+    slides back."""
+    slides = [np.where(signs == s, rows, NOWHERE)[:, _tangents(lay)] for s in (1.0, -1.0)]
+    return np.hstack([np.where(signs == 0, rows, NOWHERE), *slides])
+
+
+def _tangents(lay: Layout) -> slice:
+    """The friction forces in y."""
+    first = lay.nq + len(lay.touch.contacts.surfaces)
+    return slice(first, first + len(lay.touch.contacts.tangents))
+
+
 @dataclass(eq=False)
 class ForceLaw(Law):
     """Accelerations and forces along a motion and at its ends; without rows where none are
@@ -45,18 +73,7 @@ class ForceLaw(Law):
     @cached_property
     def _signs(self) -> Array:
         """Directions of sliding at each row of y, shape (phases, ny)."""
-        touch, ny = self.lay.touch, self.lay.force.count
-        signs = np.zeros((self.lay.phases, ny))
-        if ny:
-            signs[:, self._tangents] = touch.signs
-        return signs
-
-    @property
-    def _tangents(self) -> slice:
-        """The friction forces in y."""
-        contacts = self.lay.touch.contacts
-        first = self.lay.nq + len(contacts.surfaces)
-        return slice(first, first + len(contacts.tangents))
+        return signs_of(self.lay, self.lay.force.count)
 
     def equations(self, block: Numbering) -> None:
         missed = Missed(LAW, lambda *_: "forces do not fit the motion")
@@ -78,9 +95,7 @@ class ForceLaw(Law):
 
     def _sizes(self, s: Scale, phase: Index) -> Array:
         """Accelerations of what is held, else forces, shape (places, ny)."""
-        rates = np.concatenate([s.p, s.rate, s.slide, s.joint_rate])
-        held, ny = rates / s.time, self.lay.force.count
-        return np.where(self._signs[phase] == 0, held[:ny], sizes(s)[:ny])
+        return sizes_of_equations(s, self._signs[phase])
 
     @property
     def _phases(self) -> tuple[Index, Index]:
@@ -89,12 +104,9 @@ class ForceLaw(Law):
         return lay.phase_of_step[lay.force.step], np.array([0, lay.phases - 1])
 
     def _by_kernel(self) -> Iterator[Index]:
-        """Rows along the motion and at its ends, in the order of the kernels: those of what holds,
-        of what slides forth, and of what slides back."""
+        """Rows along the motion and at its ends, in the order of the kernels."""
         for block, phase in zip((self.along, self.ends), self._phases, strict=True):
-            signs, rows = self._signs[phase], block.index
-            slides = [np.where(signs == s, rows, NOWHERE)[:, self._tangents] for s in (1.0, -1.0)]
-            yield np.hstack([np.where(signs == 0, rows, NOWHERE), *slides])
+            yield by_kernel(self.lay, self._signs[phase], block.index)
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:
         lay, terms = self.lay, list[Term]()

@@ -29,6 +29,7 @@ from dmoc.program.laws.impact import ImpactLaw
 from dmoc.program.laws.joint import JointLaw
 from dmoc.program.laws.kink import KinkLaw
 from dmoc.program.laws.law import Law
+from dmoc.program.laws.liftoff import LiftoffLaw
 from dmoc.program.laws.objective import ObjectiveLaw
 from dmoc.program.laws.path import PathLaw
 from dmoc.program.laws.quantity import QuantityLaw
@@ -58,6 +59,7 @@ class Laws:
     velocity: VelocityLaw
     peak: PathLaw
     force: ForceLaw
+    liftoff: LiftoffLaw
     objective: ObjectiveLaw
     impact: ImpactLaw
     ends: EndsLaw
@@ -85,7 +87,7 @@ class Laws:
 
     def __iter__(self) -> Iterator[Law]:
         first = self.step, self.path, self.bound, self.quantity, self.velocity, self.peak
-        last = self.joint, self.complementarity, self.force, self.objective, self.kink
+        last = self.joint, self.complementarity, self.force, self.liftoff, self.objective, self.kink
         return iter((*first, self.impact, self.ends, *self.of_contacts, *last))
 
     @property
@@ -156,7 +158,7 @@ def laws_of(
         StepLaw(problem, lay), PathLaw.of(problem, lay), PathLaw.of_quantities(problem, lay),
         QuantityLaw(problem, lay),
         VelocityLaw(lay, tuple(problem.kernels.coordinates), problem.velocity_bounds),
-        PathLaw.of_peaks(problem, lay), ForceLaw(lay),
+        PathLaw.of_peaks(problem, lay), ForceLaw(lay), LiftoffLaw(lay, pulling),
         ObjectiveLaw(lay, tuple(problem.model.totals_of)), impact,
         EndsLaw(problem, lay, tuple(goals)), *of_contacts,
         JointLaw(lay, tuple(problem.kernels.manifest["bent_joints"])),

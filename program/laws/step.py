@@ -154,12 +154,15 @@ class StepLaw(Law):
 
         Contacts of collisions and those that last hold with equality.  At a fixed end the gap is
         known and was checked: a constraint that cannot move would have no interior, nor would one
-        that periodic states make a contact of the other end.
+        that periodic states make a contact of the other end.  After a lift-off whose force says
+        when, the first gap is one of the errors of the step.
         """
         problem, lay, model = self.problem, self.lay, self.problem.model
         keep = np.ones((lay.total + 1, model.nc), dtype=bool)
         hits = (lay.touch.surfaces != NOWHERE) & (lay.touch.open is None)
         keep[lay.collision_nodes[hits], lay.touch.surfaces[hits]] = False
+        for step, surfaces in lay.begins_open:
+            keep[step + 1, surfaces] = False
         keep[:, self._ignored()] = False
         for step, surfaces in self._left():
             keep[step + 1, surfaces] = True
@@ -177,6 +180,8 @@ class StepLaw(Law):
         """The same inside steps, of the surfaces whose times are known there."""
         lay = self.lay
         keep = ~lay.touch.is_closed[lay.phase_of_step] & timed
+        for step, surfaces in lay.begins_open:
+            keep[step, surfaces] = False
         keep[:, self._ignored()] = False
         for step, surfaces in self._left():
             keep[step, surfaces] = timed[surfaces]

@@ -33,6 +33,7 @@ def differences(f: object, x: np.ndarray, step: float = 1e-6) -> np.ndarray:
 # Forms that take longer to build, or differ from others in their last event.
 MORE = (
     *("contacts, order 4", "contacts, periodic, order 6"),
+    *("lift-off, order 4", "lift-off, design, order 4"),
     *("joints, order 6", "joints, periodic, order 4"),
     *("driven, design", "driven, design, order 4", "driven, design, scaled"),
     *("contacts, design", "joints, periodic, design"),
@@ -59,7 +60,7 @@ MORE = (
         *("driven, linear", "driven, scaled"),
         *("pendulum, order 4", "contacts", "contacts, periodic"),
         *("hits with friction", "hits with friction, order 4", "tangential", "joints"),
-        *("joints, periodic", "relaxed", "relaxed, periodic", "relaxed, moving"),
+        *("lift-off", "joints, periodic", "relaxed", "relaxed, periodic", "relaxed, moving"),
         *(pytest.param(form, marks=pytest.mark.slow) for form in MORE),
     ],
 )
@@ -133,11 +134,13 @@ def test_unknowns_have_the_order_of_files_and_those_of_laws_tables(nlp: Transcri
         "t_i",
         "y",
         "y_ends",
+        "y_lift_off",
         "totals",
         "peaks",
         "design",
     ]
     parts = lay, lay.impact, lay.contact, lay.hit, lay.joint, lay.held, lay.relaxed, lay.force
+    parts = (*parts, lay.liftoff)
     tables = {name: table for part in parts for name, table in vars(part).items()}
     for block in lay.unknowns:
         if block.name == "v_E" and lay.ends_with_event:
@@ -205,12 +208,12 @@ def test_rows_say_what_it_costs_to_miss_them_and_in_what_words(nlp: Transcriptio
         "momentum", "inside", "time", "passing", "time inside", "arrival", "departure", "energy",
         "start velocity",
         "goal velocity", "within", "restitution", "slips", "stops all", "returns", "total",
-        "force", "force at ends",
+        "force", "force at ends", "force before lift-off",
     } & set(prices)  # fmt: skip
     assert {name for name, price in prices.items() if price == GOAL} == {
         "goal", "goal >=", "periodic", "quantity fixed", "quantity within",
     } & set(prices)  # fmt: skip
-    units = {"kg m/s", "kg m2/s", "m", "rad", "m/s", "rad/s", "s", ""}
+    units = {"kg m/s", "kg m2/s", "m", "rad", "m/s", "rad/s", "s", "N", ""}
     for block in blocks:
         for place in block.places.tolist():
             assert block.missed.unit(*place) in units
