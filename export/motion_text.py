@@ -11,6 +11,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.export.constants import Constants, initial, literal
 from dmoc.export.numbers import SolverNumbers
+from dmoc.motion.trajectory import FORCES
 from dmoc.program.arrays import ElementPlaces, PassData
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.reactions import PhaseReaction
@@ -112,8 +113,8 @@ def motion_text(c: Constants, nlp: Transcription, entries: Mapping[str, str], mo
         functions.append(initial(*called, count, len(pattern[0]), *arrays))
     for i, r in _reactions(nlp):
         follows = problem.redundant[i]
-        others = {"normal": follows.closed, "tangential": follows.sticking}.get(r.kind, ())
-        holds = r.holds & ~np.isin(np.array(r.columns), others)
+        others = dict(zip(FORCES, (follows.closed, follows.sticking, follows.joints), strict=True))
+        holds = r.holds & ~np.isin(np.array(r.columns), others[r.kind])
         arrays = (c.array("int", np.asarray(a)) for a in (r.columns, holds * 1, r.unknowns))
         place = [*KINDS].index(r.kind)
         rows.append(initial(i, place, len(r.columns), literal(r.functions.push), *arrays))

@@ -130,7 +130,7 @@ def _onto(problem: Problem, lay: Layout, i: int, q: Array, t: Array, free: Array
 
     def conditions(q: Array) -> tuple[Array, Array]:
         miss = np.hstack([r.misses(model, q, t) for r in holding])
-        slopes = np.concatenate([r.slopes(model, q, t)[:, r.holds] for r in holding], axis=1)
+        slopes = np.concatenate([r.miss_slopes(model, q, t) for r in holding], axis=1)
         return miss, slopes * (reach * free)[:, None, :]
 
     return onto(conditions, q, reach)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dmoc.base.tolerances import DEPENDENT
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.small_systems import largest_form as largest_form
 from dmoc.mechanics.small_systems import largest_stretch as stretch_of_small
@@ -15,6 +16,9 @@ from dmoc.mechanics.small_systems import solved as solved_small
 # Unknowns of a system, and rows of a matrix with singular values, up to which calling LAPACK takes
 # longer than the numbers do here.
 SMALL, SMALLEST = 12, 6
+# Determinant, measured by the sizes of its rows and columns, of conditions that are far from
+# depending on each other.
+REGULAR = 1e-6
 # What rounding leaves of a smallest eigenvalue that is zero, of a matrix with ones on its diagonal.
 DEFINITE = 1e-14
 
@@ -70,3 +74,20 @@ def least_squares(A: Array, b: Array) -> Array:
         return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
     except np.linalg.LinAlgError:
         return nothing
+
+
+def multipliers(A: Array, size: Array, b: Array) -> Array:
+    """The shortest solutions of A lam = b, matrices (n, m, m) with rows and columns of some sizes
+    (n, m); not a number where there is none."""
+    scaled, right = A / size[:, :, None] / size[:, None, :], b / size
+    good = np.isfinite(scaled).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
+    lam = np.full(b.shape, np.nan)
+    lam[good] = _shortest(scaled[good], right[good]) / size[good]
+    return lam
+
+
+def _shortest(A: Array, b: Array) -> Array:
+    """The same of numbers that are finite, with rows and columns of the size 1."""
+    if (np.abs(np.linalg.det(A)) > REGULAR).all():
+        return np.asarray(np.linalg.solve(A, b[..., None])[..., 0])
+    return np.asarray((np.linalg.pinv(A, rcond=DEPENDENT**2) @ b[..., None])[..., 0])

@@ -1,9 +1,9 @@
 """Conditions: what a mode demands of a motion, and what keeps it so.
 
 A condition is of one function of the motion: of a gap that is closed, a tangential position that
-sticks, a joint of the model, which holds in every mode.  It has a rate c, whose slope C by the
-velocity is that of its value, and a force lam, which pushes along B (equation :eq:`reaction` of the
-theory)::
+sticks, a joint of the model, which holds in every mode and may be of a rate alone.  It has a rate
+c, whose slope C by the velocity is that of its value, and a force lam, which pushes along B
+(equation :eq:`reaction` of the theory)::
 
     C a + bend = 0,      M a = F + lam B
 
@@ -28,18 +28,14 @@ from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.records import record
-from dmoc.base.tolerances import DEPENDENT
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import solved_transpose
+from dmoc.mechanics.algebra import multipliers, solved_transpose
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import RAIL, Contacts
 from dmoc.mechanics.model import Model
-
-# Determinant, measured by the sizes of its rows and columns, of conditions that are far from
-# depending on each other.
-REGULAR = 1e-6
 
 
 class Functions(NamedTuple):
@@ -52,6 +48,9 @@ class Functions(NamedTuple):
     values, slopes, rates, bends : callables
         Values at (q, t), derivatives by (q, t), rates at (q, v, t), and their derivatives along a
         motion without acceleration.
+    placed : callable
+        Which of the functions of a model have a place; the others are rates alone, whose value is
+        zero everywhere, and their slopes by q those of the rates by v.
     push : float
         A force lam pushes with push * lam * slope.
     in_place : bool
@@ -65,6 +64,7 @@ class Functions(NamedTuple):
     slopes: Callable[..., Array]
     rates: Callable[..., Array]
     bends: Callable[..., Array]
+    placed: Callable[[Model], NDArray[np.bool_]]
     push: float
     in_place: bool
     pulls: bool
@@ -72,15 +72,16 @@ class Functions(NamedTuple):
 
 GAPS = Functions(
     "normal", Model.gaps, Model.gap_slopes, Model.gap_rates, Model.gap_accelerations,
-    push=-1.0, in_place=True, pulls=False,
+    lambda model: np.ones(model.nc, dtype=bool), push=-1.0, in_place=True, pulls=False,
 )  # fmt: skip
 TANGENTS = Functions(
     "tangential", Model.tangents, Model.tangent_slopes, Model.slide_rates,
-    Model.slide_accelerations, push=1.0, in_place=False, pulls=True,
+    Model.slide_accelerations, lambda model: np.ones(model.nt, dtype=bool),
+    push=1.0, in_place=False, pulls=True,
 )  # fmt: skip
 JOINTS = Functions(
     "reaction", Model.joints, Model.joint_slopes, Model.joint_rates, Model.joint_accelerations,
-    push=1.0, in_place=True, pulls=True,
+    lambda model: model.joints_in_place, push=1.0, in_place=True, pulls=True,
 )  # fmt: skip
 
 
@@ -159,6 +160,11 @@ class Conditions:
     def bends(self, model: Model, q: Array, v: Array, t: Any) -> Array:
         """What rates change by without acceleration, shape (..., m)."""
         return _beside([f.bends(model, q, v, t)[..., at] for f, at in self._groups], q)
+
+    def placed(self, model: Model) -> NDArray[np.bool_]:
+        """Which of them keep a place, and not a rate alone, shape (m,)."""
+        rows = [f.placed(model)[at] for f, at in self._groups]
+        return np.concatenate([*rows, np.zeros(0, dtype=bool)])
 
     def pushes(self, model: Model, q: Array, t: Any, slopes: Array | None = None) -> Array:
         """Directions B in which units of the forces push, with the friction that the model has at
@@ -277,23 +283,6 @@ def sizes_by_mass(M: Array, C: Array) -> Array:
     """Lengths of slopes (n, m, nq) measured by the masses, and 1 of what has none, shape (n, m)."""
     squares = np.einsum("nmi,nim->nm", C, solved_transpose(M, C))
     return np.where(squares > 0, np.sqrt(np.abs(squares)), 1.0)
-
-
-def multipliers(A: Array, size: Array, b: Array) -> Array:
-    """The shortest solutions of A lam = b, matrices (n, m, m) with rows and columns of some sizes
-    (n, m); not a number where there is none."""
-    scaled, right = A / size[:, :, None] / size[:, None, :], b / size
-    good = np.isfinite(scaled).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
-    lam = np.full(b.shape, np.nan)
-    lam[good] = _shortest(scaled[good], right[good]) / size[good]
-    return lam
-
-
-def _shortest(A: Array, b: Array) -> Array:
-    """The same of numbers that are finite, with rows and columns of the size 1."""
-    if (np.abs(np.linalg.det(A)) > REGULAR).all():
-        return np.asarray(np.linalg.solve(A, b[..., None])[..., 0])
-    return np.asarray((np.linalg.pinv(A, rcond=DEPENDENT**2) @ b[..., None])[..., 0])
 
 
 def _beside(columns: Sequence[Array], q: Array) -> Array:

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.conditions import conditions_of, multipliers
+from dmoc.mechanics.algebra import multipliers
+from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 

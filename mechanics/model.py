@@ -20,11 +20,11 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from dmoc.base.tolerances import ROUNDING
+from dmoc.base.tolerances import ROUNDING, TINY
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import solved, solved_transpose
+from dmoc.mechanics.algebra import multipliers, solved, solved_transpose
 from dmoc.mechanics.cost import CostModel
 from dmoc.mechanics.friction import FrictionModel
 
@@ -76,11 +76,24 @@ class Model(FrictionModel, CostModel):
     def joint_forces(
         self, M: Array, F: Array, q: Array, t: ArrayLike = 0.0, bent: Array | None = None
     ) -> Array:
-        """Those forces lam (..., m, nj) beside several forces F (..., m, nq) at each position."""
+        """Those forces lam (..., m, nj) beside several forces F (..., m, nq) at each position; the
+        shortest where joints say the same twice."""
         J = self.joint_slopes(q, t)[..., :-1]
         response = solved_transpose(M, J)
-        missing = F @ response + (0.0 if bent is None else bent[..., None, :])
-        return -np.swapaxes(solved_transpose(J @ response, missing), -1, -2)
+        missing, A = F @ response + (0.0 if bent is None else bent[..., None, :]), J @ response
+        if self.nj == 1:
+            return -np.swapaxes(solved_transpose(A, missing), -1, -2)
+        size = np.sqrt(np.maximum(np.diagonal(A, axis1=-2, axis2=-1), TINY))[..., None, :]
+        rows = missing.reshape(-1, self.nj)
+        A, size = (
+            np.broadcast_to(a, shape)
+            for a, shape in (
+                (A[..., None, :, :], (*missing.shape, self.nj)),
+                (size, missing.shape),
+            )
+        )
+        lam = multipliers(A.reshape(-1, self.nj, self.nj), size.reshape(rows.shape), rows)
+        return -lam.reshape(missing.shape)
 
     def responses(self, q: Array, B: Array, t: ArrayLike = 0.0) -> Array:
         """Changes M^-1 B^T of velocities by impulses B where the joints hold: of one at each
@@ -202,8 +215,16 @@ class Model(FrictionModel, CostModel):
         return self._values("joint", self.nj, q, t)
 
     def joint_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
-        """Its derivatives with respect to (q, t), shape (..., nj, nq + 1)."""
+        """Its derivatives with respect to (q, t), shape (..., nj, nq + 1); of what keeps a rate
+        alone those of the rate with respect to v, and the rate at rest."""
         return self._matrix("phi_D", (self.nj, self.nq + 1), q, t)
+
+    @cached_property
+    def joints_in_place(self) -> NDArray[np.bool_]:
+        """Which of them keep a place, shape (nj,); the others keep a rate alone, and their phi is
+        zero wherever they are."""
+        others = self.kernels.manifest.get("rate_constraints", ())
+        return np.array([name not in others for name in self.kernels.joints], dtype=bool)
 
     def joint_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Its rates along a motion, shape (..., nj)."""

@@ -123,7 +123,8 @@ def _onto(model: Model, kept: Conditions, q: Array, t: float, reach: Array) -> t
     """A position moved to where conditions hold, and which of them do."""
 
     def conditions(q: Array) -> tuple[Array, Array]:
-        return kept.values(model, q, t), kept.slopes(model, q, t)[..., :-1] * reach
+        slopes = kept.slopes(model, q, t)[..., :-1] * reach
+        return kept.values(model, q, t), slopes * kept.placed(model)[:, None]
 
     q = onto(conditions, q[None], reach)[0]
     (misses,), (slopes,) = conditions(q[None])

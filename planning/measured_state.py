@@ -88,7 +88,8 @@ def consistent(problem: Problem, mode: Mode, state: MeasuredState) -> MeasuredSt
 
     def conditions(q: Array) -> tuple[Array, Array]:
         miss = np.hstack([model.joints(q), model.gaps(q)[:, on] + aside])
-        slopes = np.concatenate([model.joint_slopes(q), model.gap_slopes(q)[:, on]], axis=1)
+        placed = model.joint_slopes(q) * model.joints_in_place[:, None]
+        slopes = np.concatenate([placed, model.gap_slopes(q)[:, on]], axis=1)
         return miss, slopes[..., :-1] * problem.reach
 
     while True:

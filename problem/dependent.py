@@ -21,7 +21,8 @@ def places_follow(problem: Problem, left: Sequence[int]) -> bool:
     no special kind."""
     if not left or len(left) > problem.model.nj:
         return not left
-    return _decide(problem.model.joint_slopes(_anywhere(problem)), left)
+    slopes = problem.model.joint_slopes(_anywhere(problem))
+    return _decide(slopes[problem.model.joints_in_place], left)
 
 
 def following_rates(

@@ -342,18 +342,11 @@ def _check_rate(name: str, what: str, rate: float, kept: float) -> None:
 
 
 def _check_independent(problem: Problem, phase: int, mode: Mode) -> None:
-    """Refuse constraints that follow from each other wherever the motion may be, contacts that
-    contradict each other, and forces of contacts that a motion depends on without determining
-    them."""
+    """Refuse contacts and constraints that contradict each other, and forces of contacts that a
+    motion depends on without determining them."""
     model, follows = problem.model, problem.redundant[phase]
     rails = [model.kernels.tangents[k] for k in mode.sticking if model.contacts.supports[k] == RAIL]
     names = [*model.contacts.named(mode.closed), *rails, *problem.kernels.joints]
-    if follows.joints:
-        more = [problem.kernels.joints[j] for j in follows.joints]
-        raise ProblemError(
-            f"{_what(problem, mode)} {', '.join(names)} of phase {phase} are redundant: "
-            f"{' and '.join(more)} follow{'s' * (len(more) == 1)} from the others; leave one out."
-        )
     if follows.contradictory:
         raise ProblemError(
             f"{_what(problem, mode)} {', '.join(names)} of phase {phase} contradict each other: "

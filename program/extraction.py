@@ -226,7 +226,7 @@ def _as_held(nlp: Transcription, i: int, states: tuple[Array, Array, Array]) -> 
     if not holding:
         return p
     v, mass, follows = model.velocity(q, p, t), model.mass(q, t), nlp.problem.redundant[i]
-    others = {"normal": follows.closed, "tangential": follows.sticking}
+    others = {"normal": follows.closed, "tangential": follows.sticking, "reaction": follows.joints}
     new = np.concatenate(
         [~np.isin(np.array(r.columns)[r.holds], others.get(r.kind, ())) for r in holding]
     )

@@ -9,6 +9,7 @@ velocities and times, of what sticks also where the other conditions hold.
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -128,15 +129,38 @@ def _redundant(problem: Problem, touch: Touch) -> tuple[Bools, Bools, Bools]:
     return closed, sticks, stops & touch.stops
 
 
-def joints_settled(
-    problem: Problem, lay: Layout, limits: tuple[Array, Array]
-) -> tuple[Bools, Bools]:
+class JointsSettled(NamedTuple):
+    """What is settled of constraints of a model.
+
+    Attributes
+    ----------
+    places : array of bool, shape (phases + 1, nj)
+        Places at the start and at the end of each phase.
+    rates : array of bool, shape (2, nj)
+        Rates at the start and at the end of the motion.
+    follows : array of bool, shape (phases, nj)
+        Those that follow from others.
+    """
+
+    places: Bools
+    rates: Bools
+    follows: Bools
+
+
+def joints_settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> JointsSettled:
     """What values that are fixed by ``limits`` settle of the constraints of a model, whatever the
-    design: places at the start and at the end of each phase, rates at the start and at the end of
-    the motion."""
+    design."""
     of_samples = [_joints_settled(p, lay, limits) for p in samples(problem)]
     places, rates = (np.logical_and.reduce(part) for part in zip(*of_samples, strict=True))
-    return places, rates
+    return JointsSettled(places, rates, following_joints(problem))
+
+
+def following_joints(problem: Problem) -> Bools:
+    """Constraints that follow from others in each phase, shape (phases, nj)."""
+    follows = np.zeros((len(problem.redundant), problem.model.nj), dtype=bool)
+    for i, redundant in enumerate(problem.redundant if problem.model.nj > 1 else ()):
+        follows[i, list(redundant.joints)] = True
+    return follows
 
 
 def _joints_settled(
@@ -145,11 +169,13 @@ def _joints_settled(
     nodes = [_states(problem, lay, limits, i) for i in range(lay.phases + 1)]
     ends = (nodes[0], nodes[-1])
     places = np.array([_vanish(*_joints(problem, at)) for at in nodes])
+    places[1:] &= problem.model.joints_in_place  # rates along steps depend on all of these
     rates = np.array([_vanish(*_joint_rates(problem, at)) for at in ends])
     if problem.relations:
         back, every = _returned(problem, *ends), np.ones_like(rates)
         for rows, values in ((places, _joints), (rates, _joint_rates)):
             _relate(rows, _alike(values(problem, back), values(problem, ends[1])), every)
+        places[-1] &= problem.model.joints_in_place
     if lay.ends_with_event:
         places[-2] |= places[-1]
     return places, rates

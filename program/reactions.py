@@ -61,6 +61,11 @@ class PhaseReaction:
         values = self.functions.values(model, q, t)[:, self.held]
         return np.asarray(values if self.functions.in_place else values - values[:1])
 
+    def miss_slopes(self, model: Model, q: Array, t: Array) -> Array:
+        """Their slopes in q, zero of what has no place, shape (n, held, nq)."""
+        placed = self.functions.placed(model)[self.held]
+        return np.asarray(self.slopes(model, q, t)[:, self.holds] * placed[:, None])
+
     def rates(self, model: Model, q: Array, v: Array, t: Array) -> Array:
         """Rates of what it holds, shape (n, held)."""
         return np.asarray(self.functions.rates(model, q, v, t)[:, self.held])

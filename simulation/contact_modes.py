@@ -20,9 +20,9 @@ import numpy as np
 from dmoc.base.records import record
 from dmoc.base.tolerances import DEPENDENT, SAME
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import REGULAR
 from dmoc.mechanics.conditions import (
     GAPS,
-    REGULAR,
     TANGENTS,
     Conditions,
     Forces,

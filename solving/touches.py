@@ -88,6 +88,8 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
         else:
             mu = friction_of(nlp.problem, passage, q, t)
             inertia = _closing(response(nlp.problem, passage, q, t), mu, passage.friction[-1])
+        if not inertia > 0:  # the constraints keep it from moving into the surface
+            return []
         row = nlp.laws.impact.energy.index[i]
         # Fixed values at the goal may say it.
         by_rate = 0.0 if row == NOWHERE else float(duals.y[row]) / nlp.row_unit[row]

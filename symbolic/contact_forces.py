@@ -3,7 +3,8 @@
 Along a phase, accelerations a and forces y = (a | N | T | R) obey at each state, :eq:`reaction`::
 
     M a - F + sum N grad g - sum T grad tau - sum R grad phi = 0
-    g'' = 0, tau'' = 0, phi'' = 0    of what is closed, of what sticks, and of constraints
+    g'' = 0, tau'' = 0, phi'' = 0    of what is closed, of what sticks, and of constraints; of one
+                                     of velocities c, which pushes with R dc/dv, c' = 0
     T + mu N = 0, T - mu N = 0       of what slides forth and back; of rails with 1 for N
 """
 
@@ -14,7 +15,7 @@ from dataclasses import replace
 from typing import Any
 
 from dmoc.symbolic.contact_kernels import at_speeds
-from dmoc.symbolic.continuous import Continuous, dot, rates, sum_of
+from dmoc.symbolic.continuous import Continuous, constraint_rates, dot, keeps_rate, rates
 from dmoc.symbolic.graph import gradient
 from dmoc.symbolic.kernel_family import contracted, family, state_inputs
 from dmoc.symbolic.spec import Input, KernelSpec
@@ -43,16 +44,16 @@ def equations_of_forces(f: Continuous, supports: Sequence[int | None]) -> list[A
     """The left sides of the equations above at a state, in the order of y, and behind them those of
     all tangents that slide forth and of all that slide back; ``supports`` are the surfaces of the
     tangents, None of rails."""
-    n, places = len(f.q), (*f.g, *f.tau, *f.phi)
+    n, kept = len(f.q), (*rates(f, (*f.g, *f.tau)), *constraint_rates(f))
     a, forces = f.y[:n], f.y[n:]
     signs = [-1] * len(f.g) + [1] * (len(f.tau) + len(f.phi))
-    pushed = gradient(
-        sum_of(s * force * p for s, force, p in zip(signs, forces, places, strict=True)), f.q
-    )
-    bent = [
-        dot(gradient(r, f.q), f.v) + dot(gradient(r, f.v), a) + r.diff(f.t)
-        for r in rates(f, places)
-    ]
+    rows = zip(signs, forces, (*f.g, *f.tau, *f.phi), strict=True)
+    terms = [(s * force * p, keeps_rate(f, p)) for s, force, p in rows]
+    pushed = gradient(f.L.graph.sum((term, 1.0) for term, by_rate in terms if not by_rate), f.q)
+    if any(by_rate for _, by_rate in terms):
+        more = gradient(f.L.graph.sum((term, 1.0) for term, by_rate in terms if by_rate), f.v)
+        pushed = [p + c for p, c in zip(pushed, more, strict=True)]
+    bent = [dot(gradient(r, f.q), f.v) + dot(gradient(r, f.v), a) + r.diff(f.t) for r in kept]
     T, one = forces[len(f.g) : len(f.g) + len(f.tau)], f.L.graph.one
     presses = [one if j is None else forces[j] for j in supports]
     slides = [

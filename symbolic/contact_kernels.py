@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from dmoc.symbolic.continuous import (
     Continuous,
+    constraint_rates,
     dot,
     gap_rates,
     impact_work,
+    keeps_rate,
     mass_matrix,
     rates,
     sum_of,
 )
+from dmoc.symbolic.discrete import StepElement
 from dmoc.symbolic.expressions import sliding_speed
 from dmoc.symbolic.graph import RELATION, GraphNode, gradient
-from dmoc.symbolic.kernel_family import family, state_inputs
+from dmoc.symbolic.kernel_family import family, parameters, state_inputs
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 
@@ -214,16 +218,27 @@ def varies(f: Continuous, mu: Any) -> bool:
 
 
 def joint_kernels(f: Continuous) -> list[KernelSpec]:
-    """Kernels of the constraints phi(q, t) = 0 and of their impulse R . grad c."""
+    """Kernels of the constraints phi(q, t) = 0 and c(q, v, t) = 0, of their rates and of their
+    impulse, which is R . grad phi or R . dc/dv.  In the place of phi a constraint of velocities has
+    zero, and the slopes of its rate where those of phi would be."""
     if not f.phi:
         return []
     q, v, _, t, par = state_inputs(f)
+    zero, own = f.L.graph.zero, constraint_rates(f)
     R = Input.vector(f.L.graph, "R", len(f.phi))
     (q_k, t_k), (q_kp1, t_kp1) = _ends_of_step(f)
-    along = gradient(dot(R.symbols, f.phi), f.q)
+    of_rates = [keeps_rate(f, phi) for phi in f.phi]
+    places = [zero if rate else phi for rate, phi in zip(of_rates, f.phi, strict=True)]
+    along = gradient(dot(R.symbols, places), f.q)
+    values = family("joint", "Constraints phi = 0.", (q, t), {"phi": places}, par)
+    if any(of_rates):
+        by_rate = [c if rate else zero for rate, c in zip(of_rates, own, strict=True)]
+        more = gradient(dot(R.symbols, by_rate), f.v)
+        along = [a + b for a, b in zip(along, more, strict=True)]
+        values = [_with_rate_slopes(f, spec, places, by_rate) for spec in values]
     return [
-        *family("joint", "Constraints phi = 0.", (q, t), {"phi": f.phi}, par),
-        *family("joint_rate", "Their rates.", (q, v, t), {"phi_dot": rates(f, f.phi)}, par),
+        *values,
+        *family("joint_rate", "Their rates.", (q, v, t), {"phi_dot": own}, par),
         *family("reaction", "Impulse s = sum_j R_j grad phi_j.", (q, R, t), {"s": along}, par),
         *family(
             "joint_turn",
@@ -233,6 +248,33 @@ def joint_kernels(f: Continuous) -> list[KernelSpec]:
             par,
         ),
     ]
+
+
+def _with_rate_slopes(
+    f: Continuous, spec: KernelSpec, places: list[Any], by_rate: list[Any]
+) -> KernelSpec:
+    """The kernel of slopes (dphi/dq, dphi/dt) with (dc/dv, c at rest) of constraints c of
+    velocities; others as they are."""
+    if spec.name != "joint_jac":
+        return spec
+    rest = dict.fromkeys(f.v, f.L.graph.zero)
+    rows = [
+        [*(a + b for a, b in zip(gradient(phi, f.q), gradient(c, f.v), strict=True)),
+         phi.diff(f.t) + c.subs(rest)]
+        for phi, c in zip(places, by_rate, strict=True)
+    ]  # fmt: skip
+    return replace(spec, outputs=(Output.matrix("phi_D", rows, len(f.q) + 1),))
+
+
+def joint_step_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list[KernelSpec]:
+    """Kernels of the constraints of velocities at the quadrature points of a step, times h."""
+    if not any(keeps_rate(f, phi) for phi in f.phi):
+        return []
+    zero = f.L.graph.zero
+    moved = [e.h * c if keeps_rate(p.start, c) else zero for p in e.points for c in p.start.phi]
+    text = "Constraints of velocities at the points of a step, times its size; 0 of the others."
+    ways = e.chain, e.spread, e.definitions
+    return family("joint_step", text, step, {"c_d": moved}, parameters(f), *ways)
 
 
 def _ends_of_step(f: Continuous) -> list[tuple[Input, Input]]:
@@ -252,7 +294,8 @@ def _at(f: Continuous, expression: Any, place: tuple[Input, Input]) -> Any:
 def _turns(f: Continuous, start: tuple[Input, Input], end: tuple[Input, Input]) -> list[Any]:
     """Of each constraint, sum_i d_i phi(start) d_i phi(end) / M_ii(start)."""
     masses = [_at(f, row[i], start) for i, row in enumerate(mass_matrix(f))]
-    slopes = [gradient(phi, f.q) for phi in f.phi]
+    zero = f.L.graph.zero
+    slopes = [gradient(zero if keeps_rate(f, phi) else phi, f.q) for phi in f.phi]
     return [
         sum_of(_at(f, s, start) * _at(f, s, end) / m for s, m in zip(row, masses, strict=True))
         for row in slopes

@@ -292,6 +292,17 @@ def rates(f: Continuous, places: Sequence[Any]) -> list[Any]:
     return [dot(gradient(g, f.q), f.v) + g.diff(f.t) for g in places]
 
 
+def keeps_rate(f: Continuous, constraint: Any) -> bool:
+    """Whether a constraint is of velocities, c(q, v, t) = 0, and not of a place, phi(q, t) = 0."""
+    return bool(constraint.free_symbols & {*f.v, *f.x_dot})
+
+
+def constraint_rates(f: Continuous) -> list[Any]:
+    """What all constraints keep at zero along the motion: dphi/dt of those of places, or c."""
+    places = iter(rates(f, [phi for phi in f.phi if not keeps_rate(f, phi)]))
+    return [phi if keeps_rate(f, phi) else next(places) for phi in f.phi]
+
+
 def impact_work(f: Continuous, lam: Sequence[Any]) -> tuple[Any, Any]:
     """W_t = lam . dg/dt and W_gamma = lam . gamma with the rates gamma of the gaps after the
     collision.

@@ -202,7 +202,6 @@ def coefficients_of(friction: Any) -> tuple[Any, Any]:
 KINDS = ("coordinates", "velocities", "inputs", "the time", "parameters")
 REMEDIES = {
     ("surface", "velocities"): "; a limit of a velocity is a path constraint",
-    ("constraint", "velocities"): "; only places can be held, not velocities",
     ("surface", "inputs"): "; a limit of an input is a bound or a path constraint",
     ("Lagrangian", "inputs"): "; inputs enter through `forces`",
     ("restitution", "velocities"): "; the speed of the hit is dmoc.approach_speed",

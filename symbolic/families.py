@@ -17,7 +17,13 @@ import sympy as sp
 from dmoc.base.discretisation import DISCRETISATIONS, known_order
 from dmoc.base.names import name_of
 from dmoc.symbolic.contact_forces import forces_at_events, residual
-from dmoc.symbolic.contact_kernels import joint_kernels, surface_kernels, tangent_kernels, varying
+from dmoc.symbolic.contact_kernels import (
+    joint_kernels,
+    joint_step_kernels,
+    surface_kernels,
+    tangent_kernels,
+    varying,
+)
 from dmoc.symbolic.contact_references import symbols_of_forces
 from dmoc.symbolic.continuous import (
     FUNCTIONS,
@@ -26,6 +32,7 @@ from dmoc.symbolic.continuous import (
     dot,
     energy,
     input_matrix,
+    keeps_rate,
     mass_matrix,
     momenta,
     right_hand_side,
@@ -165,6 +172,9 @@ def _facts(
     more = {"without_friction": without, "quantities": quantity_rows(f, list(system.quantities))}
     more["static_friction"] = [n for n, e in system.friction.items() if isinstance(e, sp.Tuple)]
     more["varying_friction"] = path_rows(f, *varying(f, list(system.tangents)))
+    more["rate_constraints"] = [
+        name for name, c in zip(system.constraints, f.phi, strict=True) if keeps_rate(f, c)
+    ]
     facts = {
         "format": FORMAT,
         "key": model_key(system, order),
@@ -200,7 +210,7 @@ def _facts(
         "bent_joints": [
             name
             for name, phi in zip(system.constraints, f.phi, strict=True)
-            if any(s.free_symbols & set(f.q) for s in gradient(phi, f.q))
+            if not keeps_rate(f, phi) and any(s.free_symbols & set(f.q) for s in gradient(phi, f.q))
         ],
         "drawing": table_of_drawing(system.drawing),
         "parameters": {
@@ -259,6 +269,7 @@ def _step_kernels(
             par,
             *ways,
         ),
+        *joint_step_kernels(f, e, inputs),
         *path_kernels(f, e, inputs),
         *quantity_kernels(f, e, inputs, _supports(system)),
         *objective_kernels(system, plain, f, e, inputs),

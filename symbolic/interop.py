@@ -33,7 +33,7 @@ AS_THEY_ARE = ("inputs", "title", "units")  # fields without velocities
 @dataclass(frozen=True)
 class Imported:
     """Coordinates, Lagrangian, generalised forces by coordinate, the generalised speeds in terms of
-    q', and what the holonomic constraints keep at zero."""
+    q', and what the constraints keep at zero, the holonomic ones first."""
 
     coordinates: list[Any]
     lagrangian: Any
@@ -71,10 +71,10 @@ def from_lagranges_method(method: Any) -> Imported:
             f"{shown(method)} is not a LagrangesMethod: expected one from sympy.physics.mechanics."
         )
     places = list(method._hol_coneqs)
-    _check_holonomic("LagrangesMethod", method.coneqs[len(places) :])
+    constraints = [*places, *method.coneqs[len(places) :]]
     coordinates = list(method.q)
     forces = _generalised_forces(coordinates, method.forcelist or (), method.inertial, {})
-    return Imported(coordinates, sp.Matrix([method._L])[0], forces, {}, places)
+    return Imported(coordinates, sp.Matrix([method._L])[0], forces, {}, constraints)
 
 
 def from_joints(model: Any) -> Imported:
@@ -84,7 +84,6 @@ def from_joints(model: Any) -> Imported:
             f"{shown(model)} is no model: expected a JointsMethod or a System from "
             "sympy.physics.mechanics."
         )
-    _check_holonomic("model", getattr(model, "nonholonomic_constraints", ()))
     coordinates = list(model.q)
     speeds = _speeds(model)
     loads = [
@@ -97,17 +96,11 @@ def from_joints(model: Any) -> Imported:
         lagrangian,
         _generalised_forces(coordinates, loads, model.frame, speeds),
         speeds,
-        list(getattr(model, "holonomic_constraints", ())),
+        [
+            *getattr(model, "holonomic_constraints", ()),
+            *(_replaced(c, speeds) for c in getattr(model, "nonholonomic_constraints", ())),
+        ],
     )
-
-
-def _check_holonomic(what: str, others: Iterable[Any]) -> None:
-    """Refuse constraints of velocities."""
-    for equation in others:
-        raise ModelError(
-            f"the {what} has a nonholonomic constraint, {shown(equation)} = 0: expected holonomic "
-            "ones; where it follows from a place, as rolling in the plane does, state that one."
-        )
 
 
 def _speeds(model: Any) -> dict[Any, Any]:

@@ -93,7 +93,9 @@ class MechanicalSystem(Shown):
         Equations phi(q, t) = 0 that hold in every phase, by name: closed loops, rods, coordinates
         that depend on each other, places that move in a way that is prescribed:
         ``{"rod": sp.Eq(x**2 + y**2, l**2)}``; or expressions that are zero.  Their forces
-        R grad phi act on the coordinates.
+        R grad phi act on the coordinates.  With velocities they are c(q, q', t) = 0, linear in
+        these, whether it can be integrated or not: a wheel or blade that does not move sideways,
+        ``{"blade": y.diff() * sp.cos(a) - x.diff() * sp.sin(a)}``.  Its force acts as R dc/dq'.
     path_constraints : mapping of str to relation, optional
         Relations in q, q', u and t that hold along the whole motion.  Relations that ``&`` joins
         become constraints of their own: ``name_1``, ``name_2``, ...
@@ -211,7 +213,8 @@ class MechanicalSystem(Shown):
         cls, name: str, method: Any, parameters: Mapping[Any, float | None], **fields: Any
     ) -> MechanicalSystem:
         """Take over a ``sympy.physics.mechanics.LagrangesMethod``: its coordinates, Lagrangian,
-        loads, and holonomic constraints, as ``constraint_1``, ``constraint_2``, ...
+        loads, and constraints, as ``constraint_1``, ``constraint_2``, ..., those of velocities
+        last.
 
         ``fields`` are those of MechanicalSystem beside them: inputs, surfaces, cost, ...;
         ``forces`` are added to the loads.
@@ -219,8 +222,7 @@ class MechanicalSystem(Shown):
         Raises
         ------
         ModelError
-            If the method has nonholonomic constraints, or for any of the reasons of
-            MechanicalSystem.
+            For any of the reasons of MechanicalSystem.
         """
         from dmoc.symbolic.interop import from_lagranges_method
 
@@ -232,7 +234,8 @@ class MechanicalSystem(Shown):
         cls, name: str, model: Any, parameters: Mapping[Any, float | None], **fields: Any
     ) -> MechanicalSystem:
         """Take over a ``JointsMethod`` or a ``System`` of ``sympy.physics.mechanics``: bodies,
-        joints, loads, actuators, and holonomic constraints, as ``constraint_1``, ...
+        joints, loads, actuators, and constraints, as ``constraint_1``, ..., those of velocities
+        last.
 
         Generalised speeds may appear in ``fields`` (inputs, surfaces, cost, ...); they become
         velocities.
@@ -240,8 +243,7 @@ class MechanicalSystem(Shown):
         Raises
         ------
         ModelError
-            If the model has nonholonomic constraints, or for any of the reasons of
-            MechanicalSystem.
+            For any of the reasons of MechanicalSystem.
         """
         from dmoc.symbolic.interop import from_joints
 

@@ -59,13 +59,15 @@ def check_parts(system: MechanicalSystem) -> None:
     _check_friction(system)
     _check_symbols(system)
     _check_kinks(system)
+    _check_rates(system)
     _check_momenta(system)
     _check_mass_matrix(system)
     for what, kind, places in (
         ("surface", "a relation", system.gaps), ("constraint", "an equation", system.constraints),
     ):  # fmt: skip
         for name, place in places.items():
-            if not atoms_below(place, system.definitions) & set(system.coordinates):
+            moving = {*system.coordinates, *system.velocities}
+            if not atoms_below(place, system.definitions) & moving:
                 raise ModelError(
                     f"{what} {name!r} contains no coordinate: expected {kind} in "
                     f"{_listed(system.coordinates)}."
@@ -244,7 +246,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("the force on {}", {name_of(q): e for q, e in system.forces.items()}, KINDS),
         ("surface {!r}", system.gaps, PLACE),
         ("path constraint {!r}", system.path_functions, KINDS),
-        ("constraint {!r}", system.constraints, PLACE),
+        ("constraint {!r}", system.constraints, STATE),
         ("the tangent of {!r}", system.tangents, PLACE),
         ("the friction of {!r}", system.friction, (*PLACE, "inputs", "the sliding speed")),
         ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),
@@ -289,6 +291,19 @@ def _check_kinks(system: MechanicalSystem) -> None:
     for q, force in system.forces.items():
         check_smooth(force, f"the force on {name_of(q)}")
     split(system)
+
+
+def _check_rates(system: MechanicalSystem) -> None:
+    """Refuse constraints of velocities that are not linear in them: no impulse along dc/dv keeps
+    the others."""
+    for name, constraint in system.constraints.items():
+        c = expanded(constraint, system.definitions)
+        for v in system.velocities:
+            if any(sp.expand(c.diff(v, w)).equals(0) is False for w in system.velocities):
+                raise ModelError(
+                    f"constraint {name!r} is not linear in the velocity {name_of(v)}: give it as "
+                    "velocities times functions of the coordinates and the time, or hold a place."
+                )
 
 
 def _check_mass_matrix(system: MechanicalSystem) -> None:

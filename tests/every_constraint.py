@@ -75,15 +75,19 @@ def rod_problem(
     )  # fmt: skip
 
 
-def joint_problem(periodic: bool, order: int = 2) -> dmoc.Problem:
-    """A moving guide and a rod beside hits, landings and what sticks; a start that is known and one
-    that is not."""
-    rod = rod_system()
+def joint_problem(periodic: bool, order: int = 2, by_rate: bool = False) -> dmoc.Problem:
+    """A moving guide and a rod, or a guide of rates and a blade, beside hits, landings and what
+    sticks; a start that is known and one that is not."""
+    rod, t = rod_system(), dynamicsymbols._t
     x, y, a, s = rod.coordinates
-    guides = {"guide": x - s - sp.sin(2 * dynamicsymbols._t) / 3, "bend": y - 2 + x**2 + a / 2}
+    guides = {"guide": x - s - sp.sin(2 * t) / 3, "bend": y - 2 + x**2 + a / 2}
+    name = "guided_by_rate" if by_rate else "guided_rod"
+    if by_rate:
+        blade = y.diff() * sp.cos(a + t) + 2 * x * x.diff() + a.diff() / 2
+        guides = {"guide": guides["guide"].diff(t), "blade": blade}
     start = {"x": 0.0, "y": 2.0, "a": 0.0, "s": 0.0, "x_dot": 2 / 3}
     return dmoc.Problem(
-        dmoc.build(replace(rod, name="guided_rod", constraints=guides), order=order),
+        dmoc.build(replace(rod, name=name, constraints=guides), order=order),
         start={"x": 0.0, "y": None, "a": None, "s": None, "x_dot": None} if periodic else start,
         contacts=["rail:slip+"],
         sequence=["+right:slip-", "wall", "-right rail:stick", "left:slip+:stick"],
@@ -265,7 +269,8 @@ def program_of(form: str, pendulum: Kernels, puck: Kernels) -> Transcription:
         rod = rod_problem("periodic" in form, order, slippery)
         return Transcription(rod.but(design=design))
     if form.startswith("joints"):
-        return Transcription(joint_problem("periodic" in form, order).but(design=design))
+        by_rate = "rate" in form
+        return Transcription(joint_problem("periodic" in form, order, by_rate).but(design=design))
     if form.startswith("forces"):
         return Transcription(force_problem(order, form.split(", ")[1]).but(design=design))
     if "tangential" in form:

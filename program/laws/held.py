@@ -51,11 +51,14 @@ class HeldLaw(Law):
     mu : array, shape (nt,)
     touching : array of bool, shape (events,)
         Hits that only touch their surface.
+    following : array of bool, shape (phases, nj)
+        Constraints that follow from others.
     """
 
     contact: ContactLaw
     mu: Array
     touching: Bools
+    following: Bools
     held: Block = field(init=False)
     fast: Block = field(init=False)
     drags: Block = field(init=False)
@@ -101,7 +104,7 @@ class HeldLaw(Law):
         )
         self.joined = block(
             "joined",
-            held.R_b != NOWHERE,
+            (held.R_b != NOWHERE) & ~self.following[1:, None],
             lambda i, m, j: f"rate of constraint {self.lay.joint.names[j]} {moment(i, m)}",
             lambda s: s.joint_rate,
         )
@@ -221,9 +224,11 @@ class HeldLaw(Law):
 
     def loose(self) -> Iterator[tuple[Index, Index]]:
         before = key(self.lay.collision_nodes - 1, COLLISION)[:, None, None]
-        follow = self.contact.settled.closed[1:, None], self.contact.settled.sticks[1:, None]
-        for unknown, follows in zip((self.unknowns.P_b, self.unknowns.T_b), follow, strict=True):
-            chosen = (unknown != NOWHERE) & follows
+        settled, held = self.contact.settled, self.unknowns
+        for unknown, follows in (
+            (held.P_b, settled.closed), (held.T_b, settled.sticks), (held.R_b, self.following),
+        ):  # fmt: skip
+            chosen = (unknown != NOWHERE) & follows[1:, None]
             yield unknown[chosen], np.broadcast_to(before, chosen.shape)[chosen]
 
 

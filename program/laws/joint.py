@@ -9,7 +9,12 @@ Each has an impulse R_k at every node of a phase, the ends among them, and R_c i
     turn       sum_i d_i phi(q_k) d_i phi(q_kp1) / M_ii >= 0      in every step
     stays      phi_dot(q_c, v+) = 0                   after an impact, with the impulse R_c
 
-with the rate phi_dot.  This is the law of a closed contact that may pull, in steps with nodes
+with the rate phi_dot.  A constraint of velocities, c(q, v, t) = 0, pushes with R_k dc/dv, has c for
+its rate, and in the place of the rows of its places those of its rates within steps, at their
+quadrature points (equation :eq:`rates-within`)::
+
+    within     h c(q_i, v_i, t_i) = 0
+  This is the law of a closed contact that may pull, in steps with nodes
 inside too (:mod:`dmoc.program.laws.contact`), but for the turn from one place to the next: where
 the equations of a step have two solutions, as a circle and a line, the one of them lies beyond the
 body.
@@ -26,12 +31,12 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Bools, Numbering
+from dmoc.program.blocks import NOWHERE, Block, Index, Numbering
 from dmoc.program.laws.impact import ends_motion
 from dmoc.program.laws.law import AT_REST, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase
 from dmoc.program.layout import Layout
-from dmoc.program.presolve import joints_settled
+from dmoc.program.presolve import JointsSettled, joints_settled
 from dmoc.program.terms import Places, Term
 
 if TYPE_CHECKING:
@@ -47,14 +52,16 @@ class JointLaw(Law):
     lay : Layout
     bent : tuple of str
         Constraints whose gradients change along a motion.
-    settled : tuple of arrays of bool, shapes (phases + 1, nj) and (2, nj)
-        Places at the start and at the end of each phase, and rates at the start and at the end of
-        the motion, that hold by themselves.
+    by_rate : tuple of str
+        Constraints of velocities.
+    settled : JointsSettled
+        What holds by itself.
     """
 
     lay: Layout
     bent: tuple[str, ...]
-    settled: tuple[Bools, Bools] = field(init=False)
+    by_rate: tuple[str, ...]
+    settled: JointsSettled = field(init=False)
     place: Block = field(init=False)
     at_rest: Block = field(init=False)
     stays: Block = field(init=False)
@@ -76,25 +83,24 @@ class JointLaw(Law):
         if not self.names:
             return
         lay, names, along = self.lay, self.names, self._along
-        every = np.ones((lay.phases, len(names)), dtype=bool)
-        places, rates = self.settled
-        rests = np.ones((lay.phases + 1, len(names)), dtype=bool)
-        rests[[0, -1]] = ~rates
+        places, rates, follows = self.settled
+        rests = np.vstack([~follows[:1], ~follows])
+        rests[[0, -1]] &= ~rates
         self.place = block(
             "place",
-            along.places(every, places),
+            along.places(~follows, places),
             lambda r, j: f"constraint {names[j]} {along.at.label(r)}",
             lambda s: along.in_a_step(s.joint_rate, s),
         )
         self.at_rest = block(
             "constraint at rest",
-            along.rates(every, rests),
+            along.rates(~follows, rests),
             lambda k, j: f"rate of constraint {names[j]} {end_of_phase(lay, k)}",
             lambda s: s.joint_rate,
         )
         self.stays = block(
             "constraint stays",
-            (lay.joint.R_c != NOWHERE) & ~(ends_motion(lay)[:, None] & rates[-1]),
+            (lay.joint.R_c != NOWHERE) & ~(follows[1:] | ends_motion(lay)[:, None] & rates[-1]),
             lambda i, j: f"rate of constraint {names[j]} after event {i + 1}",
             lambda s: s.joint_rate,
         )
@@ -130,7 +136,14 @@ class JointLaw(Law):
         ends = q[:-1], q[1:], places.times_of(at), places.times_of(at + 1)
         terms.append(Term("joint_turn", ends, (self.turn.index,)))
         rests = along.rests("joint_rate", self.at_rest.index, places)
-        return [*terms, Term("joint", along.state(places), (self.place.index,)), *rests]
+        rates = np.array([name in self.by_rate for name in self.names])
+        at_places = np.where(rates, NOWHERE, self.place.index)
+        terms += [Term("joint", along.state(places), (at_places,)), *rests]
+        if self.by_rate:
+            within = np.where(rates, self.place.index, NOWHERE)[~along.at.begins]
+            step = places.step(np.arange(lay.total))
+            terms.append(Term("joint_step", step, (within.reshape(lay.total, -1),)))
+        return terms
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
         """Places and rates determine the impulses."""
@@ -139,3 +152,8 @@ class JointLaw(Law):
             yield from self._along.pivots(unknowns.R, self.place.index, self.at_rest.index)
             after = key(self.lay.collision_nodes, AT_REST)
             yield Pivot(unknowns.R_c, self.stays.index, after)
+
+    def loose(self) -> Iterator[tuple[Index, Index]]:
+        if self.names:
+            unknowns = self.lay.joint
+            yield from self._along.loose(unknowns.R, unknowns.R_c, self.settled.follows)

@@ -38,7 +38,7 @@ from dmoc.program.laws.step import StepLaw
 from dmoc.program.laws.tangential import TangentialLaw
 from dmoc.program.laws.velocity import VelocityLaw
 from dmoc.program.layout import SHARED, Layout
-from dmoc.program.presolve import Settled
+from dmoc.program.presolve import Settled, following_joints
 from dmoc.program.scale import Scale
 
 
@@ -151,7 +151,7 @@ def laws_of(
         hit = HitLaw.of(problem, lay, impact)
         in_hits = np.where(np.isinf(model.hit_friction), np.inf, mu)
         returning = TangentialLaw(lay, in_hits, model.tangential_restitution, impact.touching)
-        held = HeldLaw(contact, mu, impact.touching)
+        held = HeldLaw(contact, mu, impact.touching, following_joints(problem))
         rubbing = friction, sliding, BreakawayLaw(friction)
         of_contacts = contact, *rubbing, hit, returning, held
     return Laws(
@@ -161,7 +161,10 @@ def laws_of(
         PathLaw.of_peaks(problem, lay), ForceLaw(lay), LiftoffLaw(lay, pulling),
         ObjectiveLaw(lay, tuple(problem.model.totals_of)), impact,
         EndsLaw(problem, lay, tuple(goals)), *of_contacts,
-        JointLaw(lay, tuple(problem.kernels.manifest["bent_joints"])),
+        JointLaw(
+            lay, tuple(problem.kernels.manifest["bent_joints"]),
+            tuple(problem.kernels.manifest.get("rate_constraints", ())),
+        ),
         ComplementarityLaw(
             lay, problem.friction, problem.restitution_values, problem.relaxation, scale
         ),
@@ -215,7 +218,9 @@ def _untouched(
     contact.settled, sliding = Settled.nothing(lay), SlidingLaw(contact)
     friction = FrictionLaw(contact, sliding, mu, mu, mu > 0, False)
     touching = np.zeros(events, dtype=bool)
-    hit, held = HitLaw(lay, (), mu, np.zeros(events), touching), HeldLaw(contact, mu, touching)
+    hit = HitLaw(lay, (), mu, np.zeros(events), touching)
+    none = np.zeros((lay.phases, len(lay.joint.names)), dtype=bool)
+    held = HeldLaw(contact, mu, touching, none)
     returning = TangentialLaw(lay, mu, mu, touching)
     breakaway = BreakawayLaw(friction)
     laws = contact, friction, sliding, breakaway, hit, returning, held

@@ -14,9 +14,11 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.mechanics.algebra import multipliers
 from dmoc.mechanics.conditions import (
     ALL,
     GAPS,
+    JOINTS,
     TANGENTS,
     Condition,
     Conditions,
@@ -24,7 +26,6 @@ from dmoc.mechanics.conditions import (
     answers,
     conditions_of,
     in_order,
-    multipliers,
 )
 from dmoc.mechanics.contact_forces import accelerations_and_forces
 from dmoc.mechanics.contact_mode import Mode
@@ -60,7 +61,10 @@ def _tray() -> dmoc.MechanicalSystem:
         },
         tangents={"floor": X + 0.3 * sp.cos(A) * Y - 0.1 * T, "wall": Y * sp.cos(A), "rail": X + A},
         friction={"floor": MU, "wall": 0.2 + 0.1 * sp.cos(Y), "rail": 1.5},
-        constraints={"rod": sp.Eq(X * Y + sp.sin(A), 0.1 * T)},
+        constraints={
+            "rod": sp.Eq(X * Y + sp.sin(A), 0.1 * T),
+            "blade": V * sp.sin(A + T) - W * sp.cos(A) + 0.3 * OMEGA - 0.2 * T,
+        },
     )
 
 
@@ -113,9 +117,15 @@ def test_every_kind_has_a_system_here() -> None:
 
 def test_slopes_rates_and_bends_are_derivatives(model: Model) -> None:
     every, (q, v, _, t) = _all(model), _states(model)
-    slopes = every.slopes(model, q, t)
+    slopes, placed = every.slopes(model, q, t), every.placed(model)
+    assert {every.of[i].functions for i in np.flatnonzero(~placed)} <= {JOINTS}
     for i, way in enumerate(np.eye(model.nq + 1) * STEP):
         up, down = (every.values(model, q + s * way[:-1], t + s * way[-1]) for s in (1, -1))
+        by_place = (up - down) / (2 * STEP)
+        np.testing.assert_allclose(slopes[..., placed, i], by_place[:, placed], atol=1e-8)
+        assert not every.values(model, q, t)[:, ~placed].any()
+    for i, way in enumerate(np.eye(model.nq) * STEP):
+        up, down = (every.rates(model, q, v + s * way, t) for s in (1, -1))
         np.testing.assert_allclose(slopes[..., i], (up - down) / (2 * STEP), atol=1e-8)
     rates = every.rates(model, q, v, t)
     np.testing.assert_allclose(rates, (slopes[..., :-1] @ v[..., None])[..., 0] + slopes[..., -1])
@@ -127,7 +137,7 @@ def test_slopes_rates_and_bends_are_derivatives(model: Model) -> None:
 
 
 def test_pushes_are_what_the_forces_do(model: Model) -> None:
-    """Virtual work: -N dg + T dtau + R dphi, with slopes by finite differences."""
+    """Virtual power: -N gamma + T sigma + R phi_dot, with slopes by finite differences."""
     q, v, u, t = _states(model)
     there = model.with_friction_at(q, v, u, t)
     steps = np.eye(model.nq) * STEP
@@ -138,7 +148,8 @@ def test_pushes_are_what_the_forces_do(model: Model) -> None:
         work = np.zeros(q.shape)
         for F, functions in zip(forces, ALL, strict=True):
             along = [
-                functions.values(model, q + d, t) - functions.values(model, q - d, t) for d in steps
+                functions.rates(model, q, v + d, t) - functions.rates(model, q, v - d, t)
+                for d in steps
             ]
             work += functions.push * np.einsum("nk,ink->ni", F, along) / (2 * STEP)
         pushed = np.einsum("nm,nmi->ni", lam, held.pushes(there, q, t))

@@ -220,11 +220,37 @@ def test_a_guide_that_moves(joined: bool) -> None:
     np.testing.assert_allclose(s.trajectory.phases[0].u[:, 0], expected, atol=1e-3)
 
 
-def test_constraints_that_say_the_same_twice_are_named() -> None:
-    twice = {"one": X**2 + Y**2 - 1, "two": sp.sqrt(X**2 + Y**2) - 1}
+@pytest.mark.parametrize("order", [2, 4])
+def test_constraints_that_say_the_same_twice_hold_once(order: int) -> None:
+    """The swing of a rod that is held twice, and by its rate a third time, is that of one held
+    once, also through a hit; the forces together pull as the one does."""
+    rod = X**2 + Y**2 - 1
+    more = {"same": sp.sqrt(X**2 + Y**2) - 1, "rate": X * X.diff(T) + Y * Y.diff(T)}
+    answers = []
+    for constraints in ({"rod": rod}, {"rod": rod, **more}):
+        system = dmoc.MechanicalSystem(
+            f"held_{len(constraints)}", [X, Y],
+            (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - 9.81 * Y, {},
+            constraints=constraints, surfaces={"wall": X <= 0.5},
+        )  # fmt: skip
+        problem = dmoc.Problem(
+            dmoc.build(system, order=order), start={"x": 0.0, "y": -1.0, "x_dot": 2.5, "y_dot": 0},
+            sequence=["wall"], restitution=0.6, steps=30, final_time=0.5,
+        )  # fmt: skip
+        answers.append(best(problem))
+    one, other = answers
+    assert other.collisions[0].time == pytest.approx(one.collisions[0].time, rel=1e-9)
+    for a, b in zip(one.phases, other.phases, strict=True):
+        np.testing.assert_allclose(b.q, a.q, atol=1e-9)
+        whole = b.reaction @ [2.0, 1.0, 1.0]  # along (x, y), of 2 R, of R / 1 and of R
+        np.testing.assert_allclose(whole, 2.0 * a.reaction[:, 0], rtol=1e-5, atol=1e-5)
+
+
+def test_constraints_that_contradict_each_other_are_named() -> None:
+    apart = {"one": X**2 + Y**2 - 1, "two": sp.sqrt(X**2 + Y**2) - 2}
     energies = (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2
-    system = dmoc.MechanicalSystem("twice", [X, Y], energies, {}, constraints=twice)
-    with pytest.raises(DmocError, match="the constraints one, two of phase 0 are redundant"):
+    system = dmoc.MechanicalSystem("apart", [X, Y], energies, {}, constraints=apart)
+    with pytest.raises(DmocError, match="does not hold at the start"):
         dmoc.Problem(system, start={"x": 1.0, "y": 0.0}, final_time=1.0)
 
 

@@ -159,15 +159,19 @@ def test_holonomic_constraints_come_in() -> None:
     assert costs[0] == pytest.approx(costs[1], rel=1e-9)  # linear: the same discrete equations
 
 
-def test_velocity_constraints_and_other_objects_are_refused() -> None:
+def test_constraints_of_velocities_come_in_velocities() -> None:
     rolling = lagranges_method(nonhol_coneqs=[x.diff(t) - theta.diff(t) * x])
-    with pytest.raises(ModelError, match="the LagrangesMethod has a nonholonomic constraint, "):
-        dmoc.MechanicalSystem.from_lagranges_method("m", rolling, VALUES)
+    system = dmoc.MechanicalSystem.from_lagranges_method("m", rolling, VALUES, inputs=[F])
+    assert system.constraints == {"constraint_1": x.diff(t) - theta.diff(t) * x}
+    model, values = joints()
+    model.add_nonholonomic_constraints(model.u[0] - 2 * model.u[1])
+    system = dmoc.MechanicalSystem.from_joints("m", model, values, inputs=[F])
+    (constraint,) = system.constraints.values()
+    assert constraint == model.q[0].diff(t) - 2 * model.q[1].diff(t)
+
+
+def test_other_objects_are_refused() -> None:
     with pytest.raises(ModelError, match="is not a LagrangesMethod"):
         dmoc.MechanicalSystem.from_lagranges_method("m", object(), VALUES)
     with pytest.raises(ModelError, match="expected a JointsMethod or a System"):
         dmoc.MechanicalSystem.from_joints("m", object(), VALUES)
-    model, values = joints()
-    model.add_nonholonomic_constraints(model.u[0] - model.u[1])
-    with pytest.raises(ModelError, match="the model has a nonholonomic constraint, "):
-        dmoc.MechanicalSystem.from_joints("m", model, values)
