@@ -82,11 +82,11 @@ def test_what_slides_beside_a_hit_goes_on_until_its_stop(sign: str, word: str) -
     stated = problem(1.0, 0.3, word).but(contacts=[f"floor:slip{sign}"])
     nlp = Transcription(stated)
     lay, scaled = nlp.layout, np.random.default_rng(1).uniform(0.5, 2.0, nlp.n)
-    rows = nlp.laws.held.goes_on.numbers
+    rows = nlp.laws.held.slides_on.numbers
     assert len(rows) == (word != "side:slip-")
     if len(rows):
         x, factor = nlp.physical(scaled), 1.0 if sign == "+" else -1.0
-        (at,) = nlp.laws.held.goes_on.numbers
+        (at,) = nlp.laws.held.slides_on.numbers
         values = np.concatenate([nlp.equality(scaled), nlp.inequality(scaled)]) * nlp.row_unit
         assert values[at] == pytest.approx(factor * x[lay.hit.v_h[0, STOP, 2]])
 
