@@ -50,11 +50,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     names = parser.parse_args(arguments).parts or list(PARTS)
     if unknown := [name for name in names if name not in PARTS]:
         parser.error(f"{unknown[0]}: expected some of {', '.join(PARTS)}")
-    failed = [name for name in names if not _passes(name, PARTS[name])]
+    commit = _commit()  # what the parts write is no change of it
+    failed = [name for name in names if not _passes(name, PARTS[name], commit)]
     return int(bool(failed))
 
 
-def _passes(name: str, part: Part) -> bool:
+def _passes(name: str, part: Part, commit: str) -> bool:
     """Run a part, write its file, and say whether it succeeded."""
     begun = time.monotonic()
     ended = subprocess.run(
@@ -62,7 +63,7 @@ def _passes(name: str, part: Part) -> bool:
     )
     minutes = (time.monotonic() - begun) / 60
     verdict = "passed" if ended.returncode == 0 else f"failed with {ended.returncode}"
-    head = f"{time.strftime('%Y-%m-%d')}, commit {_commit()}, {minutes:.0f} min: {verdict}"
+    head = f"{time.strftime('%Y-%m-%d')}, commit {commit}, {minutes:.0f} min: {verdict}"
     RESULTS.mkdir(exist_ok=True)
     text = "\n".join([head, "", *kept(ended.stdout.splitlines(), part.kept)]) + "\n"
     (RESULTS / f"{name}.txt").write_text(text, encoding="utf-8")
