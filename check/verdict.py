@@ -123,6 +123,8 @@ class Verification(Shown):
     reaction_error : float
         Largest error of the force of a constraint at a node, relative to its largest.  Not a number
         in older files, whose ``force_error`` has it.
+    advice : str
+        What helps where the mesh is too coarse; empty otherwise.
     """
 
     passed: bool
@@ -143,6 +145,12 @@ class Verification(Shown):
     phase_error: float = 0.0
     cost_error: float = 0.0
     reaction_error: float = 0.0
+    advice: str = ""
+
+    @property
+    def told(self) -> str:
+        """The message, and what helps."""
+        return ", ".join(filter(None, (self.message, self.advice)))
 
     @property
     def excess(self) -> float:
@@ -173,7 +181,7 @@ class Verification(Shown):
             (
                 (
                     "simulation",
-                    (passed(self.passed), (f": {self.message}" if self.message else "", "")),
+                    (passed(self.passed), (f": {self.told}" if self.told else "", "")),
                 ),
                 ("terminal error", f"{self.terminal_error:.3e} of the motion's range (open loop)"),
                 (
@@ -221,7 +229,7 @@ def too_coarse(failures: list[str], amplified: float) -> str:
     unstable = (
         f" (the motion amplifies errors {amplified:.3g} times)" if amplified * WEIGHED > 1 else ""
     )
-    return "; ".join(failures) + f": too coarse{unstable}, take more steps"
+    return "; ".join(failures) + f": too coarse{unstable}"
 
 
 def exceeded(measured: Mapping[str, float], origins: Mapping[str, str] | None = None) -> list[str]:
@@ -312,4 +320,5 @@ def judged(
         errors["phase error"],
         max(errors[name] for name in COST_ERRORS),
         errors["error of a constraint force"],
+        "take more steps" if coarse else "",
     )

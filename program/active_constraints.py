@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -55,22 +54,6 @@ class ActiveBound(str):
 
     def __getnewargs__(self) -> tuple[BoundKind, str, str, float | None, int]:  # type: ignore[override]
         return self.kind, self.name, self.side, self.value, self.places
-
-    @classmethod
-    def read(cls, text: str) -> ActiveBound:
-        """The bound that a text says; its value has the digits of the text."""
-        for kind in BoundKind:
-            match = re.fullmatch(kind.pattern, text, re.DOTALL)
-            groups = {} if match is None else match.groupdict()
-            try:
-                value = float(groups["value"]) if "value" in groups else None
-                places = int(groups.get("places", 0))
-            except ValueError:
-                continue
-            bound = cls(kind, groups.get("name", ""), groups.get("side", ""), value, places)
-            if bound == text:
-                return bound
-        return cls(BoundKind.OTHER, text)
 
 
 def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[ActiveBound, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from enum import Enum
 
 
@@ -21,16 +20,6 @@ class BoundKind(Enum):
     COORDINATE = "{name} {side} {value} in {places} node{s}"
     IMPULSE = "impulse of collision {name} >= 0"
     OTHER = "{name}"
-
-    @property
-    def pattern(self) -> str:
-        """The regular expression of its texts."""
-        fields = {"side": ">=|<=", "value": r"\S+", "places": r"\d+", "s": "s?"}
-
-        def group(match: re.Match[str]) -> str:
-            return f"(?P<{match[1]}>{fields.get(match[1], '.*')})"
-
-        return re.sub(r"\\{(\w+)\\}", group, re.escape(self.value))
 
 
 # Those that hold inputs or the motion along the way, and not only the times.

@@ -25,6 +25,7 @@ from dmoc.motion.trajectory import (
 from dmoc.program.active_constraints import ActiveBound
 from dmoc.results.exploration import exploration_of
 from dmoc.results.motion_result import MotionResult
+from dmoc.results.notes import Note, Topic, message_of
 from dmoc.results.proposal import Proposal
 from dmoc.results.result_file import Saved
 from dmoc.results.solution_table import table_of_solution
@@ -99,8 +100,8 @@ class Solution(Shown, MotionResult, Saved):
         "solved", "grazes" (solved, but a collision has no effect), "not_verified", "stationary",
         "infeasible", "iteration_limit", "time_limit", "stalled" or "interrupted": a text and a
         :class:`~dmoc.solvers.outcome.Status`.
-    message : str
-        What happened, and what helps.
+    cause : str
+        What happened.
     method : str
     trajectory : Trajectory
         Phases (t, q, p, v, u) and collisions (surface, time, impulse, momenta before and after).
@@ -119,6 +120,8 @@ class Solution(Shown, MotionResult, Saved):
         Times of build, guess, solve and verification.
     unknowns : array
         The vector of unknowns, from which another solve can start.
+    notes : tuple of Note
+        What else is said, and what helps: topics with their sentences.
     conflicts : tuple of str
         Where no feasible point was found: what is missed and by how much, and what stands against
         it.
@@ -181,7 +184,7 @@ class Solution(Shown, MotionResult, Saved):
     file_module = "dmoc.results.solution_file"
 
     status: Status
-    message: str
+    cause: str
     method: str
     trajectory: Trajectory
     multipliers: Mapping[str, Array]
@@ -191,6 +194,7 @@ class Solution(Shown, MotionResult, Saved):
     iterations: int
     seconds: Mapping[str, float]
     unknowns: Array
+    notes: tuple[Note, ...] = ()
     conflicts: tuple[str, ...] = ()
     verification: Verification | None = None
     reference: str = ""
@@ -216,6 +220,11 @@ class Solution(Shown, MotionResult, Saved):
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""
         return table_of_solution(self)
+
+    @property
+    def message(self) -> str:
+        """What happened, and what helps: the cause with the notes."""
+        return message_of(self.cause, self.notes)
 
     @property
     def solved(self) -> bool:
@@ -371,12 +380,17 @@ def _event(c: Collision) -> dict[str, Any]:
     }
 
 
-def saying(solution: Solution, more: str) -> Solution:
-    """The solution with something more in its message."""
-    return replace(solution, message=f"{solution.message}; {more}")
+def saying(solution: Solution, more: str, topic: Topic = Topic.OTHER) -> Solution:
+    """The solution with one note more."""
+    return replace(solution, notes=(*solution.notes, Note(topic, more)))
+
+
+def ending(solution: Solution, status: Status, cause: str) -> Solution:
+    """The solution with another end, of which nothing else is said."""
+    return replace(solution, status=status, cause=cause, notes=())
 
 
 def broken_off(solution: Solution) -> Solution:
     """The solution, where Ctrl-C has come before it was complete."""
     status = Status.INTERRUPTED
-    return replace(solution, status=status, message=status.sentence)
+    return ending(solution, status, status.sentence)

@@ -16,6 +16,8 @@ from dmoc.motion.scene import COLUMNS, Scene, Shape, wrong_scene
 from dmoc.motion.states import PARTS
 from dmoc.motion.trajectory import COURSES, FORCES, Collision, Phase, Trajectory
 from dmoc.program.active_constraints import ActiveBound
+from dmoc.program.bound_kinds import BoundKind
+from dmoc.results.notes import Note, Topic
 from dmoc.results.proposal import CONTACT_STATES, Proposal, Stay
 from dmoc.results.result_file import REMEDY, ResultFile
 from dmoc.results.schema import (
@@ -39,12 +41,13 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import UNREFINED, Status
 
-FORMAT, OLDEST = 21, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 22, 6  # the format that is written, and the oldest that is read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 # What files of older formats lack, with the values there: of a solution, of its motion, of phases
 # and collisions.
 LACKING_BESIDE: Mapping[str, Any] = {
     "proposal": None, "design": {}, "periodic": {}, "first_start": "", "unseen_share": None,
+    "notes": [],
 }  # fmt: skip
 LACKING: Mapping[str, Any] = {
     "units": {}, "scene": None, "limits": {}, "quantities": [], "totals": {},
@@ -72,11 +75,22 @@ def _as_now(header: Any) -> Any:
             now = {**LACKING_BESIDE, **_starts_as_now(solution)}
             if "cost" in now:
                 motion["cost"] = now.pop("cost")
+            if "message" in now:
+                now["cause"] = now.pop("message")
+            if isinstance(bounds := now.get("active_bounds"), list):
+                now["active_bounds"] = [
+                    b if isinstance(b, dict) else _bound_as_now(b) for b in bounds
+                ]
             now |= {"trajectory": motion, "verification": check}
             if isinstance(others := solution.get("others"), list):
                 now["others"] = list(map(_minimum_as_now, others))
             return {**header, "format": FORMAT, "solution": now}
     return header
+
+
+def _bound_as_now(text: Any) -> dict[str, Any]:
+    """A bound in an older file, which is its text alone."""
+    return {"kind": BoundKind.OTHER.name, "name": text, "side": "", "value": None, "places": 0}
 
 
 def _minimum_as_now(minimum: Any) -> Any:
@@ -102,7 +116,7 @@ def _check_as_now(check: Any) -> Any:
         case {"max_segment_defect": worst, **rest}:
             check = {**rest, "segment_defects": [worst], "contacts": []}
     lacking = dict.fromkeys(("path_excess", "phase_error", "cost_error", "reaction_error"), nan)
-    return {**lacking, **check} if isinstance(check, dict) else check
+    return {**lacking, "advice": "", **check} if isinstance(check, dict) else check
 
 
 @np.errstate(all="ignore")
@@ -165,16 +179,27 @@ def _wrong_solution(solution: Solution) -> str | None:
 
 
 @dataclass(frozen=True)
-class Bound:
-    """A bound that is active, as the text that it is."""
+class Kind:
+    """What is held by a bound, by its name."""
 
     def write(self, value: Any, where: str, put: Put) -> str:
-        return str(Text().write(value, where, put))
+        return str(value.name)
 
-    def read(self, data: Any, where: str, context: Context) -> ActiveBound:
-        return ActiveBound.read(Text().read(data, where, context))
+    def read(self, data: Any, where: str, context: Context) -> BoundKind:
+        return BoundKind[NAMES_OF_KINDS.read(data, where, context)]
 
 
+NAMES_OF_KINDS = Choice(tuple(kind.name for kind in BoundKind))
+BOUND = Record(
+    ActiveBound,
+    {
+        "kind": Kind(),
+        "name": Text(),
+        "side": Choice(("", ">=", "<=")),
+        "value": Either(Nothing(), Number(special=True)),
+        "places": Whole(),
+    },
+)
 SIGN = Choice((-1, 0, 1))  # of friction
 
 
@@ -344,17 +369,21 @@ VERIFICATION = Record(
         "phase_error": Number(special=True),
         "cost_error": Number(special=True),
         "reaction_error": Number(special=True),
+        "advice": Text(),
     },
 )
 SOLUTION = Record(
     Solution,
     {
         "status": Choice(tuple(Status)),
-        "message": Text(),
+        "cause": Text(),
+        "notes": Listed(
+            Record(Note, {"topic": Choice(tuple(Topic)), "text": Text(), "after": Text()})
+        ),
         "method": Name(),
         "trajectory": TRAJECTORY,
         "multipliers": Mapped(Stored(special=True)),
-        "active_bounds": Listed(Bound()),
+        "active_bounds": Listed(BOUND),
         "max_violation": Number(special=True),
         "optimality": Number(special=True),
         "iterations": Whole(),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from dmoc.base.table import Cell, Table, passed
 from dmoc.motion.largest_forces import largest_forces
 from dmoc.motion.trajectory import impulses_in_words, noun_of
+from dmoc.results.notes import Topic, message_of
 from dmoc.solvers.outcome import UNREFINED
 
 if TYPE_CHECKING:
@@ -29,8 +30,7 @@ def table_of_solution(solution: Solution) -> Table:
 
 
 def _outcome(s: Solution) -> Iterator[tuple[Cell, ...]]:
-    message = s.message.replace(": " + "; ".join(s.conflicts), "") if s.conflicts else s.message
-    message = message.replace(f"; {s.proposal}", "")
+    message = message_of(s.cause, s.notes, (Topic.CONFLICT, Topic.PROPOSAL))
     yield "status", ((str(s.status), "good" if s.solved else "bad"), (f": {message}", ""))
     if s.proposal is not None:
         yield "proposal", str(s.proposal)

@@ -8,6 +8,7 @@ from functools import partial
 from dmoc.problem.problem import Problem
 from dmoc.program.sharing import in_words
 from dmoc.results.exploration import exploration_in_words
+from dmoc.results.notes import Topic
 from dmoc.results.solution import Solution, broken_off, saying
 from dmoc.solvers.outcome import Status
 from dmoc.solving.checked_solution import checked
@@ -77,8 +78,7 @@ def _completed(
     elif answer is best:
         answer = kept(_refined(problem, guess, of_mesh, best))
     if answer.minimum and problem.lasting and problem.phases > 1:
-        sentence = undetermined(problem.meshed(answer.steps), answer)
-        answer = replace(answer, message=telling(answer.message, sentence))
+        answer = telling(answer, undetermined(problem.meshed(answer.steps), answer))
     forces = in_words(problem) if answer.minimum else ""
     answer = saying(answer, forces) if forces else answer
     if answer.starts:
@@ -86,7 +86,8 @@ def _completed(
     answer = naming_turns(problem, answer, few, request.options.deadline)
     if answer.status is Status.INFEASIBLE and _may_touch(problem):
         answer = saying(answer, NO_EVENT)
-    return answer if answer.proposal is None else saying(answer, str(answer.proposal))
+    proposal = answer.proposal
+    return answer if proposal is None else saying(answer, str(proposal), Topic.PROPOSAL)
 
 
 def _finished(solution: Solution) -> Solution:
@@ -126,6 +127,6 @@ def _refined(problem: Problem, guess: InitialGuess, request: Request, first: Sol
     near = answer.error_estimate is not None and answer.error_estimate <= request.loose
     if answer.status is Status.NOT_VERIFIED and confirmed and near:
         status = Status.GRAZES if any(c.grazes for c in answer.collisions) else Status.SOLVED
-        message = f"a local minimum was found, confirmed by simulation; {answer.message}"
-        answer = replace(answer, status=status, message=message)
+        cause = f"a local minimum was found, confirmed by simulation; {answer.cause}"
+        answer = replace(answer, status=status, cause=cause)
     return answer

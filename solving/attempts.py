@@ -41,6 +41,7 @@ class Attempt:
     nlp: Transcription
     outcome: Outcome
     conflicts: tuple[str, ...] = ()
+    leaves_open: str = ""
 
     @property
     def status(self) -> Status:
@@ -201,7 +202,7 @@ class LocalSolver:
         if not beside:
             around = second.curvature()
             if around.shape is Landscape.VALLEY:
-                return attempt.saying(left_open_along(plain, around.direction))
+                return replace(attempt, leaves_open=left_open_along(plain, around.direction))
             beside = second.cheaper(around)
         if not beside:
             return attempt

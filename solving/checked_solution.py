@@ -16,6 +16,7 @@ from dmoc.program.active_constraints import active_bounds
 from dmoc.program.extraction import loose_peaks, loose_totals, named_multipliers, trajectory
 from dmoc.program.transcription import Transcription
 from dmoc.program.undefined_values import singular_at, undefined_at
+from dmoc.results.notes import Note, Topic
 from dmoc.results.solution import Solution
 from dmoc.solvers.kkt import duality_gap
 from dmoc.solvers.outcome import Status
@@ -35,17 +36,19 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
     """The solution in the user's words and units."""
     nlp, outcome = attempt.nlp, attempt.outcome
     problem = nlp.problem
-    motion, status, message = trajectory(nlp, outcome.x), outcome.status, _message(attempt)
+    motion, status, cause = trajectory(nlp, outcome.x), outcome.status, _cause(attempt)
+    notes = _notes(attempt)
     proposal = proposal_of(nlp, outcome) if status is Status.SOLVED else None
     grazes = any(c.grazes for c in motion.collisions) or _stands_still(nlp, motion)
     if status is Status.SOLVED and grazes:
-        status, message = Status.GRAZES, f"{message}; {without_effect(motion)}"
+        status, notes = Status.GRAZES, (*notes, Note(Topic.OTHER, without_effect(motion)))
     loose, optimality = _loose(attempt), outcome.left.optimality
     if loose and status in (Status.SOLVED, *UNDECIDED):  # there is none, whatever is left
-        status, proposal, message, optimality = Status.STALLED, None, loose, np.inf
+        status, proposal, cause, notes = Status.STALLED, None, loose, ()
+        optimality = np.inf
     return Solution(
         status=status,
-        message=message,
+        cause=cause,
         method=method,
         trajectory=motion,
         multipliers=named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z),
@@ -57,6 +60,7 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
         unknowns=nlp.physical(outcome.x).copy(),
         scale=nlp.scale.named(problem),
         reference=problem.kernels.reference or problem.kernels.name,
+        notes=notes,
         conflicts=attempt.conflicts,
         duality_gap=duality_gap(nlp, outcome.x, outcome.duals),
         proposal=proposal,
@@ -97,27 +101,38 @@ def _loose(attempt: Attempt) -> str:
     return ""
 
 
-def _message(attempt: Attempt) -> str:
-    """What happened, with the conflicts or the detail of the method."""
+def _cause(attempt: Attempt) -> str:
+    """What happened, with the detail of the method where no conflict is known."""
     outcome = attempt.outcome
-    detail = f" ({outcome.detail})" if outcome.detail else ""
-    conflicts = "; ".join(attempt.conflicts)
-    message = outcome.status.sentence + (f": {conflicts}" if conflicts else detail)
-    if outcome.status is Status.SOLVED:
-        return message
-    singular = singular_at(attempt.nlp, outcome.x)
+    detail = f" ({outcome.detail})" if outcome.detail and not attempt.conflicts else ""
+    return f"{outcome.status.sentence}{detail}"
+
+
+def _notes(attempt: Attempt) -> tuple[Note, ...]:
+    """Conflicts, what is left open, and what has no value."""
+    marks = (": ", *["; "] * len(attempt.conflicts))
+    notes = [Note(Topic.CONFLICT, c, m) for c, m in zip(attempt.conflicts, marks, strict=False)]
+    notes += [Note(Topic.OPEN, attempt.leaves_open)] * bool(attempt.leaves_open)
+    undefined = ""
+    if attempt.outcome.status is not Status.SOLVED:
+        undefined = _undefined(attempt)
+    return (*notes, *[Note(Topic.OTHER, undefined)] * bool(undefined))
+
+
+def _undefined(attempt: Attempt) -> str:
+    """What has no value where a solve has ended."""
+    nlp, x = attempt.nlp, attempt.outcome.x
+    singular = singular_at(nlp, x)
     if singular is not None:
         return (
-            f"{message}; the mass matrix is singular or negative on the way, first at "
+            "the mass matrix is singular or negative on the way, first at "
             f"{singular:.4g} s: check the parameters and the bounds"
         )
-    undefined = undefined_at(attempt.nlp, outcome.x)
-    if undefined:
-        return (
-            f"{message}; {undefined} is not a finite number where it ended: keep the motion away "
-            "from there by bounds, or write the expression so that it has a derivative"
-        )
-    return message
+    undefined = undefined_at(nlp, x)
+    return undefined and (
+        f"{undefined} is not a finite number where it ended: keep the motion away from there by "
+        "bounds, or write the expression so that it has a derivative"
+    )
 
 
 def without_effect(motion: Trajectory) -> str:
@@ -142,14 +157,18 @@ def checked(solution: Solution, deadline: Deadline = ENDLESS) -> Solution:
     start, check = time.perf_counter(), None
     with suppress(OutOfTimeError):
         check = verify(solution.trajectory, solution.kernels, deadline.seconds)
-    status, message = solution.status, solution.message
+    status, found = solution.status, list[Note]()
     if check is None:
         status = Status.TIME_LIMIT
-        message += ", but the time limit was reached before the simulation had checked it: raise it"
+        late = "but the time limit was reached before the simulation had checked it: raise it"
+        found.append(Note(Topic.OTHER, late, ", "))
     elif not check.passed:
         status = Status.NOT_VERIFIED
-        message += f", but an independent simulation contradicts it: {check.message}"
+        wrong = f"but an independent simulation contradicts it: {check.message}"
+        found.append(Note(Topic.OTHER, wrong, ", "))
+        found += [Note(Topic.STEPS, check.advice, ", ")] * bool(check.advice)
     elif check.message:
-        message += f"; {check.message}"
+        found.append(Note(Topic.OTHER, check.message))
     seconds = {**solution.seconds, "verify": time.perf_counter() - start}
-    return replace(solution, status=status, message=message, verification=check, seconds=seconds)
+    notes = (*solution.notes, *found)
+    return replace(solution, status=status, notes=notes, verification=check, seconds=seconds)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.transcription import Transcription
+from dmoc.results.notes import Note, Topic, with_note
 from dmoc.results.solution import Solution
 from dmoc.solvers.curvature import SecondOrder
 from dmoc.solvers.kkt import cost_size
@@ -26,12 +27,11 @@ MOVES = 0.5
 RESOLVED = 5.0
 
 
-def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = None) -> str:
-    """A sentence on what the problem leaves open of a minimum, among the durations, the design and,
-    where there is a coarser mesh, the position that has changed most since; empty if it determines
-    all that."""
+def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = None) -> Note | None:
+    """What the problem leaves open of a minimum, among the durations, the design and, where there
+    is a coarser mesh, the position that has changed most since; None if it determines all that."""
     if any(c.grazes for c in fine.collisions):  # they are part of another program
-        return ""
+        return None
     nlp, duals = at_solution(problem, fine)
     names = _names(nlp)
     at = np.concatenate([nlp.layout.index_h, nlp.layout.index_design])
@@ -48,9 +48,7 @@ def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = Non
     second = SecondOrder(nlp, x, duals).of_unknowns(at)
     curvature = second * (reach / units[at]) ** 2 / cost_size(nlp, x)
     left_open = [name for name, c in zip(names, curvature, strict=True) if 0 <= c < FLAT]
-    if not left_open:
-        return ""
-    return _sentence(left_open)
+    return Note(Topic.OPEN, _sentence(left_open)) if left_open else None
 
 
 def left_open_along(nlp: Transcription, direction: Array) -> str:
@@ -84,14 +82,13 @@ def _sentence(names: list[str]) -> str:
     return f"the problem does not determine {' and '.join(names)}: others cost the same"
 
 
-def telling(message: str, sentence: str) -> str:
-    """A message with one sentence on what is left open, in the place of that which it has."""
-    had = re.search(_sentence([".*?"]), message)
-    if had is None:
-        return f"{message}; {sentence}" if sentence else message
-    if not re.fullmatch(_sentence([".*"]), sentence):
-        return message
-    return message[: had.start()] + sentence + message[had.end() :]
+def telling(answer: Solution, note: Note | None) -> Solution:
+    """An answer with one note on what is left open, in the place of that which it has; that
+    something drifts is told where nothing is seen to be open."""
+    told = any(n.topic is Topic.OPEN for n in answer.notes)
+    if note is None or (told and note.topic is not Topic.OPEN):
+        return answer
+    return replace(answer, notes=with_note(answer.notes, note))
 
 
 def _most_changed(coarse: Solution, fine: Solution) -> tuple[int, int]:

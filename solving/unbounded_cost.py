@@ -17,7 +17,7 @@ from dmoc.guess.automatic import NO_TIME, expected_time, initial_guesses
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import LONGEST_TIME
 from dmoc.program.scaling import scale_of
-from dmoc.results.solution import Solution
+from dmoc.results.solution import Solution, ending
 from dmoc.solvers.kkt import LEAST_COST
 from dmoc.solvers.outcome import Status
 from dmoc.solving.attempts import UNDECIDED
@@ -70,12 +70,12 @@ def bounded(
     longer = solve(problem.but(final_time=time), answer)
     if not (longer.minimum and longer.cost < (1 - FALLS) * answer.cost):
         return answer
-    message = (
+    cause = (
         "the cost has no minimum, it falls as long as the motion takes longer: "
         f"{answer.cost:.3g} in {answer.final_time:.3g} s, {longer.cost:.3g} in "
         f"{longer.final_time:.3g} s; give final_time an upper limit"
     )
-    return replace(answer, status=Status.STALLED, message=message, verification=None)
+    return replace(ending(answer, Status.STALLED, cause), verification=None)
 
 
 def ended(
@@ -138,11 +138,11 @@ def _running_away(
     """The answer, which has stalled because its cost falls as something grows: costs within two
     limits of it."""
     costs = ", ".join(f"{cost:.3g} within {limit:.3g}" for cost, limit in (near, beyond))
-    message = (
+    cause = (
         f"the cost has no minimum, it falls as {name} grows: {costs}; bound {name}, or give it a "
         "price"
     )
-    return replace(answer, status=Status.STALLED, message=message, verification=None)
+    return replace(ending(answer, Status.STALLED, cause), verification=None)
 
 
 def _running(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import MOST_STEPS
 from dmoc.program.layout import Layout
+from dmoc.results.notes import Note, Topic, with_note
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Status
 from dmoc.solving.mesh.error import SLOWEST_ORDER
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 MARGIN, MOST = 1.2, 10.0
 # Meshes that are tried, and the unknowns of the finest one, which shall cost some seconds at most.
 TRIED, MOST_UNKNOWNS = 3, 30_000
-ADVICE = ", take more steps"
 
 
 def passing_steps(check: Verification, steps: Sequence[int], order: float) -> list[int]:
@@ -63,9 +63,10 @@ def naming_steps(problem: Problem, answer: Solution, solve: Callable[..., Soluti
 
 
 def _telling(answer: Solution, advice: str) -> Solution:
-    """The answer with advice on its steps in its message, in the place of the check's."""
-    head, general, rest = answer.message.partition(ADVICE)
-    return replace(answer, message=f"{head}{',' if general else ':'} {advice}{rest}")
+    """The answer with advice on its steps in the place of the check's."""
+    general = any(note.topic is Topic.STEPS for note in answer.notes)
+    note = Note(Topic.STEPS, advice, ", " if general else ": ")
+    return replace(answer, notes=with_note(answer.notes, note))
 
 
 def _order(coarse: Solution, fine: Solution) -> float:

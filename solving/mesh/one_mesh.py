@@ -40,8 +40,8 @@ def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Sol
     if answer is None:
         answer = _without_start(problem, guess, request)
         if exploration.late and answer.status is Status.INFEASIBLE:
-            message = f"{OUT_OF_STARTS}; until then {answer.message}"
-            answer = replace(answer, status=Status.TIME_LIMIT, message=message)
+            until_then = f"{OUT_OF_STARTS}; until then {answer.cause}"
+            answer = replace(answer, status=Status.TIME_LIMIT, cause=until_then)
     confirmed = [s for s in exploration.solutions if s.minimum]
     if answer.status is Status.NOT_VERIFIED and confirmed:
         answer = saying(answer, _cheapest(confirmed))

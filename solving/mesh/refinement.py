@@ -13,7 +13,8 @@ from dmoc.base.records import record
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import MOST_STEPS
 from dmoc.program.layout import Layout
-from dmoc.results.solution import Mesh, Solution, broken_off, saying
+from dmoc.results.notes import Note, Topic
+from dmoc.results.solution import Mesh, Solution, broken_off, ending, saying
 from dmoc.solvers.judge import rounded
 from dmoc.solvers.outcome import NOWHERE, Residuals, Status
 from dmoc.solving.indeterminacy import telling, undetermined
@@ -78,7 +79,7 @@ class History:
     infeasible: Solution | None = None
     iterations: int = 0
     seconds: Mapping[str, float] = field(default_factory=dict)
-    leaves_open: str = ""
+    leaves_open: Note | None = None
 
     @property
     def last(self) -> Level:
@@ -202,11 +203,7 @@ def _from_coarse(
 
 def _rounded(s: Solution) -> Solution:
     sharp = s.status == Status.STALLED and rounded(Residuals(s.optimality, s.max_violation))
-    return (
-        replace(s, status=Status.SOLVED, message="a local minimum was found, to rounding errors")
-        if sharp
-        else s
-    )
+    return ending(s, Status.SOLVED, "a local minimum was found, to rounding errors") if sharp else s
 
 
 def _failed(past: History, s: Solution) -> History:
@@ -244,16 +241,17 @@ def _measured(
     return past
 
 
-def _left_open(past: History, problem: Problem) -> str:
+def _left_open(past: History, problem: Problem) -> Note | None:
     """What the problem leaves open of a motion whose cost is settled; where nothing is seen to be
     open, durations and positions that finer and finer meshes do not settle."""
     fine, coarse = past.last.solution, past.levels[-2].solution
-    sentence = undetermined(problem, fine, coarse)
-    if sentence or not _idle([level.errors.motion for level in past.levels]):
-        return sentence
-    return (
+    note = undetermined(problem, fine, coarse)
+    if note or not _idle([level.errors.motion for level in past.levels]):
+        return note
+    return Note(
+        Topic.DRIFT,
         "the problem hardly determines durations and positions, which change by "
-        f"{changes(coarse, fine).motion:.1g} at the same cost on finer and finer meshes"
+        f"{changes(coarse, fine).motion:.1g} at the same cost on finer and finer meshes",
     )
 
 
@@ -267,8 +265,8 @@ def _next(past: History, tolerance: float, problem: Problem) -> tuple[str, list[
     settled = [level.solution for level in past.levels if level.errors.cost <= tolerance]
     contradicted = [s.verification for s in settled if s.status is Status.NOT_VERIFIED]
     if len(contradicted) > CONTRADICTED and contradicted[-1]:
-        message = contradicted[-1].message.removesuffix(", take more steps")
-        return f"the simulation contradicts finer and finer meshes ({message})", []
+        wrong = contradicted[-1].message
+        return f"the simulation contradicts finer and finer meshes ({wrong})", []
     if past.is_idle(tolerance):
         reason = "finer meshes do not make it smaller, rounding errors or the solver's tolerance "
         return f"{reason}outweigh it", []
@@ -310,10 +308,8 @@ def _result(past: History) -> Solution:
         )
         for level in past.levels
     )
-    s = past.last.solution
     return replace(
-        s,
-        message=telling(s.message, past.leaves_open),
+        telling(past.last.solution, past.leaves_open),
         meshes=compared(meshes, past.solved, not past.leaves_open),
         error_estimate=past.error(past.last),
         iterations=past.iterations,
@@ -337,11 +333,11 @@ def _best(past: History, problem: Problem, tolerance: float, check: Check, reaso
         unmet = "one mesh was solved, which gives no estimate of its error"
     if s.verification and not s.verification.passed:
         contradicted = (
-            f"an independent simulation contradicts the finest mesh ({s.verification.message})"
+            f"an independent simulation contradicts the finest mesh ({s.verification.told})"
         )
         met = past.error(past.last) <= tolerance
         unmet = contradicted if met else f"{unmet}, and {contradicted}"
-    return replace(s, status=Status.NOT_VERIFIED, message=f"{unmet}: {reason}")
+    return ending(s, Status.NOT_VERIFIED, f"{unmet}: {reason}")
 
 
 def _seen_open(past: History, problem: Problem, tolerance: float) -> History:
@@ -355,8 +351,8 @@ def _seen_open(past: History, problem: Problem, tolerance: float) -> History:
     fine, coarse = past.last.solution, past.levels[-2].solution
     meshed = problem.meshed(list(fine.steps))
     settled = errors.cost <= tolerance
-    sentence = _left_open(past, meshed) if settled else undetermined(meshed, fine, coarse)
-    return replace(past, leaves_open=sentence)
+    note = _left_open(past, meshed) if settled else undetermined(meshed, fine, coarse)
+    return replace(past, leaves_open=note)
 
 
 def _beside(level: Level, finest: Level) -> Level:

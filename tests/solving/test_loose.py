@@ -20,7 +20,7 @@ class Answer:
     error_estimate: float | None
     verification: Any
     collisions: tuple[Any, ...] = ()
-    message: str = "as fine as it gets"
+    cause: str = "as fine as it gets"
     starts: int = 0
     agreeing_starts: int = 0
     first_start: str = ""
@@ -60,7 +60,7 @@ def test_a_confirmed_motion_with_a_larger_error_is_solved(
     check = None if passed is None else SimpleNamespace(passed=passed)
     kept = loosened(monkeypatch, Answer(Status(status), error, check))
     assert kept.status == ended
-    assert ("confirmed by simulation; as fine" in kept.message) == (ended != status)
+    assert ("confirmed by simulation; as fine" in kept.cause) == (ended != status)
 
 
 @pytest.mark.parametrize(

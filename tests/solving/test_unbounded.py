@@ -192,6 +192,6 @@ def test_what_runs_away_is_named_wherever_the_solve_was_lost() -> None:
     problem = sled(goal, order, **fields)
     lost = dmoc.solve(problem, "ipm", starts=1)
     costs = replace(lost.trajectory, cost=14484.6)
-    lost = replace(lost, trajectory=costs, message="", status=Status.STALLED)
+    lost = replace(lost, trajectory=costs, cause="", notes=(), status=Status.STALLED)
     told = ended(problem, lost, lambda _, motion: motion, partial(dmoc.solve, starts=16))
     assert told.message.startswith("the cost has no minimum, it falls as final_time grows: -400")

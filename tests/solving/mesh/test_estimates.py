@@ -161,7 +161,8 @@ def test_a_small_cost_that_falls_by_a_hundredth_in_twice_the_time_has_no_minimum
         return answer(cost * (1 - falls), 6.0)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(unbounded_cost, "replace", lambda s, **fields: fields["status"])
+        patch.setattr(unbounded_cost, "ending", lambda s, status, cause: status)
+        patch.setattr(unbounded_cost, "replace", lambda status, **fields: status)
         bounded: Any = unbounded_cost.bounded(problem, first, solve)
     assert bounded is (Status.STALLED if endless else first)
 

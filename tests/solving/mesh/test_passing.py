@@ -15,6 +15,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system
 
 import dmoc
+from dmoc.results.notes import Note, Topic
 from dmoc.solvers.outcome import Status
 from dmoc.solving.mesh.confirmation import naming_steps, passing_steps
 
@@ -98,12 +99,13 @@ def test_errors_that_fall_with_the_order_pass(
 def contradicting(solution: dmoc.Solution, excess: float) -> dmoc.Solution:
     """A solution whose energies are so many times further off than may be."""
     assert solution.verification is not None
-    message = "energies are off: too coarse, take more steps"
+    message, advice = "energies are off: too coarse", "take more steps"
     check = replace(
-        solution.verification, passed=False, message=message, energy_error=0.02 * excess
-    )
-    text = f"a local minimum was found, but {message}"
-    return replace(solution, status=Status.NOT_VERIFIED, verification=check, message=text)
+        solution.verification, passed=False, message=message, advice=advice,
+        energy_error=0.02 * excess,
+    )  # fmt: skip
+    notes = Note(Topic.OTHER, f"but {message}", ", "), Note(Topic.STEPS, advice, ", ")
+    return replace(solution, status=Status.NOT_VERIFIED, verification=check, notes=notes)
 
 
 @pytest.mark.parametrize(("falls", "named"), [(2, [18]), (1, [18, 26]), (0, None)])
