@@ -153,8 +153,8 @@ def test_an_axle_holds_what_a_turn_needs() -> None:
     most = 0.8 * np.abs(phase.reaction).max()
     held = dmoc.solve(parking(4, quantities=grip).but(bounds={"grip": (-most, most)}), "ipm")
     assert held.solved, held.message
-    assert np.abs(held.phases[0].reaction).max() <= 1.01 * most
-    assert held.cost > free.cost
+    assert np.abs(held.phases[0].reaction).max() == pytest.approx(most, rel=0.01)
+    assert free.cost < held.cost < 1.1 * free.cost
 
 
 @pytest.mark.parametrize("order", [2, 4])
@@ -239,8 +239,8 @@ def test_what_is_no_constraint_of_velocities(constraint: Any, message: str) -> N
 
 
 def test_linear_in_disguise() -> None:
-    """(x' + 1)^2 - x'^2 - 1 = 2 x' is linear."""
-    disguised = (V_X + 1) ** 2 - V_X**2 - 1
+    """(x'^2 - 1)/(x' - 1) = x' + 1 is linear."""
+    disguised = (V_X**2 - 1) / (V_X - 1)
     system = dmoc.MechanicalSystem("d", [X, Y], (V_X**2 + V_Y**2) / 2, constraints={"c": disguised})
     assert dmoc.build(system).manifest["rate_constraints"] == ["c"]
 
