@@ -233,9 +233,10 @@ def joint_kernels(f: Continuous) -> list[KernelSpec]:
     values = family("joint", "Constraints phi = 0.", (q, t), {"phi": places}, par)
     if any(of_rates):
         by_rate = [c if rate else zero for rate, c in zip(of_rates, own, strict=True)]
-        more = gradient(dot(R.symbols, by_rate), f.v)
+        linear = [_linear(f, c) for c in by_rate]
+        more = gradient(dot(R.symbols, linear), f.v)
         along = [a + b for a, b in zip(along, more, strict=True)]
-        values = [_with_rate_slopes(f, spec, places, by_rate) for spec in values]
+        values = [_with_rate_slopes(f, spec, places, linear) for spec in values]
     return [
         *values,
         *family("joint_rate", "Their rates.", (q, v, t), {"phi_dot": own}, par),
@@ -248,6 +249,12 @@ def joint_kernels(f: Continuous) -> list[KernelSpec]:
             par,
         ),
     ]
+
+
+def _linear(f: Continuous, c: Any) -> Any:
+    """A constraint that is linear in the velocities, whatever its form, as S v + s."""
+    rest = dict.fromkeys(f.v, f.L.graph.zero)
+    return dot([slope.subs(rest) for slope in gradient(c, f.v)], f.v) + c.subs(rest)
 
 
 def _with_rate_slopes(
