@@ -61,7 +61,8 @@ class Phase:
     joints : tuple of str
         The constraints of the model.
     reaction : array of shape (N + 1, len(joints))
-        Their forces R at the nodes: R grad phi acts on the coordinates.
+        Their forces R at the nodes: R grad phi acts on the coordinates, R dc/dv of constraints c of
+        velocities.
     q_inside, p_inside : arrays of shape ((d - 1) N, nq)
         Coordinates and momenta at the nodes inside the steps, one step after the other, of
         polynomials of degree d; none at order 2.
@@ -169,7 +170,7 @@ class Collision:
         Friction of tangents from here on, where it changes: 0 sticks, 1 and -1 slide.
     impulses, tractions : mappings of str to float
         Normal impulses P of all contacts that take one, and their tangential impulses S: the
-        momentum changes by -P grad g + S grad tau + R grad phi.
+        momentum changes by -P grad g + S grad tau + R grad phi, or R dc/dv.
     reactions : mapping of str to float
         Impulses R of the constraints of the model.
     course : str

@@ -76,7 +76,8 @@ def traction(tangent: str) -> Any:
 
 @public(ModelError)
 def reaction(constraint: str) -> Any:
-    """The force R of a constraint of the model, in a quantity: R grad phi acts on the coordinates.
+    """The force R of a constraint of the model, in a quantity: R grad phi acts on the coordinates,
+    R dc/dv of a constraint c of velocities.
 
     Parameters
     ----------

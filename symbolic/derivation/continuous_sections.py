@@ -13,6 +13,7 @@ from dmoc.symbolic.continuous import (
     dot,
     energy,
     input_matrix,
+    keeps_rate,
     mass_matrix,
     momenta,
     right_hand_side,
@@ -37,6 +38,15 @@ FORCES = (
     " Q - sum N grad g + sum T grad tau + sum R grad phi, with g'' = 0, phi'' = 0, and tau'' = 0 of"
     " what sticks or T = -s mu N of what slides."
 )
+
+KINDS_OF_CONSTRAINTS = (
+    (False, "phi", r"\phi", "Constraints", "phi = 0 in every phase, by forces R grad phi."),
+    (
+        True, "c", "c", "Constraints of velocities",
+        "c = 0 in every phase, by forces R dc/dq'. They stand beside R grad phi, as"
+        " c' = 0 beside phi'' = 0.",
+    ),
+)  # fmt: skip
 
 
 def continuous_sections(
@@ -102,11 +112,16 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
         shown = system.objective.xreplace(dict(zip(*places, strict=True)))
         value = Equation("J", "J", shown)
         yield Section("Objective", "What is minimised beside the cost.", (value,))
-    if f.phi:
-        named = zip(system.constraints, f.phi, strict=True)
-        equations = [definition(own, f"phi_{n}", rf"\phi_{upright(n)}", phi) for n, phi in named]
-        text = "phi = 0 in every phase, by forces R grad phi."
-        yield Section("Constraints", text, tuple(equations))
+    of_rates = [keeps_rate(f, phi) for phi in f.phi]
+    for by_rate, letter, tag, title, text in KINDS_OF_CONSTRAINTS:
+        of_kind = zip(system.constraints, f.phi, of_rates, strict=True)
+        values = tuple(
+            definition(own, f"{letter}_{n}", f"{tag}_{upright(n)}", value)
+            for n, value, rate in of_kind
+            if rate == by_rate
+        )
+        if values:
+            yield Section(title, text, values)
     if f.tau:
         equations = []
         for k, (name, tau, mu) in enumerate(zip(system.tangents, f.tau, f.mu, strict=True)):

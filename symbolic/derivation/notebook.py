@@ -11,7 +11,7 @@ import sympy as sp
 
 from dmoc.base.names import name_of
 from dmoc.base.table import Table, html_of
-from dmoc.symbolic.continuous import Continuous, readable
+from dmoc.symbolic.continuous import Continuous, keeps_rate, readable
 from dmoc.symbolic.derivation import mathml
 from dmoc.symbolic.derivation.symbols import latex_symbol
 
@@ -94,9 +94,11 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
     for name, force in zip(names, f.Q, strict=True):
         if force != 0:
             yield f"Q_{name}", mathml.symbol(f"Q_{name}"), force
+    of_rates = {n for n, c in zip(system.constraints, f.phi, strict=True) if keeps_rate(f, c)}
     laws = {
         "mu": system.friction, "e": system.restitution, "e_t": system.tangential_restitution,
         "mu_s": [n for n, mu in system.friction.items() if isinstance(mu, sp.Tuple)],
+        "phi": {*system.constraints} - of_rates, "c": of_rates,
     }  # fmt: skip
     for letter, owners, values in (
         ("g", system.surfaces, f.g),
@@ -106,6 +108,7 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
         ("e", system.surfaces if f.e else (), f.e),
         ("e_t", system.tangents if f.e_t else (), f.e_t),
         ("phi", system.constraints, f.phi),
+        ("c", system.constraints, f.phi),
         ("r", system.path_constraints, f.r),
         ("z", system.quantities, f.z),
         ("I", system.integrals, f.c),

@@ -27,6 +27,7 @@ from dmoc.inspection import system_derivation
 from dmoc.inspection.kernel_check import Checked, _curvature, _error, kernel_errors
 from dmoc.inspection.reference_functions import DIGITS
 from dmoc.inspection.system_derivation import small_problem
+from dmoc.symbolic.derivation.notebook import system_table
 from dmoc.symbolic.graph import Graph
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
@@ -102,6 +103,22 @@ def test_derivations_are_saved_by_their_endings(tmp_path: Path) -> None:
     assert derivation.save(tmp_path / "x.tex").read_text() == derivation.latex()
     with pytest.raises(OutputError, match=r"end it in \.html, \.tex, \.txt"):
         derivation.save(tmp_path / "x.doc")
+
+
+def test_constraints_of_velocities_are_told_apart_from_those_of_places() -> None:
+    x, y, a = dynamicsymbols("x y a")
+    blade = x.diff() * sp.sin(a) - y.diff() * sp.cos(a)
+    system = dmoc.MechanicalSystem(
+        "towed_blade", [x, y, a], (x.diff() ** 2 + y.diff() ** 2 + a.diff() ** 2) / 2,
+        constraints={"blade": blade, "rail": y},
+    )  # fmt: skip
+    sections = {s.title: s for s in dmoc.derive(system).sections}
+    (place,) = sections["Constraints"].equations
+    (rate,) = sections["Constraints of velocities"].equations
+    assert (place.name, rate.name) == ("phi_rail", "c_blade")
+    assert place.latex_name.startswith(r"\phi_") and rate.latex_name.startswith("c_")
+    shown = str(system_table(system))
+    assert "phi_rail" in shown and "c_blade" in shown and "phi_blade" not in shown
 
 
 @pytest.mark.slow
