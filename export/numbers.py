@@ -18,6 +18,7 @@ from dmoc.base.arguments import interval
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import velocity_name
 from dmoc.base.records import record
+from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import Boundary
@@ -127,6 +128,9 @@ class FixedState:
     momenta: Index
 
 
+States = tuple[FixedState | None, FixedState | None]  # at the start and at the goal
+
+
 @dataclass(frozen=True)
 class PassResult:
     """A result of an element of a pass, by their numbers."""
@@ -146,7 +150,7 @@ class SolverNumbers:
 
     taken: tuple[Number, ...]
     kept: tuple[str, ...]
-    states: tuple[FixedState | None, FixedState | None]
+    states: States
     results: tuple[PassResult, ...]
 
 
@@ -176,12 +180,12 @@ def passes_of(data: ProgramData) -> list[tuple[ElementData, ...]]:
 def numbers_of(nlp: Transcription) -> SolverNumbers:
     """Try all numbers of the problem of a program."""
     problem, base = nlp.problem, nlp.assembled.data
-    states = _state(nlp, ENDS[0]), _state(nlp, ENDS[1])
+    states = _states(problem, nlp.layout)
     none = np.zeros(0, dtype=np.intp)
     fixed = np.concatenate([none, *(s.momenta for s in states if s is not None)])
     taken, kept = list[Number](), list[str]()
     for number in _stated(problem, states):
-        tried = _tried(nlp, base, number, fixed)
+        tried = _tried(nlp, base, number, fixed, states)
         idle = tried is not None and tried.pool == NOT_ONE and not len(tried.entries)
         if tried is None or (idle and not any(s and tried.name in s.names for s in states)):
             kept.append(number.name)
@@ -247,9 +251,14 @@ def _ends(path: tuple[str | int, ...], value: Any, kind: str = "bound") -> Itera
             yield Number(path, end, side, kind="earliest time" if earliest else kind)
 
 
-def _state(nlp: Transcription, end: str) -> FixedState | None:
+def _states(problem: Problem, lay: Layout) -> States:
+    """The states at both ends."""
+    start, goal = (_state(problem, lay, end) for end in ENDS)
+    return start, goal
+
+
+def _state(problem: Problem, lay: Layout, end: str) -> FixedState | None:
     """The state at an end, where position and velocity are fixed and momenta stand for them."""
-    problem, lay = nlp.problem, nlp.layout
     boundary: Boundary = problem.start_bounds if end == "start" else problem.goal_bounds
     place = boundary.position
     if not boundary.by_velocity or problem.design or (place[:, 0] != place[:, 1]).any():
@@ -267,7 +276,9 @@ def _state(nlp: Transcription, end: str) -> FixedState | None:
     return FixedState((*q_names, *v_names), np.array([*place[:, 0], *values], dtype=float), p)
 
 
-def _tried(nlp: Transcription, base: ProgramData, number: Number, fixed: Index) -> Number | None:
+def _tried(
+    nlp: Transcription, base: ProgramData, number: Number, fixed: Index, states: States
+) -> Number | None:
     """A number with what it moves; None where it moves something else, or not in proportion."""
     for way in (1.0, -1.0):
         tried = replace(number, way=way)
@@ -276,6 +287,8 @@ def _tried(nlp: Transcription, base: ProgramData, number: Number, fixed: Index) 
         except (ProblemError, ValueError, FloatingPointError):
             continue
         if not all(_same_form(base, other) for other in moved):
+            continue
+        if _moves_unsaid(states, _states(tried.changed(nlp.problem, 1.0), nlp.layout)):
             continue
         before, *after = (_flat(data, fixed) for data in (base, *moved))
         if any((np.isfinite(a) != np.isfinite(before)).any() for a in after):
@@ -291,6 +304,18 @@ def _tried(nlp: Transcription, base: ProgramData, number: Number, fixed: Index) 
         at = np.flatnonzero(one)
         return replace(tried, pool=pool, entries=at, slopes=one[at] / tried.change)
     return None
+
+
+def _moves_unsaid(states: States, moved: States) -> bool:
+    """Whether velocities of fixed states move that have no number, since constraints decide them:
+    a solver keeps what they were."""
+    for before, after in zip(states, moved, strict=True):
+        if before is None or after is None:
+            continue
+        off = np.abs(after.values - before.values)[[not name for name in before.names]]
+        if (off > SAME * np.abs(before.values).max(initial=0.0)).any():
+            return True
+    return False
 
 
 def _pool(base: ProgramData, moved: ProgramData, number: Number) -> int | None:

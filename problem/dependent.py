@@ -40,7 +40,7 @@ def following_rates(
     if not still or not problem.model.nj:
         return velocity
     fixed = position[:, 0] == position[:, 1]
-    chosen = bool(problem.design) and by_design(problem, "joint").any()
+    chosen = bool(problem.design) and by_design(problem, "joint_rate").any()
     placed = bool(fixed.all()) and not chosen
     slopes = problem.model.joint_slopes(position[:, 0] if placed else _anywhere(problem))
     of_left = [i for i in still if i in left]

@@ -198,6 +198,8 @@ def _check_contacts(problem: Problem) -> None:
     _check_varying_friction(problem)
     if not problem.held:
         return
+    for i, mode in enumerate(problem.touch.modes):
+        _check_consistent(problem, i, mode)
     _check_joined(problem, "start", problem.start_bounds)
     if not problem.explicit_time:
         _check_joined(problem, "goal", problem.goal_bounds)
@@ -341,18 +343,29 @@ def _check_rate(name: str, what: str, rate: float, kept: float) -> None:
         )
 
 
-def _check_independent(problem: Problem, phase: int, mode: Mode) -> None:
-    """Refuse contacts and constraints that contradict each other, and forces of contacts that a
-    motion depends on without determining them."""
-    model, follows = problem.model, problem.redundant[phase]
-    rails = [model.kernels.tangents[k] for k in mode.sticking if model.contacts.supports[k] == RAIL]
-    names = [*model.contacts.named(mode.closed), *rails, *problem.kernels.joints]
-    if follows.contradictory:
+def _names_held(problem: Problem, mode: Mode) -> list[str]:
+    """What a phase is held by."""
+    contacts, tangents = problem.model.contacts, problem.kernels.tangents
+    rails = [tangents[k] for k in mode.sticking if contacts.supports[k] == RAIL]
+    return [*contacts.named(mode.closed), *rails, *problem.kernels.joints]
+
+
+def _check_consistent(problem: Problem, phase: int, mode: Mode) -> None:
+    """Refuse contacts and constraints that contradict each other, whatever the start is."""
+    if wrong := problem.redundant[phase].contradictory:
+        sticks = {*wrong} & {*problem.kernels.tangents}
         raise ProblemError(
-            f"{_what(problem, mode)} {', '.join(names)} of phase {phase} contradict each other: "
-            f"{' and '.join(follows.contradictory)} cannot hold together with the others; say how "
-            "it slides, or leave one out."
+            f"{_what(problem, mode)} {', '.join(_names_held(problem, mode))} of phase {phase} "
+            f"contradict each other: {' and '.join(wrong)} cannot hold together with the others; "
+            f"{'say how it slides, or leave one out' if sticks else 'leave one out'}."
         )
+
+
+def _check_independent(problem: Problem, phase: int, mode: Mode) -> None:
+    """Refuse forces of contacts that a motion depends on without determining them, and landings of
+    what is closed."""
+    model, follows = problem.model, problem.redundant[phase]
+    names = _names_held(problem, mode)
     if follows.loose:
         raise ProblemError(
             f"the contacts {', '.join(names)} of phase {phase} press against each other with a "

@@ -219,9 +219,7 @@ def test_each_number_has_its_kind() -> None:
     for final_time, of_time in ((1.0, fixed), ((0.5, 2.0), within)):
         problem = there_and_back(kernels, bounds={"u": (-9, 9)}, final_time=final_time)
         problem = problem.but(restitution=0.5)
-        states = numbers._state(
-            SimpleNamespace(problem=problem, layout=Layout.of(problem)), "start"
-        )
+        states = numbers._state(problem, Layout.of(problem), "start")
         stated = {n.name: n.kind for n in numbers._stated(problem, (states, None))}
         expected = kinds | of_time
         assert {name: stated[name] for name in expected} == expected

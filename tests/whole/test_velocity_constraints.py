@@ -14,6 +14,8 @@ from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError
 from dmoc.codegen.kernels import Kernels
+from dmoc.export.numbers import numbers_of
+from dmoc.program.transcription import Transcription
 
 X, Y, A, U, W = dynamicsymbols("x y a u w")
 T = dynamicsymbols._t
@@ -277,3 +279,42 @@ def test_sensitivities_are_those_of_whole_solves() -> None:
         for d in (-1e-3, 1e-3)
     )
     assert change["goal"]["y"] == pytest.approx((high - low) / 2e-3, rel=1e-4)
+
+
+def driven(order: int) -> dmoc.Problem:
+    """A mass that moves with a prescribed speed k beside one that is pushed, cost of 12 and of how
+    far k is from 0.7; the start leaves out what k decides."""
+    k = sp.Symbol("k")
+    system = dmoc.MechanicalSystem(
+        "driven_speed", [X, Y], (V_X**2 + V_Y**2) / 2, {k: 1.0}, inputs=[U], forces={Y: U},
+        cost=U**2 + (V_X - 0.7) ** 2, constraints={"drive": sp.Eq(V_X, k)},
+    )  # fmt: skip
+    start, goal = {"x": 0, "y": 0, "y_dot": 0}, {"y": 1, "y_dot": 0}
+    return dmoc.Problem(dmoc.build(system, order=order), start, goal, steps=10, final_time=1.0)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_design_chooses_a_rate_that_the_start_leaves_out(order: int) -> None:
+    """It begins with this rate, and needs no force."""
+    solution = dmoc.solve(driven(order).but(design={"k": (0.1, 2.0)}), "ipm", starts=1)
+    assert solution.solved, solution.message
+    assert solution.design["k"] == pytest.approx(0.7, abs=1e-6)
+    assert np.abs(solution.phases[0].reaction).max() < 1e-9
+
+
+def test_a_solver_in_c_keeps_what_would_move_speeds_that_nobody_states() -> None:
+    """The start's speed is what k makes it: no number of the solver is that speed."""
+    problem = driven(4)
+    numbers = numbers_of(Transcription(problem, Transcription(problem).scale))
+    assert "parameters.k" in numbers.kept
+    assert "goal.y" in {number.name for number in numbers.taken}
+
+
+@pytest.mark.parametrize("other", [sp.Eq(V_X, 2), sp.Eq(X, 2 * T)])
+def test_constraints_that_contradict_each_other_are_said_before_the_start(other: Any) -> None:
+    system = dmoc.MechanicalSystem(
+        "torn", [X, Y], (V_X**2 + V_Y**2) / 2, constraints={"one": sp.Eq(V_X, 1), "two": other}
+    )
+    with pytest.raises(ProblemError, match="the others; leave one out") as refused:
+        dmoc.Problem(dmoc.build(system), {"x": 0, "y": 0}, steps=10, final_time=1.0)
+    assert "the constraints one, two of phase 0 contradict each other" in str(refused.value)
