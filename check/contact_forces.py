@@ -121,8 +121,7 @@ def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
     for k, s in mode.sliding:
         if (k, s) in slid or fast[k] > DRIFT * motion.sizes.slide[k]:
             continue
-        others = tuple(pair for pair in mode.sliding if pair[0] != k)
-        sticking = replace(mode, sticking=(*mode.sticking, k), sliding=others)
+        sticking = mode.stopping((k,))
         reaction = motion.flow.integrator.reaction(sticking, np.hstack([q, v]), u, t)
         bears = model.with_friction_at(q, v, u, t).bearing(reaction.normal)[:, k]
         spare = bears - np.abs(reaction.tangential[:, k]) - PRESSED * size[k]

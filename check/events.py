@@ -10,6 +10,7 @@ from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import BEARABLE, TURNED
 from dmoc.check.findings import Findings, largest
 from dmoc.check.passages import EventPassage
+from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contacts import RAIL
 from dmoc.simulation.sizes import Sizes
 
@@ -124,9 +125,10 @@ def _unbearable(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
                 f"where it holds {max(held, 0.0):.4g} N s"
             )
     sigma = model.slide_rates(p.before.q[-1], p.law.velocity[0], time)
-    for k, s in p.mode.sliding:
-        if p.rubs is None and s * sigma[k] < -TURNED * sizes.slide[k]:
-            yield f"{tangents[k]} does not slide with the sign {s:+d} after {time:.4g} s"
+    for k, forward in conditions_of(model, p.mode).forward(sigma).items():
+        if p.rubs is None and forward < -TURNED * sizes.slide[k]:
+            sign = -np.sign(sigma[k])
+            yield f"{tangents[k]} does not slide with the sign {sign:+.0f} after {time:.4g} s"
 
 
 def _turned(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:

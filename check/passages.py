@@ -186,11 +186,10 @@ class EventPassage:
     @property
     def holding(self) -> Mode:
         """What is closed beside a hit with friction, and rubs there."""
-        k, mode = self.rubs, self.mode
-        return Mode(
-            tuple(j for j in mode.closed if j != self.hit),
-            tuple(i for i in mode.sticking if i != k and self.model.has_friction[i]),
-            tuple((i, s) for i, s in mode.sliding if i != k),
+        mode, rough, stuck = self.mode, self.model.has_friction, self.mode.sticking
+        return mode.among(
+            (j for j in mode.closed if j != self.hit),
+            lambda k: k != self.rubs and bool(rough[k] or k not in stuck),
         )
 
 
@@ -217,18 +216,14 @@ def passage_of(
         return EventPassage(*parts)
     on = [model.surface_numbers[name] for name in (*c.lands, *stay)]
     at = model.supports
-    ours = Mode(
-        tuple(on),
-        tuple(k for k in own.sticking if at[k] in on),
-        tuple((k, s) for k, s in own.sliding if at[k] in on),
-    )
+    ours = own.among(on, lambda k: at[k] in on)
     if c.surface in c.lands:
         if c.course:
             j = model.surface_numbers[c.surface]
             return EventPassage(*parts, without_rails(at, ours), j, at.index(j), lands=True)
         return EventPassage(*parts, without_rails(at, ours))
     j = model.surface_numbers[c.surface]
-    with_hit = Mode((j, *ours.closed), ours.sticking, ours.sliding)
+    with_hit = replace(ours, closed=(j, *ours.closed))
     wrong = _wrong_law(model, restitution, j, (before.q[-1], before.v[-1], c.time))
     return EventPassage(*parts, with_hit, j, model.rubs_in_hits.get(j), wrong=wrong)
 

@@ -3,7 +3,7 @@ holds in a phase, and the event at an instant between two."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
@@ -42,6 +42,16 @@ class Mode:
         """Whether nothing touches."""
         return not (self.closed or self.sticking or self.sliding)
 
+    def among(self, closed: Iterable[int], chosen: Callable[[int], bool]) -> Mode:
+        """Closed surfaces, in their order, with those of its tangents that are chosen."""
+        sticking = tuple(k for k in self.sticking if chosen(k))
+        return Mode(tuple(closed), sticking, tuple((k, s) for k, s in self.sliding if chosen(k)))
+
+    def stopping(self, stopped: Collection[int]) -> Mode:
+        """The same where some tangents do not slide any more, but stick."""
+        left = self.among(self.closed, lambda k: k not in stopped)
+        return replace(left, sticking=(*left.sticking, *stopped))
+
 
 FREE = Mode()
 
@@ -72,11 +82,7 @@ def mode_in_words(contacts: Contacts, mode: Mode) -> str:
 
 def without_rails(supports: tuple[int, ...], mode: Mode) -> Mode:
     """A mode as it is during an impact, in which rails have no part."""
-    return replace(
-        mode,
-        sticking=tuple(k for k in mode.sticking if supports[k] != RAIL),
-        sliding=tuple((k, s) for k, s in mode.sliding if supports[k] != RAIL),
-    )
+    return mode.among(mode.closed, lambda k: supports[k] != RAIL)
 
 
 @dataclass(frozen=True)

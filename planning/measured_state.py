@@ -13,10 +13,12 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.names import velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved_transpose
-from dmoc.mechanics.contact_mode import STICK, Mode
+from dmoc.mechanics.conditions import conditions_of
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model_values import by_name
 from dmoc.mechanics.projection import REDUNDANT, onto
-from dmoc.motion.trajectory import FRICTION_WORDS, Collision
+from dmoc.mechanics.sequence_words import parts_of
+from dmoc.motion.trajectory import Collision
 from dmoc.problem.problem import Problem
 from dmoc.problem.reach import rate_sizes
 
@@ -120,13 +122,13 @@ def _check_sliding(problem: Problem, mode: Mode, q: Array, v: Array) -> None:
     wrong."""
     slopes, still = problem.model.tangent_slopes(q), np.zeros(problem.nq)
     rates, sizes = problem.model.slide_rates(q, v), rate_sizes(problem, slopes, still)
-    for k, sign in mode.sliding:
-        if sign * rates[k] < -AGAINST * sizes[k]:
-            name = problem.kernels.tangents[k]
+    for k, forward in conditions_of(problem.model, mode).forward(rates).items():
+        if forward < -AGAINST * sizes[k]:
+            name, words = problem.kernels.tangents[k], parts_of(mode, problem.touch.contacts)
+            word = next(word for word in words if word.partition(":")[0] == name)
             raise ProblemError(
-                f"the state slides with {rates[k]:.3g} per second, against its contact "
-                f"'{name}:{FRICTION_WORDS[sign]}': nothing can be planned from there; check what "
-                "is measured, or say the phase."
+                f"the state slides with {rates[k]:.3g} per second, against its contact {word!r}: "
+                "nothing can be planned from there; check what is measured, or say the phase."
             )
 
 
@@ -134,11 +136,11 @@ def _along(problem: Problem, mode: Mode, q: Array, v: Array) -> Array:
     """The velocity without what constraints, closed contacts and friction do not allow."""
     model = problem.model
     slides = model.tangent_slopes(q)[:, :-1]
-    against = [k for k, sign in mode.sliding if sign * (slides[k] @ v) < 0]
-    stuck = [k for k, sign in mode.rubbing.items() if sign == STICK]
+    forward = conditions_of(model, mode).forward(slides @ v)
+    against = [k for k, rate in forward.items() if rate < 0]
     rows = [
         model.joint_slopes(q)[:, :-1], model.gap_slopes(q)[list(mode.closed), :-1],
-        slides[[*stuck, *against]],
+        slides[[*mode.sticking, *against]],
     ]  # fmt: skip
     C = np.vstack(rows)
     if not len(C):

@@ -265,7 +265,7 @@ def _resolved(
     place = _place(setting, after, place.u, place.t, reach)
     mode = mode_at(setting, place, Hints())
     if settled := dying(setting, place, mode, model.gap_rates(q, v, place.t)):
-        closed = Mode((*mode.closed, *settled), mode.sticking, mode.sliding)
+        closed = replace(mode, closed=(*mode.closed, *settled))
         place = replace(place, y=_settled(setting, closed, place))
         mode = mode_at(setting, place, Hints())
     journal.collisions += _records(model, place, (v, mode), impact.impulses)
@@ -314,9 +314,8 @@ def _on_limit(setting: Setting, place: Place, mode: Mode, which: int) -> Array:
     rates = model.gap_rates(place.y[:nq], place.y[nq : 2 * nq], place.t)
     met = which < model.nc and which not in mode.closed and rates[which] <= place.small.rate[which]
     stopped = (which - model.nc - model.nt,) if which >= model.nc + model.nt else ()
-    sliding = tuple((k, s) for k, s in mode.sliding if k not in stopped)
     closed = tuple(sorted({*mode.closed, which} if met else mode.closed))
-    return _settled(setting, Mode(closed, (*mode.sticking, *stopped), sliding), place)
+    return _settled(setting, replace(mode.stopping(stopped), closed=closed), place)
 
 
 def _settled(setting: Setting, mode: Mode, place: Place) -> Array:

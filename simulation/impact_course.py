@@ -184,10 +184,11 @@ class _Course:
                     yield float((whole[j] - self.normal[j]) / part.normal[j])
             elif part.bounds[j] < 0:
                 yield float(-self.bounds[j] / part.bounds[j])
-        for k, s in part.mode.sliding:
-            faster = float(self.along[k] @ part.velocity)
-            if s * faster < 0 and s * slides[k] > self.at.small.slide[k]:
-                yield float(-slides[k] / faster)
+        held = conditions_of(self.model, part.mode)
+        forward = held.forward(slides)
+        for k, faster in held.forward(self.along @ part.velocity).items():
+            if faster < 0 and forward[k] > self.at.small.slide[k]:
+                yield float(-forward[k] / faster)
         for j in self.on:
             below = self.bounds[j] - rates[j]
             closer = float(self.normals[j] @ part.velocity - part.bounds[j])
@@ -245,8 +246,8 @@ class _Course:
             )
             and bool((closer[opened] <= least * self.across[opened]).all())
             and all(
-                s * faster[k] >= -least * self.aside[k]
-                for k, s in part.mode.sliding
+                rate >= -least * self.aside[k]
+                for k, rate in conditions_of(self.model, part.mode).forward(faster).items()
                 if abs(slides[k]) <= self.at.small.slide[k]
             )
         )  # fmt: skip

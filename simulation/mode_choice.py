@@ -21,6 +21,7 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import DEPENDENT, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
@@ -102,10 +103,14 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
         gap_bend, skid = (
             s @ reaction.acceleration[0] + b for s, b in zip(slopes, bends, strict=True)
         )
-        starting = [(k, s) for k, s in mode.sliding if abs(sigma[k]) <= at.small.slide[k]]
+        skids = conditions_of(model, mode, joints=False).forward(skid)
         if not (
             (gap_bend[list(opened)] <= at.small.bend[list(opened)]).all()
-            and all(s * skid[k] >= -at.small.skid[k] for k, s in starting)
+            and all(
+                forward >= -at.small.skid[k]
+                for k, forward in skids.items()
+                if abs(sigma[k]) <= at.small.slide[k]
+            )
         ):
             return False
         slack = at.small.force, at.small.hold

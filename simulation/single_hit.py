@@ -8,6 +8,7 @@ import numpy as np
 from dmoc.base.records import record
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.impulse_response import held_responses
 from dmoc.mechanics.model import Model
@@ -90,6 +91,6 @@ def _stopped(model: Model, holding: Mode, slides: Array) -> list[str]:
     it, do not keep their direction."""
     return [
         model.kernels.tangents[k]
-        for k, s in holding.sliding
-        if (s * slides[:, k]).min() < -SAME * float(np.abs(slides[:, k]).max())
+        for k, forward in conditions_of(model, holding, joints=False).forward(slides).items()
+        if forward.min() < -SAME * float(np.abs(forward).max())
     ]

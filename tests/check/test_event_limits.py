@@ -13,6 +13,7 @@ import pytest
 from dmoc.check import events
 from dmoc.check.contact_forces import BEARABLE, TURNED
 from dmoc.mechanics.contact_mode import Mode
+from dmoc.mechanics.contacts import Contacts
 
 Row = tuple[float, ...]
 ON = (0, 1)
@@ -42,6 +43,7 @@ def passage(
     )  # fmt: skip
     model = SimpleNamespace(
         kernels=SimpleNamespace(surfaces=("floor", "wall", "roof"), tangents=("along", "above")),
+        contacts=Contacts(("floor", "wall", "roof"), ("floor", "roof")), nj=0,
         supports=(0, 2), surface_numbers={"floor": 0, "wall": 1, "roof": 2},
         responses=lambda q, n, t: n / q[0], in_impact_at=lambda q, t: there,
         with_friction_at=lambda q, t: there,
