@@ -7,9 +7,11 @@ import pytest
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.mechanics.contact_mode import Mode
+from dmoc.mechanics.conditions import conditions_of
+from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.redundancy import redundancy
+from dmoc.mechanics.model_values import parameter_row
+from dmoc.mechanics.redundancy import _onto, redundancy
 
 X, Y = dynamicsymbols("x y")
 LOW, SAME, LEFT, LEAN = range(4)
@@ -60,3 +62,20 @@ def test_forces_that_share_an_effect_are_not_determined(model: Model) -> None:
     """The two lines that are the same; beside them the left one is."""
     told = redundancy(model, Mode.of((LOW, SAME, LEFT), {}), np.zeros(2), np.ones(2), 1.0)
     assert told.pressing == ("low", "same") and told.rubbing == ()
+
+
+def test_a_rate_keeps_no_place() -> None:
+    """A position gets onto a circle along the radius, whose rate is a constraint too; the rate
+    follows from the circle, and fits."""
+    radial = X * X.diff() + Y * Y.diff()
+    system = dmoc.MechanicalSystem(
+        "on_a_circle", [X, Y], (X.diff() ** 2 + Y.diff() ** 2) / 2, {},
+        constraints={"circle": X**2 + Y**2 - 1, "radial": radial},
+    )  # fmt: skip
+    kernels = dmoc.build(system)
+    model, start = Model(kernels, parameter_row(kernels, {})), np.array([1.5, 0.4])
+    q, kept = _onto(model, conditions_of(model, FREE), start, 0.0, np.ones(2))
+    np.testing.assert_allclose(q @ q, 1.0, atol=1e-12)
+    assert kept.all()
+    told = redundancy(model, FREE, start, np.ones(2), 1.0)
+    assert told.joints == (1,) and not told.contradictory

@@ -27,6 +27,7 @@ def test_a_note_takes_the_place_of_that_on_its_topic() -> None:
         "found, but it is off: take 80; the problem does not determine T"
     )
     assert with_note((), OPEN) == (OPEN,)
+    assert with_note((OPEN,), STEPS) == (OPEN, STEPS)
     assert message_of("found", notes, (Topic.OPEN, Topic.STEPS)) == "found, but it is off"
 
 

@@ -17,7 +17,7 @@ from systems import block_system
 import dmoc
 from dmoc.results.notes import Note, Topic
 from dmoc.solvers.outcome import Status
-from dmoc.solving.mesh.confirmation import naming_steps, passing_steps
+from dmoc.solving.mesh.confirmation import _telling, naming_steps, passing_steps
 
 Q, X, U = dynamicsymbols("q x u")
 
@@ -106,6 +106,19 @@ def contradicting(solution: dmoc.Solution, excess: float) -> dmoc.Solution:
     )  # fmt: skip
     notes = Note(Topic.OTHER, f"but {message}", ", "), Note(Topic.STEPS, advice, ", ")
     return replace(solution, status=Status.NOT_VERIFIED, verification=check, notes=notes)
+
+
+def test_advice_stands_where_the_check_says_none(confirmed: dmoc.Solution) -> None:
+    """As behind a contradiction, which more steps may mend or not."""
+    wrong = Note(Topic.OTHER, "but it misses the wall", ", ")
+    open_too = Note(Topic.OPEN, "the problem does not determine T")
+    found = replace(confirmed, cause="found", notes=(wrong, open_too))
+    told = _telling(found, "take 20 steps").message
+    assert told == "found, but it misses the wall; the problem does not determine T: take 20 steps"
+    general = replace(found, notes=(wrong, Note(Topic.STEPS, "take more steps", ", "), open_too))
+    assert _telling(general, "take 20 steps").message == (
+        "found, but it misses the wall, take 20 steps; the problem does not determine T"
+    )
 
 
 @pytest.mark.parametrize(("falls", "named"), [(2, [18]), (1, [18, 26]), (0, None)])
