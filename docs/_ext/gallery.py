@@ -47,6 +47,7 @@ ORDER = (
     "hanging",
     "cart_links",
     "puck",
+    "sledge",
     "pushed_block",
     "stance_hopper",
     "four_bar",
