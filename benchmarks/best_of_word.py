@@ -4,7 +4,6 @@ no guess, beside CasADi and IPOPT from random straight lines and the best motion
 python benchmarks/best_of_word.py                        all budgets, both; table and figure
 python benchmarks/best_of_word.py --figure               table and figure of what was recorded
 python benchmarks/best_of_word.py --default-only         the default call, without a limit
-python benchmarks/best_of_word.py --kernels              the same under other kernels of BLAS
 python benchmarks/best_of_word.py --improve starts lines --seeds 1 2     looks for better motions
 python benchmarks/best_of_word.py --default-only --problems acrobot "three links, wall"
 
@@ -15,12 +14,8 @@ results/best_of_word_runs.json; the best known motions, results/best_of_word.jso
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from functools import partial
 from math import isfinite
 from pathlib import Path
@@ -32,20 +27,17 @@ from best_of_word_problems import NAMED
 from best_of_word_runs import SHARE, Answer
 from common import on_cores, table
 
-KERNELS = ("Haswell", "SkylakeX", "Zen", "Sandybridge", "Prescott")  # of OpenBLAS
-SAME = 1e-6  # relative difference of costs that are one
 PROCESSES = 2
 BUDGETS = (0.1, 0.3, 1.0, 3.0, 10.0)
 HEADER = ("problem", "status", "cost", "best known", "ratio", "starts", "agreeing", "CPU s")
 
 
-def by_default(names: Sequence[str], best: Mapping[str, Best], silent: bool) -> list[Answer]:
+def by_default(names: Sequence[str], best: Mapping[str, Best]) -> list[Answer]:
     """What the default call says of each word; shown as it comes."""
     answers = dict[str, Answer]()
     for answer in on_cores(runs.by_default, names, PROCESSES):
         answers[answer.name] = answer
-        if not silent:
-            sys.stderr.write(f"{' '.join(row(answer, best))}\n")
+        sys.stderr.write(f"{' '.join(row(answer, best))}\n")
     return [answers[name] for name in names]
 
 
@@ -68,27 +60,6 @@ def summary(answers: Sequence[Answer], best: Mapping[str, Best]) -> str:
     )
 
 
-def under_kernels(names: Sequence[str]) -> list[str]:
-    """Words whose default answer is another one under another kernel of BLAS."""
-    every = {kernel: _under(kernel, names) for kernel in KERNELS}
-    lines = []
-    for i, name in enumerate(names):
-        answers = {kernel: every[kernel][i] for kernel in KERNELS}
-        first = answers[KERNELS[0]]
-        if not all(first.same(answer, SAME) for answer in answers.values()):
-            texts = (f"{k}: {a.status} {a.cost:.9g}" for k, a in answers.items())
-            lines.append(f"! {name}: {', '.join(texts)}")
-    return lines
-
-
-def _under(kernel: str, names: Sequence[str]) -> list[Answer]:
-    """The kernel is chosen where NumPy is loaded: in another process."""
-    command = [sys.executable, __file__, "--default-only", "--json", "--problems", *names]
-    environment = {**os.environ, "OPENBLAS_CORETYPE": kernel}
-    ended = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
-    return [Answer(**record) for record in json.loads(ended.stdout)]
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -98,13 +69,11 @@ def main() -> None:
         "--budgets", nargs="+", type=float, default=BUDGETS, metavar="S", help="CPU seconds"
     )
     parser.add_argument("--default-only", action="store_true", help="the default call alone")
-    parser.add_argument("--kernels", action="store_true", help="it under five kernels of BLAS")
     parser.add_argument("--figure", action="store_true", help="of what was recorded, with a table")
     parser.add_argument(
         "--improve", nargs="+", choices=tuple(known.WAYS), help="ways to look for better motions"
     )
     parser.add_argument("--seeds", nargs="+", type=int, default=[1], help="of starts and lines")
-    parser.add_argument("--json", action="store_true", help="answers of the default as JSON")
     parser.add_argument("--out", type=Path, default=runs.FOLDER, help="folder of the records")
     options = parser.parse_args()
     names = options.problems or list(NAMED)
@@ -116,15 +85,9 @@ def main() -> None:
             print(line, flush=True)
     elif options.default_only:
         best = known.read()
-        answers = by_default(names, best, options.json)
-        if options.json:
-            print(json.dumps([asdict(answer) for answer in answers]))
-            return
+        answers = by_default(names, best)
         print(table(HEADER, [row(answer, best) for answer in answers]))
         print("\n" + summary(answers, best))
-    elif options.kernels:
-        lines = under_kernels(names)
-        print("\n".join([*lines, f"{len(lines)} of {len(names)} hang on the last digit"]))
     else:
         if not options.figure:
             runs.on_cpu_clock()

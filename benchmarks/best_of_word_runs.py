@@ -48,11 +48,6 @@ class Answer:
         """Whether it is confirmed, and costs hardly more than the best known motion."""
         return self.status == "solved" and best[self.name].within(SHARE, self.cost)
 
-    def same(self, other: Answer, share: float) -> bool:
-        """Whether statuses are equal, and costs within a share; those of failures tell nothing."""
-        close = abs(self.cost - other.cost) <= share * abs(other.cost)
-        return self.status == other.status and (close or self.status != "solved")
-
 
 def by_default(name: str, **options: Any) -> Answer:
     """The default call."""
