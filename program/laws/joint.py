@@ -14,10 +14,10 @@ its rate, and in the place of the rows of its places those of its rates within s
 quadrature points (equation :eq:`rates-within`)::
 
     within     h c(q_i, v_i, t_i) = 0
-  This is the law of a closed contact that may pull, in steps with nodes
-inside too (:mod:`dmoc.program.laws.contact`), but for the turn from one place to the next: where
-the equations of a step have two solutions, as a circle and a line, the one of them lies beyond the
-body.
+
+This is the law of a closed contact that may pull, in steps with nodes inside too
+(:mod:`dmoc.program.laws.contact`), but for the turn from one place to the next: where the equations
+of a step have two solutions, as a circle and a line, the one of them lies beyond the body.
 """
 
 from __future__ import annotations
