@@ -67,7 +67,7 @@ def test_forces_that_share_an_effect_are_not_determined(model: Model) -> None:
 def test_a_rate_keeps_no_place() -> None:
     """A position gets onto a circle along the radius, whose rate is a constraint too; the rate
     follows from the circle, and fits."""
-    radial = X * X.diff() + Y * Y.diff()
+    radial = 10 * (X * X.diff() + Y * Y.diff())
     system = dmoc.MechanicalSystem(
         "on_a_circle", [X, Y], (X.diff() ** 2 + Y.diff() ** 2) / 2, {},
         constraints={"circle": X**2 + Y**2 - 1, "radial": radial},
