@@ -9,14 +9,13 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from kernels import EXAMPLES, examples
 
 import dmoc
 
 pytestmark = pytest.mark.slow
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-BESIDE = {"example_report", "search_dask"}  # what all share, and what needs a cluster
-NAMES = sorted({path.stem for path in EXAMPLES.glob("*.py")} - BESIDE)
+NAMES = list(examples())
 # What searches find: numbers of hops as their tree says, hits of a block as relaxed motions say,
 # and the free motion to the puck's mirror image.
 COSTS = {
