@@ -15,7 +15,14 @@ from dataclasses import replace
 from typing import Any
 
 from dmoc.symbolic.contact_kernels import at_speeds
-from dmoc.symbolic.continuous import Continuous, constraint_rates, dot, keeps_rate, rates
+from dmoc.symbolic.continuous import (
+    Continuous,
+    constraint_rates,
+    dot,
+    keeps_rate,
+    mass_matrix,
+    rates,
+)
 from dmoc.symbolic.graph import gradient
 from dmoc.symbolic.kernel_family import contracted, family, state_inputs
 from dmoc.symbolic.spec import Input, KernelSpec
@@ -66,10 +73,31 @@ def equations_of_forces(f: Continuous, supports: Sequence[int | None]) -> list[A
     return [*(r + p for r, p in zip(residual(f, a), pushed, strict=True)), *bent, *slides]
 
 
+def _unpushed(f: Continuous) -> bool:
+    """Whether there is a surface whose gap has no coordinate in common, by masses and by what
+    touches and holds, with what inputs act on."""
+    n, inputs = len(f.q), {*f.u}
+    masses = mass_matrix(f)
+    together = [{i, j} for i in range(n) for j in range(i) if masses[i][j] is not f.L.graph.zero]
+    together += [_coordinates(f, e) for e in (*f.g, *f.tau, *f.phi)]
+    pushed = {i for i, force in enumerate(f.Q) if force.free_symbols & inputs}
+    for mu, tau in zip((*f.mu, *f.mu_s), (*f.tau, *f.tau), strict=True):
+        pushed |= _coordinates(f, tau) if mu.free_symbols & inputs else set()
+    for _ in range(n):
+        for group in together:
+            pushed |= group if group & pushed else set()
+    return any(not _coordinates(f, gap) & pushed for gap in f.g)
+
+
+def _coordinates(f: Continuous, e: Any) -> set[int]:
+    """Those that an expression contains, or their velocities."""
+    return {i for i, (q, v) in enumerate(zip(f.q, f.v, strict=True)) if {q, v} & e.free_symbols}
+
+
 def forces_at_events(f: Continuous, supports: Sequence[int | None]) -> list[KernelSpec]:
-    """The kernel of these equations at a state, of a model with surfaces whose quantities contain
-    no forces: the law of lift-offs has them too."""
-    if f.y or not f.g:
+    """The kernel of these equations at a state, of a model that has a surface whose normal force no
+    input may change, and whose quantities contain no forces: the law of lift-offs has them too."""
+    if f.y or not _unpushed(f):
         return []
     count = len(f.q) + len(f.g) + len(f.tau) + len(f.phi)
     y = Input.vector(f.L.graph, "y", count)

@@ -266,10 +266,10 @@ KERNEL(dynamics, ROW(0), ROW(1), ROW(2), ROW(4), INTO(0, 4), INTO(1, 2))
 static inline void residual(IN q, IN v, IN u, IN a, IN par, OUT R)
 {
     const double
-    w0 = cos(q[0]),
-    w1 = sin(q[0]);
-    R[0] = -par[0]*par[2]*(par[3]*w0 + par[2]*a[0] - w1*a[1]);
-    R[1] = u[0] - par[1]*a[1] - par[0]*(a[1] - par[2]*(v[0]*v[0]*w0 + w1*a[0]));
+    w0 = sin(q[0]),
+    w1 = cos(q[0]);
+    R[0] = -par[0]*par[2]*(par[2]*a[0] + par[3]*w1 - w0*a[1]);
+    R[1] = u[0] - par[1]*a[1] - par[0]*(a[1] - par[2]*(v[0]*v[0]*w1 + w0*a[0]));
 }
 KERNEL(residual, ROW(0), ROW(1), ROW(2), ROW(4), ROW(5), INTO(0, 2))
 
@@ -365,57 +365,6 @@ static inline void running_cost(IN u, OUT C, OUT C_DD_u)
     C_DD_u[0] = 1.0;
 }
 KERNEL(running_cost, ROW(2), INTO(0, 1), INTO(1, 1))
-
-/* Equations of the accelerations and forces e = 0 at a state. */
-static inline void forces_point(IN q, IN v, IN u, IN y, IN par, OUT e)
-{
-    const double
-    w0 = sin(q[0]),
-    w1 = cos(q[0]);
-    e[0] = y[2] + par[0]*par[2]*(w0*y[1] - par[3]*w1 - par[2]*y[0]) - y[3];
-    e[1] = u[0] - par[1]*y[1] - par[0]*(y[1] - par[2]*(v[0]*v[0]*w1 + w0*y[0]));
-    e[2] = -y[0];
-    e[3] = y[0];
-}
-KERNEL(forces_point, ROW(0), ROW(1), ROW(2), ROW(4), ROW(5), INTO(0, 4))
-
-/* First derivatives of `forces_point` with respect to (q, v, u, t, y).
- *   e_D [4, 10] at 0: 0 6-9; 1: 0 2 4 6-7; 2-3: 6 */
-static inline void forces_point_jac(IN q, IN v, IN y, IN par, OUT e_D)
-{
-    const double
-    w0 = sin(q[0]),
-    w1 = cos(q[0]),
-    w2 = par[0]*par[2];
-    e_D[0] = (par[3]*w0 + w1*y[1])*w2;
-    e_D[1] = -par[2]*w2;
-    e_D[2] = e_D[8] = w0*w2;
-    e_D[3] = e_D[7] = e_D[11] = 1.0;
-    e_D[4] = e_D[10] = -1.0;
-    e_D[5] = -(v[0]*v[0]*w0 - w1*y[0])*w2;
-    e_D[6] = 2.0*(v[0]*w1*w2);
-    e_D[9] = -par[0] - par[1];
-}
-KERNEL(forces_point_jac, ROW(0), ROW(1), ROW(4), ROW(5), INTO(0, 12))
-
-/* Second derivatives of the weighted sum of all results of `forces_point`.
- *   hess [10, 10] at 0: 0 2 6-7; 2: 2 */
-static inline void forces_point_hess(IN q, IN v, IN y, IN par, IN w_e, OUT hess)
-{
-    const double
-    w0 = cos(q[0]),
-    w1 = v[0]*w_e[1],
-    w2 = sin(q[0]),
-    w3 = par[0]*par[2],
-    w4 = w0*w3,
-    w5 = w_e[1]*w4;
-    hess[0] = -(w0*(v[0]*w1 - par[3]*w_e[0]) + w2*(y[0]*w_e[1] + y[1]*w_e[0]))*w3;
-    hess[1] = -2.0*(w2*w3*w1);
-    hess[2] = w5;
-    hess[3] = w_e[0]*w4;
-    hess[4] = 2.0*w5;
-}
-KERNEL(forces_point_hess, ROW(0), ROW(1), ROW(4), ROW(5), ROW(6), INTO(0, 5))
 
 /* Gaps g <= 0. */
 static inline void surface(IN q, IN par, OUT g)
@@ -638,7 +587,6 @@ KERNEL(drawing, ROW(0), ROW(2), INTO(0, 27))
 #define DYNAMICS_INPUTS {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}
 #define RESIDUAL_INPUTS {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"a", 2}, {"par", 6}
 #define MOMENTUM_INPUTS {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}
-#define FORCES_POINT_INPUTS {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"y", 4}, {"par", 6}
 #define SURFACE_INPUTS {"q", 2}, {"t", 1}, {"par", 6}
 #define NORMAL_INPUTS {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}
 #define RATE_WORK_INPUTS {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}
@@ -660,9 +608,6 @@ ARRAYS(momentum_jac, MOMENTUM_INPUTS, {"p_D", 6})
 ARRAYS(momentum_hess, MOMENTUM_INPUTS, {"w_p", 2}, {"hess", 3})
 ARRAYS(energy, MOMENTUM_INPUTS, {"E", 1})
 ARRAYS(running_cost, DYNAMICS_INPUTS, {"C", 1}, {"C_DD_u", 1})
-ARRAYS(forces_point, FORCES_POINT_INPUTS, {"e", 4})
-ARRAYS(forces_point_jac, FORCES_POINT_INPUTS, {"e_D", 12})
-ARRAYS(forces_point_hess, FORCES_POINT_INPUTS, {"w_e", 4}, {"hess", 5})
 ARRAYS(surface, SURFACE_INPUTS, {"g", 2})
 ARRAYS(surface_jac, SURFACE_INPUTS, {"g_D", 2})
 ARRAYS(surface_hess, SURFACE_INPUTS, {"w_g", 2}, {"hess", 0})
@@ -702,9 +647,6 @@ static const dmoc_entry entries[] = {
     ENTRY(momentum_hess, 5, 1),
     ENTRY(energy, 4, 1),
     ENTRY(running_cost, 5, 2),
-    ENTRY(forces_point, 6, 1),
-    ENTRY(forces_point_jac, 6, 1),
-    ENTRY(forces_point_hess, 7, 1),
     ENTRY(surface, 3, 1),
     ENTRY(surface_jac, 3, 1),
     ENTRY(surface_hess, 4, 1),
@@ -728,4 +670,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1),
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "ac92d1cc847e4849a6a6b9b591e6412bcd61b436efa5d2448546e65446ec627e", 40, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", "faee689fac90bd4133ca0f58b33ad722cc262bcabf2bde373149820e69e9445f", 37, entries};

@@ -236,31 +236,6 @@ static inline void running_cost(IN u, OUT C, OUT C_DD_u)
 }
 KERNEL(running_cost, ROW(2), INTO(0, 1), INTO(1, 2))
 
-/* Equations of the accelerations and forces e = 0 at a state. */
-static inline void forces_point(IN u, IN y, IN par, OUT e)
-{
-    e[0] = u[0] + y[2] - y[3] - par[0]*y[0];
-    e[1] = u[1] + y[4] - y[5] - par[0]*y[1];
-    e[2] = -y[0];
-    e[3] = y[0];
-    e[4] = -y[1];
-    e[5] = y[1];
-}
-KERNEL(forces_point, ROW(2), ROW(4), ROW(5), INTO(0, 6))
-
-/* First derivatives of `forces_point` with respect to (q, v, u, t, y).
- *   e_D [6, 13] at 0: 4 7 9-10; 1: 5 8 11-12; 2-3: 7; 4-5: 8 */
-static inline void forces_point_jac(IN par, OUT e_D)
-{
-    e_D[0] = e_D[2] = e_D[4] = e_D[6] = e_D[9] = e_D[11] = 1.0;
-    e_D[1] = e_D[5] = -par[0];
-    e_D[3] = e_D[7] = e_D[8] = e_D[10] = -1.0;
-}
-KERNEL(forces_point_jac, ROW(5), INTO(0, 12))
-
-/* Second derivatives of the weighted sum of all results of `forces_point`. */
-EMPTY(forces_point_hess)
-
 /* Gaps g <= 0. */
 static inline void surface(IN q, IN par, OUT g)
 {
@@ -509,7 +484,6 @@ KERNEL(drawing, ROW(0), ROW(2), INTO(0, 34))
 #define DYNAMICS_INPUTS {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}
 #define RESIDUAL_INPUTS {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"a", 2}, {"par", 3}
 #define MOMENTUM_INPUTS {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}
-#define FORCES_POINT_INPUTS {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"y", 6}, {"par", 3}
 #define SURFACE_INPUTS {"q", 2}, {"t", 1}, {"par", 3}
 #define NORMAL_INPUTS {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}
 #define RATE_WORK_INPUTS {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}
@@ -531,9 +505,6 @@ ARRAYS(momentum_jac, MOMENTUM_INPUTS, {"p_D", 2})
 ARRAYS(momentum_hess, MOMENTUM_INPUTS, {"w_p", 2}, {"hess", 0})
 ARRAYS(energy, MOMENTUM_INPUTS, {"E", 1})
 ARRAYS(running_cost, DYNAMICS_INPUTS, {"C", 1}, {"C_DD_u", 2})
-ARRAYS(forces_point, FORCES_POINT_INPUTS, {"e", 6})
-ARRAYS(forces_point_jac, FORCES_POINT_INPUTS, {"e_D", 12})
-ARRAYS(forces_point_hess, FORCES_POINT_INPUTS, {"w_e", 6}, {"hess", 0})
 ARRAYS(surface, SURFACE_INPUTS, {"g", 4})
 ARRAYS(surface_jac, SURFACE_INPUTS, {"g_D", 4})
 ARRAYS(surface_hess, SURFACE_INPUTS, {"w_g", 4}, {"hess", 0})
@@ -573,9 +544,6 @@ static const dmoc_entry entries[] = {
     ENTRY(momentum_hess, 5, 1),
     ENTRY(energy, 4, 1),
     ENTRY(running_cost, 5, 2),
-    ENTRY(forces_point, 6, 1),
-    ENTRY(forces_point_jac, 6, 1),
-    ENTRY(forces_point_hess, 7, 1),
     ENTRY(surface, 3, 1),
     ENTRY(surface_jac, 3, 1),
     ENTRY(surface_hess, 4, 1),
@@ -599,4 +567,4 @@ static const dmoc_entry entries[] = {
     ENTRY(drawing, 3, 1),
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", "e19e0e4c73d3152c763228201d4aa962cc00029eeaae1b9a0d7358c473316ff7", 40, entries};
+const dmoc_table puck_table_kernels = {"puck_table", "8176438caa7013bf7b6a01a47688db533b0bd5f5d2fd2dd4e6f616e857902f47", 37, entries};

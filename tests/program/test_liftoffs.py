@@ -19,6 +19,7 @@ from liftoff_problems import (
     stopped_ramp,
     twice,
 )
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.guess.automatic import initial_guesses
@@ -38,9 +39,22 @@ def test_a_force_that_no_input_changes_says_when_its_contact_leaves() -> None:
     assert of(spring_lift(5, 2)) == (Liftoff(0, (0,)),)
 
 
-def test_inputs_that_change_it_are_left_to_the_cost_unless_they_are_fixed() -> None:
-    assert of(pulled()) == ()
-    assert of(pulled(bounds={"F": (0.0, 0.0)})) == (Liftoff(0, (0,)),)
+def test_inputs_that_act_on_what_moves_with_it_leave_it_to_the_cost() -> None:
+    """Models that have no other surface lack the equations; an input that acts on something else
+    changes nothing."""
+    problem = pulled()
+    assert of(problem) == () and not problem.kernels.has("forces_point")
+    assert of(spring_lift(5, 2)) == (Liftoff(0, (0,)),)
+    x, y, u = dynamicsymbols("x y u")
+    lagrangian = x.diff() ** 2 + y.diff() ** 2
+    for name, mass, force, there in (
+        ("apart", 0, {x: u}, True), ("on_it", 0, {y: u}, False), ("joined", 0.5, {x: u}, False),
+    ):  # fmt: skip
+        system = dmoc.MechanicalSystem(
+            f"floor_{name}", [x, y], lagrangian + mass * x.diff() * y.diff(), inputs=[u],
+            forces=force, surfaces={"floor": y >= 0},
+        )  # fmt: skip
+        assert dmoc.build(system).has("forces_point") is there
 
 
 def test_a_duration_that_is_fixed_says_when_instead() -> None:

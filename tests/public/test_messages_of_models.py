@@ -23,7 +23,7 @@ ModelError: rubbing(...)
 ModelError: bob_with(...)
     {"rod": X <= 1} | constraint 'rod' is not an equation: expected one such as
     {"rod": True} | constraint 'rod' is not an equation: expected one such as
-    {"rod": X.diff(T) - 1} | constraint 'rod' contains Derivative(x(t), t), one of the velocit
+    {"rod": X.diff(T) ** 2 - 1} | constraint 'rod' is not linear in the velocity x_dot: give it as
     {"rod": "x"} | constraint 'rod' is not a scalar SymPy expression: got 'x'
     {"rod": sp.Eq(Y, sp.Abs(X))} | constraint 'rod' contains Abs(x(t)), whose kink no method of
     {"rod": 1} | constraint 'rod' contains no coordinate: expected an equation in x, y
