@@ -146,6 +146,11 @@ class Model(FrictionModel, CostModel):
         joined = np.linalg.matrix_power((joined | joined.T).astype(float), n) > 0
         return tuple(not joined[list(on)].any(axis=0).all() for on in self.surface_coordinates)
 
+    @property
+    def has_force_equations(self) -> bool:
+        """Whether there are the equations of accelerations and forces at a state."""
+        return self.kernels.has("forces_point")
+
     # Surfaces -------------------------------------------------------------------------------------
 
     def gaps(self, q: Array, t: ArrayLike = 0.0) -> Array:

@@ -39,7 +39,7 @@ def liftoffs_of(problem: Problem) -> tuple[Liftoff, ...]:
     """Those of a problem: at events without an impact, whose time the problem does not fix, and
     whose forces the motion determines."""
     found = list[Liftoff]()
-    if not problem.kernels.has("forces_point"):  # inputs push all that touches
+    if not problem.model.has_force_equations:  # inputs push all that touches
         return ()
     for i, event in enumerate(problem.touch.events if problem.touch.open is None else ()):
         low, high = problem.duration_bounds[i]
