@@ -1,5 +1,5 @@
 r"""A sledge off the boards
-======================
+=======================
 
 How does somebody on a sledge get to the side of where they stand, off the boards of the rink?
 
