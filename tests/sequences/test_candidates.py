@@ -185,3 +185,11 @@ def test_words_that_may_not_happen_are_not_proposed() -> None:
     result = dmoc.search(unnamed("cart_pendulum"), strategy="propose", surfaces=["upper"])
     assert {word for n in result.nodes for word in n.sequence} <= {"upper"}
     assert {word for p in result.proposals for word in p.sequence} <= {"upper"}
+
+
+def test_what_has_failed_is_solved_from_starts_of_its_own_once(proposals: Proposals) -> None:
+    candidates, failed = Candidates(proposals, ENDLESS), ("lower",)
+    candidates.nodes = {failed: Node(failed, Verdict.FAILED)}
+    assert candidates._once_more() and candidates.frontier == [failed]
+    candidates.frontier, candidates.nodes = [], {failed: Node(failed, Verdict.FAILED)}
+    assert not candidates._once_more() and candidates.frontier == []
