@@ -236,9 +236,12 @@ def _patterns(nlp: Transcription) -> str:
     first = jacobian.matrix(np.ones(int(jacobian.indptr[-1])), 0).tocoo()
     second = hessian.matrix(np.ones(int(hessian.indptr[-1]))).tocoo()
     pictures = []
-    for what, m in (("Jacobian of the constraints", first), ("Hessian of the Lagrangian", second)):
+    for what, m, symmetric in (
+        ("Jacobian of the constraints", first, False),
+        ("Hessian of the Lagrangian", second, True),
+    ):
         places = [(int(i), int(j)) for i, j in zip(m.row, m.col, strict=True)]
-        if what.startswith("Hessian"):
+        if symmetric:
             places += [(j, i) for i, j in places if i != j]
         rows, columns = m.shape
         share = len(places) / max(rows * columns, 1)

@@ -17,7 +17,7 @@ from dmoc.base.tolerances import SAME_COST
 from dmoc.problem.problem import Problem
 from dmoc.results.exploration import exploration_in_words
 from dmoc.results.solution import Minimum, Solution, saying
-from dmoc.sequences.node_solve import held_by
+from dmoc.sequences.node_solve import confirmed_at, held_by
 from dmoc.sequences.nodes import Node
 from dmoc.sequences.tree import Tree
 from dmoc.solvers.outcome import Status
@@ -135,8 +135,9 @@ def _stated(node: Node, answer: Solution, said: list[str]) -> Node:
     first, *rest = node.evidence
     if not answer.minimum:
         return replace(node, evidence=(first, *said, *rest))
-    confirmed = f"cost {answer.cost:.6g}, confirmed by simulation"
-    first = first if first.startswith(confirmed) else confirmed
+    confirmed = confirmed_at(answer.cost)
+    if node.cost is None or confirmed_at(node.cost) != confirmed:
+        first = confirmed
     before = [c for c in node.minima if c != node.cost or _is_other(answer)]
     return replace(
         node,

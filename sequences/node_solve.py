@@ -240,7 +240,7 @@ def _node(task: NodeTask, solutions: Sequence[Solution]) -> Node:
         verdict = Verdict.GRAZES
         evidence = (f"cost {s.cost:.6g}, and {without_effect(s.trajectory)}",)
     else:
-        verdict, evidence = Verdict.FEASIBLE, (f"cost {s.cost:.6g}, confirmed by simulation",)
+        verdict, evidence = Verdict.FEASIBLE, (confirmed_at(s.cost),)
     cheaper = [o for o in solutions[1:] if o.status is Status.NOT_VERIFIED and o.cost < s.cost]
     if cheaper:
         evidence += (
@@ -258,6 +258,11 @@ def _node(task: NodeTask, solutions: Sequence[Solution]) -> Node:
         shortest=held_by(s),
         solution=replace(s, kernels=None),  # travels without the kernels, which the caller has
     )
+
+
+def confirmed_at(cost: float) -> str:
+    """That a motion is confirmed, with its cost as it is shown."""
+    return f"cost {cost:.6g}, confirmed by simulation"
 
 
 def held_by(s: Solution) -> tuple[str, ...]:

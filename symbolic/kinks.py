@@ -33,6 +33,10 @@ SMOOTH = "use a smooth function, such as sqrt(x**2 + e**2) for abs(x) or tanh(x/
 
 
 COST = ""  # what hidden unknowns of the cost belong to, in the place of an integral
+# What abs and Max must do where they can be split.
+COST_SIDES = "raise a cost, Min must lower it"
+INTEGRAL_SIDES = "all raise an integral and Min lower it, or the other way round"
+PATH_SIDES = "be limited from above, Min from below"
 
 
 class Hidden(NamedTuple):
@@ -48,6 +52,16 @@ class Hidden(NamedTuple):
         """The same in other symbols."""
         limits = tuple(limit.xreplace(table) for limit in self.limits)
         return self._replace(kink=self.kink.xreplace(table), limits=limits)
+
+
+class _Place(NamedTuple):
+    """Where an expression stands, in words, and what abs and Max must do in such a place."""
+
+    name: str
+    sides: str
+
+    def __str__(self) -> str:
+        return self.name
 
 
 @dataclass(frozen=True)
@@ -85,7 +99,7 @@ def split(system: MechanicalSystem) -> Split:
     be split."""
     real, back = real_symbols(system)
     signs: dict[Any, int] = {}
-    of_cost = _Lifted(COST, "the cost", signs, 0)
+    of_cost = _Lifted(COST, _Place("the cost", COST_SIDES), signs, 0)
     terms = [(e, e.xreplace(real)) for e in sp.Add.make_args(system.cost)]
     cost = sp.Add(*(e for e, own in terms if not _has_kinks(own)))
     lifted = sp.Add(*(of_cost.over(own, 1) for _, own in terms if _has_kinks(own)))
@@ -101,8 +115,9 @@ def split(system: MechanicalSystem) -> Split:
     for name, r in system.path_functions.items():
         own = r.xreplace(real)
         powers = {power: sp.Dummy("power", real=True) for power in _smooth_powers(own)}
+        place = _Place(f"path constraint {name!r}", PATH_SIDES)
         as_they_were = {dummy: power for power, dummy in powers.items()}
-        for part in _branches(own.xreplace(powers), f"path constraint {name!r}", signs):
+        for part in _branches(own.xreplace(powers), place, signs):
             row = rooted(part.xreplace(as_they_were), moving)
             rows.append((name, r if row == own else row.xreplace(back)))
     return Split(
@@ -117,7 +132,8 @@ def _either(
     """An integrand with hidden unknowns, with which sign it can be split, and these."""
 
     def with_sign(sense: int) -> tuple[Any, int, _Lifted]:
-        lifted = _Lifted(name, f"integral {name!r}", dict(signs), first)
+        place = _Place(f"integral {name!r}", INTEGRAL_SIDES)
+        lifted = _Lifted(name, place, dict(signs), first)
         return lifted.over(value, sense), sense, lifted
 
     try:
@@ -140,7 +156,7 @@ def check_smooth(expression: Any, where: str, kinks: bool = False) -> None:
 class _Lifted:
     """Hidden unknowns for the kinks of a function that is minimised, numbered from one on."""
 
-    def __init__(self, of: str, where: str, signs: dict[Any, int], first: int) -> None:
+    def __init__(self, of: str, where: _Place, signs: dict[Any, int], first: int) -> None:
         self.of, self.where, self.signs, self.first = of, where, signs, first
         self.unknowns: list[Hidden] = []
 
@@ -191,7 +207,7 @@ def _smooth_powers(e: Any) -> set[Any]:
     return {part for part in e.atoms(sp.Pow, sp.Mul) if part.has(sp.Abs) and is_smooth(part)}
 
 
-def _branches(r: Any, where: str, signs: dict[Any, int]) -> list[Any]:
+def _branches(r: Any, where: _Place, signs: dict[Any, int]) -> list[Any]:
     """Smooth functions that are all >= 0 where r is."""
     if not _has_kinks(r):
         return [r]
@@ -200,7 +216,7 @@ def _branches(r: Any, where: str, signs: dict[Any, int]) -> list[Any]:
     return [smooth for part in parts for smooth in _branches(part, where, signs)]
 
 
-def _outer(e: Any, sign: int, where: str, signs: dict[Any, int]) -> Iterator[Any]:
+def _outer(e: Any, sign: int, where: _Place, signs: dict[Any, int]) -> Iterator[Any]:
     """Kinks of a function that must be >= 0, in which it is monotone: Abs and Max that lower it,
     Min that raises it."""
     if not _has_kinks(e):
@@ -222,7 +238,7 @@ def _values(kink: Any) -> tuple[Any, ...]:
     return (kink.args[0], -kink.args[0]) if isinstance(kink, sp.Abs) else tuple(kink.args)
 
 
-def _factors(product: Any, where: str) -> tuple[Any, Any]:
+def _factors(product: Any, where: _Place) -> tuple[Any, Any]:
     """The smooth factor of a product, and the one with kinks; several absolute values are one."""
     kinks = [part for part in product.args if _has_kinks(part)]
     smooth = reduce(mul, (part for part in product.args if part not in kinks), sp.S.One)
@@ -233,7 +249,7 @@ def _factors(product: Any, where: str) -> tuple[Any, Any]:
     return smooth, kinks[0]
 
 
-def _sign_of(factor: Any, kink: Any, where: str, signs: dict[Any, int]) -> int:
+def _sign_of(factor: Any, kink: Any, where: _Place, signs: dict[Any, int]) -> int:
     """The sign of a factor; ``signs`` gets the parameters that it stands and falls with."""
     if kink.has(*JUMPS, sp.Piecewise):
         raise _refused(kink, where)
@@ -266,20 +282,13 @@ def _needed(nonnegative: Any) -> dict[Any, int]:
     }
 
 
-def _refused(e: Any, where: str) -> ModelError:
+def _refused(e: Any, where: _Place) -> ModelError:
     hard = e.atoms(*JUMPS, sp.Piecewise) or e.atoms(*KINKS)
     kink = min(hard, key=lambda part: (len(str(part)), str(part)))
     if isinstance(kink, (*JUMPS, sp.Piecewise)):
         why = "which cannot be split into smooth functions"
-    elif where == "the cost":
-        why = "where it cannot be split: abs and Max must raise a cost, Min must lower it"
-    elif where.startswith("integral"):
-        why = (
-            "where it cannot be split: abs and Max must all raise an integral and Min lower it, or "
-            "the other way round"
-        )
     else:
-        why = "where it cannot be split: abs and Max must be limited from above, Min from below"
+        why = f"where it cannot be split: abs and Max must {where.sides}"
     return ModelError(f"{where} contains {plain(kink)}, {why}; {SMOOTH}.")
 
 

@@ -37,7 +37,7 @@ class Linkage:
     forces: dict[Any, Any] = field(default_factory=dict)
     units: dict[Any, str] = field(default_factory=dict)
     drawing: list[Part] = field(default_factory=list)
-    sizes: list[tuple[Any, str]] = field(default_factory=list)
+    sizes: list[tuple[Any, str, str]] = field(default_factory=list)
 
     def define(self, name: str, value: Any) -> Any:
         """A name for an expression; what has one, or is fixed, stays as it is."""
@@ -65,19 +65,16 @@ class Linkage:
             if force != 0:
                 self.forces[q] = self.forces.get(q, sp.S.Zero) + force
 
-    def size(self, value: Any, what: str) -> Any:
-        """A length, a mass or a moment of inertia."""
+    def size(self, value: Any, what: str, remedy: str = "") -> Any:
+        """A length, a mass or a moment of inertia, and what helps where it is negative."""
         size = expression_in(value, what)
-        check_size(size, what)
-        self.sizes.append((size, what))
+        check_size(size, what, remedy)
+        self.sizes.append((size, what, remedy))
         return size
 
 
-def check_size(value: Any, what: str) -> None:
+def check_size(value: Any, what: str, remedy: str) -> None:
     if value.is_negative:
-        remedy = (
-            "; sp.pi more in `zero` turns a link round" if what.startswith("the length") else ""
-        )
         raise ModelError(f"{what} = {shown(value)}: expected 0 or more{remedy}.")
 
 
@@ -165,13 +162,13 @@ class Ground:
         system = MechanicalSystem(name, parameters={} if parameters is None else parameters, **own)
         values = {p: value for p, value in system.parameters.items() if value is not None}
         known = {*system.coordinates, *system.parameters, dynamicsymbols._t}
-        for size, what in bodies.sizes:
+        for size, what, remedy in bodies.sizes:
             for atom in atoms_below(size, system.definitions) - known - set(system.definitions):
                 raise ModelError(
                     f"{what} = {shown(size)} contains {shown(atom)}: expected coordinates, the "
                     "time and parameters alone."
                 )
-            check_size(size.subs(values), what)
+            check_size(size.subs(values), what, remedy)
         return system
 
 

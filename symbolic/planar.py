@@ -212,7 +212,8 @@ class Body(Member):
         self, name: str, length: Any, mass: Any, centre: Any, inertia: Any, box: Any
     ) -> _Load:
         what, size = f"of body {name}", self._linkage.size
-        length, mass = size(length, f"the length {what}"), size(mass, f"the mass {what}")
+        length = size(length, f"the length {what}", "; sp.pi more in `zero` turns a link round")
+        mass = size(mass, f"the mass {what}")
         middle = length / 2 if centre is None else centre
         pair = middle if isinstance(middle, (tuple, list, sp.MatrixBase)) else (middle, 0)
         rod = mass * length**2 / 12 if inertia is None else inertia

@@ -30,7 +30,6 @@ MISSED = 0.05
 USUAL, LASTING = 60, 300
 # Waves beside minima get smaller by a factor where less than such a share of their solves end.
 FEW_END, NARROWER = 0.6, 0.5
-NEIGHBOUR = "neighbour"
 
 
 @dataclass(frozen=True)
@@ -128,16 +127,16 @@ class Rounds:
             at = range(self.beside, self.beside + beside)
             motions = [basin.motion for basin in self.minima]
             around = neighbours(self.coarse, motions, at, seed, self.amplitude)
-            named |= {f"{NEIGHBOUR} {k + 1}": x_k for k, x_k in zip(at, around, strict=True)}
+            named |= {f"neighbour {k + 1}": x_k for k, x_k in zip(at, around, strict=True)}
         self.random, self.beside, self.named = numbers.stop, self.beside + beside, {}
         latest = self.options.deadline if self.minima else self.seeking
         attempts = _attempts(self.programs, list(named.values()), self.options, latest)
-        for name, attempt in zip(named, attempts, strict=False):
+        for place, (name, attempt) in enumerate(zip(named, attempts, strict=False)):
             self.starts.append(_start(name, attempt))
             best = self.minima[0] if self.minima else None
             ended = attempt.status is Status.SOLVED
             if ended:
-                far = not name.startswith(NEIGHBOUR)
+                far = place < len(named) - beside
                 self.minima = joined(self.minima, Basin.of(attempt, name, far))
             better = ended and not (best and best.at_most(self.minima[0]))
             self.unbeaten = 0 if better else self.unbeaten + 1
