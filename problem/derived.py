@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from copy import copy
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -21,24 +22,22 @@ def unread(problem: Problem, changes: Mapping[str, Any]) -> Problem:
     names = [item.name for item in fields(problem)]
     for name in changes:
         check_argument(name, names, type(problem).__name__, ProblemError)
-    other = object.__new__(type(problem))
-    for name in names:
-        object.__setattr__(other, name, changes.get(name, getattr(problem, name)))
-    return other
+    return like(problem, vars(problem).keys() - names, **changes)
 
 
 def like(problem: Problem, without: Collection[str] = (), **changes: Any) -> Problem:
     """The same problem with some attributes replaced as they are; it keeps what was found of the
     other one, but for some attributes."""
-    other = object.__new__(type(problem))
-    other.__dict__.update(kept(problem, without), **changes)
+    other = copy(problem)
+    for name in without:
+        vars(other).pop(name, None)
+    vars(other).update(changes)
     return other
 
 
-def kept(problem: Problem, without: Collection[str] = ()) -> dict[str, Any]:
-    """The attributes of a problem, but for some, and for what follows from it."""
-    left_out = {MADE, *without}
-    return {name: value for name, value in vars(problem).items() if name not in left_out}
+def kept(problem: Problem) -> dict[str, Any]:
+    """The attributes of a problem but for what follows from it, which copies leave behind."""
+    return {name: value for name, value in vars(problem).items() if name != MADE}
 
 
 def once(problem: Problem, make: Callable[[Problem], T]) -> T:

@@ -181,9 +181,7 @@ class Problem(Shown):
     via: Sequence[Mapping[Any, Any] | None] | None = None
     ignored: Sequence[str] = ()
     design: Mapping[Any, Any] = field(default_factory=dict)
-    by_rates: ClassVar[bool] = False  # see in_rates
     measured: ClassVar[bool] = False  # whether the start may lie beyond bounds of quantities
-    relaxation: ClassVar[float] = 0.0  # see dmoc.problem.relaxed
 
     if TYPE_CHECKING:
         # The fields again, for what may be given in place of kernels.
@@ -318,6 +316,16 @@ class Problem(Shown):
             return self.controls
         linear = self.held and "linear" in self.scheme.controls
         return "linear" if linear else self.scheme.controls[0]
+
+    @cached_property
+    def by_rates(self) -> bool:
+        """Whether programs state the law of impact in rates; it is set by in_rates."""
+        return False
+
+    @cached_property
+    def relaxation(self) -> float:
+        """By how much complementarity is relaxed; it is set by dmoc.problem.relaxed."""
+        return 0.0
 
     # What follows, each found once; its function says what it is ----------------------------------
 

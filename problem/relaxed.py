@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
 from dmoc.mechanics.contact_mode import FREE, Event
 from dmoc.mechanics.touch import Open, Touch
+from dmoc.problem.derived import like, unread
 from dmoc.problem.problem import Problem
 
 
@@ -21,12 +22,13 @@ def relaxed(
     contacts = problem.touch.contacts
     events = tuple(Event(contacts.surface_numbers[name]) for name in hits)
     touch = Touch(contacts, (FREE,) * (len(hits) + 1), events, left_open)
-    other = object.__new__(Problem)
-    other.__dict__.update(
-        {f.name: getattr(problem, f.name) for f in fields(problem)},
-        sequence=tuple(hits), steps=steps, controls="constant", via=None, contacts=(),
-        durations=None, minimal_times=False, touch=touch, open_hits={}, by_rates=True,
-        relaxation=eps, model=problem.model,
+    fields = {
+        "sequence": tuple(hits), "steps": steps, "controls": "constant", "via": None,
+        "contacts": (), "durations": None, "minimal_times": False,
+    }  # fmt: skip
+    other = like(
+        unread(problem, fields), touch=touch, open_hits={}, by_rates=True, relaxation=eps,
+        model=problem.model,
     )  # fmt: skip
     pushed = [bool(row.get("forces")) for row in problem.kernels.quantity_rows]
     if any(pushed):
@@ -35,5 +37,5 @@ def relaxed(
         for rows in (bounds, start, goal):
             rows[pushed] = -np.inf, np.inf
         ranges = replace(said, start=start, goal=goal)
-        other.__dict__.update(quantity_bounds=bounds, quantity_ranges=ranges)
+        other = like(other, quantity_bounds=bounds, quantity_ranges=ranges)
     return other
