@@ -47,6 +47,7 @@ from dmoc.solvers.ipm import solve_ipm
 from dmoc.solvers.judge import judged
 from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Duals, Options, Outcome, Status
+from dmoc.solving.methods import COMPILED_METHOD
 from dmoc.solving.programs import at_solution
 from dmoc.solving.request import check_problem
 from dmoc.solving.sensitivity import as_solved
@@ -171,7 +172,8 @@ def solver_files(
             f"the kernels of {problem.kernels.name!r} run on NumPy, and a solver in C needs "
             "compiled ones: install a C compiler and build the model again."
         )
-    solution = guess if isinstance(guess, Solution) else solve(problem, "ipm", guess=guess)
+    method = COMPILED_METHOD.name
+    solution = guess if isinstance(guess, Solution) else solve(problem, method, guess=guess)
     carried, iterations = carried_by(name, problem, solution)
     along = None if feedback is None else checked_feedback(feedback, solution.trajectory)
     return carried, solution, _texts(carried, iterations, most, along)

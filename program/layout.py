@@ -299,10 +299,8 @@ class Layout(Unknowns):
     def step_inputs(self, x: Array) -> list[Array]:
         """Return q_k, q_kp1, u_k, u_kp1, h, t_k and q_i of every step as arrays of shape (total,
         size)."""
-        parts = [x[at] for at in self._index_of_parts]
-        if not self.timed:
-            parts[5] = np.zeros((self.total, 1))
-        return parts
+        *before, t_k, q_i = (x[at] for at in self._index_of_parts)
+        return [*before, t_k if self.timed else np.zeros((self.total, 1)), q_i]
 
 
 def _ranged_rows(problem: Problem, ranges: Array) -> list[Mapping[str, Any]]:

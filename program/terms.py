@@ -65,9 +65,8 @@ class Places:
 
     def step(self, steps: Index) -> tuple[Index, ...]:
         """(q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of some steps."""
-        parts = self.lay.split(self.lay.index_step[steps])
-        parts[5] = self.times(steps)
-        return tuple(parts)
+        *before, _, q_i = self.lay.split(self.lay.index_step[steps])
+        return (*before, self.times(steps), q_i)
 
     def at_end(self, last: bool) -> tuple[Index, ...]:
         """(q, v, u, t) at the start of the motion, or at its end; velocities that are no unknowns

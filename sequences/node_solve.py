@@ -33,7 +33,7 @@ from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.checked_solution import without_effect
 from dmoc.solving.mesh.one_mesh import on_mesh_of, solved_on_mesh
-from dmoc.solving.methods import METHODS
+from dmoc.solving.methods import COMPILED_METHOD, METHODS
 from dmoc.solving.multistart.effort import Effort
 from dmoc.solving.multistart.exploration import coarse_of, explored
 from dmoc.solving.multistart.rounds import Start
@@ -300,8 +300,8 @@ def _without_minimum(
     whole = _least(coarse, deadline)
     if whole.violation <= INFEASIBLE:
         options = Options(deadline=deadline)
-        on_coarse = _solved(coarse, "ipm", whole.x, options, verify=False)
-        fine = _solved(task.problem, "ipm", on_coarse, options)
+        on_coarse = _solved(coarse, COMPILED_METHOD.name, whole.x, options, verify=False)
+        fine = _solved(task.problem, COMPILED_METHOD.name, on_coarse, options)
         if fine.converged:
             return fine
         if deadline.passed:

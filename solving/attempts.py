@@ -19,7 +19,7 @@ from dmoc.solvers.inflection import falling_inputs
 from dmoc.solvers.judge import INFEASIBLE, judged, rounded
 from dmoc.solvers.outcome import NOWHERE, Duals, Ending, Options, Outcome, Status
 from dmoc.solving.indeterminacy import left_open_along
-from dmoc.solving.methods import METHODS, Judged, Method
+from dmoc.solving.methods import COMPILED_METHOD, METHODS, Judged, Method
 from dmoc.solving.programs import Programs
 from dmoc.solving.starts import Starts
 from dmoc.solving.touches import pays, pushed, suspects
@@ -30,7 +30,6 @@ UNDECIDED = (Status.STALLED, Status.ITERATION_LIMIT)
 MOST_SADDLES = 4
 LAST_SADDLE = f"the last of {MOST_SADDLES + 1}"
 
-COMPILED_METHOD = METHODS["ipm"]
 Minimise: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
 
 

@@ -127,8 +127,9 @@ METHODS = {
         Method("uno", "filter SQP, an extra", "dmoc.solvers.external:solve_uno", package="unopy"),
     )
 }
+COMPILED_METHOD = METHODS["ipm"]
 # Of a single solve, of a refinement, and of a search.
-DEFAULT, REFINING, SEARCHING = "slsqp", "ipm", "ipm"
+DEFAULT, REFINING, SEARCHING = "slsqp", COMPILED_METHOD.name, COMPILED_METHOD.name
 
 
 def usual(preferred: str, compiled: bool) -> str:

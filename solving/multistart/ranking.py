@@ -18,9 +18,10 @@ from dmoc.program.extraction import trajectory
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Options, Status
-from dmoc.solving.attempts import COMPILED_METHOD, Attempt, LocalSolver
+from dmoc.solving.attempts import Attempt, LocalSolver
 from dmoc.solving.checked_solution import checked, solution_of
 from dmoc.solving.mesh_steps import finer
+from dmoc.solving.methods import COMPILED_METHOD
 from dmoc.solving.multistart.minima import Basin, cost_of, joined
 from dmoc.solving.programs import Programs
 
