@@ -7,16 +7,22 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from dmoc.base.arguments import shown
+from dmoc.base.errors import SimulationError
+from dmoc.base.names import velocity_name
 from dmoc.base.records import record
-from dmoc.codegen.kernels import Array
-from dmoc.control.disturbance import Disturbed
+from dmoc.codegen.kernels import Array, Kernels
+from dmoc.control.disturbance import Disturbed, read_disturbance
 from dmoc.mechanics.contact_mode import Mode, names_of
 from dmoc.mechanics.model import Model
+from dmoc.mechanics.model_values import parameter_row
 from dmoc.motion.trajectory import Collision, Trajectory
+from dmoc.simulation.forward import vector
+from dmoc.simulation.replay import moved, replay, replay_steps
 
 # The motion of a phase goes on past its events for this share of its duration: so early
 # may contacts open and friction change.
@@ -156,3 +162,51 @@ def digest_of(motion: Trajectory) -> str:
         for rows in (phase.t, phase.q, phase.v, phase.u):
             digest.update(np.ascontiguousarray(rows).tobytes())
     return digest.hexdigest()
+
+
+def controlled(
+    motion: Trajectory,
+    kernels: Kernels,
+    changes: Mapping[str, Any],
+    mesh: Mapping[str, Any],
+    feedback: Any,
+    disturb: Any,
+) -> dict[str, Any]:
+    """A motion with a feedback, or disturbed, as arguments of a simulation, some of them
+    changed."""
+    for name, value in (*mesh.items(), ("inputs", changes.get("inputs"))):
+        if value is not None:
+            raise SimulationError(
+                f"{name} = {shown(value)}: expected none beside feedback or disturb, whose "
+                '"sampling" is the size of a step.'
+            )
+    if feedback is not None:
+        _check_feedback(feedback, motion)
+    states = (*motion.coordinates, *map(velocity_name, motion.coordinates))
+    disturbed = read_disturbance(disturb, states, motion.final_time)
+    count = replay_steps(motion, disturbed.sampling, None)
+    stated = replay(motion, kernels, changes, None, count)
+    there = Model(kernels, parameter_row(kernels, stated["parameters"], SimulationError))
+    if disturbed.start.any():
+        names = motion.coordinates
+        at = vector(stated["position"], names, "position")
+        rate = vector(stated["velocity"], names, "velocity", states[len(names) :])
+        start = moved(there, motion, np.concatenate([at, rate]) + disturbed.start)
+        stated |= {"position": start[: there.nq], "velocity": start[there.nq :]}
+    parts = there, stated["step_size"], disturbed, stated.pop("inputs")
+    control = Pushed(*parts) if feedback is None else Controller(*parts, feedback.begin())
+    return {**stated, "control": control}
+
+
+def _check_feedback(feedback: Any, motion: Trajectory) -> None:
+    """Refuse what does not steer a motion."""
+    if isinstance(feedback, type) or not isinstance(feedback, Steers):
+        raise SimulationError(
+            f"feedback = {shown(feedback)}: expected one from dmoc.feedback(solution), or a "
+            "dmoc.Planner."
+        )
+    if not feedback.fits(motion):
+        raise SimulationError(
+            "the feedback is that of another motion: make one of this solution, with "
+            "dmoc.feedback(solution) or dmoc.Planner(problem, solution)."
+        )

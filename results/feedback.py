@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-
 from dmoc.base.arguments import shown
 from dmoc.base.errors import SimulationError
 from dmoc.base.signatures import public
 from dmoc.codegen.kernels import Kernels
-from dmoc.control.controller import Steers
 from dmoc.control.feedback import Feedback, Weight, feedback_along
-from dmoc.mechanics.contact_mode import mode_by_names
-from dmoc.mechanics.model import Model
-from dmoc.motion.trajectory import Array, Trajectory
 from dmoc.results.solution import Solution
 from dmoc.results.solution_model import linearised
-from dmoc.simulation.mode_choice import Setting
 
 
 @public(SimulationError)
@@ -79,35 +70,3 @@ def feedback(
         )
     motion = linearised(solution, model, "a feedback")
     return feedback_along(motion, solution.periodic, Q, R)
-
-
-def plastic(motion: Trajectory) -> dict[str, float | None]:
-    """The coefficients of restitution of a motion, 0 of what it lands on and never hits."""
-    hit = {c.hit for c in motion.collisions}
-    lands = {name for c in motion.collisions for name in c.lands} - hit
-    return {name: 0.0 if name in lands else e for name, e in motion.restitution.items()}
-
-
-def check_feedback(feedback: Any, motion: Trajectory) -> None:
-    """Refuse what does not steer a motion."""
-    if isinstance(feedback, type) or not isinstance(feedback, Steers):
-        raise SimulationError(
-            f"feedback = {shown(feedback)}: expected one from dmoc.feedback(solution), or a "
-            "dmoc.Planner."
-        )
-    if not feedback.fits(motion):
-        raise SimulationError(
-            "the feedback is that of another motion: make one of this solution, with "
-            "dmoc.feedback(solution) or dmoc.Planner(problem, solution)."
-        )
-
-
-def moved(model: Model, motion: Trajectory, y: Array) -> Array:
-    """A state moved to where the contacts and constraints of the start of a motion hold."""
-    first, rows = motion.phases[0], y[None].copy()
-    mode = mode_by_names(model.contacts, first.closed, first.rubbing)
-    held = model.tangents(np.ascontiguousarray(rows[:, : model.nq]))
-    integrator = Setting(model, np.zeros(model.nc), 1.0).integrator
-    for _ in range(2):  # to rounding errors
-        integrator.settle(mode, rows, np.zeros(1), held)
-    return np.asarray(rows[0])

@@ -7,41 +7,29 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from dmoc.base.arguments import positive, shown, whole
+from dmoc.base.arguments import shown
 from dmoc.base.errors import SimulationError
-from dmoc.base.names import velocity_name
 from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
-from dmoc.base.tolerances import KEPT, ROUNDING, SAME
 from dmoc.codegen.kernels import Kernels
-from dmoc.control.controller import Controller, Pushed, Steers
-from dmoc.control.disturbance import Disturbance, read_disturbance
-from dmoc.mechanics.model import Model
-from dmoc.mechanics.model_values import by_name, parameter_row
+from dmoc.control.controller import Steers, controlled
+from dmoc.control.disturbance import Disturbance
 from dmoc.motion.scene import Scene
 from dmoc.motion.trajectory import FRICTION_WORDS, Array, Collision, Trajectory
-from dmoc.results.feedback import check_feedback, moved, plastic
 from dmoc.results.motion_result import MotionResult
 from dmoc.results.result_file import Saved
 from dmoc.results.solution import Solution
 from dmoc.results.solution_model import check_same_model, kernels_for
 from dmoc.simulation import forward
-from dmoc.simulation.contact_motion import Stretch, on_surfaces
-from dmoc.simulation.mode_choice import Setting
+from dmoc.simulation.contact_motion import Stretch
 from dmoc.simulation.recording import motion_of
+from dmoc.simulation.replay import replay
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
 
-# Steps of a replay in the smallest step of its solution: its own error is then a sixteenth of that
-# of the solution at order 2.
-FINER = 4
-# A replay takes its smallest step, or the mean one divided by this where that is longer: a
-# far shorter phase would make thousands of steps of all others.
-UNEVEN = 8
 MOST_EVENTS = 12  # collisions and stretches of contact that a table lists
 
 
@@ -230,19 +218,17 @@ def simulate(
     """
     keywords, names = locals(), ("position", "velocity", "inputs", "parameters", "restitution")
     changes = {name: keywords[name] for name in names if keywords[name] is not None}
-    if feedback is not None or disturb is not None:
-        mesh = {"step_size": step_size, "steps": steps}
-        system, stated = _controlled(kernels, model, changes, mesh, feedback, disturb)
-    elif isinstance(kernels, Solution):
-        system, stated = _replay(kernels, model, changes, step_size, steps)
-    elif model is not None:
-        raise SimulationError(
-            f"model = {shown(model)}: expected none beside kernels; it goes with a solution."
-        )
+    mesh = {"step_size": step_size, "steps": steps}
+    alone = feedback is None and disturb is None
+    if isinstance(kernels, Solution):
+        motion, system = kernels.trajectory, kernels_for(kernels, model, SimulationError)
+        check_same_model(kernels, system)
+        if alone:
+            stated = replay(motion, system, changes, step_size, steps)
+        else:
+            stated = controlled(motion, system, changes, mesh, feedback, disturb)
     else:
-        system = _built(kernels)
-        stated = {"position": None, "step_size": step_size, "steps": steps}
-        stated |= changes
+        system, stated = _built(kernels, model, alone), {"position": None, **mesh, **changes}
     run = forward.simulate(system, **stated, every=every)
     return Simulation(
         run.t, run.q, run.p, run.v, run.energy, run.collisions, run.contacts, run.rubbing,
@@ -250,126 +236,20 @@ def simulate(
     )  # fmt: skip
 
 
-def _built(model: Any) -> Any:
+def _built(system: Any, model: Any, alone: bool) -> Any:
     """The kernels of a system; what is none, as it is."""
-    if isinstance(model, Kernels):
-        return model
+    if not alone:
+        raise SimulationError(
+            f"feedback and disturb go with a solution, not with {shown(system)}: expected one "
+            "from dmoc.solve(problem)."
+        )
+    if model is not None:
+        raise SimulationError(
+            f"model = {shown(model)}: expected none beside kernels; it goes with a solution."
+        )
+    if isinstance(system, Kernels):
+        return system
     from dmoc.codegen.system_kernels import build
     from dmoc.symbolic.system import MechanicalSystem
 
-    return build(model) if isinstance(model, MechanicalSystem) else model
-
-
-def _replay(
-    solution: Solution,
-    model: Kernels | None,
-    changes: Mapping[str, Any],
-    step_size: float | None,
-    steps: int | None,
-) -> tuple[Kernels, dict[str, Any]]:
-    """The kernels of a solution, and its motion as arguments of a simulation, some of them
-    changed."""
-    motion, kernels = solution.trajectory, kernels_for(solution, model, SimulationError)
-    check_same_model(solution, kernels)
-    if motion.ignored:
-        raise SimulationError(
-            f"the solution ignores {', '.join(motion.ignored)}: a simulation hits every surface, "
-            "use verify(), which follows the solution's own events."
-        )
-    count = _steps(motion, step_size, steps)
-    parameters = dict(motion.parameters)
-    parameters |= by_name(changes.get("parameters", {}), "parameters", SimulationError)
-    own = {
-        "velocity": _start_velocity(motion),
-        "inputs": mean_inputs(motion, count),
-        "restitution": plastic(motion),
-    }
-    if "position" not in changes:
-        own["position"] = _on_surfaces(kernels, parameters, motion.phases[0].q[0])
-    mesh = {"step_size": motion.final_time / count, "steps": count}
-    return kernels, {**own, **changes, "parameters": parameters, **mesh}
-
-
-def _controlled(
-    solution: Any,
-    model: Kernels | None,
-    changes: Mapping[str, Any],
-    mesh: Mapping[str, Any],
-    feedback: Any,
-    disturb: Any,
-) -> tuple[Kernels, dict[str, Any]]:
-    """The same, of a solution with a feedback, or disturbed."""
-    if not isinstance(solution, Solution):
-        raise SimulationError(
-            f"feedback and disturb go with a solution, not with {shown(solution)}: expected one "
-            "from dmoc.solve(problem)."
-        )
-    motion = solution.trajectory
-    for name, value in (*mesh.items(), ("inputs", changes.get("inputs"))):
-        if value is not None:
-            raise SimulationError(
-                f"{name} = {shown(value)}: expected none beside feedback or disturb, whose "
-                '"sampling" is the size of a step.'
-            )
-    if feedback is not None:
-        check_feedback(feedback, motion)
-    states = (*motion.coordinates, *map(velocity_name, motion.coordinates))
-    disturbed = read_disturbance(disturb, states, motion.final_time)
-    count = _steps(motion, disturbed.sampling, None)
-    kernels, stated = _replay(solution, model, changes, None, count)
-    there = Model(kernels, parameter_row(kernels, stated["parameters"], SimulationError))
-    if disturbed.start.any():
-        names = motion.coordinates
-        at = forward.vector(stated["position"], names, "position")
-        rate = forward.vector(stated["velocity"], names, "velocity", states[len(names) :])
-        start = moved(there, motion, np.concatenate([at, rate]) + disturbed.start)
-        stated |= {"position": start[: there.nq], "velocity": start[there.nq :]}
-    parts = there, stated["step_size"], disturbed, stated.pop("inputs")
-    control = Pushed(*parts) if feedback is None else Controller(*parts, feedback.begin())
-    return kernels, {**stated, "control": control}
-
-
-def _steps(motion: Trajectory, step_size: float | None, steps: int | None) -> int:
-    """How many steps a replay takes."""
-    if steps is not None:
-        if step_size is not None:
-            raise SimulationError(
-                "a solution is simulated for its final time: give step_size or steps, not both."
-            )
-        return whole(steps, "steps", 1, forward.MOST_STEPS, SimulationError)
-    if step_size is None:
-        mean = motion.final_time / sum(phase.steps for phase in motion.phases)
-        smallest = min(phase.step_size for phase in motion.phases if phase.steps)
-        step_size = max(smallest, mean / UNEVEN) / FINER
-    size = positive(step_size, "step_size", "expected a time in seconds", SimulationError)
-    return max(1, int(np.ceil(motion.final_time / size * (1 - SAME))))
-
-
-def _start_velocity(motion: Trajectory) -> Array:
-    """The velocity at the start; zero where only the solver's rounding errors move."""
-    fastest = np.max([np.abs(phase.v).max(axis=0) for phase in motion.phases], axis=0)
-    v = motion.phases[0].v[0]
-    return np.where(np.abs(v) > ROUNDING * fastest, v, 0.0)
-
-
-def _on_surfaces(kernels: Kernels, parameters: Mapping[str, float], q: Array) -> Array:
-    """A start that lies on surfaces up to the solver's tolerance, moved onto them."""
-    model = Model(kernels, parameter_row(kernels, parameters, SimulationError))
-    setting = Setting(model, np.zeros(model.nc), 1.0)
-    return on_surfaces(setting, np.concatenate([q, 0 * q]), 0.0, KEPT)[: model.nq]
-
-
-def mean_inputs(motion: Trajectory, steps: int) -> Array:
-    """Means of the inputs of a motion over equal steps of its time, shape (steps, nu)."""
-    begins = np.concatenate([phase.t[:-1] for phase in motion.phases])
-    sizes = np.concatenate([np.diff(phase.t) for phase in motion.phases])
-    ends = [motion.input_ends(phase) for phase in motion.phases]
-    first, last = (np.vstack([pair[side] for pair in ends]) for side in range(2))
-    whole = np.vstack(
-        [np.zeros((1, first.shape[1])), np.cumsum(sizes[:, None] * (first + last) / 2, axis=0)]
-    )
-    edges = np.linspace(0.0, motion.final_time, steps + 1)
-    k = np.clip(np.searchsorted(begins, edges, side="right") - 1, 0, len(begins) - 1)
-    part = np.clip((edges - begins[k]) / sizes[k], 0.0, 1.0)[:, None]
-    within = sizes[k, None] * part * (first[k] + part * (last[k] - first[k]) / 2)
-    return np.asarray(np.diff(whole[k] + within, axis=0) * steps / motion.final_time)
+    return build(system) if isinstance(system, MechanicalSystem) else system

@@ -17,7 +17,7 @@ import dmoc
 from dmoc.base.errors import ModelError, MotionError, SimulationError, SolutionFileError
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.motion_tables import columns
-from dmoc.results.simulation import _start_velocity, mean_inputs
+from dmoc.simulation.replay import _start_velocity, mean_inputs
 
 G = 10.0
 X, T = dynamicsymbols("x"), dynamicsymbols._t
