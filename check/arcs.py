@@ -3,7 +3,7 @@ little."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,13 +61,22 @@ def arcs_of(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> list[Arc]:
     return arcs
 
 
-def allowance(arcs: Sequence[Arc], surfaces: int, ignored: Sequence[int], t: Array) -> Array:
-    """How far simulations may enter surfaces at times t, shape (n, surfaces): where the motion
-    itself lies on one, without a force of its own, and without end where they are ignored."""
-    allowed = np.zeros((len(t), surfaces))
-    if ignored:
-        allowed[:, list(ignored)] = np.inf
+def allowance(
+    arcs: Sequence[Arc], surfaces: int, ignored: Sequence[int]
+) -> Callable[[Array], Array]:
+    """How far simulations may enter surfaces, a function of times (n,) with values (n, surfaces):
+    where the motion itself lies on one, without a force of its own, and without end where they are
+    ignored."""
+    bounds = np.unique([time for arc in arcs for time in (arc.begin, arc.end)])
+    between = np.zeros((len(bounds) + 1, surfaces))  # before, between and after the bounds
     for arc in arcs:
-        on = (arc.begin <= t) & (t <= arc.end)
-        allowed[on, arc.surface] = np.maximum(allowed[on, arc.surface], arc.depth)
+        first, last = np.searchsorted(bounds, (arc.begin, arc.end))
+        own = between[first + 1 : last + 1, arc.surface]
+        np.maximum(own, arc.depth, out=own)
+    between[:, list(ignored)] = np.inf
+
+    def allowed(t: Array) -> Array:
+        before, after = (between[np.searchsorted(bounds, t, side)] for side in ("left", "right"))
+        return np.maximum(before, after)
+
     return allowed

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sized
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import groupby, pairwise
 from typing import NamedTuple
 
@@ -96,7 +96,7 @@ class Motion:
         run = Steps(nodes.t[nodes.starts], nodes.h, *nodes.inputs)
         begins = nodes.begins - np.arange(len(nodes.begins))
         ignored = tuple(model.surface_numbers[name] for name in trajectory.ignored)
-        allowed = partial(allowance, arcs, model.nc, ignored)
+        allowed = allowance(arcs, model.nc, ignored)
         flow = Flow(model, sizes, restitution, allowed, check_time)
         return cls(trajectory, model, nodes, sizes, flow, run, begins, modes, check_time)
 

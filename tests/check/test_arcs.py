@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dmoc.check import arcs
-from dmoc.check.arcs import PENETRATION, TOUCHING, arcs_of
+from dmoc.check.arcs import PENETRATION, TOUCHING, Arc, allowance, arcs_of
 
 
 def found(
@@ -78,3 +78,16 @@ def test_nodes_beside_a_hit_of_the_surface_are_no_arc(
     pattern = ["....x....", "........."]
     assert bool(found(monkeypatch, pattern, [("floor", time)], 100.0)) == left
     assert found(monkeypatch, pattern, [("roof", 4.0)], 100.0)
+
+
+def test_a_time_has_the_depth_of_the_deepest_arc_around_it() -> None:
+    """Both ends belong to an arc; what is ignored has no depth."""
+    allowed = allowance(
+        [Arc(0, 1.0, 3.0, 0.2), Arc(0, 2.0, 4.0, 0.1), Arc(1, 3.0, 5.0, 0.5)], 3, [2]
+    )
+    times = [0.9, 1.0, 1.9, 2.0, 3.0, 3.1, 4.0, 4.1, 5.0, 5.1]
+    deep = [0.0, 0.2, 0.2, 0.2, 0.2, 0.1, 0.1, 0.0, 0.0, 0.0]
+    other = [0.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.0]
+    expected = np.column_stack([deep, other, np.full(10, np.inf)])
+    assert (allowed(np.array(times)) == expected).all()
+    assert (allowance([], 2, [])(np.array([1.0])) == 0.0).all()
