@@ -112,7 +112,7 @@ def _own(kernels: Kernels, kernel: str, s: dict[str, np.ndarray], repeats: int) 
 
 def sizes_of(kernels: Kernels, kernel: str) -> list[int]:
     """Numbers that each output of a kernel stores for a row."""
-    outputs = kernels.manifest["kernels"][kernel]["outputs"]
+    outputs = kernels.manifest.kernels[kernel]["outputs"]
     return [len(o["rows"]) if "rows" in o else o["shape"][0] for o in outputs]
 
 

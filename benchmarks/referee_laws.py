@@ -172,11 +172,11 @@ def _limits(problem: dmoc.Problem, claim: Claim) -> Iterator[Violation]:
             if not over[k] <= share * max(size, 1e-100):
                 text = f"{name} exceeds its bounds by {over[k]:.3g} at {times[k]:.5g} s"
                 yield Violation(kind, name, float(over[k]), float(times[k]), text)
-    if kernels.manifest["path_constraints"] and claim.v is not None:
+    if kernels.manifest.path_constraints and claim.v is not None:
         at = np.concatenate([steps, steps + 1])
         r = problem.model.path_at(claim.q[at], claim.v[at], u, claim.t[at])
         terms = problem.model.path_terms(claim.q[at], claim.v[at], u, claim.t[at]).max(axis=0)
-        for j, name in enumerate(kernels.manifest["path_constraints"]):
+        for j, name in enumerate(kernels.manifest.path_constraints):
             k = int(r[:, j].argmin())
             if not -r[k, j] <= DEEP * max(float(terms[j]), 1e-100):
                 text = f"path constraint {name} is exceeded by {-r[k, j]:.3g} at {t[k]:.5g} s"
@@ -363,7 +363,7 @@ def _energy(replay: Replay) -> Iterator[Violation]:
     """Energy beyond the work of inputs and dissipation, which contacts at rest can only take."""
     model, claim, steps = replay.model, replay.claim, replay.claim.steps
     assert claim.v is not None
-    if model.kernels.manifest["explicit_time"]:
+    if model.kernels.manifest.explicit_time:
         return
     q, v, t = claim.q, claim.v, claim.t
     h, work = (t[steps + 1] - t[steps])[:, None], np.zeros(len(t) - 1)

@@ -103,7 +103,7 @@ def _columns(path: Path, rows: list[list[str]], problem: dmoc.Problem) -> dict[s
                 f"{path}: unknown column {name!r}: expected some of {', '.join(used)}; rename it, "
                 "or take it out."
             )
-        own = "s" if name in ("t", CLOCK) else unit_of(name, kernels.manifest["units"])
+        own = "s" if name in ("t", CLOCK) else unit_of(name, kernels.manifest.units)
         if unit and own and unit != own:
             raise MotionError(f"{path}: column {name!r} is in {unit}: convert it to {own}.")
         if names.count(name) > 1:

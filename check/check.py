@@ -93,7 +93,7 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
         raise SimulationError(
             f"kernels = {shown(kernels)}: expected the kernels of the motion's model."
         )
-    if kernels.manifest["fingerprint"] != trajectory.fingerprint:
+    if kernels.manifest.fingerprint != trajectory.fingerprint:
         raise SimulationError(
             f"the motion of model {trajectory.model!r} was made with another version or order of "
             f"it than the kernels of {kernels.name!r}: give those it was made with."

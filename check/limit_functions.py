@@ -3,9 +3,7 @@ constraints as they were stated, and the bounds of its velocities and quantities
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +12,7 @@ from dmoc.base.names import velocity_name
 from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
 from dmoc.codegen.kernels import Array
+from dmoc.codegen.manifest import FunctionFacts
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 
@@ -55,20 +54,20 @@ class LimitFunctions:
     @cached_property
     def constraints(self) -> int:
         """Number of path constraints, which come first."""
-        return len(self.model.kernels.manifest["path_constraints"])
+        return len(self.model.kernels.manifest.path_constraints)
 
     @cached_property
-    def rows(self) -> list[Mapping[str, Any]]:
+    def rows(self) -> list[FunctionFacts]:
         """What each function depends on, as the model says."""
-        rate = {"coordinates": [], "velocities": True, "inputs": False, "time": False}
+        rate = FunctionFacts(name="", coordinates=[], velocities=True, inputs=False, time=False)
         kernels = self.model.kernels
         own = [rate if b.is_velocity else kernels.quantity_rows[b.place] for b in self.bounds]
-        return [*kernels.manifest["path_limits"], *own]
+        return [*kernels.manifest.path_limits, *own]
 
     @cached_property
     def texts(self) -> list[str]:
         """What is exceeded, in words."""
-        names = self.model.kernels.manifest["path_constraints"]
+        names = self.model.kernels.manifest.path_constraints
         texts = [f"path constraint {name!r}" for name in names]
         return texts + [f"the bound of {b.name}" for b in self.bounds]
 

@@ -3,9 +3,8 @@ quantities: at the nodes and between them, on the path that is integrated from e
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from dmoc.check.depth import dips, distances
 from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.check.limit_functions import LimitFunctions
 from dmoc.codegen.kernels import Array
+from dmoc.codegen.manifest import FunctionFacts
 from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.simulation.flow import PLACES
@@ -187,9 +187,7 @@ class _Path:
         return counted(self.limits.motion, self.limits.rows, self.at_points, self.after)
 
 
-def counted(
-    motion: Motion, rows: Sequence[Mapping[str, Any]], at_points: Bools, after: Bools
-) -> Array:
+def counted(motion: Motion, rows: Sequence[FunctionFacts], at_points: Bools, after: Bools) -> Array:
     """What excesses of functions with some rows count at states, of which some are quadrature
     points, and some come after an event that ends the motion, shape (n, len(rows))."""
     constant = motion.trajectory.input_form.width == 0

@@ -23,12 +23,12 @@ import types
 from collections.abc import Callable, Mapping
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
-from typing import Any
 
 from dmoc.base.errors import BuildError, warn
 from dmoc.base.names import check_name
 from dmoc.codegen.compiler import HEADER, HEADERS, compile_library, compiler
 from dmoc.codegen.kernels import NUMPY, Kernels, kernels_of_library
+from dmoc.codegen.manifest import Manifest
 from dmoc.codegen.private_files import is_private, make_folder, remove, safe_folder, write_whole
 
 BUILD_RECORD = "build.json"
@@ -130,15 +130,15 @@ def load_installed(package: str) -> Kernels | None:
     folder = _folder(package)
     if folder is None or not (folder / LIBRARY).exists():
         return None
-    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    facts = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     wrong = "were made from other sources than those installed"
     try:
-        kernels = kernels_of_library(folder / LIBRARY, manifest)
+        kernels = kernels_of_library(folder / LIBRARY, Manifest.read(facts))
     except (OSError, ValueError) as error:
         kernels, wrong = None, f"cannot be loaded ({error})"
     if kernels is None:
         raise BuildError(
-            f"the compiled kernels of model {manifest['name']!r} {wrong}: install dmoc again (in a "
+            f"the compiled kernels of model {facts['name']!r} {wrong}: install dmoc again (in a "
             "checkout: pip install -e .)."
         )
     return kernels
@@ -164,7 +164,7 @@ def header() -> dict[str, str]:
     return {HEADER: (HEADERS / HEADER).read_text(encoding="utf-8")}
 
 
-def arrived(manifest: Mapping[str, Any], backend: str, files: Mapping[str, str]) -> Kernels:
+def arrived(manifest: Manifest, backend: str, files: Mapping[str, str]) -> Kernels:
     """Return kernels that come from another process: those installed or in the cache here, or built
     once more from their sources.
 
@@ -184,23 +184,23 @@ def arrived(manifest: Mapping[str, Any], backend: str, files: Mapping[str, str])
             f"the kernels that arrived hold the files {', '.join(sorted(files))}: expected "
             f"{', '.join(sorted(SOURCES))}."
         )
-    described = json.loads(files["manifest.json"])
-    name = check_name(described["name"], "model")
+    described = Manifest.read(json.loads(files["manifest.json"]))
+    name = check_name(described.name, "model")
     installed = f"dmoc.generated.{name}"
     folder = _folder(installed)
     if folder and (folder / "manifest.json").read_text(encoding="utf-8") == files["manifest.json"]:
         kernels = load_installed(installed)
     else:
-        kernels = _cached_kernels(cache_directory(), name, _entry_key(str(described["key"])))
+        kernels = _cached_kernels(cache_directory(), name, _entry_key(described.key))
     if kernels is not None and kernels.manifest == described:
         return kernels
     text = json.dumps(dict(files), sort_keys=True)
     return build_cached(name, f"arrived {hashlib.sha256(text.encode()).hexdigest()}", lambda: files)
 
 
-def numpy_kernels(manifest: Mapping[str, Any], text: str) -> Kernels:
+def numpy_kernels(manifest: Manifest, text: str) -> Kernels:
     """Return kernels that run on NumPy from the text of a NumPy module."""
-    module = types.ModuleType(f"dmoc_numpy_{manifest['name']}")
+    module = types.ModuleType(f"dmoc_numpy_{manifest.name}")
     module.__dict__["TEXT"] = text
     exec(compile(text, module.__name__, "exec"), module.__dict__)
     return Kernels(manifest, module)
@@ -281,8 +281,8 @@ def _load_entry(entry: Path, digest: str) -> Kernels | None:
         digests = {name: _digest(entry / name) for name in (*SOURCES, LIBRARY)}
         if record != {"key": digest, "files": digests}:
             return None
-        manifest = json.loads((entry / "manifest.json").read_text(encoding="utf-8"))
-        return kernels_of_library(entry / LIBRARY, manifest)
+        facts = json.loads((entry / "manifest.json").read_text(encoding="utf-8"))
+        return kernels_of_library(entry / LIBRARY, Manifest.read(facts))
     except (OSError, ValueError, RecursionError):  # the last of JSON that is too deep
         return None
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from dmoc.base.errors import BuildError
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.border import Library
+from dmoc.codegen.manifest import FunctionFacts, Manifest, OutputFacts
 
 Array = NDArray[np.float64]
 COMPILED = "compiled"
@@ -28,7 +29,7 @@ class Kernels(Shown):
 
     Attributes
     ----------
-    manifest : mapping
+    manifest : Manifest
         Names, sizes, parameters and sparsity patterns of the model.
     module : Library or module
         The shared library of the compiled kernels, or a module of functions on NumPy.
@@ -41,40 +42,40 @@ class Kernels(Shown):
         Makes the system that they are the kernels of.
     """
 
-    manifest: Mapping[str, Any]
+    manifest: Manifest
     module: Library | types.ModuleType
     seconds: float = 0.0
     reference: str = field(default="", compare=False)
     system: Callable[[], Any] | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
-        return f"<Kernels of {self.name}: order {self.manifest['order']}, {self.backend}>"
+        return f"<Kernels of {self.name}: order {self.manifest.order}, {self.backend}>"
 
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""
         m = self.manifest
         stored = sum(sum(sizes) for sizes in self._sizes.values())
         rows = [
-            ("model", str(m["title"])),
-            ("discretisation", f"order {m['order']}"),
-            ("coordinates", _listed(self.coordinates, m["units"])),
-            ("inputs", _listed(self.inputs, m["units"])),
+            ("model", m.title),
+            ("discretisation", f"order {m.order}"),
+            ("coordinates", _listed(self.coordinates, m.units)),
+            ("inputs", _listed(self.inputs, m.units)),
             ("surfaces", ", ".join(self.surfaces) or "none"),
         ]
         if self.tangents:
             rows.append(("tangents", ", ".join(self.tangents)))
         if self.joints:
             rows.append(("constraints", ", ".join(self.joints)))
-        if m["path_constraints"]:
-            rows.append(("path constraints", ", ".join(m["path_constraints"])))
+        if m.path_constraints:
+            rows.append(("path constraints", ", ".join(m.path_constraints)))
         if self.quantities:
-            rows.append(("quantities", _listed(self.quantities, m["units"])))
+            rows.append(("quantities", _listed(self.quantities, m.units)))
         values = (
             f"{name} = {'to be given' if value is None else format(value, 'g')}"
             for name, value in self.parameters.items()
         )
         rows.append(("parameters", ", ".join(values) or "none"))
-        rows.append(("kernels", f"{len(m['kernels'])}, {stored} results, {self.backend}"))
+        rows.append(("kernels", f"{len(m.kernels)}, {stored} results, {self.backend}"))
         if self.seconds:
             rows.append(("built", f"in {self.seconds:.2f} s"))
         return Table(tuple(rows), title=f"kernels of {self.name}")
@@ -86,7 +87,7 @@ class Kernels(Shown):
 
         return (
             arrived,
-            (dict(self.manifest), self.backend, sources(self)),
+            (self.manifest, self.backend, sources(self)),
             {"reference": self.reference},
         )
 
@@ -101,29 +102,34 @@ class Kernels(Shown):
         return COMPILED if self.compiled else NUMPY
 
     @property
+    def identity(self) -> tuple[str, str | None, str]:
+        """What results of kernels follow from beside their arguments."""
+        return self.manifest.fingerprint, self.manifest.code, self.backend
+
+    @property
     def name(self) -> str:
-        return str(self.manifest["name"])
+        return self.manifest.name
 
     @property
     def coordinates(self) -> list[str]:
-        return list(self.manifest["coordinates"])
+        return list(self.manifest.coordinates)
 
     @property
     def inputs(self) -> list[str]:
-        return list(self.manifest["inputs"])
+        return list(self.manifest.inputs)
 
     @property
     def surfaces(self) -> list[str]:
-        return list(self.manifest["surfaces"])
+        return list(self.manifest.surfaces)
 
     @property
     def tangents(self) -> list[str]:
-        return list(self.manifest["tangents"])
+        return list(self.manifest.tangents)
 
     @property
-    def quantity_rows(self) -> list[dict[str, Any]]:
+    def quantity_rows(self) -> list[FunctionFacts]:
         """What each quantity depends on, as the path constraints have it."""
-        return list(self.manifest.get("quantities", ()))
+        return list(self.manifest.quantities)
 
     @property
     def quantities(self) -> list[str]:
@@ -136,24 +142,24 @@ class Kernels(Shown):
 
     @property
     def integrals(self) -> list[str]:
-        return [n for n in self.manifest.get("totals", ()) if n != "final_time"]
+        return [n for n in self.manifest.totals if n != "final_time"]
 
     @property
     def joints(self) -> list[str]:
         """Names of the constraints, which hold in every phase."""
-        return list(self.manifest["joints"])
+        return list(self.manifest.joints)
 
     @property
     def parameters(self) -> dict[str, float | None]:
-        return dict(self.manifest["parameters"])
+        return dict(self.manifest.parameters)
 
     @property
     def design(self) -> list[str]:
         """Parameters that derivatives are by, beside the arguments."""
-        return list(self.manifest.get("design", ()))
+        return list(self.manifest.design)
 
     def has(self, kernel: str) -> bool:
-        return kernel in self.manifest["kernels"]
+        return kernel in self.manifest.kernels
 
     def call(self, kernel: str, *inputs: ArrayLike) -> tuple[Array, ...]:
         """Evaluate a kernel on rows of inputs.
@@ -178,10 +184,10 @@ class Kernels(Shown):
         """Each kernel as a function of its inputs."""
         if isinstance(self.module, Library):
             return {name: function.rows for name, function in self.module.functions().items()}
-        return {name: partial(self._on_numpy, name) for name in self.manifest["kernels"]}
+        return {name: partial(self._on_numpy, name) for name in self.manifest.kernels}
 
     def _on_numpy(self, kernel: str, inputs: tuple[ArrayLike, ...]) -> tuple[Array, ...]:
-        sizes = [size for _, size in self.manifest["kernels"][kernel]["inputs"]]
+        sizes = [size for _, size in self.manifest.kernels[kernel]["inputs"]]
         arrays = [np.ascontiguousarray(a, dtype=float) for a in inputs]
         rows = [
             a.reshape(-1, size) if size else a if a.ndim > 1 else a[None]
@@ -198,14 +204,14 @@ class Kernels(Shown):
         arrays of shape (n, size)."""
         if isinstance(self.module, Library):
             return self.module.functions()
-        return {name: getattr(self.module, name) for name in self.manifest["kernels"]}
+        return {name: getattr(self.module, name) for name in self.manifest.kernels}
 
     @cached_property
     def _sizes(self) -> dict[str, list[int]]:
         """Sizes of the outputs of each kernel."""
         return {
             name: [_size(o) for o in facts["outputs"]]
-            for name, facts in self.manifest["kernels"].items()
+            for name, facts in self.manifest.kernels.items()
         }
 
     def depends(self, kernel: str, names: Sequence[str]) -> NDArray[np.bool_]:
@@ -213,10 +219,10 @@ class Kernels(Shown):
         derivatives are by."""
         if not self.has(kernel):
             return np.zeros(0, dtype=bool)
-        ((size,),) = (o["shape"] for o in self.manifest["kernels"][kernel]["outputs"])
+        ((size,),) = (o["shape"] for o in self.manifest.kernels[kernel]["outputs"])
         which, by_design = np.zeros(size, dtype=bool), f"{kernel}_design_jac"
         if self.has(by_design):
-            (matrix,) = self.manifest["kernels"][by_design]["outputs"]
+            (matrix,) = self.manifest.kernels[by_design]["outputs"]
             first = matrix["shape"][1] - len(self.design)
             columns = [first + i for i, name in enumerate(self.design) if name in names]
             rows, column = self.pattern(by_design, matrix["name"])
@@ -225,7 +231,7 @@ class Kernels(Shown):
 
     def outputs(self, kernel: str) -> list[str]:
         """Names of the outputs of a kernel, in order."""
-        return [o["name"] for o in self.manifest["kernels"][kernel]["outputs"]]
+        return [o["name"] for o in self.manifest.kernels[kernel]["outputs"]]
 
     def pattern(self, kernel: str, output: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return rows and columns of the stored entries of a matrix output."""
@@ -241,7 +247,7 @@ class Kernels(Shown):
     def _shapes(self) -> dict[tuple[str, str], tuple[int, ...]]:
         return {
             (kernel, o["name"]): tuple(o["shape"])
-            for kernel, facts in self.manifest["kernels"].items()
+            for kernel, facts in self.manifest.kernels.items()
             for o in facts["outputs"]
         }
 
@@ -249,7 +255,7 @@ class Kernels(Shown):
     def _patterns(self) -> dict[tuple[str, str], tuple[NDArray[np.intp], NDArray[np.intp]]]:
         """Rows and columns of every matrix output; read-only, because all share them."""
         slots = {}
-        for kernel, facts in self.manifest["kernels"].items():
+        for kernel, facts in self.manifest.kernels.items():
             for o in facts["outputs"]:
                 if "rows" in o:
                     places = np.array([o["rows"], o["columns"]], dtype=np.intp)
@@ -258,11 +264,11 @@ class Kernels(Shown):
         return slots
 
 
-def kernels_of_library(path: Path, manifest: Mapping[str, Any]) -> Kernels | None:
+def kernels_of_library(path: Path, manifest: Manifest) -> Kernels | None:
     """The kernels of a library, if it was compiled from the sources that a manifest describes:
     sizes of other sources reach beyond its arrays."""
-    library = Library(path, manifest["name"])
-    return Kernels(manifest, library) if library.code == manifest.get("code") else None
+    library = Library(path, manifest.name)
+    return Kernels(manifest, library) if library.code == manifest.code else None
 
 
 def _listed(names: list[str], units: Mapping[str, str]) -> str:
@@ -271,5 +277,5 @@ def _listed(names: list[str], units: Mapping[str, str]) -> str:
     return ", ".join(labels) or "none"
 
 
-def _size(output: Mapping[str, Any]) -> int:
-    return len(output["rows"]) if "rows" in output else int(output["shape"][0])
+def _size(output: OutputFacts) -> int:
+    return len(output["rows"]) if "rows" in output else output["shape"][0]

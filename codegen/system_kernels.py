@@ -14,6 +14,7 @@ from dmoc.base.progress import Listener, listener
 from dmoc.base.signatures import public
 from dmoc.codegen.build import build_cached, numpy_kernels
 from dmoc.codegen.kernels import Kernels
+from dmoc.codegen.manifest import Manifest
 
 if TYPE_CHECKING:
     from dmoc.symbolic.spec import ModelSpec
@@ -101,7 +102,7 @@ def _built(
 
     def plain() -> Kernels:
         model = deriving()
-        return numpy_kernels(manifest(model), numpy_text(model))
+        return numpy_kernels(Manifest.read(manifest(model)), numpy_text(model))
 
     if backend == "numpy":
         kernels = plain()
@@ -156,7 +157,7 @@ def with_momenta(model: Any, bounds: Mapping[str, Any]) -> tuple[Any, dict[str, 
             f"momenta, and those of {model.name!r} do not know their system: state the problem "
             "with the MechanicalSystem."
         )
-    system, order = system_with_momenta(model.system(), missing), model.manifest["order"]
+    system, order = system_with_momenta(model.system(), missing), model.manifest.order
     made = _built(system, order, model.backend, design=model.design)
     return replace(made, reference=model.reference), named
 
@@ -179,6 +180,6 @@ def _by_design(kernels: Kernels, design: Sequence[str]) -> Kernels:
             f"the kernels of {kernels.name!r} have no derivatives by {', '.join(names)} and do not "
             "know their system: state the problem with the MechanicalSystem."
         )
-    order, backend = kernels.manifest["order"], kernels.backend
+    order, backend = kernels.manifest.order, kernels.backend
     made = _built(kernels.system(), order, backend, design=names)
     return replace(made, reference=kernels.reference)

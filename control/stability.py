@@ -245,7 +245,7 @@ def _flow(motion: Motion) -> Array:
 
 def depends_on_time(motion: Motion) -> bool:
     """Whether a motion that begins later is another one: by its model, or as its inputs change."""
-    if motion.model.kernels.manifest["explicit_time"]:
+    if motion.model.kernels.manifest.explicit_time:
         return True
     u = np.vstack([ends for s in motion.steps for ends in (s.u0, s.u1)])
     needed = np.where(np.isfinite(motion.needed_inputs), motion.needed_inputs, 0.0)

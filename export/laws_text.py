@@ -41,5 +41,5 @@ def laws_text(c: Constants, nlp: Transcription, entries: Mapping[str, str]) -> s
 
 def _varies(nlp: Transcription) -> NDArray[np.bool_]:
     """The tangents whose friction depends on the motion, shape (nt,)."""
-    rows = nlp.kernels.manifest.get("varying_friction", ())
+    rows = nlp.kernels.manifest.varying_friction
     return np.isin(nlp.kernels.tangents, [row["name"] for row in rows])

@@ -82,7 +82,7 @@ def momenta_of(nlp: Transcription) -> PassData:
     parameters = np.where(
         _chosen(nlp) == NOWHERE, first + np.arange(nlp.par.shape[1]), _chosen(nlp)
     )
-    outputs = [int(np.prod(o["shape"])) for o in kernels.manifest["kernels"]["step"]["outputs"]]
+    outputs = [int(np.prod(o["shape"])) for o in kernels.manifest.kernels["step"]["outputs"]]
     slots = [np.full((lay.total, size), NOWHERE) for size in outputs]
     begins, k, own = lay.ends[: lay.stepped], np.arange(lay.total), np.arange(lay.nq)
     rows = np.arange(lay.stepped)

@@ -100,7 +100,7 @@ def generate_page(
     target = path_of(path)
     if target.suffix.lower() != ".html":
         raise OutputError(f"{place(target)} is no page: end it in .html.")
-    shapes = shapes_in(problem.kernels.manifest["drawing"])
+    shapes = shapes_in(problem.kernels.manifest.drawing)
     if not shapes:
         raise ProblemError(
             f"model {problem.kernels.name!r} has no drawing, which a page shows: give it one, as "
@@ -202,7 +202,7 @@ def _parameters(carried: CarriedProgram) -> list[dict[str, Any]]:
 def _numbers(carried: CarriedProgram, solution: Solution) -> list[dict[str, Any]]:
     """The numbers as sliders show them, in the order in which the solver has them."""
     kernels, motion = carried.nlp.kernels, solution.trajectory
-    units = {**kernels.manifest["units"]}
+    units = {**kernels.manifest.units}
     spans = dict[str, float]()
     labels = dict[str, Label]()
     for j, name in enumerate(kernels.coordinates):

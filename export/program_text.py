@@ -121,7 +121,7 @@ def _entries(c: Constants, kernels: Kernels, names: Sequence[str]) -> Mapping[st
     """Addresses of the entries of kernels, by name."""
     rows = []
     for name in names:
-        described = kernels.manifest["kernels"][name]
+        described = kernels.manifest.kernels[name]
         inputs = [(a, int(size)) for a, size in described["inputs"]]
         outputs = [(o["name"], size_of(o)) for o in described["outputs"]]
         arrays = [initial(f'"{a}"', size) for a, size in (*inputs, *outputs)]

@@ -330,7 +330,7 @@ def memory_of(carried: CarriedProgram) -> int:
 
 def _scratch(nlp: Transcription) -> int:
     """The most doubles that an element works on at a time."""
-    data, kernels = nlp.assembled.data, nlp.kernels.manifest["kernels"]
+    data, kernels = nlp.assembled.data, nlp.kernels.manifest.kernels
 
     def of(element: ElementData) -> int:
         gathered = sum(int(a.shape[1]) for a in element.arguments if strided(a) is None)

@@ -50,7 +50,7 @@ def _path_excess(problem: Problem, step: list[Array], rates: Array) -> float:
 
 def _limiting_rows(problem: Problem) -> list[int]:
     """Path constraints that contain velocities or inputs."""
-    rows = problem.kernels.manifest["path_limits"]
+    rows = problem.kernels.manifest.path_limits
     return [i for i, row in enumerate(rows) if row["velocities"] or row["inputs"]]
 
 

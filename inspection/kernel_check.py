@@ -59,7 +59,7 @@ def _at_random(
     for name, function in _families(system, kernels, values).items():
         if not kernels.has(name):
             continue
-        sizes = [size for _, size in kernels.manifest["kernels"][name]["inputs"]][:-1]
+        sizes = [size for _, size in kernels.manifest.kernels[name]["inputs"]][:-1]
         x = rng.uniform(0.2, 0.9, sum(sizes))
         try:
             errors += _compared(kernels, name, (function, x, sizes), values, rng)
@@ -79,7 +79,7 @@ def _families(system: MechanicalSystem, kernels: Kernels, values: Array) -> dict
     systems = f, smooth, replace(f, r=kinks), split_up
     plain, of_steps, hidden, lifted = (ReferenceValues(g, kernels, values) for g in systems)
     families = plain.families | {name: of_steps.families[name] for name in OF_STEPS}
-    ones = [mp.mpf(1)] * ("final_time" in kernels.manifest.get("totals", ()))
+    ones = [mp.mpf(1)] * ("final_time" in kernels.manifest.totals)
 
     def over(x: Vector, value: Callable[[Vector], Vector]) -> list[Vector]:
         """Values at the points of a step on both sides, each with its own s, and their weights

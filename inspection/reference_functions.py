@@ -32,7 +32,7 @@ class ReferenceFunctions:
     def __init__(self, f: Continuous, kernels: Kernels, values: Array) -> None:
         self.nq, self.nu = len(f.q), len(f.u)
         self.nc, self.nt = len(f.g), len(f.tau)
-        self.scheme = DISCRETISATIONS[int(kernels.manifest["order"])]
+        self.scheme = DISCRETISATIONS[kernels.manifest.order]
         self._f, self._par = f, [mp.mpf(float(x)) for x in values]
         self._definitions = [self._compiled([e], f.x[:i]) for i, e in enumerate(f.x_of)]
         self.L, self.C, self.Phi = map(self._numbers, ([f.L], [f.C], [f.Phi]))

@@ -275,7 +275,7 @@ def _check(system: MechanicalSystem, kernels: Kernels) -> str:
             "were not compared."
         )
     worst = max(errors, key=lambda c: c.error)
-    left_out = sorted(set(kernels.manifest["kernels"]) - {c.kernel for c in errors})
+    left_out = sorted(set(kernels.manifest.kernels) - {c.kernel for c in errors})
     text = (
         "Each kernel at a random point beside the definitions, evaluated from the system's "
         "functions in 90 digits with differences for all derivatives and a quadrature of its own; "

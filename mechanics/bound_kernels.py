@@ -75,7 +75,7 @@ class BoundKernels:
     @cached_property
     def contacts(self) -> Contacts:
         """Its surfaces and tangents."""
-        names, without = self.kernels, self.kernels.manifest.get("without_friction", ())
+        names, without = self.kernels, self.kernels.manifest.without_friction
         return Contacts(tuple(names.surfaces), tuple(names.tangents), frictionless=tuple(without))
 
     @property
@@ -96,20 +96,20 @@ class BoundKernels:
     @cached_property
     def surface_coordinates(self) -> tuple[list[int], ...]:
         """The coordinates that the gap to each surface depends on."""
-        on = self.kernels.manifest["surface_coordinates"]
+        on = self.kernels.manifest.surface_coordinates
         return tuple(on[name] for name in self.kernels.surfaces)
 
     @cached_property
     def tangent_coordinates(self) -> tuple[list[int], ...]:
         """The coordinates that each tangential position depends on."""
-        on = self.kernels.manifest["tangent_coordinates"]
+        on = self.kernels.manifest.tangent_coordinates
         return tuple(on[name] for name in self.kernels.tangents)
 
     @cached_property
     def moving(self) -> frozenset[int]:
         """Surfaces that move with the time."""
         return frozenset(
-            self.surface_numbers[name] for name in self.kernels.manifest["moving_surfaces"]
+            self.surface_numbers[name] for name in self.kernels.manifest.moving_surfaces
         )
 
     @cached_property
@@ -121,13 +121,13 @@ class BoundKernels:
     def hidden_names(self) -> tuple[str, ...]:
         """What hidden unknowns are called."""
         facts = self.kernels.manifest
-        pairs = zip(facts["hidden"], facts.get("hidden_of", ()), strict=True)
+        pairs = zip(facts.hidden, facts.hidden_of, strict=True)
         return tuple(f"{name} in {of or 'the cost'}" for name, of in pairs)
 
     @cached_property
     def ns(self) -> int:
         """Number of hidden unknowns."""
-        return len(self.kernels.manifest["hidden"])
+        return len(self.kernels.manifest.hidden)
 
     @cached_property
     def ny(self) -> int:

@@ -114,7 +114,7 @@ class CostModel(BoundKernels):
     def path_terms(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Sums of the absolute values of the terms of the path constraints, shape (..., nr)."""
         (terms,) = self._at("path_terms", q, v, u, t)
-        counts = [row["terms"] for row in self.kernels.manifest["path_limits"]]
+        counts = [row["terms"] for row in self.kernels.manifest.path_limits]
         begins = np.cumsum([0, *counts[:-1]])
         return np.asarray(np.add.reduceat(np.abs(terms), begins, axis=-1))
 
@@ -151,7 +151,7 @@ class CostModel(BoundKernels):
     def totals_of(self) -> list[str]:
         """Names of the totals: of the integrals, and of the final time where the objective has
         it."""
-        return list(self.kernels.manifest.get("totals", ()))
+        return list(self.kernels.manifest.totals)
 
     def integrands(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Integrands of the integrals as they were stated, shape (..., number)."""
@@ -161,7 +161,7 @@ class CostModel(BoundKernels):
     @cached_property
     def peaks_of(self) -> list[tuple[int, bool]]:
         """Quantities whose peaks the objective has, and whether of both signs."""
-        return [(int(j), bool(both)) for j, both in self.kernels.manifest.get("peaks", ())]
+        return [(int(j), bool(both)) for j, both in self.kernels.manifest.peaks]
 
     @cached_property
     def peak_names(self) -> list[str]:

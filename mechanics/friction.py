@@ -33,7 +33,7 @@ class FrictionModel(BoundKernels):
     @cached_property
     def paired(self) -> NDArray[np.bool_]:
         """Tangents whose static friction is not their kinetic one, shape (nt,)."""
-        names = self.kernels.manifest.get("static_friction", ())
+        names = self.kernels.manifest.static_friction
         return np.array([name in names for name in self.kernels.tangents], dtype=bool)
 
     @cached_property
@@ -58,7 +58,7 @@ class FrictionModel(BoundKernels):
     @cached_property
     def _in_states(self) -> dict[int, Mapping[str, Any]]:
         """The tangents whose friction is a kernel of states, and what it depends on."""
-        rows = self.kernels.manifest.get("varying_friction", ())
+        rows = self.kernels.manifest.varying_friction
         return {self.tangent_numbers[row["name"]]: row for row in rows}
 
     @cached_property
@@ -147,7 +147,7 @@ class FrictionModel(BoundKernels):
     @cached_property
     def tangential(self) -> dict[int, int]:
         """Those of them that have tangential restitution."""
-        stated = self.kernels.manifest.get("tangential_restitution", ())
+        stated = self.kernels.manifest.tangential_restitution
         return {j: k for j, k in self.rubs_in_hits.items() if self.kernels.surfaces[j] in stated}
 
     def bearing(self, normal: Array) -> Array:

@@ -228,7 +228,7 @@ class Model(FrictionModel, CostModel):
     def joints_in_place(self) -> NDArray[np.bool_]:
         """Which of them keep a place, shape (nj,); the others keep a rate alone, and their phi is
         zero wherever they are."""
-        others = self.kernels.manifest.get("rate_constraints", ())
+        others = self.kernels.manifest.rate_constraints
         return np.array([name not in others for name in self.kernels.joints], dtype=bool)
 
     def joint_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:

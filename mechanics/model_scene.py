@@ -17,7 +17,7 @@ def scene_of(model: Model, phases: Iterable[tuple[Array, Array, Array]]) -> Scen
     None where the model has no drawing, or the drawing is nowhere: velocities at a singular mass
     matrix are not numbers, nor is the root of a negative length.
     """
-    shapes = shapes_in(model.kernels.manifest["drawing"])
+    shapes = shapes_in(model.kernels.manifest.drawing)
     if not shapes:
         return None
     with np.errstate(all="ignore"):

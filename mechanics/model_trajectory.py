@@ -47,7 +47,7 @@ def motion_along(
     input_bounds, coordinate_bounds = bounds or free
     return Trajectory(
         model=kernels.name,
-        fingerprint=str(kernels.manifest["fingerprint"]),
+        fingerprint=kernels.manifest.fingerprint,
         coordinates=tuple(kernels.coordinates),
         inputs=tuple(kernels.inputs),
         parameters=dict(zip(kernels.parameters, model.par[0].tolist(), strict=True)),
@@ -60,7 +60,7 @@ def motion_along(
             name: None if np.isnan(e) else float(e)
             for name, e in zip(kernels.surfaces, restitution, strict=True)
         },
-        order=int(kernels.manifest["order"]),
+        order=kernels.manifest.order,
         ignored=tuple(ignored),
         friction={
             name: None if np.isnan(mu) else float(mu)
@@ -70,7 +70,7 @@ def motion_along(
             kernels.surfaces[j]: float(model.tangential_restitution[k])
             for j, k in model.tangential.items()
         },
-        units=dict(kernels.manifest["units"]),
+        units=dict(kernels.manifest.units),
         scene=scene_of(model, [(p.t, p.q, p.v) for p in phases]) if drawn else None,
         limits=dict(limits or {}),
         quantities=tuple(kernels.quantities),

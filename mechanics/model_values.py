@@ -40,7 +40,7 @@ def restitution_row(kernels: Kernels, values: Any, error: ErrorKind = ProblemErr
     Given is one for all surfaces, or a mapping from surfaces; those that it leaves out have the
     law of the model, which None stands for, and are elastic where that has none.
     """
-    surfaces, laws = kernels.surfaces, kernels.manifest.get("restitution", {})
+    surfaces, laws = kernels.surfaces, kernels.manifest.restitution
     values = {} if values is None else values
     if not isinstance(values, Mapping):
         return np.full(len(surfaces), _coefficient(values, "restitution", error))

@@ -80,7 +80,7 @@ def find(reference: str) -> Reference:
             )
 
         def of_order(order: int | None, _: Listener[str]) -> Kernels:
-            made_with = kernels.manifest["order"]
+            made_with = kernels.manifest.order
             if order not in (None, made_with):
                 raise ModelError(
                     f"{reference} is a Problem with kernels of order {made_with}: name the "

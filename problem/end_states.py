@@ -54,7 +54,7 @@ def _check_mass_matrix(problem: Problem, where: str = "") -> None:
     mass, force = problem.model.equations(problem.start_position)
     values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
     suspects = [
-        f"{n}={values[n]:g}" for n in problem.kernels.manifest["mass_parameters"] if values[n] <= 0
+        f"{n}={values[n]:g}" for n in problem.kernels.manifest.mass_parameters if values[n] <= 0
     ]
     cause = where or (f" ({', '.join(suspects)})" if suspects else "")
     if not (np.isfinite(mass).all() and np.isfinite(force).all()):
@@ -77,7 +77,7 @@ def _check_mass_matrix(problem: Problem, where: str = "") -> None:
 def _check_kinks(problem: Problem) -> None:
     """Refuse parameters for which the functions in the place of kinks are others."""
     values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
-    for name, sign in problem.kernels.manifest["kink_signs"].items():
+    for name, sign in problem.kernels.manifest.kink_signs.items():
         if sign * values[name] < 0:
             expected = "positive" if sign > 0 else "negative"
             raise ProblemError(
@@ -125,12 +125,10 @@ def _sizes_at_ends(problem: Problem) -> Array:
 def _check_path(problem: Problem, end: str, boundary: Boundary) -> None:
     """Refuse fixed values of an end that path constraints do not allow; those on inputs are up to
     the solver, and a measured start is what it is."""
-    rows = problem.kernels.manifest["path_limits"]
+    rows = problem.kernels.manifest.path_limits
     if problem.measured or not rows:
         return
-    smooth = zip(
-        problem.kernels.manifest["path_rows"], by_design(problem, "path_point"), strict=True
-    )
+    smooth = zip(problem.kernels.manifest.path_rows, by_design(problem, "path_point"), strict=True)
     chosen = {row["name"] for row, depends in smooth if depends}
     fixed = boundary.position[:, 0] == boundary.position[:, 1]
     q = np.where(fixed, boundary.position[:, 0], 0.0)

@@ -45,7 +45,7 @@ def operating_inputs_of(problem: Problem) -> Array:
 
 def enter_linearly(problem: Problem) -> bool:
     """Whether the forces have the same slopes by the inputs at all inputs."""
-    return bool(not problem.nu or problem.kernels.manifest["inputs_enter_linearly"])
+    return bool(not problem.nu or problem.kernels.manifest.inputs_enter_linearly)
 
 
 def slopes_by_inputs(problem: Problem, q: Array, v: Array, u: Array, t: Array) -> Array:

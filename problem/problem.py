@@ -286,7 +286,7 @@ class Problem(Shown):
     @property
     def order(self) -> int:
         """Order of the discretisation."""
-        return int(self.kernels.manifest["order"])
+        return self.kernels.manifest.order
 
     @property
     def scheme(self) -> Discretisation:
@@ -296,7 +296,7 @@ class Problem(Shown):
     @property
     def explicit_time(self) -> bool:
         """Whether the model depends explicitly on the time."""
-        return bool(self.kernels.manifest["explicit_time"])
+        return self.kernels.manifest.explicit_time
 
     @property
     def lasting(self) -> bool:

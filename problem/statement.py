@@ -25,7 +25,7 @@ def table_of_problem(problem: Problem) -> Table:
 
 
 def _rows(p: Problem) -> Iterator[tuple[str, str]]:
-    yield "model", str(p.kernels.manifest["title"])
+    yield "model", p.kernels.manifest.title
     yield "sequence", _sequence(p)
     yield "start", _states(p.start)
     yield "closed at the start", ", ".join(p.contacts)
@@ -45,12 +45,12 @@ def _rows(p: Problem) -> Iterator[tuple[str, str]]:
     yield "design", ", ".join(f"{name}: {_said(value)}" for name, value in p.design.items())
     if p.kernels.surfaces:
         restitution = zip(p.kernels.surfaces, p.restitution_values, strict=True)
-        laws = p.kernels.manifest.get("restitution", {})
+        laws = p.kernels.manifest.restitution
         values = {name: laws[name] if np.isnan(e) else f"{e:g}" for name, e in restitution}
         same = len(set(values.values())) == 1
         each = ", ".join(f"{name} {e}" for name, e in values.items())
         yield "restitution", next(iter(values.values())) if same else each
-    tangential = p.kernels.manifest.get("tangential_restitution", {})
+    tangential = p.kernels.manifest.tangential_restitution
     yield "tangential restitution", ", ".join(f"{name} {e}" for name, e in tangential.items())
     yield "ignored", ", ".join(p.ignored)
     yield "mesh", f"{_steps(p)}, order {p.order}, {p.control_form} inputs"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def total_bounds_of(problem: Problem) -> Array:
     """Bounds of the totals, shape (number, 2); one on the side from which nothing holds what stands
     in the place of kinks is refused."""
-    senses = problem.kernels.manifest.get("senses", {})
+    senses = problem.kernels.manifest.senses
     bounds = []
     for name in problem.model.totals_of:
         stated = problem.goal.get(name)
@@ -44,5 +44,5 @@ def total_limits_of(problem: Problem) -> dict[str, Range]:
 def held_integrals(problem: Problem) -> set[str]:
     """What holds unknowns in the place of kinks: the cost, which has no name, and integrals that
     are bounded or priced."""
-    priced = problem.kernels.manifest.get("priced", ())
+    priced = problem.kernels.manifest.priced
     return {"", *problem.total_limits, *priced}

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cached_property, lru_cache
 from itertools import accumulate
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from dmoc.base.discretisation import FORMS
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
+from dmoc.codegen.manifest import FunctionFacts
 from dmoc.problem.derived import once
 from dmoc.problem.design import designed, moves_by_design
 from dmoc.problem.problem import Problem
@@ -47,11 +47,11 @@ class Layout(Unknowns):
         start = problem.start_bounds
         start_fixed = start.is_state and not moves_by_design(problem, start)
         at_start = turns or not (free[0] or start_fixed)
-        at_goal = turns or not free[-1] or bool(kernels.manifest["terminal_velocity"])
+        at_goal = turns or not free[-1] or kernels.manifest.terminal_velocity
         if np.isfinite(problem.velocity_bounds).any():
             at_start |= not start_fixed
             at_goal = True
-        rates = kernels.manifest.get("objective_velocities", (False, False))
+        rates = kernels.manifest.objective_velocities
         at_start, at_goal = at_start or rates[0], at_goal or rates[1]
         ranges = problem.quantity_ranges
         at_start |= any(row["velocities"] for row in _ranged_rows(problem, ranges.start))
@@ -61,7 +61,7 @@ class Layout(Unknowns):
             row = kernels.quantity_rows[j]
             at_start, at_goal = at_start or row["velocities"], at_goal or row["velocities"]
         shared = FORMS[problem.control_form].shared
-        for row in (*kernels.manifest["path_rows"], *along):
+        for row in (*kernels.manifest.path_rows, *along):
             pushed = row.get("forces") and problem.scheme.inside
             if row["velocities"] and (shared or pushed or not row["inputs"]):
                 at_start |= row["inputs"] or not start_fixed
@@ -303,7 +303,7 @@ class Layout(Unknowns):
         return [*before, t_k if self.timed else np.zeros((self.total, 1)), q_i]
 
 
-def _ranged_rows(problem: Problem, ranges: Array) -> list[Mapping[str, Any]]:
+def _ranged_rows(problem: Problem, ranges: Array) -> list[FunctionFacts]:
     """What the quantities depend on of which some ranges, shape (nz, 2), say something."""
     rows = problem.kernels.quantity_rows
     return [rows[j] for j in np.flatnonzero(np.isfinite(ranges).any(axis=1))]

@@ -46,7 +46,7 @@ class Scale:
         nq, nu, nc = (
             np.ones(len(names)) for names in (kernels.coordinates, kernels.inputs, kernels.surfaces)
         )
-        path, s = (np.ones(len(kernels.manifest[part])) for part in ("path_rows", "hidden"))
+        path, s = np.ones(len(kernels.manifest.path_rows)), np.ones(len(kernels.manifest.hidden))
         quantity = np.ones(len(kernels.quantities))
         totals, peaks = (np.ones(len(a)) for a in (problem.model.totals_of, problem.model.peaks_of))
         nt, h = np.ones(len(kernels.tangents)), np.ones(problem.phases)

@@ -73,9 +73,8 @@ REACHED: Recent[_Reached] = Recent()
 def _reached(problem: Problem, lay: Layout, x: Array) -> _Reached:
     """What the motion of unknowns x reaches; that of the last ones is remembered."""
     kernels, par = problem.kernels, problem.parameter_values
-    model = kernels.manifest["fingerprint"], kernels.manifest.get("code"), kernels.backend
     few = lay.is_shared and lay.size <= MOST_REMEMBERED
-    key = (lay, *model, par.tobytes(), x.tobytes()) if few else None
+    key = (lay, *kernels.identity, par.tobytes(), x.tobytes()) if few else None
     return REACHED.of(key, lambda: _measured(problem, lay, x))
 
 
@@ -153,7 +152,7 @@ def _of_motion(problem: Problem, lay: Layout, x: Array, reached: _Reached, minim
     _, joint_rate = _places(reached.joint, moving)
     return Scale(
         time, 1.0, energy, size_q, size_v, size_p, size_u, gap, rate, energy / rate, slide,
-        energy / slide, np.ones(len(problem.kernels.manifest["path_rows"])),
+        energy / slide, np.ones(len(problem.kernels.manifest.path_rows)),
         np.ones(problem.model.nz), np.ones(lay.index_totals.size), np.ones(lay.index_peaks.size),
         _hidden(problem, lay, x, (*moving, size_u)), x[lay.index_h], joint_rate,
         energy / joint_rate, _designs(problem),
@@ -308,7 +307,7 @@ def _path(problem: Problem, steps: tuple[list[Array], ...], local: Array, kind: 
     where it is met; of what none changes, as a product where both factors vanish, the largest value
     in these ``steps`` or in sized ones."""
     kernels = problem.kernels
-    count = len(kernels.quantities if kind == "quantity" else kernels.manifest["path_rows"])
+    count = len(kernels.quantities if kind == "quantity" else kernels.manifest.path_rows)
     if not count:
         return np.ones(0)
     changes = _finite(np.abs(problem.model.path_slopes(steps[0], kind) * local[:, None]), 0.0)

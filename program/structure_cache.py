@@ -96,8 +96,8 @@ class Structures:
 
 def digest(form: Form, blocks: Iterable[Block]) -> bytes:
     """A digest of all that a structure, and what methods find about it, follows from."""
-    manifest, linear = form.kernels.manifest, form.linear
-    names: list[Any] = [manifest["fingerprint"], manifest.get("code"), form.kernels.backend]
+    linear = form.linear
+    names: list[Any] = [*form.kernels.identity]
     names += [form.kernels.design, form.n, form.m, form.equalities]
     arrays: list[Any] = [form.parameters, linear.rows, linear.columns, linear.factors]
     for block in blocks:

@@ -40,7 +40,7 @@ def kernels_for(solution: Solution, kernels: Any, error: type[DmocError]) -> Ker
 
 def check_same_model(solution: Solution, kernels: Kernels) -> None:
     """Raise SolutionFileError unless the kernels are those of the solution's model."""
-    fingerprint, theirs = solution.trajectory.fingerprint, kernels.manifest["fingerprint"]
+    fingerprint, theirs = solution.trajectory.fingerprint, kernels.manifest.fingerprint
     if fingerprint != theirs:
         raise SolutionFileError(
             f"the solution was made for another version of model {solution.trajectory.model!r} "
@@ -69,7 +69,7 @@ def linearised(solution: Solution, kernels: Kernels | None, what: str) -> Motion
 
 def check_names(motion: Trajectory, kernels: Kernels) -> None:
     """Refuse a motion of the model of some kernels that has other names than the model."""
-    if motion.fingerprint != kernels.manifest["fingerprint"]:
+    if motion.fingerprint != kernels.manifest.fingerprint:
         return  # the check of a motion says so
     for what, names, expected in (
         ("coordinates", motion.coordinates, kernels.coordinates),

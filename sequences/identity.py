@@ -24,7 +24,7 @@ def _end(bounds: Boundary) -> object:
 
 # Fields that can be stated in several ways, and what they come to.
 MEANING: Mapping[str, Callable[[Problem], object]] = {
-    "kernels": lambda p: (p.kernels.manifest["fingerprint"], p.kernels.backend),
+    "kernels": lambda p: (p.kernels.manifest.fingerprint, p.kernels.backend),
     "start": lambda p: (_end(p.start_bounds), p.quantity_ranges.start.tolist()),
     "goal": lambda p: (
         _end(p.goal_bounds),

@@ -74,7 +74,7 @@ cdef class Conditions:
             self.mu, self.mu_s, self.static_too = kinds[0], kinds[len(kinds) - 1], len(kinds) > 1
             self.varied, self.speed = _space(rows * self.nt), _space(rows * self.nt)
             self.slows = kernels.has("dragging")
-            varying = kernels.manifest.get("varying_friction", ())
+            varying = kernels.manifest.varying_friction
             names = [self.contacts.tangent_numbers[row["name"]] for row in varying]
             self.varies, self.pressed = np.array(names, dtype=np.intp), np.ones(self.nt)
             self.bearing = Rows(kernels, "bearing") if names else None

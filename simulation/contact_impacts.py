@@ -245,7 +245,7 @@ def _returns_beside(model: Model, j: int, on: list[int], t: float) -> str:
 def _gains(model: Model, at: Place, blow: Blow) -> bool:
     """Whether an impact would raise the energy, where nothing that is touched moves by itself."""
     q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
-    if model.kernels.manifest["explicit_time"]:
+    if model.kernels.manifest.explicit_time:
         return False
     M = model.mass(q, at.t)
     return bool(blow.velocity @ M @ blow.velocity > (1 + SAME) * (v @ M @ v))

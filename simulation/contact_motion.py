@@ -129,7 +129,7 @@ def _rests(setting: Setting, mode: Mode, at: ContactState, u: Array, reach: Reac
     """Whether a state goes on for ever under its inputs: nothing moves or is accelerated, and
     nothing depends on the time."""
     model, nq = setting.model, setting.model.nq
-    if model.kernels.manifest["explicit_time"]:
+    if model.kernels.manifest.explicit_time:
         return False
     times, mass = np.array([at.t]), np.sqrt(np.diagonal(model.mass(at.y[:nq], at.t)))
     acceleration = setting.integrator.reaction(mode, at.y[None], u[None], times).acceleration[0]

@@ -41,7 +41,7 @@ def wrong_coefficient(model: Model, j: int, e: float, state: tuple[Array, Array,
     q, v, t = state
     name, speed = model.kernels.surfaces[j], float(model.gap_rates(q, v, t)[j])
     return (
-        f"the restitution of {name!r}, {model.kernels.manifest['restitution'][name]}, is {e:.6g} "
+        f"the restitution of {name!r}, {model.kernels.manifest.restitution[name]}, is {e:.6g} "
         f"at an approach of {speed:.6g} at t = {t:.6g} s: expected 0 to 1, more creates energy; "
         "state a law that stays there, or change its parameters."
     )

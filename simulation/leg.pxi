@@ -64,7 +64,7 @@ cdef class Leg:
 
     def __init__(self, kernels, par, restitution):
         cdef int nq = len(kernels.coordinates), nu = len(kernels.inputs), nc = len(kernels.surfaces)
-        scheme = DISCRETISATIONS[kernels.manifest["order"]]
+        scheme = DISCRETISATIONS[kernels.manifest.order]
         cdef int ni = nq * scheme.inside
         self.shapes, self.share, self.phi = scheme.shapes, scheme.nodes, np.zeros(scheme.degree + 1)
         self.nq, self.nu, self.nc, self.ni = nq, nu, nc, ni
@@ -77,7 +77,7 @@ cdef class Leg:
 
         def bound(kernel, *inputs):
             """A kernel, and the arrays that it writes."""
-            outputs = kernels.manifest["kernels"][kernel]["outputs"]
+            outputs = kernels.manifest.kernels[kernel]["outputs"]
             results = tuple(block(len(o["rows"]) if "rows" in o else o["shape"][0]) for o in outputs)
             return Call(kernels, kernel, tuple(map(np.asarray, inputs)), results), *results
 

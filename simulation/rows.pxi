@@ -9,7 +9,7 @@ cdef class Rows:
     cdef ptrdiff_t inputs
 
     def __init__(self, kernels, str name):
-        facts = kernels.manifest["kernels"][name]
+        facts = kernels.manifest.kernels[name]
         self.sizes = [size for _, size in facts["inputs"]]
         self.inputs = len(self.sizes)
         self.sizes += [len(o["rows"]) if "rows" in o else o["shape"][0] for o in facts["outputs"]]

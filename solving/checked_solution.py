@@ -90,7 +90,7 @@ def _loose(attempt: Attempt) -> str:
                 "above: give it a positive factor"
             )
     off = loose_totals(nlp, x)
-    for name, sense in nlp.kernels.manifest.get("senses", {}).items():
+    for name, sense in nlp.kernels.manifest.senses.items():
         i = nlp.problem.model.totals_of.index(name)
         ways = ("rises", "positive") if sense > 0 else ("falls", "negative")
         if sense * off[i] > OFF and sense * slopes[lay.index_totals[i]] < 0:

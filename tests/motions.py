@@ -84,7 +84,7 @@ def trajectory(
     ]  # fmt: skip
     free = np.array([[-np.inf, np.inf]])
     return Trajectory(
-        kernels.name, kernels.manifest["fingerprint"], tuple(kernels.coordinates),
+        kernels.name, kernels.manifest.fingerprint, tuple(kernels.coordinates),
         tuple(kernels.inputs), {k: v for k, v in kernels.parameters.items() if v is not None},
         tuple(phases), tuple(collisions), "linear", np.repeat(free, len(kernels.inputs), axis=0),
         np.repeat(free, len(kernels.coordinates), axis=0),

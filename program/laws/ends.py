@@ -116,7 +116,7 @@ class EndsLaw(Law):
         low, high = self.problem.final_time_bounds
         names = self.problem.kernels.coordinates
         p = [momentum_name(q) for q in names]
-        units = self.problem.kernels.manifest["units"]
+        units = self.problem.kernels.manifest.units
         wanted = np.array([g.unknown for g in goals], dtype=np.intp)
 
         def fits(end: str) -> Missed:
@@ -206,7 +206,7 @@ class EndsLaw(Law):
         )
 
     def _goal_missed(self, goals: Sequence[Goal]) -> Missed:
-        units = self.problem.kernels.manifest["units"]
+        units = self.problem.kernels.manifest.units
         return Missed(
             GOAL,
             lambda i: f"the goal of {goals[i].name} is missed",

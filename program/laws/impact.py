@@ -201,7 +201,7 @@ class ImpactLaw(Law):
         """That of its coordinate, if it depends on one alone."""
         model = self.problem.model
         involved = [model.kernels.coordinates[j] for j in model.surface_coordinates[surface]]
-        return unit_of(involved[0], model.kernels.manifest["units"]) if len(involved) == 1 else ""
+        return unit_of(involved[0], model.kernels.manifest.units) if len(involved) == 1 else ""
 
     def inequalities(self, block: Numbering) -> None:
         at, hit, nodes = self.lay.impact.names, self.surfaces, self.lay.collision_nodes

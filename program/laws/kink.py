@@ -43,11 +43,11 @@ class KinkLaw(Law):
     @cached_property
     def _of(self) -> Index:
         """The hidden unknown that each limit belongs to."""
-        counts = self.problem.kernels.manifest.get("hidden_limits", ())
+        counts = self.problem.kernels.manifest.hidden_limits
         return np.repeat(np.arange(len(counts)), counts)
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
-        names = problem.kernels.manifest.get("hidden_of", ())
+        names = problem.kernels.manifest.hidden_of
         loose = np.array([name not in held_integrals(problem) for name in names], dtype=bool)
         own = self.lay.index_s.reshape(self.lay.total, -1, len(names) or 1)
         box[own[:, :, loose] if len(names) else own] = 0.0

@@ -162,8 +162,8 @@ def laws_of(
         ObjectiveLaw(lay, tuple(problem.model.totals_of)), impact,
         EndsLaw(problem, lay, tuple(goals)), *of_contacts,
         JointLaw(
-            lay, tuple(problem.kernels.manifest["bent_joints"]),
-            tuple(problem.kernels.manifest.get("rate_constraints", ())),
+            lay, tuple(problem.kernels.manifest.bent_joints),
+            tuple(problem.kernels.manifest.rate_constraints),
         ),
         ComplementarityLaw(
             lay, problem.friction, problem.restitution_values, problem.relaxation, scale
@@ -186,12 +186,11 @@ def rows_follow_from(problem: Problem, lay: Layout, touching: Index) -> Hashable
     """All that rows, terms and entries of a program follow from, beside which unknowns are fixed:
     problems that differ in other numbers share them.  None where they follow from more, as where
     fixed values settle rows of contacts and constraints."""
-    manifest = problem.kernels.manifest
     held = lay.touch.open or problem.kernels.joints
     if not _is_untouched(lay) or held or lay.ends_with_event:
         return None
     kernels = problem.kernels
-    model = manifest["fingerprint"], manifest.get("code"), kernels.backend, *kernels.design
+    model = *kernels.identity, *kernels.design
     low, high = problem.final_time_bounds
     ends = low == high, 0 < low < high, low < high < np.inf, *(r.kind for r in problem.relations)
     statement = ends, tuple(problem.ignored), problem.by_rates

@@ -19,7 +19,7 @@ could not move.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -29,6 +29,7 @@ import numpy as np
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
+from dmoc.codegen.manifest import FunctionFacts
 from dmoc.problem.design import by_design, moves_by_design
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Entries, Index, Numbering
@@ -76,7 +77,7 @@ class PathLaw(Law):
     lay: Layout
     name: str
     kernel: str
-    rows: tuple[Mapping[str, Any], ...]
+    rows: tuple[FunctionFacts, ...]
     sides: tuple[Side, ...]
     at_ends: Bools = field(init=False)
     at_points: Block = field(init=False)
@@ -87,7 +88,7 @@ class PathLaw(Law):
     @classmethod
     def of(cls, problem: Problem, lay: Layout) -> PathLaw:
         """The path constraints."""
-        rows = tuple(problem.kernels.manifest["path_rows"])
+        rows = tuple(problem.kernels.manifest.path_rows)
         every = Side(1.0, np.ones(len(rows), dtype=bool), np.zeros(len(rows)))
         return cls(lay, "path", "path", rows, (every,))
 
@@ -119,7 +120,7 @@ class PathLaw(Law):
         """Of the functions."""
         return tuple(row["name"] for row in self.rows)
 
-    def _which(self, kind: Callable[[Mapping[str, Any]], Any]) -> Bools:
+    def _which(self, kind: Callable[[FunctionFacts], Any]) -> Bools:
         return np.array([bool(kind(row)) for row in self.rows], dtype=bool)
 
     @cached_property
@@ -294,7 +295,7 @@ def _sides(problem: Problem) -> tuple[Side, ...]:
 
 
 def _ends(
-    problem: Problem, lay: Layout, rows: Sequence[Mapping[str, Any]], fixed: Bools,
+    problem: Problem, lay: Layout, rows: Sequence[FunctionFacts], fixed: Bools,
     at_contacts: bool, chosen: Bools,
 ) -> Bools:  # fmt: skip
     """Which path constraints stand at the start and at the end of each phase; contacts fix

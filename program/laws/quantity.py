@@ -61,7 +61,7 @@ class QuantityLaw(Law):
 
     @property
     def _missed(self) -> Missed:
-        names, units = self.problem.kernels.quantities, self.problem.kernels.manifest["units"]
+        names, units = self.problem.kernels.quantities, self.problem.kernels.manifest.units
         return Missed(
             GOAL,
             lambda row, j, *_: f"{self._label(row, j)} is missed",

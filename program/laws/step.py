@@ -70,7 +70,7 @@ class StepLaw(Law):
 
     def equations(self, block: Numbering) -> None:
         lay, names, nq = self.lay, self.problem.kernels.coordinates, self.lay.nq
-        units = self.problem.kernels.manifest["units"]
+        units = self.problem.kernels.manifest.units
         self.momentum = block(
             "momentum",
             (lay.total + 1, nq),

@@ -17,6 +17,7 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.codegen.build import numpy_kernels, write_files
 from dmoc.codegen.compiler import HEADERS, compiler
+from dmoc.codegen.manifest import Manifest
 from dmoc.codegen.text import c_files, manifest, numpy_text
 from dmoc.symbolic.families import model_spec
 from dmoc.symbolic.spec import KernelSpec
@@ -126,7 +127,7 @@ def test_it_becomes_c_without_a_warning_and_keeps_its_values(
     write_files(tmp_path, c_files(model))
     strict = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{HEADERS}"]
     printed(*compiler(), *strict, "kernels.c", cwd=tmp_path)
-    kernels = numpy_kernels(manifest(model), numpy_text(model))
+    kernels = numpy_kernels(Manifest.read(manifest(model)), numpy_text(model))
     rng = np.random.default_rng(1)
     for kernel in model.kernels:
         inputs = [rng.uniform(0.5, 1.5, (1, argument.size)) for argument in kernel.inputs]

@@ -113,7 +113,7 @@ def test_the_compiler_of_a_package_serves_where_there_is_no_other(
     monkeypatch.setattr(compiler, "FLAGS", flags)
     assert compiler.tried_compiler()[1:4] == ["-m", "ziglang", "cc"]
     own, random = dmoc.build(system, backend="compiled"), np.random.default_rng(0)
-    for kernel, facts in own.manifest["kernels"].items():
+    for kernel, facts in own.manifest.kernels.items():
         inputs = [random.uniform(0.1, 1.0, (5, size)) for _, size in facts["inputs"]]
         for a, b in zip(own.call(kernel, *inputs), usual.call(kernel, *inputs), strict=True):
             np.testing.assert_array_equal(a, b, kernel)

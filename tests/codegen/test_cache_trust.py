@@ -115,12 +115,11 @@ def _linked(path: Path) -> None:
     path.symlink_to(elsewhere)
 
 
-def _changed(folder: Path, code: str | None) -> None:
-    """Put another digest of the sources into the manifest, or none."""
-    manifest = json.loads((folder / "manifest.json").read_text()) | {"code": code}
-    if code is None:
-        del manifest["code"]
-    (folder / "manifest.json").write_text(json.dumps(manifest))
+def _changed(folder: Path, **facts: Any) -> None:
+    """Put other facts into the manifest, such as the digest of the sources, or none."""
+    manifest = json.loads((folder / "manifest.json").read_text()) | facts
+    kept = {name: fact for name, fact in manifest.items() if fact is not None}
+    (folder / "manifest.json").write_text(json.dumps(kept))
 
 
 def _without_table(folder: Path) -> None:
@@ -175,6 +174,8 @@ DAMAGE: dict[str, Callable[[Path], Any]] = {
     "another key": _of_another_key,
     "manifest of other sources": _recorded(lambda e: _changed(e, code="0" * 64)),
     "manifest without a digest": _recorded(lambda e: _changed(e, code=None)),
+    "manifest without a fact": _recorded(lambda e: _changed(e, order=None)),
+    "manifest with another fact": _recorded(lambda e: _changed(e, tides=1)),
     "library that is none": _recorded(_without_library),
     "library without a table": _recorded(_without_table),
     "older form": _of_older_form,
@@ -194,6 +195,8 @@ INSTALLED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "not compiled": (lambda p: (p / LIBRARY).unlink(), ""),
     "stale": (lambda p: _changed(p, code="0" * 64), "were made from other sources"),
     "oldest": (lambda p: _changed(p, code=None), "were made from other sources"),
+    "without a fact": (lambda p: _changed(p, order=None), "cannot be loaded .*'order'"),
+    "with another fact": (lambda p: _changed(p, tides=1), "cannot be loaded .*'tides'"),
     "damaged": (_without_library, "cannot be loaded"),
     "of another name": (_without_table, "cannot be loaded"),
 }
@@ -219,7 +222,7 @@ def test_installed_kernels_of_other_sources_are_refused(
 
 def test_the_compiled_module_knows_its_sources(own_cache: Path) -> None:
     kernels = dmoc.build(SYSTEM)
-    assert kernels.manifest["code"] == kernels.module.code
+    assert kernels.manifest.code == kernels.module.code
     other = c_files(model_spec(replace(SYSTEM, lagrangian=2 * SYSTEM.lagrangian)))
     assert json.loads(other["manifest.json"])["code"] != kernels.module.code
 
@@ -231,7 +234,7 @@ def test_what_arrives_is_built_under_the_name_of_its_texts(
     """Kernels of another model, which claim to be the user's, work and are not taken for them."""
     own = dmoc.build(SYSTEM)
     files = c_files(model_spec(replace(SYSTEM, lagrangian=2 * SYSTEM.lagrangian)))
-    claimed = json.loads(files["manifest.json"]) | {"fingerprint": own.manifest["fingerprint"]}
+    claimed = json.loads(files["manifest.json"]) | {"fingerprint": own.manifest.fingerprint}
     files["manifest.json"] = json.dumps(claimed)
     monkeypatch.undo()
     monkeypatch.setenv("DMOC_CACHE", str(own_cache))
@@ -258,7 +261,8 @@ def test_what_arrives_in_another_form_is_refused(own_cache: Path, change: str) -
     elif change == "missing":
         del files["kernels.h"]
     else:
-        files["manifest.json"] = json.dumps(dict(own.manifest) | {"name": "../trusted"})
+        described = json.loads(files["manifest.json"])
+        files["manifest.json"] = json.dumps(described | {"name": "../trusted"})
     with pytest.raises(DmocError, match=r"is not a C identifier|expected __init__\.py, kernels\.c"):
         arrived(own.manifest, "compiled", files)
     assert not (own_cache.parent / "beside.c").exists()

@@ -149,7 +149,7 @@ def test_backends_agree_on_every_kernel(
 
 def _compare(compiled: Kernels, numpy: Kernels) -> None:
     rng = np.random.default_rng(1)
-    for name, kernel in compiled.manifest["kernels"].items():
+    for name, kernel in compiled.manifest.kernels.items():
         inputs = [rng.uniform(0.5, 1.5, (7, size)) for _, size in kernel["inputs"]]
         with np.errstate(all="ignore"):
             pairs = zip(compiled.call(name, *inputs), numpy.call(name, *inputs), strict=True)

@@ -52,7 +52,7 @@ def test_a_motion_depends_on_the_time_where_an_input_changes(
             u0, u1 = (np.full((1, 2), 7.0) for _ in range(2))
             u0[0, which], u1[0, which] = ends
             steps.append(SimpleNamespace(u0=u0, u1=u1))
-        kernels = SimpleNamespace(manifest={"explicit_time": explicit})
+        kernels = SimpleNamespace(manifest=SimpleNamespace(explicit_time=explicit))
         motion: Any = SimpleNamespace(
             steps=steps, needed_inputs=np.full(2, needed), model=SimpleNamespace(kernels=kernels)
         )

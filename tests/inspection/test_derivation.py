@@ -50,7 +50,7 @@ def test_kernels_agree_with_an_evaluation_in_many_digits(make: Any, order: int) 
     comparisons = kernel_errors(make(), kernels)
     names = {c.kernel for c in comparisons}
     assert max(c.error for c in comparisons) < 1e-11
-    left_out = set(kernels.manifest["kernels"]) - names
+    left_out = set(kernels.manifest.kernels) - names
     # Estimates, pictures and sizes, in which nothing is derived.
     assert left_out <= {"min_time", "min_time_jac", "drawing", "path_terms"}
 
@@ -196,7 +196,7 @@ def test_a_hessian_is_drawn_with_both_its_triangles(monkeypatch: pytest.MonkeyPa
 def test_the_worst_kernel_is_named_and_the_bad_ones_marked(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = (Checked("a", 1e-12), Checked("b", 2e-9), Checked("c", 9e-10))
     monkeypatch.setattr(system_derivation, "kernel_errors", lambda *_: errors)
-    kernels: Any = SimpleNamespace(manifest={"kernels": dict.fromkeys("dcbae")})
+    kernels: Any = SimpleNamespace(manifest=SimpleNamespace(kernels=dict.fromkeys("dcbae")))
     system: Any = None
     text = system_derivation._check(system, kernels)
     assert "Largest relative error: 2.0e-09 (b). Not compared: d, e." in text

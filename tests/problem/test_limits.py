@@ -166,7 +166,7 @@ def test_of_times_that_keep_the_inputs_the_cheapest_is_taken() -> None:
             phases=1,
             phase_steps=(20,),
             limits={},
-            kernels=SimpleNamespace(integrals=[], manifest={"path_limits": []}),
+            kernels=SimpleNamespace(integrals=[], manifest=SimpleNamespace(path_limits=[])),
             model=SimpleNamespace(has_objective=False),
         ),
         trials=lambda choice, times, steps: np.array([tried[t] for t in times]).T,

@@ -140,7 +140,7 @@ def test_an_integral_with_kinks_has_bounds_on_the_side_that_holds_it(
     sense: int, bounds: Any, fits: bool
 ) -> None:
     problem: Any = SimpleNamespace(
-        kernels=SimpleNamespace(manifest={"senses": {"work": sense}}),
+        kernels=SimpleNamespace(manifest=SimpleNamespace(senses={"work": sense})),
         model=SimpleNamespace(totals_of=["way", "work"]), goal={"way": 1.0, "work": bounds},
     )  # fmt: skip
     if not fits:

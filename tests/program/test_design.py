@@ -184,4 +184,4 @@ def test_a_shipped_model_is_built_on_demand() -> None:
     assert problem.kernels.design == ["l"]
     assert problem.but(design={"l": (0.7, 1)}).kernels is problem.kernels
     assert problem.but(design={}).kernels is problem.kernels
-    assert problem.kernels.manifest["fingerprint"] == kernels.manifest["fingerprint"]
+    assert problem.kernels.manifest.fingerprint == kernels.manifest.fingerprint

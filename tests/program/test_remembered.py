@@ -78,7 +78,7 @@ def test_what_a_motion_reaches_is_remembered_for_that_motion_alone(
         moved[k] += 1e-9
         others.append(reached(problem, x=moved))
     for changed in ({"fingerprint": "x"}, {"code": "x"}):
-        manifest = {**walls.manifest, **changed}
+        manifest = replace(walls.manifest, **changed)
         others.append(reached(stated(replace(walls, manifest=manifest))))
     others.append(reached(stated(dmoc.build(walled(), backend="numpy"))))
     others.append(reached(problem, lay=Layout.of(stated(walls, sequence=["left"]))))
@@ -106,7 +106,7 @@ def test_rows_follow_from_each_part_of_the_statement_that_they_follow_from(walls
     keys = [key(problem), key(problem, (0,)), key(problem.in_rates())]
     keys += [key(stated(walls, **change)) for change in ROWS]
     for changed in ({"fingerprint": "x"}, {"code": "x"}, {"design": ["m"]}):
-        manifest = {**walls.manifest, **changed}
+        manifest = replace(walls.manifest, **changed)
         keys.append(key(stated(replace(walls, manifest=manifest))))
     keys.append(key(stated(dmoc.build(walled(), backend="numpy"))))
     assert None not in keys and len(set(keys)) == len(keys)

@@ -201,7 +201,7 @@ def test_whatever_a_form_holds_is_part_of_its_key(small: dmoc.Problem) -> None:
             for name in ("rows", "columns", "factors")
         ),
         *(
-            replace(form, kernels=replace(kernels, manifest={**manifest, **other}))
+            replace(form, kernels=replace(kernels, manifest=replace(manifest, **other)))
             for other in ({"fingerprint": "x"}, {"code": "x"}, {"design": ["l"]})
         ),
         replace(form, kernels=replace(kernels, module=None)),  # of another backend

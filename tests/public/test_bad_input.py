@@ -374,7 +374,7 @@ def test_a_system_serves_as_its_kernels_of_order_two_with_steps_and_four_without
         return dmoc.Problem(block_system(), start={"x": 0.0}, **fields)  # type: ignore[arg-type]
 
     fourth = dmoc.build(block_system(), order=4)
-    assert fourth.manifest["fingerprint"] != block.manifest["fingerprint"]
+    assert fourth.manifest.fingerprint != block.manifest.fingerprint
     for fields, kernels in (
         ({"steps": 4}, block),
         ({"controls": "linear"}, block),  # of order 2 alone
@@ -384,8 +384,8 @@ def test_a_system_serves_as_its_kernels_of_order_two_with_steps_and_four_without
         ({"controls": "stages"}, fourth),
     ):
         problem = of_system(**fields)
-        assert problem.order == kernels.manifest["order"]
-        assert problem.kernels.manifest["fingerprint"] == kernels.manifest["fingerprint"]
+        assert problem.order == kernels.manifest.order
+        assert problem.kernels.manifest.fingerprint == kernels.manifest.fingerprint
     assert of_system().steps is None and of_system().phase_steps == (50,)
     with pytest.raises(ProblemError, match="the start of x is not given"):
         dmoc.Problem(block_system())  # type: ignore[arg-type]

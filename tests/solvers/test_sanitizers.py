@@ -151,7 +151,7 @@ def linked(gcc: str, objects: dict[str, str], tmp_path_factory: pytest.TempPathF
     made: dict[str, Path] = {}
 
     def link(kernels: Kernels) -> Path:
-        code = kernels.manifest["code"]
+        code = kernels.manifest.code
         if code not in made:
             folder = tmp_path_factory.mktemp("linked")
             for name, text in sources(kernels).items():

@@ -29,7 +29,7 @@ def values_of(kernels: Kernels, name: str, inputs: list[Any]) -> list[Any]:
     """Results of a kernel as full arrays."""
     full = []
     for output, values in zip(
-        kernels.manifest["kernels"][name]["outputs"], kernels.call(name, *inputs), strict=True
+        kernels.manifest.kernels[name]["outputs"], kernels.call(name, *inputs), strict=True
     ):
         if "rows" in output:
             dense = np.zeros((len(values), *output["shape"]))
@@ -50,8 +50,8 @@ def pendulum_kernels(named: bool, relative: bool, order: int = 2) -> Kernels:
 def test_kernels_with_definitions_are_those_without(relative: bool, order: int) -> None:
     rng = np.random.default_rng(0)
     with_names, without = (pendulum_kernels(named, relative, order) for named in (True, False))
-    assert set(with_names.manifest["kernels"]) == set(without.manifest["kernels"])
-    for name, facts in without.manifest["kernels"].items():
+    assert set(with_names.manifest.kernels) == set(without.manifest.kernels)
+    for name, facts in without.manifest.kernels.items():
         if name == "path_terms":  # as they were stated
             continue
         inputs = [rng.uniform(0.3, 1.2, (2, size)) for _, size in facts["inputs"]]

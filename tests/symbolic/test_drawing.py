@@ -71,7 +71,7 @@ def test_the_kernel_computes_the_columns_of_every_shape(backend: str, order: int
 
 def test_the_manifest_lists_kinds_names_and_columns() -> None:
     manifest = build(drawn(*PARTS), backend="numpy").manifest
-    assert manifest["drawing"] == [
+    assert manifest.drawing == [
         ["link", "", 0, 6],
         ["point", "", 6, 2],
         ["disc", "", 8, 4],
@@ -84,7 +84,7 @@ def test_the_manifest_lists_kinds_names_and_columns() -> None:
 
 def test_a_model_without_a_drawing_has_no_kernel_for_it() -> None:
     kernels = build(block_system(), backend="numpy")
-    assert not kernels.has("drawing") and kernels.manifest["drawing"] == []
+    assert not kernels.has("drawing") and kernels.manifest.drawing == []
     model = Model(kernels, np.array([[1.0, 1.0]]))
     assert model.drawing(np.zeros((4, 1))).shape == (4, 0)
 

@@ -20,6 +20,7 @@ from systems import chain_system
 import dmoc
 from dmoc.base.errors import GenerationError
 from dmoc.codegen.build import numpy_kernels
+from dmoc.codegen.manifest import Manifest
 from dmoc.codegen.operation_counts import count_of
 from dmoc.codegen.schedule import functions_of, schedule
 from dmoc.codegen.text import c_files, manifest, numpy_text
@@ -189,9 +190,9 @@ def test_a_lagrangian_as_a_function_gives_the_same_kernels(
         calls = re.findall(r"    lagrangian_w1?_2\(", c_files(model)["kernels.c"])
         # The second derivatives of steps and events at all points, of momenta and the residual.
         assert len(calls) == (order + 2) * (large == 0)
-        kernels.append(numpy_kernels(manifest(model), numpy_text(model)))
+        kernels.append(numpy_kernels(Manifest.read(manifest(model)), numpy_text(model)))
     as_function, inline = kernels
-    for name, facts in inline.manifest["kernels"].items():
+    for name, facts in inline.manifest.kernels.items():
         inputs = [rng.uniform(0.3, 1.2, (2, size)) for _, size in facts["inputs"]]
         for output in facts["outputs"]:
             place = inline.outputs(name).index(output["name"])
@@ -204,7 +205,7 @@ def test_a_lagrangian_as_a_function_gives_the_same_kernels(
                     values = dense
                 full.append(values)
             np.testing.assert_allclose(full[0], full[1], rtol=1e-11, atol=1e-12, err_msg=name)
-    assert as_function.manifest["fingerprint"] == inline.manifest["fingerprint"]
+    assert as_function.manifest.fingerprint == inline.manifest.fingerprint
 
 
 @pytest.mark.slow

@@ -119,5 +119,5 @@ def test_gaps_accelerate_with_their_surface() -> None:
 @pytest.mark.slow
 def test_a_path_constraint_says_what_it_depends_on() -> None:
     """u a' <= 3 + t, in the coordinates (a, z)."""
-    (row,) = dmoc.build(driven_system()).manifest["path_rows"]
+    (row,) = dmoc.build(driven_system()).manifest.path_rows
     assert row["coordinates"] == [] and row["velocities"] and row["inputs"] and row["time"]

@@ -64,7 +64,7 @@ def model(parameters: list[Any]) -> dmoc.MechanicalSystem:
 def values(kernels: Kernels) -> dict[str, list[np.ndarray]]:
     rng = np.random.default_rng(3)
     results = {}
-    for name, kernel in kernels.manifest["kernels"].items():
+    for name, kernel in kernels.manifest.kernels.items():
         inputs = [rng.uniform(0.5, 1.5, (3, size)) for _, size in kernel["inputs"]]
         with np.errstate(all="ignore"):
             results[name] = [np.array(a) for a in kernels.call(name, *inputs)]

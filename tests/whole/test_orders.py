@@ -54,7 +54,7 @@ def bounced(q: float, v: float, time: float) -> np.ndarray:
 
 @pytest.mark.slow
 def test_the_integrator_has_its_order_through_a_collision(swinging: Kernels) -> None:
-    order = swinging.manifest["order"]
+    order = swinging.manifest.order
     wanted, errors = bounced(0.3, 5.0, 1.0), []
     for steps in (10, 20, 40):
         run = dmoc.simulate(swinging, [0.3], [5.0], step_size=1 / steps, steps=steps)
@@ -67,7 +67,7 @@ def test_the_integrator_has_its_order_through_a_collision(swinging: Kernels) -> 
 @pytest.mark.slow
 def test_optima_of_every_order_agree(swinging: Kernels) -> None:
     """Inputs are at most linear in a step, so that costs differ by h^2 at order 2 and h^4 above."""
-    order = swinging.manifest["order"]
+    order = swinging.manifest.order
     problem = dmoc.Problem(
         swinging, start={"a": 0.3, "a_dot": 5.0}, goal={"a": -0.5, "a_dot": 0.0}, sequence=["wall"],
         steps=20, final_time=1.0,
@@ -116,7 +116,7 @@ def test_steps_are_those_of_the_gauss_methods(order: int) -> None:
 @pytest.mark.slow
 def test_optimal_states_have_the_order_of_linear_inputs(swinging: Kernels) -> None:
     """Order 4 at most, for the cost and for the states at the nodes: {order} of the theory."""
-    order = swinging.manifest["order"]
+    order = swinging.manifest.order
     problem = dmoc.Problem(
         swinging, start={"a": 0.3, "a_dot": 1.0}, goal={"a": -0.5, "a_dot": 0.0}, steps=8,
         final_time=2.0,

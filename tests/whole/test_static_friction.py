@@ -116,7 +116,7 @@ def test_static_friction_that_depends_on_the_time_alone_makes_the_model_depend_o
     pair = 2 + sp.sin(dynamicsymbols._t), 1
     system = dmoc.MechanicalSystem("grips", [x], x.diff() ** 2, tangents={"rail": x},
                                    friction={"rail": pair})  # fmt: skip
-    assert dmoc.build(system, order=4, backend="numpy").manifest["explicit_time"]
+    assert dmoc.build(system, order=4, backend="numpy").manifest.explicit_time
 
 
 def test_an_impact_has_the_kinetic_coefficient() -> None:

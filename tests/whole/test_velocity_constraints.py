@@ -244,7 +244,7 @@ def test_linear_in_disguise() -> None:
     """(x'^2 - 1)/(x' - 1) = x' + 1 is linear."""
     disguised = (V_X**2 - 1) / (V_X - 1)
     system = dmoc.MechanicalSystem("d", [X, Y], (V_X**2 + V_Y**2) / 2, constraints={"c": disguised})
-    assert dmoc.build(system).manifest["rate_constraints"] == ["c"]
+    assert dmoc.build(system).manifest.rate_constraints == ["c"]
 
 
 def test_a_model_of_sympy_brings_its_constraints_of_velocities() -> None:
