@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 
 from dmoc.problem.problem import Problem
 from dmoc.program.sharing import in_words
@@ -11,6 +11,7 @@ from dmoc.results.exploration import exploration_in_words
 from dmoc.results.notes import Topic
 from dmoc.results.solution import Solution, broken_off, saying
 from dmoc.solvers.outcome import Status
+from dmoc.solving.case import Case, Critic, first_of
 from dmoc.solving.checked_solution import checked
 from dmoc.solving.indeterminacy import telling, undetermined
 from dmoc.solving.mesh.confirmation import naming_steps
@@ -21,8 +22,6 @@ from dmoc.solving.sliding_reversals import naming_turns
 from dmoc.solving.starts import InitialGuess
 from dmoc.solving.unbounded_cost import bounded, ended, resumed
 
-# Starts of another sequence, of which it is asked whether it leads to a motion.
-FEW = 16
 # Iterations on a mesh that begins with the motion of a coarser one: more lead elsewhere.
 FROM_COARSE = 300
 # A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier
@@ -49,52 +48,42 @@ def best_answer(problem: Problem, guess: InitialGuess, request: Request) -> Solu
         base = min(request.options.optimality, max(tolerance, BASE_OPTIMALITY))
         of_mesh = replace(request.within(optimality=base), verify=False)
     best = best_on_mesh(problem, guess, of_mesh)
+    case = Case(problem, guess, request, of_mesh)
     try:
-        return _completed(problem, guess, request, of_mesh, best)
+        return reduce(lambda answer, critic: critic(answer, case), CRITICS, best)
     except KeyboardInterrupt:
         return broken_off(best)
 
 
-def _completed(
-    problem: Problem, guess: InitialGuess, request: Request, of_mesh: Request, best: Solution
-) -> Solution:
-    """What the first mesh has led to on others, and with what can be told of it."""
-    tolerance, further = request.tolerance, of_mesh.compiled()
+def _leaving_open(answer: Solution, case: Case) -> Solution:
+    """What a minimum does not determine."""
+    problem = case.problem
+    if not (answer.minimum and problem.lasting and problem.phases > 1):
+        return answer
+    return telling(answer, undetermined(problem.meshed(answer.steps), answer))
 
-    def solve(verify: bool, problem: Problem, motion: Solution) -> Solution:
-        return _finished(solved_from(problem, motion, replace(further, verify=verify)))
 
-    def few(problem: Problem) -> Solution:
-        return _finished(best_on_mesh(problem, None, replace(request.compiled(), starts=FEW)))
+def _sharing_forces(answer: Solution, case: Case) -> Solution:
+    """Forces of which the motion determines sums alone."""
+    forces = in_words(case.problem) if answer.minimum else ""
+    return saying(answer, forces) if forces else answer
 
-    def kept(answer: Solution) -> Solution:
-        return ended(problem, answer, partial(solve, False), few)
 
-    best = resumed(problem, best, partial(solve, of_mesh.verify))
-    longer = bounded(problem, best, partial(solve, False))
-    answer = kept(best) if longer is best else longer
-    if tolerance is None:
-        answer = naming_steps(problem, answer, partial(solve, True))
-    elif answer is best:
-        answer = kept(_refined(problem, guess, of_mesh, best))
-    if answer.minimum and problem.lasting and problem.phases > 1:
-        answer = telling(answer, undetermined(problem.meshed(answer.steps), answer))
-    forces = in_words(problem) if answer.minimum else ""
-    answer = saying(answer, forces) if forces else answer
-    if answer.starts:
-        answer = saying(answer, exploration_in_words(answer))
-    answer = naming_turns(problem, answer, few, request.options.deadline)
-    if answer.status is Status.INFEASIBLE and _may_touch(problem):
-        answer = saying(answer, NO_EVENT)
+def _exploring(answer: Solution, case: Case) -> Solution:
+    """Where its starts have led."""
+    return saying(answer, exploration_in_words(answer)) if answer.starts else answer
+
+
+def _wanting_events(answer: Solution, case: Case) -> Solution:
+    """That events may lead to a motion where a sequence has none."""
+    wants = answer.status is Status.INFEASIBLE and _may_touch(case.problem)
+    return saying(answer, NO_EVENT) if wants else answer
+
+
+def _proposing(answer: Solution, case: Case) -> Solution:
+    """Another sequence that its motion proposes."""
     proposal = answer.proposal
     return answer if proposal is None else saying(answer, str(proposal), Topic.PROPOSAL)
-
-
-def _finished(solution: Solution) -> Solution:
-    """A solution of another problem; one that Ctrl-C has ended breaks off the answer too."""
-    if solution.status is Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    return solution
 
 
 def _may_touch(problem: Problem) -> bool:
@@ -103,10 +92,13 @@ def _may_touch(problem: Problem) -> bool:
     return not problem.sequence and bool(open_ones or problem.model.has_friction.any())
 
 
-def _refined(problem: Problem, guess: InitialGuess, request: Request, first: Solution) -> Solution:
+def _refined(first: Solution, case: Case) -> Solution:
     """Solve on finer and finer meshes to a tolerance, from what the first one has led to; a larger
     error is a solution too where they do not lead there."""
-    tolerance, options, steps = request.tolerance or 0.0, request.options, problem.phase_steps
+    problem, request = case.problem, case.of_mesh
+    tolerance, options, steps = request.tolerance, request.options, problem.phase_steps
+    if tolerance is None:
+        return first
 
     def on_mesh(problem: Problem, coarse: Solution | None, sharper: float | None) -> Solution:
         if coarse is None and sharper is None and problem.phase_steps == steps:
@@ -115,7 +107,7 @@ def _refined(problem: Problem, guess: InitialGuess, request: Request, first: Sol
         now = request.within(optimality=optimality)
         motion = coarse or (first if first.minimum and on_mesh_of(problem, first) else None)
         if motion is None:  # many starts have led nowhere, and begin on the same coarse mesh
-            return solved_on_mesh(problem, guess, now)
+            return solved_on_mesh(problem, case.guess, now)
         few = now.within(iterations=min(options.iterations, FROM_COARSE))
         return solved_from(problem, motion, few)
 
@@ -129,4 +121,19 @@ def _refined(problem: Problem, guess: InitialGuess, request: Request, first: Sol
         status = Status.GRAZES if any(c.grazes for c in answer.collisions) else Status.SOLVED
         cause = f"a local minimum was found, confirmed by simulation; {answer.cause}"
         answer = replace(answer, status=status, cause=cause)
-    return answer
+    return ended(answer, case)
+
+
+# What is told of an answer, in order: minima that are none, and what the mesh leaves of the others,
+# then notes.
+CRITICS: tuple[Critic, ...] = (
+    resumed,
+    first_of(bounded, ended, _refined),
+    naming_steps,
+    _leaving_open,
+    _sharing_forces,
+    _exploring,
+    naming_turns,
+    _wanting_events,
+    _proposing,
+)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 
-from dmoc.base.deadline import Deadline
 from dmoc.mechanics.contact_mode import STICK, Mode
 from dmoc.mechanics.contacts import NOWHERE, Contacts
 from dmoc.mechanics.sequence_words import touch_along
@@ -14,26 +13,23 @@ from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution, saying
 from dmoc.solvers.outcome import Status
+from dmoc.solving.case import Case
 
 # Sequences that are tried, and steps of a phase at most.
 MOST_TRIED, STEPS = 6, 24
 
 
-def naming_turns(
-    problem: Problem,
-    answer: Solution,
-    solve: Callable[[Problem], Solution],
-    deadline: Deadline,
-) -> Solution:
+def naming_turns(answer: Solution, case: Case) -> Solution:
     """The answer; where there is no motion because a hit throws back what slides, its message names
-    the sequence that says so.  ``solve`` solves a problem from few starts."""
+    the sequence that says so."""
+    problem, deadline = case.problem, case.request.options.deadline
     if answer.status is not Status.INFEASIBLE:
         return answer
     for words in islice(_turned(problem), MOST_TRIED):
         if words == problem.sequence or deadline.passed:
             continue
         other = problem.but(sequence=words)
-        tried = solve(other.meshed([min(n, STEPS) for n in other.phase_steps]))
+        tried = case.afresh(other.meshed([min(n, STEPS) for n in other.phase_steps]))
         if tried.converged:
             return saying(
                 answer,

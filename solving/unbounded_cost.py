@@ -21,6 +21,7 @@ from dmoc.results.solution import Solution, ending
 from dmoc.solvers.kkt import LEAST_COST
 from dmoc.solvers.outcome import Status
 from dmoc.solving.attempts import UNDECIDED
+from dmoc.solving.case import Case
 
 # A cost that goes on to fall ends where it is so small that residuals are no longer compared with
 # itself; one that is nothing but rounding errors, whose squares inputs leave, is below the share.
@@ -39,35 +40,28 @@ STARTS = ("starts", "agreeing_starts", "others")  # fields of an answer: where i
 RESUMED = 3
 
 
-def resumed(
-    problem: Problem, answer: Solution, solve: Callable[[Problem, Solution], Solution]
-) -> Solution:
+def resumed(answer: Solution, case: Case) -> Solution:
     """The answer; where one came to no end so far away that sizes of its first motion measure
     nothing there, the minimum that a solve from its end leads to, if there is one."""
     end = answer
     for _ in range(RESUMED):
-        if not (end.status in UNDECIDED and any(_running(problem, end))):
+        if not (end.status in UNDECIDED and any(_running(case.problem, end))):
             break
-        end = solve(problem, end)
+        end = case.along(case.problem, end, case.of_mesh.verify)
     if end is answer or not end.minimum:
         return answer
     return _with_starts(end, answer)
 
 
-def bounded(
-    problem: Problem, answer: Solution, solve: Callable[[Problem, Solution], Solution]
-) -> Solution:
-    """The answer; one whose cost falls with the final time, however long that is, has stalled.
-
-    ``solve`` solves a problem from the motion of the answer.
-    """
+def bounded(answer: Solution, case: Case) -> Solution:
+    """The answer; one whose cost falls with the final time, however long that is, has stalled."""
     share = answer.cost / answer.scale.get("cost", np.inf)
-    limited = np.isfinite(problem.final_time_bounds[1])
+    limited = np.isfinite(case.problem.final_time_bounds[1])
     if limited or not answer.converged or not NONE < share < LEAST_COST:
         return answer
     # with that time, not from it on: a solve of what has no minimum comes to no end
     time = min(LONGER * answer.final_time, LONGEST_TIME)
-    longer = solve(problem.but(final_time=time), answer)
+    longer = case.along(case.problem.but(final_time=time), answer)
     if not (longer.minimum and longer.cost < (1 - FALLS) * answer.cost):
         return answer
     cause = (
@@ -78,25 +72,17 @@ def bounded(
     return replace(ending(answer, Status.STALLED, cause), verification=None)
 
 
-def ended(
-    problem: Problem,
-    answer: Solution,
-    solve: Callable[[Problem, Solution], Solution],
-    afresh: Callable[[Problem], Solution],
-) -> Solution:
+def ended(answer: Solution, case: Case) -> Solution:
     """The answer; one whose cost falls without end, as an input, a state at the start, a design
-    parameter or the final time grows, has stalled.
-
-    ``solve`` solves a problem from the motion of the answer, ``afresh`` from starts of its own.
-    """
+    parameter or the final time grows, has stalled."""
     lost = answer.status in UNDECIDED
     if not (lost or (answer.minimum and answer.cost < 0)):
         return answer
-    running = list(_running(problem, answer))
-    again = solve(problem, answer) if running and answer.minimum else answer
+    running = list(_running(case.problem, answer))
+    again = case.along(case.problem, answer) if running and answer.minimum else answer
     ends_there = answer.minimum and not again.cost < TWICE * answer.cost
     for name, limited, size, reached in running:
-        ends = [afresh(limited(most * size)) for most in LIMITS]
+        ends = [case.afresh(limited(most * size)) for most in LIMITS]
         costs = [end.cost for end in ends]
         first, second = (before - after for before, after in pairwise(costs))
         if min(answer.cost, costs[-1]) < 0:  # an end that is lost may have any cost
@@ -110,7 +96,7 @@ def ended(
                 answer = _with_starts(ends[2], answer)
             return _running_away(answer, name, (costs[1], most[1]), (costs[2], most[2]))
     if again is not answer and again.cost < FAR * answer.cost and again.max_violation <= KEPT:
-        farthest = {name: reached for name, _, _, reached in _running(problem, again)}
+        farthest = {name: reached for name, _, _, reached in _running(case.problem, again)}
         for name, _, _, reached in running:
             if farthest.get(name, 0.0) > TWICE * reached:
                 beyond = again.cost, farthest[name]

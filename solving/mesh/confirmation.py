@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil, log
 from typing import TYPE_CHECKING
 
-from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import MOST_STEPS
 from dmoc.program.layout import Layout
 from dmoc.results.notes import Note, Topic, with_note
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Status
+from dmoc.solving.case import Case
 from dmoc.solving.mesh.error import SLOWEST_ORDER
 
 if TYPE_CHECKING:
@@ -34,13 +34,15 @@ def passing_steps(check: Verification, steps: Sequence[int], order: float) -> li
     return [ceil(factor * n) for n in steps]
 
 
-def naming_steps(problem: Problem, answer: Solution, solve: Callable[..., Solution]) -> Solution:
-    """The answer; where the check contradicts it, its message says which mesh it confirms.
+def naming_steps(answer: Solution, case: Case) -> Solution:
+    """The answer; where the check contradicts it on the only mesh, its message says which one it
+    confirms.
 
     Meshes are solved from the motion before: the first one by the order of the discretisation,
     others by the order that the errors have shown.
     """
-    if answer.status is not Status.NOT_VERIFIED or answer.verification is None:
+    problem, contradicted = case.problem, answer.status is Status.NOT_VERIFIED
+    if not contradicted or answer.verification is None or case.request.tolerance is not None:
         return answer
     tried, order, coarse = list[Solution](), float(problem.order), answer
     while len(tried) < TRIED and coarse.verification is not None:
@@ -48,7 +50,7 @@ def naming_steps(problem: Problem, answer: Solution, solve: Callable[..., Soluti
         fine = problem.meshed(steps)
         if max(steps) > MOST_STEPS or Layout.of(fine).size > MOST_UNKNOWNS:
             break
-        s = solve(fine, coarse)
+        s = case.along(fine, coarse, verify=True)
         if s.minimum:
             advice = f"take {_in_words(s.steps)}, with which it is confirmed and costs {s.cost:.6g}"
             return _telling(answer, advice)

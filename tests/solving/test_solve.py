@@ -185,7 +185,7 @@ def test_interruption_keeps_the_best_iterate(seed: dmoc.Problem) -> None:
         ("dmoc.solving.multistart.ranking.checked", {}, False),
         ("dmoc.solving.mesh.one_mesh.checked", {"starts": 1}, True),
         ("dmoc.solving.answer.checked", {"starts": 1, "tolerance": 0.05}, True),
-        ("dmoc.solving.answer.bounded", {"starts": 1}, True),
+        ("dmoc.solving.case.solved_from", {"starts": 1}, True),
     ],
 )
 def test_ctrl_c_outside_of_a_method_is_a_status_too(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,7 +13,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.solvers.outcome import Status
-from dmoc.solving import answer
+from dmoc.solving import answer, case
 from dmoc.solving.unbounded_cost import ended
 
 pytestmark = pytest.mark.slow
@@ -180,7 +181,8 @@ def test_ctrl_c_in_a_solve_that_follows_ends_the_answer(
         first = work == "best_on_mesh" and before == 1
         return solution if first else replace(solution, status=Status.INTERRUPTED)
 
-    monkeypatch.setattr(answer, work, interrupted)
+    for module in (answer, case):
+        monkeypatch.setattr(module, work, interrupted)
     solution = dmoc.solve(problem, "ipm", starts=1)
     assert solution.status == "interrupted" and "interrupted" in solution.message
     assert before == (2 if work == "best_on_mesh" else 1)
@@ -193,5 +195,6 @@ def test_what_runs_away_is_named_wherever_the_solve_was_lost() -> None:
     lost = dmoc.solve(problem, "ipm", starts=1)
     costs = replace(lost.trajectory, cost=14484.6)
     lost = replace(lost, trajectory=costs, cause="", notes=(), status=Status.STALLED)
-    told = ended(problem, lost, lambda _, motion: motion, partial(dmoc.solve, starts=16))
+    looked_at: Any = SimpleNamespace(problem=problem, afresh=partial(dmoc.solve, starts=16))
+    told = ended(lost, looked_at)
     assert told.message.startswith("the cost has no minimum, it falls as final_time grows: -400")

@@ -156,14 +156,16 @@ def test_a_small_cost_that_falls_by_a_hundredth_in_twice_the_time_has_no_minimum
     problem: Any = SimpleNamespace(final_time_bounds=limits, but=lambda final_time: final_time)
     first = answer(cost, 3.0)
 
-    def solve(times: Any, guess: Any) -> Any:
+    def along(times: Any, guess: Any) -> Any:
         assert times == 6.0 and guess is first
         return answer(cost * (1 - falls), 6.0)
+
+    case: Any = SimpleNamespace(problem=problem, along=along)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(unbounded_cost, "ending", lambda s, status, cause: status)
         patch.setattr(unbounded_cost, "replace", lambda status, **fields: status)
-        bounded: Any = unbounded_cost.bounded(problem, first, solve)
+        bounded: Any = unbounded_cost.bounded(first, case)
     assert bounded is (Status.STALLED if endless else first)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import sympy as sp
@@ -129,13 +131,15 @@ def test_the_order_that_the_errors_show_counts(
     are tried first.  Errors that fall with order 1 are 1.167 times what passes then."""
     tried: list[int] = []
 
-    def solve(fine: dmoc.Problem, coarse: dmoc.Solution) -> dmoc.Solution:
+    def along(fine: dmoc.Problem, coarse: dmoc.Solution, verify: bool) -> dmoc.Solution:
         tried.append(fine.phase_steps[0])
         excess = 2.1 if falls == 0 else 2.1 * (10 / tried[-1]) ** falls
         s = dmoc.solve(fine, "ipm", starts=1)
         return s if excess <= 1 else contradicting(s, excess)
 
-    answer = naming_steps(rest_to_rest(10), contradicting(confirmed, 2.1), solve)
+    asked = SimpleNamespace(tolerance=None)
+    case: Any = SimpleNamespace(problem=rest_to_rest(10), request=asked, along=along)
+    answer = naming_steps(contradicting(confirmed, 2.1), case)
     assert answer.status == "not_verified" and answer.steps == (10,)
     assert "take more steps" not in answer.message
     if named is None:
