@@ -97,7 +97,7 @@ def solve(
 def _problem(reference: Reference, order: int | None, fields: dict[str, Any]) -> Problem:
     """A problem of its fields; with steps that are refined its model has an order of its own."""
     from dmoc.problem.problem import Problem
-    from dmoc.problem.reading import AUTOMATIC_ORDER
+    from dmoc.problem.statement import AUTOMATIC_ORDER
 
     if order is None and "steps" not in fields and fields.get("controls") != "linear":
         order = AUTOMATIC_ORDER

@@ -11,9 +11,9 @@ from dmoc.guess.inverse_dynamics import acting
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.projection import onto
+from dmoc.problem.contacts import contact_point
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import midpoints
-from dmoc.problem.surfaces import contact_point
 from dmoc.program.blocks import NOWHERE
 from dmoc.program.force_values import with_forces
 from dmoc.program.layout import Layout

@@ -10,8 +10,8 @@ import numpy as np
 from dmoc.guess.tracking import reflected
 from dmoc.guess.transfer import Piece
 from dmoc.mechanics.contacts import NOWHERE
+from dmoc.problem.contacts import onto_surface
 from dmoc.problem.problem import Problem
-from dmoc.problem.surfaces import onto_surface
 
 
 def with_event(problem: Problem, pieces: Sequence[Piece], i: int, surface: int) -> list[Piece]:

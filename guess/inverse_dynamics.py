@@ -7,8 +7,8 @@ import numpy as np
 from dmoc.base.records import record
 from dmoc.base.tolerances import KEPT, SAME
 from dmoc.codegen.kernels import Array
-from dmoc.problem.operating_inputs import enter_linearly, slopes_by_inputs
 from dmoc.problem.problem import Problem
+from dmoc.problem.reach import enter_linearly, slopes_by_inputs
 from dmoc.program.layout import Layout
 
 # Least squares of forces that are not linear in the inputs: iterations, the first damping relative

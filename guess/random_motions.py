@@ -27,10 +27,10 @@ from dmoc.guess.neighbours import WAVES, shaken
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
 from dmoc.problem.design import designed, drawn
-from dmoc.problem.operating_inputs import enter_linearly
 from dmoc.problem.problem import Problem
 from dmoc.problem.quantities import onto_quantities
 from dmoc.problem.ranges import midpoints
+from dmoc.problem.reach import enter_linearly
 from dmoc.program.layout import Layout
 
 # Largest ratio of the longest and the shortest final time that is tried where bounds leave it open.

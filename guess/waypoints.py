@@ -7,9 +7,9 @@ import numpy as np
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
+from dmoc.problem.contacts import contact_point
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import Boundary, midpoints
-from dmoc.problem.surfaces import contact_point
 
 # A plastic impact has no mirror image: coefficient of restitution that the plan assumes at least.
 SOFTEST_MIRROR = 0.3

@@ -1,12 +1,16 @@
-"""What touches in the phases of a problem, and what follows of it."""
+"""What touches in the phases of a problem, and what follows of it; points of surfaces."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE
 from dmoc.mechanics.model_values import restitution_row
@@ -18,6 +22,18 @@ from dmoc.problem.reach import latest_time
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
+
+# Newton steps towards a surface, and how often one is halved.
+STEPS, HALVINGS = 60, 40
+# Shares of a reach to which distances of contact points count as equal.
+EQUALLY_FAR = 1e-6
+# Where a surface is looked for along a coordinate, in reaches: how far, at how many places, and
+# where searches begin again.
+FARTHEST, SAMPLES = 4.0, 257
+# Share of a reach to which a root is found there, and bracketings until then: each halves the
+# bracket at least.
+ROOT, BRACKETINGS = 1e-15, 100
+OUTWARD = (0.1, -0.1, 0.3, -0.3, 1.0, -1.0, 2.0, -2.0)
 
 
 def restitution_values_of(problem: Problem) -> Array:
@@ -55,3 +71,127 @@ def redundant_of(problem: Problem) -> tuple[Redundancy, ...]:
         redundancy(model, mode, start, reach, latest, before.closed)
         for before, mode in zip((FREE, *modes), modes, strict=False)
     )
+
+
+def contact_point(problem: Problem, q: Array, before: Array, surface: int, t: float) -> Array:
+    """A point of the surface near q; of several that are equally near the one nearest to the point
+    before.  q itself where none is found.
+
+    A surface of one coordinate is met at its first root on either side of q.
+    """
+    points = crossings(problem, q, surface, t) or [
+        p for p in [onto_surface(problem, q, surface, t)] if p is not None
+    ]
+
+    def far(p: Array) -> tuple[float, float]:
+        away, back = (float(np.linalg.norm((p - other) / problem.reach)) for other in (q, before))
+        return round(away / EQUALLY_FAR), back
+
+    return min(points, key=far, default=q)
+
+
+def onto_surface(problem: Problem, q: Array, surface: int, t: float = 0.0) -> Array | None:
+    """Return a point of g = 0 at time t near q, or None where none was found.
+
+    Newton steps along the gradient in the metric of the problem's reach, each at most one reach
+    long and shortened until the gap gets smaller. Where that ends beside the surface, at a point of
+    least distance, they begin again from places to both sides of q along each coordinate.
+    """
+    involved = problem.model.surface_coordinates[surface]
+    sides = [
+        d * problem.reach * (np.arange(problem.nq) == j) for d in (0.0, *OUTWARD) for j in involved
+    ]
+    for away in sides:
+        point = _newton(problem, q + away, surface, t)
+        if point is not None:
+            return point
+    return None
+
+
+def crossings(problem: Problem, q: Array, surface: int, t: float = 0.0) -> list[Array]:
+    """The first points of a surface of one coordinate to both sides of q, up to four reaches
+    away; none for other surfaces."""
+    involved = problem.model.surface_coordinates[surface]
+    if len(involved) > 1:
+        return []
+    j, points_on = int(involved[0]), []
+
+    def gap(s: float) -> float:
+        return float(problem.model.gaps(q + s * (np.arange(problem.nq) == j), t)[surface])
+
+    if abs(gap(0.0)) <= problem.model.gap_rounding(q, t)[surface]:
+        return [q]
+    for sign in (1.0, -1.0):
+        places = sign * problem.reach[j] * np.linspace(0.0, FARTHEST, SAMPLES)
+        points = q + places[:, None] * (np.arange(problem.nq) == j)
+        gaps = problem.model.gaps(points, t)[:, surface]
+        crossed = np.flatnonzero(gaps[1:] * gaps[0] <= 0)
+        if len(crossed):
+            k = int(crossed[0]) + 1
+            root = _root(gap, float(places[k - 1]), float(places[k]), ROOT * problem.reach[j])
+            points_on.append(q + root * (np.arange(problem.nq) == j))
+    return points_on
+
+
+def _root(value: Callable[[float], float], low: float, high: float, enough: float) -> float:
+    """A root between two places with values of different signs, by C. Ridders' method (IEEE
+    Transactions on Circuits and Systems 26 (1979) 979-980), which is exact where the value is
+    linear."""
+    f_low, f_high = value(low), value(high)
+    best = (abs(f_low), low) if abs(f_low) < abs(f_high) else (abs(f_high), high)
+    for _ in range(BRACKETINGS):
+        middle = (low + high) / 2
+        if not best[0] or abs(high - low) <= enough or middle in (low, high):
+            break
+        f_middle = value(middle)
+        turned = (
+            math.copysign(1.0, f_low)
+            * f_middle
+            / math.hypot(f_middle, math.sqrt(abs(f_low)) * math.sqrt(abs(f_high)))
+        )
+        place = middle + (middle - low) * turned
+        f_place = value(place)
+        best = min(best, (abs(f_middle), middle), (abs(f_place), place))
+        ends = sorted(
+            [(low, f_low), (middle, f_middle), (place, f_place), (high, f_high)],
+            reverse=high < low,
+        )
+        (low, f_low), (high, f_high) = next(
+            ((a, b) for a, b in pairwise(ends) if _cross(a[1], b[1])), (ends[0], ends[-1])
+        )
+    return best[1]
+
+
+def _cross(a: float, b: float) -> bool:
+    """Whether zero lies between two values; their product may vanish by underflow."""
+    return min(a, b) <= 0 <= max(a, b)
+
+
+def _newton(problem: Problem, q: Array, surface: int, t: float) -> Array | None:
+    q, reach = q.copy(), problem.reach
+    gap, slope = problem.model.gaps(q, t)[surface], problem.model.gap_slopes(q, t)[surface, :-1]
+    for _ in range(STEPS):
+        if abs(gap) <= problem.model.gap_rounding(q, t)[surface]:
+            return q
+        weighted = slope * reach
+        square = weighted @ weighted
+        if not (np.isfinite(gap) and square > 0):
+            return None
+        step = -gap / square * weighted * reach
+        step /= max(1.0, float(np.abs(step / reach).max()))
+        for _ in range(HALVINGS):
+            trial = problem.model.gaps(q + step, t)[surface]
+            if abs(trial) < abs(gap):
+                break
+            step /= 2
+        else:
+            return q if near_surface(problem, q, surface, t) else None
+        q = q + step
+        gap, slope = trial, problem.model.gap_slopes(q, t)[surface, :-1]
+    return None
+
+
+def near_surface(problem: Problem, q: Array, surface: int, t: float = 0.0) -> bool:
+    """Whether a point is meant to lie on a surface: the gap is a small share of its own size."""
+    gap, size = problem.model.gaps(q, t)[surface], problem.model.gap_sizes(q, t)[surface]
+    return bool(abs(gap) <= SAME * size)

@@ -1,14 +1,19 @@
-"""Problems like another one, and what follows from a problem, made once."""
+"""Problems like another one, one without a sequence, whose contacts are left open, among them; and
+what follows from a problem, made once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
 
 from dmoc.base.errors import ProblemError
 from dmoc.base.signatures import check_argument
+from dmoc.mechanics.contact_mode import FREE, Event
+from dmoc.mechanics.touch import Open, Touch
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
@@ -47,3 +52,31 @@ def once(problem: Problem, make: Callable[[Problem], T]) -> T:
         made[make] = make(problem)
     result: T = made[make]
     return result
+
+
+def relaxed(
+    problem: Problem, left_open: Open, hits: Sequence[str], steps: int, eps: float
+) -> Problem:
+    """The same problem without a sequence: what may touch is left open, in phases of so many steps
+    between hits of some surfaces, which may be none, and complementarity is relaxed by ``eps``
+    (:mod:`dmoc.program.laws.complementarity`).  What is said of forces is left out."""
+    contacts = problem.touch.contacts
+    events = tuple(Event(contacts.surface_numbers[name]) for name in hits)
+    touch = Touch(contacts, (FREE,) * (len(hits) + 1), events, left_open)
+    fields = {
+        "sequence": tuple(hits), "steps": steps, "controls": "constant", "via": None,
+        "contacts": (), "durations": None, "minimal_times": False,
+    }  # fmt: skip
+    other = like(
+        unread(problem, fields), touch=touch, open_hits={}, by_rates=True, relaxation=eps,
+        model=problem.model,
+    )  # fmt: skip
+    pushed = [bool(row.get("forces")) for row in problem.kernels.quantity_rows]
+    if any(pushed):
+        said = other.quantity_ranges
+        bounds, start, goal = problem.quantity_bounds.copy(), said.start.copy(), said.goal.copy()
+        for rows in (bounds, start, goal):
+            rows[pushed] = -np.inf, np.inf
+        ranges = replace(said, start=start, goal=goal)
+        other = like(other, quantity_bounds=bounds, quantity_ranges=ranges)
+    return other

@@ -32,9 +32,7 @@ from dmoc.problem.design import (
     unchosen,
 )
 from dmoc.problem.end_states import check_ends, end_speeds_of
-from dmoc.problem.operating_inputs import operating_inputs_of
-from dmoc.problem.positions import goal_position_of, start_position_of, unsaid_of
-from dmoc.problem.quantities import quantity_ranges_of
+from dmoc.problem.quantities import quantity_ranges_of, total_bounds_of, total_limits_of
 from dmoc.problem.ranges import (
     Boundary,
     boundary_of,
@@ -49,11 +47,9 @@ from dmoc.problem.ranges import (
     steps_of,
     via_of,
 )
-from dmoc.problem.reach import inertia_of, reach_of
-from dmoc.problem.reading import read
-from dmoc.problem.relations import relations_of
-from dmoc.problem.statement import statement_in_short, table_of_problem
-from dmoc.problem.totals import total_bounds_of, total_limits_of
+from dmoc.problem.reach import inertia_of, operating_inputs_of, reach_of
+from dmoc.problem.relations import goal_position_of, relations_of, start_position_of, unsaid_of
+from dmoc.problem.statement import read, statement_in_short, table_of_problem
 
 if TYPE_CHECKING:
     from dmoc.codegen.system_kernels import GivenModel
@@ -324,7 +320,7 @@ class Problem(Shown):
 
     @cached_property
     def relaxation(self) -> float:
-        """By how much complementarity is relaxed; it is set by dmoc.problem.relaxed."""
+        """By how much complementarity is relaxed; it is set by dmoc.problem.derived."""
         return 0.0
 
     # What follows, each found once; its function says what it is ----------------------------------

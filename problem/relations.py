@@ -1,5 +1,4 @@
-"""What ``periodic`` says: states at the end that are sums of states at the start, and by how much
-they are further."""
+"""Relations of both ends of a motion, and where these are, as far as a problem says it."""
 
 from __future__ import annotations
 
@@ -14,7 +13,9 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.names import name_of
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
+from dmoc.problem.quantities import onto_quantities
 from dmoc.problem.ranges import midpoints, names_in
+from dmoc.problem.reach import onto_first
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
@@ -169,3 +170,26 @@ def _without_zeros(end: str, value: Any, factors: dict[str, float]) -> dict[str,
             f"it in the goal."
         )
     return kept
+
+
+def start_position_of(problem: Problem) -> Array:
+    """The position at the start: fixed values, middles of ranges, and for free ones what
+    their bounds have nearest to zero; where neither end says anything of a coordinate, it is
+    that of the first surface of the sequence."""
+    q = midpoints(problem.start_bounds.position, np.zeros(problem.nq))
+    (at,) = onto_quantities(problem, "start", onto_first(problem, q)[None])
+    return np.asarray(at)
+
+
+def goal_position_of(problem: Problem) -> Array:
+    """The position at the goal: fixed values, middles of ranges, free ones as ``periodic`` says
+    or as at the start; moved to where the quantities are that the goal states."""
+    q = midpoints(problem.goal_bounds.position, carried(problem, problem.start_position))
+    (at,) = onto_quantities(problem, "goal", q[None])
+    return np.asarray(at)
+
+
+def unsaid_of(problem: Problem) -> Array:
+    """1 for coordinates of which neither start nor goal say where they are, else 0."""
+    ends = np.hstack([problem.start_bounds.position, problem.goal_bounds.position])
+    return np.where(np.isinf(ends).all(axis=1), 1.0, 0.0)

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.problem.contacts import near_surface
 from dmoc.problem.design import by_design
 from dmoc.problem.problem import Problem
-from dmoc.problem.surfaces import near_surface
 from dmoc.program.blocks import Index
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale

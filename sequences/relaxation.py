@@ -23,8 +23,8 @@ from dmoc.guess.folded import Folded, folded_motions
 from dmoc.mechanics.algebra import solved_transpose
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.touch import Open
+from dmoc.problem.derived import relaxed
 from dmoc.problem.problem import Problem
-from dmoc.problem.relaxed import relaxed
 from dmoc.program.laws.complementarity import OF_HITS
 from dmoc.program.scale import Scale
 from dmoc.program.scaling import scale_of

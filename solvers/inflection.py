@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.problem.operating_inputs import enter_linearly, slopes_by_inputs
+from dmoc.problem.reach import enter_linearly, slopes_by_inputs
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.outcome import Duals
 

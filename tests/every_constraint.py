@@ -16,7 +16,7 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.system_kernels import kernels_of
 from dmoc.guess.automatic import initial_guesses
 from dmoc.mechanics.touch import Open
-from dmoc.problem.relaxed import relaxed
+from dmoc.problem.derived import relaxed
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
 

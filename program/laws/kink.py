@@ -19,7 +19,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.problem.totals import held_integrals
+from dmoc.problem.quantities import held_integrals
 from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Index, Numbering
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.laws.law import Law

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from dmoc.guess.transfer import Piece, equally_long
-from dmoc.problem.surfaces import _root, crossings
+from dmoc.problem.contacts import _root, crossings
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import dmoc
 from dmoc.guess.folded import folded_motions
 from dmoc.mechanics.touch import Open
 from dmoc.models.registry import find
-from dmoc.problem.relaxed import relaxed
+from dmoc.problem.derived import relaxed
 
 
 @pytest.fixture(scope="module")

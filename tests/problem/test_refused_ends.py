@@ -12,7 +12,7 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Kernels
-from dmoc.problem.totals import total_bounds_of, total_limits_of
+from dmoc.problem.quantities import total_bounds_of, total_limits_of
 
 X, Y, Z = dynamicsymbols("x y z")
 

@@ -11,7 +11,7 @@ from contact_problems import against_wall, floor, pushed
 
 import dmoc
 from dmoc.mechanics.touch import Open
-from dmoc.problem.relaxed import relaxed
+from dmoc.problem.derived import relaxed
 from dmoc.program.laws.complementarity import OF_HITS, ComplementarityLaw
 from dmoc.program.scale import Scale
 from dmoc.program.transcription import Transcription

@@ -15,7 +15,7 @@ import dmoc
 from dmoc.base.errors import ModelError, ProblemError
 from dmoc.guess.automatic import initial_guesses
 from dmoc.mechanics.touch import Open
-from dmoc.problem.relaxed import relaxed
+from dmoc.problem.derived import relaxed
 from dmoc.program.transcription import Transcription
 
 pytestmark = pytest.mark.slow

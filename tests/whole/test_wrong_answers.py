@@ -15,7 +15,7 @@ from systems import block_system, there_and_back, unit_mass
 
 import dmoc
 from dmoc.base.errors import ProblemError
-from dmoc.problem.surfaces import contact_point, crossings, onto_surface
+from dmoc.problem.contacts import contact_point, crossings, onto_surface
 from dmoc.program.transcription import Transcription
 
 pytestmark = pytest.mark.slow
