@@ -20,7 +20,7 @@ from dmoc.program.force_values import quantity_inputs
 from dmoc.program.hidden_values import lifted
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
-from dmoc.program.structure_cache import MOST_REMEMBERED, Recent
+from dmoc.program.structure_cache import MEMORY, MOST_REMEMBERED
 
 # What hardly moves counts by this share of what it could do with the kinetic energy that others
 # have.
@@ -41,7 +41,7 @@ FIRST_COST, MINIMUM_COST = 100.0, 10.0
 
 
 @record(frozen=True, eq=False)
-class _Reached:
+class Reached:
     """What a motion reaches and what the model makes of it, whatever its problem bounds: the time,
     largest values and ranges of coordinates, of rates, momenta, forces, inertias and inputs,
     the kinetic energy, the largest derivatives of the generalised forces by the inputs (nq, nu), of
@@ -66,19 +66,15 @@ class _Reached:
     end_slopes: Array
 
 
-# Neighbours of a problem often begin with the same motion.
-REACHED: Recent[_Reached] = Recent()
-
-
-def _reached(problem: Problem, lay: Layout, x: Array) -> _Reached:
+def _reached(problem: Problem, lay: Layout, x: Array) -> Reached:
     """What the motion of unknowns x reaches; that of the last ones is remembered."""
     kernels, par = problem.kernels, problem.parameter_values
     few = lay.is_shared and lay.size <= MOST_REMEMBERED
     key = (lay, *kernels.identity, par.tobytes(), x.tobytes()) if few else None
-    return REACHED.of(key, lambda: _measured(problem, lay, x))
+    return MEMORY.reached.of(key, lambda: _measured(problem, lay, x))
 
 
-def _measured(problem: Problem, lay: Layout, x: Array) -> _Reached:
+def _measured(problem: Problem, lay: Layout, x: Array) -> Reached:
     model, h, step = problem.model, x[lay.index_h], lay.step_inputs(x)
     q, t = x[lay.index_q], lay.times(x)
     rates = (q[1:] - q[:-1]) / h[lay.phase_of_step][:, None]
@@ -90,7 +86,7 @@ def _measured(problem: Problem, lay: Layout, x: Array) -> _Reached:
     )
     gap, tangent, joint = (np.abs(_finite(slopes, 0.0)).max(axis=0) for slopes in places)
     by_input = np.abs(model.input_matrix(middle, rates, t=now)).max(axis=0) if problem.nu else None
-    return _Reached(
+    return Reached(
         float(lay.durations(x).sum()),
         np.abs(q).max(axis=0),
         np.ptp(q, axis=0),
@@ -138,7 +134,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         return replace(scale, path=path, quantity=quantity, peaks=quantity[at], totals=totals)
 
 
-def _of_motion(problem: Problem, lay: Layout, x: Array, reached: _Reached, minimum: bool) -> Scale:
+def _of_motion(problem: Problem, lay: Layout, x: Array, reached: Reached, minimum: bool) -> Scale:
     """The sizes of what moves and pushes; those of the cost, constraints and totals are 1."""
     time, force, inertia = reached.time, reached.force, reached.inertia
     size_q = _ranges(problem, reached)
@@ -191,7 +187,7 @@ def _finite(values: Array, otherwise: float) -> Array:
     return np.where(np.isfinite(values), values, otherwise)
 
 
-def _ranges(problem: Problem, reached: _Reached) -> Array:
+def _ranges(problem: Problem, reached: Reached) -> Array:
     """Ranges of the coordinates; one that hardly moves by its share of the energy or of its speed
     at an end, and where nothing moves by what there is to go by."""
     time, inertia, force = reached.time, reached.inertia, reached.force
@@ -214,7 +210,7 @@ def _ranges(problem: Problem, reached: _Reached) -> Array:
     return np.where(spread > 0, spread, 1.0)
 
 
-def _inputs(problem: Problem, reached: _Reached, forces: tuple[Array, Array]) -> Array:
+def _inputs(problem: Problem, reached: Reached, forces: tuple[Array, Array]) -> Array:
     """Sizes of the inputs: of their values and of what changes a momentum by its size, or, where
     that is next to nothing beside it, of what balances the larger ``forces`` that there are; at
     most their bounds."""
@@ -278,7 +274,7 @@ def cost_of(problem: Problem, lay: Layout, x: Array) -> float:
 
 
 def _cost(
-    problem: Problem, lay: Layout, x: Array, reached: _Reached, of: tuple[Array, Array, Array]
+    problem: Problem, lay: Layout, x: Array, reached: Reached, of: tuple[Array, Array, Array]
 ) -> float:
     """Size of the cost: its value, at least a small share of what its slopes and curvatures make
     of the sizes ``of`` the unknowns, of those of each step, and of the velocities."""

@@ -1,4 +1,5 @@
-"""Structures that programs of one form share, found by the content of what they follow from."""
+"""What programs have in common, such as the structures of one form, found by the content of what
+they follow from."""
 
 from __future__ import annotations
 
@@ -7,12 +8,16 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from threading import Lock
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
 from dmoc.program.blocks import Block
 from dmoc.program.elements import Form, Structure, structure_of
+
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
+    from dmoc.program.scaling import Reached
 
 # Structures that are remembered, and bytes of all together: a search goes to and fro between the
 # forms of some tens of sequences, and one of 20 000 unknowns takes up to 35 MB.
@@ -92,6 +97,27 @@ class Structures:
         while len(self._structures) > 1 and (len(self._structures) > MOST or total > MOST_BYTES):
             oldest, _ = self._structures.popitem(last=False)
             total -= self._counted.pop(oldest)[0]
+
+
+class Memory:
+    """What a process remembers of programs, by all that it follows from: problems, and the kernels
+    of those that come from another process, are made anew for every solve."""
+
+    def __init__(self) -> None:
+        self.structures = Structures()
+        # By what rows follow from; and others without rows, for the bounds that all of a form put
+        # in the same way.
+        self.laws: Recent[Laws] = Recent()
+        self.bounding: Recent[Laws] = Recent()
+        # What motions reach: neighbours of a problem often begin with the same one.
+        self.reached: Recent[Reached] = Recent()
+
+    def clear(self) -> None:
+        for part in (self.structures, self.laws, self.bounding, self.reached):
+            part.clear()
+
+
+MEMORY = Memory()
 
 
 def digest(form: Form, blocks: Iterable[Block]) -> bytes:

@@ -35,14 +35,8 @@ from dmoc.program.evaluator import Evaluator
 from dmoc.program.laws.laws import Laws, laws_of, rows_follow_from
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
-from dmoc.program.structure_cache import MOST_REMEMBERED, Recent, Structures
+from dmoc.program.structure_cache import MEMORY, MOST_REMEMBERED
 from dmoc.program.terms import Places, shares_of
-
-STRUCTURES = Structures()
-# Laws by what their rows follow from, and others without rows for the bounds that all of a form
-# put in the same way.
-LAWS: Recent[Laws] = Recent()
-BOUNDING: Recent[Laws] = Recent()
 
 
 class Transcription(Evaluator):
@@ -86,7 +80,7 @@ class Transcription(Evaluator):
         make = partial(laws_of, problem, self.layout, self.scale, touches, goals, pulling)
         few = self.layout.is_shared and self.layout.size <= MOST_REMEMBERED
         form = rows_follow_from(problem, self.layout, touches) if few and not goals else None
-        laws = BOUNDING.of(form, make)
+        laws = MEMORY.bounding.of(form, make)
         self.limits = limits(problem, self.layout, laws, self.scale, goals)
 
         def numbered() -> Laws:
@@ -94,7 +88,7 @@ class Transcription(Evaluator):
 
         fixed = (self.limits[0] == self.limits[1]).tobytes()
         shared = None if form is None else (form, fixed)
-        self.laws = LAWS.of(shared, numbered).stating(problem)
+        self.laws = MEMORY.laws.of(shared, numbered).stating(problem)
         self.n = self.layout.size
         self.n_eq, self.n_in = self.laws.n_eq, self.laws.n_in
         self.scaled_by_sizes = scale is not None
@@ -118,7 +112,7 @@ class Transcription(Evaluator):
         structure = remembered.structure() if remembered.structure else None
         if structure is None:
             blocks = self.layout.unknowns, self.laws.equalities, self.laws.inequalities
-            structure = STRUCTURES.of(self._form(), chain.from_iterable(blocks))
+            structure = MEMORY.structures.of(self._form(), chain.from_iterable(blocks))
             remembered.structure = weakref.ref(structure)
         return structure
 

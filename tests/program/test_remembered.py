@@ -19,17 +19,16 @@ from dmoc.guess.automatic import initial_guesses
 from dmoc.program import scaling
 from dmoc.program.laws.laws import rows_follow_from
 from dmoc.program.layout import Layout
-from dmoc.program.scaling import REACHED
-from dmoc.program.structure_cache import MOST, Recent
+from dmoc.program.structure_cache import MEMORY, MOST, Recent
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt_layout import kkt_layout
 
 
 @pytest.fixture(autouse=True)
 def alone() -> Iterator[None]:
-    REACHED.clear()
+    MEMORY.clear()
     yield
-    REACHED.clear()
+    MEMORY.clear()
 
 
 def walled(**more: Any) -> dmoc.MechanicalSystem:

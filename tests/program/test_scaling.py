@@ -16,7 +16,8 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.guess.automatic import initial_guesses
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
-from dmoc.program.scaling import REACHED, scale_of
+from dmoc.program.scaling import scale_of
+from dmoc.program.structure_cache import MEMORY
 
 # Powers of length, mass and time of each size.
 POWERS = {
@@ -76,7 +77,7 @@ def test_what_a_motion_reaches_is_remembered_for_its_numbers_alone(block: Kernel
     together = [scale_of(p, x) for p, x in zip(others, points, strict=True)]
     together.append(scale_of(problem, 2 * x))
     for p, x_p, scale in zip([*others, problem], [*points, 2 * x], together, strict=True):
-        REACHED.clear()
+        MEMORY.clear()
         alone = scale_of(p, x_p)
         assert all(np.array_equal(size, getattr(alone, name)) for name, size in vars(scale).items())
     assert together[0].p != pytest.approx(together[1].p)

@@ -18,9 +18,9 @@ import dmoc
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
 from dmoc.models.registry import find
-from dmoc.program import layout, structure_cache, transcription
-from dmoc.program.scaling import REACHED, scale_of
-from dmoc.program.structure_cache import digest, size_of
+from dmoc.program import layout, structure_cache
+from dmoc.program.scaling import scale_of
+from dmoc.program.structure_cache import MEMORY, digest, size_of
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt_layout import kkt_layout
 
@@ -77,10 +77,7 @@ Family = tuple[dmoc.Problem, list[dict[str, Any]]]
 
 
 def forget() -> None:
-    transcription.STRUCTURES.clear()
-    transcription.LAWS.clear()
-    transcription.BOUNDING.clear()
-    REACHED.clear()
+    MEMORY.clear()
     layout._shared.cache_clear()
 
 
@@ -229,7 +226,7 @@ def test_whatever_a_form_holds_is_part_of_its_key(small: dmoc.Problem) -> None:
 def test_structures_are_forgotten_by_their_bytes(
     small: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    structures = transcription.STRUCTURES._structures
+    structures = MEMORY.structures._structures
     first = Transcription(small)
     kkt_layout(first)
     one = size_of(first.structure, set())
