@@ -13,7 +13,21 @@ from ladder_smooth import GRAVITY, Statement, stated, t
 from sympy.physics.mechanics import dynamicsymbols
 
 NAMES = "abc"
+MASS, LENGTH = sp.symbols("m l")
 SWINGING = (0.5, 4.0)  # final times, where one is free
+
+
+@cache
+def hanging_links(links: int) -> tuple[sp.ImmutableMatrix, sp.Expr]:
+    """The place of the tip and the Lagrangian of an arm that hangs: the speeds of a mass are those
+    of the links before it, whose products have the cosine of the angle between them."""
+    place, turned, lagrangian = sp.Matrix([0, 0]), list[sp.Expr](), sp.S.Zero
+    for angle in map(dynamicsymbols, NAMES[:links]):
+        turned.append(sum(turned[-1:], angle))
+        place += LENGTH * sp.Matrix([sp.sin(turned[-1]), -sp.cos(turned[-1])])
+        square = sum(a.diff(t) * b.diff(t) * sp.cos(a - b) for a in turned for b in turned)
+        lagrangian += MASS * (LENGTH**2 * square / 2 - GRAVITY * place[1])
+    return place.as_immutable(), lagrangian
 
 
 @cache
@@ -27,27 +41,21 @@ def arm(
     is ``limited``, path constraints hold the power of each motor below P; where it is ``hurried``,
     its cost is the time.
     """
-    names = NAMES[:links]
-    angles = {name: dynamicsymbols(name) for name in names}
+    angles = {name: dynamicsymbols(name) for name in NAMES[:links]}
     torques = {name: dynamicsymbols(f"u_{name}") for name in driven}
-    m, l, reach, P = sp.symbols("m l reach P")
-    place, along, lagrangian = sp.Matrix([0, 0]), sp.S.Zero, sp.S.Zero
-    for angle in angles.values():
-        along += angle
-        place += l * sp.Matrix([sp.sin(along), -sp.cos(along)])
-        speed = place.diff(t)
-        lagrangian += m * (speed.dot(speed) / 2 - GRAVITY * place[1])
+    reach, P = sp.symbols("reach P")
+    place, lagrangian = hanging_links(links)
     surfaces = {"wall": place[0] <= reach, "floor": place[1] >= -reach}
     powers = {name: u * angles[name].diff(t) for name, u in torques.items()} if limited else {}
     traits = [obstacle, "power" * limited, "time" * hurried]
     return stated(
         "_".join([f"arm_{links}_{driven}", *filter(None, traits)]),
-        list(angles.values()), list(torques.values()), sp.trigsimp(sp.expand(lagrangian)),
+        list(angles.values()), list(torques.values()), lagrangian,
         {angles[name]: u for name, u in torques.items()},
         surfaces={obstacle: surfaces[obstacle]} if obstacle else {},
         path_constraints={f"power_{name}": (p >= -P) & (p <= P) for name, p in powers.items()},
         quantities={"tip_x": place[0], "tip_y": place[1]},
-        parameters={m: 1.0, l: 1.0} | ({reach: 1.0} if obstacle else {})
+        parameters={MASS: 1.0, LENGTH: 1.0} | ({reach: 1.0} if obstacle else {})
         | ({P: 10.0} if limited else {}),
         cost=1 if hurried else sum(u**2 for u in torques.values()),
     )  # fmt: skip
