@@ -34,6 +34,7 @@ LAYERS = (
 INNER = (
     "symbolic.derivation",
     "program.laws",
+    "simulation.impact_laws",
     "report.animation",
     "solving.mesh",
     "solving.multistart",

@@ -12,6 +12,7 @@ from dmoc.check.findings import Findings, largest
 from dmoc.check.passages import EventPassage
 from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contacts import RAIL
+from dmoc.motion.impact_laws import IMPACT_LAWS, RETURNING
 from dmoc.simulation.sizes import Sizes
 
 SOFT = 1e-6  # own rates of a collision count by at least this share of the largest
@@ -162,16 +163,15 @@ def _otherwise(p: EventPassage, slack: float) -> Iterator[str]:
     normal, tangential = p.planned
     off = normal[p.hit] - p.law.normal[0, p.hit], tangential[p.rubs] - p.law.tangential[0, p.rubs]
     if max(map(abs, off)) > slack:
-        law = "Poisson's law" if p.e_t is None else "its tangential restitution"
         yield (
-            f"by {law} the hit of {c.surface} at {c.time:.4g} s goes {course}, not "
-            f"{c.course} as planned"
+            f"by {IMPACT_LAWS[p.by].name} the hit of {c.surface} at {c.time:.4g} s goes {course}, "
+            f"not {c.course} as planned"
         )
 
 
 def _not_returned(p: EventPassage, sizes: Sizes) -> Iterator[str]:
     """A hit whose tangential rate after it is not that of its tangential restitution."""
-    if p.e_t is None or p.rubs is None or p.c.grazes:
+    if p.rubs is None or p.by != RETURNING or p.c.grazes:
         return
     v = np.vstack([p.before.v[-1], p.after.v[0], p.law.velocity[0]])
     q, t = np.repeat(p.before.q[-1:], len(v), axis=0), np.full(len(v), p.c.time)

@@ -13,6 +13,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_mode import FREE, Mode, without_rails
 from dmoc.mechanics.model import Model
+from dmoc.motion.impact_laws import POISSON
 from dmoc.motion.trajectory import Collision, Phase
 from dmoc.simulation.contact_modes import Reaction, borne
 from dmoc.simulation.hit_coefficients import wrong_coefficient
@@ -24,8 +25,8 @@ PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
 @record(frozen=True, eq=False)
 class ImpactResult:
     """Rows of velocities (n, nq) after an event, and the impulses of all surfaces (n, nc) and
-    tangents (n, nt); of the first row, where it is that of Poisson's law, the course of friction
-    and contacts that should hold and do not."""
+    tangents (n, nt); of the first row, where it is that of a hit with friction, its course and
+    contacts that should hold and do not."""
 
     velocity: Array
     normal: Array
@@ -49,8 +50,8 @@ class EventPassage:
     inputs: Array | None
     mode: Mode = FREE  # surfaces that take impulses, and the friction of their tangents
     hit: int | None = None  # the one of them that is released, by its coefficient of restitution
-    # Its tangent where it has friction: then it is hit after Poisson while the others hold; or that
-    # of a landing during which sliding stops.
+    # Its tangent where it has friction: then it is hit by its law while the others hold; or that of
+    # a landing during which sliding stops.
     rubs: int | None = None
     lands: bool = False  # the surface that is hit stays closed
     wrong: str = ""  # what of the plan does not fit together
@@ -159,12 +160,12 @@ class EventPassage:
     def _with_friction(
         self, contact: tuple[int, int], q: Array, v: Array, t: Array
     ) -> ImpactResult:
-        """One hit with friction or tangential restitution: surface and tangent ``contact``."""
+        """One hit with a tangential impulse: surface and tangent ``contact``."""
         e = self.model.coefficients(self.restitution, q, v, t)[:, contact[0]]
         e = np.zeros(len(q)) if self.lands else e
         hits = [
             single_hit(
-                self.model, contact, self.holding, (*state, float(time)), float(e_n), self.e_t
+                self.model, contact, self.holding, (*state, float(time)), float(e_n), self.by
             )
             for *state, time, e_n in zip(q, v, t, e, strict=True)
         ]
@@ -177,11 +178,9 @@ class EventPassage:
         )
 
     @property
-    def e_t(self) -> float | None:
-        """The coefficient of tangential restitution of what is hit, if it has one."""
-        if self.lands or self.hit not in self.model.tangential:
-            return None
-        return float(self.model.tangential_restitution[self.model.tangential[self.hit]])
+    def by(self) -> str:
+        """The law of its impact; of a landing, which is compression alone, any that has stages."""
+        return POISSON if self.lands or self.hit is None else self.model.impact_laws[self.hit]
 
     @property
     def holding(self) -> Mode:

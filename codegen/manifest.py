@@ -75,6 +75,7 @@ class Manifest:
     design: Sequence[str] = ()
     restitution: Mapping[str, str] = field(default_factory=dict)
     tangential_restitution: Mapping[str, str] = field(default_factory=dict)
+    impact_laws: Mapping[str, str] = field(default_factory=dict)
     without_friction: Sequence[str] = ()
     quantities: Sequence[FunctionFacts] = ()
     static_friction: Sequence[str] = ()

@@ -1,4 +1,4 @@
-"""The way through an impact with friction that Poisson's law takes from a state before it."""
+"""The way through an impact with friction that its law takes from a state before it."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import rates_and_response
 from dmoc.mechanics.contact_mode import STICK, Course
-from dmoc.mechanics.tangential import returned
 from dmoc.problem.problem import Problem
 from dmoc.program.hit_stages import Passage
+from dmoc.program.laws.tangential import returned
 from dmoc.program.layout import Layout
 
 
 def course_of(rates: Array, A: Array, mu: float, e: float) -> Course:
     """The course of an impact (:eq:`poisson`) from the rates of separation, negative where the
     bodies approach, and of sliding (2,), and what impulses along normal and tangent change them by
-    (2, 2)."""
+    (2, 2).  Until sliding stops, which says it, all laws of restitution are one."""
     n, sigma = min(float(rates[0]), 0.0), float(rates[1])
     holds = abs(A[1, 0]) <= mu * A[1, 1]
     s = int(np.sign(sigma)) or (1 if holds or A[1, 0] > 0 else -1)
@@ -54,7 +54,7 @@ def course_at(problem: Problem, p: Passage, state: tuple[Array, Array, float]) -
     e = float(model.coefficients(problem.restitution_values, *state)[p.surface])
     mu, e_t = float(model.hit_friction[p.tangent]), float(model.tangential_restitution[p.tangent])
     return (
-        Course(returned(rates, A, mu, e, e_t).friction) if p.returns else course_of(rates, A, mu, e)
+        Course(returned(rates, A, mu, e, e_t).friction) if p.whole else course_of(rates, A, mu, e)
     )
 
 

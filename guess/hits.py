@@ -7,12 +7,14 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.impulse_response import held_responses
-from dmoc.mechanics.tangential import returned
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.force_values import quantity_inputs, with_forces
 from dmoc.program.hidden_values import hidden_values, lifted
 from dmoc.program.hit_stages import END, STOP, Passage
+from dmoc.program.laws.hit import RESTITUTIONS
+from dmoc.program.laws.restitution import Spent
+from dmoc.program.laws.tangential import returned
 from dmoc.program.layout import Layout
 
 
@@ -113,10 +115,11 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     rates, A = _rates(problem, p, (q, v, t)), D @ pushed
     e = float(model.coefficients(problem.restitution_values, q, v, t)[p.surface])
     mu = friction_of(problem, p, q, t)
-    lam = _impulses(p, rates, A, (e, mu))
-    if p.returns:
+    if p.whole:
         hit = returned(rates, A, mu, e, float(model.tangential_restitution[p.tangent]))
         lam = np.array(hit[:2])
+    else:
+        lam = _impulses(p, rates, A, (e, mu))
     if not np.isfinite(lam).all() or not np.isfinite(pushed).all():
         return
     moments = list(p.moments)
@@ -144,20 +147,23 @@ def _impulses(p: Passage, rates: Array, A: Array, law: tuple[float, float]) -> A
     """
     e, mu = law
     hardest = max(-rates[0], 0.0) / A[0, 0]
-    impulses, at, whole = [], np.zeros(2), np.inf
+    impulses, at, W, full = [], np.zeros(2), 0.0, None
     for moment, s in zip((*p.moments, None), p.friction, strict=True):
         slope = -s * mu if s else _sticking(A, mu)
         way = A @ np.array([1.0, slope])
-        now = rates + A @ at
+        now, most = rates + A @ at, np.inf
+        if full is not None:
+            most = RESTITUTIONS[p.law].left(e, full, Spent(at[0], W), now[0], way[0])
         if moment == STOP:
             dP = -now[1] / way[1] if now[1] * way[1] < 0 else 0.0
         elif moment == END or p.lands:
             dP = -now[0] / way[0] if way[0] > 0 else hardest
         else:
-            dP = whole - at[0]
-        most = whole - at[0] if moment != END and whole < np.inf else np.inf
-        at = at + min(max(dP, 0.0), most) * np.array([1.0, slope])
+            dP = most
+        dP = min(max(dP, 0.0), most)
+        W += dP * (now[0] + way[0] * dP / 2)
+        at = at + dP * np.array([1.0, slope])
         if moment == END:
-            whole = (1 + e) * at[0]
+            full = Spent(at[0], W)
         impulses.append(at)
     return np.array(impulses)

@@ -24,7 +24,7 @@ def check_coefficients(
                     f"number; {remedy}."
                 )
         check_pair(name, model.static_friction[k], model.friction[k], error, where, remedy)
-    for k in model.tangential.values():
+    for k in model.rubs_in_hits.values():
         e_t = float(model.tangential_restitution[k])
         if not -1 <= e_t <= 1:
             raise error(

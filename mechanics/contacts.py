@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
+from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON, ImpactLaw
+
 # The number of what there is not, and the surface of a tangent that belongs to none.
 NOWHERE = -1
 RAIL = NOWHERE
@@ -15,14 +17,14 @@ RAIL = NOWHERE
 class Contacts:
     """What can touch in a model: its surfaces, and its tangents, of which those that are named like
     a surface belong to it and the others are rails; surfaces without restitution, those whose
-    tangent has friction, those whose hits have tangential restitution, and tangents without
-    friction, which take part in hits alone."""
+    tangent has friction, surfaces with the laws of their hits, Poisson's where none is told, and
+    tangents without friction, which take part in hits alone."""
 
     surfaces: tuple[str, ...]
     tangents: tuple[str, ...]
     plastic: tuple[str, ...] = ()
     rough: tuple[str, ...] = ()
-    tangential: tuple[str, ...] = ()
+    impact_laws: tuple[tuple[str, str], ...] = ()
     frictionless: tuple[str, ...] = ()
 
     @cached_property
@@ -54,9 +56,13 @@ class Contacts:
     def rails(self) -> tuple[str, ...]:
         return tuple(t for t in self.tangents if t not in self.surface_numbers)
 
-    def returns(self, surface: int) -> bool:
-        """Whether hits of a surface have tangential restitution."""
-        return surface != NOWHERE and self.surfaces[surface] in self.tangential
+    def impact_law(self, surface: str) -> str:
+        """The law of hits of a surface that have a tangential impulse."""
+        return dict(self.impact_laws).get(surface, POISSON)
+
+    def said_of(self, surface: str) -> ImpactLaw:
+        """What is said of this law."""
+        return IMPACT_LAWS[self.impact_law(surface)]
 
     def named(self, surfaces: Iterable[int]) -> tuple[str, ...]:
         """Names of surfaces."""

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import BoundKernels, Index
 from dmoc.mechanics.contacts import RAIL
+from dmoc.motion.impact_laws import POISSON, RETURNING
 
 
 class FrictionModel(BoundKernels):
@@ -145,10 +146,12 @@ class FrictionModel(BoundKernels):
         return {j: k for k, j in enumerate(self.supports) if j != RAIL and rubs[k]}
 
     @cached_property
-    def tangential(self) -> dict[int, int]:
-        """Those of them that have tangential restitution."""
-        stated = self.kernels.manifest.tangential_restitution
-        return {j: k for j, k in self.rubs_in_hits.items() if self.kernels.surfaces[j] in stated}
+    def impact_laws(self) -> dict[int, str]:
+        """The law that these hits obey, by surface (:mod:`dmoc.motion.impact_laws`)."""
+        manifest, names = self.kernels.manifest, self.kernels.surfaces
+        stated = dict.fromkeys(manifest.tangential_restitution, RETURNING)
+        stated |= manifest.impact_laws
+        return {j: stated.get(names[j], POISSON) for j in self.rubs_in_hits}
 
     def bearing(self, normal: Array) -> Array:
         """What friction can hold at most beside contact forces (..., nc): mu N of surfaces, and the

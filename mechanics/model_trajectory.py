@@ -14,6 +14,7 @@ from dmoc.mechanics.contact_forces import accelerations_and_forces
 from dmoc.mechanics.contact_mode import mode_by_names
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_scene import scene_of
+from dmoc.motion.impact_laws import RETURNING
 from dmoc.motion.states import PARTS, positions
 from dmoc.motion.trajectory import Collision, Phase, Trajectory, last_inputs
 
@@ -68,7 +69,8 @@ def motion_along(
         },
         tangential_restitution={
             kernels.surfaces[j]: float(model.tangential_restitution[k])
-            for j, k in model.tangential.items()
+            for j, k in model.rubs_in_hits.items()
+            if model.impact_laws[j] == RETURNING
         },
         units=dict(kernels.manifest.units),
         scene=scene_of(model, [(p.t, p.q, p.v) for p in phases]) if drawn else None,

@@ -16,9 +16,9 @@ from dmoc.motion.trajectory import FRICTION_WORDS
 
 def courses_of(name: str, contacts: Contacts) -> list[str]:
     """The words of all ways through a hit of one surface; that it sticks from the beginning is a
-    limit of two others, but with tangential restitution."""
+    limit of two others, but where a hit sticks or slides as a whole."""
     courses = [Course(s) for s in (1, -1)]
-    if name in contacts.tangential:
+    if contacts.said_of(name).whole:
         courses.append(Course(STICK))
     elif name in contacts.rough:
         courses += [Course(s, then) for s in (1, -1) for then in (STICK, -s)]

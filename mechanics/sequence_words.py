@@ -126,10 +126,11 @@ def _check_course(
             f"{part!r} in the sequence stops during a restitution, which there is none of: a "
             "landing and a hit with restitution 0 are compression alone; leave out ':late'."
         )
-    if is_hit and name in contacts.tangential and course.then is not None:
+    law = contacts.said_of(name)
+    if is_hit and law.whole and course.then is not None:
         raise ProblemError(
-            f"{part!r} in the sequence: a hit with tangential restitution sticks or slides as a "
-            f"whole; say '{name}:stick', '{name}:slip+' or '{name}:slip-'."
+            f"{part!r} in the sequence: by {law.name} a hit sticks or slides as a whole; say "
+            f"'{name}:stick', '{name}:slip+' or '{name}:slip-'."
         )
     if STICK in (course.first, course.then) and name not in contacts.rough:
         raise ProblemError(
@@ -213,12 +214,13 @@ def touch_along(start: Mode, words: Iterable[str], contacts: Contacts) -> Touch:
         after = _mode(closed, friction | dict(event.friction), contacts)
         if event.course is not None or is_open(event, contacts):
             _check_holding(at, event, (before, after), contacts)
-        if contacts.returns(event.hit) and after.closed:
-            raise ProblemError(
-                f"{at}: hits with tangential restitution while another contact is closed are not "
-                f"solved, and {' and '.join(contacts.named(after.closed))} stays closed: let it "
-                f"leave before, or take a model without tangential restitution."
-            )
+        for name in contacts.named(j for j in (event.hit,) if j != NOWHERE and after.closed):
+            if (law := contacts.said_of(name)).alone:
+                raise ProblemError(
+                    f"{at}: hits of {name} obey {law.name}, a law of one contact, and "
+                    f"{' and '.join(contacts.named(after.closed))} stays closed: let it leave "
+                    "before, or give the hit another law of impact."
+                )
         events.append(event)
         modes.append(after)
     return Touch(contacts, tuple(modes), tuple(events))

@@ -89,11 +89,11 @@ class Touch:
     @cached_property
     def courses(self) -> tuple[Course | None, ...]:
         """How friction acts in the impact of each event: as its word says, and sticking in hits
-        with tangential restitution that nothing limits; None where nothing is to tell."""
+        whose tangential impulse nothing limits; None where nothing is to tell."""
         free = self.contacts.frictionless if self.open is None else ()
         return tuple(
             Course(STICK)
-            if self.contacts.returns(event.hit) and self.contacts.surfaces[event.hit] in free
+            if event.hit != NOWHERE and self.contacts.surfaces[event.hit] in free
             else event.course
             for event in self.events
         )

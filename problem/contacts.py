@@ -47,8 +47,8 @@ def touch_of(problem: Problem) -> Touch:
     model = problem.model
     names = model.contacts
     plastic = names.named(np.flatnonzero(problem.restitution_values == 0))
-    rough, tangential = names.named(model.rough), names.named(model.tangential)
-    contacts = replace(names, plastic=plastic, rough=rough, tangential=tangential)
+    laws = tuple((names.surfaces[j], law) for j, law in model.impact_laws.items())
+    contacts = replace(names, plastic=plastic, rough=names.named(model.rough), impact_laws=laws)
     return touch_along(mode_of(problem.contacts, contacts), problem.sequence, contacts)
 
 

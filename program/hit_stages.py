@@ -13,8 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.base.records import record
-from dmoc.mechanics.contact_mode import FREE, STICK, Course, Mode
+from dmoc.mechanics.contact_mode import FREE, STICK, Course, Event, Mode
+from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.touch import Touch
+from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON
 from dmoc.program.blocks import Bools, Index, Numbering
 
 # Moments within an impact.
@@ -39,9 +41,9 @@ class Passage:
         Of each stage: a direction of sliding, or 0; one more than moments.
     holding : Mode
         What else is closed during the impact, and its friction.
-    returns : bool
-        It has tangential restitution: compression is that of the hit that stops all at once, the
-        last stage the whole impact.
+    law : str
+        That of the impact (:mod:`dmoc.motion.impact_laws`).  Where it is one of whole hits, the
+        moment is that of the hit that stops all at once, and the last stage the whole impact.
     """
 
     event: int
@@ -51,7 +53,12 @@ class Passage:
     moments: tuple[int, ...]
     friction: tuple[int, ...]
     holding: Mode = FREE
-    returns: bool = False
+    law: str = POISSON
+
+    @property
+    def whole(self) -> bool:
+        """Whether the hit has no stages by its law."""
+        return IMPACT_LAWS[self.law].whole
 
     @property
     def late(self) -> bool:
@@ -182,12 +189,19 @@ def passages_of(touch: Touch) -> tuple[Passage, ...]:
     return tuple(
         Passage(
             i, event.surface, tangents(event.surface), bool(event.lands),
-            *_stages(course, bool(event.lands), touch.contacts.returns(event.hit)),
-            _holding(touch, i), touch.contacts.returns(event.hit),
+            *_stages(course, bool(event.lands), IMPACT_LAWS[law].whole), _holding(touch, i), law,
         )
         for i, (event, course) in enumerate(zip(touch.events, touch.courses, strict=True))
         if course is not None
+        for law in (_law_of(touch, event),)
     )  # fmt: skip
+
+
+def _law_of(touch: Touch, event: Event) -> str:
+    """That of a hit; a landing is compression alone, any law that has stages."""
+    if event.hit == NOWHERE:
+        return POISSON
+    return touch.contacts.impact_law(touch.contacts.surfaces[event.hit])
 
 
 def _holding(touch: Touch, event: int) -> Mode:
@@ -198,9 +212,9 @@ def _holding(touch: Touch, event: int) -> Mode:
     )
 
 
-def _stages(course: Course, lands: bool, returns: bool) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def _stages(course: Course, lands: bool, whole: bool) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Moments and friction of the stages of a course."""
-    if returns:
+    if whole:
         return (END,), (STICK, course.first)
     moments, friction = [END], [course.first, course.first]
     if course.then is not None:

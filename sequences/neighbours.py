@@ -138,7 +138,7 @@ def _rubbing(phases: list[EventPhase], contacts: Contacts) -> Iterator[list[Even
 def _other_courses(event: Event, contacts: Contacts) -> list[Course]:
     if event.course is None or contacts.surfaces[event.hit] not in contacts.rough:
         return []
-    if contacts.returns(event.hit):
+    if contacts.said_of(contacts.surfaces[event.hit]).whole:
         return [course for course in map(Course, (1, STICK, -1)) if course != event.course]
     s, late = event.course.first, contacts.surfaces[event.hit] not in contacts.plastic
     stops = [Course(s, then, at) for then in (STICK, -s) for at in (False, True)[: 1 + late]]
@@ -146,10 +146,12 @@ def _other_courses(event: Event, contacts: Contacts) -> list[Course]:
 
 
 def other_returns(touch: Touch, words: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Words in which one hit with tangential restitution and friction goes another way."""
+    """Words in which one hit that sticks or slides as a whole goes another way."""
     for i, event in enumerate(touch.events):
-        if event.course is not None and touch.contacts.returns(event.hit):
-            name = touch.contacts.surfaces[event.hit]
+        if event.course is None or event.hit == NOWHERE:
+            continue
+        name = touch.contacts.surfaces[event.hit]
+        if touch.contacts.said_of(name).whole:
             for course in _other_courses(event, touch.contacts):
                 other = words[i].replace(f"{name}:{event.course}", f"{name}:{course}")
                 yield (*words[:i], other, *words[i + 1 :])

@@ -16,6 +16,7 @@ from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.mechanics.impulse_response import unknown_in_impacts
 from dmoc.mechanics.model import Model
+from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON
 from dmoc.simulation.contact_modes import Reaction
 from dmoc.simulation.friction_at import check_impact
 from dmoc.simulation.hit_coefficients import hit_coefficients, several_by_law
@@ -62,10 +63,10 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
     check_impact(model, q, at.t, on)
     hit = [j for j in on if rates[j] > at.small.rate[j]]
     e, dies = _effective(model, at, reaction, restitution, h)
-    if returning := [j for j in hit if j in model.tangential and not dies[j]]:
-        if len(hit) > 1 or not _uncoupled(model, at, hit[0], on):
-            raise SimulationError(_returns_beside(model, returning[0], on, at.t))
-        return _returned(model, at, returning[0], float(e[returning[0]]))
+    if (j := next((j for j in hit if _is_alone(model, j) and not dies[j]), None)) is not None:
+        if len(hit) > 1 or not _uncoupled(model, at, j, on):
+            raise SimulationError(_beside(model, j, on, at.t))
+        return _alone(model, at, j, model.impact_laws[j], float(e[j]))
     rough = [j for j in on if j in model.rough]
     carrying = bool((reaction.normal[0] > at.small.force).any())
     names = ", ".join(repr(surfaces[j]) for j in on)
@@ -77,7 +78,8 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
             raise SimulationError(several_by_law(model, by_law, at.t))
         return _one_by_one(model, at, e)
     if len(hit) == 1 and _uncoupled(model, at, hit[0], on):
-        return _alone(model, at, hit[0], model.rough.get(hit[0]), float(e[hit[0]]))
+        by = POISSON if hit[0] in model.rough else None
+        return _alone(model, at, hit[0], by, float(e[hit[0]]))
     if (outcome := _at_once(model, at, on, hit, e)) is not None:
         return outcome
     if not rough:
@@ -207,38 +209,40 @@ def _one_by_one(model: Model, at: Place, e: Array) -> Struck:
     return Struck(moment.taken, impulses, moment.orders)
 
 
-def _alone(model: Model, at: Place, j: int, tangent: int | None, e: float) -> Struck:
-    """An impact on one surface, after Poisson where it has friction."""
-    nq = model.nq
-    q, v = at.y[:nq], at.y[nq : 2 * nq]
-    if tangent is not None:
-        return _struck_by(model, single_hit(model, (j, tangent), FREE, (q, v, at.t), e), [j])
+def _is_alone(model: Model, j: int) -> bool:
+    """Whether a surface is hit by a law of one contact."""
+    return j in model.impact_laws and IMPACT_LAWS[model.impact_laws[j]].alone
+
+
+def _alone(model: Model, at: Place, j: int, by: str | None, e: float) -> Struck:
+    """An impact on one surface, by a law where it has a tangential impulse."""
+    q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
+    if by is not None:
+        return _by_law(model, (q, v, at.t), j, by, e)
     normal = -model.gap_slopes(q, at.t)[j, :-1]
     pushed = model.responses(q, normal, at.t)
     impulse = (1 + e) * float(model.gap_rates(q, v, at.t)[j]) / float(normal @ pushed)
     return Struck(v + impulse * pushed, ((j, impulse, 0.0),))
 
 
-def _returned(model: Model, at: Place, j: int, e: float) -> Struck:
-    """An impact on one surface with tangential restitution."""
-    k, (q, v) = model.tangential[j], np.split(at.y[: 2 * model.nq], 2)
-    name, e_t = model.kernels.surfaces[j], float(model.tangential_restitution[k])
-    hit = single_hit(model, (j, k), FREE, (q, v, at.t), e, e_t)
+def _by_law(model: Model, state: tuple[Array, Array, float], j: int, by: str, e: float) -> Struck:
+    """An impact with a tangential impulse on one surface in a state (q, v, t)."""
+    hit = single_hit(model, (j, model.rubs_in_hits[j]), FREE, state, e, by)
     if not hit.way.normal > 0:
         raise SimulationError(
-            f"{name!r} would have to pull in its hit at t = {at.t:.6g} s for its tangential "
-            f"restitution of {e_t:g}: give it friction, which limits the tangential impulse."
+            f"{model.kernels.surfaces[j]!r} would have to pull in its hit at t = {state[2]:.6g} s "
+            f"by {IMPACT_LAWS[by].name}: give it friction, which limits the tangential impulse."
         )
     return _struck_by(model, hit, [j])
 
 
-def _returns_beside(model: Model, j: int, on: list[int], t: float) -> str:
-    """Why a hit with tangential restitution beside other contacts is refused."""
+def _beside(model: Model, j: int, on: list[int], t: float) -> str:
+    """Why a hit by a law of one contact is refused beside others."""
     names = " and ".join(repr(model.kernels.surfaces[k]) for k in on if k != j)
     return (
-        f"{model.kernels.surfaces[j]!r}, which has tangential restitution, is hit at t = {t:.6g} s "
-        f"while {names} touches: the outcome of such an impact is not known to be unique; have "
-        "only one of them touch then, or take a model without tangential restitution."
+        f"{model.kernels.surfaces[j]!r}, whose hits obey {IMPACT_LAWS[model.impact_laws[j]].name}, "
+        f"is hit at t = {t:.6g} s while {names} touches: the outcome of such an impact is not "
+        "known to be unique; have only one of them touch then, or give it another law of impact."
     )
 
 

@@ -114,7 +114,7 @@ def simulate(
     run = _SimulationTask(model, u, h, every, control)
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
         _check_start(model, q, v, u[0])
-        if control or model.has_friction.any() or model.tangential or model.nj:
+        if control or model.has_friction.any() or model.rubs_in_hits or model.nj:
             states = run.recorded(q, model.momentum(q, v))
             journal = _through_contacts(run, e, q, v, 0, states)
         else:

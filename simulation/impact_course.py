@@ -8,7 +8,7 @@ law all along, in the direction in which the contact slides at that moment.  So 
 and a plastic impact gains no energy: n dP >= 0 and sigma dT <= 0 in each of its parts.
 
 In restitution the bounds of what is released fall on, until its impulse is 1 + e times that of
-compression.  Of one contact by itself this is Poisson's law (:mod:`dmoc.simulation.poisson`).
+compression.  Of one contact by itself this is Poisson's law.
 
 Between two moments at which a contact begins or ceases to push, to stick or to slide, all rates and
 impulses change in proportion.  Where sliding jams, pressing the bodies together harder and harder,

@@ -1,5 +1,5 @@
-"""One hit with friction beside contacts whose friction does not change: Poisson's law with what
-they let move."""
+"""One hit with friction beside contacts whose friction does not change: its law with what they let
+move."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.impulse_response import held_responses
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import Reaction, borne
-from dmoc.simulation.poisson import Impulses, impulses, whole
+from dmoc.simulation.impact_laws.course import Coefficients, Impulses
+from dmoc.simulation.impact_laws.laws import LAWS
 
 
 @record(frozen=True, eq=False)
@@ -35,13 +36,13 @@ def single_hit(
     holding: Mode,
     state: tuple[Array, Array, float],
     e: float,
-    e_t: float | None = None,
+    law: str,
 ) -> SingleHit:
-    """The hit of a surface and its tangent in a state (q, v, t), with tangential restitution where
-    ``e_t`` is its coefficient."""
+    """The hit of a surface and its tangent in a state (q, v, t) by a law of impact."""
     (j, k), (q, v, t) = contact, state
     model = model.in_impact_at(q, t)
     rows, times, mu = q[None], np.array([t]), float(model.hit_friction[k])
+    coefficients = Coefficients(mu, e, float(model.tangential_restitution[k]))
     D = np.stack([-model.gap_slopes(q, t)[j, :-1], model.tangent_slopes(q, t)[k, :-1]])
     pushed, normal, tangential = held_responses(model, holding, q, D, t)
     beside = Reaction(pushed.T, normal, tangential, np.zeros((2, model.nj)))
@@ -49,7 +50,7 @@ def single_hit(
     response, free = D @ pushed, D[1] @ model.responses(q, D[1], t)
     if response[1, 1] <= SAME * free:  # what holds leaves it nothing to slide along
         response[1], response[:, 1] = 0.0, 0.0
-    way = impulses(rates, response, mu, e) if e_t is None else whole(rates, response, mu, e, e_t)
+    way = LAWS[law](rates, response, coefficients)
     lam = np.array([way.normal, way.tangential])
     both = borne(model, holding, _grown(beside, lam), rows, times)
     normal, tangential = both.normal[0], both.tangential[0]

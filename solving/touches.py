@@ -16,6 +16,7 @@ from dmoc.guess.hits import friction_of, response
 from dmoc.mechanics.contact_mode import STICK
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.hit_stages import STOP, Passage
+from dmoc.program.laws.hit import RESTITUTIONS
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt import cost_size
 from dmoc.solvers.outcome import Outcome
@@ -67,8 +68,8 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
     that dJ/ds = e y + (1 + e) z / (n . M^-1 n) with the multipliers y of gamma = 0 and z of lam =
     0, the slope of the Lagrangian without bounds (equation :eq:`touch` of the theory). In a hit
     with friction that equation is one of the end of compression and stays true, and its impulse is
-    that of Poisson's law; where sliding stops at an impulse P_h, it may do so anywhere from the
-    begin to the end of its part of the impact.
+    that of its law of restitution; where sliding stops at an impulse P_h, it may do so anywhere
+    from the begin to the end of its part of the impact.
     """
     nlp = nlp.designed(outcome.x)
     lay, x, duals = nlp.layout, outcome.x, outcome.duals
@@ -77,10 +78,10 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
     q, t = y[lay.index_q[lay.collision_nodes[i]]], float(lay.times(y)[lay.collision_nodes[i]])
     model, v = nlp.problem.model, y[lay.impact.v_a[i]]
     e = float(model.coefficients(nlp.problem.restitution_values, q, v, t)[j])
-    by_impulse = (1 + e) * float(slope[lay.impact.lam[i]])
+    by_impulse = float(slope[lay.impact.lam[i]])
     size = float(nlp.scale.rate[j])
     passage = next((p for p in lay.hit.passages if p.event == i), None)
-    if passage is None or passage.returns:
+    if passage is None or passage.whole:
         if passage is None:
             _, inertia = model.impulse_response(q, model.gap_slopes(q, t)[j, :-1], t)
         elif passage.friction[-1] == STICK:  # no touch is next to it: some sliding comes back
@@ -93,11 +94,11 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
         row = nlp.laws.impact.energy.index[i]
         # Fixed values at the goal may say it.
         by_rate = 0.0 if row == NOWHERE else float(duals.y[row]) / nlp.row_unit[row]
-        return [e * by_rate * size + by_impulse * size / inertia]
-    return _by_poisson(nlp, outcome, passage, (by_impulse, slope), (q, t, e))
+        return [e * by_rate * size + (1 + e) * by_impulse * size / inertia]
+    return _in_stages(nlp, outcome, passage, (by_impulse, slope), (q, t, e))
 
 
-def _by_poisson(
+def _in_stages(
     nlp: Transcription,
     outcome: Outcome,
     p: Passage,
@@ -108,15 +109,25 @@ def _by_poisson(
     (by_impulse, by_unknown), (q, t, e) = slope, impact
     A, mu = response(nlp.problem, p, q, t), friction_of(nlp.problem, p, q, t)
     first, last = (_closing(A, mu, friction) for friction in (p.friction[0], p.friction[-1]))
+    row = nlp.laws.hit.restitution.index[p.event]
+    by_row = 0.0 if row == NOWHERE else float(outcome.duals.y[row]) / nlp.row_unit[row]
+
+    def whole(slope: float, after: float) -> float:
+        """By the impulse of compression, of which the whole one is a multiple: a touch has the row
+        of Poisson's law, which another one leaves."""
+        ratio = RESTITUTIONS[p.law].ratio(e, slope, after)
+        return ratio * by_impulse + (ratio - 1 - e) * by_row
+
     size = float(nlp.scale.rate[p.surface])
     if STOP not in p.moments:
         if p.friction[0] == STICK:
-            return [by_impulse * size / first] if abs(A[0, 1]) <= mu * A[1, 1] else []
+            sticks = abs(A[0, 1]) <= mu * A[1, 1]
+            return [whole(first, first) * size / first] if sticks else []
         # Sliding that is faster after the hit has its direction before it, which a touch has after.
         faster = max(p.friction[0] * _turning(A, mu, p.friction[0]), 0.0) * (1 + e)
-        row = nlp.laws.hit.heads.index[p.event, 1]
-        held = outcome.duals.w[row - nlp.n_eq] / nlp.row_unit[row]
-        return [(by_impulse + held * faster) * size / first]
+        headed = nlp.laws.hit.heads.index[p.event, 1]
+        held = outcome.duals.w[headed - nlp.n_eq] / nlp.row_unit[headed]
+        return [(whole(first, first) + held * faster) * size / first]
     stops = p.friction[0] * _turning(A, mu, p.friction[0]) < 0
     goes_on = (
         abs(A[0, 1]) <= mu * A[1, 1]
@@ -127,9 +138,10 @@ def _by_poisson(
         return []
     stop = float(by_unknown[nlp.layout.hit.P_h[p.event, STOP]])
     if p.late:
-        return [(by_impulse + share * stop) * size / first for share in (1.0, 1 + e)]
-    after_all = [(by_impulse + stop) * size / first] if stops else []
-    return [by_impulse * size / last, *after_all]
+        to_end = whole(first, first) + (1 + e) * stop
+        return [(whole(first, last) + stop) * size / first, to_end * size / first]
+    after_all = [(whole(first, last) + stop) * size / first] if stops else []
+    return [whole(last, last) * size / last, *after_all]
 
 
 def _closing(A: Array, mu: float, friction: int) -> float:

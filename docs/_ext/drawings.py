@@ -16,7 +16,8 @@ from dmoc.models.registry import find
 from dmoc.program.layout import Layout
 from dmoc.program.transcription import Transcription
 from dmoc.report.style import Style
-from dmoc.simulation.poisson import impulses
+from dmoc.simulation.impact_laws.course import Coefficients
+from dmoc.simulation.impact_laws.poisson import impulses
 from dmoc.solvers.kkt_layout import kkt_layout
 
 # A rod that hits a floor at this angle slides, stops and sticks (rates n and t, response A, mu, e).
@@ -100,7 +101,7 @@ def poisson(style: Style) -> Figure:
     """The path of an impact that slides and then sticks, in the plane of its impulses."""
     figure, (axes,) = empty_axes(style, 3.4)
     (n, t), A, mu, e = ROD
-    whole = impulses(ROD[0], A, mu, e)
+    whole = impulses(ROD[0], A, Coefficients(mu, e))
     stop = t / -(A[0, 1] - mu * A[1, 1])
     stuck = -A[0, 1] / A[1, 1]
 

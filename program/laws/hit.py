@@ -1,4 +1,4 @@
-"""Impacts with friction: their rows and terms, after Poisson and Coulomb.
+"""Impacts with friction: their rows and terms, after Coulomb and a law of restitution.
 
 In an impact the impulse P along the normal takes the place of the time; T is that along the
 tangent.  An impact goes through stages (:mod:`dmoc.program.hit_stages`), in each of which the
@@ -8,7 +8,7 @@ impulses are lam and T_c::
 
     within       dL/dv(q_c, v_h) - dL/dv(q_c, v_a) + P_h grad g - T_h grad tau = 0
     energy       gamma(q_c, v_h) = 0                       at the end of compression
-    restitution  (1 + e) P_h - lam = 0                     there, e of the rate before the hit
+    restitution  the law of restitution                    of the whole impact
     halts        sigma(q_c, v) = 0                         where sliding stops, and while it sticks
     slips        dT + s mu dP = 0                          in stages that slide in the direction s
     share        dP >= 0                                   in stages
@@ -18,7 +18,8 @@ impulses are lam and T_c::
 
 with the differences dP, dT of a stage.  The rates are linear in the impulses, so that within a
 stage sigma has the sign that it has at both ends.  A landing is compression alone and has the law
-of :mod:`dmoc.program.laws.impact` for its end.  No term needs the inverse of the mass matrix.
+of :mod:`dmoc.program.laws.impact` for its end.  No term needs the inverse of the mass matrix.  The
+laws of restitution are a file each: :mod:`dmoc.program.laws.poisson`.
 
 Hits with tangential restitution have the row within of this law, and those of
 :mod:`dmoc.program.laws.tangential` beside it.
@@ -41,6 +42,7 @@ import numpy as np
 from dmoc.base.names import momentum_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import STICK
+from dmoc.motion.impact_laws import POISSON
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import (
@@ -59,13 +61,16 @@ from dmoc.program.coefficients import Product, at_events, entries_of, terms_of
 from dmoc.program.hit_stages import END, MOMENTS, STAGES, STOP, Passage, moment
 from dmoc.program.laws.impact import ImpactLaw, restitution_of
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
+from dmoc.program.laws.poisson import PoissonRestitution
+from dmoc.program.laws.restitution import Restitution
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
-from dmoc.program.terms import Places, Term, like
+from dmoc.program.terms import Places, Term
 
 if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
+RESTITUTIONS: dict[str, Restitution] = {POISSON: PoissonRestitution()}
 # Columns of the row "halts": before, at the moments, after; of "heads": before, after.
 BEFORE, AFTER = 0, 1 + len(MOMENTS)
 
@@ -106,20 +111,24 @@ class HitLaw(Law):
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         P_h = self.lay.hit.P_h
-        struck, stops = P_h[~self.touching & ~self.returning], P_h[self.touching, STOP]
+        struck, stops = P_h[~self.touching & ~self.whole], P_h[self.touching, STOP]
         box[struck[struck != NOWHERE], 0] = 0.0
         # Of a touch, the impulse of compression is zero by its equation, and no bound beside it.
         box[stops[stops != NOWHERE]] = 0.0
 
     @property
     def passages(self) -> tuple[Passage, ...]:
-        """Those that obey Poisson's law."""
-        return tuple(p for p in self.lay.hit.passages if not p.returns)
+        """Those that go through stages."""
+        return tuple(p for p in self.lay.hit.passages if not p.whole)
 
     @property
-    def returning(self) -> Bools:
-        """Hits that do not: those with tangential restitution, shape (events,)."""
-        return mask_of(len(self.e), [p.event for p in self.lay.hit.passages if p.returns])
+    def whole(self) -> Bools:
+        """Hits that do not, shape (events,)."""
+        return mask_of(len(self.e), [p.event for p in self.lay.hit.passages if p.whole])
+
+    def _law(self, p: Passage) -> Restitution:
+        """The law of restitution of a hit."""
+        return RESTITUTIONS[p.law]
 
     # Rows -----------------------------------------------------------------------------------------
 
@@ -148,7 +157,7 @@ class HitLaw(Law):
         )
         self.restitution = block(
             "restitution",
-            moments[:, END] & ~self.returning,
+            moments[:, END] & ~self.whole,
             lambda i: f"restitution of {contacts.surfaces[hit[i]]} at event {i + 1}",
             lambda s: s.lam[hit],
             missed=Missed(LAW),
@@ -178,8 +187,9 @@ class HitLaw(Law):
                 heads[p.event, 1] = p.friction[-1] != 0 and STOP not in p.moments
                 continue
             heads[p.event] = p.friction[0] != 0, p.friction[-1] != 0
+            sticking, last = p.bears(self.e[p.event]), len(p.moments)
             share[p.event, list(p.shares(self.e[p.event]))] = True
-            sticking = p.bears(self.e[p.event])
+            share[p.event, last] |= sticking != last and self._law(p).is_quadratic(self, p)
             if sticking is not None:
                 bears[p.event, sticking] = True
         hit, rubbed = self.lay.hit.hit, self.lay.hit.rubbed
@@ -235,13 +245,11 @@ class HitLaw(Law):
                 Term("normal", (at, P[here, m], when), (rows,)),
                 Term("traction", (at, T[here, m], when), (rows,), -1.0),
             ]
-        compressed = lay.hit.moments[:, END] & ~self.returning
+        compressed = lay.hit.moments[:, END] & ~self.whole
         ended = np.where(compressed, laws.impact.energy.index, NOWHERE)
         terms.append(Term("gap_rate", (q, v_h[:, END], t), (in_columns(ended, hit, places.nc),)))
-        if (own := np.flatnonzero(np.isnan(self.e) & compressed)).size:
-            rows = in_columns(self.restitution.index, hit, places.nc)[own]
-            before = q[own], lay.impact.v_a[own], P[own, END], t[own] if lay.timed else t
-            terms.append(Term("rebound", before, (like(rows), rows, like(rows[:, :1]))))
+        for name, law in RESTITUTIONS.items():
+            terms += law.terms(self, [p for p in self.passages if p.law == name], places)
         sides = [lay.impact.v_a, *np.moveaxis(v_h, 1, 0), lay.impact.v_c]
         for v, rows in zip(sides, self.halts.index.T, strict=True):
             terms.append(Term("slide_rate", (q, v, t), (in_columns(rows, rubbed, len(self.mu)),)))
@@ -264,18 +272,8 @@ class HitLaw(Law):
         """Entries of the linear rows: restitution, and what impulses stages have."""
         entries = list[Entries]()
         for p in self.passages:
-            i, lay = p.event, self.lay
-            if self.restitution.index[i] != NOWHERE:
-                unknowns = np.array([lay.hit.P_h[i, END], lay.impact.lam[i]])
-                entries.append(
-                    (
-                        np.full(2, self.restitution.index[i]),
-                        unknowns,
-                        # where the law says e, e P_h is a term
-                        np.array([1.0 if np.isnan(self.e[i]) else 1 + self.e[i], -1.0]),
-                    )
-                )
-            P, T = self._impulses(p)
+            i, (P, T) = p.event, self.impulses(p)
+            entries += self._law(p).entries(self, p)
             for k in range(len(p.friction)):
                 bears = self.bears.index[i, k]
                 for row, at, sign in (
@@ -290,7 +288,7 @@ class HitLaw(Law):
                     entries.append((np.full(int(there.sum()), row), ends[there], factors))
         return [*entries, *entries_of(self.mu, self._holding)]
 
-    def _impulses(self, p: Passage) -> tuple[Index, Index]:
+    def impulses(self, p: Passage) -> tuple[Index, Index]:
         """Impulses P and T until each moment and of the whole impact, nowhere at its begin."""
         i, lay, moments = p.event, self.lay, list(p.moments)
         P = [NOWHERE, *lay.hit.P_h[i, moments], lay.impact.lam[i]]
@@ -302,7 +300,7 @@ class HitLaw(Law):
     def _holding(self) -> Iterator[Product]:
         """What friction holds in stages: mu dP in the rows of sliding and of cones."""
         for p in self.passages:
-            i, (P, _) = p.event, self._impulses(p)
+            i, (P, _) = p.event, self.impulses(p)
             for k, s in enumerate(p.friction):
                 for row, sign in (
                     (self.slips.index[i, k], float(s)), (self.bears.index[i, k, 0], 1.0),

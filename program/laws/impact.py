@@ -79,7 +79,7 @@ class ImpactLaw(Law):
     by_rates : array of bool, shape (collisions,)
         The law is stated in the rates, whatever e is.
     rough : array of bool, shape (collisions,)
-        Hits with friction, which obey another law; not those with tangential restitution.
+        Hits with friction, which obey another law; not those that go as a whole.
     """
 
     problem: Problem
@@ -108,10 +108,10 @@ class ImpactLaw(Law):
         e = np.where(by_law, 1.0, e)
         joined = bool(problem.kernels.joints)
         lasts = np.array([joined or not mode.free for mode in problem.touch.modes], dtype=bool)
-        rough = mask_of(count, [p.event for p in passages if not (p.lands or p.returns)])
-        returns = mask_of(count, [p.event for p in passages if p.returns])
+        rough = mask_of(count, [p.event for p in passages if not (p.lands or p.whole)])
+        whole = mask_of(count, [p.event for p in passages if p.whole])
         last = ends_motion(lay)
-        stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough | by_law | returns | last
+        stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough | by_law | whole | last
         stated |= _moves_apart(problem, lay.touch.surfaces)
         return cls(problem, lay, e, by_law, touches, landing, stated, rough)
 

@@ -23,12 +23,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import STICK
+from dmoc.motion.impact_laws import RETURNING
 from dmoc.program.blocks import (
     LAW,
     NOWHERE,
@@ -51,6 +53,36 @@ if TYPE_CHECKING:
 
 # Columns of the row "stops".
 GAP, SLIDE = 0, 1
+
+
+class Returned(NamedTuple):
+    """Impulses along normal and tangent (2,) of the hit that stops all at once and of the hit, and
+    how it ends: it sticks, or slides in a direction."""
+
+    stopping: Array
+    impulses: Array
+    friction: int
+
+
+def _is_bound(A: Array) -> bool:
+    """Whether a tangent moves with the gap alone, so that nothing is left to come back along it."""
+    return not A[1, 1] * A[0, 0] - A[0, 1] ** 2 > SAME * A[1, 1] * A[0, 0]
+
+
+def returned(rates: Array, A: Array, mu: float, e: float, e_t: float) -> Returned:
+    """The hit from the rates of separation, negative where the bodies approach, and of sliding
+    (2,), and what impulses along normal and tangent change them by, A (2, 2)."""
+    n, sigma = float(rates[0]), float(rates[1])
+    along = A[0, 1] / A[0, 0]
+    T_0 = 0.0 if _is_bound(A) else -(sigma - along * n) / (A[1, 1] - along * A[0, 1])
+    stopping = np.array([-n / A[0, 0] - along * T_0, T_0])
+    T, s = (1 + e_t) * T_0, STICK
+    lam = -(1 + e) * n / A[0, 0] - along * T
+    if mu < np.inf and abs(T) > mu * lam:
+        s = -int(np.sign(T))
+        lam = -(1 + e) * n / (A[0, 0] - s * mu * A[0, 1])
+        T = -s * mu * lam
+    return Returned(stopping, np.array([lam, T]), s)
 
 
 @dataclass(eq=False)
@@ -77,7 +109,7 @@ class TangentialLaw(Law):
 
     @property
     def passages(self) -> tuple[Passage, ...]:
-        return tuple(p for p in self.lay.hit.passages if p.returns)
+        return tuple(p for p in self.lay.hit.passages if p.law == RETURNING)
 
     def _mask(self, passages: Iterable[Passage]) -> Bools:
         """The events of some hits, shape (events,)."""

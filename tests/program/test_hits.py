@@ -23,7 +23,8 @@ from dmoc.base.errors import ProblemError
 from dmoc.guess.hit_course import course_of
 from dmoc.program.hit_stages import END, STOP
 from dmoc.program.transcription import Transcription
-from dmoc.simulation.poisson import Impulses, impulses
+from dmoc.simulation.impact_laws.course import Coefficients, Impulses
+from dmoc.simulation.impact_laws.poisson import impulses
 from dmoc.solving import open_hits
 
 COURSES = [
@@ -59,7 +60,7 @@ def drawn(number: int) -> tuple[dmoc.Problem, Impulses]:
     mass, mu = np.linalg.inv(inverse), rng.uniform(0.02, 1.5)
     e = float(rng.choice([0.0, 0.5, 0.9, 1.0]))
     v = np.array([rng.normal(), -abs(rng.normal()) - 0.2])
-    law = impulses(v[::-1], inverse[::-1, ::-1], mu, e)
+    law = impulses(v[::-1], inverse[::-1, ::-1], Coefficients(mu, e))
     problem = dmoc.Problem(
         coupled(),
         sequence=[f"floor:{law.course}"],
@@ -202,8 +203,8 @@ def test_the_law_says_the_course_of_a_hit_as_the_check_does() -> None:
     for _ in range(2000):
         root, mu, e = r.normal(size=(2, 2)), r.uniform(0.01, 2), r.choice([0.0, r.uniform(0, 1)])
         A, rates = root @ root.T + 1e-3 * np.eye(2), np.array([-r.uniform(0.01, 2), r.normal()])
-        courses.add(impulses(rates, A, mu, e).course)
-        assert str(course_of(rates, A, mu, e)) == impulses(rates, A, mu, e).course
+        courses.add(impulses(rates, A, Coefficients(mu, e)).course)
+        assert str(course_of(rates, A, mu, e)) == impulses(rates, A, Coefficients(mu, e)).course
     assert courses == set(COURSES)
 
 
@@ -285,7 +286,7 @@ def test_a_hit_that_would_jam_is_told_why() -> None:
     assert jammed.status == "infeasible"
     assert "sliding as slip+ presses floor together at event 1" in jammed.message
     stopped = answer_of(problem.but(sequence=["floor:slip+:stick"]), starts=1)
-    law = impulses(np.array([-1.0, 1.0]), inverse, 2.0, 0.5)
+    law = impulses(np.array([-1.0, 1.0]), inverse, Coefficients(2.0, 0.5))
     assert stopped.collisions[0].impulse == pytest.approx(law.normal, rel=1e-8)
 
 

@@ -14,8 +14,9 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.simulation import contact_motion
 from dmoc.simulation.contact_motion import MotionRecord, through_step
+from dmoc.simulation.impact_laws.course import Coefficients
+from dmoc.simulation.impact_laws.poisson import impulses
 from dmoc.simulation.mode_choice import Setting
-from dmoc.simulation.poisson import impulses
 from dmoc.simulation.tolerances import Reach, reached
 
 T = dynamicsymbols._t
@@ -147,7 +148,9 @@ def test_what_is_pulled_off_a_floor_that_it_hardly_approaches_leaves_it(
 
 def test_an_impact_without_a_mass_ends() -> None:
     nothing = np.full((2, 2), np.nan)
-    assert not np.isfinite(impulses(np.array([-1.0, 0.5]), nothing, 0.3, 0.5).tangential)
+    assert not np.isfinite(
+        impulses(np.array([-1.0, 0.5]), nothing, Coefficients(0.3, 0.5)).tangential
+    )
 
 
 @pytest.mark.slow

@@ -19,8 +19,9 @@ from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row
 from dmoc.motion.trajectory import Trajectory
+from dmoc.simulation.impact_laws.course import Coefficients
+from dmoc.simulation.impact_laws.poisson import impulses
 from dmoc.simulation.integrator import Integrator
-from dmoc.simulation.poisson import impulses
 
 T, G = dynamicsymbols._t, 9.81
 X, Y, A, B = dynamicsymbols("x y a b")
@@ -155,7 +156,7 @@ def test_a_dumbbell_lands_with_friction_as_a_rigid_rod(mu: float) -> None:
     (hit,) = run.collisions
     # A rod of mass 2 and 1/2 about its centre, which is (s, c)/2 beside the end that hits.
     A = np.array([[0.5 + s**2 / 2, -s * c / 2], [-s * c / 2, 0.5 + c**2 / 2]])
-    law = impulses(np.array([-2.0, 1.0]), A, mu, 0.5)
+    law = impulses(np.array([-2.0, 1.0]), A, Coefficients(mu, 0.5))
     assert hit.impulse == pytest.approx(law.normal, rel=1e-9)
     assert hit.tractions["floor"] == pytest.approx(law.tangential, rel=1e-9)
     change = hit.momentum_after - hit.momentum_before

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dmoc.simulation.poisson import Impulses, impulses
+from dmoc.simulation.impact_laws.course import Coefficients, Impulses
+from dmoc.simulation.impact_laws.poisson import impulses
 
 
 def rod(angle: float) -> tuple[np.ndarray, np.ndarray]:
@@ -33,7 +34,7 @@ def test_a_rod_that_hits_a_floor(
     tangential: float, regimes: tuple[tuple[str, ...], ...],
 ) -> None:  # fmt: skip
     D, inverse = rod(np.radians(angle))
-    hit = impulses(D @ v, D * inverse @ D.T, mu, 0.5)
+    hit = impulses(D @ v, D * inverse @ D.T, Coefficients(mu, 0.5))
     assert v + inverse * (D.T @ [hit.normal, hit.tangential]) == pytest.approx(after, abs=6e-9)
     assert hit.normal == pytest.approx(normal, abs=6e-10)
     assert hit.tangential == pytest.approx(tangential, abs=6e-10)
@@ -47,20 +48,21 @@ def test_a_ball_sticks_or_slides(inertia: float, mu: float, e: float) -> None:
     """A disc or ball of radius 1, k = I / (m r^2), that comes down with 2 m/s, 0.7 m/s along the
     floor and 0.1 rad/s: it sticks with -m s / (1 + 1/k) where friction holds that."""
     n, s = -2.0, 0.7 + 0.1
-    hit = impulses(np.array([n, s]), np.diag([1.0, 1 + 1 / inertia]), mu, e)
+    hit = impulses(np.array([n, s]), np.diag([1.0, 1 + 1 / inertia]), Coefficients(mu, e))
     sticks = s / (1 + 1 / inertia)
     assert hit.normal == pytest.approx((1 + e) * 2, rel=1e-14)
     assert -hit.tangential == pytest.approx(min(sticks, mu * hit.normal), rel=1e-14)
 
 
 def test_what_separates_takes_no_impulse() -> None:
-    assert impulses(np.array([0.1, 1.0]), np.eye(2), 0.5, 1.0) == Impulses(0.0, 0.0, (), ())
+    hit = impulses(np.array([0.1, 1.0]), np.eye(2), Coefficients(0.5, 1.0))
+    assert hit == Impulses(0.0, 0.0, (), ())
 
 
 def test_a_jam_ends_where_sliding_stops() -> None:
     """While it slides the contact is pressed together harder and harder."""
     response = np.array([[1.0, 0.9], [0.9, 1.0]])
-    hit = impulses(np.array([-1.0, 1.0]), response, 2.0, 0.0)
+    hit = impulses(np.array([-1.0, 1.0]), response, Coefficients(2.0, 0.0))
     n, t = np.array([-1.0, 1.0]) + response @ [hit.normal, hit.tangential]
     assert hit.compression == ("slides forward", "sticks")
     assert [n, t] == pytest.approx([0, 0], abs=1e-14)
@@ -69,7 +71,7 @@ def test_a_jam_ends_where_sliding_stops() -> None:
 def test_what_is_at_rest_sticks_beside_a_contact_whose_sliding_jams() -> None:
     """The push itself presses the bodies together, and what sticks takes them apart."""
     response = np.array([[-0.4, 3.1], [-1.6, 6.9]])
-    hit = impulses(np.array([-0.3, -1e-17]), response, 0.8, 0.0)
+    hit = impulses(np.array([-0.3, -1e-17]), response, Coefficients(0.8, 0.0))
     assert hit.compression == ("sticks",)
     assert response @ [hit.normal, hit.tangential] == pytest.approx([0.3, 0.0])
     (slope,) = hit.slopes(response, 0.8)
@@ -87,7 +89,7 @@ def test_energy_never_grows_and_the_laws_hold(
 ) -> None:
     off = coupled * np.sqrt(normal * tangential)
     response = np.array([[normal, off], [off, tangential]])
-    hit = impulses(np.array([n, t]), response, mu, e)
+    hit = impulses(np.array([n, t]), response, Coefficients(mu, e))
     lam = np.array([hit.normal, hit.tangential])
     before = np.array([n, t])
     after = before + response @ lam

@@ -13,6 +13,8 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.mechanics.contact_mode import STICK
+from dmoc.motion.impact_laws import POISSON
+from dmoc.program.blocks import NOWHERE
 from dmoc.program.hit_stages import END, STOP
 from dmoc.program.scaling import scale_of
 from dmoc.solvers.outcome import Options
@@ -20,7 +22,7 @@ from dmoc.solving import touches
 from dmoc.solving.methods import METHODS
 from dmoc.solving.programs import Programs
 from dmoc.solving.starts import starts_of
-from dmoc.solving.touches import _by_poisson, _closing, _turning, pays, slopes
+from dmoc.solving.touches import _closing, _in_stages, _turning, pays, slopes
 
 X, Y, U, V = dynamicsymbols("x y u v")
 MU, M_XY = sp.symbols("mu m_xy")
@@ -101,7 +103,8 @@ def test_a_hit_that_stops_sliding_costs_what_its_ways_cost(
     way: tuple[int, int], coupling: float, late: bool, shares: list[tuple[float, float]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    """Slopes 7 by the impulse and 5 by that at which sliding stops, in rates of 2 m/s, e = 0.5."""
+    """Slopes 7 by the impulse of compression and 5 by that at which sliding stops, in rates of 2
+    m/s, e = 0.5."""
     A = np.array([[2.0, coupling], [coupling, 3.0]])
     monkeypatch.setattr(touches, "response", lambda *_: A)
     monkeypatch.setattr(touches, "friction_of", lambda *_: 0.3)
@@ -109,12 +112,17 @@ def test_a_hit_that_stops_sliding_costs_what_its_ways_cost(
     nlp: Any = SimpleNamespace(
         problem=None, scale=SimpleNamespace(rate=np.array([2.0])),
         layout=SimpleNamespace(hit=SimpleNamespace(P_h=P_h)),
+        laws=SimpleNamespace(
+            hit=SimpleNamespace(restitution=SimpleNamespace(index=np.array([NOWHERE])))
+        ),
     )  # fmt: skip
-    passage: Any = SimpleNamespace(friction=way, surface=0, moments=(STOP, END), event=0, late=late)
+    passage: Any = SimpleNamespace(
+        friction=way, surface=0, moments=(STOP, END), event=0, late=late, law=POISSON
+    )
     by_unknown, outcome = np.zeros(2), SimpleNamespace()
     by_unknown[P_h[0, STOP]] = 5.0
     unused: Any = outcome
-    found = _by_poisson(nlp, unused, passage, (7.0, by_unknown), (np.zeros(2), 0.0, 0.5))
+    found = _in_stages(nlp, unused, passage, (7.0 / 1.5, by_unknown), (np.zeros(2), 0.0, 0.5))
     assert found == pytest.approx([(7.0 + share * 5.0) * 2.0 / size for share, size in shares])
 
 

@@ -1,5 +1,5 @@
-"""One impact with friction in the plane after Poisson: the normal impulse of restitution is e times
-that of compression, Coulomb's law holds all along.
+"""One impact with friction in the plane, in which Coulomb's law holds all along; how much normal
+impulse restitution has, its law says.
 
 Y. Wang and M. T. Mason, Journal of Applied Mechanics 59 (1992) 635-642.  The normal impulse takes
 the place of the time; the rates change by (equation :eq:`poisson` of the theory)
@@ -7,19 +7,20 @@ the place of the time; the rates change by (equation :eq:`poisson` of the theory
     dn = A_nn dP + A_nt dS,    dt = A_nt dP + A_tt dS,    A = D M^-1 D^T
 
 with the directions D = (-grad g, grad tau), dS = -s mu dP while the contact slides with the sign
-s of t, and dS = -A_nt / A_tt dP while it sticks, where that is at most mu dP.
+s of t, and dS = -A_nt / A_tt dP while it sticks, where that is at most mu dP.  Compression ends
+where n = 0.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.tangential import returned
 from dmoc.motion.trajectory import FRICTION_WORDS
 
 Regime = Literal["slides forward", "slides backward", "sticks"]
@@ -31,6 +32,32 @@ WORDS: dict[Regime, str] = {
 }
 # A tangential rate below this share of what the impact changes it by is none.
 STOPPED = 1e-13
+
+
+class Coefficients(NamedTuple):
+    """Of an impact: mu >= 0 of friction, infinite where nothing limits it, 0 <= e <= 1 of
+    restitution, and -1 <= e_t <= 1 along the tangent."""
+
+    mu: float
+    e: float
+    e_t: float = -1.0
+
+
+@record(frozen=True, eq=False)
+class HitState:
+    """Rates n and t at some moment of an impact, the impulses P and S until then, and the work W of
+    the normal one, the integral of n dP."""
+
+    n: float
+    t: float
+    P: float
+    S: float
+    W: float
+
+
+# The normal impulse that is left to restitution, from e, the end of compression, the state at which
+# a regime begins, and dn/dP in it.
+Restitution = Callable[[float, HitState, HitState, float], float]
 
 
 @dataclass(frozen=True)
@@ -65,39 +92,33 @@ def sticking(response: Array, mu: float) -> float:
     return float(np.clip(-response[1, 0] / own, -mu, mu)) if own > 0 else 0.0
 
 
-def impulses(rates: Array, response: Array, mu: float, e: float) -> Impulses:
+# Without an impact.
+NONE = Impulses(0.0, 0.0, (), ())
+
+
+def in_stages(
+    rates: Array, response: Array, coefficients: Coefficients, left: Restitution
+) -> Impulses:
     """The impulses of an impact from the rates before it, of separation, negative where the bodies
     approach, and of sliding (2,), and the response A (2, 2), symmetric and positive definite
-    where nothing else slides; mu >= 0 and 0 <= e <= 1."""
-    n, t = float(rates[0]), float(rates[1])
+    where nothing else slides."""
+    (n, t), mu, e = map(float, rates), coefficients.mu, coefficients.e
     if n >= 0:
-        return Impulses(0.0, 0.0, (), ())
+        return NONE
     # What slides beside it may make A_nn negative.
     along = float(np.sqrt(abs(response[1, 1] / response[0, 0])))
     small = STOPPED * (abs(t) + abs(n) * along)
     way = _ImpactPath(response, mu, small)
-    compressed, first = way.follow(_HitState(n, t, 0.0, 0.0), np.inf)
-    end, second = way.follow(compressed, (1 + e) * compressed.P) if e > 0 else (compressed, ())
+    full, first = way.follow(HitState(n, t, 0.0, 0.0, 0.0), _of_compression)
+    if e == 0:
+        return Impulses(full.P, full.S, first, (), tuple(way.stops))
+    end, second = way.follow(full, lambda at, slope: left(e, full, at, slope))
     return Impulses(end.P, end.S, first, second, tuple(way.stops))
 
 
-def whole(rates: Array, response: Array, mu: float, e: float, e_t: float) -> Impulses:
-    """The impulses of an impact with tangential restitution, of which only the whole is known."""
-    if rates[0] >= 0:
-        return Impulses(0.0, 0.0, (), ())
-    _, (normal, tangential), s = returned(rates, response, mu, e, e_t)
-    regime = next(regime for regime, word in WORDS.items() if word == FRICTION_WORDS[s])
-    return Impulses(float(normal), float(tangential), (regime,), ())
-
-
-@record(frozen=True, eq=False)
-class _HitState:
-    """Rates and impulses at some moment of an impact."""
-
-    n: float
-    t: float
-    P: float
-    S: float
+def _of_compression(at: HitState, slope: float) -> float:
+    """The normal impulse that compression takes if a regime goes on, dn/dP in it."""
+    return -at.n / slope if slope > 0 else np.inf
 
 
 @record(frozen=True, eq=False)
@@ -109,20 +130,23 @@ class _ImpactPath:
     small: float
     stops: list[tuple[float, float]] = field(default_factory=list)
 
-    def follow(self, at: _HitState, most: float) -> tuple[_HitState, tuple[Regime, ...]]:
-        """Go on to the end of compression, n = 0, or, in restitution, to the normal impulse
-        ``most``."""
+    def follow(
+        self, at: HitState, remaining: Callable[[HitState, float], float]
+    ) -> tuple[HitState, tuple[Regime, ...]]:
+        """Go on to the end of compression or of restitution, by the normal impulse that remains of
+        it where a regime begins with its dn/dP."""
         regimes: list[Regime] = []
         while True:
             slope = self._slope(at.t)  # dS/dP
             # as Python's numbers, whose division overflows to infinity in silence
             n_slope, t_slope = (self.response @ np.array([1.0, slope])).tolist()
-            left = most - at.P if most < np.inf else -at.n / n_slope if n_slope > 0 else np.inf
+            left = remaining(at, n_slope)
             stop = -at.t / t_slope if abs(at.t) > self.small and at.t * t_slope < 0 else np.inf
             regimes.append(self._name(at.t, slope, t_slope))
             dP = min(left, stop)
             t = 0.0 if stop < left else at.t + t_slope * dP
-            at = _HitState(at.n + n_slope * dP, t, at.P + dP, at.S + slope * dP)
+            n = at.n + n_slope * dP
+            at = HitState(n, t, at.P + dP, at.S + slope * dP, at.W + dP * (at.n + n) / 2)
             if not stop < left:  # what is not a number ends it too
                 return at, tuple(regimes)
             self.stops.append((at.P, at.S))

@@ -1,0 +1,35 @@
+"""The laws of a hit with a tangential impulse, by their names, and what is said of each.
+
+Their equations are in ``program/laws``, and once more, by other means, in
+``simulation/impact_laws``: a file each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ImpactLaw:
+    """A law of impact in words.
+
+    Attributes
+    ----------
+    name : str
+        As sentences have it: what hits obey.
+    whole : bool
+        A hit sticks or slides as a whole: no word says that its sliding stops on the way.
+    alone : bool
+        It is a law of one contact: nothing else may touch.
+    """
+
+    name: str
+    whole: bool = False
+    alone: bool = False
+
+
+POISSON, RETURNING = "poisson", "tangential restitution"
+IMPACT_LAWS = {
+    POISSON: ImpactLaw("Poisson's law"),
+    RETURNING: ImpactLaw("tangential restitution", whole=True, alone=True),
+}

@@ -1,0 +1,1 @@
+"""Laws of a hit with a tangential impulse, a file each: from rates before it to impulses."""
