@@ -8,6 +8,7 @@ import sympy as sp
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
+from dmoc.motion.impact_laws import IMPACT_LAWS, RETURNING
 from dmoc.symbolic.continuous import Continuous, dot, gap_rates
 from dmoc.symbolic.expressions import approach_speed
 from dmoc.symbolic.graph import GraphNode
@@ -50,6 +51,29 @@ def check_tangential_restitution(system: MechanicalSystem) -> None:
             )
 
 
+def check_impact_laws(system: MechanicalSystem) -> None:
+    """Refuse laws of impact of what is no surface, has no friction or has another law, and unknown
+    ones."""
+    for name, law in system.impact_laws.items():
+        _check_surface(system, name, "law of impact")
+        stated = [key for key in IMPACT_LAWS if key != RETURNING]
+        if law not in stated:
+            raise ModelError(
+                f"the impact law of {name!r} is {shown(law)}: expected one of "
+                f"{', '.join(map(repr, stated))}."
+            )
+        if name in system.tangential_restitution:
+            raise ModelError(
+                f"{name!r} has tangential restitution, which is a law of impact by itself, and "
+                f"the impact law {law!r}: leave one of them out."
+            )
+        if name not in system.friction:
+            raise ModelError(
+                f"{name!r} has the impact law {law!r} but no friction, without which all laws of "
+                f'impact are one: leave it out, or give friction={{"{name}": 0.5}}.'
+            )
+
+
 def _check_surface(system: MechanicalSystem, name: str, kind: str) -> None:
     """Refuse a restitution of what is no surface."""
     if name not in system.surfaces:
@@ -61,7 +85,8 @@ def _check_surface(system: MechanicalSystem, name: str, kind: str) -> None:
 
 def laws_in_words(system: MechanicalSystem) -> dict[str, dict[str, str]]:
     """The expressions by surface, as they are shown, of what a system states."""
-    kinds = {name: getattr(system, name) for name in ("restitution", "tangential_restitution")}
+    names = "restitution", "tangential_restitution", "impact_laws"
+    kinds = {name: getattr(system, name) for name in names}
     return {
         kind: {name: sp.sstr(e) for name, e in stated.items()}
         for kind, stated in kinds.items()

@@ -76,6 +76,10 @@ class MechanicalSystem(Shown):
         superball), in parameters alone.  The friction of such a tangent may be left out: hits have
         the tangential impulse that they need then, contacts that last have none.  Equation
         :eq:`tangential` of the theory.
+    impact_laws : mapping of str to str, optional
+        Law of the hits of surfaces with friction, ``"poisson"`` where none is stated: how much
+        normal impulse restitution has where sliding stops in a hit.  Equation :eq:`coefficients`
+        of the theory.
     cost : Expr, optional
         Integrand C(q, q', u, t) of the cost.  Abs and Max with a positive factor and Min with a
         negative one are split into smooth functions, equation :eq:`kink` of the theory.
@@ -172,6 +176,7 @@ class MechanicalSystem(Shown):
     definitions: Mapping[Any, Any] = field(default_factory=dict)
     quantities: Mapping[str, Any] = field(default_factory=dict)
     tangential_restitution: Mapping[str, Any] = field(default_factory=dict)
+    impact_laws: Mapping[str, str] = field(default_factory=dict)
     integrals: Mapping[str, Any] = field(default_factory=dict)
     objective: Any = 0
 
@@ -334,6 +339,7 @@ class MechanicalSystem(Shown):
             ),
             *(f"e_{n}:{sp.srepr(e)}" for n, e in self.restitution.items()),
             *(f"e_t_{n}:{sp.srepr(e)}" for n, e in self.tangential_restitution.items()),
+            *(f"law_{n}:{law}" for n, law in self.impact_laws.items()),
             *(f"{n}=0:{sp.srepr(c)}" for n, c in self.constraints.items()),
             *(f"{sp.srepr(x)}:={sp.srepr(e)}" for x, e in self.definitions.items()),
             *(f"z_{n}:{sp.srepr(e)}" for n, e in self.quantities.items()),

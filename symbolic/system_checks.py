@@ -32,7 +32,11 @@ from dmoc.symbolic.graph import Graph, GraphNode, reverse
 from dmoc.symbolic.kinks import check_smooth, real_symbols, split
 from dmoc.symbolic.objectives import check_objective
 from dmoc.symbolic.rest import check_damping
-from dmoc.symbolic.restitution import check_restitution, check_tangential_restitution
+from dmoc.symbolic.restitution import (
+    check_impact_laws,
+    check_restitution,
+    check_tangential_restitution,
+)
 from dmoc.symbolic.traversal import evaluated
 
 if TYPE_CHECKING:
@@ -54,6 +58,7 @@ def check_parts(system: MechanicalSystem) -> None:
     check_definitions(system)
     check_restitution(system)
     check_tangential_restitution(system)
+    check_impact_laws(system)
     check_forces(system)
     check_objective(system)
     _check_friction(system)

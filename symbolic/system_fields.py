@@ -31,6 +31,7 @@ MAPPINGS = {  # with an example each
     "friction": '{"floor": 0.5}',
     "restitution": '{"wall": 0.8}',
     "tangential_restitution": '{"floor": 0.5}',
+    "impact_laws": '{"floor": "poisson"}',
     "definitions": "{x1: l * sp.sin(a)}",
     "quantities": '{"tip": x + l * sp.sin(a)}',
     "integrals": '{"effort": u**2}',

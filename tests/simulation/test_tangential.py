@@ -256,5 +256,5 @@ def test_hits_beside_other_contacts_are_refused():
             kernels, start={"z": RADIUS, "x": 0, "a": 0}, contacts=["floor"], sequence=["wall"],
             final_time=1,
         )  # fmt: skip
-    with pytest.raises(SimulationError, match=r"'wall', which has tangential .* 'floor' touches"):
+    with pytest.raises(SimulationError, match=r"'wall', whose hits obey tang.* 'floor' touches"):
         dmoc.simulate(kernels, {"z": RADIUS, "x": 0.9}, {"x": 1, "a": 2}, step_size=0.01, steps=50)

@@ -21,7 +21,7 @@ SYSTEM = dmoc.MechanicalSystem(
     dissipation=C * X.diff() ** 2 / 2, terminal_cost=X**2, tangents={"floor": X, "wall": Y},
     friction={"floor": C, "wall": C}, restitution={"wall": C}, constraints={"rod": X + Z - 2},
     quantities={"power": U * X.diff()}, tangential_restitution={"wall": 0.2},
-    integrals={"work": U * X.diff()},
+    integrals={"work": U * X.diff()}, impact_laws={"floor": "poisson"},
 )  # fmt: skip
 CHANGES: dict[str, Any] = {
     "name": "other", "coordinates": [Y, X, Z], "lagrangian": SYSTEM.lagrangian + K * Z,
@@ -33,7 +33,7 @@ CHANGES: dict[str, Any] = {
     "restitution": {"wall": C / 2}, "constraints": {"rod": X + Z - 3},
     "definitions": {dynamicsymbols("d"): X * Y}, "quantities": {"power": W * X.diff()},
     "tangential_restitution": {"wall": 0.3}, "integrals": {"work": W * X.diff()},
-    "objective": dmoc.total("work"),
+    "objective": dmoc.total("work"), "impact_laws": {},
 }  # fmt: skip
 SHOWN: dict[str, Any] = {"title": "Another", "drawing": [dmoc.Disc((X, Y), 0.1)]}
 
