@@ -21,11 +21,14 @@ class ImpactLaw:
         A hit sticks or slides as a whole: no word says that its sliding stops on the way.
     alone : bool
         It is a law of one contact: nothing else may touch.
+    constant : bool
+        Its coefficient of restitution is a number of a program.
     """
 
     name: str
     whole: bool = False
     alone: bool = False
+    constant: bool = False
 
 
 POISSON, RETURNING = "poisson", "tangential restitution"

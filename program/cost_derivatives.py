@@ -18,6 +18,7 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.records import record
 from dmoc.base.tolerances import TINY
 from dmoc.codegen.kernels import Array
+from dmoc.motion.impact_laws import IMPACT_LAWS
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.extraction import multiplier_vectors, stated_as
@@ -110,21 +111,23 @@ class _AtMinimum:
         return float(np.dot(parts, [c for _, c in DIFFERENCE]) / step)
 
     def coefficient(self, stated: Sequence[str], surface: str) -> float:
-        """By a coefficient of restitution: L is linear in e > 0; the law of plastic impacts is
-        -lam w / 2 = 0 there."""
+        """By a coefficient of restitution: L is linear in e > 0, or quadratic; the law of plastic
+        impacts is -lam w / 2 = 0 there.  Not a number where e = 0 and the law has another row."""
         impact = self.nlp.laws.impact
         lam = np.maximum(self.x[self.nlp.layout.impact.lam[impact.impact]], TINY)
         plain = (impact.plain & ~impact.by_rates)[impact.impact]
         law = np.asarray(self.multipliers.get("energy", np.zeros(0)))
         law = law * np.where(plain, -2 / lam, 1.0)
+        contacts = self.problem.model.contacts
+        values = dict(zip(contacts.surfaces, self.problem.restitution_values, strict=True))
+        e, own = values[surface], {name: float(values[name]) for name in stated}
+        if e == 0 and IMPACT_LAWS[self.problem.touch.contacts.impact_law(surface)].constant:
+            return float("nan")
         high, low = (
-            self.lagrangian(
-                self.problem.unchecked(restitution={**dict.fromkeys(stated, 1.0), surface: e}),
-                energy=law,
-            )
-            for e in (1.0, 0.5)
+            self.lagrangian(self.problem.unchecked(restitution={**own, surface: other}), energy=law)
+            for other in ((1.5 * e, 0.5 * e) if e > 0 else (1.0, 0.5))
         )
-        return 2 * (high - low)
+        return float((high - low) / (e or 0.5))
 
     def moved(self, field: str, name: str, ways: tuple[float, float]) -> float:
         """By both ends of a range that move so much: L is linear in them."""

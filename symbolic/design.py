@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dmoc.base.errors import ModelError
 from dmoc.base.names import name_of
+from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON
 from dmoc.symbolic.continuous import FUNCTIONS, Continuous, as_tuple
 
 if TYPE_CHECKING:
@@ -29,6 +30,13 @@ def check_design(system: MechanicalSystem, f: Continuous, names: Sequence[str]) 
                 raise ModelError(
                     f"design parameter {name} is in the tangential restitution of {tangent!r}, "
                     "which the program takes as a number: give it a value in parameters."
+                )
+        for surface, value in zip(system.surfaces, of["e"], strict=False):
+            law = IMPACT_LAWS[system.impact_laws.get(surface, POISSON)]
+            if law.constant and s in value.free_symbols:
+                raise ModelError(
+                    f"design parameter {name} is in the restitution of {surface!r}, which is a "
+                    f"number by {law.name}: give it a value in parameters."
                 )
         free = set[object]().union(*(e.free_symbols for values in of.values() for e in values))
         if s not in free and symbols[name] not in system.objective.free_symbols:

@@ -72,6 +72,12 @@ def check_impact_laws(system: MechanicalSystem) -> None:
                 f"{name!r} has the impact law {law!r} but no friction, without which all laws of "
                 f'impact are one: leave it out, or give friction={{"{name}": 0.5}}.'
             )
+        e = system.restitution.get(name, sp.S.Zero)
+        if IMPACT_LAWS[law].constant and not e.free_symbols <= set(system.parameters):
+            raise ModelError(
+                f"the restitution of {name!r} is {shown(e)}: by {IMPACT_LAWS[law].name} it is a "
+                "number or an expression in parameters; state such a one, or another impact law."
+            )
 
 
 def _check_surface(system: MechanicalSystem, name: str, kind: str) -> None:

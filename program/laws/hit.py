@@ -42,7 +42,7 @@ import numpy as np
 from dmoc.base.names import momentum_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import STICK
-from dmoc.motion.impact_laws import POISSON
+from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import (
@@ -86,7 +86,7 @@ class HitLaw(Law):
         Coordinates.
     mu : array, shape (nt,)
     e : array, shape (events,)
-        Coefficients of restitution, not a number where the law of the model says them.
+        Coefficients of restitution, not a number where they vary with the rate before the hit.
     touching : array of bool, shape (events,)
         Hits that only touch their surface.
     """
@@ -107,6 +107,9 @@ class HitLaw(Law):
     @classmethod
     def of(cls, problem: Problem, lay: Layout, impact: ImpactLaw) -> HitLaw:
         names, e = tuple(problem.kernels.coordinates), restitution_of(problem, lay.touch.surfaces)
+        for p in lay.hit.passages:
+            if IMPACT_LAWS[p.law].constant:
+                e[p.event] = _constant(problem, p.surface)
         return cls(lay, names, problem.friction, e, impact.touching)
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
@@ -136,11 +139,13 @@ class HitLaw(Law):
         moments, count = self.lay.hit.moments, len(self.lay.touch.surfaces)
         halts = np.zeros((count, AFTER + 1), dtype=bool)
         slips = np.zeros((count, STAGES), dtype=bool)
-        for p in self.passages:
+        ways = self.passages
+        for p in ways:
             halts[p.event, BEFORE] = p.friction[0] == 0
             halts[p.event, [1 + m for m in p.rests]] = True
             halts[p.event, AFTER] = p.friction[-1] == 0
             slips[p.event, np.flatnonzero(p.friction)] = True
+        quadratic = mask_of(count, [p.event for p in ways if self._law(p).is_quadratic(self, p)])
         hit, rubbed, contacts = self.lay.hit.hit, self.lay.hit.rubbed, self.lay.touch.contacts
         names, tangents = self.names, contacts.tangents
 
@@ -159,7 +164,7 @@ class HitLaw(Law):
             "restitution",
             moments[:, END] & ~self.whole,
             lambda i: f"restitution of {contacts.surfaces[hit[i]]} at event {i + 1}",
-            lambda s: s.lam[hit],
+            lambda s: s.lam[hit] * np.where(quadratic, s.rate[hit], 1.0),
             missed=Missed(LAW),
         )
         self.halts = block(
@@ -333,3 +338,9 @@ class HitLaw(Law):
                 yield Pivot(T_c, self.slips.index[i, [last]], before)
             else:
                 yield Pivot(T_c, self.halts.index[i, [AFTER]], after)
+
+
+def _constant(problem: Problem, surface: int) -> float:
+    """The coefficient of restitution of a surface, in which no state is."""
+    nowhere, values = np.zeros(problem.nq), problem.restitution_values
+    return float(problem.model.coefficients(values, nowhere, nowhere, 0.0)[surface])

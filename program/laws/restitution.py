@@ -50,5 +50,6 @@ class Restitution(ABC):
         """Linear entries of the row of one of them."""
 
     def is_quadratic(self, hit: HitLaw, p: Passage) -> bool:
-        """Whether the row of a hit has a second root, of a normal impulse below zero."""
+        """Whether the row of a hit is one of works, quadratic in impulses: it has a second root, of
+        a normal impulse below zero."""
         return False

@@ -144,7 +144,8 @@ class _ImpactPath:
             stop = -at.t / t_slope if abs(at.t) > self.small and at.t * t_slope < 0 else np.inf
             regimes.append(self._name(at.t, slope, t_slope))
             dP = min(left, stop)
-            t = 0.0 if stop < left else at.t + t_slope * dP
+            # of what sticks, t_slope is a rounding error
+            t = 0.0 if stop < left or regimes[-1] == "sticks" else at.t + t_slope * dP
             n = at.n + n_slope * dP
             at = HitState(n, t, at.P + dP, at.S + slope * dP, at.W + dP * (at.n + n) / 2)
             if not stop < left:  # what is not a number ends it too
