@@ -29,6 +29,9 @@ from dmoc.program.transcription import Transcription
 CHANGE = 1e-3
 # Places and weights of the differences.
 DIFFERENCE = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))
+# The same in shares of a coefficient from 0 to 1, exact for what is quadratic in it, and for a
+# coefficient 0 and what is linear in it.
+BACKWARD, ONE_SIDED = ((1.0, 6.0), (0.75, -8.0), (0.5, 2.0)), ((1.0, 2.0), (0.5, -2.0))
 
 
 class Sensitivities(TypedDict):
@@ -123,11 +126,14 @@ class _AtMinimum:
         e, own = values[surface], {name: float(values[name]) for name in stated}
         if e == 0 and IMPACT_LAWS[self.problem.touch.contacts.impact_law(surface)].constant:
             return float("nan")
-        high, low = (
-            self.lagrangian(self.problem.unchecked(restitution={**own, surface: other}), energy=law)
-            for other in ((1.5 * e, 0.5 * e) if e > 0 else (1.0, 0.5))
-        )
-        return float((high - low) / (e or 0.5))
+        parts = [
+            weight
+            * self.lagrangian(
+                self.problem.unchecked(restitution={**own, surface: (e or 1.0) * share}), energy=law
+            )
+            for share, weight in (BACKWARD if e else ONE_SIDED)
+        ]
+        return sum(parts) / (e or 1.0)
 
     def moved(self, field: str, name: str, ways: tuple[float, float]) -> float:
         """By both ends of a range that move so much: L is linear in them."""
