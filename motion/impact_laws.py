@@ -31,8 +31,9 @@ class ImpactLaw:
     constant: bool = False
 
 
-POISSON, RETURNING = "poisson", "tangential restitution"
+POISSON, STRONGE, RETURNING = "poisson", "stronge", "tangential restitution"
 IMPACT_LAWS = {
     POISSON: ImpactLaw("Poisson's law"),
+    STRONGE: ImpactLaw("Stronge's law", alone=True, constant=True),
     RETURNING: ImpactLaw("tangential restitution", whole=True, alone=True),
 }

@@ -64,7 +64,7 @@ def _rows(p: Problem) -> Iterator[tuple[str, str]]:
         yield "restitution", next(iter(values.values())) if same else each
     tangential = p.kernels.manifest.tangential_restitution
     yield "tangential restitution", ", ".join(f"{name} {e}" for name, e in tangential.items())
-    laws = p.kernels.manifest.get("impact_laws", {})
+    laws = p.kernels.manifest.impact_laws
     yield "impact law", ", ".join(f"{name} {law}" for name, law in laws.items())
     yield "ignored", ", ".join(p.ignored)
     yield "mesh", f"{_steps(p)}, order {p.order}, {p.control_form} inputs"

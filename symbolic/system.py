@@ -78,8 +78,9 @@ class MechanicalSystem(Shown):
         :eq:`tangential` of the theory.
     impact_laws : mapping of str to str, optional
         Law of the hits of surfaces with friction, ``"poisson"`` where none is stated: how much
-        normal impulse restitution has where sliding stops in a hit.  Equation :eq:`coefficients`
-        of the theory.
+        normal impulse restitution has where sliding stops in a hit, e times that of compression, or
+        as much as gives e^2 of its work back (``"stronge"``).  Equations :eq:`poisson` and
+        :eq:`stronge` of the theory.
     cost : Expr, optional
         Integrand C(q, q', u, t) of the cost.  Abs and Max with a positive factor and Min with a
         negative one are split into smooth functions, equation :eq:`kink` of the theory.

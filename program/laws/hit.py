@@ -42,7 +42,7 @@ import numpy as np
 from dmoc.base.names import momentum_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import STICK
-from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON
+from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON, STRONGE
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import (
@@ -63,6 +63,7 @@ from dmoc.program.laws.impact import ImpactLaw, restitution_of
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
 from dmoc.program.laws.poisson import PoissonRestitution
 from dmoc.program.laws.restitution import Restitution
+from dmoc.program.laws.stronge import StrongeRestitution
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
@@ -70,7 +71,9 @@ from dmoc.program.terms import Places, Term
 if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
-RESTITUTIONS: dict[str, Restitution] = {POISSON: PoissonRestitution()}
+RESTITUTIONS: dict[str, Restitution] = {
+    POISSON: PoissonRestitution(), STRONGE: StrongeRestitution(),
+}  # fmt: skip
 # Columns of the row "halts": before, at the moments, after; of "heads": before, after.
 BEFORE, AFTER = 0, 1 + len(MOMENTS)
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from dmoc.codegen.kernels import Array
-from dmoc.motion.impact_laws import POISSON, RETURNING
-from dmoc.simulation.impact_laws import poisson, tangential
+from dmoc.motion.impact_laws import POISSON, RETURNING, STRONGE
+from dmoc.simulation.impact_laws import poisson, stronge, tangential
 from dmoc.simulation.impact_laws.course import Coefficients, Impulses
 
 LAWS: dict[str, Callable[[Array, Array, Coefficients], Impulses]] = {
     POISSON: poisson.impulses,
+    STRONGE: stronge.impulses,
     RETURNING: tangential.impulses,
 }
