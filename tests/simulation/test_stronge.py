@@ -14,6 +14,9 @@ from hit_problems import X, Y, ball, coupled, rod, thrown
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError, SimulationError
 from dmoc.codegen.kernels import Array
+from dmoc.guess.hits import _impulses, rates_and_response
+from dmoc.program.laws.hit import RESTITUTIONS
+from dmoc.program.layout import Layout
 from dmoc.simulation.impact_laws import poisson, stronge
 from dmoc.simulation.impact_laws.course import Coefficients, Impulses
 
@@ -113,6 +116,22 @@ def drawn(number: int) -> tuple[dmoc.Problem, Impulses]:
         **thrown((v[0], v[1]), {"x": 0.0, "y": 0.0}),
     )  # fmt: skip
     return problem, law
+
+
+@pytest.mark.parametrize("number", [0, 1, 3, 5, 8, 10, 16, 22, 30])
+def test_first_values_within_a_hit_are_those_of_the_law(number: int) -> None:
+    problem, law = drawn(number)
+    (p,) = Layout.of(problem).hit.passages
+    v = np.array([problem.start["x_dot"], problem.start["y_dot"]])
+    rates, A = rates_and_response(problem, p, (np.zeros(2), v, 0.0))
+    first = _impulses(p, rates, A, (0.6, problem.parameters["mu"]))
+    assert first[-1] == pytest.approx([law.normal, law.tangential], rel=1e-9)
+
+
+def test_the_whole_impulse_beside_that_of_compression() -> None:
+    """1 + e times the root of the ratio of what a normal impulse changes the rate by."""
+    assert RESTITUTIONS["stronge"].ratio(0.5, 4.0, 1.0) == pytest.approx(2.0)
+    assert RESTITUTIONS["poisson"].ratio(0.5, 4.0, 1.0) == pytest.approx(1.5)
 
 
 @pytest.mark.slow
