@@ -78,6 +78,24 @@ def test_what_is_at_rest_sticks_beside_a_contact_whose_sliding_jams() -> None:
     assert slope == pytest.approx(1.6 / 6.9) == hit.tangential / hit.normal
 
 
+@pytest.mark.parametrize(
+    ("response", "mu", "rates"),
+    [
+        ((2.9854261127486215, -3.945223531987561, 5.216362609240357), 1.294155576093227,
+         (-1.8362151124205066, 0.2861486786775706)),
+        ((3.769470643848912, 3.2451594389151066, 2.795544903540221), 1.6567881768800687,
+         (-1.1439889477482759, 0.5603693386415284)),
+    ],
+)  # fmt: skip
+def test_what_sticks_goes_on_to_stick(
+    response: tuple[float, ...], mu: float, rates: tuple[float, ...]
+) -> None:
+    """Rounding errors of the rates of bodies that are nearly bound do not slide."""
+    A = np.array([response[:2], response[1:]])
+    hit = impulses(np.array(rates), A, Coefficients(mu, 1.0))
+    assert (hit.course, hit.restitution) == ("slip+:stick", ("sticks",))
+
+
 @example(-1.0, 1.0, 1.0, 1.0, 0.0, 2.2e-309, 0.0)  # a friction that stops nothing
 @example(-0.15625, 1.0, 0.25, 1.0, 0.0, 5e-324, 1.0)
 @given(

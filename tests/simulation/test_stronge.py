@@ -15,8 +15,10 @@ import dmoc
 from dmoc.base.errors import ModelError, ProblemError, SimulationError
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import _impulses, rates_and_response
+from dmoc.program.blocks import NOWHERE
 from dmoc.program.laws.hit import RESTITUTIONS
 from dmoc.program.layout import Layout
+from dmoc.program.transcription import Transcription
 from dmoc.simulation.impact_laws import poisson, stronge
 from dmoc.simulation.impact_laws.course import Coefficients, Impulses
 
@@ -126,6 +128,13 @@ def test_first_values_within_a_hit_are_those_of_the_law(number: int) -> None:
     rates, A = rates_and_response(problem, p, (np.zeros(2), v, 0.0))
     first = _impulses(p, rates, A, (0.6, problem.parameters["mu"]))
     assert first[-1] == pytest.approx([law.normal, law.tangential], rel=1e-9)
+
+
+def test_no_root_below_zero_is_left_to_restitution() -> None:
+    for number in (5, 8):
+        problem, law = drawn(number)
+        rows = Transcription(problem).laws.hit.share.index[0]
+        assert (rows[2] != NOWHERE) == (law.course != "slip-:stick")
 
 
 def test_the_whole_impulse_beside_that_of_compression() -> None:
