@@ -35,7 +35,8 @@ from dmoc.simulation.tolerances import Tolerances
 
 # The share of the longest that each of the pushes is at least which are far from dependent.
 ALIKE = 1e-3
-# Entries of a projection on forces without effect above this are more than rounding errors.
+# A force has as much of itself in a projection on forces without effect, where it has a part in it:
+# its square, in which rounding errors are far below.
 UNDETERMINED = 1e-6
 
 
@@ -69,7 +70,8 @@ def without_effect(model: Model, held: Conditions, q: Array, t: Array) -> Array:
     if _independent(push):
         return np.zeros((len(q), push.shape[2], push.shape[2]))
     rest = np.eye(push.shape[2]) - np.linalg.pinv(push, rcond=DEPENDENT) @ push
-    rest = np.where(np.abs(rest) > UNDETERMINED, rest, 0.0)
+    some = (np.diagonal(rest, axis1=1, axis2=2) > UNDETERMINED).any(axis=1)
+    rest = np.where(some[:, None, None], rest, 0.0)
     return np.asarray(rest / size[:, :, None] * size[:, None, :])
 
 
@@ -125,7 +127,7 @@ def names_without_effect(model: Model, mode: Mode, q: Array, t: float) -> tuple[
     held = conditions_of(model, mode)
     if len(held) < 2:
         return [], []
-    free = np.diagonal(without_effect(model, held, q[None], np.array([t]))[0]) > 0
+    free = np.diagonal(without_effect(model, held, q[None], np.array([t]))[0]) > UNDETERMINED
     names = model.kernels.surfaces, model.kernels.tangents
     return tuple(
         [of[j] for i, j in zip(*held.places(functions), strict=True) if free[i]]
