@@ -2,13 +2,15 @@
 
 A motion has durations, points at the start, the collisions and the goal, velocities there that obey
 the law of impact, and between them cubics with a few waves on top.  There are five kinds in turn.
-*Straight* ones have lines instead of cubics, with one bump of a coordinate in a phase, up or down,
-or none, and no inputs.  *Shaken* ones are an automatic guess with waves, other durations and less
-of its inputs.  *Driven* ones know nothing but the statement: they have waves s (1 - s) sin(m pi s)
-in each phase, which leave the points on their surfaces, and the inputs of the equations of motion
-by least squares, within their bounds; *idle* ones are the same without inputs; *loose* ones have
-waves sin(m pi s) over the whole time, which leave the surfaces, and no inputs either.  No kind is
-best for all problems.  Motion k of a seed is the same whichever others are asked for.
+*Straight* ones have lines instead of cubics, and no inputs; the lines meet at any places, and not
+on the surfaces, as far away as light links swing.  Where there are no hits, they have one bump of a
+coordinate in a phase, up or down, or none.  *Shaken* ones are an automatic guess with waves, other
+durations and less of its inputs.  *Driven* ones know nothing but the statement: they have waves
+s (1 - s) sin(m pi s) in each phase, which leave the points on their surfaces, and the inputs of the
+equations of motion by least squares, within their bounds; *idle* ones are the same without inputs;
+*loose* ones have waves sin(m pi s) over the whole time, which leave the surfaces, and no inputs
+either.  No kind is best for all problems.
+Motion k of a seed is the same whichever others are asked for.
 """
 
 from __future__ import annotations
@@ -35,15 +37,16 @@ from dmoc.program.layout import Layout
 
 # Largest ratio of the longest and the shortest final time that is tried where bounds leave it open.
 TIMES = 10.0
-# Spread of the logarithm of the shares of time of the phases: some are short.
-SHARES = 1.3
+# Spread of the logarithm of the shares of time of the phases: some are short, of straight ones
+# fewer.
+SHARES, EVENER = 1.3, 0.8
 # Distances of points from the straight way, and amplitudes of waves, in reaches of the coordinates:
-# each motion has its own size between the two, evenly by its logarithm (loose ones are larger), and
-# its own number of waves.  On pendulums, carts and an acrobot smaller ones find nothing new, larger
-# ones hardly anything.
+# each motion has its own size between the two, evenly by its logarithm (loose and straight ones are
+# larger), and its own number of waves.  On pendulums, carts and an acrobot smaller ones find
+# nothing new, larger ones hardly anything.
 SMALLEST, LOOSEST, LARGEST = 0.05, 0.3, 1.6
-# Kinds of motions, and those of the numbers in turn.  On arms of two and three links twice as many
-# solves from straight ones end as from the others; loose ones have met the rarest minima.
+# Kinds of motions, and those of the numbers in turn.  On arms of two and three links straight ones
+# have met the rarest minima: places that are put on the surfaces lead to few of them.
 STRAIGHT, SHAKEN, IDLE, LOOSE, DRIVEN = range(5)
 IN_TURN = (SHAKEN, DRIVEN, STRAIGHT, LOOSE, STRAIGHT, IDLE, STRAIGHT, LOOSE)
 # Those of few motions, and of motions that begin relaxed programs.
@@ -161,17 +164,19 @@ class _Drawn:
         normal = np.array([r.standard_normal((phases + 1, nq)) for r in draws])
         shares = np.array([r.standard_normal(phases) for r in draws])
         waves = np.array([r.standard_normal((phases, WAVES, nq)) for r in draws])
-        smallest = np.where(kind == LOOSE, LOOSEST, SMALLEST)
+        straight, loose = kind == STRAIGHT, kind == LOOSE
+        smallest = np.where(straight | loose, LOOSEST, SMALLEST)
         size = smallest * (LARGEST / smallest) ** uniform[:, 1]
+        shares *= np.where(straight, EVENER, SHARES)[:, None]
         durations = _durations(problem, natural, uniform[:, 0], shares)
-        points = _points(problem, durations, uniform[:, 3:], normal * size[:, None, None])
+        spread = size[:, None] * np.where(straight[:, None], problem.spread, problem.reach)
+        away = normal * spread[:, None]
+        points = _points(problem, durations, uniform[:, 3:], away, ~straight)
         waves = waves * (problem.reach * size[:, None])[:, None, None, :]
         waves /= np.arange(1, WAVES + 1)[:, None]
         waves *= (np.arange(WAVES) <= WAVES * uniform[:, 2, None])[:, None, :, None]
-        straight = kind == STRAIGHT
         waves[straight] = 0.0
-        waves[straight, :, 0] = _bumps(problem, draws, size)[straight]
-        loose = kind == LOOSE
+        waves[straight, :, 0] = _bumps(problem, draws, spread)[straight]
         whole = np.where(loose[:, None, None], waves[:, 0], 0.0)
         waves[loose] = 0.0
         legs = np.diff(points, axis=1) / np.where(durations > 0, durations, 1.0)[:, :, None]
@@ -183,11 +188,14 @@ class _Drawn:
         return _Drawn(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
-def _bumps(problem: Problem, draws: Sequence[np.random.Generator], size: Array) -> Array:
-    """Bumps up and down of the coordinates in the phases, or none, shape (count, phases, nq)."""
+def _bumps(problem: Problem, draws: Sequence[np.random.Generator], spread: Array) -> Array:
+    """Bumps up and down of the coordinates in the phases, or none, shape (count, phases, nq); none
+    where there are places of hits."""
     shape = (problem.phases, problem.nq)
+    if any(event.impact for event in problem.touch.events):
+        return np.zeros((len(draws), *shape))
     signs = np.array([r.integers(-1, 2, shape) for r in draws])
-    return np.asarray(signs * problem.reach * size[:, None, None])
+    return np.asarray(signs * spread[:, None])
 
 
 def _durations(problem: Problem, natural: float, uniform: Array, shares: Array) -> Array:
@@ -210,14 +218,21 @@ def _durations_of(
     high = high if np.isfinite(high) else max(TIMES**0.5 * natural, low * TIMES)
     low = max(low, high / TIMES**2 if high < natural else min(natural, high) / TIMES)
     total = low * (high / low) ** np.sqrt(uniform) if high > low else np.full(len(uniform), high)
-    parts = np.exp(SHARES * (shares - shares.mean(axis=1, keepdims=True)))
+    parts = np.exp(shares - shares.mean(axis=1, keepdims=True))
     durations = np.clip(total[:, None] * parts / parts.sum(axis=1, keepdims=True), *each.T)
     return np.asarray(durations)
 
 
-def _points(problem: Problem, durations: Array, uniform: Array, away: Array) -> Array:
-    """Points at the start and the goal within their bounds, and between them on the surfaces."""
-    nq, reach = problem.nq, problem.reach
+def _points(
+    problem: Problem,
+    durations: Array,
+    uniform: Array,
+    away: Array,
+    on: NDArray[np.bool_],
+) -> Array:
+    """Points at the start and the goal within their bounds, and between them beside the straight
+    way, those of some motions on the surfaces."""
+    nq = problem.nq
     ends: list[Array] = []
     for k, end, share in ((0, "start", uniform[:, :nq]), (-1, "goal", uniform[:, nq:])):
         low, high = getattr(problem, f"{end}_bounds").position.T
@@ -225,7 +240,7 @@ def _points(problem: Problem, durations: Array, uniform: Array, away: Array) -> 
         inside = np.where(bounded, low, 0.0) + share * np.where(bounded, high - low, 0.0)
         free = ends[0] if ends else problem.start_position
         # A far bound of one side holds nothing.
-        drawn = np.where(bounded, inside, np.clip(free + away[:, k] * reach, low, high))
+        drawn = np.where(bounded, inside, np.clip(free + away[:, k], low, high))
         ends.append(onto_quantities(problem, end, drawn))
     part = np.cumsum(durations, axis=1) / durations.sum(axis=1, keepdims=True)
     part = np.hstack([np.zeros((len(part), 1)), part])[:, :, None]
@@ -235,8 +250,9 @@ def _points(problem: Problem, durations: Array, uniform: Array, away: Array) -> 
         if not event.impact:
             continue
         j = event.surface
-        around = points[:, i + 1] + away[:, i + 1] * reach
-        points[:, i + 1] = _onto(problem, around, times[:, i], j)
+        points[:, i + 1] += away[:, i + 1]
+        if on.any():
+            points[on, i + 1] = _onto(problem, points[on, i + 1], times[on, i], j)
     if problem.ends_with_event:
         points[:, -1] = points[:, -2]
     return points

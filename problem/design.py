@@ -23,7 +23,7 @@ SAMPLES = 3
 # What depends on the values of design parameters, beside these.
 OF_DESIGN = {
     "parameter_values", "model", "redundant", "start_position", "goal_position", "inertia", "reach",
-    "end_speeds",
+    "spread", "end_speeds",
 }  # fmt: skip
 
 

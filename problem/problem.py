@@ -47,7 +47,7 @@ from dmoc.problem.ranges import (
     steps_of,
     via_of,
 )
-from dmoc.problem.reach import inertia_of, operating_inputs_of, reach_of
+from dmoc.problem.reach import inertia_of, operating_inputs_of, reach_of, spread_of
 from dmoc.problem.relations import goal_position_of, relations_of, start_position_of, unsaid_of
 from dmoc.problem.statement import read, statement_in_short, table_of_problem
 
@@ -346,6 +346,7 @@ class Problem(Shown):
     unsaid = cached_property(unsaid_of)
     inertia = cached_property(inertia_of)
     reach = cached_property(reach_of)
+    spread = cached_property(spread_of)
     end_speeds = cached_property(end_speeds_of)
     operating_inputs = cached_property(operating_inputs_of)
 

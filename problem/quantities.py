@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.arguments import Range, interval, shown
 from dmoc.base.errors import ProblemError
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 # Newton steps to a position that has the quantities of an end.
 NEWTON = 20
+TURN = 2 * np.pi
 
 
 @dataclass(frozen=True)
@@ -139,18 +141,29 @@ def onto_quantities(problem: Problem, end: str, q: Array) -> Array:
     if not on or (low == high).all():
         return q
     ease = np.where(low < high, 1 / np.abs(np.diagonal(problem.model.mass(q[0]))), 0.0)
+
+    def missing(at: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """What positions miss, and which of them nothing that is more than rounding errors."""
+        z = problem.model.quantities(at, np.zeros_like(at), none, t)[:, on]
+        off = z - np.clip(z, *own[on].T)
+        return off, (np.abs(off) <= KEPT * (1 + np.abs(z))).all(axis=1)
+
     at = q.copy()
     with np.errstate(all="ignore"):
         for _ in range(NEWTON):
-            state = at, np.zeros_like(at), none, t
-            z = problem.model.quantities(*state)[:, on]
-            off = z - np.clip(z, *own[on].T)
-            J = problem.model.quantity_slopes(*state)[:, on, : problem.nq]
+            J = problem.model.quantity_slopes(at, np.zeros_like(at), none, t)
+            J = J[:, on, : problem.nq]
             J = np.where(np.isfinite(J), J, 0.0)  # where a quantity is not defined
             share = np.linalg.pinv(J @ (ease[:, None] * np.swapaxes(J, 1, 2)))
-            step = -ease * np.einsum("nji,njk,nk->ni", J, share, off)
+            step = -ease * np.einsum("nji,njk,nk->ni", J, share, missing(at)[0])
             at = np.clip(at + step, low, high)
-    arrived = np.isfinite(at).all(axis=1) & (np.abs(off) <= KEPT * (1 + np.abs(z))).all(axis=1)
+        # Where the quantities hardly move, a step may be many turns of an angle.
+        for i in np.flatnonzero((np.abs(at - q) > np.pi).any(axis=0)):
+            nearer = at.copy()
+            nearer[:, i] -= TURN * np.round((at - q)[:, i] / TURN)
+            inside = (low[i] <= nearer[:, i]) & (nearer[:, i] <= high[i])
+            at = np.where((inside & missing(nearer)[1])[:, None], nearer, at)
+        arrived = np.isfinite(at).all(axis=1) & missing(at)[1]
     return np.where(arrived[:, None], at, q)
 
 

@@ -79,6 +79,16 @@ def reach_of(problem: Problem) -> Array:
     return np.where(far & _turns(problem), np.pi, reach) if far.any() else reach
 
 
+def spread_of(problem: Problem) -> Array:
+    """How far each coordinate may get where all move what their inertias make of the largest reach,
+    half a turn at most for an angle that reaches no more, shape (nq,): a light link, of which
+    neither the goal nor the surfaces ask much, may swing far on the way."""
+    root, reach = np.sqrt(np.abs(problem.inertia)), problem.reach
+    root = np.where(root > 0, root, 1.0)
+    swing = np.minimum((reach * root).max() / root, np.pi)
+    return np.where(_turns(problem), np.maximum(reach, swing), reach)
+
+
 def gap_sizes(problem: Problem, q: Array, t: float = 0.0) -> Array:
     """Sizes of the gaps at a position, of what makes them there and of how far they may move, where
     that is a number, shape (nc,)."""

@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 from dmoc.guess.random_motions import IN_TURN
 from dmoc.solving.multistart.minima import Basin
 
+# Where a collision of every minimum has no effect, so many times more starts go by without a
+# cheaper one.
+PATIENCE = 6
+
 
 @dataclass(frozen=True)
 class Effort:
@@ -60,8 +64,11 @@ class Effort:
             return True
         every, far = met_by_cost(minima).T
         seen = unseen_share(every) <= self.unseen and unseen_share(far) <= self.unseen_far
-        often = every[0] >= self.often and every.sum() >= self.each * len(every)
-        return seen and often and unbeaten >= self.beside
+        with_effect = [basin for basin in minima if not basin.touches]
+        best = int(met_by_cost(with_effect or minima)[0, 0])
+        often = best >= self.often and every.sum() >= self.each * len(every)
+        patience = 1 if with_effect else PATIENCE
+        return seen and often and unbeaten >= patience * self.beside
 
 
 def met_by_cost(minima: Sequence[Basin]) -> NDArray[np.intp]:

@@ -47,6 +47,11 @@ class Basin:
         return self.attempt.nlp.problem
 
     @property
+    def touches(self) -> bool:
+        """Whether a collision of it has no effect."""
+        return bool(self.attempt.nlp.laws.impact.touching.any())
+
+    @property
     def motion(self) -> Array:
         """Its unknowns, in units of the problem."""
         return self.attempt.nlp.physical(self.attempt.outcome.x)

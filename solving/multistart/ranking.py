@@ -97,12 +97,16 @@ def ranked(
     for k, coarse in enumerate(minima):
         confirmed = [r.solution.cost for r in refined if r.solution.minimum]
         passed = bool(confirmed) and coarse.cost > min(confirmed) and k >= effort.refined
+        seeks = effort.settles and passed and _seeks_effect(refined, minima[k:])
         full = len(refined) >= effort.most_refined
         # The first one is refined however late it is: starts that nothing comes of are no use.
         late = k > 0 and deadline.passed
-        if passed or full or late:
+        if (passed and not seeks) or full or late:
             left += minima[k:]
             break
+        if seeks and coarse.touches:
+            left.append(coarse)
+            continue
         attempt = refinements.of(coarse, options)
         if attempt.status is not Status.SOLVED:
             left.append(coarse)
@@ -124,6 +128,12 @@ def ranked(
     elif effort.settles:
         refined = _until_confirmed(sorted(refined, key=Ranked.rank), options, deadline)
     return sorted(refined, key=Ranked.rank), left
+
+
+def _seeks_effect(refined: Sequence[Ranked], left: Sequence[Basin]) -> bool:
+    """Whether a collision of all minima that were refined has no effect, and there are others."""
+    none = not any(r.solution.status is Status.SOLVED for r in refined)
+    return none and not all(basin.touches for basin in left)
 
 
 def _confirmed(

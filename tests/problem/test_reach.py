@@ -45,6 +45,14 @@ def test_more_turns_are_expected_where_they_are_said() -> None:
     assert moved("light_leg", sp.sin, **wide).reach == approx([1.0, 2 * turns], rel=1e-12)
 
 
+def test_only_what_turns_is_spread_further_than_it_reaches() -> None:
+    """A light part that goes 0.1, of which its energy would make ten or more."""
+    ends = {"start": {"x": 0.0, "b": 0.0}, "goal": {"x": 1.0, "b": 0.1}}
+    assert moved("light_leg", sp.sin, **ends).spread == approx([1.0, pi], rel=1e-12)
+    slider = moved("light_slider", lambda b: b, **ends)
+    assert slider.spread == approx([1.0, 0.1], rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("name", "further"),
     [("light_slider", lambda b: b), ("light_slider_on_a_bow", lambda b: b + b**2 / 9)],

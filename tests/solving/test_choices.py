@@ -24,18 +24,28 @@ from dmoc.solving import attempts
 from dmoc.solving.attempts import Attempt, LocalSolver
 from dmoc.solving.multistart.effort import Effort, met_by_cost, unseen_share
 from dmoc.solving.multistart.minima import Basin, joined
-from dmoc.solving.multistart.ranking import Ranked
+from dmoc.solving.multistart.ranking import Ranked, _seeks_effect
 from dmoc.solving.open_hits import _Tries
 
 NONE = np.zeros(0)
 
 
-def met(*counts: int, costs: Sequence[float] = (1.0, 2.0, 3.0, 4.0), far: int = 5) -> list[Basin]:
-    """Minima of some costs, and how many starts have met each, so many at most far from all."""
-    attempt: Any = SimpleNamespace(nlp=SimpleNamespace(scale=SimpleNamespace(cost=1.0)))
+def met(
+    *counts: int,
+    costs: Sequence[float] = (1.0, 2.0, 3.0, 4.0),
+    far: int = 5,
+    touching: int = 0,
+) -> list[Basin]:
+    """Minima of some costs, and how many starts have met each, so many at most far from all; the
+    first ones have a collision without effect."""
+
+    def attempt(touches: bool) -> Any:
+        laws = SimpleNamespace(impact=SimpleNamespace(touching=np.array([touches])))
+        return SimpleNamespace(nlp=SimpleNamespace(scale=SimpleNamespace(cost=1.0), laws=laws))
+
     return [
-        Basin(attempt, c, np.ones(1), n, "", min(n, far))
-        for c, n in zip(costs, counts, strict=False)
+        Basin(attempt(i < touching), c, np.ones(1), n, "", min(n, far))
+        for i, (c, n) in enumerate(zip(costs, counts, strict=False))
     ]
 
 
@@ -69,6 +79,26 @@ def test_starts_suffice_where_the_best_is_met_often_and_little_is_unseen() -> No
     assert not effort.suffices(met(20, far=4), 40, 16)  # 1 of 6
     assert not effort.suffices([], 40, 40)
     assert not replace(effort, total=50).suffices(met(20, 10), 40, 16)
+
+
+def test_a_minimum_whose_collisions_have_an_effect_is_looked_for_longer() -> None:
+    """Where none is known, until six times as many starts have met no cheaper one; else it is the
+    best of these that is to be met often."""
+    effort = Effort()
+    assert not effort.suffices(met(20, 10, touching=2), 200, 95)
+    assert effort.suffices(met(20, 10, touching=2), 200, 96)
+    assert not effort.suffices(met(20, 4, touching=1), 200, 96)
+    assert effort.suffices(met(20, 5, touching=1), 200, 16)
+
+
+def test_minima_that_touch_are_passed_over_where_a_dearer_one_does_not() -> None:
+    solved, grazes = (
+        cast(Ranked, SimpleNamespace(solution=SimpleNamespace(status=status)))
+        for status in (Status.SOLVED, Status.GRAZES)
+    )
+    left = met(1, 1, touching=1)
+    assert _seeks_effect([grazes, grazes], left)
+    assert not _seeks_effect([grazes, solved], left) and not _seeks_effect([grazes], left[:1])
 
 
 def test_starts_suffice_where_all_of_them_lead_to_one_minimum() -> None:

@@ -392,3 +392,17 @@ def test_first_positions_at_the_goal_follow_time_and_what_is_periodic():
     np.testing.assert_allclose(closed.goal_position, [6.5, 0])  # said twice, and not refused
     gait = problem.but(goal={}, periodic={x: (x, (0.2, 0.8)), y: (-x, (3, None))})
     np.testing.assert_allclose(gait.goal_position, [1.5, 2])
+
+
+def test_first_positions_at_the_goal_are_the_nearest_by_whole_turns():
+    """Newton's first step from x = 1.52, where sin is flat, to sin x = 0.1 goes 17.7 rad far; the
+    place that it leads to is moved by turns of 2 pi, and not where a bound forbids it."""
+    system = dmoc.MechanicalSystem(
+        "turner", [x], x.diff() ** 2 / 2, inputs=[u], forces={x: u}, quantities={"high": sp.sin(x)}
+    )
+    problem = dmoc.Problem(dmoc.build(system), {x: 1.52}, {"high": 0.1}, steps=4)
+    (goal,) = problem.goal_position
+    np.testing.assert_allclose(np.sin(goal), 0.1)
+    assert abs(goal - 1.52) <= np.pi
+    (far,) = problem.but(goal={"high": 0.1, x: (-40.0, -10.0)}).goal_position
+    assert -40 <= far <= -10
