@@ -70,8 +70,8 @@ def without_effect(model: Model, held: Conditions, q: Array, t: Array) -> Array:
     if _independent(push):
         return np.zeros((len(q), push.shape[2], push.shape[2]))
     rest = np.eye(push.shape[2]) - np.linalg.pinv(push, rcond=DEPENDENT) @ push
-    some = (np.diagonal(rest, axis1=1, axis2=2) > UNDETERMINED).any(axis=1)
-    rest = np.where(some[:, None, None], rest, 0.0)
+    largest = np.diagonal(rest, axis1=1, axis2=2).max(axis=1)
+    rest = np.where(largest[:, None, None] > UNDETERMINED, rest, 0.0)
     return np.asarray(rest / size[:, :, None] * size[:, None, :])
 
 

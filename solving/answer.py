@@ -20,7 +20,7 @@ from dmoc.solving.mesh.refinement import refined
 from dmoc.solving.request import Request
 from dmoc.solving.sliding_reversals import naming_turns
 from dmoc.solving.starts import InitialGuess
-from dmoc.solving.unbounded_cost import bounded, ended, resumed
+from dmoc.solving.unbounded_cost import bounded, ended, in_time, resumed
 
 # Iterations on a mesh that begins with the motion of a coarser one: more lead elsewhere.
 FROM_COARSE = 300
@@ -124,11 +124,17 @@ def _refined(first: Solution, case: Case) -> Solution:
     return ended(answer, case)
 
 
+def _within_time(answer: Solution, case: Case) -> Solution:
+    """A motion that starts with a limited final time alone lead to, judged as all others."""
+    other = in_time(answer, case)
+    return first_of(bounded, ended, _refined)(other, case) if other.minimum else other
+
+
 # What is told of an answer, in order: minima that are none, and what the mesh leaves of the others,
 # then notes.
 CRITICS: tuple[Critic, ...] = (
     resumed,
-    first_of(bounded, ended, _refined),
+    first_of(_within_time, bounded, ended, _refined),
     naming_steps,
     _leaving_open,
     _sharing_forces,

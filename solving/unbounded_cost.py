@@ -16,6 +16,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import NO_TIME, expected_time, initial_guesses
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import LONGEST_TIME
+from dmoc.program.scale import Scale
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Solution, ending
 from dmoc.solvers.kkt import LEAST_COST
@@ -51,6 +52,24 @@ def resumed(answer: Solution, case: Case) -> Solution:
     if end is answer or not end.minimum:
         return answer
     return _with_starts(end, answer)
+
+
+def in_time(answer: Solution, case: Case) -> Solution:
+    """The answer; where no start leads to a motion whose final time has no upper limit, the one
+    within a limit, unless its cost falls with that, so that starts drift away from all of them."""
+    low, high = case.problem.final_time_bounds
+    if answer.status is not Status.INFEASIBLE or np.isfinite(high):
+        return answer
+    size = _first_time(case.problem, scale_of(case.problem, initial_guesses(case.problem)[0].x))
+    near = case.afresh(_in_time(case.problem, low, LIMITS[0] * size))
+    if not near.minimum:
+        return answer
+    far = case.afresh(_in_time(case.problem, low, LIMITS[1] * size))
+    if far.minimum and far.cost < near.cost / TWICE:
+        ends = [(end.cost, most * size) for end, most in zip((near, far), LIMITS, strict=False)]
+        return _running_away(far, "final_time", *ends)
+    end = case.along(case.problem, near, case.of_mesh.verify)
+    return _with_starts(end, near) if end.minimum else answer
 
 
 def bounded(answer: Solution, case: Case) -> Solution:
@@ -153,10 +172,15 @@ def _running(
                 where = f"{name} at the start" if field == "start" else name
                 yield where, partial(_within, problem, field, name, box), float(size), float(far)
     low, high = problem.final_time_bounds
-    time = min(scale.time, expected_time(problem) or NO_TIME)
+    time = _first_time(problem, scale)
     if np.isinf(high) and answer.final_time > FAR * time:
         limited = partial(_in_time, problem, low)
         yield "final_time", limited, time, answer.final_time
+
+
+def _first_time(problem: Problem, scale: Scale) -> float:
+    """The final time of a first motion."""
+    return min(scale.time, expected_time(problem) or NO_TIME)
 
 
 def _within(problem: Problem, field: str, name: str, box: Array, size: float) -> Problem:

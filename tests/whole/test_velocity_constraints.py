@@ -3,6 +3,7 @@ through the whole chain beside closed forms, and beside a collocation of another
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +33,17 @@ def knife(order: int) -> Kernels:
     return dmoc.build(system, order=order)
 
 
-def car(order: int, **more: Any) -> Kernels:
+def car_system(**more: Any) -> dmoc.MechanicalSystem:
     """A car of 1 kg and 0.2 kg m^2 about its rear axle, which pushes along it and turns it."""
-    system = dmoc.MechanicalSystem(
+    return dmoc.MechanicalSystem(
         "car", [X, Y, A], (V_X**2 + V_Y**2) / 2 + 0.1 * OMEGA**2, inputs=[U, W],
         forces={X: U * sp.cos(A), Y: U * sp.sin(A), A: W}, cost=U**2 + W**2,
         constraints={"axle": BLADE}, **more,
     )  # fmt: skip
-    return dmoc.build(system, order=order)
+
+
+def car(order: int, **more: Any) -> Kernels:
+    return dmoc.build(car_system(**more), order=order)
 
 
 def parking(order: int, steps: int | None = 40, **more: Any) -> dmoc.Problem:
@@ -143,6 +147,16 @@ def test_a_car_that_parks_beside_where_it_stands() -> None:
     default = dmoc.solve(parking(2, None))
     assert default.solved, default.message
     assert default.cost == pytest.approx(2.0420590, rel=1e-3)
+
+
+@pytest.mark.parametrize(("price", "status"), [(0, "stalled"), (sp.Rational(1, 10), "solved")])
+def test_a_car_that_has_all_the_time_it_wants(price: sp.Expr, status: str) -> None:
+    """No start leads to y = 1 while its time may drift away; where time has a price, all do."""
+    at_rest = {"x": 0, "y": 0, "a": 0, **STILL}
+    stated = replace(car_system(), cost=U**2 + W**2 + price)
+    solution = dmoc.solve(dmoc.Problem(stated, at_rest, {"y": 1}))
+    assert solution.status == status, solution.message
+    assert ("it falls as final_time grows" in solution.message) == (price == 0)
 
 
 def test_an_axle_holds_what_a_turn_needs() -> None:
