@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import BoundKernels, Index
 from dmoc.mechanics.contacts import RAIL
-from dmoc.motion.impact_laws import POISSON, RETURNING
+from dmoc.motion.impact_laws import law_of
 
 
 class FrictionModel(BoundKernels):
@@ -149,9 +149,8 @@ class FrictionModel(BoundKernels):
     def impact_laws(self) -> dict[int, str]:
         """The law that these hits obey, by surface (:mod:`dmoc.motion.impact_laws`)."""
         manifest, names = self.kernels.manifest, self.kernels.surfaces
-        stated = dict.fromkeys(manifest.tangential_restitution, RETURNING)
-        stated |= manifest.impact_laws
-        return {j: stated.get(names[j], POISSON) for j in self.rubs_in_hits}
+        facts = manifest.impact_laws, manifest.tangential_restitution
+        return {j: law_of(names[j], *facts) for j in self.rubs_in_hits}
 
     def bearing(self, normal: Array) -> Array:
         """What friction can hold at most beside contact forces (..., nc): mu N of surfaces, and the

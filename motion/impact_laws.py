@@ -6,6 +6,7 @@ Their equations are in ``program/laws``, and once more, by other means, in
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 
@@ -17,6 +18,8 @@ class ImpactLaw:
     ----------
     name : str
         As sentences have it: what hits obey.
+    says : str
+        What it says, in a sentence after a colon.
     whole : bool
         A hit sticks or slides as a whole: no word says that its sliding stops on the way.
     alone : bool
@@ -26,6 +29,7 @@ class ImpactLaw:
     """
 
     name: str
+    says: str
     whole: bool = False
     alone: bool = False
     constant: bool = False
@@ -33,7 +37,21 @@ class ImpactLaw:
 
 POISSON, STRONGE, RETURNING = "poisson", "stronge", "tangential restitution"
 IMPACT_LAWS = {
-    POISSON: ImpactLaw("Poisson's law"),
-    STRONGE: ImpactLaw("Stronge's law", alone=True, constant=True),
-    RETURNING: ImpactLaw("tangential restitution", whole=True, alone=True),
-}
+    POISSON: ImpactLaw("Poisson's law", "restitution has e times the impulse of compression"),
+    STRONGE: ImpactLaw(
+        "Stronge's law", "restitution gives e^2 of the work of compression back", alone=True,
+        constant=True,
+    ),
+    RETURNING: ImpactLaw(
+        "tangential restitution",
+        "T = (1 + e_t) T_0 with the T_0 that stops the sliding in the plastic hit, or slides where "
+        "that is above mu P",
+        whole=True, alone=True,
+    ),
+}  # fmt: skip
+
+
+def law_of(surface: str, stated: Mapping[str, str], returning: Collection[str]) -> str:
+    """The law of the hits of a surface that have a tangential impulse, from the laws that a model
+    states and its surfaces with tangential restitution."""
+    return stated.get(surface, RETURNING if surface in returning else POISSON)

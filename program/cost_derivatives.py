@@ -133,7 +133,7 @@ class _AtMinimum:
             )
             for share, weight in (BACKWARD if e else ONE_SIDED)
         ]
-        return sum(parts) / (e or 1.0)
+        return float(sum(parts) / (e or 1.0))
 
     def moved(self, field: str, name: str, ways: tuple[float, float]) -> float:
         """By both ends of a range that move so much: L is linear in them."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dmoc.base.errors import ModelError
 from dmoc.base.names import name_of
-from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON
+from dmoc.motion.impact_laws import IMPACT_LAWS, law_of
 from dmoc.symbolic.continuous import FUNCTIONS, Continuous, as_tuple
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def check_design(system: MechanicalSystem, f: Continuous, names: Sequence[str]) 
                     "which the program takes as a number: give it a value in parameters."
                 )
         for surface, value in zip(system.surfaces, of["e"], strict=False):
-            law = IMPACT_LAWS[system.impact_laws.get(surface, POISSON)]
+            law = IMPACT_LAWS[law_of(surface, system.impact_laws, system.tangential_restitution)]
             if law.constant and s in value.free_symbols:
                 raise ModelError(
                     f"design parameter {name} is in the restitution of {surface!r}, which is a "

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import sympy as sp
 
+from dmoc.motion.impact_laws import IMPACT_LAWS, law_of
 from dmoc.symbolic.contact_references import has_forces
 from dmoc.symbolic.continuous import (
     Continuous,
@@ -149,13 +150,16 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
                 " sliding_speed is |sigma|, sigma the rate of tau; a single coefficient has its "
                 "value at rest, mu_s or F_s, where it sticks."
             )
-        if system.tangential_restitution:
-            text += (
-                " A hit with the coefficient e_t of tangential restitution has T = (1 + e_t) T_0 "
-                "with the T_0 that stops the sliding in the plastic hit, or slides where that is "
-                "above mu P."
-            )
-        yield Section("Friction", text, tuple(equations))
+        yield Section("Friction", text + "".join(_impact_laws(system)), tuple(equations))
+
+
+def _impact_laws(system: MechanicalSystem) -> Iterable[str]:
+    """What the laws of hits with a tangential impulse say, a sentence each."""
+    facts = system.impact_laws, system.tangential_restitution
+    laws = {name: law_of(name, *facts) for name in system.surfaces if name in system.tangents}
+    for law in dict.fromkeys(laws.values()):
+        names = " and ".join(name for name, other in laws.items() if other == law)
+        yield f" Hits of {names} obey {IMPACT_LAWS[law].name}: {IMPACT_LAWS[law].says}."
 
 
 def minimal_time_section(

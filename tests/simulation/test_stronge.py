@@ -216,6 +216,14 @@ def test_what_no_law_is_or_needs_is_refused(changes: dict[str, Any], words: str)
         replace(ball(), **{"impact_laws": {"floor": "stronge"}, **changes})
 
 
+def test_the_derivation_says_the_law() -> None:
+    said = str(dmoc.derive(energetic(ball())))
+    assert "Hits of floor obey Stronge's law: restitution gives e^2 of the work" in said
+    assert "Hits of floor obey Poisson's law: restitution has e times the imp" in str(
+        dmoc.derive(ball())
+    )
+
+
 def test_a_design_of_the_restitution_is_refused() -> None:
     e = sp.Symbol("e")
     values = {**ball().parameters, e: 0.5}
