@@ -89,14 +89,6 @@ BATCH = Record(
 )
 
 
-def _as_now(header: Any) -> Any:
-    """What a file of the first format says, which knows no design, in the format of now."""
-    match header:
-        case {"batch_format": 1, "batch": dict(batch)}:
-            return {**header, "batch_format": FORMAT, "batch": {"design": {}, **batch}}
-    return header
-
-
 FILE = ResultFile(
     "batch",
     BATCH,
@@ -113,5 +105,4 @@ FILE = ResultFile(
         f"the batch has {length} characters of messages, a file holds {LARGEST_TEXT}: write it "
         "with to_csv."
     ),
-    as_now=_as_now,
 )

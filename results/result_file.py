@@ -46,8 +46,6 @@ class ResultFile:
     writer: str
     # Names in the text that files of other results have, and what is said of these.
     foreign: Mapping[str, str] = field(default_factory=dict)
-    # Turns the text of older formats into that of this one, and leaves everything else.
-    as_now: Callable[[Any], Any] = lambda header: header
     # Of the result and the length of its text: says that a file does not hold so much.
     excess: Callable[[Any, int], str] | None = None
 
@@ -87,7 +85,7 @@ def result_in(file: ResultFile, content: bytes, name: str) -> Any:
     """Read a result from the content of a file that errors call ``name``, or refuse it."""
     try:
         archive = Archive(content)
-        header = file.as_now(plain(archive.text()))
+        header = plain(archive.text())
         _check_format(file, header, name)
         result = file.header.read(header, "", Context(archive.array))[file.name]
         archive.close()

@@ -153,25 +153,7 @@ SIMULATION = Record(
     },
     _wrong,
 )
-FORMAT, OLDEST = 7, 4  # the format that is written, and the oldest that is read
-
-
-def _as_now(header: Any) -> Any:
-    """What a file of an older format says, in the format of now."""
-    match header:
-        case {
-            "simulation_format": int(version),
-            "simulation": {"trajectory": {"phases": dict(phases), **motion}, **rest},
-        } if OLDEST <= version < FORMAT:
-            lacking: dict[str, Any] = {
-                "limits": {}, "quantities": [], "totals": {}, "tangential_restitution": {},
-            }  # fmt: skip
-            parts = {"phases": {"quantities": [0], "coefficients": [0], **phases}}
-            now = {**rest, "trajectory": lacking | motion | parts}
-            return {**header, "simulation_format": FORMAT, "simulation": now}
-    return header
-
-
+FORMAT = 7  # of the files that are written and read
 FILE = ResultFile(
     "simulation",
     SIMULATION,
@@ -188,5 +170,4 @@ FILE = ResultFile(
         f"the simulation has {len(simulation.collisions)} collisions, more than a file holds: "
         "write it with to_csv."
     ),
-    as_now=_as_now,
 )

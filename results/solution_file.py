@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from math import nan
 from typing import Any
 
 import numpy as np
@@ -41,82 +39,8 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import UNREFINED, Status
 
-FORMAT, OLDEST = 22, 6  # the format that is written, and the oldest that is read
+FORMAT = 22  # of the files that are written and read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
-# What files of older formats lack, with the values there: of a solution, of its motion, of phases
-# and collisions.
-LACKING_BESIDE: Mapping[str, Any] = {
-    "proposal": None, "design": {}, "periodic": {}, "first_start": "", "unseen_share": None,
-    "notes": [],
-}  # fmt: skip
-LACKING: Mapping[str, Any] = {
-    "units": {}, "scene": None, "limits": {}, "quantities": [], "totals": {},
-    "tangential_restitution": {},
-}  # fmt: skip
-LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
-    "phases": {f"{name}_inside": [0, 0] for name in INSIDE}
-    | {"quantities": [0, 0], "coefficients": [0, 0]},
-    "collisions": {"course": ""},
-}
-
-
-def _as_now(header: Any) -> Any:
-    """What a file of an older format says, in the format of now; everything else as it is."""
-    match header:
-        case {"format": int(version), "solution": {"trajectory": dict(motion)} as solution} if (
-            OLDEST <= version < FORMAT
-        ):
-            motion = {**LACKING, **motion}
-            for name, lacking in LACKING_INSIDE.items():
-                parts = motion.get(name)
-                if isinstance(parts, list) and all(isinstance(part, dict) for part in parts):
-                    motion[name] = [{**lacking, **part} for part in parts]
-            check = _check_as_now(solution.get("verification"))
-            now = {**LACKING_BESIDE, **_starts_as_now(solution)}
-            if "cost" in now:
-                motion["cost"] = now.pop("cost")
-            if "message" in now:
-                now["cause"] = now.pop("message")
-            if isinstance(bounds := now.get("active_bounds"), list):
-                now["active_bounds"] = [
-                    b if isinstance(b, dict) else _bound_as_now(b) for b in bounds
-                ]
-            now |= {"trajectory": motion, "verification": check}
-            if isinstance(others := solution.get("others"), list):
-                now["others"] = list(map(_minimum_as_now, others))
-            return {**header, "format": FORMAT, "solution": now}
-    return header
-
-
-def _bound_as_now(text: Any) -> dict[str, Any]:
-    """A bound in an older file, which is its text alone."""
-    return {"kind": BoundKind.OTHER.name, "name": text, "side": "", "value": None, "places": 0}
-
-
-def _minimum_as_now(minimum: Any) -> Any:
-    """Another minimum in an older file, in which one of the coarse mesh has no status."""
-    match _starts_as_now(minimum):
-        case {"status": None, **rest}:
-            return {**rest, "status": UNREFINED}
-        case other:
-            return other
-
-
-def _starts_as_now(minimum: Any) -> Any:
-    """A minimum in an older file, which calls the starts that agree on it ``found``."""
-    match minimum:
-        case {"found": starts, **rest}:
-            return {**rest, "agreeing_starts": starts}
-    return minimum
-
-
-def _check_as_now(check: Any) -> Any:
-    """The check in an older file, which has the largest of the segments alone and no contacts."""
-    match check:
-        case {"max_segment_defect": worst, **rest}:
-            check = {**rest, "segment_defects": [worst], "contacts": []}
-    lacking = dict.fromkeys(("path_excess", "phase_error", "cost_error", "reaction_error"), nan)
-    return {**lacking, "advice": "", **check} if isinstance(check, dict) else check
 
 
 @np.errstate(all="ignore")
@@ -420,5 +344,4 @@ FILE = ResultFile(
         "batch_format": "the file of a batch, which has no motions: read it with dmoc.Batch.load, "
         "or solve with keep=True and save its solutions",
     },
-    as_now=_as_now,
 )

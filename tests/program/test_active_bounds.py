@@ -20,7 +20,7 @@ from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.layout import Layout
 from dmoc.program.transcription import Transcription
 from dmoc.results.schema import Context
-from dmoc.results.solution_file import BOUND, _bound_as_now
+from dmoc.results.solution_file import BOUND
 from dmoc.solvers.outcome import SENTENCES, Status
 
 BOUNDS = {
@@ -75,18 +75,6 @@ def test_a_bound_holds_where_its_multiplier_exceeds_the_distance(
     x[unknown], z[unknown] = value, force
     told = list(_bounds(nlp, x, z))
     assert told == ([f"u {side} {-4 if side == '>=' else 4} in 1 step"] if side else [])
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "", "x", "x >= nonsense in 2 steps", "gap to a\nb at 2 nodes",
-        "x >= 1 in " + "9" * 5000 + " steps", "x >= 01 in 2 nodes",
-    ],
-)  # fmt: skip
-def test_any_text_of_an_older_file_stands(text: str) -> None:
-    bound = BOUND.read(_bound_as_now(text), "", Context())
-    assert bound == text and bound.kind is BoundKind.OTHER
 
 
 @pytest.mark.slow

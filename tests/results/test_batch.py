@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import sys
 import types
 from dataclasses import fields, replace
@@ -13,7 +12,7 @@ import block_and_wall
 import numpy as np
 import pytest
 import sympy as sp
-from damage import SOLUTIONS, archive, members
+from damage import SOLUTIONS
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
@@ -140,18 +139,6 @@ def test_a_parameter_may_be_called_like_a_result(tmp_path: Path) -> None:
     assert "parameter cost" in str(batch)
     with batch.to_csv(tmp_path / "table.csv").open(newline="", encoding="utf-8") as stream:
         assert len(set(next(csv.reader(stream)))) == len(table)
-
-
-def test_files_of_the_first_format_know_no_design(batch: dmoc.Batch) -> None:
-    parts = members(batch.to_bytes())
-    header = json.loads(parts["header.json"])
-    header["batch_format"] = 1
-    assert header["batch"].pop("design") == {}
-    assert header["batch"].keys() >= {"given", "status"}
-    parts["header.json"] = json.dumps(header).encode()
-    old = dmoc.Batch.from_bytes(archive(parts))
-    assert old.design == {}
-    assert list(old.columns()) == list(batch.columns())
 
 
 def test_a_table_says_how_many_were_tried_a_second(batch: dmoc.Batch) -> None:

@@ -23,7 +23,7 @@ from dmoc.motion.trajectory import Collision, Phase, Trajectory
 from dmoc.results import archive as archives
 from dmoc.results import solution_file
 from dmoc.results.schema import Either, Listed, Mapped, Number, Record, Refused, ShortArray
-from dmoc.results.solution_file import FORMAT, OLDEST
+from dmoc.results.solution_file import FORMAT
 from dmoc.sequences import nodes
 from dmoc.sequences.journal import Journal
 
@@ -131,21 +131,6 @@ def test_an_array_has_the_shape_that_is_asked_for_and_as_many_numbers(
         return
     with pytest.raises(Refused, match="'x' has another shape than declared"):
         archives.Archive.array(read, "x", asked)
-
-
-@pytest.mark.parametrize("name", ["phases", "collisions"])
-@pytest.mark.parametrize(
-    "parts", [[1], ["a"], [{}, 1], [1, {}], [None], [[]], "ab", 5, {"a": {}}, None]
-)
-def test_parts_of_an_older_motion_that_are_none_stay_as_they_are(name: str, parts: Any) -> None:
-    """What reads them refuses them then."""
-    motion: dict[str, Any] = {"phases": [{"t": 1}, {}], "collisions": [{"time": 2}]} | {name: parts}
-    header = {"format": OLDEST, "solution": {"trajectory": dict(motion)}}
-    now = solution_file._as_now(header)["solution"]["trajectory"]
-    assert now[name] == parts
-    other = "collisions" if name == "phases" else "phases"
-    for before, part in zip(motion[other], now[other], strict=True):
-        assert before.items() < part.items()
 
 
 def test_a_file_of_another_format_says_so(content: bytes) -> None:

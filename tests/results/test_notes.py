@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
@@ -11,7 +10,6 @@ from systems import double_integrator
 
 import dmoc
 from dmoc.results.notes import Note, Topic, message_of, with_note
-from dmoc.results.solution_file import _as_now
 
 STEPS = Note(Topic.STEPS, "take more steps", ", ")
 OPEN = Note(Topic.OPEN, "the problem does not determine T")
@@ -32,7 +30,7 @@ def test_a_note_takes_the_place_of_that_on_its_topic() -> None:
 
 
 def test_a_file_keeps_what_is_said(tmp_path: Path) -> None:
-    """Of an answer whose mesh is too coarse, and of older files, which have the message alone."""
+    """Of an answer whose mesh is too coarse."""
     q = dynamicsymbols("q")
     system = dmoc.MechanicalSystem("swing", [q], q.diff() ** 2 / 2 + 9.81 * sp.cos(q))
     fast = dmoc.Problem(dmoc.build(system), {"q": 0, "q_dot": 9}, steps=6, final_time=1.0)
@@ -45,17 +43,6 @@ def test_a_file_keeps_what_is_said(tmp_path: Path) -> None:
     again = dmoc.Solution.load(coarse.save(tmp_path / "coarse.npz"))
     assert (again.cause, again.notes) == (coarse.cause, coarse.notes)
     assert again.verification is not None and again.verification.advice == "take more steps"
-    old: dict[str, Any] = {
-        "trajectory": {},
-        "message": "it was found",
-        "verification": None,
-        "cost": 1.0,
-    }
-    old["active_bounds"] = ["u <= 4 in 2 steps"]
-    now = _as_now({"format": 21, "solution": old})["solution"]
-    assert (now["cause"], now["notes"]) == ("it was found", []) and "message" not in now
-    (bound,) = now["active_bounds"]
-    assert (bound["kind"], bound["name"]) == ("OTHER", "u <= 4 in 2 steps")
 
 
 def test_conflicts_and_proposals_have_rows_of_their_own() -> None:

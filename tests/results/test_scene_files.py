@@ -12,8 +12,6 @@ from damage import archive, members
 
 import dmoc
 from dmoc.base.errors import SolutionFileError
-from dmoc.results.solution import Minimum
-from dmoc.solvers.outcome import Status
 
 
 def test_scene_and_units_come_back_as_they_were(solution: dmoc.Solution) -> None:
@@ -23,41 +21,6 @@ def test_scene_and_units_come_back_as_they_were(solution: dmoc.Solution) -> None
     assert scene is not None and saved is not None and scene.shapes == saved.shapes
     for a, b in zip((*scene.times, *scene.values), (*saved.times, *saved.values), strict=True):
         np.testing.assert_array_equal(a, b)
-
-
-def test_files_of_older_formats_load_without_what_they_lack(solution: dmoc.Solution) -> None:
-    parts = {k: v for k, v in members(solution.to_bytes()).items() if ".scene." not in k}
-    header = json.loads(parts["header.json"])
-    header["format"] = 6
-    motion = header["solution"]["trajectory"]
-    for name in ("scene", "units"):
-        del motion[name]
-    del header["solution"]["design"]
-    header["solution"]["found"] = header["solution"].pop("agreeing_starts")
-    minimum = {"cost": 200.0, "found": 3, "status": "solved", "steps": [20, 20]}
-    header["solution"]["others"] = [minimum, {**minimum, "status": None}]
-    for phase in motion["phases"]:
-        for name in ("q_inside", "p_inside"):
-            del phase[name]
-    for collision in motion["collisions"]:
-        del collision["course"]
-    check = header["solution"]["verification"]
-    worst = max(check.pop("segment_defects"))
-    for name in ("contacts", "path_excess", "phase_error"):
-        del check[name]
-    check["max_segment_defect"] = worst
-    parts["header.json"] = json.dumps(header).encode()
-    old = dmoc.Solution.from_bytes(archive(parts))
-    assert old.trajectory.scene is None and old.trajectory.units == {}
-    assert old.verification is not None and old.verification.max_segment_defect == worst
-    assert np.isnan([old.verification.path_excess, old.verification.phase_error]).all()
-    assert old.agreeing_starts == solution.agreeing_starts > 0
-    assert [m.status for m in old.others] == [Status.SOLVED, "coarse"]
-    assert old.others[0] == Minimum(200.0, 3, Status.SOLVED, (20, 20))
-    assert old.verify().passed and old.design == {}
-    np.testing.assert_array_equal(old.unknowns, solution.unknowns)
-    figure = old.plot()  # by its coordinates
-    assert [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()][:1] == ["coordinates"]
 
 
 def test_a_file_of_this_format_must_say_whether_there_is_a_scene(solution: dmoc.Solution) -> None:
