@@ -134,10 +134,18 @@ class Conditions:
         """Along or against its slope, how each pushes, shape (m, 1)."""
         return np.array([condition.functions.push for condition in self.of])[:, None]
 
+    @cached_property
+    def _places(self) -> dict[str, tuple[list[int], list[int]]]:
+        places = {functions.kind: (list[int](), list[int]()) for functions in ALL}
+        for i, condition in enumerate(self.of):
+            here, numbers = places[condition.functions.kind]
+            here.append(i)
+            numbers.append(condition.number)
+        return places
+
     def places(self, functions: Functions) -> tuple[list[int], list[int]]:
         """Conditions of some functions by their places here, and the numbers of these."""
-        here = [i for i, c in enumerate(self.of) if c.functions is functions]
-        return here, [self.of[i].number for i in here]
+        return self._places[functions.kind]
 
     # At positions and states ----------------------------------------------------------------------
 
