@@ -1,5 +1,5 @@
 """Whether answers hang on the last digit: problems under the kernels that OpenBLAS has for several
-processors, and once with parameters changed by a part in 1e12.
+processors, and once with parameters and final times changed by a part in 1e12.
 
 Run:  .venv/bin/python tools/kernels.py [SET ...] [--runs RUN ...] [--only PART]
 
@@ -42,7 +42,7 @@ CHANGED = "changed"  # other parameters, and the kernel that this processor has
 RUNS = (*KERNELS, CHANGED)
 KNOWN_STEPS, LADDER_STEPS = 40, 50  # a phase
 SAME = 1e-6  # relative difference of costs
-CHANGE = 1e-12  # of all parameters, downwards: a restitution of 1 has none above it
+CHANGE = 1e-12  # of all parameters and final times, downwards: a restitution of 1 has none above it
 
 
 @dataclass(frozen=True)
@@ -168,19 +168,28 @@ def _asked(ask: Ask) -> Answer:
 
 
 def change_parameters() -> None:
-    """Let all solves and searches have problems with other parameters."""
+    """Let all solves and searches have problems with other parameters and final times."""
     import dmoc
 
     def changed(function: Callable[..., Any]) -> Callable[..., Any]:
         def call(problem: dmoc.Problem, *arguments: Any, **options: Any) -> Any:
             stated = zip(problem.kernels.parameters, problem.parameter_values[0], strict=True)
             values = {n: float((1 - CHANGE) * x) for n, x in stated if n not in problem.design}
-            return function(problem.but(parameters=values), *arguments, **options)
+            times = _shorter(problem.final_time)
+            other = problem.but(parameters=values, final_time=times)
+            return function(other, *arguments, **options)
 
         return call
 
     for name in ("solve", "search"):
         setattr(dmoc, name, changed(getattr(dmoc, name)))
+
+
+def _shorter(times: Any) -> Any:
+    """A final time, or its range, that is as much shorter."""
+    if isinstance(times, tuple | list):
+        return tuple(map(_shorter, times))
+    return times if times is None else float((1 - CHANGE) * times)
 
 
 def answers(name: str, run: str, part: str) -> dict[str, Answer] | None:
