@@ -57,8 +57,8 @@ class ActiveBound(str):
 
 
 def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[ActiveBound, ...]:
-    """Name the inequalities and bounds that hold x back: those with a multiplier above the
-    distance; many of a kind are counted."""
+    """Name the inequalities and bounds that hold x, shape (n,), back: those whose multipliers w,
+    shape (n_in,), and z, shape (n,), lie above the distance; many of a kind are counted."""
     return (*_inequalities(nlp, x, w), *_bounds(nlp, x, z), *_impulses(nlp, x))
 
 

@@ -36,7 +36,7 @@ class ElementPlaces:
 
 @record(frozen=True, eq=False)
 class ElementData(ElementPlaces):
-    """The same with what the values are multiplied by."""
+    """Element places and the factors of their values."""
 
     factors: tuple[Array, ...]  # (n, size)
 

@@ -39,17 +39,17 @@ def seconds(*_: int) -> str:
 
 
 class Missed(NamedTuple):
-    """What is said of rows that do not hold.
+    """How a row that does not hold is reported.
 
     Attributes
     ----------
     price : float
     words : callable, optional
-        What is said of the one at a place; that its name is violated unless it is given.
+        Sentence about the row at a place; unless given, the row's name is said to be violated.
     unit : callable
         The unit of its amount, "" for none.
     apart : int, optional
-        The axis along which each is told by itself; else the worst of all.
+        The axis along which each row is reported by itself; else the worst of all.
     """
 
     price: float = LIMIT
@@ -100,7 +100,7 @@ class Block:
 
     @cached_property
     def numbers(self) -> Index:
-        """The numbers of all members, in order."""
+        """The numbers of all members, in order, shape (count,)."""
         return np.asarray(self.index[self.index != NOWHERE])
 
     @cached_property
@@ -113,11 +113,11 @@ class Block:
 
     @property
     def places(self) -> Index:
-        """Places of all members in the block's shape, one row each."""
+        """Places of all members in the block's shape, shape (count, dimensions of ``index``)."""
         return np.argwhere(self.index != NOWHERE)
 
     def sizes(self, scale: Scale) -> Array:
-        """Typical sizes of all members."""
+        """Typical sizes of all members, shape (count,)."""
         if not self.count:
             return np.zeros(0)
         sizes = np.empty(self.index.shape)
@@ -161,7 +161,7 @@ class Numbering:
 
 
 def mask_of(count: int, numbers: Sequence[int] | Index) -> Bools:
-    """Which of so many have one of the numbers."""
+    """Mask of shape (count,) that is True at some ``numbers``."""
     mask = np.zeros(count, dtype=bool)
     mask[list(numbers)] = True
     return mask
@@ -182,7 +182,8 @@ def in_columns(values: Index, at: Index, count: int, otherwise: int = NOWHERE) -
 
 
 def sizes_of(sizes: Array, surfaces: Index) -> Array:
-    """Sizes of the surfaces of events; 1 where there is none."""
+    """Sizes of the surfaces of events, shape (events,), from those of all surfaces, shape (nc,),
+    and the surface of each event, shape (events,); 1 where there is none."""
     if not len(sizes):
         return np.ones(len(surfaces))
     return np.where(surfaces == NOWHERE, 1.0, sizes[surfaces])

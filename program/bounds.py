@@ -42,7 +42,7 @@ def goal_rows(problem: Problem, lay: Layout) -> list[Goal]:
 def limits(
     problem: Problem, lay: Layout, laws: Iterable[Law], scale: Scale, goals: Sequence[Goal]
 ) -> tuple[Array, Array]:
-    """Lower and upper bounds of x; ``goals`` are constraints and bound nothing."""
+    """Lower and upper bounds of x, shape (n,) each; ``goals`` are constraints and bound nothing."""
     box = np.tile((-np.inf, np.inf), (lay.size, 1))
     box[lay.index_h] = np.maximum(
         lay.step_sizes(_durations(problem).T).T, SMALLEST_STEP * scale.time

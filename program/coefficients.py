@@ -36,7 +36,7 @@ Site = Callable[[Index, Places], tuple[Index, ...]]
 
 
 def entries_of(mu: Array, products: Iterable[Product]) -> Iterator[Entries]:
-    """Entries of the products whose coefficients are numbers."""
+    """Entries of the products whose coefficient in mu, shape (nt,), is a number."""
     for p in products:
         if not np.isnan(mu[p.tangent]):
             p = p.there
@@ -46,7 +46,8 @@ def entries_of(mu: Array, products: Iterable[Product]) -> Iterator[Entries]:
 def terms_of(
     mu: Array, products: Iterable[Product], site: Site, places: Places, kernel: str = "bearing"
 ) -> Iterator[Term]:
-    """Terms of the others, by the kernel of what slides or of what sticks."""
+    """Terms of the products whose coefficient in mu, shape (nt,), is not a number, as it varies
+    along the motion; ``kernel`` is that of sliding or of sticking tangents."""
     for p in products:
         if np.isnan(mu[p.tangent]) and len((p := p.there).rows):
             pressed = np.full((len(p.rows), len(mu)), places.zero)
@@ -69,7 +70,7 @@ def at_events(lay: Layout) -> Site:
 
 
 def _at_rest(lay: Layout, count: int, places: Places) -> Index:
-    """Sliding speeds of what does not slide."""
+    """Sliding speeds of zero, shape (count, nt)."""
     return np.full((count, len(lay.touch.contacts.tangents)), places.zero)
 
 
@@ -87,9 +88,9 @@ def at_stations(lay: Layout) -> Site:
 
 
 def where_it_slides(lay: Layout) -> Site:
-    """The arguments of :func:`at_stations` of what slides with a friction of its rate.  The
-    velocity is that of the step's polynomial, which keeps the order of the step; at nodes that
-    steps share that of the parabola through the three nodes of the phase next to them."""
+    """The arguments of :func:`at_stations` for tangents that slide with a friction of their rate.
+    The velocity is that of the step's polynomial, which keeps the order of the step. At nodes that
+    steps share it is that of the parabola through the three nodes of the phase next to them."""
 
     def site(rows: Index, places: Places) -> tuple[Index, ...]:
         at = lay.stations
@@ -106,13 +107,15 @@ def where_it_slides(lay: Layout) -> Site:
 
 
 def _in_steps(lay: Layout, rows: Index) -> tuple[Index, Array]:
-    """The places of the step of stations, and the slopes there of what is one at one of them."""
+    """The d + 1 places of the step of each station, and the slopes there of the polynomials that
+    are one at one of them, shape (rows, d + 1) each."""
     at, d = lay.stations, lay.scheme.degree
     return d * at.step[rows, None] + np.arange(d + 1), lay.scheme.slopes_of_nodes[at.number[rows]]
 
 
 def _in_phases(lay: Layout, rows: Index) -> tuple[Index, Array]:
-    """The same of three nodes of the phase of stations, which has two steps at least."""
+    """Three nodes of the phase of each station, which has two steps at least, and the slopes there
+    of the parabolas that are one at one of them, shape (rows, 3) each."""
     at, node = lay.stations, lay.stations.place[rows]
     first, last = lay.ends[at.phase[rows]], lay.ends[at.phase[rows] + 1]
     begin = np.maximum(np.minimum(node - 1, last - 2), first)

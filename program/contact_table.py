@@ -72,7 +72,7 @@ class ContactUnknowns:
         return cls(stations, touch, *(b.index for b in blocks))
 
     def reactions(self, i: int) -> Iterator[PhaseReaction]:
-        """Those of a phase: of its closed contacts, and of what rubs."""
+        """Impulses of phase i: of its closed contacts, and of its tangents that rub."""
         mode, rows = self.touch.modes[i], self.stations.rows(i)
         closed, rubbing = names_of(self.touch.contacts, mode)
         if closed:
@@ -85,7 +85,7 @@ class ContactUnknowns:
             yield PhaseReaction(TANGENTS, tuple(rubbing), columns, index, sticks)
 
     def impulses(self, i: int) -> Iterator[EventImpulses]:
-        """Those of event i beside lam."""
+        """Impulses at event i beside lam: of other contacts, and of friction."""
         names = self.touch.contacts
         yield event_impulses("normal", names.surfaces, self.P_c[i], pulls=False)
         yield event_impulses("tangential", names.tangents, self.T_c[i], pulls=True)

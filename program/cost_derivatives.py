@@ -59,8 +59,8 @@ class Sensitivities(TypedDict):
 
 
 def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) -> Sensitivities:
-    """Return the derivatives of the optimal cost at a minimum x with its multipliers by kind (of
-    the program without minimal times)."""
+    """Return the derivatives of the optimal cost at a minimum x, shape (n,), with its multipliers
+    by kind, shape (count,) each (of the program without minimal times)."""
     problem = stated_as(problem, multipliers)
     nlp = Transcription(problem)
     y, w, z = multiplier_vectors(nlp, multipliers)
@@ -102,11 +102,12 @@ class _AtMinimum:
     multipliers: Mapping[str, Array]
 
     def lagrangian(self, problem: Problem, **multipliers: Array) -> float:
-        """That of a changed problem, with some other multipliers."""
+        """The Lagrangian of a changed problem at x, with some other multipliers by kind, shape
+        (count,) each."""
         return _lagrangian(problem, {**self.multipliers, **multipliers}, self.x)
 
     def parameter(self, values: Mapping[str, float], name: str) -> float:
-        """By one of the parameters, whose values are told."""
+        """Derivative by a parameter; ``values`` are those of all parameters."""
         value = values[name]
         step = CHANGE * (abs(value) or 1.0)
         changed = ({**values, name: value + k * step} for k, _ in DIFFERENCE)
@@ -114,8 +115,9 @@ class _AtMinimum:
         return float(np.dot(parts, [c for _, c in DIFFERENCE]) / step)
 
     def coefficient(self, stated: Sequence[str], surface: str) -> float:
-        """By a coefficient of restitution: L is linear in e > 0, or quadratic; the law of plastic
-        impacts is -lam w / 2 = 0 there.  Not a number where e = 0 and the law has another row."""
+        """Derivative by a coefficient of restitution: L is linear in e > 0, or quadratic; the law
+        of plastic impacts is -lam w / 2 = 0 there. Not a number where e = 0 and the law has another
+        row."""
         impact = self.nlp.laws.impact
         lam = np.maximum(self.x[self.nlp.layout.impact.lam[impact.impact]], TINY)
         plain = (impact.plain & ~impact.by_rates)[impact.impact]
@@ -136,7 +138,8 @@ class _AtMinimum:
         return float(sum(parts) / (e or 1.0))
 
     def moved(self, field: str, name: str, ways: tuple[float, float]) -> float:
-        """By both ends of a range that move so much: L is linear in them."""
+        """Derivative by a move of both ends of a range, each by its ``ways``: L is linear in
+        them."""
         stated = getattr(self.problem, field)
         low, high = interval(stated[name], name)
         parts = []
@@ -147,7 +150,7 @@ class _AtMinimum:
         return (parts[0] - parts[1]) / (2 * max(ways))
 
     def limits(self) -> Iterator[tuple[str, float]]:
-        """By the bounds of velocities and quantities."""
+        """Derivatives by the bounds of velocities and quantities."""
         for name, ends in self.problem.limits.items():
             for sign, bound, ways in zip(("<=", ">="), ends[::-1], ((0, 1), (1, 0)), strict=True):
                 if np.isfinite(bound):
@@ -158,7 +161,7 @@ class _AtMinimum:
                     )
 
     def end(self, end: str) -> dict[str, float]:
-        """By the values of quantities and integrals at an end."""
+        """Derivatives by the values of quantities and integrals at an end."""
         names = [*self.problem.kernels.quantities, *self.problem.kernels.integrals]
         fixed = [n for n in names if getattr(self.problem, end).get(n) is not None]
         return {name: self.moved(end, name, (CHANGE, CHANGE)) for name in fixed}

@@ -45,7 +45,7 @@ MOST_ANALYSES = 8
 
 @record(frozen=True, eq=False)
 class Form:
-    """What the structure of a program follows from."""
+    """Everything that determines the structure of a program."""
 
     kernels: Kernels
     parameters: Index  # (npar,): the unknowns that they are, or NOWHERE
@@ -134,12 +134,12 @@ class Structure:
 
     @property
     def additions(self) -> int:
-        """How many things follow from it that were made once."""
+        """Number of objects that :meth:`once` has made and keeps."""
         return len(self._analyses)
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
-        """What follows from the structure and a key, made once; threads that ask at the same time
-        may make it twice, and get one."""
+        """An object that follows from the structure and a key, made once; threads that ask at the
+        same time may make it twice, and get one."""
         if key not in self._analyses and len(self._analyses) >= MOST_ANALYSES:
             return make()
         analysis: T = self._analyses.get(key) or self._analyses.setdefault(key, make())

@@ -37,7 +37,7 @@ class Evaluator(ABC):
 
     @cached_property
     def program(self) -> Program:
-        """What the compiled method takes."""
+        """The program in the form of the compiled method."""
         data = self.assembled.data
 
         def made() -> Program:
@@ -55,7 +55,8 @@ class Evaluator(ABC):
 
     @cached_property
     def analyses(self) -> dict[str, Any]:
-        """What methods have found about the program's structure, by their names."""
+        """Results of the methods' analyses of the program's structure, by the names of the
+        methods."""
         return {}
 
     @cached_property
@@ -72,17 +73,20 @@ class Evaluator(ABC):
         return last[1]
 
     def values(self, x: Array) -> Array:
-        """(f | c | d)(x), read-only."""
+        """(f | c | d)(x), shape (1 + n_eq + n_in,), at x, shape (n,); read-only."""
         return self._remembered("values", self.program.values, x)
 
     def slopes(self, x: Array) -> Array:
-        """The gradient of f, then the entries of d(c | d)/dx, read-only."""
+        """The gradient of f at x, shape (n,), then the entries of d(c | d)/dx by rows, shape (n +
+        entries,); read-only."""
         return self._remembered("slopes", self.program.slopes, x)
 
     def cost(self, x: Array) -> float:
+        """Scaled cost f at x, shape (n,)."""
         return float(self.values(x)[0])
 
     def cost_gradient(self, x: Array) -> Array:
+        """Gradient of f at x, shape (n,)."""
         return self.slopes(x)[: self.n]
 
     def equality(self, x: Array) -> Array:
@@ -90,7 +94,7 @@ class Evaluator(ABC):
         return self.values(x)[1 : 1 + self.n_eq]
 
     def equality_slopes(self, x: Array) -> Array:
-        """Entries of dc/dx, by rows."""
+        """Entries of dc/dx at x, shape (n,), by rows, shape (entries of dc/dx,)."""
         pattern = self.assembled.jacobian
         return self.slopes(x)[self.n :][: pattern.indptr[self.n_eq]]
 
@@ -103,7 +107,7 @@ class Evaluator(ABC):
         return self.values(x)[1 + self.n_eq :]
 
     def inequality_slopes(self, x: Array) -> Array:
-        """Entries of dd/dx, by rows."""
+        """Entries of dd/dx at x, shape (n,), by rows, shape (entries of dd/dx,)."""
         pattern = self.assembled.jacobian
         return self.slopes(x)[self.n :][pattern.indptr[self.n_eq] :]
 

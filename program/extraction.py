@@ -34,8 +34,8 @@ FEWEST = 4
 
 
 def trajectory(nlp: Transcription, x: Array, drawn: bool = True) -> Trajectory:
-    """Return the motion of the scaled unknowns x: times, coordinates, momenta, velocities,
-    inputs, collisions, cost, and its scene if it is to be drawn."""
+    """Return the motion of the scaled unknowns x, shape (n,): times, coordinates, momenta,
+    velocities, inputs, collisions, cost, and its scene if it is to be drawn."""
     nlp = nlp.designed(x)
     lay, problem = nlp.layout, nlp.problem
     momenta = nlp.momenta(x)
@@ -98,7 +98,8 @@ def _phase(
 def _collision(
     nlp: Transcription, x: Array, i: int, phases: tuple[Phase, Phase], largest: Array
 ) -> Collision:
-    """What joins two phases; it has an effect where it changes the largest momenta enough."""
+    """The event between two phases; it has an effect where it changes the largest momenta, shape
+    (nq,), enough."""
     (before, after), touch, contacts = phases, nlp.layout.touch, nlp.layout.touch.contacts
     event, t, at = touch.events[i], float(after.t[0]), before.q[-1]
     impulses = _shared_in_impact(nlp, i, (at, t), _impulses(nlp.layout, x, i))
@@ -144,15 +145,16 @@ def _totals(nlp: Transcription, x: Array) -> dict[str, float]:
 
 
 def loose_peaks(nlp: Transcription, x: Array) -> Array:
-    """By how much peaks at the scaled unknowns x lie above their quantities, in their sizes."""
+    """Differences of peaks and their quantities at the scaled unknowns x, shape (n,), in sizes of
+    the quantities; shape (peaks,)."""
     if not nlp.layout.index_peaks.size:
         return np.zeros(0)
     return nlp.laws.peak.above(nlp.values(x)[1:])
 
 
 def loose_totals(nlp: Transcription, x: Array) -> Array:
-    """By how much totals at the scaled unknowns x lie above those of their integrands, in their
-    sizes."""
+    """Differences of totals and the integrals that they bound at the scaled unknowns x, shape (n,),
+    in sizes of the totals; shape (totals,)."""
     lay = nlp.layout
     if not lay.index_totals.size:
         return np.zeros(0)
@@ -203,9 +205,9 @@ def _continued(of_nodes: Array) -> Array:
 
 
 def _pushed(nlp: Transcription, x: Array, i: int, q: Array, t: Array) -> Array:
-    """What impulses add to the momenta of phase i at its nodes: at the first one back to where the
-    phase begins, at the others to the middle of the impulse, or all of that of the step before, at
-    the last one all of it."""
+    """Momenta, shape (N + 1, nq), that impulses add at the nodes of phase i: at the first one back
+    to where the phase begins, at the last one all of the impulse. At the others it is half of the
+    node's impulse, or all of the impulse of the step before where steps have their own."""
     at, change = nlp.layout.stations, np.zeros_like(q)
     if not nlp.layout.reactions(i):
         return change
@@ -311,8 +313,8 @@ def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[
 def multiplier_vectors(
     nlp: Transcription, named: Mapping[str, Array]
 ) -> tuple[Array, Array, Array]:
-    """Return y, w and z from multipliers by kind; kinds of another shape, or that are not given,
-    are zero."""
+    """Return y, w and z, shapes (n_eq,), (n_in,) and (n,), from multipliers by kind, shape (count,)
+    each; kinds of another shape, or that are not given, are zero."""
 
     def collected(blocks: Sequence[Block]) -> Array:
         there = [b for b in blocks if b.count]
@@ -341,7 +343,8 @@ def stated_in_rates(problem: Problem, named: Mapping[str, Array]) -> bool:
 
 
 def stated_as(problem: Problem, named: Mapping[str, Array]) -> Problem:
-    """The problem with the law of impact as multipliers by kind have it."""
+    """The problem in the form of the law of impact for which multipliers by kind, shape (count,)
+    each, were found."""
     return problem.in_rates() if stated_in_rates(problem, named) else problem
 
 

@@ -98,7 +98,7 @@ def sizes(s: Scale) -> Array:
 
 
 def labels_of_forces(coordinates: Sequence[str], joints: Sequence[str], touch: Touch) -> list[str]:
-    """What the accelerations and forces are called."""
+    """Names of the accelerations and forces."""
     names = touch.contacts
     return [
         *(f"acceleration of {name}" for name in coordinates),

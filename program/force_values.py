@@ -12,7 +12,8 @@ from dmoc.program.layout import Layout
 
 
 def with_forces(problem: Problem, lay: Layout, x: Array) -> Array:
-    """Unknowns with the accelerations and forces that their states and inputs have."""
+    """Unknowns, shape (n,), with the accelerations and forces that the states and inputs of x,
+    shape (n,), have."""
     x, force = _with_liftoffs(problem, lay, x), lay.force
     if not (np.append(force.y, force.y_ends, axis=0) != NOWHERE).any():
         return x
@@ -42,8 +43,9 @@ def _with_liftoffs(problem: Problem, lay: Layout, x: Array) -> Array:
 
 
 def quantity_inputs(problem: Problem, lay: Layout, x: Array) -> list[Array]:
-    """Steps as kernels of quantities take them, with the forces of their middles at all points if
-    quantities contain any."""
+    """Inputs of the kernels of quantities at all steps for the unknowns x, shape (n,), each of
+    shape (total, size). Forces, where quantities contain any, are those of the middles of steps at
+    all points."""
     step = lay.step_inputs(x)
     if not lay.force.count:
         return step

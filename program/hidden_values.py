@@ -12,8 +12,8 @@ from dmoc.program.layout import Layout
 
 
 def hidden_values(problem: Problem, lay: Layout, step: Sequence[Array]) -> Array:
-    """Their values in steps (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i), shape (total, those of a
-    step)."""
+    """Values of the hidden unknowns in steps (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of shape (total,
+    size), shape (total, values in a step)."""
     q_k, q_kp1, u_k, u_kp1, h, t_k, q_i = step
     scheme, n = lay.scheme, len(q_k)
     powers, c = np.arange(scheme.degree + 1), scheme.places[:, None]
@@ -35,7 +35,8 @@ def hidden_values(problem: Problem, lay: Layout, step: Sequence[Array]) -> Array
 
 
 def lifted(problem: Problem, lay: Layout, step: list[Array]) -> list[Array]:
-    """Steps as kernels take them that want hidden unknowns behind, these on their functions."""
+    """Steps of shape (total, size) with the hidden unknowns behind, as kernels take them that have
+    any; these are on their functions."""
     if not lay.index_s.size:
         return step
     values = hidden_values(problem, lay, step)

@@ -198,14 +198,14 @@ def passages_of(touch: Touch) -> tuple[Passage, ...]:
 
 
 def _law_of(touch: Touch, event: Event) -> str:
-    """That of a hit; a landing is compression alone, any law that has stages."""
+    """The impact law of an event's hit; a landing is compression alone, any law that has stages."""
     if event.hit == NOWHERE:
         return POISSON
     return touch.contacts.impact_law(touch.contacts.surfaces[event.hit])
 
 
 def _holding(touch: Touch, event: int) -> Mode:
-    """What is closed, and its friction, during an impact."""
+    """The mode during an impact: contacts that stay closed beside the hit, and their friction."""
     signs, drags = touch.signs[event + 1], np.flatnonzero(touch.drags[event])
     return Mode.of(
         np.flatnonzero(touch.beside[event]).tolist(), {int(k): int(signs[k]) for k in drags}

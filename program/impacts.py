@@ -22,14 +22,15 @@ class ImpactUnknowns:
     v_c: Index
 
     def impulses(self, i: int) -> Iterator[EventImpulses]:
-        """That of event i."""
+        """The impulse lam of event i, if it is an impact."""
         if self.touch.impacts[i]:
             names = self.touch.contacts.named([self.touch.surfaces[i]])
             yield EventImpulses("normal", names, self.lam[[i]], pulls=False)
 
 
 def impulses(block: Numbering, touch: Touch, at: Sequence[str]) -> Block:
-    """One for each event, by its name; bounds hold those without an impact at zero."""
+    """The block of impulses lam, one for each event, by its name; bounds hold those without an
+    impact at zero."""
     return block(
         "lam",
         (len(at),),
@@ -39,7 +40,7 @@ def impulses(block: Numbering, touch: Touch, at: Sequence[str]) -> Block:
 
 
 def velocities(block: Numbering, names: Sequence[str], at: Sequence[str]) -> tuple[Block, Block]:
-    """Those before and after each event, by names of velocities and events."""
+    """The blocks of velocities before and after each event, by names of velocities and events."""
     shape = len(at), len(names)
     return (
         block("v_a", shape, lambda k, i: f"{names[i]} before {at[k]}", lambda s: s.v),

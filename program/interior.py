@@ -39,8 +39,8 @@ def give_way(problem: Problem, box: Array, scale: Scale, held: Iterable[tuple[In
 
 
 def bound_once(problem: Problem, lay: Layout, box: Array) -> None:
-    """Of a coordinate along which a contact sticks, one node of the phase has the bounds of all,
-    and none beside one where the coordinate is fixed."""
+    """Bound the coordinates along which contacts stick once a phase, in ``box``, shape (n, 2): one
+    node has the bounds of all. Where the coordinate is fixed at a node, no other one has any."""
     if problem.explicit_time:
         return
     on = problem.model.tangent_coordinates

@@ -46,11 +46,11 @@ class JointUnknowns:
         return cls(stations, names, impulses.index, of_impacts.index)
 
     def impulses(self, i: int) -> Iterator[EventImpulses]:
-        """Those of event i."""
+        """Impulses of all constraints at event i."""
         yield event_impulses("reaction", self.names, self.R_c[i], pulls=True)
 
     def reactions(self, i: int) -> Iterator[PhaseReaction]:
-        """Those of phase i: of all constraints."""
+        """Impulses of all constraints in phase i."""
         if self.names:
             every, holds = tuple(range(len(self.names))), np.ones(len(self.names), dtype=bool)
             rows = self.R[self.stations.rows(i)]

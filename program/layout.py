@@ -93,7 +93,7 @@ class Layout(Unknowns):
         return self.total <= MOST_SHARED
 
     def problem_at(self, problem: Problem, x: Array) -> Problem:
-        """A problem with the design of the unknowns x."""
+        """A problem with the design of the unknowns x, shape (n,)."""
         return designed(problem, x[self.index_design])
 
     def zeros(self, problem: Problem) -> Array:
@@ -140,16 +140,17 @@ class Layout(Unknowns):
 
     @cached_property
     def phase_of_step(self) -> Index:
+        """Phase of each step, shape (total,)."""
         return np.repeat(np.arange(self.phases), self.steps)
 
     @cached_property
     def ends(self) -> Index:
-        """First node of each phase, and the last node of all."""
+        """First node of each phase, and the last node of all, shape (phases + 1,)."""
         return np.concatenate([[0], np.cumsum(self.steps)])
 
     @property
     def stations(self) -> Stations:
-        """Where impulses act."""
+        """Stations at which impulses act."""
         return self.joint.stations
 
     @cached_property
@@ -185,7 +186,8 @@ class Layout(Unknowns):
         return velocities
 
     def put_times(self, x: Array) -> None:
-        """Put the times that follow from the step sizes into the unknowns x."""
+        """Put the times that follow from the step sizes into the unknowns x, shape (n,), in
+        place."""
         t = self.place_times(x)
         if self.timed:
             x[self.index_t] = t[:: self.scheme.degree]
@@ -199,11 +201,11 @@ class Layout(Unknowns):
         return np.append(t[:-1, None] + h[:, None] * number, t[-1])
 
     def reactions(self, i: int) -> tuple[PhaseReaction, ...]:
-        """What pushes along phase i, of all laws."""
+        """Impulses of all laws along phase i."""
         return self._reactions[i]
 
     def impulses(self, i: int) -> tuple[EventImpulses, ...]:
-        """What pushes at event i, of all laws."""
+        """Impulses of all laws at event i."""
         return self._impulses[i]
 
     @cached_property
@@ -218,6 +220,7 @@ class Layout(Unknowns):
 
     @cached_property
     def collision_nodes(self) -> Index:
+        """Node of each event, shape (events,)."""
         return self.ends[1:-1]
 
     @property
@@ -230,23 +233,24 @@ class Layout(Unknowns):
 
     @cached_property
     def row_u_k(self) -> Index:
-        """Row of u at the start of each step."""
+        """Row of u at the start of each step, shape (total,)."""
         return first_rows(self.form, self.steps)
 
     @property
     def row_u_kp1(self) -> Index:
-        """Row of u at the end of each step: the same row for inputs constant in a step."""
+        """Row of u at the end of each step, shape (total,): the same row for inputs constant in a
+        step."""
         return self.row_u_k + self.form.width
 
     @cached_property
     def step_of_input(self) -> Index:
-        """The last step that each row of u enters."""
+        """The last step that each row of u enters, shape (rows of u,)."""
         return steps_of_rows(self.form, self.steps)
 
     @cached_property
     def index_step(self) -> Index:
-        """Unknowns x_k = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of each step; t_k is nowhere in a
-        model without explicit time."""
+        """Unknowns x_k = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of each step, shape (total, size);
+        t_k is nowhere in a model without explicit time."""
         return np.hstack(
             [
                 self.index_q[:-1],
@@ -261,8 +265,8 @@ class Layout(Unknowns):
 
     @cached_property
     def hidden_of_kernels(self) -> Index:
-        """The hidden unknowns of each step as kernels take them: where both sides of a point have
-        the same inputs, once for each."""
+        """The hidden unknowns of each step as kernels take them, shape (total, size): where both
+        sides of a point have the same inputs, once for each."""
         both = 2 if self.scheme.points == 1 and not self.form.width else 1
         return np.tile(self.index_s, (1, both))
 
@@ -291,7 +295,8 @@ class Layout(Unknowns):
         return [np.ascontiguousarray(part) for part in self.split(self.index_step)]
 
     def split(self, x_k: Index) -> list[Index]:
-        """Split the unknowns of steps into q_k, q_kp1, u_k, u_kp1, h, t_k and q_i."""
+        """Split the unknowns of steps, shape (k, size), into q_k, q_kp1, u_k, u_kp1, h, t_k and
+        q_i, which have their sizes in columns."""
         sizes = (self.nq, self.nq, self.nu, self.nu, 1, 1)
         ends = list(accumulate(sizes))  # np.split takes ten times as long
         return [x_k[:, a:b] for a, b in zip([0, *ends], [*ends, x_k.shape[1]], strict=True)]
@@ -304,7 +309,7 @@ class Layout(Unknowns):
 
 
 def _ranged_rows(problem: Problem, ranges: Array) -> list[FunctionFacts]:
-    """What the quantities depend on of which some ranges, shape (nz, 2), say something."""
+    """Facts about the quantities that ``ranges``, shape (nz, 2), bound on some side."""
     rows = problem.kernels.quantity_rows
     return [rows[j] for j in np.flatnonzero(np.isfinite(ranges).any(axis=1))]
 

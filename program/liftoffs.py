@@ -36,7 +36,7 @@ class Liftoff:
 
 
 def liftoffs_of(problem: Problem) -> tuple[Liftoff, ...]:
-    """Those of a problem: at events without an impact, whose time the problem does not fix, and
+    """Lift-offs of a problem: at events without an impact, whose time the problem does not fix, and
     whose forces the motion determines."""
     found = list[Liftoff]()
     if not problem.model.has_force_equations:  # inputs push all that touches

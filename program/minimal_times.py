@@ -22,7 +22,7 @@ CHANGE = 1e-6
 
 
 def phase_minimal_time(problem: Problem, lay: Layout, x: Array, i: int) -> float:
-    """T_min of phase i in seconds, from the unknowns x in units of the problem."""
+    """T_min of phase i in seconds, from the unknowns x, shape (n,), in units of the problem."""
     return _minimal_time(problem, lay, x[_unknowns(lay, i)], i)[0]
 
 
@@ -73,6 +73,7 @@ class WithMinimalTimes(Transcription):
 
     @property
     def minimal_times(self) -> Index:
+        """Positions in d of the minimal times of phases, shape (phases with a minimal time,)."""
         return self._block.numbers - self.n_eq
 
     def inequality(self, x: Array) -> Array:

@@ -77,7 +77,8 @@ class Settled:
 
 
 def settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Settled:
-    """Find what values that are fixed by ``limits`` settle, whatever the design."""
+    """Find the rows of contacts that hold by the values that ``limits`` fix, lower and upper bounds
+    of shape (n,), whatever the design."""
     of_samples = [_settled(p, lay, limits) for p in samples(problem)]
     parts = zip(*([getattr(s, f.name) for f in fields(Settled)] for s in of_samples), strict=True)
     return Settled(*(np.logical_and.reduce(part) for part in parts))
@@ -113,8 +114,9 @@ def _settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Sett
 
 
 def _redundant(problem: Problem, touch: Touch) -> tuple[Bools, Bools, Bools]:
-    """What is closed and what sticks in each phase by its other conditions, and what stops at its
-    end with others."""
+    """Closed surfaces and sticking tangents of each phase that follow from its other conditions,
+    and tangents that stop at its end with others; shapes (phases, nc), (phases, nt) and (phases,
+    nt)."""
     closed, sticks = np.zeros_like(touch.is_closed), np.zeros_like(touch.sticks)
     for i, follows in enumerate(problem.redundant):
         closed[i, list(follows.closed)] = sticks[i, list(follows.sticking)] = True
@@ -130,7 +132,7 @@ def _redundant(problem: Problem, touch: Touch) -> tuple[Bools, Bools, Bools]:
 
 
 class JointsSettled(NamedTuple):
-    """What is settled of constraints of a model.
+    """Rows of constraints of a model that hold by themselves.
 
     Attributes
     ----------
@@ -139,7 +141,7 @@ class JointsSettled(NamedTuple):
     rates : array of bool, shape (2, nj)
         Rates at the start and at the end of the motion.
     follows : array of bool, shape (phases, nj)
-        Those that follow from others.
+        Constraints that follow from others.
     """
 
     places: Bools
@@ -148,8 +150,8 @@ class JointsSettled(NamedTuple):
 
 
 def joints_settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> JointsSettled:
-    """What values that are fixed by ``limits`` settle of the constraints of a model, whatever the
-    design."""
+    """Find the rows of constraints that hold by the values that ``limits`` fix, lower and upper
+    bounds of shape (n,), whatever the design."""
     of_samples = [_joints_settled(p, lay, limits) for p in samples(problem)]
     places, rates = (np.logical_and.reduce(part) for part in zip(*of_samples, strict=True))
     return JointsSettled(places, rates, following_joints(problem))
@@ -256,15 +258,17 @@ def _by_name(problem: Problem, at: States) -> dict[str, Array]:
 
 
 def _relate(rows: Bools, alike: Bools, act: Bools) -> None:
-    """Of two rows at both ends of which periodic states make one, settle that of the end where
-    fixed values settle that of the start, else that of the start."""
+    """Settle one of two rows at both ends that periodic states make one, in place. It is that of
+    the end where fixed values settle that of the start, else that of the start. ``rows`` and
+    ``act`` have a row for each end, ``alike`` the shape (start, end)."""
     fixed = rows[0] & act[0]
     rows[0] |= (alike & act[1]).any(axis=1)
     rows[-1] |= (alike & fixed[:, None]).any(axis=0)
 
 
 def _stuck(problem: Problem, lay: Layout, nodes: list[States]) -> Bools:
-    """What sticks in a phase at whose end it is fixed where it was fixed before."""
+    """Tangents that stick in a phase at whose end their place is fixed, and was fixed before, shape
+    (phases, nt)."""
     values, sizes = zip(*(_tangents(problem, at) for at in nodes), strict=True)
     stuck = np.zeros_like(lay.touch.sticks)
     for j in range(problem.model.nt):
@@ -324,7 +328,8 @@ def _vanish(values: Array, sizes: Array, signs: Array | float = 0.0) -> Bools:
 
 
 def _alike(starts: Values, ends: Values) -> Bools:
-    """Which of the values at the start are which of those at the end, shape (start, end)."""
+    """Pairs of values at the start and at the end that are the same up to their sign, shape (start,
+    end)."""
     off = np.abs(np.abs(starts[0])[:, :, None] - np.abs(ends[0])[:, None, :])
     bound = KEPT * np.maximum(starts[1][:, :, None], ends[1][:, None, :])
     return np.asarray((off <= bound).all(axis=0))

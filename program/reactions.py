@@ -41,7 +41,7 @@ class PhaseReaction:
 
     @property
     def kind(self) -> str:
-        """Of the forces of a phase: "normal", "tangential", "reaction"."""
+        """Kind of the forces: "normal", "tangential" or "reaction"."""
         return self.functions.kind
 
     @property
@@ -49,7 +49,7 @@ class PhaseReaction:
         return [c for c, holds in zip(self.columns, self.holds, strict=True) if holds]
 
     def impulses(self, x: Array) -> Array:
-        """Those of the unknowns x, shape (rows, m)."""
+        """Impulses in the unknowns x, shape (n,), of shape (rows, m)."""
         return np.asarray(x[self.unknowns])
 
     def slopes(self, model: Model, q: Array, t: Array) -> Array:
@@ -62,12 +62,12 @@ class PhaseReaction:
         return np.asarray(values if self.functions.in_place else values - values[:1])
 
     def miss_slopes(self, model: Model, q: Array, t: Array) -> Array:
-        """Their slopes in q, zero of what has no place, shape (n, held, nq)."""
+        """Slopes in q of the misses, zero for functions that have no place, shape (n, held, nq)."""
         placed = self.functions.placed(model)[self.held]
         return np.asarray(self.slopes(model, q, t)[:, self.holds] * placed[:, None])
 
     def rates(self, model: Model, q: Array, v: Array, t: Array) -> Array:
-        """Rates of what it holds, shape (n, held)."""
+        """Rates of the functions that hold, shape (n, held)."""
         return np.asarray(self.functions.rates(model, q, v, t)[:, self.held])
 
 
@@ -81,7 +81,7 @@ class EventImpulses(NamedTuple):
     pulls: bool
 
     def values(self, x: Array) -> dict[str, float]:
-        """Those of the unknowns x, by name."""
+        """Impulses in the unknowns x, shape (n,), by name."""
         return dict(zip(self.names, x[self.unknowns].tolist(), strict=True))
 
 

@@ -108,8 +108,8 @@ def _measured(problem: Problem, lay: Layout, x: Array) -> Reached:
 
 
 def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
-    """Read sizes off the unknowns x of a motion, a first one or a minimum: ranges, velocities,
-    momenta, inputs, gaps; the cost with its slopes and curvatures."""
+    """Read sizes off the unknowns x, shape (n,), of a motion, a first one or a minimum: ranges,
+    velocities, momenta, inputs, gaps; the cost with its slopes and curvatures."""
     lay = Layout.of(problem)
     problem = lay.problem_at(problem, x)
     model = problem.model
@@ -263,7 +263,7 @@ def end_of(lay: Layout, x: Array, node: int) -> tuple[Array, Array, Array]:
 
 
 def cost_of(problem: Problem, lay: Layout, x: Array) -> float:
-    """The cost of unknowns, with the objective."""
+    """The cost of unknowns x, shape (n,), with the objective."""
     chosen = lay.problem_at(problem, x)
     model, step = chosen.model, lifted(chosen, lay, lay.step_inputs(x))
     start, end = end_of(lay, x, 0), end_of(lay, x, -1)

@@ -19,7 +19,8 @@ from dmoc.problem.problem import Problem
 
 
 def shared(model: Model, mode: Mode, at: tuple[Array, Array], forces: Forces) -> Forces:
-    """Forces with the same effect in a mode, at rows of positions and times."""
+    """Forces with the same effect in a mode, shared by least squares, at rows of positions and
+    times, shapes (n, nq) and (n,); forces have n rows."""
     kept, mass = conditions_of(model, mode), model.mass(*at)
     B = kept.pushes(model, *at) / np.sqrt(np.abs(np.diagonal(mass, axis1=1, axis2=2)))[:, None, :]
     size = np.linalg.norm(B, axis=2)
@@ -32,7 +33,7 @@ def shared(model: Model, mode: Mode, at: tuple[Array, Array], forces: Forces) ->
 
 
 def in_words(problem: Problem) -> str:
-    """What is shared in the phases of a problem; empty where all forces are determined."""
+    """Say which forces the phases of a problem share; empty where all forces are determined."""
     parts = [
         f"{what} of {' and '.join(names)} in phase {i}"
         for i, follows in enumerate(problem.redundant)

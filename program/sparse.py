@@ -49,7 +49,7 @@ class SparsePattern:
     def matrix(
         self, values: Array, first: int = 0, last: int | None = None
     ) -> scipy.sparse.csr_matrix:
-        """Return rows first to last with the given values of all entries."""
+        """Return rows first to last with the given values of all entries, shape (entries,)."""
         import scipy.sparse  # here, because the compiled method does without SciPy
 
         last = self.shape[0] if last is None else last

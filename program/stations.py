@@ -39,65 +39,73 @@ class Stations:
         return [n * (self.scheme.degree + 1) if self.own else n + (n > 0) for n in self.steps]
 
     def rows(self, i: int) -> slice:
-        """Those of phase i."""
+        """Rows of the stations of phase i."""
         first = sum(self._counts[:i])
         return slice(first, first + self._counts[i])
 
     @cached_property
     def phase(self) -> Index:
+        """Phase of each station, shape (rows,)."""
         return np.repeat(np.arange(len(self.steps)), self._counts)
 
     @cached_property
     def number(self) -> Index:
-        """The place of each in its step, from 0 to d; 0 where steps share them."""
+        """Node of its step at which a station is, from 0 to d, shape (rows,); 0 where steps share
+        nodes."""
         rows = np.arange(len(self.phase))
         return rows % (self.scheme.degree + 1) if self.own else np.zeros_like(rows)
 
     @cached_property
     def within(self) -> Array:
-        """The place of each in its step, from 0 to 1."""
+        """Place of each station in its step, from 0 to 1, shape (rows,)."""
         return np.asarray(np.sort(self.scheme.nodes)[self.number])
 
     @cached_property
     def place(self) -> Index:
+        """Place of each station along the whole motion, shape (rows,)."""
         return self.step * self.scheme.degree + self.number if self.own else self._shared
 
     @cached_property
     def _shared(self) -> Index:
-        """The nodes of phases that share them."""
+        """Node of each station where steps share nodes, shape (rows,)."""
         return np.arange(len(self.phase)) - self.phase
 
     @cached_property
     def step(self) -> Index:
-        """The step of each; of a node that steps share the one that begins there, of the last one
-        of a phase that which ends there."""
+        """Step of each station, shape (rows,). A node that steps share has the step that begins
+        there, the last node of a phase the step that ends there."""
         if self.own:
             return np.arange(len(self.phase)) // (self.scheme.degree + 1)
         return self._shared - self.is_last
 
     @cached_property
     def is_first(self) -> Bools:
-        """Of a phase."""
+        """Whether a station is the first one of its phase, shape (rows,)."""
         return np.diff(self.phase, prepend=-1) > 0
 
     @cached_property
     def is_last(self) -> Bools:
-        """Of a phase."""
+        """Whether a station is the last one of its phase, shape (rows,)."""
         return np.diff(self.phase, append=len(self.steps)) > 0
 
     @cached_property
     def begins(self) -> Bools:
-        """Those at the place where something has ended before: a phase, or the step before."""
+        """Whether a station stands at the start of its phase, or of its step where steps have
+        impulses of their own, shape (rows,). All but the motion's first share their place with the
+        end before."""
         return self.number == 0 if self.own else self.is_first
 
     @cached_property
     def ends(self) -> Bools:
-        """Those at which a step ends that has impulses of its own, or a phase."""
+        """Whether a station stands at the end of its phase, or of its step where steps have
+        impulses of their own, shape (rows,)."""
         return self.number == self.scheme.degree if self.own else self.is_last
 
     @cached_property
     def share(self) -> Array:
-        """What each stands for, in steps."""
+        """Share of a step for which the impulse of each station stands, shape (rows,): 1 at a node
+        that steps share, 1/2 at the ends of phases, else its weight in the quadrature of
+        Lobatto."""
         if self.own:
             return np.asarray(self.scheme.weights[self.number])
         return np.where(self.is_first | self.is_last, 0.5, 1.0)

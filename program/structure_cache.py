@@ -30,14 +30,14 @@ T = TypeVar("T")
 
 
 class Recent(Generic[T]):
-    """What was asked for last, by keys that say what it follows from."""
+    """The objects asked for last, by keys from which each follows."""
 
     def __init__(self) -> None:
         self._lock = Lock()
         self._values: OrderedDict[Hashable, T] = OrderedDict()
 
     def of(self, key: Hashable | None, make: Callable[[], T]) -> T:
-        """What follows from a key; made anew where that is None."""
+        """The object of a key, made once; made anew where the key is None."""
         if key is None:
             return make()
         with self._lock:

@@ -59,7 +59,8 @@ class Places:
     constants: int
 
     def number(self, shares: Array) -> Index:
-        """Positions of numbers that are among those of a step."""
+        """Positions in the pool of numbers that are among those of :func:`shares_of`, shape (...)
+        of these."""
         off = np.abs(shares_of(self.lay.scheme)[:, None] - shares.ravel())
         return np.asarray(self.constants + off.argmin(axis=0).reshape(shares.shape))
 
@@ -78,16 +79,18 @@ class Places:
         return lay.index_q[node], self.or_zero(v[None]), u[None], self.times(node)
 
     def quantities_at_end(self, last: bool) -> tuple[Index, ...]:
-        """The same as quantities take it, with the forces behind, if they contain any."""
+        """The state of :meth:`at_end` as quantities take it, with the forces behind, if they
+        contain any."""
         state, y = self.at_end(last), self.or_zero(self.lay.force.y_ends[[-last]])
         return (*state, y) if self.lay.force.count else state
 
     def times(self, nodes: Index) -> Index:
-        """Times of nodes; one zero in a model without explicit time."""
+        """Unknown times of nodes, shape (nodes, 1); one zero in a model without explicit time."""
         return self.lay.time_columns[nodes] if self.lay.timed else np.full((1, 1), self.zero)
 
     def times_of(self, places: Index) -> Index:
-        """The same of places (:class:`~dmoc.program.stations.Stations`)."""
+        """Unknown times of places (:class:`~dmoc.program.stations.Stations`), shape (places, 1);
+        one zero in a model without explicit time."""
         return self.lay.time_places[places] if self.lay.timed else np.full((1, 1), self.zero)
 
     def or_zero(self, index: Index) -> Index:
@@ -96,8 +99,8 @@ class Places:
 
 
 def shares_of(scheme: Discretisation) -> Array:
-    """Numbers in the pool: places in a step, its nodes and the middle, slopes of polynomials at
-    their nodes, and signs."""
+    """Numbers in the pool, shape (numbers,): places in a step, its nodes and the middle, slopes of
+    polynomials at their nodes, and signs."""
     slopes = scheme.slopes_of_nodes, PARABOLA
     return np.concatenate([scheme.nodes, [0.5], *map(np.ravel, slopes), [-1.0, 0.0, 1.0]])
 

@@ -97,6 +97,7 @@ class Transcription(Evaluator):
 
     @cached_property
     def row_unit(self) -> Array:
+        """Sizes of the rows (c | d), shape (n_eq + n_in,)."""
         if not self.scaled_by_sizes:
             return np.ones(self.n_eq + self.n_in)
         return np.concatenate(
@@ -105,7 +106,7 @@ class Transcription(Evaluator):
 
     @cached_property
     def structure(self) -> Structure:
-        """What it has in common with the programs of all problems of its form."""
+        """The structure that the program shares with those of all problems of its form."""
         if self.n > MOST_REMEMBERED:
             return structure_of(self._form())
         remembered = self.laws.remembered
@@ -153,12 +154,13 @@ class Transcription(Evaluator):
 
     @property
     def minimal_times(self) -> Index:
-        """Positions in d of the minimal times of phases, of which a plain program has none."""
+        """Positions in d of the minimal times of phases, shape (phases with one,); a plain program
+        has none."""
         return np.zeros(0, dtype=np.intp)
 
     def physical(self, x: Array) -> Array:
-        """Unknowns in units of the problem, read-only; what lies at a limit up to rounding lies at
-        it."""
+        """Unknowns in units of the problem from scaled ones, shape (n,) each; read-only. An unknown
+        at a limit up to rounding is put on it."""
         return self._remembered("physical", self._physical, x)
 
     def _physical(self, x: Array) -> Array:
@@ -174,6 +176,7 @@ class Transcription(Evaluator):
         return [few * np.where(np.isfinite(limit), np.abs(limit), 0.0) for limit in self.limits]
 
     def scaled(self, y: Array) -> Array:
+        """Scaled unknowns from those in units of the problem, shape (n,) each."""
         return np.asarray(y / self.unit)
 
     def momenta(self, x: Array) -> tuple[Array, Array]:
@@ -193,7 +196,7 @@ class Transcription(Evaluator):
         return other
 
     def designed(self, x: Array) -> Self:
-        """The same program, whose problem has the design of the scaled unknowns x."""
+        """The same program, whose problem has the design of the scaled unknowns x, shape (n,)."""
         if not self.layout.index_design.size:
             return self
         problem = self.layout.problem_at(self.problem, self.physical(x))

@@ -13,8 +13,8 @@ SINGULAR = 1e-6
 
 
 def singular_at(nlp: Transcription, x: Array) -> float | None:
-    """First time at which the mass matrix is not positive definite, up to rounding errors of its
-    entries; None if it is everywhere."""
+    """First time in seconds at which the mass matrix at the scaled unknowns x, shape (n,), is not
+    positive definite, up to rounding errors of its entries; None if it is everywhere."""
     nlp, y = nlp.designed(x), nlp.physical(x)
     q, t = y[nlp.layout.index_q], nlp.layout.times(y)
     root = 1 / np.sqrt(np.abs(nlp.problem.inertia))
@@ -26,7 +26,7 @@ def singular_at(nlp: Transcription, x: Array) -> float | None:
 
 def undefined_at(nlp: Transcription, x: Array) -> str:
     """The first one of the cost, the constraints and their first derivatives that is no finite
-    number at the scaled unknowns x, in words; empty where all are."""
+    number at the scaled unknowns x, shape (n,), in words; empty where all are."""
     if not np.isfinite(x).all():
         return ""
     with np.errstate(all="ignore"):

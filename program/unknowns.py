@@ -51,8 +51,8 @@ from dmoc.program.stations import Stations
 
 @dataclass(frozen=True)
 class Kind:
-    """What a layout depends on; ``v_at_start`` and ``v_at_end`` say whether the velocities there
-    are unknowns."""
+    """Everything that a layout depends on; ``v_at_start`` and ``v_at_end`` say whether the
+    velocities there are unknowns."""
 
     coordinates: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -157,7 +157,7 @@ class Unknowns:
         return [b.name_of(i) for b in self.unknowns for i in range(b.count)]
 
     def units(self, scale: Scale) -> Array:
-        """Typical sizes of all unknowns, in the order of x."""
+        """Typical sizes of all unknowns, in the order of x, shape (n,)."""
         return np.concatenate([b.sizes(scale) for b in self.unknowns if b.count])
 
 

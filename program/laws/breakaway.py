@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class BreakawayLaw(Law):
-    """What breaks away along the phases of a problem, of the ``friction`` that acts there."""
+    """Law of contacts that break away at the end of a phase from the static ``friction`` there."""
 
     friction: FrictionLaw
     breaks: Block = field(init=False)
@@ -71,7 +71,7 @@ class BreakawayLaw(Law):
 
     @property
     def _holding(self) -> Iterator[Product]:
-        """What static friction holds at the ends of phases."""
+        """Static friction mu_s P at the ends of phases, in the rows of breaking away."""
         law, events = self.friction, len(self.friction.touch.events)
         last = law.last[:events]
         for k, (_, limit, factor) in enumerate(law.limits):

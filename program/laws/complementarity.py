@@ -243,7 +243,7 @@ class ComplementarityLaw(Law):
 
     @property
     def _holding(self) -> Iterator[Product]:
-        """What friction holds, in the rows of cones."""
+        """Friction mu P, in the rows of the cones."""
         at = np.arange(self.lay.total + 1)
         for t in self._open.tangents:
             for side in range(2):
@@ -251,7 +251,8 @@ class ComplementarityLaw(Law):
                     yield Product(t, at, self.cone.index[:, t, side], limit, factor)
 
     def _pressed(self, t: int) -> Iterator[tuple[Index, Array]]:
-        """What presses a tangent at the nodes: unknowns and their factors."""
+        """Unknowns that press a tangent at the nodes, and their factors, shape (total + 1,)
+        each."""
         lay, surface = self.lay, self.lay.touch.contacts.supports[t]
         if surface != RAIL:
             struck, of = np.full(lay.total + 1, NOWHERE), lay.touch.surfaces == surface

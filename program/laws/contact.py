@@ -155,7 +155,7 @@ class ContactLaw(Law):
         return terms
 
     def edges(self, i: int) -> Iterator[Edge]:
-        """Where a contact does not press it may leave."""
+        """Edges beyond which a contact leaves: there it does not press."""
         lay, rows = self.lay, self.lay.stations.rows(i)
         for j in lay.touch.modes[i].closed:
             gives = lay.stations.by_step(self.closed.index[rows, j])

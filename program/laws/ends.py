@@ -106,7 +106,7 @@ class EndsLaw(Law):
 
     @property
     def ranges(self) -> list[tuple[Relation, float, float]]:
-        """Those of ``periodic_range``, with a side and its bound."""
+        """Relations of ``periodic_range``, each with a side and its bound."""
         wide = [r for r in self.problem.relations if not r.fixed]
         low = [(r, 1.0, r.low) for r in wide if r.low > -np.inf]
         return low + [(r, -1.0, r.high) for r in wide if r.high < np.inf]

@@ -133,7 +133,7 @@ class ForceLaw(Law):
         return terms
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
-        """Each equation determines the one of its place."""
+        """Each equation determines the acceleration or force of its own place."""
         force = self.lay.force
         yield Pivot(force.y, self.along.index, key(force.step, INPUT))
         yield Pivot(force.y_ends, self.ends.index, key(np.array([0, self.lay.total - 1]), INPUT))

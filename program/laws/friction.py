@@ -70,7 +70,7 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class FrictionLaw(Law):
-    """What rubs along the phases of a problem.
+    """Law of the friction of contacts and rails along the phases of a problem.
 
     Attributes
     ----------
@@ -82,9 +82,9 @@ class FrictionLaw(Law):
         Coefficients of friction of surfaces, largest forces of rails; not a number where they
         vary.
     mu_s : array, shape (nt,)
-        The same of what sticks.
+        Coefficients or largest forces of static friction, as those of ``mu``.
     paired : array of bool, shape (nt,)
-        Tangents for which it is another one.
+        Tangents whose static friction differs from that of sliding.
     slows : bool
         Whether some friction depends on the sliding speed.
     """
@@ -193,18 +193,18 @@ class FrictionLaw(Law):
 
     @property
     def _grips(self) -> Bools:
-        """Tangents that stick with friction, shape (phases, nt): the cone of those without has no
+        """Tangents that stick with friction, shape (phases, nt): without friction the cone has no
         interior, and bounds say T = 0."""
         return np.asarray(self.touch.sticks & (self.mu_s != 0))
 
     @property
     def static(self) -> str:
-        """The kernel of what sticks."""
+        """Name of the kernel of static friction."""
         return "holding" if self.paired.any() or self.slows else "bearing"
 
     @property
     def last(self) -> Index:
-        """The station at the end of each phase."""
+        """Rows of the stations at the ends of phases, shape (phases with steps,)."""
         return np.flatnonzero(self.along.at.is_last)
 
     @property
@@ -265,7 +265,7 @@ class FrictionLaw(Law):
 
     @property
     def _sliding(self) -> Iterator[Product]:
-        """What friction holds along phases, in the rows of sliding."""
+        """Friction s mu P along phases, in the rows of sliding."""
         phase = self.along.at.phase
         for k, (at, limit, factor) in enumerate(self.limits):
             signs = self.touch.signs[phase, k]
@@ -273,14 +273,15 @@ class FrictionLaw(Law):
 
     @property
     def _sticking(self) -> Iterator[Product]:
-        """The same in the rows of cones."""
+        """Largest static friction mu_s P along phases, in the rows of both sides of cones."""
         for k, (at, limit, factor) in enumerate(self.limits):
             for side in range(2):
                 yield Product(k, at, self.cone.index[:, k, side], limit, factor)
 
     @property
     def limits(self) -> Iterator[tuple[Index, Index, Array]]:
-        """Stations, and what presses each tangent there: unknowns and their factors."""
+        """For each tangent the rows of stations, and the unknowns that press it there, with their
+        factors, shape (rows,) each."""
         lay, phase, share = self.lay, self.along.at.phase, self.along.at.share
         for surface in self.touch.contacts.supports:
             rail = surface == RAIL
@@ -289,7 +290,7 @@ class FrictionLaw(Law):
 
     @property
     def _in_impacts(self) -> Iterator[Product]:
-        """The same in impacts."""
+        """Friction mu P of impacts, in the rows of sliding and of cones."""
         lay, touch = self.lay, self.touch
         at = np.arange(len(touch.events))
         for k, surface in enumerate(touch.contacts.supports):
@@ -304,7 +305,8 @@ class FrictionLaw(Law):
     # Edges and pivots -----------------------------------------------------------------------------
 
     def edges(self, i: int) -> Iterator[Edge]:
-        """What slides may come to rest, what sticks slide at the limit of its friction."""
+        """Edges beyond which a tangent that slides sticks, or one that sticks slides: there the
+        speed vanishes, or friction is at its limit."""
         lay, rows, by_step = self.lay, self.lay.stations.rows(i), self.lay.stations.by_step
         steps = slice(lay.ends[i], lay.ends[i + 1])
         for k, s in self.touch.modes[i].rubbing.items():

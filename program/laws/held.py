@@ -77,7 +77,7 @@ class HeldLaw(Law):
 
     @property
     def _sticks(self) -> Bools:
-        """What sticks after the events, shape (events, nt)."""
+        """Tangents that stick after the events, shape (events, nt)."""
         return self.lay.touch.sticks[1:]
 
     # Rows -----------------------------------------------------------------------------------------
@@ -198,7 +198,8 @@ class HeldLaw(Law):
 
     @property
     def _holding(self) -> Iterator[Product]:
-        """What friction holds: mu P_b of what slides, and mu dP in the rows of cones."""
+        """Friction of contacts that stay closed: mu P_b in the rows of sliding, and mu dP in the
+        rows of cones."""
         at = np.arange(len(self.lay.touch.events))
         for k, j in enumerate(self.lay.touch.contacts.supports):
             if j == RAIL or not self.lay.hit.passages:
@@ -215,7 +216,7 @@ class HeldLaw(Law):
     # Pivots ---------------------------------------------------------------------------------------
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
-        """What holds determines its impulses."""
+        """The rows of conditions that hold in impacts determine their impulses."""
         before, held = key(self.lay.collision_nodes - 1, COLLISION), self.unknowns
         yield Pivot(held.P_b, self.held.index, before)
         yield Pivot(held.T_b, self.fast.index, before)
@@ -235,8 +236,8 @@ class HeldLaw(Law):
 def _growth(
     rows: Index, impulses: tuple[Index, ...], part: int
 ) -> Iterator[tuple[Index, Index, float]]:
-    """Rows, unknowns and signs of what impulses, until sliding stops and in all, grow by in one of
-    the parts."""
+    """Rows, unknowns and signs of the growth of impulses in one part of an impact, shape (events,)
+    each; ``impulses`` are those until sliding stops and those of the whole impact."""
     at_stop, whole = impulses
     for unknown, sign in ((at_stop, -1.0), (whole, 1.0)) if part else ((at_stop, 1.0),):
         yield rows, unknown, sign

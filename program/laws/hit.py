@@ -124,7 +124,7 @@ class HitLaw(Law):
 
     @property
     def passages(self) -> tuple[Passage, ...]:
-        """Those that go through stages."""
+        """Passages of hits whose law has stages."""
         return tuple(p for p in self.lay.hit.passages if not p.whole)
 
     @property
@@ -228,7 +228,7 @@ class HitLaw(Law):
     # Terms ----------------------------------------------------------------------------------------
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:
-        """Those of its rows, and the tangential impulses of hits in the momentum."""
+        """Terms of the rows of hits, and of their tangential impulses in the momentum."""
         lay, momentum = self.lay, laws.step.momentum.index
         if not lay.hit.passages:
             return []
@@ -297,7 +297,8 @@ class HitLaw(Law):
         return [*entries, *entries_of(self.mu, self._holding)]
 
     def impulses(self, p: Passage) -> tuple[Index, Index]:
-        """Impulses P and T until each moment and of the whole impact, nowhere at its begin."""
+        """Unknown impulses P and T until each moment and of the whole impact, shape (moments + 2,)
+        each; nowhere at its begin."""
         i, lay, moments = p.event, self.lay, list(p.moments)
         P = [NOWHERE, *lay.hit.P_h[i, moments], lay.impact.lam[i]]
         return np.array(P), np.array(
@@ -306,7 +307,7 @@ class HitLaw(Law):
 
     @property
     def _holding(self) -> Iterator[Product]:
-        """What friction holds in stages: mu dP in the rows of sliding and of cones."""
+        """Friction mu dP of stages, in the rows of sliding and of cones."""
         for p in self.passages:
             i, (P, _) = p.event, self.impulses(p)
             for k, s in enumerate(p.friction):

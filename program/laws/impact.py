@@ -117,11 +117,12 @@ class ImpactLaw(Law):
 
     @property
     def surfaces(self) -> Index:
+        """Surface of each event, shape (events,), NOWHERE of one without an impact."""
         return self.lay.touch.surfaces
 
     @property
     def impact(self) -> Bools:
-        """Events at which something is hit or lands."""
+        """Events at which something is hit or lands, shape (events,)."""
         return self.lay.touch.impacts
 
     @property
@@ -148,8 +149,8 @@ class ImpactLaw(Law):
         give_way(problem, box, scale, zip(at, self.surfaces[hits].tolist(), strict=True))
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
-        """Fixed values at the goal may say of the event that ends a motion where it is, and how
-        fast its surface is left."""
+        """Note what values fixed at the goal, lower and upper ``limits`` of shape (n,), settle of
+        the event that ends a motion: where it is, and how fast its surface is left."""
         self.settled = np.zeros((2, len(self.surfaces)), dtype=bool)
         if self.lay.ends_with_event:
             at_end, j = settled(problem, self.lay, limits), self.surfaces[-1]
@@ -292,7 +293,7 @@ def _moves_apart(problem: Problem, surfaces: Index) -> Bools:
 
 
 def ends_motion(lay: Layout) -> Bools:
-    """Which event ends the motion, shape (events,)."""
+    """Mask of the event that ends the motion, shape (events,)."""
     return np.asarray(lay.collision_nodes == lay.total)
 
 

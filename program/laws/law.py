@@ -77,8 +77,8 @@ class Law:
         leave no interior out of the way."""
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
-        """Note what the fixed values among the lower and upper ``limits`` of the unknowns settle:
-        no row says it again."""
+        """Note which rows the fixed values settle, that is unknowns whose lower and upper
+        ``limits``, shape (n,) each, are equal: such rows are left out."""
 
     def equations(self, block: Numbering) -> None:
         """Number the rows c = 0 of the law, and keep their blocks."""
@@ -103,15 +103,17 @@ class Law:
         yield from ()
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
-        """What determines what, in the order of the chain where keys are the same."""
+        """Unknowns and the rows that determine them, in the order of the chain where keys are the
+        same."""
         yield from ()
 
     def loose(self) -> Iterator[tuple[Index, Index]]:
-        """Unknowns that the motion does not determine, since others make the same one, with their
-        places in the chain, after what is determined there; NOWHERE for the final group."""
+        """Unknowns that the motion does not determine, since others have the same effect, and where
+        in the chain they are eliminated, after what is determined there; shape (k,) each. NOWHERE
+        stands for the final group."""
         yield from ()
 
 
 def key(node: Index | int, rank: int) -> Index:
-    """Place in the chain of what belongs to a node."""
+    """Place in the chain of what belongs to nodes, of the shape of ``node``."""
     return np.asarray(node) * RANKS + rank

@@ -92,15 +92,16 @@ class Laws:
 
     @property
     def of_contacts(self) -> tuple[Law, ...]:
-        """Those of contacts, if there are any: else their blocks have no members."""
+        """The laws of contacts; none in a motion without contacts, where their blocks have no
+        members."""
         if _is_untouched(self.contact.lay):
             return ()
         rubbing = self.friction, self.sliding, self.breakaway
         return self.contact, *rubbing, self.hit, self.tangential, self.held
 
     def stating(self, problem: Problem) -> Laws:
-        """The same rows with what another problem says of both ends: the numbers in their names
-        and constants."""
+        """The same rows with the numbers that another problem has for both ends, in names and
+        constants."""
         if problem.kernels.quantities:
             bound, quantity = self.bound.bounding(problem), self.quantity.stating(problem)
             self = replace(self, bound=bound, quantity=quantity)

@@ -50,7 +50,7 @@ class LiftoffLaw(Law):
 
     @cached_property
     def _leaving(self) -> Bools:
-        """Shape (events, nc)."""
+        """Surfaces that leave at each event, shape (events, nc)."""
         touch = self.lay.touch
         leaving = np.zeros((len(touch.events), len(touch.contacts.surfaces)), dtype=bool)
         for one in self.lay.liftoff.of:
@@ -108,6 +108,6 @@ class LiftoffLaw(Law):
         return [(self.vanishes.index[events], N, np.ones(len(N)))]
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
-        """Each equation determines the one of its place."""
+        """Each equation determines the force of its own place."""
         if self.lay.liftoff.of:
             yield Pivot(self._y, self.forces.index, key(self.lay.collision_nodes - 1, INPUT))

@@ -48,8 +48,11 @@ KINDS = {"path": BoundKind.PATH, "quantity": BoundKind.BOUND, "peak": BoundKind.
 
 @record(frozen=True, eq=False)
 class Side:
-    """A side on which functions stay: sign * (function - value) >= 0, of those that have it; or
-    sign * function + unknown >= 0 with one of the ``unknowns`` for each."""
+    """One side on which nr functions stay.
+
+    It is sign * (function - value) >= 0 for those of the mask ``there``, with ``values``, both of
+    shape (nr,). With ``unknowns``, shape (nr,), it is sign * function + unknown >= 0.
+    """
 
     sign: float
     there: Bools
@@ -110,14 +113,15 @@ class PathLaw(Law):
         return cls(lay, "peak", "quantity", rows, tuple(sides))
 
     def bounding(self, problem: Problem) -> PathLaw:
-        """The same rows with the bounds of another problem, which has the same ones."""
+        """The same rows with the bounds of another problem, which has the same quantities
+        bounded."""
         other = copy(self)
         other.sides = _sides(problem)
         return other
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the functions."""
+        """Names of the functions."""
         return tuple(row["name"] for row in self.rows)
 
     def _which(self, kind: Callable[[FunctionFacts], Any]) -> Bools:
@@ -125,27 +129,27 @@ class PathLaw(Law):
 
     @cached_property
     def on_inputs(self) -> Bools:
-        """Which ones contain inputs."""
+        """Functions that contain inputs, shape (nr,)."""
         return self._which(lambda row: row["inputs"])
 
     @cached_property
     def on_states(self) -> Bools:
-        """Which ones contain coordinates or velocities."""
+        """Functions that contain coordinates or velocities, shape (nr,)."""
         return self._which(lambda row: row["coordinates"] or row["velocities"])
 
     @cached_property
     def on_rates(self) -> Bools:
-        """Which ones contain velocities and no inputs."""
+        """Functions that contain velocities and no inputs, shape (nr,)."""
         return self._which(lambda row: row["velocities"] and not row["inputs"])
 
     @cached_property
     def on_places(self) -> Bools:
-        """Which ones contain coordinates and the time alone."""
+        """Functions that contain coordinates and the time alone, shape (nr,)."""
         return ~self.on_inputs & ~self.on_rates & ~self.on_forces
 
     @cached_property
     def on_forces(self) -> Bools:
-        """Which ones contain forces."""
+        """Functions that contain forces, shape (nr,)."""
         return self._which(lambda row: row.get("forces"))
 
     @property
@@ -250,7 +254,7 @@ class PathLaw(Law):
 
     @property
     def _members(self) -> Iterator[tuple[Side, Index, Index]]:
-        """Each side with its rows, and the functions that these are of."""
+        """Each side with the numbers of its rows, and the functions of these, shape (k,) each."""
         if self.idle:
             return
         blocks = self.at_points, self.at_nodes, self.at_ends_of_steps, self.at_ends_of_phases
@@ -267,8 +271,8 @@ class PathLaw(Law):
         ]
 
     def above(self, values: Array) -> Array:
-        """By how much peaks lie above their quantities, from the values of all rows, shape
-        (peaks,)."""
+        """Differences of peaks and their quantities, shape (peaks,), from the values of all rows (c
+        | d)."""
         lowest = np.full(self.lay.size, np.inf)
         for side, rows, which in self._members:
             if side.unknowns is not None:
@@ -283,7 +287,7 @@ class PathLaw(Law):
 
 
 def _sides(problem: Problem) -> tuple[Side, ...]:
-    """Those on which a problem bounds its quantities."""
+    """Sides on which a problem bounds its quantities."""
     bounds = problem.quantity_bounds
     there = np.isfinite(bounds)
     values = np.where(there, bounds, 0.0)

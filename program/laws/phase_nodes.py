@@ -34,16 +34,18 @@ class PhaseNodes:
         return self.lay.stations if self.used else Stations((), self.lay.scheme)
 
     def along(self, of_phase: Bools) -> Bools:
-        """What holds of a phase at each of its stations."""
+        """Values of the stations, shape (rows, size), from those of their phases, shape (phases,
+        size)."""
         return np.asarray(of_phase[self.at.phase])
 
     def state(self, places: Places) -> tuple[Index, Index]:
-        """Coordinates and times of the stations."""
+        """Unknown coordinates and times of the stations, shapes (rows, nq) and (rows, 1)."""
         return self.lay.index_places[self.at.place], places.times_of(self.at.place)
 
     def places(self, of_phase: Bools, settled: Bools) -> Bools:
-        """Stations at which places are held: but for those where something has ended before, and
-        for what is ``settled`` at the start and at the end of each phase."""
+        """Stations at which places are held, shape (rows, size), of what is held in each phase,
+        shape (phases, size). Those where something has ended before have no rows, nor has what is
+        ``settled``, shape (phases + 1, size), at the start and at the end of each phase."""
         held = self.along(of_phase) & ~self.at.begins[:, None]
         if len(held):
             held[0] = of_phase[0] & ~settled[0]
@@ -68,7 +70,8 @@ class PhaseNodes:
     def pushes(
         self, kernel: str, impulses: Index, sign: float, places: Places, laws: Laws
     ) -> Iterator[Term]:
-        """Impulses in the equations of their places, and in those beside events."""
+        """Impulses, unknowns of shape (rows, size), in the equations of their places, and in those
+        beside events."""
         lay, (q, t), impulse = self.lay, self.state(places), places.or_zero(impulses)
         first, last = self.at.is_first.copy(), self.at.is_last.copy()
         first[0] = False  # the ends of the motion have momenta of their own
@@ -102,8 +105,9 @@ class PhaseNodes:
 
     def pivots(self, impulse: Index, held: Index, rest: Index) -> Iterator[Pivot]:
         """Places determine the impulses of the stations before them, rates those at the ends of
-        phases and of steps.  Those of the last node of all are determined through the final state,
-        which belongs to the final group, and so do they."""
+        phases and of steps. Impulses at the last node of all belong to the final group, as the
+        final state does. ``impulse`` and ``held`` have the shape (rows, size), ``rest`` (total + 1,
+        size)."""
         at, d = self.at, self.lay.scheme.degree
         following = np.full_like(held, NOWHERE)
         following[:-1] = held[1:]
@@ -122,8 +126,9 @@ class PhaseNodes:
     def loose(
         self, impulse: Index, in_impacts: Index, follows: Bools
     ) -> Iterator[tuple[Index, Index]]:
-        """Impulses of conditions that follow from others in a phase: along the phases, and in
-        impacts."""
+        """Impulses, shape (rows, size), of conditions that follow from others in a phase, shape
+        (phases, size): along the phases, and in impacts, shape (events, size). Yields unknowns and
+        their places in the chain, as :meth:`~dmoc.program.laws.law.Law.loose`, shape (k,) each."""
         node = self.at.place // self.lay.scheme.degree
         at = np.where(self.at.ends, key(node - 1, AT_REST), key(node, CONTACT))
         at[len(at) - self._left_over :] = NOWHERE

@@ -38,7 +38,7 @@ class QuantityLaw(Law):
     within: Block = field(init=False)
 
     def stating(self, problem: Problem) -> QuantityLaw:
-        """The same rows with the numbers of another problem."""
+        """The same rows with the values and ranges of another problem."""
         other = copy(self)
         other.problem = problem
         other.__dict__.pop("ranges", None)
@@ -46,7 +46,8 @@ class QuantityLaw(Law):
 
     @cached_property
     def ranges(self) -> Array:
-        """Shape (events + 2, nz, 2)."""
+        """Lower and upper values at the start, at the goal and at the events, shape (events + 2,
+        nz, 2)."""
         ranges = self.problem.quantity_ranges
         return np.concatenate([ranges.start[None], ranges.goal[None], ranges.via])
 

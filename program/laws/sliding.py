@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class SlidingLaw(Law):
-    """What slides along the phases of a problem, at the contacts of the law ``contact``."""
+    """Law of the direction of tangents that slide along phases, at the contacts of the law
+    ``contact``."""
 
     contact: ContactLaw
     in_steps: Block = field(init=False)
@@ -55,7 +56,7 @@ class SlidingLaw(Law):
     # Rows -----------------------------------------------------------------------------------------
 
     def inequalities(self, block: Numbering) -> None:
-        """The last axis of those of impacts are the two sides."""
+        """Number the rows; the last axis of ``in_impacts`` are the two sides of an impact."""
         lay, touch = self.lay, self.touch
         names = touch.contacts.tangents
         slides = touch.signs[lay.phase_of_step] != 0
@@ -157,7 +158,8 @@ class SlidingLaw(Law):
                 yield Term("slide_rate", state, (at[k],), sign)
 
     def _ways(self, places: Places) -> Iterator[Term]:
-        """How far it slides in each step."""
+        """Differences of the tangential positions at both ends of steps, in the direction of
+        sliding."""
         lay, rows = self.lay, self.in_steps.index
         signs = self.touch.signs[lay.phase_of_step]
         for sign in (1.0, -1.0):

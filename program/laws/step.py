@@ -177,7 +177,8 @@ class StepLaw(Law):
         return keep
 
     def _gaps_inside(self, timed: Bools) -> Bools:
-        """The same inside steps, of the surfaces whose times are known there."""
+        """Gaps that have rows at the nodes inside steps, shape (total * inside, nc): of the
+        surfaces whose times are known there."""
         lay = self.lay
         keep = ~lay.touch.is_closed[lay.phase_of_step] & timed
         for step, surfaces in lay.begins_open:

@@ -200,7 +200,7 @@ class TangentialLaw(Law):
 
     @property
     def _holding(self) -> Iterator[Product]:
-        """What friction holds, mu lam, in the rows of hits that it limits."""
+        """Friction mu lam, in the rows of hits that it limits."""
         for p in self.passages:
             i, s = p.event, float(p.friction[-1])
             if self.mu[p.tangent] == np.inf:

@@ -47,7 +47,7 @@ class VelocityLaw(Law):
 
     @cached_property
     def places(self) -> Array:
-        """Places in a step at which velocities are bounded."""
+        """Places in a step, from 0 to 1, at which velocities are bounded, shape (places,)."""
         degree = self.lay.scheme.degree
         if degree == 1:
             return np.array([0.5])
