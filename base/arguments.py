@@ -202,7 +202,8 @@ def names(value: Any, what: str, of: str, error: ErrorKind = ProblemError) -> li
 
 
 def array(value: Any) -> NDArray[np.float64] | None:
-    """Read an array of numbers of any shape, not finite ones among them; None for what is none."""
+    """Read an array of numbers of any shape (...), not finite ones among them; None for a value
+    that is no array."""
     try:
         raw = np.asarray(value)
     except Exception:  # rows of different lengths, or a foreign class

@@ -22,7 +22,7 @@ class Deadline:
 
     @classmethod
     def after(cls, seconds: float | None) -> Deadline:
-        """That of a limit that begins now; None is no limit."""
+        """The deadline of a limit that begins now; None is no limit."""
         return ENDLESS if seconds is None else cls(time.perf_counter() + seconds)
 
     @property
@@ -41,11 +41,12 @@ class Deadline:
 
     @property
     def seconds(self) -> float | None:
-        """What is left as users give it: a positive number, or None for no limit."""
+        """The seconds that are left as users give a limit: a positive number, or None for no
+        limit."""
         return max(self.left, LEAST) if self.ends else None
 
     def share(self, share: float) -> Deadline:
-        """That of a share of what is left."""
+        """The deadline of a share of the time that is left."""
         now = time.perf_counter()
         return Deadline(now + share * (self.at - now))
 

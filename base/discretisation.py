@@ -109,8 +109,8 @@ class Discretisation:
 
     @cached_property
     def shapes(self) -> Array:
-        """Shape functions of the nodes: row a holds the coefficients of 1, x, x^2, ...
-        on [0, 1]."""
+        """Shape functions of the nodes, shape (degree + 1, degree + 1): row a holds the
+        coefficients of 1, x, x^2, ... on [0, 1]."""
         import numpy as np
 
         return np.asarray(np.linalg.inv(np.vander(self.nodes, increasing=True)).T.copy())
@@ -124,7 +124,8 @@ class Discretisation:
 
     @cached_property
     def slopes_of_nodes(self) -> Array:
-        """The same at the nodes, rows and columns in the order of time."""
+        """Slopes of the shape functions at the nodes, shape (degree + 1, degree + 1), rows and
+        columns in the order of time."""
         import numpy as np
 
         return self.slopes(np.sort(self.nodes))[:, np.argsort(self.nodes)]
@@ -152,7 +153,8 @@ class Discretisation:
         return np.asarray(np.linalg.inv(np.vstack([rows, slopes])))
 
     def within(self, start: Array, end: Array) -> Array:
-        """Values inside each step of what is linear in it, shape (steps, inside, ...)."""
+        """Values inside each step of quantities linear in it, shape (steps, inside, ...), from
+        those at its start and at its end, shape (steps, ...)."""
         import numpy as np
 
         share = self.nodes[2:].reshape(-1, *(1,) * (np.ndim(start) - 1))
@@ -162,9 +164,9 @@ class Discretisation:
 
 def gauss(n: int, a: int = 0) -> tuple[Array, Array]:
     """Places on [0, 1] and weights, whose sum is 1, of Gauss's quadrature with n points for the
-    weight (x (1 - x))^a, by the eigenvalues of the recurrence of Jacobi's polynomials (G. H. Golub
-    and J. H. Welsch, Mathematics of Computation 23 (1969) 221-230): the places for a = 1 are the
-    nodes inside of Lobatto's n + 2."""
+    weight (x (1 - x))^a, shape (n,) each. They are found by the eigenvalues of the recurrence of
+    Jacobi's polynomials (G. H. Golub and J. H. Welsch, Mathematics of Computation 23 (1969)
+    221-230). The places for a = 1 are the nodes inside of Lobatto's n + 2."""
     import numpy as np
 
     k = np.arange(1.0, n)
