@@ -47,7 +47,7 @@ def columns(motion: Trajectory) -> dict[str, Array]:
 
 
 def _rows(motion: Trajectory, phase: Phase, number: int) -> dict[str, Array]:
-    """The rows of a phase, by the fields of a state."""
+    """The rows of a phase, by the fields of a state, shape (rows, size) each."""
     n, form, u = phase.steps, motion.input_form, phase.u
     if not n:
         node = begins = np.zeros(1, dtype=np.intp)
@@ -66,7 +66,7 @@ def _rows(motion: Trajectory, phase: Phase, number: int) -> dict[str, Array]:
 
 
 def _quantities(phase: Phase, jumps: bool) -> Array:
-    """Those at the nodes, or on both sides of them."""
+    """Quantities at the nodes, or on both sides of them, shape (rows, nz)."""
     if not phase.steps:
         return phase.quantities.reshape(1, -1)
     ends = phase.quantities.reshape(phase.steps, PARTS, -1)[:, [0, -1]]

@@ -67,7 +67,7 @@ class Scene:
 
     @property
     def contacts(self) -> tuple[Shape, ...]:
-        """Where forces act."""
+        """Places at which forces act."""
         return tuple(shape for shape in self.shapes if shape.kind == "contact")
 
 

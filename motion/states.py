@@ -139,7 +139,7 @@ def _free(name: str, taken: Mapping[str, object]) -> str:
 
 
 def state_at(motion: Trajectory, t: ArrayLike, side: str = "right") -> State:
-    """The state of a motion at a time or at n times of any order.
+    """The state of a motion at a time, or at times of shape (n,) in any order.
 
     At a collision ``side`` decides: "right" for the phase that begins there, "left" for the one
     that ends; at a node inside a phase too, which matters to inputs that jump there.
@@ -193,7 +193,8 @@ def _phases_of(motion: Trajectory, t: Array, side: str) -> NDArray[np.intp]:
 
 
 def _nodes_before(nodes: Array, t: Array, side: str) -> NDArray[np.intp]:
-    """How many nodes lie before each time, or, on the right side, at it."""
+    """Number of nodes, at times of shape (N + 1,), that lie before each of n times, or, on the
+    right side, at it; shape (n,)."""
     return np.searchsorted(nodes, t, side="right" if side == "right" else "left")
 
 
@@ -216,7 +217,8 @@ def _in_phase(motion: Trajectory, phase: Phase, t: Array, side: str) -> tuple[Ar
 
 
 def positions(phase: Phase, k: NDArray[np.intp], share: Array, h: Array) -> tuple[Array, Array]:
-    """Positions and velocities at shares of steps k of size h."""
+    """Positions and velocities, shape (n, nq) each, at shares of steps k of size h, all of shape
+    (n,)."""
     ends = [h[:, None] * phase.v[k], h[:, None] * phase.v[k + 1]]
     data = np.stack([*_nodes(phase.q, phase.q_inside, k), *ends], axis=1)
     base = _scheme(phase).course
@@ -268,7 +270,8 @@ def phase_forces(motion: Trajectory, phase: Phase) -> tuple[Array, ...]:
 
 
 def _all_forces(motion: Trajectory, phase: Phase) -> Iterator[tuple[Array, Array]]:
-    """The same at the nodes inside steps too, with the times of their rows."""
+    """Times and contact forces, friction and forces of joints at the nodes and those inside steps,
+    shapes (rows,) and (rows, size)."""
     forces = phase.forces
     for kind, names, everyone in (
         ("normal", phase.closed, motion.restitution),

@@ -107,8 +107,8 @@ class Phase:
 
     @property
     def forces(self) -> dict[str, tuple[Array, Array]]:
-        """Forces at the nodes, and those inside steps where there are, by their kind: their times,
-        and the forces, a row each."""
+        """Times, shape (rows,), and forces, shape (rows, size), by kind: at the nodes, and at those
+        inside steps where forces are known there."""
         return {
             kind: (self._along(self.t[:, None], len(inside))[:, 0], self._along(nodes, inside))
             for kind in FORCES
@@ -117,12 +117,13 @@ class Phase:
         }
 
     def inside(self, kind: str) -> Array:
-        """Rows inside steps of what has rows at the nodes: "q", "p", or a kind of forces."""
+        """Values at the nodes inside steps, shape (N inside, size); ``kind`` is "q", "p", or a kind
+        of forces."""
         return np.asarray(getattr(self, f"{kind}_inside"))
 
     def _along(self, nodes: Array, inside: Array | int) -> Array:
-        """Rows of the nodes and of those inside steps in the order of time; of the times, where
-        the number of those inside stands for them."""
+        """Rows of the nodes, shape (N + 1, size), and of those inside steps, shape (N inside,
+        size), in the order of time. Of the times, a number stands for the rows inside."""
         count = (inside if isinstance(inside, int) else len(inside)) // max(self.steps, 1)
         if not count:
             return nodes
@@ -313,7 +314,7 @@ class Trajectory:
         return last_inputs(self.phases, self.input_form)
 
     def input_times(self, phase: Phase) -> Array:
-        """Times that the rows of u of a phase stand for."""
+        """Times in seconds that the rows of u of a phase stand for, shape (rows,)."""
         return self.input_form.times(phase.t)
 
     @property
