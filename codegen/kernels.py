@@ -93,17 +93,17 @@ class Kernels(Shown):
 
     @property
     def compiled(self) -> bool:
-        """Whether they are C, and not NumPy."""
+        """Whether the kernels are C, and not NumPy."""
         return isinstance(self.module, Library)
 
     @property
     def backend(self) -> str:
-        """What runs them, "compiled" or "numpy"."""
+        """Name of the backend that runs the kernels, "compiled" or "numpy"."""
         return COMPILED if self.compiled else NUMPY
 
     @property
     def identity(self) -> tuple[str, str | None, str]:
-        """What results of kernels follow from beside their arguments."""
+        """Everything that the results of kernels follow from beside their arguments."""
         return self.manifest.fingerprint, self.manifest.code, self.backend
 
     @property
@@ -215,8 +215,8 @@ class Kernels(Shown):
         }
 
     def depends(self, kernel: str, names: Sequence[str]) -> NDArray[np.bool_]:
-        """Which of the results of a kernel that has one depend on some of the parameters that
-        derivatives are by."""
+        """Mask of the results of a kernel that depend on some of the parameters by which
+        derivatives are taken, shape (results,); empty for a kernel that there is not."""
         if not self.has(kernel):
             return np.zeros(0, dtype=bool)
         ((size,),) = (o["shape"] for o in self.manifest.kernels[kernel]["outputs"])
@@ -234,13 +234,14 @@ class Kernels(Shown):
         return [o["name"] for o in self.manifest.kernels[kernel]["outputs"]]
 
     def pattern(self, kernel: str, output: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return rows and columns of the stored entries of a matrix output."""
+        """Return rows and columns of the stored entries of a matrix output, shape (entries,)
+        each."""
         if (kernel, output) not in self._patterns:
             raise BuildError(f"kernel {kernel!r} of model {self.name!r} has no output {output!r}.")
         return self._patterns[kernel, output]
 
     def shape(self, kernel: str, output: str) -> tuple[int, ...]:
-        """The shape of an output; of a matrix that of all of it."""
+        """The shape of an output; of a matrix it counts the entries that are not stored too."""
         return self._shapes[kernel, output]
 
     @cached_property
