@@ -24,8 +24,8 @@ DEFINITE = 1e-14
 
 
 def solved(A: Array, b: Array) -> Array:
-    """A^-1 b for a matrix, or row by row for stacks of matrices and vectors; not a number where
-    A is singular or not finite."""
+    """A^-1 b for a matrix (m, m) and a vector (m,) or columns (m, k), or row by row for stacks (n,
+    m, m) and (n, m). It is not a number where A is singular or not finite."""
     fits = A.shape[:-1] in (b.shape, b.shape[:-1])  # NumPy repeats one beside others
     if A.shape[-1] <= SMALL and fits:
         return solved_small(A, b)
@@ -55,8 +55,8 @@ def solved_transpose(M: Array, B: Array) -> Array:
 
 
 def is_positive(M: Array) -> bool:
-    """Whether a symmetric matrix is positive definite beyond rounding errors, whatever the units of
-    its rows: that of D M D with D = diag(M)^(-1/2) is."""
+    """Whether a symmetric matrix, shape (m, m), is positive definite beyond rounding errors,
+    whatever the units of its rows: whether D M D with D = diag(M)^(-1/2) is."""
     diagonal = np.diagonal(M)
     if not (np.isfinite(M).all() and (diagonal > 0).all()):
         return False
@@ -65,8 +65,8 @@ def is_positive(M: Array) -> bool:
 
 
 def least_squares(A: Array, b: Array) -> Array:
-    """The shortest x of least |A x - b|; not a number where A or b is not finite or the
-    decomposition fails."""
+    """The shortest x of least |A x - b| for A (m, n): x (n,) for b (m,), or columns (n, k) for (m,
+    k). It is not a number where A or b is not finite or the decomposition fails."""
     nothing = np.full((A.shape[1], *b.shape[1:]), np.nan)
     if not (np.isfinite(A).all() and np.isfinite(b).all()):
         return nothing
@@ -87,7 +87,8 @@ def multipliers(A: Array, size: Array, b: Array) -> Array:
 
 
 def _shortest(A: Array, b: Array) -> Array:
-    """The same of numbers that are finite, with rows and columns of the size 1."""
+    """The shortest solutions of A lam = b for finite numbers, whose rows and columns have the size
+    1."""
     if (np.abs(np.linalg.det(A)) > REGULAR).all():
         return np.asarray(np.linalg.solve(A, b[..., None])[..., 0])
     return np.asarray((np.linalg.pinv(A, rcond=DEPENDENT**2) @ b[..., None])[..., 0])

@@ -74,7 +74,7 @@ class BoundKernels:
 
     @cached_property
     def contacts(self) -> Contacts:
-        """Its surfaces and tangents."""
+        """Surfaces and tangents of the model."""
         names, without = self.kernels, self.kernels.manifest.without_friction
         return Contacts(tuple(names.surfaces), tuple(names.tangents), frictionless=tuple(without))
 
@@ -119,7 +119,7 @@ class BoundKernels:
 
     @cached_property
     def hidden_names(self) -> tuple[str, ...]:
-        """What hidden unknowns are called."""
+        """Names of the hidden unknowns."""
         facts = self.kernels.manifest
         pairs = zip(facts.hidden, facts.hidden_of, strict=True)
         return tuple(f"{name} in {of or 'the cost'}" for name, of in pairs)
@@ -141,7 +141,7 @@ class BoundKernels:
         return results if q.ndim > 1 else tuple([a[0] for a in results])
 
     def _values(self, kernel: str, size: int, q: Array, *rows: ArrayLike) -> Array:
-        """The one result of a kernel, shape (..., size); a model has none for no values."""
+        """The only result of a kernel, shape (..., size); without values a model has no kernel."""
         return self._at(kernel, q, *rows)[0] if size else np.zeros((*q.shape[:-1], 0))
 
     def _matrix(self, name: str, shape: tuple[int, int], q: Array, *rows: ArrayLike) -> Array:
@@ -151,7 +151,7 @@ class BoundKernels:
         return self._full(name, self._at(MATRICES[name], q, *rows)[0])
 
     def _bent(self, rate_D: str, size: int, q: Array, v: Array, t: ArrayLike) -> Array:
-        """What rates change by along v and with the time."""
+        """Changes of rates along v and with the time, without acceleration, shape (..., size)."""
         slopes = self._matrix(rate_D, (size, 2 * self.nq + 1), q, v, t)
         along = (slopes[..., : self.nq] @ v[..., None])[..., 0]
         return np.asarray(along + slopes[..., 2 * self.nq])

@@ -166,11 +166,11 @@ class Conditions:
         return _beside([f.rates(model, q, v, t)[..., at] for f, at in self._groups], q)
 
     def bends(self, model: Model, q: Array, v: Array, t: Any) -> Array:
-        """What rates change by without acceleration, shape (..., m)."""
+        """Rates of the rates without acceleration, shape (..., m)."""
         return _beside([f.bends(model, q, v, t)[..., at] for f, at in self._groups], q)
 
     def placed(self, model: Model) -> NDArray[np.bool_]:
-        """Which of them keep a place, and not a rate alone, shape (m,)."""
+        """Conditions that keep a place, and not a rate alone, shape (m,)."""
         rows = [f.placed(model)[at] for f, at in self._groups]
         return np.concatenate([*rows, np.zeros(0, dtype=bool)])
 
@@ -229,8 +229,8 @@ class Conditions:
         return lam
 
     def margins(self, model: Model, forces: Forces) -> Array:
-        """What the cones leave, negative outside of them: forces that do not pull, and friction
-        beyond what it has to hold, in both directions, shape (n, closed + 2 sticking)."""
+        """Distances of forces from the edges of their cones, negative outside of them, shape (n,
+        closed + 2 sticking): pushing forces, and the friction that is left in both directions."""
         closed, stuck = self.places(GAPS)[1], self.places(TANGENTS)[1]
         holds, rubs = model.bearing(forces.normal)[:, stuck], forces.tangential[:, stuck]
         return np.concatenate([forces.normal[:, closed], holds - rubs, holds + rubs], axis=1)
@@ -251,7 +251,7 @@ def conditions_of(model: Model, mode: Mode, *, joints: bool = True) -> Condition
 
 @lru_cache(maxsize=256)
 def conditions_among(contacts: Contacts, mode: Mode, joints: int) -> Conditions:
-    """The same, of a model that has such contacts and a number of joints."""
+    """The conditions of a mode in a model with such contacts and a number of joints."""
     nc, nt = len(contacts.surfaces), len(contacts.tangents)
     if not {*mode.closed} <= {*range(nc)} or not {*mode.rubbing} <= {*range(nt)}:
         raise ValueError(f"expected some of {nc} surfaces and of {nt} tangents, got {mode}")

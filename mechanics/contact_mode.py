@@ -48,7 +48,7 @@ class Mode:
         return Mode(tuple(closed), sticking, tuple((k, s) for k, s in self.sliding if chosen(k)))
 
     def stopping(self, stopped: Collection[int]) -> Mode:
-        """The same where some tangents do not slide any more, but stick."""
+        """The same mode where some tangents do not slide any more, but stick."""
         left = self.among(self.closed, lambda k: k not in stopped)
         return replace(left, sticking=(*left.sticking, *stopped))
 

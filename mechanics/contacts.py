@@ -61,7 +61,7 @@ class Contacts:
         return dict(self.impact_laws).get(surface, POISSON)
 
     def said_of(self, surface: str) -> ImpactLaw:
-        """What is said of this law."""
+        """Facts about the impact law of a surface."""
         return IMPACT_LAWS[self.impact_law(surface)]
 
     def named(self, surfaces: Iterable[int]) -> tuple[str, ...]:

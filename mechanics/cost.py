@@ -40,7 +40,7 @@ class CostModel(BoundKernels):
         return np.asarray(cost.sum(axis=-1))
 
     def terminal_cost_slopes(self, q: Array, v: Array, t: ArrayLike) -> Array:
-        """Its derivatives with respect to (q, v, t), shape (..., 2 nq + 1)."""
+        """Derivatives of the terminal cost with respect to (q, v, t), shape (..., 2 nq + 1)."""
         size = int(self.kernels.has("terminal_cost"))
         slopes = self._matrix("Phi_D", (size, 2 * self.nq + 1), q, v, t)
         return np.asarray(slopes.sum(axis=-2))
@@ -54,7 +54,7 @@ class CostModel(BoundKernels):
         return self._full("C_d_D", self.kernels.call("step_jac", *step, self.par)[2])[:, 0]
 
     def step_cost_curvatures(self, step: Sequence[Array]) -> Array:
-        """Second derivatives of the costs of steps in each entry of x_k, of its shape."""
+        """Second derivatives of the costs of steps in each entry of x_k, shape (n, size of x_k)."""
         inside = step[-1].shape[1]
         weights = (
             np.zeros((1, self.nq)),
@@ -71,34 +71,37 @@ class CostModel(BoundKernels):
     # Hidden unknowns ------------------------------------------------------------------------------
 
     def hidden(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
-        """What the hidden unknowns are at a minimum, shape (..., ns)."""
+        """Values of the hidden unknowns at a minimum, shape (..., ns)."""
         return self._values("hidden", self.ns, q, v, u, t)
 
     def lifted_costs(self, step: Sequence[Array]) -> Array:
-        """What hidden unknowns, which stand behind x_k, add to the costs of steps, shape (n,)."""
+        """Costs of the hidden unknowns, which stand behind x_k, in each step, shape (n,)."""
         if not self.ns:
             return np.zeros(len(step[0]))
         return self.kernels.call("lifted", *step, self.par)[0][:, 0]
 
     def lifted_cost_slopes(self, step: Sequence[Array]) -> Array:
-        """Derivatives of these with respect to the step, shape (n, size of the step)."""
+        """Derivatives of the costs of hidden unknowns with respect to the step, shape (n, size of
+        the step)."""
         return self._full("C_s_d_D", self.kernels.call("lifted_jac", *step, self.par)[0])[:, 0]
 
     def hidden_slopes(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
-        """Their derivatives with respect to (q, v, u, t), shape (..., ns, 2 nq + nu + 1)."""
+        """Derivatives of the hidden unknowns with respect to (q, v, u, t), shape (..., ns, 2 nq +
+        nu + 1)."""
         shape = self.ns, 2 * self.nq + self.nu + 1
         return self._matrix("s_D", shape, q, v, u, t)
 
     # Path constraints, quantities -----------------------------------------------------------------
 
     def path(self, step: Sequence[Array], kind: str = "path") -> Array:
-        """Path constraints of steps, or the "quantity" there, shape (n, nr), those of one place
-        within the step after the other.  Behind x_k of a quantity come the forces at its points, if
-        quantities contain any."""
+        """Path constraints of steps, or the "quantity" there, shape (n, nr), one place within the
+        step after the other. Behind x_k of a quantity come the forces at its points, if quantities
+        contain any."""
         return self.kernels.call(kind, *step, self.par)[0]
 
     def path_slopes(self, step: Sequence[Array], kind: str = "path") -> Array:
-        """Their derivatives with respect to the step, shape (n, nr, its size)."""
+        """Derivatives of path constraints, or quantities, with respect to the step, shape (n, nr,
+        size of the step)."""
         (slopes,) = self.kernels.call(f"{kind}_jac", *step, self.par)
         return self._full({"path": "r_d_D", "quantity": "z_d_D"}[kind], slopes)
 
@@ -107,7 +110,8 @@ class CostModel(BoundKernels):
         return self._at("path_limit", q, v, u, t)[0]
 
     def path_slopes_at(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
-        """Their derivatives with respect to (q, v, u, t), shape (..., nr, 2 nq + nu + 1)."""
+        """Derivatives of path constraints with respect to (q, v, u, t), shape (..., nr, 2 nq + nu +
+        1)."""
         (slopes,) = self._at("path_limit_jac", q, v, u, t)
         return self._full("r_s_D", slopes)
 
@@ -133,8 +137,8 @@ class CostModel(BoundKernels):
     def quantity_slopes(
         self, q: Array, v: Array, u: Array, t: ArrayLike, y: Array | None = None
     ) -> Array:
-        """Their derivatives with respect to (q, v, u, t, y), shape (..., nz, 2 nq + nu + 1 +
-        ny)."""
+        """Derivatives of quantities with respect to (q, v, u, t, y), shape (..., nz, 2 nq + nu + 1
+        + ny)."""
         shape = self.nz, 2 * self.nq + self.nu + 1 + self.ny
         rows = v, u, t, *self._pushed(y)
         return self._matrix("z_s_D", shape, q, *rows)
@@ -165,12 +169,12 @@ class CostModel(BoundKernels):
 
     @cached_property
     def peak_names(self) -> list[str]:
-        """What these peaks are called."""
+        """Names of the peaks."""
         names = self.kernels.quantities
         return [f"{'largest' if both else 'peak'} {names[j]}" for j, both in self.peaks_of]
 
     def integrals(self, step: Sequence[Array]) -> Array:
-        """What each step, with its hidden unknowns behind x_k, adds to the totals, shape (n,
+        """Parts of the totals in each step, with its hidden unknowns behind x_k, shape (n,
         number)."""
         if not self.totals_of:
             return np.zeros((len(step[0]), 0))
@@ -195,7 +199,8 @@ class CostModel(BoundKernels):
     def objective(
         self, totals: Array, peaks: Array, start: tuple[Array, Array], end: tuple[Array, Array]
     ) -> float:
-        """The objective of totals, peaks, and positions and velocities at both ends."""
+        """The objective of totals, shape (number,), peaks, shape (peaks,), and positions and
+        velocities at both ends, shape (nq,) each."""
         if not self.has_objective:
             return 0.0
         rows = totals, peaks, *start, *end, self.par

@@ -28,7 +28,8 @@ class FrictionModel(BoundKernels):
 
     @cached_property
     def static_friction(self) -> Array:
-        """The same of what sticks."""
+        """Coefficients of tangents that stick, and largest forces of rails, as ``friction``, shape
+        (nt,); not a number where they vary, (..., nt) of :meth:`with_friction_at`."""
         return self._coefficients[-1]
 
     @cached_property
@@ -39,7 +40,7 @@ class FrictionModel(BoundKernels):
 
     @cached_property
     def _coefficients(self) -> list[Array]:
-        """Kinetic ones, and static ones where there are some."""
+        """Kinetic coefficients, and static ones where a tangent has some, shape (nt,) each."""
         if not self.nt:
             return [np.zeros(0)]
         kinds = [np.array(mu[0]) for mu in self.kernels.call("friction", self.par)]
@@ -64,12 +65,13 @@ class FrictionModel(BoundKernels):
 
     @cached_property
     def _chosen(self) -> list[int]:
-        """Those of them whose friction varies with a design alone."""
+        """Tangents in ``_in_states`` whose friction varies with a design alone."""
         parts = "coordinates", "velocities", "inputs", "time"
         return [k for k, row in self._in_states.items() if not any(row[part] for part in parts)]
 
     def _in_kernels(self, q: Array, t: ArrayLike, v: Array | None, u: Array | None) -> list[Array]:
-        """Coefficients at states, of tangents whose friction is a kernel of these."""
+        """Coefficients at states, of tangents whose friction is a kernel of these, shape (..., nt)
+        each: kinetic ones, and static ones where a tangent has some."""
         u, one = self._input(u), np.ones((1, self.nt))
         speeds = 0 * one
         if self.slows and v is not None:
@@ -86,7 +88,8 @@ class FrictionModel(BoundKernels):
     def with_friction_at(
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
     ) -> Self:
-        """The same model with the friction that it has at a state, or at rows of states."""
+        """The same model with the friction that it has at states q, v and u of shapes (..., nq),
+        (..., nq) and (..., nu)."""
         if not self.varying_friction:
             return self
         varies, kinds = list(self.varying_friction), list[Array]()
@@ -96,7 +99,8 @@ class FrictionModel(BoundKernels):
         return self.with_coefficients(*kinds)
 
     def in_impact_at(self, q: Array, t: ArrayLike = 0.0) -> Self:
-        """The same at positions of impacts, in which what sticks has the kinetic friction too."""
+        """The same model with its friction in impacts at positions of shape (..., nq), where
+        tangents that stick have the kinetic friction too."""
         there = self.with_friction_at(q, t=t)
         return there.with_coefficients(there.friction) if self.paired.any() else there
 
@@ -153,12 +157,13 @@ class FrictionModel(BoundKernels):
         return {j: law_of(names[j], *facts) for j in self.rubs_in_hits}
 
     def bearing(self, normal: Array) -> Array:
-        """What friction can hold at most beside contact forces (..., nc): mu N of surfaces, and the
+        """Largest static friction beside contact forces (..., nc): mu_s N of surfaces, and the
         largest force of rails, shape (..., nt)."""
         return self._pressing(self.static_friction, normal)
 
     def dragging(self, normal: Array) -> Array:
-        """What it takes where it slides."""
+        """Sizes of the friction of sliding tangents beside contact forces (..., nc), shape (...,
+        nt)."""
         return self._pressing(self.friction, normal)
 
     def _pressing(self, mu: Array, normal: Array) -> Array:

@@ -76,8 +76,8 @@ class Model(FrictionModel, CostModel):
     def joint_forces(
         self, M: Array, F: Array, q: Array, t: ArrayLike = 0.0, bent: Array | None = None
     ) -> Array:
-        """Those forces lam (..., m, nj) beside several forces F (..., m, nq) at each position; the
-        shortest where joints say the same twice."""
+        """Forces lam of the joints, shape (..., m, nj), beside several forces F (..., m, nq) at
+        each position; the shortest where joints say the same twice."""
         J = self.joint_slopes(q, t)[..., :-1]
         response = solved_transpose(M, J)
         missing, A = F @ response + (0.0 if bent is None else bent[..., None, :]), J @ response
@@ -188,8 +188,8 @@ class Model(FrictionModel, CostModel):
         return change, float(n @ change)
 
     def coefficients(self, restitution: Array, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
-        """Coefficients of restitution (..., nc) of hits from states: numbers (nc,), and what the
-        law of the model says where they are none."""
+        """Coefficients of restitution (..., nc) of hits from states: the numbers (nc,), and those
+        of the model's law where they are not a number."""
         by_law = np.isnan(restitution)
         if not by_law.any():
             return np.broadcast_to(restitution, (*q.shape[:-1], self.nc))
@@ -216,27 +216,27 @@ class Model(FrictionModel, CostModel):
     # Joints ---------------------------------------------------------------------------------------
 
     def joints(self, q: Array, t: ArrayLike = 0.0) -> Array:
-        """What joints keep at zero in every phase, phi, shape (..., nj)."""
+        """Functions phi that joints keep at zero in every phase, shape (..., nj)."""
         return self._values("joint", self.nj, q, t)
 
     def joint_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
-        """Its derivatives with respect to (q, t), shape (..., nj, nq + 1); of what keeps a rate
-        alone those of the rate with respect to v, and the rate at rest."""
+        """Derivatives of phi with respect to (q, t), shape (..., nj, nq + 1). A constraint of a
+        rate alone has those of the rate with respect to v, and the rate at rest."""
         return self._matrix("phi_D", (self.nj, self.nq + 1), q, t)
 
     @cached_property
     def joints_in_place(self) -> NDArray[np.bool_]:
-        """Which of them keep a place, shape (nj,); the others keep a rate alone, and their phi is
+        """Joints that keep a place, shape (nj,); the others keep a rate alone, and their phi is
         zero wherever they are."""
         others = self.kernels.manifest.rate_constraints
         return np.array([name not in others for name in self.kernels.joints], dtype=bool)
 
     def joint_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
-        """Its rates along a motion, shape (..., nj)."""
+        """Rates of the joints along a motion, dphi/dt or c, shape (..., nj)."""
         return self._values("joint_rate", self.nj, q, v, t)
 
     def joint_accelerations(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
-        """Its second derivatives along a motion without acceleration, shape (..., nj)."""
+        """Second derivatives of phi along a motion without acceleration, shape (..., nj)."""
         return self._bent("phi_dot_D", self.nj, q, v, t)
 
     def joint_sizes(self, q: Array, t: float = 0.0) -> Array:
@@ -244,7 +244,7 @@ class Model(FrictionModel, CostModel):
         return self._sizes("joint", self.nj, q, t)
 
     def joint_rounding(self, q: Array, t: float = 0.0) -> Array:
-        """What of phi rounding leaves where a position fits the joints, shape (nj,)."""
+        """Largest phi of positions that fit the joints up to rounding, shape (nj,)."""
         return ROUNDING * self.joint_sizes(q, t)
 
     # Drawing --------------------------------------------------------------------------------------
@@ -262,8 +262,8 @@ class Model(FrictionModel, CostModel):
         return self.step_balance(step)[:2]
 
     def step_balance(self, step: Sequence[Array]) -> tuple[Array, Array, Array]:
-        """The same, and what the equations of the nodes inside steps leave, shape (n, inside,
-        nq)."""
+        """Momenta at the start and at the end of steps, shape (n, nq) each, and residuals of the
+        equations of the nodes inside steps, shape (n, inside, nq)."""
         r_minus, r_plus, _, r_i = self.kernels.call("step", *step, self.par)
         return -r_minus, r_plus, r_i.reshape(len(r_i), -1, self.nq)
 
@@ -282,5 +282,6 @@ class Model(FrictionModel, CostModel):
     def minimal_time_slopes(
         self, q_k: Array, q_kp1: Array, h: float, q_c: Array, a: Array
     ) -> Array:
-        """Its derivatives with respect to (q_k, q_kp1, h, q_c, a), shape (nc, 4 nq + 1)."""
+        """Derivatives of the minimal times with respect to (q_k, q_kp1, h, q_c, a), shape (nc, 4 nq
+        + 1)."""
         return self._full("T_min_D", self._at("min_time_jac", q_k, q_kp1, h, q_c, a)[0])

@@ -33,10 +33,10 @@ def motion_along(
     cost: float = nan,
     drawn: bool = True,
 ) -> Trajectory:
-    """The motion through phases and collisions, with a coefficient of restitution for each surface,
-    not a number where the law of the model says it;
-    ``bounds`` are those of inputs and coordinates, ``limits`` those of velocities by name, none
-    unless they are given."""
+    """The motion through phases and collisions, with coefficients of restitution, shape (nc,), not
+    a number where the law of the model says it. ``bounds`` are those of inputs and coordinates,
+    shapes (nu, 2) and (nq, 2), ``limits`` those of velocities by name; without them there are
+    none."""
     kernels, form = model.kernels, FORMS[controls]
     if kernels.quantities:
         last = last_inputs(phases, form)
@@ -104,8 +104,9 @@ def _quantities(model: Model, phase: Phase, form: InputForm, last: Array) -> Arr
 
 
 def _coefficients(model: Model, phase: Phase, form: InputForm, last: Array) -> Array:
-    """Coefficients of friction of what rubs at the nodes of a phase, the mean of both sides where
-    inputs jump; with the ``last`` inputs where it has no steps."""
+    """Coefficients of friction of the tangents that rub at the nodes of a phase, shape (N + 1,
+    rubbing): the mean of both sides where inputs jump. Where it has no steps, the ``last`` inputs
+    count."""
     at = form.starts(phase.steps)
     before, after = phase.u[at + form.width], phase.u[at]
     u = (

@@ -63,8 +63,8 @@ class Redundancy:
 def redundancy(
     model: Model, mode: Mode, start: Array, reach: Array, latest: float, first: Sequence[int] = ()
 ) -> Redundancy:
-    """What follows of the conditions of a mode until the ``latest`` time, of whose closed surfaces
-    some come ``first``."""
+    """Find the conditions of a mode that follow from others until the ``latest`` time, in seconds,
+    of whose closed surfaces some come ``first``; ``start`` and ``reach`` have the shape (nq,)."""
     closed = sorted(mode.closed, key=lambda j: (j not in first, j))
     stuck = sorted(mode.sticking, key=lambda k: (not model.has_friction[k], k))
     if model.nj + len(closed) + len(stuck) < 2:
@@ -111,7 +111,8 @@ def redundancy(
 def places_held(
     model: Model, at_places: Conditions, start: Array, reach: Array, latest: float
 ) -> Iterator[tuple[Array, float, Bools]]:
-    """Positions and times at which conditions hold, from the start on, and which of them do."""
+    """Positions, shape (nq,), and times in seconds at which m conditions hold, from the start on,
+    and a mask of the conditions that do, shape (m,)."""
     rng = np.random.default_rng(0)
     for share in SPREAD:
         q, t = start + share * reach * rng.standard_normal(model.nq), share * latest
@@ -120,7 +121,7 @@ def places_held(
 
 
 def _onto(model: Model, kept: Conditions, q: Array, t: float, reach: Array) -> tuple[Array, Bools]:
-    """A position moved to where conditions hold, and which of them do."""
+    """A position, shape (nq,), moved to where conditions hold, and which of them do, shape (m,)."""
 
     def conditions(q: Array) -> tuple[Array, Array]:
         slopes = kept.slopes(model, q, t)[..., :-1] * reach
@@ -135,8 +136,8 @@ def _onto(model: Model, kept: Conditions, q: Array, t: float, reach: Array) -> t
 
 
 def _new(slopes: Array) -> tuple[Bools, Bools]:
-    """Which rows do not follow from those before them, and which of the others fit them in time,
-    the last column."""
+    """Masks of m rows of slopes (m, nq + 1): of those that do not follow from the rows before them,
+    and of those whose last column, the slope in time, fits them."""
     basis = list[Array]()
     new, fits = np.ones(len(slopes), dtype=bool), np.ones(len(slopes), dtype=bool)
     for i, row in enumerate(slopes):
@@ -155,12 +156,12 @@ def _new(slopes: Array) -> tuple[Bools, Bools]:
 
 
 def _named(names: list[str], chosen: Bools, first: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The chosen ones of the first names and of the others."""
+    """The chosen names among the ``first`` ones, and the chosen names among the others."""
     picked = [name if other else "" for name, other in zip(names, chosen, strict=True)]
     return tuple(filter(None, picked[:first])), tuple(filter(None, picked[first:]))
 
 
 def _without_effect(pushes: Array) -> Bools:
-    """Forces of which others have the same effect."""
+    """Forces that others can replace, shape (m,), of directions (m, nq)."""
     both = np.linalg.pinv(pushes.T, rcond=DEPENDENT) @ pushes.T
     return np.asarray(1 - np.diagonal(both) > UNDETERMINED)

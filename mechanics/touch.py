@@ -46,7 +46,7 @@ class Touch:
 
     @cached_property
     def is_closed(self) -> Bools:
-        """Shape (phases, nc)."""
+        """Surfaces that are closed in each phase, shape (phases, nc)."""
         closed = np.zeros((len(self.modes), len(self.contacts.surfaces)), dtype=bool)
         for i, mode in enumerate(self.modes):
             closed[i, list(mode.closed)] = True
@@ -54,7 +54,7 @@ class Touch:
 
     @cached_property
     def rubs(self) -> Bools:
-        """Shape (phases, nt)."""
+        """Tangents that rub in each phase, shape (phases, nt)."""
         rubs = np.asarray(self.signs != 0)
         for i, mode in enumerate(self.modes):
             rubs[i, list(mode.sticking)] = True
@@ -71,7 +71,7 @@ class Touch:
 
     @cached_property
     def sticks(self) -> Bools:
-        """Shape (phases, nt)."""
+        """Tangents that stick in each phase, shape (phases, nt)."""
         return np.asarray(self.rubs & (self.signs == STICK))
 
     # Events ---------------------------------------------------------------------------------------
@@ -116,7 +116,7 @@ class Touch:
 
     @cached_property
     def drags(self) -> Bools:
-        """Those of them that have friction, shape (events, nt)."""
+        """Tangents of ``rubs_in_impact`` that have friction, shape (events, nt)."""
         rough = np.array(
             [name in self.contacts.rough for name in self.contacts.tangents], dtype=bool
         )
@@ -124,7 +124,7 @@ class Touch:
 
     @cached_property
     def grips(self) -> Bools:
-        """Those with friction that stick after the impact, shape (events, nt)."""
+        """Tangents of ``drags`` that stick after the impact, shape (events, nt)."""
         return np.asarray(self.drags & self.sticks[1:])
 
     @cached_property
@@ -135,8 +135,8 @@ class Touch:
 
     @cached_property
     def stops(self) -> Bools:
-        """Tangents that slide in a phase, and not any more in this direction after its event,
-        which is no impact, shape (phases, nt)."""
+        """Tangents that slide in a phase, and after its event, which is no impact, no longer in
+        this direction, shape (phases, nt)."""
         stops = np.zeros_like(self.rubs)
         slid, goes_on = self.signs[:-1] != 0, self.rubs[1:]
         turned = self.signs[1:] != self.signs[:-1]
