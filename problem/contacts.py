@@ -43,7 +43,7 @@ def restitution_values_of(problem: Problem) -> Array:
 
 
 def touch_of(problem: Problem) -> Touch:
-    """What is in contact in each phase, and what happens between the phases."""
+    """The modes of the phases, and the events between them."""
     model = problem.model
     names = model.contacts
     plastic = names.named(np.flatnonzero(problem.restitution_values == 0))
@@ -64,7 +64,7 @@ def open_hits_of(problem: Problem) -> dict[int, list[str]]:
 
 
 def redundant_of(problem: Problem) -> tuple[Redundancy, ...]:
-    """What follows of the conditions of each phase."""
+    """The conditions of each phase that follow from others."""
     model, modes, latest = problem.model, problem.touch.modes, latest_time(problem)
     start, reach = problem.start_position, problem.reach
     return tuple(
@@ -74,10 +74,10 @@ def redundant_of(problem: Problem) -> tuple[Redundancy, ...]:
 
 
 def contact_point(problem: Problem, q: Array, before: Array, surface: int, t: float) -> Array:
-    """A point of the surface near q; of several that are equally near the one nearest to the point
-    before.  q itself where none is found.
+    """A point of the surface near q, shape (nq,), or q itself where none is found.
 
-    A surface of one coordinate is met at its first root on either side of q.
+    Of several that are equally near it is the one nearest to the point ``before``, shape (nq,).  A
+    surface of one coordinate is met at its first root on either side of q.
     """
     points = crossings(problem, q, surface, t) or [
         p for p in [onto_surface(problem, q, surface, t)] if p is not None
@@ -91,7 +91,7 @@ def contact_point(problem: Problem, q: Array, before: Array, surface: int, t: fl
 
 
 def onto_surface(problem: Problem, q: Array, surface: int, t: float = 0.0) -> Array | None:
-    """Return a point of g = 0 at time t near q, or None where none was found.
+    """Return a point of g = 0 at time t near q, shape (nq,), or None where none was found.
 
     Newton steps along the gradient in the metric of the problem's reach, each at most one reach
     long and shortened until the gap gets smaller. Where that ends beside the surface, at a point of
@@ -192,6 +192,7 @@ def _newton(problem: Problem, q: Array, surface: int, t: float) -> Array | None:
 
 
 def near_surface(problem: Problem, q: Array, surface: int, t: float = 0.0) -> bool:
-    """Whether a point is meant to lie on a surface: the gap is a small share of its own size."""
+    """Whether a point q, shape (nq,), is meant to lie on a surface: the gap is a small share of its
+    own size."""
     gap, size = problem.model.gaps(q, t)[surface], problem.model.gap_sizes(q, t)[surface]
     return bool(abs(gap) <= SAME * size)

@@ -67,8 +67,8 @@ def _decide(slopes: Array, left: Sequence[int]) -> bool:
 
 
 def _decided(slopes: Array, left: Sequence[int]) -> list[int]:
-    """Those of some coordinates, or of their rates, that constraints of these slopes (nj, nq + 1)
-    decide where all others are known: what the constraints leave open moves none of them."""
+    """Coordinates among those ``left``, or rates, that constraints of these slopes (nj, nq + 1)
+    decide where all others are known: the motions that constraints allow move none of them."""
     own = slopes[:, list(left)]
     if not (own.size and np.isfinite(own).all()):
         return []

@@ -31,8 +31,8 @@ def unread(problem: Problem, changes: Mapping[str, Any]) -> Problem:
 
 
 def like(problem: Problem, without: Collection[str] = (), **changes: Any) -> Problem:
-    """The same problem with some attributes replaced as they are; it keeps what was found of the
-    other one, but for some attributes."""
+    """The same problem with some attributes replaced without checks; it keeps all that was derived
+    from the other one, except the attributes ``without``."""
     other = copy(problem)
     for name in without:
         vars(other).pop(name, None)
@@ -46,7 +46,7 @@ def kept(problem: Problem) -> dict[str, Any]:
 
 
 def once(problem: Problem, make: Callable[[Problem], T]) -> T:
-    """What a function makes of a problem, made once."""
+    """The result of a function of a problem, made once."""
     made: dict[Any, Any] = vars(problem).setdefault(MADE, {})
     if make not in made:
         made[make] = make(problem)

@@ -101,8 +101,8 @@ def at_bounds(problem: Problem) -> dict[str, Problem]:
 
 
 def drawn(problem: Problem, rng: np.random.Generator) -> Array:
-    """Random values of a design: within bounds on both sides evenly, else around where a solve
-    begins, by its size."""
+    """Random values of a design, shape (number,): within bounds on both sides evenly, else around
+    where a solve begins, by its size."""
     low, high = problem.design_bounds.T
     begin, share = first_design(problem), rng.random(len(low))
     with np.errstate(invalid="ignore"):
@@ -121,21 +121,21 @@ def samples(problem: Problem) -> tuple[Problem, ...]:
 
 
 def designed(problem: Problem, values: Array) -> Problem:
-    """The same problem, whose model has some values of its design parameters."""
+    """The same problem, whose model has some values of its design parameters, shape (number,)."""
     if not problem.design or np.array_equal(values, problem.design_values):
         return problem
     return like(problem, OF_DESIGN, design_values=np.array(values, dtype=float))
 
 
 def designed_as(problem: Problem, parameters: Mapping[str, float]) -> Problem:
-    """The same with its design as near to parameters by name as its ranges allow."""
+    """The same problem with its design as near to parameters by name as its ranges allow."""
     pairs = zip(problem.design, problem.design_values, strict=True)
     values = [parameters.get(*own) for own in pairs]
     return designed(problem, np.clip(values, *problem.design_bounds.T))
 
 
 def by_design(problem: Problem, kernel: str) -> NDArray[np.bool_]:
-    """Which results of a kernel depend on the design."""
+    """Mask of the results of a kernel that depend on the design, shape (results,)."""
     return problem.kernels.depends(kernel, list(problem.design))
 
 

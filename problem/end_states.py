@@ -320,14 +320,15 @@ def _check_breaking(problem: Problem, q: Array, k: int, sign: int) -> None:
 
 
 def _what(problem: Problem, mode: Mode) -> str:
-    """What a phase is held by, in words."""
+    """Words for the conditions that hold a phase."""
     kinds = ("contacts", not mode.free), ("constraints", bool(problem.kernels.joints))
     return " and ".join(f"the {kind}" for kind, there in kinds if there)
 
 
 def _kept(problem: Problem, slope: Array, q: Array, v: Array) -> float:
-    """What counts as no rate: beside what velocities could make, and beside what their energy
-    could, which momenta leave as rounding errors of coordinates at rest."""
+    """Largest rate that counts as none, of a function with a slope of shape (nq + 1,). Rounding is
+    small beside what the velocities make, and beside what their energy could make, since momenta at
+    rest have rounding errors too."""
     model, made = problem.model, float(rate_sizes(problem, slope[None], v)[0])
     squares = float(v @ model.mass(q) @ v) * float(slope[:-1] @ model.responses(q, slope[:-1]))
     return KEPT * made + SAME * sqrt(max(squares, 0.0))
@@ -342,7 +343,7 @@ def _check_rate(name: str, what: str, rate: float, kept: float) -> None:
 
 
 def _names_held(problem: Problem, mode: Mode) -> list[str]:
-    """What a phase is held by."""
+    """Names of the contacts, rails and constraints that hold a phase."""
     contacts, tangents = problem.model.contacts, problem.kernels.tangents
     rails = [tangents[k] for k in mode.sticking if contacts.supports[k] == RAIL]
     return [*contacts.named(mode.closed), *rails, *problem.kernels.joints]

@@ -359,7 +359,8 @@ class Problem(Shown):
 
     @property
     def static_friction(self) -> Array:
-        """The same of what sticks."""
+        """Static coefficients of friction, shape (nt,); not a number where they vary or are
+        chosen."""
         return unchosen(self, self.model.static_friction, "holding")
 
     @cached_property

@@ -77,8 +77,8 @@ def _ranges(problem: Problem, values: Mapping[str, Any], what: str) -> Array:
 
 
 def _left(problem: Problem, end: str, ranges: Array) -> Array:
-    """The ranges that a fixed start or goal leaves to be kept: those of quantities that it does not
-    decide; the others are known, and checked."""
+    """The ranges that are left to be kept where a fixed start or goal does not decide the
+    quantities, shape (nz, 2); the others are known, and checked."""
     rows, boundary = problem.kernels.quantity_rows, getattr(problem, f"{end}_bounds")
     q, model = boundary.position[:, 0], problem.model
     if not rows or (q != boundary.position[:, 1]).any():

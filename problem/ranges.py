@@ -306,8 +306,8 @@ def _as_momenta(problem: Problem, boundary: Boundary, at_start: bool) -> Boundar
 
 
 def midpoints(bounds: Array, default: Array) -> Array:
-    """A value for each pair of bounds: the middle of two finite ones, else the default moved
-    within them."""
+    """A value for each pair of bounds, shape (n, 2): the middle of two finite ones, else the
+    default, shape (n,), moved within them; shape (n,)."""
     finite = np.isfinite(bounds).all(axis=1)
     with np.errstate(invalid="ignore"):
         middle = (bounds / 2).sum(axis=1)  # the sum of both could overflow

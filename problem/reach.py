@@ -31,7 +31,7 @@ SIZES = 10.0 ** (np.arange(-24, 25) / 2)
 
 
 def onto_first(problem: Problem, q: Array) -> Array:
-    """Move the coordinates of which nothing is said onto the first surface of the sequence, as
+    """Move the free coordinates of a point, shape (nq,), onto the first surface of the sequence, as
     it is at the start; the point as it is where that does not lead there."""
     surfaces = [event.surface for event in problem.touch.events if event.impact]
     if not surfaces or not problem.unsaid.any():
@@ -242,6 +242,8 @@ class _Forces:
         return cls(problem, q, v / time, float(needed))
 
     def slopes(self, u: Array) -> Array:
+        """Largest derivatives of the forces by each input, shape (STATES, nu), at inputs u, shape
+        (nu,), as :func:`slopes_by_inputs` has them."""
         rows = np.tile(u, (STATES, 1))
         return slopes_by_inputs(self.problem, self.q, self.v, rows, np.zeros(STATES))
 

@@ -71,8 +71,8 @@ def relations_of(problem: Problem) -> tuple[Relation, ...]:
 
 
 def carried(problem: Problem, q: Array) -> Array:
-    """A position at the end by ``periodic``, of one at the start: differences are middles of their
-    ranges, and as near to zero as they can be where these have one end."""
+    """A position at the end by ``periodic``, from one at the start, shape (nq,) each. Differences
+    are middles of their ranges, and as near to zero as they can be where these have one end."""
     end, names = q.copy(), list(problem.kernels.coordinates)
     for r in problem.relations:
         if {r.end, *r.starts} <= {*names}:
