@@ -15,8 +15,10 @@ from dmoc.check.findings import Findings, largest
 from dmoc.check.segments import put
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.conditions import conditions_of
-from dmoc.mechanics.contact_mode import FREE, Mode
+from dmoc.mechanics.contact_mode import FREE
 from dmoc.mechanics.contacts import RAIL
+from dmoc.mechanics.touch import friction_changes
+from dmoc.motion.friction import sticks
 from dmoc.simulation.contact_modes import Reaction, nearest
 from dmoc.simulation.sizes import NOTHING, pushes
 
@@ -107,7 +109,8 @@ def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
     model, mode, after = motion.model, motion.modes[i], motion.trajectory.phases[i]
     if i and motion.trajectory.collisions[i - 1].surface:
         return  # an impact may set it off
-    begin, slid = float(after.t[0]), motion.modes[i - 1].sliding if i else ()
+    begin = float(after.t[0])
+    changed = friction_changes(motion.modes[i - 1] if i else FREE, mode)
     late = ON_TIME * max(p.duration for p in motion.trajectory.phases[max(i - 1, 0) : i + 1])
     soon = int((after.t[:-1] - begin < late).sum())
 
@@ -118,8 +121,8 @@ def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
     q, v, t = (sides(rows[:-1], rows[1:]) for rows in (after.q, after.v, after.t))
     u = sides(motion.steps[i].u0, motion.steps[i].u1)
     fast = np.abs(model.slide_rates(after.q[:1], after.v[:1], after.t[:1])[0])
-    for k, s in mode.sliding:
-        if (k, s) in slid or fast[k] > DRIFT * motion.sizes.slide[k]:
+    for k, state in changed.items():
+        if sticks(state) or fast[k] > DRIFT * motion.sizes.slide[k]:
             continue
         sticking = mode.stopping((k,))
         reaction = motion.flow.integrator.reaction(sticking, np.hstack([q, v]), u, t)
@@ -229,7 +232,7 @@ def _negative(motion: Motion, i: int) -> Iterator[str]:
     at, model = motion.places[i], motion.model
     there = motion.rubbing[i]
     for k, s in motion.modes[i].rubbing.items():
-        coefficients = there.friction if s else there.static_friction
+        coefficients = there.static_friction if sticks(s) else there.friction
         coefficients = np.broadcast_to(coefficients, (2, len(at.t), model.nt))
         least = coefficients[..., k].min(axis=0)
         row, most = int(np.argmin(least)), float(np.abs(coefficients[..., k]).max())
@@ -268,12 +271,12 @@ def _place(motion: Motion, i: int, row: int) -> str:
 def _paradoxes(motion: Motion, i: int) -> Iterator[str]:
     """Sliding contacts whose force would press them together (Painleve's paradox)."""
     phase, model, mode = motion.trajectory.phases[i], motion.model, motion.modes[i]
-    if not mode.sliding:
+    sliding = mode.among(mode.closed, lambda k: k not in mode.sticking)
+    if not sliding.rubbing:
         return
-    rails_alone = Mode(mode.closed, (), mode.sliding)
     inputs = np.vstack([motion.steps[i].u0, motion.steps[i].u1[-1:]])
     there = model.with_friction_at(phase.q, phase.v, inputs, phase.t)
-    closed = conditions_of(there, rails_alone, joints=False)
+    closed = conditions_of(there, sliding, joints=False)
     C = closed.slopes(there, phase.q, phase.t)[..., :-1]
     B = closed.pushes(there, phase.q, phase.t, C)
     for place, j in enumerate(mode.closed):

@@ -12,6 +12,7 @@ from dmoc.check.findings import Findings, largest
 from dmoc.check.passages import EventPassage
 from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contacts import RAIL
+from dmoc.motion.friction import states_of, sticks, turned
 from dmoc.motion.impact_laws import IMPACT_LAWS, RETURNING
 from dmoc.simulation.sizes import Sizes
 
@@ -139,13 +140,14 @@ def _turned(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
     q, time = p.before.q[-1], p.c.time
     sigma = model.slide_rates(q, p.before.v[-1], time)
     friction = model.with_friction_at(q, t=time).friction
-    slid = np.sign(sigma) * (np.abs(sigma) > TURNED * sizes.slide)  # of what lands
+    slid = states_of(sigma, TURNED * sizes.slide)  # of what lands
     for k, s in p.mode.rubbing.items():
         if k == p.rubs:
             continue
         name, pressed = model.kernels.tangents[k], float(p.law.normal[0, model.supports[k]])
         was = p.before.rubbing.get(name, int(slid[k]))
-        turns, stops = s * was < 0, was != s == 0 and (released or p.rubs is not None)
+        turns = was == turned(s) != s
+        stops = sticks(s) and not sticks(was) and (released or p.rubs is not None)
         if (turns or stops) and friction[k] * pressed > slack:
             yield (
                 f"{name} {'turns round' if turns else 'stops sliding'} in the impact at "

@@ -20,6 +20,7 @@ from dmoc.check.segments import put
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.contact_mode import FREE, Mode
+from dmoc.motion.friction import sticks
 from dmoc.simulation.contact_modes import limits
 from dmoc.simulation.flow import Steps
 
@@ -310,7 +311,7 @@ def _ends(motion: Motion, i: int) -> Callable[[Array, Array, Array], Array] | No
     if len(changed) != 1:
         return None
     k = changed[0]
-    if was[k]:  # slides, and stops
+    if not sticks(was[k]):  # it stops
         return lambda y, u, t: model.slide_rates(*parts(y), t)[:, [k]]
 
     def borne(y: Array, u: Array, t: Array) -> Array:

@@ -8,7 +8,8 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import rates_and_response
-from dmoc.mechanics.contact_mode import STICK, Course
+from dmoc.mechanics.contact_mode import Course
+from dmoc.motion.friction import SLIDING, after_stop, sliding_with
 from dmoc.problem.problem import Problem
 from dmoc.program.hit_stages import Passage
 from dmoc.program.laws.tangential import returned
@@ -21,7 +22,7 @@ def course_of(rates: Array, A: Array, mu: float, e: float) -> Course:
     (2, 2).  Until sliding stops, which says it, all laws of restitution are one."""
     n, sigma = min(float(rates[0]), 0.0), float(rates[1])
     holds = abs(A[1, 0]) <= mu * A[1, 1]
-    s = int(np.sign(sigma)) or (1 if holds or A[1, 0] > 0 else -1)
+    s = sliding_with(sigma) or (SLIDING[0] if holds else sliding_with(A[1, 0]))
     closing, turning = A[0, 0] - s * mu * A[0, 1], A[1, 0] - s * mu * A[1, 1]
     if sigma == 0 and not holds:
         return Course(s)
@@ -29,7 +30,8 @@ def course_of(rates: Array, A: Array, mu: float, e: float) -> Course:
     compression = -n / closing if closing > 0 else np.inf
     if stop >= (1 + e) * compression and sigma != 0:
         return Course(s)
-    return Course(s, STICK if holds else -s, bool(stop > compression))
+    sticking, back = after_stop(s)
+    return Course(s, sticking if holds else back, bool(stop > compression))
 
 
 def courses_at(problem: Problem, states: Sequence[tuple[Array, Array, float]]) -> dict[int, Course]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.impulse_response import held_responses
-from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.motion.friction import friction_word
 from dmoc.problem.problem import Problem
 from dmoc.program.force_values import quantity_inputs, with_forces
 from dmoc.program.hidden_values import hidden_values, lifted
@@ -68,7 +68,7 @@ def jams(problem: Problem, x: Array) -> tuple[str, ...]:
         if s and A[0, 0] <= s * mu * A[0, 1]:
             name = problem.kernels.surfaces[p.surface]
             sentences.append(
-                f"sliding as {FRICTION_WORDS[s]} presses {name} together at event {p.event + 1} "
+                f"sliding as {friction_word(s)} presses {name} together at event {p.event + 1} "
                 "whatever its impulse (Painleve's paradox): it can only stop before compression "
                 "ends"
             )

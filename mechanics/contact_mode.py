@@ -7,9 +7,9 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
-from dmoc.motion.trajectory import FRICTION_WORDS, mode_word
+from dmoc.motion.friction import FRICTION, SLIDING, STICK, after_stop, friction_word, sticks
+from dmoc.motion.trajectory import mode_word
 
-STICK = 0
 LATE = "late"
 
 
@@ -24,16 +24,18 @@ class Mode:
     @classmethod
     def of(cls, closed: Iterable[int], rubbing: Mapping[int, int]) -> Mode:
         """The mode of closed surfaces and of the friction of tangents, in the model's order."""
-        states = sorted(rubbing.items())
-        return cls(
-            tuple(sorted(closed)),
-            tuple(k for k, s in states if s == STICK),
-            tuple((k, s) for k, s in states if s != STICK),
-        )
+        return cls.in_order(sorted(closed), sorted(rubbing.items()))
+
+    @classmethod
+    def in_order(cls, closed: Iterable[int], states: Iterable[tuple[int, int]]) -> Mode:
+        """The same, in the order of closed surfaces and of tangents with their friction."""
+        states = tuple(states)
+        still = tuple(k for k, s in states if sticks(s))
+        return cls(tuple(closed), still, tuple((k, s) for k, s in states if not sticks(s)))
 
     @property
     def rubbing(self) -> dict[int, int]:
-        """Friction of the tangents that rub, in the model's order: 0 sticks, 1 and -1 slide."""
+        """States of friction of the tangents that rub, in the model's order."""
         states = [*((k, STICK) for k in self.sticking), *self.sliding]
         return dict(sorted(states))
 
@@ -46,6 +48,21 @@ class Mode:
         """Closed surfaces, in their order, with those of its tangents that are chosen."""
         sticking = tuple(k for k in self.sticking if chosen(k))
         return Mode(tuple(closed), sticking, tuple((k, s) for k, s in self.sliding if chosen(k)))
+
+    def opening(self, j: int, contacts: Contacts) -> Mode:
+        """The same with a surface open, where nothing rubs then."""
+        left = {k: s for k, s in self.rubbing.items() if contacts.supports[k] != j}
+        return Mode.of({*self.closed} - {j}, left)
+
+    def closing(self, j: int, contacts: Contacts) -> Mode:
+        """The same with a surface closed, where what rubs sticks."""
+        tangent = contacts.rubs_on(j)
+        still = {} if tangent is None else {tangent: STICK}
+        return Mode.of({*self.closed, j}, self.rubbing | still)
+
+    def with_friction(self, changed: dict[int, int]) -> Mode:
+        """The same with other states of some tangents."""
+        return Mode.of(self.closed, self.rubbing | changed)
 
     def stopping(self, stopped: Collection[int]) -> Mode:
         """The same mode where some tangents do not slide any more, but stick."""
@@ -62,11 +79,7 @@ def mode_by_names(contacts: Contacts, closed: Iterable[str], rubbing: Mapping[st
     on = tuple(contacts.surface_numbers[name] for name in closed)
     states = [(contacts.tangent_numbers[name], s) for name, s in rubbing.items()]
     states = [(k, s) for k, s in states if contacts.supports[k] in (RAIL, *on)]
-    return Mode(
-        on,
-        tuple(k for k, s in states if s == STICK),
-        tuple((k, s) for k, s in states if s != STICK),
-    )
+    return Mode.in_order(on, states)
 
 
 def names_of(contacts: Contacts, mode: Mode) -> tuple[tuple[str, ...], dict[str, int]]:
@@ -103,14 +116,40 @@ class Course:
     then: int | None = None
     late: bool = False
 
+    @classmethod
+    def stopping(cls, first: int, may_be_late: bool) -> list[Course]:
+        """Those that begin to slide in one direction and stop."""
+        late = (False, True) if may_be_late else (False,)
+        return [cls(first, then, at) for then in after_stop(first) for at in late]
+
+    @classmethod
+    def of_hits(cls, contacts: Contacts, name: str) -> list[Course]:
+        """All ways through a hit of a surface; that it sticks from the beginning is a limit of two
+        others, but where a hit sticks or slides as a whole."""
+        sliding = [cls(s) for s in SLIDING]
+        if contacts.said_of(name).whole:
+            return [*sliding, cls(STICK)]
+        late = name not in contacts.plastic
+        stops = [c for s in SLIDING if name in contacts.rough for c in cls.stopping(s, late)]
+        return [*sliding, *sorted(stops, key=lambda course: course.late)]
+
     @property
     def last(self) -> int:
         """Friction at the end of the impact."""
         return self.first if self.then is None else self.then
 
+    @property
+    def sticks(self) -> bool:
+        """Whether it does so at any time."""
+        return sticks(self.first) or sticks(self.last)
+
     def __str__(self) -> str:
-        words = [FRICTION_WORDS[s] for s in (self.first, self.then) if s is not None]
+        words = [friction_word(s) for s in (self.first, self.then) if s is not None]
         return ":".join([*words, LATE] if self.late else words)
+
+
+# How friction may act in an impact, in words; "" for nothing to tell.
+COURSES = ("", *FRICTION, *(str(c) for s in SLIDING for c in Course.stopping(s, True)))
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from dmoc.mechanics.contact_forces import accelerations_and_forces
 from dmoc.mechanics.contact_mode import mode_by_names
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_scene import scene_of
+from dmoc.motion.friction import sticks
 from dmoc.motion.impact_laws import RETURNING
 from dmoc.motion.states import PARTS, positions
 from dmoc.motion.trajectory import Collision, Phase, Trajectory, last_inputs
@@ -116,5 +117,7 @@ def _coefficients(model: Model, phase: Phase, form: InputForm, last: Array) -> A
     )
     there, shape = model.with_friction_at(phase.q, phase.v, u, phase.t), (len(phase.t), model.nt)
     kinds = [np.broadcast_to(mu, shape) for mu in (there.static_friction, there.friction)]
-    columns = [kinds[s != 0][:, model.tangent_numbers[name]] for name, s in phase.rubbing.items()]
+    columns = [
+        kinds[not sticks(s)][:, model.tangent_numbers[name]] for name, s in phase.rubbing.items()
+    ]
     return np.array(columns).reshape(len(columns), len(phase.t)).T.copy()

@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations
 
 from dmoc.base.errors import ProblemError
-from dmoc.mechanics.contact_mode import STICK, Course, Event, Mode, names_of
+from dmoc.mechanics.contact_mode import Course, Event, Mode, names_of
 from dmoc.mechanics.contacts import Contacts
-from dmoc.mechanics.sequence_words import FRICTION, is_open, touch_along
+from dmoc.mechanics.sequence_words import is_open, touch_along
 from dmoc.mechanics.touch import Touch
-from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.motion.friction import FRICTION, SLIDING, rubbing_word, sticks, turned
 
 
 def courses_of(name: str, contacts: Contacts) -> list[str]:
-    """The words of all ways through a hit of one surface; that it sticks from the beginning is a
-    limit of two others, but where a hit sticks or slides as a whole."""
-    courses = [Course(s) for s in (1, -1)]
-    if contacts.said_of(name).whole:
-        courses.append(Course(STICK))
-    elif name in contacts.rough:
-        courses += [Course(s, then) for s in (1, -1) for then in (STICK, -s)]
-        if name not in contacts.plastic:
-            courses += [replace(course, late=True) for course in courses[2:]]
-    return [f"{name}:{course}" for course in courses]
+    """The words of all ways through a hit of one surface."""
+    return [f"{name}:{course}" for course in Course.of_hits(contacts, name)]
 
 
 def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iterator[str]:
@@ -36,24 +27,25 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     open_ones = [s for s in surfaces if s not in closed]
     turns = list(_turns(rubbing))
     of_rails = [turn for turn in turns if turn.split(":")[0] in contacts.rails]
+    landing_states = ("", *(rubbing_word("", s) for s in SLIDING))
     impacts = [word for name in open_ones for word in _hits(name, mode, contacts)]
     landings = [
         f"+{name}{state}"
         for name in open_ones
-        for state in (("", ":slip+", ":slip-") if name in contacts.rubbing else ("",))
+        for state in (landing_states if name in contacts.rubbing else ("",))
     ]
     for word in (*impacts, *landings):
         yield word
         yield from (f"{word} {turn}" for turn in of_rails)
-    slides = [(name, s) for name, s in rubbing.items() if name in closed and s != STICK]
+    slides = [(name, s) for name, s in rubbing.items() if name in closed and not sticks(s)]
     for word in impacts:
-        yield from (f"{word} {name}:{FRICTION_WORDS[-s]}" for name, s in slides)
+        yield from (f"{word} {rubbing_word(name, turned(s))}" for name, s in slides)
     for landing in landings:
         yield from (f"{landing} -{other}" for other in closed if other in surfaces)
     leaving = [f"-{name}" for name in closed if name in surfaces]
     yield from (*leaving, *turns)
     yield from _together(leaving, {name: s for name, s in rubbing.items() if name in closed})
-    for state in ("", ":slip+", ":slip-"):
+    for state in landing_states:
         both = [name for name in open_ones if not state or name in contacts.tangents]
         yield from (f"+{a}{state} +{b}{state}" for a, b in combinations(both, 2))
 

@@ -28,12 +28,20 @@ from itertools import pairwise
 
 from dmoc.base.arguments import check_known, shown
 from dmoc.base.errors import ProblemError
-from dmoc.mechanics.contact_mode import LATE, STICK, Course, Event, Mode
+from dmoc.mechanics.contact_mode import LATE, Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
 from dmoc.mechanics.touch import Touch, friction_changes
-from dmoc.motion.trajectory import FRICTION_WORDS, event_word
+from dmoc.motion.friction import (
+    FRICTION,
+    STICK,
+    STICKING,
+    friction_word,
+    rubbing_word,
+    sticks,
+    turned,
+)
+from dmoc.motion.trajectory import event_word
 
-FRICTION = {word: state for state, word in FRICTION_WORDS.items()}
 IN_SEQUENCE = "in the sequence"
 
 
@@ -99,7 +107,7 @@ def _course(part: str, course_words: str, rubs: bool) -> Course:
     first, *more = course_words.split(":")
     late = more[1:] == [LATE]
     turns = not more or (
-        first != "stick" and more[0] in FRICTION and more[0] != first and (late or not more[1:])
+        first != STICKING and more[0] in FRICTION and more[0] != first and (late or not more[1:])
     )
     if not rubs or first not in FRICTION or not turns:
         raise ProblemError(
@@ -132,7 +140,7 @@ def _check_course(
             f"{part!r} in the sequence: by {law.name} a hit sticks or slides as a whole; say "
             f"'{name}:stick', '{name}:slip+' or '{name}:slip-'."
         )
-    if STICK in (course.first, course.then) and name not in contacts.rough:
+    if course.sticks and name not in contacts.rough:
         raise ProblemError(
             f"{part!r} in the sequence sticks, but the friction of {name!r} is 0: nothing would "
             "hold it; say how it slides, or give it friction."
@@ -173,7 +181,8 @@ def parts_of(mode: Mode, contacts: Contacts) -> list[str]:
     for k, (name, j) in enumerate(zip(contacts.tangents, contacts.supports, strict=True)):
         if j not in mode.closed and j != RAIL:
             continue
-        word = f"{name}:{FRICTION_WORDS[rubbing[k]]}" if rubbing.get(k) else name
+        slides = not sticks(rubbing.get(k, STICK))
+        word = rubbing_word(name, rubbing[k]) if slides else name
         if ":" in word or word not in contacts.rails:
             parts.append(word)
     return [*(s for s in contacts.named(mode.closed) if s not in contacts.tangents), *parts]
@@ -235,11 +244,11 @@ def _check_holding(at: str, event: Event, modes: tuple[Mode, Mode], contacts: Co
             continue
         name, (hit,) = contacts.surfaces[j], contacts.named([event.surface])
         if name in contacts.rough:
-            how = "turns" if after[k] == -s else "stops sliding"
+            how = "turns" if after[k] == turned(s) else "stops sliding"
             raise ProblemError(
                 f"{at}: {name} {how} while {hit} {'lands' if event.lands else 'is hit'} with "
                 f"friction in a course of its own, and which of the two changes first is not said: "
-                f"let {name} stick before, slide on as {FRICTION_WORDS[s]}, or leave."
+                f"let {name} stick before, slide on as {friction_word(s)}, or leave."
             )
 
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import STICK, Course, Event, Mode
+from dmoc.mechanics.contact_mode import Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
+from dmoc.motion.friction import STICK
 
 Bools = NDArray[np.bool_]
 
@@ -73,6 +74,17 @@ class Touch:
     def sticks(self) -> Bools:
         """Tangents that stick in each phase, shape (phases, nt)."""
         return np.asarray(self.rubs & (self.signs == STICK))
+
+    @cached_property
+    def slides(self) -> Bools:
+        """Shape (phases, nt)."""
+        return np.asarray(self.rubs & ~self.sticks)
+
+    def astray(self, phase: int, rates: Array) -> Array:
+        """How far sliding velocities (..., nt) are off those of a phase: whatever moves that does
+        not slide, and against their direction those that do."""
+        back = -self.signs[phase] * rates
+        return np.asarray(np.where(self.slides[phase], back, np.abs(rates)))
 
     # Events ---------------------------------------------------------------------------------------
 

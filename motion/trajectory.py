@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dmoc.base.discretisation import DISCRETISATIONS, FORMS, InputForm
 from dmoc.base.tolerances import SAME
+from dmoc.motion.friction import rubbing_word, sticks
 from dmoc.motion.scene import Scene
 
 Array = NDArray[np.float64]
@@ -18,20 +19,6 @@ Array = NDArray[np.float64]
 # a surface without colliding.
 GRAZING = 0.01
 FORCES = ("normal", "tangential", "reaction")  # kinds of forces along phases
-# What the states of friction are called: it sticks, or slides with that sign of tau'.
-FRICTION_WORDS = {0: "stick", 1: "slip+", -1: "slip-"}
-# How friction may act in the course of an impact: "" for nothing to tell, sliding all along,
-# sliding that stops during compression or (late) restitution, sticking from the beginning.
-COURSES = (
-    "",
-    *FRICTION_WORDS.values(),
-    *(
-        f"{FRICTION_WORDS[s]}:{then}{late}"
-        for s in (1, -1)
-        for then in (FRICTION_WORDS[0], FRICTION_WORDS[-s])
-        for late in ("", ":late")
-    ),
-)
 
 
 @dataclass(frozen=True, repr=False)
@@ -334,8 +321,8 @@ def last_inputs(phases: Sequence[Phase], form: InputForm) -> Array:
 
 def mode_word(closed: Sequence[str], rubbing: Mapping[str, int]) -> str:
     """The contacts that are closed and the tangents that rub, as "left:stick"; "free" for none."""
-    names = [f"{c}:{FRICTION_WORDS[rubbing[c]]}" if c in rubbing else c for c in closed]
-    names += [f"{t}:{FRICTION_WORDS[s]}" for t, s in rubbing.items() if t not in closed]
+    names = [rubbing_word(c, rubbing[c]) if c in rubbing else c for c in closed]
+    names += [rubbing_word(t, s) for t, s in rubbing.items() if t not in closed]
     return " ".join(names) or "free"
 
 
@@ -349,12 +336,12 @@ def event_word(
     """What happens at an event in the words of a sequence, the same for the same: what is hit,
     lands, leaves, and rubs otherwise from then on; ``course`` is that of the friction in the
     impact."""
-    sliding = {name: f":{FRICTION_WORDS[s]}" for name, s in friction.items() if s}
+    sliding = {name: rubbing_word("", s) for name, s in friction.items() if not sticks(s)}
     during = f":{course}" if course else ""
     words = [hit + during] if hit else []
     words += [f"+{name}{during or sliding.get(name, '')}" for name in lands]
     words += [f"-{name}" for name in leaves]
-    words += [f"{name}:{FRICTION_WORDS[s]}" for name, s in friction.items() if name not in lands]
+    words += [rubbing_word(name, s) for name, s in friction.items() if name not in lands]
     return " ".join(words) or "no change"
 
 

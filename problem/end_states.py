@@ -13,10 +13,10 @@ from dmoc.base.tolerances import KEPT, ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import is_positive, solved
 from dmoc.mechanics.coefficients import check_coefficients
-from dmoc.mechanics.contact_mode import STICK
+from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.impulse_response import unknown_in_impacts
-from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.motion.friction import rubbing_word, sticks, turned
 from dmoc.problem.derived import once
 from dmoc.problem.design import by_design, moves_by_design
 from dmoc.problem.reach import gap_sizes, rate_sizes
@@ -287,31 +287,32 @@ def _check_start_in_contact(problem: Problem) -> None:
             _check_rate(name, "leaves or enters it", rate, _kept(problem, slope, q, v))
     if v is None:
         return
-    for k, sign in mode.rubbing.items():
+    rates = model.slide_rates(q, v)
+    forward = conditions_of(model, mode).forward(rates)
+    for k, state in mode.rubbing.items():
         name = problem.kernels.tangents[k]
-        rate, slope = float(model.slide_rates(q, v)[k]), model.tangent_slopes(q)[k]
-        if sign == STICK:
-            _check_rate(name, "slides", rate, _kept(problem, slope, q, v))
-        elif abs(rate) <= _kept(problem, slope, q, v):
-            _check_breaking(problem, q, k, sign)
-        if sign * rate < -_kept(problem, slope, q, v):
-            word, other = f"{FRICTION_WORDS[sign]}", f"{FRICTION_WORDS[-sign]}"
+        word, kept = rubbing_word(name, state), _kept(problem, model.tangent_slopes(q)[k], q, v)
+        if sticks(state):
+            _check_rate(name, "slides", float(rates[k]), kept)
+        elif abs(rates[k]) <= kept:
+            _check_breaking(problem, q, k, word)
+        elif forward[k] < 0:
+            other = rubbing_word(name, turned(state))
             raise ProblemError(
-                f"contact '{name}:{word}' begins with a sliding velocity of {rate:g} per second, "
-                f"against its direction: say '{name}:{other}', or give another velocity."
+                f"contact {word!r} begins with a sliding velocity of {rates[k]:g} per second, "
+                f"against its direction: say {other!r}, or give another velocity."
             )
 
 
-def _check_breaking(problem: Problem, q: Array, k: int, sign: int) -> None:
+def _check_breaking(problem: Problem, q: Array, k: int, word: str) -> None:
     """Refuse a start at rest that slides without having broken away from its static friction; what
     was measured may have just done so, and what constraints move does not stick at all."""
-    there, name = problem.model.with_friction_at(q[None]), problem.kernels.tangents[k]
+    there = problem.model.with_friction_at(q[None])
     static, kinetic = (np.ravel(mu[..., k])[0] for mu in (there.static_friction, there.friction))
     along = problem.model.tangent_slopes(q)[k, :-1]
     alone = float(along @ solved(problem.model.mass(q), along))
     sticks = float(along @ problem.model.responses(q, along)) > KEPT * alone
     if static > kinetic and sticks and not problem.measured:
-        word = f"{name}:{FRICTION_WORDS[sign]}"
         raise ProblemError(
             f"contact {word!r} begins at rest, where its static friction of {static:g} is above "
             f"the kinetic one of {kinetic:g} and has to give way first: let it stick at the start, "

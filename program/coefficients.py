@@ -31,6 +31,15 @@ class Product(NamedTuple):
         return Product(self.tangent, *(part[kept] for part in self[1:]))
 
 
+# The phases that events begin.
+AFTER = slice(1, None)
+
+
+def against(lay: Layout, phases: Index | slice, product: Product) -> Product:
+    """What friction holds against the directions in which a tangent slides in some phases."""
+    return product._replace(factors=product.factors * lay.touch.signs[phases, product.tangent])
+
+
 # The arguments (q, v, u_k, u_kp1, c) of places, and their times.
 Site = Callable[[Index, Places], tuple[Index, ...]]
 

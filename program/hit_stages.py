@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.base.records import record
-from dmoc.mechanics.contact_mode import FREE, STICK, Course, Event, Mode
+from dmoc.mechanics.contact_mode import FREE, Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.touch import Touch
+from dmoc.motion.friction import STICK, sticks
 from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON
 from dmoc.program.blocks import Bools, Index, Numbering
 
@@ -69,7 +70,7 @@ class Passage:
     def rests(self) -> tuple[int, ...]:
         """Moments at which nothing slides."""
         until = zip(self.moments, self.friction, strict=False)
-        return tuple(m for m, before in until if m == STOP or before == STICK)
+        return tuple(m for m, before in until if m == STOP or sticks(before))
 
     def bears(self, e: float) -> int | None:
         """The stage whose friction must be within its cone for all that stick: while a contact
@@ -78,7 +79,7 @@ class Passage:
         stage = len(self.moments)
         if not self.lands and not self.late and e == 0:
             stage -= 1
-        return stage if self.friction[stage] == STICK else None
+        return stage if sticks(self.friction[stage]) else None
 
     def shares(self, e: float) -> tuple[int, ...]:
         """Stages whose normal impulse could be negative by the other laws: not the first one, not a
@@ -206,10 +207,8 @@ def _law_of(touch: Touch, event: Event) -> str:
 
 def _holding(touch: Touch, event: int) -> Mode:
     """The mode during an impact: contacts that stay closed beside the hit, and their friction."""
-    signs, drags = touch.signs[event + 1], np.flatnonzero(touch.drags[event])
-    return Mode.of(
-        np.flatnonzero(touch.beside[event]).tolist(), {int(k): int(signs[k]) for k in drags}
-    )
+    beside = np.flatnonzero(touch.beside[event]).tolist()
+    return touch.modes[event + 1].among(beside, lambda k: bool(touch.drags[event, k]))
 
 
 def _stages(course: Course, lands: bool, whole: bool) -> tuple[tuple[int, ...], tuple[int, ...]]:

@@ -90,12 +90,7 @@ def _settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Sett
     ends = (nodes[0], nodes[-1])
     places = np.array([_vanish(*_gaps(problem, at)) for at in nodes])
     rates = np.array([_vanish(*_gap_rates(problem, at)) for at in ends])
-    slides = np.array(
-        [
-            _vanish(*_slide_rates(problem, at), touch.signs[e])
-            for e, at in zip((0, -1), ends, strict=True)
-        ]
-    )
+    slides = np.array([_keep(problem, touch, e, at) for e, at in zip((0, -1), ends, strict=True)])
     stuck = _stuck(problem, lay, nodes)
     if problem.relations:
         back, end = _returned(problem, *ends), ends[1]
@@ -321,10 +316,15 @@ def _joint_rates(problem: Problem, at: States) -> Values:
     return problem.model.joint_rates(at.q, at.v, at.t), rate_sizes(problem, slopes, at.v)
 
 
-def _vanish(values: Array, sizes: Array, signs: Array | float = 0.0) -> Bools:
-    """Columns that are zero in all samples; with a sign, that are not on its other side."""
-    off = np.where(signs == 0, np.abs(values), -signs * values)
-    return np.asarray((off <= KEPT * sizes).all(axis=0))
+def _vanish(values: Array, sizes: Array) -> Bools:
+    """Columns that are zero in all samples."""
+    return np.asarray((np.abs(values) <= KEPT * sizes).all(axis=0))
+
+
+def _keep(problem: Problem, touch: Touch, phase: int, at: States) -> Bools:
+    """Tangents that move in all samples as a phase says."""
+    rates, sizes = _slide_rates(problem, at)
+    return np.asarray((touch.astray(phase, rates) <= KEPT * sizes).all(axis=0))
 
 
 def _alike(starts: Values, ends: Values) -> Bools:

@@ -8,6 +8,8 @@ those below the number of unknowns are the unknowns that the term depends on.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
@@ -108,3 +110,16 @@ def shares_of(scheme: Discretisation) -> Array:
 def like(rows: Index) -> Index:
     """No rows, in the shape of others."""
     return np.full_like(rows, NOWHERE)
+
+
+def forward(
+    lay: Layout, nodes: Index, v: Index, signs: Array, rows: Index, places: Places
+) -> Iterator[Term]:
+    """The terms s sigma of sliding velocities in their directions, shape (n, nt) as their rows, at
+    nodes (n,) with velocities (n, nq)."""
+    for sign in (1.0, -1.0):
+        at = np.where(signs == sign, rows, NOWHERE)
+        (k,) = np.nonzero((at != NOWHERE).any(axis=1))
+        if len(k):
+            state = lay.index_q[nodes[k]], v[k], places.times(nodes[k])
+            yield Term("slide_rate", state, (at[k],), sign)

@@ -5,12 +5,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.motion.friction import FRICTION, STICKING
 
 # What a contact does where it is open and where it is closed; the other words are of friction.
 OPEN, CLOSED = "open", "closed"
-STICKS = FRICTION_WORDS[0]
-CONTACT_STATES = (OPEN, CLOSED, *FRICTION_WORDS.values())
+CONTACT_STATES = (OPEN, CLOSED, *FRICTION)
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class Stay:
         does, better = "sticks at the limit of its friction", "sliding"
         if self.cheaper == OPEN:
             does, better = "does not press", "leaving"
-        elif self.cheaper == STICKS:
+        elif self.cheaper == STICKING:
             does, better = "is at rest", "sticking"
         return (
             f"{self.contact} ({self.mode} in phase {self.phase}) {does} from {self.begin:.4g} to "

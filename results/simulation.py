@@ -16,8 +16,9 @@ from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Kernels
 from dmoc.control.controller import Steers, controlled
 from dmoc.control.disturbance import Disturbance
+from dmoc.motion.friction import friction_word
 from dmoc.motion.scene import Scene
-from dmoc.motion.trajectory import FRICTION_WORDS, Array, Collision, Trajectory
+from dmoc.motion.trajectory import Array, Collision, Trajectory
 from dmoc.results.motion_result import MotionResult
 from dmoc.results.result_file import Saved
 from dmoc.results.solution import Solution
@@ -115,7 +116,7 @@ def _rows(s: Simulation) -> Iterator[tuple[str, str]]:
         yield "", f"and {more} more collisions"
     stretches = sorted((*s.contacts, *s.rubbing), key=lambda x: (x.begin, x.end))
     for stretch in stretches[:MOST_EVENTS]:
-        state = "closed" if stretch.friction is None else FRICTION_WORDS[stretch.friction]
+        state = "closed" if stretch.friction is None else friction_word(stretch.friction)
         yield f"{stretch.name} {state}", f"from {stretch.begin:.6g} to {stretch.end:.6g} s"
     if len(stretches) > MOST_EVENTS:
         yield "", f"and {len(stretches) - MOST_EVENTS} more stretches of contact"

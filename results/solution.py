@@ -14,14 +14,9 @@ from dmoc.base.errors import ModelError, ProblemError
 from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Kernels
+from dmoc.motion.friction import friction_word
 from dmoc.motion.largest_forces import largest_forces
-from dmoc.motion.trajectory import (
-    FRICTION_WORDS,
-    Array,
-    Collision,
-    Phase,
-    Trajectory,
-)
+from dmoc.motion.trajectory import Array, Collision, Phase, Trajectory
 from dmoc.program.active_constraints import ActiveBound
 from dmoc.results.exploration import exploration_of
 from dmoc.results.motion_result import MotionResult
@@ -374,7 +369,7 @@ def _event(c: Collision) -> dict[str, Any]:
         **_named(c, "time impulse rate_before rate_after grazes course"),
         **{name: array.tolist() for name, array in arrays.items()},
         **{name: list(names) for name, names in _named(c, "lands leaves").items()},
-        "friction": {name: FRICTION_WORDS[s] for name, s in c.friction.items()},
+        "friction": {name: friction_word(s) for name, s in c.friction.items()},
         "impulses": dict(c.impulses),
         "tractions": dict(c.tractions),
     }

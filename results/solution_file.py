@@ -10,9 +10,10 @@ import numpy as np
 from dmoc.base.discretisation import DISCRETISATIONS, FORMS, ORDERS
 from dmoc.base.tolerances import SAME
 from dmoc.check.verdict import Verification
+from dmoc.mechanics.contact_mode import COURSES
 from dmoc.motion.scene import COLUMNS, Scene, Shape, wrong_scene
 from dmoc.motion.states import PARTS
-from dmoc.motion.trajectory import COURSES, FORCES, Collision, Phase, Trajectory
+from dmoc.motion.trajectory import FORCES, Collision, Phase, Trajectory
 from dmoc.program.active_constraints import ActiveBound
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.results.notes import Note, Topic

@@ -12,10 +12,11 @@ from itertools import pairwise
 
 from dmoc.guess.folded import Folded
 from dmoc.guess.transfer import Piece
-from dmoc.mechanics.contact_mode import STICK, Course, Event, Mode
+from dmoc.mechanics.contact_mode import Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
 from dmoc.mechanics.sequence_words import word_between
 from dmoc.mechanics.touch import Touch
+from dmoc.motion.friction import STATES, sticks
 
 Words = tuple[str, ...]
 # Steps of a phase that is cut in three, at least.
@@ -67,16 +68,10 @@ def lifting(touch: Touch, motion: Folded) -> dict[Words, Folded]:
         if staying == {*after.mode.closed}:
             continue
         for j in sorted(staying):
-            opened = [replace(p, mode=_without(p.mode, j, contacts)) for p in phases[i:]]
+            opened = [replace(p, mode=p.mode.opening(j, contacts)) for p in phases[i:]]
             words, way = words_and_motion(contacts, [*phases[:i], *opened])
             ways[words] = way
     return ways
-
-
-def _without(mode: Mode, j: int, contacts: Contacts) -> Mode:
-    """A mode in which a surface is open."""
-    rubbing = {k: s for k, s in mode.rubbing.items() if contacts.supports[k] != j}
-    return Mode.of({*mode.closed} - {j}, rubbing)
 
 
 def words_and_motion(contacts: Contacts, phases: Sequence[EventPhase]) -> tuple[Words, Folded]:
@@ -126,11 +121,11 @@ def _rubbing(phases: list[EventPhase], contacts: Contacts) -> Iterator[list[Even
     hit from the same sliding."""
     for i, phase in enumerate(phases[1:], 1):
         rubbing = phase.mode.rubbing
-        at_surfaces = {k: s for k, s in rubbing.items() if contacts.supports[k] != RAIL}
-        ways = [rubbing | {k: s} for s in (1, STICK, -1) for k in rubbing]
-        ways += [rubbing | dict.fromkeys(at_surfaces, s) for s in (1, STICK, -1)]
+        at_surfaces = [k for k in rubbing if contacts.supports[k] != RAIL]
+        ways = [{k: s} for s in STATES for k in rubbing]
+        ways += [dict.fromkeys(at_surfaces, s) for s in STATES]
         for way in ways:
-            yield _with(phases, i, replace(phase, mode=Mode.of(phase.mode.closed, way)))
+            yield _with(phases, i, replace(phase, mode=phase.mode.with_friction(way)))
         for course in _other_courses(phase.event, contacts):
             yield _with(phases, i, replace(phase, event=replace(phase.event, course=course)))
 
@@ -139,10 +134,9 @@ def _other_courses(event: Event, contacts: Contacts) -> list[Course]:
     if event.course is None or contacts.surfaces[event.hit] not in contacts.rough:
         return []
     if contacts.said_of(contacts.surfaces[event.hit]).whole:
-        return [course for course in map(Course, (1, STICK, -1)) if course != event.course]
+        return [course for course in map(Course, STATES) if course != event.course]
     s, late = event.course.first, contacts.surfaces[event.hit] not in contacts.plastic
-    stops = [Course(s, then, at) for then in (STICK, -s) for at in (False, True)[: 1 + late]]
-    return [] if s == STICK else [Course(s), *stops]
+    return [] if sticks(s) else [Course(s), *Course.stopping(s, late)]
 
 
 def other_returns(touch: Touch, words: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -166,11 +160,8 @@ def _touching(
             continue
         first, middle, last = _in_three(phase.piece)
         for j in surfaces:
-            closed, rubbing = {*phase.mode.closed} ^ {j}, dict(phase.mode.rubbing)
-            tangent = contacts.rubs_on(j)
-            if tangent is not None and rubbing.pop(tangent, None) is None:
-                rubbing[tangent] = STICK
-            between = EventPhase(Event(), Mode.of(closed, rubbing), middle)
+            other = phase.mode.opening if j in phase.mode.closed else phase.mode.closing
+            between = EventPhase(Event(), other(j, contacts), middle)
             after = EventPhase(Event(), phase.mode, last)
             yield [*phases[:i], replace(phase, piece=first), between, after, *phases[i + 1 :]]
 

@@ -14,9 +14,10 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.folded import Folded
 from dmoc.guess.hit_course import course_at
 from dmoc.guess.transfer import Piece, times_of_inputs
-from dmoc.mechanics.contact_mode import STICK, Course, Event, Mode
+from dmoc.mechanics.contact_mode import Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL
 from dmoc.mechanics.sequence_words import word_between
+from dmoc.motion.friction import states_of
 from dmoc.program.hit_stages import Passage
 from dmoc.program.transcription import Transcription
 
@@ -126,7 +127,7 @@ def _bumps(relaxed: RelaxedMotion, modes: Sequence[Mode]) -> tuple[list[Mode], d
                 continue
             P = x[lay.relaxed.P_r[a:b, j]]
             hits[a + int(P.argmax())] = Hit(j, float(P.sum()))
-            modes[a:b] = [Mode.of({*m.closed} - {j}, dict(m.rubbing)) for m in modes[a:b]]
+            modes[a:b] = [m.opening(j, contacts) for m in modes[a:b]]
     return modes, hits
 
 
@@ -170,12 +171,12 @@ def _modes(relaxed: RelaxedMotion) -> list[Mode]:
     for k, j in enumerate(lay.touch.contacts.supports):
         bears[:, k] = mu[..., k] * (share if j == RAIL else P[:, j])
     room = (bears - np.abs(T)) / s.friction
-    signs = np.where(np.abs(slid) > room, np.sign(slid), STICK).astype(int)
+    states = states_of(slid, room)
     modes = []
     for k in range(steps):
         on = [j for j in left_open.surfaces if closed[k, j]] if left_open else []
         rubs = {
-            i: int(signs[k, i])
+            i: int(states[k, i])
             for i, j in enumerate(lay.touch.contacts.supports)
             if (j == RAIL or j in on) and i in (left_open.tangents if left_open else ())
         }

@@ -14,6 +14,7 @@ cdef class Conditions:
     """What a mode demands of one model: closed gaps, what sticks, joints; for one thread."""
     cdef object kernels, contacts
     cdef bint ready  # for joints, and modes with contacts or friction
+    cdef bint free  # nothing of the mode acts on the motion
     cdef ptrdiff_t nq, nu, nc, nt, nj, capacity
     cdef Rows surface, tangent, gap_rate, slide_rate, bearing, holding
     cdef Rows gap_rate_jac, slide_rate_jac, joint, joint_rate, joint_rate_jac
@@ -103,6 +104,7 @@ cdef class Conditions:
         """Go by the conditions of a mode, without one by those of free flight, and of joints."""
         cdef ptrdiff_t i, k
         self.m = self.closed = self.sticking = self.sliding = 0
+        self.free = True
         if mode is None and not self.nj:
             return
         if not self.ready:
@@ -111,6 +113,7 @@ cdef class Conditions:
         held = conditions_among(self.contacts, mode, self.nj)
         closed, sticking = held.places(GAPS), held.places(TANGENTS)
         self.m, self.sliding = len(held), len(held.drags)
+        self.free = not (self.m or self.sliding)
         self.closed, self.sticking = len(closed[0]), len(sticking[0])
         self.closed_at[:], self.sticks_at[:], self.slides_at[:] = -1, -1, -1
         for places, (here, numbers) in ((self.closed_at, closed), (self.sticks_at, sticking)):
@@ -165,6 +168,10 @@ cdef class Conditions:
         cdef ptrdiff_t stride[DMOC_MOST]
         cdef double *results[DMOC_MOST]
         cdef ptrdiff_t i, k
+        if not self.sliding:
+            for i in range(n * self.nt):
+                self.speed[i] = 0.0
+            return 0
         args[0], args[1], args[2], args[3] = y, y + self.nq, &self.t[0], &self.par[0]
         stride[0], stride[1], stride[2], stride[3] = width, width, 1, 0
         results[0] = &self.speed[0]
@@ -222,6 +229,17 @@ cdef class Conditions:
         """Friction against the direction of a tangent that slides in row i, of what a unit of
         force presses."""
         return self.way[self.slides_at[tangent]] * self.mu[i * self.nt + tangent]
+
+    cdef double margin(self, ptrdiff_t i, ptrdiff_t k) noexcept nogil:
+        """What row i leaves tangent k until its friction changes: of its cone where it sticks, of
+        its speed, which is the last that was evaluated, where it slides; 1 where it does not rub."""
+        cdef ptrdiff_t p = self.closed_at[self.support[k]] if self.support[k] >= 0 else -1
+        cdef double load = self.lam[i * self.m + p] if p >= 0 else 1.0
+        if self.sticks_at[k] >= 0:
+            return self.mu_s[i * self.nt + k] * load - fabs(self.lam[i * self.m + self.sticks_at[k]])
+        if self.slides_at[k] >= 0:
+            return self.speed[i * self.nt + k] if not self.mu[i * self.nt + k] < 0 else -1.0
+        return 1.0
 
     cdef void enter(self, ptrdiff_t p, ptrdiff_t c, double x, const double *v) noexcept nogil:
         """A derivative of the rate of condition p by entry c of (q, v, t)."""

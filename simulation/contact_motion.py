@@ -22,7 +22,8 @@ from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode, names_of
 from dmoc.mechanics.model import Model
-from dmoc.motion.trajectory import FRICTION_WORDS, Collision
+from dmoc.motion.friction import friction_word
+from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_impacts import dying, struck
 from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.impact_orders import Undecided
@@ -236,7 +237,7 @@ def _events_shown(model: Model, modes: list[Mode], journal: MotionRecord) -> Ite
     for mode in dict.fromkeys(modes[-MOST_SHOWN:]):
         closed, rubbing = names_of(model.contacts, mode)
         words = [f"{name!r} closed" for name in closed]
-        words += [f"{name!r} {FRICTION_WORDS[s]}" for name, s in rubbing.items()]
+        words += [f"{name!r} {friction_word(s)}" for name, s in rubbing.items()]
         yield " and ".join(words) or "all open"
 
 

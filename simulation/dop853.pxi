@@ -283,7 +283,7 @@ cdef class Method(Dynamics):
             raise ValueError(f"expected {self.nu} inputs")
         self._enter(mode)
         self._hold(n, held)
-        if width > 2 * nq + 1 and (self.m or self.sliding):
+        if width > 2 * nq + 1 and not self.free:
             raise ValueError("expected (q | v), and work, of rows in a mode")
         if not (first.shape[0] == last.shape[0] == n):
             raise ValueError(f"expected {n} rows")

@@ -36,7 +36,6 @@ cdef class Dynamics(Conditions):
         cdef const double *state
         cdef double *M
         cdef double *rate
-        cdef bint free = not (self.m or self.sliding)
         args[0], args[1], args[2] = y, y + nq, &self.u[0]
         args[3], args[4] = &self.t[0], &self.par[0]
         stride[0] = stride[1] = width
@@ -46,13 +45,13 @@ cdef class Dynamics(Conditions):
         if width == 2 * nq + 1:
             results[0], results[1] = &self.Q[0], &self.power[0]
             self.force.run(n, args, stride, results)
-        if not free:
+        if not self.free:
             self.gradients(n, width, y)
         for i in range(n):
             state, rate, M = y + i * width, out + i * width, &self.mass[i * nq * nq]
             for j in range(nq):
                 rate[j], rate[nq + j] = state[nq + j], self.f[i * nq + j]
-            if not free:
+            if not self.free:
                 self.conditions(i, state + nq, rate + nq)
             if not factored(M, &self.pivot[0], nq):
                 for j in range(nq, width):
@@ -65,7 +64,7 @@ cdef class Dynamics(Conditions):
                 self.react(i, M, rate + nq)
             if width == 2 * nq + 1:
                 rate[2 * nq] = self.power[i]
-                if not free:
+                if not self.free:
                     rate[2 * nq] += self.contact_power(i, state + nq)
             elif width > 2 * nq:
                 for j in range(nq):

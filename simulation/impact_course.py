@@ -27,8 +27,9 @@ from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved_transpose
 from dmoc.mechanics.conditions import answers, conditions_of, sizes_by_mass
-from dmoc.mechanics.contact_mode import STICK, Mode
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
+from dmoc.motion.friction import sliding_against
 from dmoc.simulation.contact_modes import Reaction, borne, nearest
 from dmoc.simulation.mode_choice import Hints, Place, first_mode, is_borne
 
@@ -136,7 +137,7 @@ class _Course:
         rubbing = {}
         for k in (self.model.rough[j] for j in closed if j in self.model.rough):
             slid = abs(self.tangential[k]) >= (1 - SAME) * most[k]
-            rubbing[k] = -int(np.sign(self.tangential[k])) if slid else STICK
+            rubbing[k] = sliding_against(self.tangential[k] if slid else 0.0)
         return Mode.of(closed, rubbing)
 
     @property

@@ -155,17 +155,13 @@ cdef class Integrator(Method):
         cdef ptrdiff_t stride[DMOC_MOST]
         cdef double *results[DMOC_MOST]
         cdef ptrdiff_t nq = self.nq, i, j, p
-        cdef double rest
         args[0], args[1], args[2] = y, &self.t[0], &self.par[0]
         stride[0], stride[1], stride[2] = 2 * nq, 1, 0
         if self.nc:
             results[0] = &self.g[0]
             self.surface.run(n, args, stride, results)
-        args[1], args[2], args[3] = y + nq, &self.t[0], &self.par[0]
-        stride[1], stride[2], stride[3] = 2 * nq, 1, 0
-        if self.sliding:
-            results[0] = &self.tau[0]
-            self.slide_rate.run(n, args, stride, results)
+        if not self.free:
+            self.slide(n, 2 * nq, y)
         self.slope(n, 2 * nq, y, &self.slopes[0])
         for i in range(n):
             if self.m and self.contradicted[i]:
@@ -175,16 +171,7 @@ cdef class Integrator(Method):
                 if not (self.lam[i * self.m + p] if p >= 0 else -self.g[i * self.nc + j]) > 0:
                     return False
             for j in range(self.nt):
-                rest = 1.0
-                if self.sticks_at[j] >= 0:
-                    p = self.closed_at[self.support[j]] if self.support[j] >= 0 else -1
-                    rest = self.mu_s[i * self.nt + j] * (self.lam[i * self.m + p] if p >= 0 else 1.0)
-                    rest -= fabs(self.lam[i * self.m + self.sticks_at[j]])
-                elif self.slides_at[j] >= 0:
-                    rest = self.way[self.slides_at[j]] * self.tau[i * self.nt + j]
-                    if self.mu[i * self.nt + j] < 0:
-                        return False
-                if not rest > 0:
+                if not self.margin(i, j) > 0:
                     return False
         return True
 

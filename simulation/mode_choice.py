@@ -25,6 +25,7 @@ from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
+from dmoc.motion.friction import FRICTION, sliding_with
 from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.friction_at import with_friction
 from dmoc.simulation.integrator import Integrator
@@ -203,11 +204,7 @@ def first_mode(
     for states in product(*options):
         closed = tuple(j for j, s in zip(on, states, strict=False) if s != OPEN)
         rubbing = [(k, s) for k, s in zip(keys, states, strict=True) if s not in (OPEN, SMOOTH)]
-        mode = Mode(
-            closed,
-            tuple(k for k, s in rubbing if s == 0),
-            tuple((k, s) for k, s in rubbing if s != 0),
-        )
+        mode = Mode.in_order(closed, rubbing)
         if holds(mode, tuple(j for j in on if j not in closed)):
             return mode
     return None
@@ -224,6 +221,6 @@ def _options(
 def _signs(k: int, sigma: Array, small: Array, hints: Hints) -> tuple[int, ...]:
     """Friction that a tangent may have."""
     if abs(sigma[k]) > small[k]:
-        return (1,) if sigma[k] > 0 else (-1,)
+        return (sliding_with(sigma[k]),)
     first = [s for tangent, s in hints.slipping if tangent == k]
-    return tuple(dict.fromkeys([*first, 0, 1, -1]))
+    return tuple(dict.fromkeys([*first, *FRICTION.values()]))

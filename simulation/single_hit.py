@@ -75,7 +75,7 @@ def _unheld(
     beside: Reaction,
     slopes: tuple[float, ...],
 ) -> list[str]:
-    """Contacts that pull or slip in one of the regimes, in which all impulses grow in one
+    """Contacts that pull or slip in one of its states, in which all impulses grow in one
     proportion."""
     names = list[str]()
     for slope in slopes if holding.closed else ():

@@ -26,8 +26,9 @@ import numpy as np
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode, mode_in_words
+from dmoc.mechanics.contacts import Contacts
 from dmoc.mechanics.sequence_words import word_between
-from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.motion.friction import friction_word
 from dmoc.problem.problem import Problem
 from dmoc.program.active_constraints import NO_FORCE
 from dmoc.program.blocks import NOWHERE, Bools, Index
@@ -54,10 +55,10 @@ def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
         in_steps = [mode] * lay.steps[i]
         for edge, steps in edges.of_phase(i):
             begin, end = (float(t[lay.ends[i] + k]) for k in (steps.start, steps.stop))
-            states = [FRICTION_WORDS[s] for s in edge.friction or ()] or [CLOSED, OPEN]
+            states = [friction_word(s) for s in edge.friction or ()] or [CLOSED, OPEN]
             stays.append(Stay(i, edge.name, begin, end, *states))
             for k in steps:
-                in_steps[k] = _beyond(edge, in_steps[k], names.supports)
+                in_steps[k] = _beyond(edge, in_steps[k], names)
         if i and in_steps and problem.touch.events[i - 1].course and mode.closed:
             in_steps[0] = mode  # what the impact ends with
         modes.append(in_steps)
@@ -74,15 +75,13 @@ def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
     )
 
 
-def _beyond(edge: Edge, mode: Mode, supports: tuple[int, ...]) -> Mode:
+def _beyond(edge: Edge, mode: Mode, contacts: Contacts) -> Mode:
     """The mode beyond an edge of another one; the same where the contact that rubs has left."""
-    rubbing = mode.rubbing
     if edge.friction is None:
-        left = {k: s for k, s in rubbing.items() if supports[k] != edge.number}
-        return Mode.of([j for j in mode.closed if j != edge.number], left)
-    if edge.number not in rubbing:
+        return mode.opening(edge.number, contacts)
+    if edge.number not in mode.rubbing:
         return mode
-    return Mode.of(mode.closed, rubbing | {edge.number: edge.friction[1]})
+    return mode.with_friction({edge.number: edge.friction[1]})
 
 
 def _events(

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 
-from dmoc.mechanics.contact_mode import STICK, Mode
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import NOWHERE, Contacts
 from dmoc.mechanics.sequence_words import touch_along
-from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.motion.friction import after_stop, rubbing_word, sticks
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution, saying
 from dmoc.solvers.outcome import Status
@@ -79,7 +79,7 @@ def _turns(mode: Mode, word: str, contacts: Contacts) -> Iterator[str]:
     event, friction = touch.events[-1], dict(touch.events[-1].friction)
     if event.hit == NOWHERE or event.course is not None:
         return
-    for k, sign in touch.modes[-1].sliding:
-        if k not in friction:
-            for state in (-sign, STICK):
-                yield f"{word} {contacts.tangents[k]}:{FRICTION_WORDS[state]}"
+    for k, slides in touch.modes[-1].rubbing.items():
+        if k not in friction and not sticks(slides):
+            for state in reversed(after_stop(slides)):
+                yield f"{word} {rubbing_word(contacts.tangents[k], state)}"

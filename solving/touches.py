@@ -13,7 +13,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import friction_of, response
-from dmoc.mechanics.contact_mode import STICK
+from dmoc.motion.friction import sticks
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.hit_stages import STOP, Passage
 from dmoc.program.laws.hit import RESTITUTIONS
@@ -84,7 +84,7 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
     if passage is None or passage.whole:
         if passage is None:
             _, inertia = model.impulse_response(q, model.gap_slopes(q, t)[j, :-1], t)
-        elif passage.friction[-1] == STICK:  # no touch is next to it: some sliding comes back
+        elif sticks(passage.friction[-1]):  # no touch is next to it: some sliding comes back
             return []
         else:
             mu = friction_of(nlp.problem, passage, q, t)
@@ -120,9 +120,9 @@ def _in_stages(
 
     size = float(nlp.scale.rate[p.surface])
     if STOP not in p.moments:
-        if p.friction[0] == STICK:
-            sticks = abs(A[0, 1]) <= mu * A[1, 1]
-            return [whole(first, first) * size / first] if sticks else []
+        if sticks(p.friction[0]):
+            is_held = abs(A[0, 1]) <= mu * A[1, 1]
+            return [whole(first, first) * size / first] if is_held else []
         # Sliding that is faster after the hit has its direction before it, which a touch has after.
         faster = max(p.friction[0] * _turning(A, mu, p.friction[0]), 0.0) * (1 + e)
         headed = nlp.laws.hit.heads.index[p.event, 1]
@@ -131,7 +131,7 @@ def _in_stages(
     stops = p.friction[0] * _turning(A, mu, p.friction[0]) < 0
     goes_on = (
         abs(A[0, 1]) <= mu * A[1, 1]
-        if p.friction[-1] == STICK
+        if sticks(p.friction[-1])
         else p.friction[-1] * _turning(A, mu, p.friction[-1]) > 0
     )
     if not goes_on or (p.late and not stops):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.program.blocks import NOWHERE, Block, Entries, Numbering
-from dmoc.program.coefficients import Product, at_stations, entries_of, terms_of
+from dmoc.program.coefficients import AFTER, Product, against, at_stations, entries_of, terms_of
 from dmoc.program.laws.friction import FrictionLaw
 from dmoc.program.laws.law import Law
 from dmoc.program.terms import Places, Term
@@ -75,5 +75,5 @@ class BreakawayLaw(Law):
         law, events = self.friction, len(self.friction.touch.events)
         last = law.last[:events]
         for k, (_, limit, factor) in enumerate(law.limits):
-            signs = law.touch.signs[1:, k]
-            yield Product(k, last, self.breaks.index[:, k], limit[last], signs * factor[last])
+            product = Product(k, last, self.breaks.index[:, k], limit[last], factor[last])
+            yield against(law.lay, AFTER, product)

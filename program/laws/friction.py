@@ -29,9 +29,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import STICK
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.touch import Touch
+from dmoc.motion.friction import SLIDING, STICK, sticks
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import (
     NOWHERE,
@@ -45,7 +45,9 @@ from dmoc.program.blocks import (
 )
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.coefficients import (
+    AFTER,
     Product,
+    against,
     at_events,
     at_stations,
     entries_of,
@@ -144,7 +146,7 @@ class FrictionLaw(Law):
         )
         self.sliding = block(
             "sliding",
-            along.along(touch.rubs & ~touch.sticks),
+            along.along(touch.slides),
             lambda r, j: f"sliding friction of {names[j]} {along.at.label(r)}",
             lambda s: s.friction / lay.total * along.at.size,
         )
@@ -211,7 +213,7 @@ class FrictionLaw(Law):
     def breaks(self) -> Bools:
         """Tangents that break away from another static friction at events, shape (events, nt)."""
         touch = self.touch
-        begins = touch.sticks[:-1] & (touch.signs[1:] != 0) & ~touch.impacts[:, None]
+        begins = touch.sticks[:-1] & touch.slides[1:] & ~touch.impacts[:, None]
         return np.asarray(begins & self.paired)
 
     # Terms ----------------------------------------------------------------------------------------
@@ -268,8 +270,8 @@ class FrictionLaw(Law):
         """Friction s mu P along phases, in the rows of sliding."""
         phase = self.along.at.phase
         for k, (at, limit, factor) in enumerate(self.limits):
-            signs = self.touch.signs[phase, k]
-            yield Product(k, at, self.sliding.index[:, k], limit, signs * factor)
+            rows = self.sliding.index[:, k]
+            yield against(self.lay, phase, Product(k, at, rows, limit, factor))
 
     @property
     def _sticking(self) -> Iterator[Product]:
@@ -297,10 +299,10 @@ class FrictionLaw(Law):
             if surface != RAIL and len(at):
                 hit = touch.surfaces == surface
                 normal = np.where(hit, lay.impact.lam, lay.contact.P_c[:, surface])
-                yield Product(k, at, self.slides.index[:, k], normal, touch.signs[1:, k])
+                slides, one = self.slides.index[:, k], np.ones(len(at))
+                yield against(lay, AFTER, Product(k, at, slides, normal, one))
                 for side in range(2):
-                    cone = self.cone_of_impact.index[:, k, side]
-                    yield Product(k, at, cone, normal, np.ones(len(at)))
+                    yield Product(k, at, self.cone_of_impact.index[:, k, side], normal, one)
 
     # Edges and pivots -----------------------------------------------------------------------------
 
@@ -313,9 +315,9 @@ class FrictionLaw(Law):
             name = self.touch.contacts.tangents[k]
             if self.paired[k]:
                 continue  # friction jumps there
-            if s == STICK:
+            if sticks(s):
                 gives = by_step(self.stuck.index[rows, k])
-                for side, way in enumerate((-1, 1)):
+                for side, way in enumerate(sorted(SLIDING)):
                     cone = self.cone.index[rows, k, side]
                     yield Edge(name, k, (s, way), cone, gives, way)
             else:

@@ -28,12 +28,12 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contacts import RAIL
 from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Index, Numbering, two_sided
-from dmoc.program.coefficients import Product, at_events, entries_of, terms_of
+from dmoc.program.coefficients import AFTER, Product, against, at_events, entries_of, terms_of
 from dmoc.program.hit_stages import MOMENTS, STOP, HeldUnknowns, moment
 from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
 from dmoc.program.layout import Layout
-from dmoc.program.terms import Places, Term
+from dmoc.program.terms import Places, Term, forward
 
 if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
@@ -162,13 +162,8 @@ class HeldLaw(Law):
                     impulse = places.or_zero(unknown[here, m])
                     terms.append(Term(push, (q, impulse, t), (within,), sign))
                     terms.append(Term(rate, (q, v, t), (row.index[here, m],)))
-        for sign in (1.0, -1.0):
-            rows = np.where(lay.touch.signs[1:] == sign, self.slides_on.index, NOWHERE)
-            (here,) = np.nonzero((rows != NOWHERE).any(axis=1))
-            if len(here):
-                q, t = lay.index_q[nodes[here]], places.times(nodes[here])
-                state = q, lay.hit.v_h[here, STOP], t
-                terms.append(Term("slide_rate", state, (rows[here],), sign))
+        signs, rows = lay.touch.signs[1:], self.slides_on.index
+        terms += forward(lay, nodes, lay.hit.v_h[:, STOP], signs, rows, places)
         return [*terms, *terms_of(self.mu, self._holding, at_events(lay), places)]
 
     def entries(self, laws: Laws) -> list[Entries]:
@@ -204,14 +199,15 @@ class HeldLaw(Law):
         for k, j in enumerate(self.lay.touch.contacts.supports):
             if j == RAIL or not self.lay.hit.passages:
                 continue
-            signs = self.lay.touch.signs[1:, k]
+            one = np.ones(len(at))
             for m in range(len(MOMENTS)):
-                yield Product(k, at, self.drags.index[:, m, k], self.unknowns.P_b[:, m, j], signs)
+                rows, P_b = self.drags.index[:, m, k], self.unknowns.P_b[:, m, j]
+                yield against(self.lay, AFTER, Product(k, at, rows, P_b, one))
             P = tuple(impulses[:, j] for impulses in self._P)
             for of in range(len(PARTS)):
                 for side in range(2):
                     for rows, unknown, sign in _growth(self.grips.index[:, of, k, side], P, of):
-                        yield Product(k, at, rows, unknown, np.full(len(at), sign))
+                        yield Product(k, at, rows, unknown, sign * one)
 
     # Pivots ---------------------------------------------------------------------------------------
 

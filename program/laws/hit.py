@@ -41,9 +41,8 @@ import numpy as np
 
 from dmoc.base.names import momentum_name
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import STICK
+from dmoc.motion.friction import friction_word, sticks
 from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON, STRONGE
-from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import (
     LAW,
@@ -66,7 +65,7 @@ from dmoc.program.laws.restitution import Restitution
 from dmoc.program.laws.stronge import StrongeRestitution
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
-from dmoc.program.terms import Places, Term
+from dmoc.program.terms import Places, Term, forward
 
 if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
@@ -144,9 +143,9 @@ class HitLaw(Law):
         slips = np.zeros((count, STAGES), dtype=bool)
         ways = self.passages
         for p in ways:
-            halts[p.event, BEFORE] = p.friction[0] == 0
+            halts[p.event, BEFORE] = sticks(p.friction[0])
             halts[p.event, [1 + m for m in p.rests]] = True
-            halts[p.event, AFTER] = p.friction[-1] == 0
+            halts[p.event, AFTER] = sticks(p.friction[-1])
             slips[p.event, np.flatnonzero(p.friction)] = True
         quadratic = mask_of(count, [p.event for p in ways if self._law(p).is_quadratic(self, p)])
         hit, rubbed, contacts = self.lay.hit.hit, self.lay.hit.rubbed, self.lay.touch.contacts
@@ -192,9 +191,9 @@ class HitLaw(Law):
         heads = np.zeros((count, 2), dtype=bool)
         for p in self.passages:
             if self.touching[p.event]:
-                heads[p.event, 1] = p.friction[-1] != 0 and STOP not in p.moments
+                heads[p.event, 1] = not sticks(p.friction[-1]) and STOP not in p.moments
                 continue
-            heads[p.event] = p.friction[0] != 0, p.friction[-1] != 0
+            heads[p.event] = [not sticks(p.friction[side]) for side in (0, -1)]
             sticking, last = p.bears(self.e[p.event]), len(p.moments)
             share[p.event, list(p.shares(self.e[p.event]))] = True
             share[p.event, last] |= sticking != last and self._law(p).is_quadratic(self, p)
@@ -204,7 +203,7 @@ class HitLaw(Law):
         tangents, of = self.lay.touch.contacts.tangents, {p.event: p for p in self.passages}
 
         def direction(i: int, side: int) -> str:
-            word = FRICTION_WORDS[of[i].friction[-side]]
+            word = friction_word(of[i].friction[-side])
             return f"{word} of {tangents[rubbed[i]]} {'after' if side else 'before'} event {i + 1}"
 
         self.share = block(
@@ -261,18 +260,13 @@ class HitLaw(Law):
         sides = [lay.impact.v_a, *np.moveaxis(v_h, 1, 0), lay.impact.v_c]
         for v, rows in zip(sides, self.halts.index.T, strict=True):
             terms.append(Term("slide_rate", (q, v, t), (in_columns(rows, rubbed, len(self.mu)),)))
-        signs = np.array([(p.friction[0], p.friction[-1]) if p else (0, 0) for p in self._by_event])
+        states = np.zeros((len(nodes), 2))
+        for p in self.passages:
+            states[p.event] = p.friction[0], p.friction[-1]
         for side, v in enumerate((lay.impact.v_a, lay.impact.v_c)):
-            for sign in (1.0, -1.0):
-                rows = np.where(signs[:, side] == sign, self.heads.index[:, side], NOWHERE)
-                place = in_columns(rows, rubbed, len(self.mu))
-                terms.append(Term("slide_rate", (q, v, t), (place,), sign))
+            rows = in_columns(self.heads.index[:, side], rubbed, len(self.mu))
+            terms += forward(lay, nodes, v, states[:, side, None], rows, places)
         return [*terms, *terms_of(self.mu, self._holding, at_events(lay), places)]
-
-    @property
-    def _by_event(self) -> list[Passage | None]:
-        of = {p.event: p for p in self.passages}
-        return [of.get(i) for i in range(len(self.lay.touch.surfaces))]
 
     # Linear rows ----------------------------------------------------------------------------------
 
@@ -331,14 +325,14 @@ class HitLaw(Law):
             for stage, m in enumerate(p.moments):
                 T, P = lay.hit.T_h[i, [m]], lay.hit.P_h[i, [m]]
                 yield Pivot(lay.hit.v_h[i, m], self.within.index[i, m], before)
-                slides = p.friction[stage] != STICK
+                slides = not sticks(p.friction[stage])
                 rest = self.halts.index[i, [1 + m]]
                 yield Pivot(T, self.slips.index[i, [stage]] if slides else rest, before)
                 yield Pivot(P, rest if m == STOP else energy[[i]], before)
             if not p.lands:
                 yield Pivot(lay.impact.lam[[i]], self.restitution.index[[i]], before)
             T_c, last = lay.contact.T_c[i, [p.tangent]], len(p.moments)
-            if p.friction[-1] != STICK:
+            if not sticks(p.friction[-1]):
                 yield Pivot(T_c, self.slips.index[i, [last]], before)
             else:
                 yield Pivot(T_c, self.halts.index[i, [AFTER]], after)

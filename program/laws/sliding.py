@@ -21,14 +21,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.mechanics.touch import Touch
-from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.motion.friction import friction_word
 from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Numbering, two_sided
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.impact import ends_motion
 from dmoc.program.laws.law import Law
 from dmoc.program.layout import Layout
-from dmoc.program.terms import Places, Term
+from dmoc.program.terms import Places, Term, forward
 
 if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
@@ -59,12 +59,12 @@ class SlidingLaw(Law):
         """Number the rows; the last axis of ``in_impacts`` are the two sides of an impact."""
         lay, touch = self.lay, self.touch
         names = touch.contacts.tangents
-        slides = touch.signs[lay.phase_of_step] != 0
+        slides = touch.slides[lay.phase_of_step]
         slides = slides if not touch.free else slides[:0]
         steps = np.arange(len(slides))
 
         def word(i: int, j: int) -> str:
-            return FRICTION_WORDS[int(touch.signs[i, j])]
+            return friction_word(touch.modes[i].rubbing[j])
 
         self.in_steps = block(
             "direction",
@@ -104,9 +104,9 @@ class SlidingLaw(Law):
     def _slides_freely(self) -> Bools:
         """Tangents that slide at the start and at the end of the motion, and whose rates there are
         not fixed, shape (2, nt)."""
-        lay, signs = self.lay, self.touch.signs
+        lay = self.lay
         unknown = np.array([len(lay.index_v_B) > 0, len(lay.index_v_E) > 0]) & (not lay.touch.free)
-        slides = (signs[[0, -1]] != 0) & ~self.contact.settled.slides
+        slides = self.touch.slides[[0, -1]] & ~self.contact.settled.slides
         for i in np.flatnonzero(ends_motion(lay)):
             slides[-1] &= ~(self.touch.rubs_in_impact[i] | self.touch.passes[i])  # said there
         return np.asarray(slides & unknown[:, None])
@@ -128,34 +128,24 @@ class SlidingLaw(Law):
         lay, touch, nodes = self.lay, self.touch, self.lay.collision_nodes
         if not len(nodes):
             return
-        q, t = lay.index_q[nodes], places.times(nodes)
         before = np.where(touch.turns, touch.signs[:-1], touch.signs[1:])
         sides = ((lay.impact.v_a, before), (lay.impact.v_c, touch.signs[1:]))
         for side, (v, signs) in enumerate(sides):
-            for sign in (1.0, -1.0):
-                rows = np.where(signs == sign, self.in_impacts.index[:, :, side], NOWHERE)
-                yield Term("slide_rate", (q, v, t), (rows,), sign)
+            rows = self.in_impacts.index[:, :, side]
+            yield from forward(lay, nodes, v, signs, rows, places)
 
     def _rates_at_ends(self, places: Places) -> Iterator[Term]:
         """Sliding velocities at both ends of the motion."""
-        lay, signs = self.lay, self.touch.signs
+        lay, signs, rows = self.lay, self.touch.signs, self.at_ends.index
         for e, v in ((0, lay.index_v_B), (-1, lay.index_v_E)):
-            at = lay.ends[[e]]
-            for sign in (1.0, -1.0) if len(v) else ():
-                rows = np.where(signs[e] == sign, self.at_ends.index[e], NOWHERE)
-                state = (lay.index_q[at], v[None], places.times(at))
-                yield Term("slide_rate", state, (rows[None],), sign)
+            if len(v):
+                yield from forward(lay, lay.ends[[e]], v[None], signs[[e]], rows[[e]], places)
 
     def _rates_at_nodes(self, places: Places) -> Iterator[Term]:
         """Sliding velocities at the nodes inside phases."""
         lay, rows = self.lay, self.at_nodes.index
         signs = self.touch.signs[np.append(lay.phase_of_step, lay.phases - 1)]
-        for sign in (1.0, -1.0):
-            at = np.where(signs == sign, rows, NOWHERE)
-            (k,) = np.nonzero((at != NOWHERE).any(axis=1))
-            if len(k):
-                state = lay.index_q[k], lay.index_w[k], places.times(k)
-                yield Term("slide_rate", state, (at[k],), sign)
+        return forward(lay, np.arange(len(rows)), lay.index_w, signs, rows, places)
 
     def _ways(self, places: Places) -> Iterator[Term]:
         """Differences of the tangential positions at both ends of steps, in the direction of

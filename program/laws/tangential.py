@@ -29,7 +29,7 @@ import numpy as np
 
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import STICK
+from dmoc.motion.friction import STICK, sliding_against, sticks
 from dmoc.motion.impact_laws import RETURNING
 from dmoc.program.blocks import (
     LAW,
@@ -79,7 +79,7 @@ def returned(rates: Array, A: Array, mu: float, e: float, e_t: float) -> Returne
     T, s = (1 + e_t) * T_0, STICK
     lam = -(1 + e) * n / A[0, 0] - along * T
     if mu < np.inf and abs(T) > mu * lam:
-        s = -int(np.sign(T))
+        s = sliding_against(T)
         lam = -(1 + e) * n / (A[0, 0] - s * mu * A[0, 1])
         T = -s * mu * lam
     return Returned(stopping, np.array([lam, T]), s)
@@ -151,8 +151,8 @@ class TangentialLaw(Law):
         """The last axis of ``holds`` are the two sides of the cone."""
         rubbed, tangents = self.lay.hit.rubbed, self.lay.touch.contacts.tangents
         limited = [p for p in self.passages if self.mu[p.tangent] != np.inf]
-        holds = self._mask(p for p in limited if p.friction[-1] == STICK) & ~self.touching
-        slides = self._mask(p for p in limited if p.friction[-1] != STICK)
+        holds = self._mask(p for p in limited if sticks(p.friction[-1])) & ~self.touching
+        slides = self._mask(p for p in limited if not sticks(p.friction[-1]))
         self.holds = block(
             "cone of a return",
             np.repeat(holds[:, None], 2, axis=1),
@@ -187,10 +187,10 @@ class TangentialLaw(Law):
         i, s = p.event, p.friction[-1]
         T_c, T_h = self.lay.contact.T_c[i, p.tangent], self.lay.hit.T_h[i, END]
         back = 1 + float(self.e_t[p.tangent])
-        sticks = not (s or self.touching[i])
+        comes_back = sticks(s) and not self.touching[i]
         for row, unknown, factor in (
             (self.returns.index[i], T_c, 1.0),
-            (self.returns.index[i] if sticks else NOWHERE, T_h, -back),
+            (self.returns.index[i] if comes_back else NOWHERE, T_h, -back),
             (self.holds.index[i, 0], T_c, -1.0),
             (self.holds.index[i, 1], T_c, 1.0),
             (self.slides.index[i], T_h, -s * back),

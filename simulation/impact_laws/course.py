@@ -15,21 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
-from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.motion.friction import STICK, friction_word, sliding_with, sticks
 
-Regime = Literal["slides forward", "slides backward", "sticks"]
-# What the regimes are called in a sequence.
-WORDS: dict[Regime, str] = {
-    "slides forward": FRICTION_WORDS[1],
-    "slides backward": FRICTION_WORDS[-1],
-    "sticks": FRICTION_WORDS[0],
-}
 # A tangential rate below this share of what the impact changes it by is none.
 STOPPED = 1e-13
 
@@ -56,34 +49,37 @@ class HitState:
 
 
 # The normal impulse that is left to restitution, from e, the end of compression, the state at which
-# a regime begins, and dn/dP in it.
+# a state begins, and dn/dP in it.
 Restitution = Callable[[float, HitState, HitState, float], float]
 
 
 @dataclass(frozen=True)
 class Impulses:
-    """Normal impulse P >= 0 and tangential impulse S with |S| <= mu P, and the regimes of
-    compression and of restitution, one after the other."""
+    """Normal impulse P >= 0 and tangential impulse S with |S| <= mu P, and the states of friction
+    in compression and in restitution, one after the other."""
 
     normal: float
     tangential: float
-    compression: tuple[Regime, ...]
-    restitution: tuple[Regime, ...]
+    compression: tuple[int, ...]
+    restitution: tuple[int, ...]
     stops: tuple[tuple[float, float], ...] = ()  # both impulses until sliding stops
 
     @property
     def course(self) -> str:
-        """The regimes in the word of a sequence, as "slip+:stick:late"; empty without an
+        """The states in the word of a sequence, as "slip+:stick:late"; empty without an
         impact."""
-        said = list(dict.fromkeys(WORDS[regime] for regime in self.compression + self.restitution))
+        said = [friction_word(state) for state in self._states]
         late = len(said) > 1 and len(set(self.compression)) == 1
         return ":".join([*said, "late"] if late else said)
 
     def slopes(self, response: Array, mu: float) -> tuple[float, ...]:
-        """dS/dP in each of its regimes."""
-        sticks = sticking(response, mu)
-        of = {"slides forward": -mu, "slides backward": mu, "sticks": sticks}
-        return tuple(of[regime] for regime in dict.fromkeys(self.compression + self.restitution))
+        """dS/dP in each of its states."""
+        still = sticking(response, mu)
+        return tuple(still if sticks(s) else -s * mu for s in self._states)
+
+    @property
+    def _states(self) -> tuple[int, ...]:
+        return tuple(dict.fromkeys(self.compression + self.restitution))
 
 
 def sticking(response: Array, mu: float) -> float:
@@ -117,7 +113,7 @@ def in_stages(
 
 
 def _of_compression(at: HitState, slope: float) -> float:
-    """The normal impulse that compression takes if a regime goes on, dn/dP in it."""
+    """The normal impulse that compression takes if a state goes on, dn/dP in it."""
     return -at.n / slope if slope > 0 else np.inf
 
 
@@ -132,34 +128,34 @@ class _ImpactPath:
 
     def follow(
         self, at: HitState, remaining: Callable[[HitState, float], float]
-    ) -> tuple[HitState, tuple[Regime, ...]]:
+    ) -> tuple[HitState, tuple[int, ...]]:
         """Go on to the end of compression or of restitution, by the normal impulse that remains of
-        it where a regime begins with its dn/dP."""
-        regimes: list[Regime] = []
+        it where a state begins with its dn/dP."""
+        states: list[int] = []
         while True:
             slope = self._slope(at.t)  # dS/dP
             # as Python's numbers, whose division overflows to infinity in silence
             n_slope, t_slope = (self.response @ np.array([1.0, slope])).tolist()
             left = remaining(at, n_slope)
             stop = -at.t / t_slope if abs(at.t) > self.small and at.t * t_slope < 0 else np.inf
-            regimes.append(self._name(at.t, slope, t_slope))
+            states.append(self._state(at.t, slope, t_slope))
             dP = min(left, stop)
             # of what sticks, t_slope is a rounding error
-            t = 0.0 if stop < left or regimes[-1] == "sticks" else at.t + t_slope * dP
+            t = 0.0 if stop < left or sticks(states[-1]) else at.t + t_slope * dP
             n = at.n + n_slope * dP
             at = HitState(n, t, at.P + dP, at.S + slope * dP, at.W + dP * (at.n + n) / 2)
             if not stop < left:  # what is not a number ends it too
-                return at, tuple(regimes)
+                return at, tuple(states)
             self.stops.append((at.P, at.S))
 
     def _slope(self, t: float) -> float:
         """dS/dP of what slides, or, at rest, of what sticks or begins to slide."""
         if abs(t) > self.small:
-            return -float(np.sign(t)) * self.mu
+            return -sliding_with(t) * self.mu
         return sticking(self.response, self.mu)
 
-    def _name(self, t: float, slope: float, t_slope: float) -> Regime:
+    def _state(self, t: float, slope: float, t_slope: float) -> int:
         at_rest = abs(t) <= self.small
         if at_rest and abs(slope) < self.mu:
-            return "sticks"
-        return "slides forward" if (t_slope if at_rest else t) > 0 else "slides backward"
+            return STICK
+        return 1 if (t_slope if at_rest else t) > 0 else -1

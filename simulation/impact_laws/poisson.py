@@ -17,5 +17,5 @@ def impulses(rates: Array, response: Array, coefficients: Coefficients) -> Impul
 
 
 def _left(e: float, full: HitState, at: HitState, slope: float) -> float:
-    """What is left of the normal impulse, whatever the regime."""
+    """What is left of the normal impulse, whatever the friction."""
     return (1 + e) * full.P - at.P

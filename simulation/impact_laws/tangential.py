@@ -14,7 +14,8 @@ import numpy as np
 
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
-from dmoc.simulation.impact_laws.course import NONE, Coefficients, Impulses, Regime
+from dmoc.motion.friction import STICK, sliding_against
+from dmoc.simulation.impact_laws.course import NONE, Coefficients, Impulses
 
 
 def impulses(rates: Array, response: Array, coefficients: Coefficients) -> Impulses:
@@ -30,8 +31,7 @@ def impulses(rates: Array, response: Array, coefficients: Coefficients) -> Impul
     T = (1 + e_t) * T_0
     lam = (-(1 + e) * n - A_nt * T) / A_nn
     if np.isinf(mu) or abs(T) <= mu * lam:
-        return Impulses(lam, T, ("sticks",), ())
+        return Impulses(lam, T, (STICK,), ())
     back = float(np.sign(T))
     lam = -(1 + e) * n / (A_nn + back * mu * A_nt)
-    regime: Regime = "slides backward" if back > 0 else "slides forward"
-    return Impulses(lam, back * mu * lam, (regime,), ())
+    return Impulses(lam, back * mu * lam, (sliding_against(back),), ())

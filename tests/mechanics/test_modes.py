@@ -6,11 +6,10 @@ import pytest
 
 from dmoc.base.errors import ProblemError
 from dmoc.mechanics import sequence_words
-from dmoc.mechanics.contact_mode import Course, mode_in_words
+from dmoc.mechanics.contact_mode import COURSES, Course, mode_in_words
 from dmoc.mechanics.contacts import NOWHERE, Contacts
 from dmoc.mechanics.possible_words import courses_of, possible_after, words_after
 from dmoc.mechanics.sequence_words import event_of, mode_of, words_along
-from dmoc.motion.trajectory import COURSES
 
 FEET = Contacts(("left", "right", "wall"), ("left", "right", "rail"), (), ("left", "right"))
 

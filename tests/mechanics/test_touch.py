@@ -39,6 +39,22 @@ def test_what_words_say_in_numbers() -> None:
         )
 
 
+def test_sliding_velocities_are_off_where_they_stick_or_turn() -> None:
+    """Of the rail and the left foot, which stick, and the right one, which slides back."""
+    touch = touch_along(mode_of(["left", "right:slip-"], FEET), [], FEET)
+    rates = np.array([[0.1, 0.2, -0.3], [-0.1, -0.2, 0.3]])
+    np.testing.assert_array_equal(touch.astray(0, rates), [[0.1, 0.2, 0.3], [0.1, -0.2, 0.3]])
+
+
+def test_contacts_open_and_close_in_a_mode() -> None:
+    mode = mode_of(["left:slip-", "rail:slip+"], FEET)
+    both = mode.closing(1, FEET)
+    assert both == mode_of(["left:slip-", "right", "rail:slip+"], FEET)
+    assert both.opening(1, FEET) == mode
+    assert mode.closing(2, FEET) == Mode((0, 2), (), mode.sliding)
+    assert both.with_friction({1: -1}) == mode_of(["left:slip-", "right:slip-", "rail:slip+"], FEET)
+
+
 def test_masks_have_a_row_for_each_phase_or_event() -> None:
     words = ["+right:slip+", "wall right:slip-", "-right"]
     touch = touch_along(mode_of(["left"], FEET), words, FEET)
@@ -46,6 +62,7 @@ def test_masks_have_a_row_for_each_phase_or_event() -> None:
         "is_closed": ["L..", "LR.", "LR.", "L.."],
         "signs": ["...", ".+.", ".-.", "..."],
         "rubs": ["r.l", "rrl", "rrl", "r.l"],
+        "slides": ["...", ".r.", ".r.", "..."],
         "sticks": ["r.l", "r.l", "r.l", "r.l"],
         "impacts": ["i", "i", "."],
         "beside": ["L..", "LR.", "..."],

@@ -19,26 +19,26 @@ def rod(angle: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(
-    ("angle", "v", "mu", "after", "normal", "tangential", "regimes"),
+    ("angle", "v", "mu", "after", "normal", "tangential", "states"),
     [
         (45, (-0.3, -1, 0), 0.2, (-0.16363636, -0.31818182, -2.31416765), 0.681818182, 0.136363636,
-         (("slides backward",), ("slides backward",))),
+         ((-1,), (-1,))),
         (60, (0.5, -1, 0), 0.3, (0.64219558, -0.08626835, -2.00232502), 0.913731651, 0.142195585,
-         (("slides forward", "slides backward"), ("slides backward",))),
+         ((1, -1), (-1,))),
         (60, (0.1, -1, 0), 0.6, (0.53689891, 0.17003607, -1.23991491), 1.170036071, 0.436898905,
-         (("slides forward", "sticks"), ("sticks",))),
+         ((1, 0), (0,))),
     ],
 )  # fmt: skip
 def test_a_rod_that_hits_a_floor(
     angle: float, v: tuple[float, ...], mu: float, after: tuple[float, ...], normal: float,
-    tangential: float, regimes: tuple[tuple[str, ...], ...],
+    tangential: float, states: tuple[tuple[int, ...], ...],
 ) -> None:  # fmt: skip
     D, inverse = rod(np.radians(angle))
     hit = impulses(D @ v, D * inverse @ D.T, Coefficients(mu, 0.5))
     assert v + inverse * (D.T @ [hit.normal, hit.tangential]) == pytest.approx(after, abs=6e-9)
     assert hit.normal == pytest.approx(normal, abs=6e-10)
     assert hit.tangential == pytest.approx(tangential, abs=6e-10)
-    assert (hit.compression, hit.restitution) == regimes
+    assert (hit.compression, hit.restitution) == states
 
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
@@ -64,7 +64,7 @@ def test_a_jam_ends_where_sliding_stops() -> None:
     response = np.array([[1.0, 0.9], [0.9, 1.0]])
     hit = impulses(np.array([-1.0, 1.0]), response, Coefficients(2.0, 0.0))
     n, t = np.array([-1.0, 1.0]) + response @ [hit.normal, hit.tangential]
-    assert hit.compression == ("slides forward", "sticks")
+    assert hit.compression == (1, 0)
     assert [n, t] == pytest.approx([0, 0], abs=1e-14)
 
 
@@ -72,7 +72,7 @@ def test_what_is_at_rest_sticks_beside_a_contact_whose_sliding_jams() -> None:
     """The push itself presses the bodies together, and what sticks takes them apart."""
     response = np.array([[-0.4, 3.1], [-1.6, 6.9]])
     hit = impulses(np.array([-0.3, -1e-17]), response, Coefficients(0.8, 0.0))
-    assert hit.compression == ("sticks",)
+    assert hit.compression == (0,)
     assert response @ [hit.normal, hit.tangential] == pytest.approx([0.3, 0.0])
     (slope,) = hit.slopes(response, 0.8)
     assert slope == pytest.approx(1.6 / 6.9) == hit.tangential / hit.normal
@@ -93,7 +93,7 @@ def test_what_sticks_goes_on_to_stick(
     """Rounding errors of the rates of bodies that are nearly bound do not slide."""
     A = np.array([response[:2], response[1:]])
     hit = impulses(np.array(rates), A, Coefficients(mu, 1.0))
-    assert (hit.course, hit.restitution) == ("slip+:stick", ("sticks",))
+    assert (hit.course, hit.restitution) == ("slip+:stick", (0,))
 
 
 @example(-1.0, 1.0, 1.0, 1.0, 0.0, 2.2e-309, 0.0)  # a friction that stops nothing

@@ -12,7 +12,7 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.mechanics.contact_mode import STICK
+from dmoc.motion.friction import STICK
 from dmoc.motion.impact_laws import POISSON
 from dmoc.program.blocks import NOWHERE
 from dmoc.program.hit_stages import END, STOP
