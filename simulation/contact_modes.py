@@ -85,8 +85,9 @@ def _independent(columns: Array) -> bool:
 
 
 def borne(model: Model, mode: Mode, reaction: Reaction, q: Array, t: Array) -> Reaction:
-    """A reaction whose forces are those with the same effect that stay furthest from pulling and
-    from the edges of their cones, in rows whose smallest forces are not borne."""
+    """A reaction of n rows whose forces are those with the same effect that stay furthest from
+    pulling and from the edges of their cones, in rows whose smallest forces are not borne.
+    Positions q have the shape (n, nq), times t (n,)."""
     held = conditions_of(model, mode)
     if len(held) < 2:
         return reaction
@@ -136,8 +137,8 @@ def names_without_effect(model: Model, mode: Mode, q: Array, t: float) -> tuple[
 
 
 def _furthest(model: Model, held: Conditions, forces: Forces, changes: Forces, count: int) -> Array:
-    """How much of each change, of which a count are independent, makes the least margin largest: a
-    linear program; nothing where it has no solution."""
+    """Multiples, shape (k,), of k changes, of which ``count`` are independent, that make the least
+    margin largest: a linear program; zero where it has no solution."""
     least, none = held.margins(model, forces)[0], Forces(*(0 * rows for rows in changes))
     slopes = (held.margins(model, changes) - held.margins(model, none)).T
     size = float(np.abs(least).max())
@@ -158,8 +159,8 @@ def _furthest(model: Model, held: Conditions, forces: Forces, changes: Forces, c
 
 
 def _furthest_along(least: Array, slopes: Array) -> float:
-    """How much of one change makes the least margin largest, up to 1: where two margins are alike,
-    or one is 1."""
+    """The multiple of one change that makes the least margin largest, up to 1: where two margins
+    are alike, or one is 1."""
     rising = slopes[:, None] - slopes
     apart, moved = np.abs(rising) > SAME * np.abs(slopes).max(), slopes != 0
     alike = (least - least[:, None])[apart] / rising[apart]
@@ -174,8 +175,8 @@ def _furthest_along(least: Array, slopes: Array) -> float:
 def limits(
     model: Model, react: Callable[..., Reaction], mode: Mode, rows: tuple[Array, Array, Array]
 ) -> Array:
-    """What a mode keeps from falling below zero at rows of states, inputs and times, as in
-    :func:`kept`; ``react`` is the reaction of an integrator."""
+    """The limits :func:`kept` of a mode, shape (n, nc + 2 nt), at rows of states (n, 2 nq), inputs
+    (n, nu) and times (n,); ``react`` is the reaction of an integrator."""
     nq, (y, u, t) = model.nq, rows
     q, v = (np.ascontiguousarray(y[:, i * nq : (i + 1) * nq]) for i in (0, 1))
     reaction, model = react(mode, y, u, t), model.with_friction_at(q, v, u, t)
@@ -183,9 +184,9 @@ def limits(
 
 
 def kept(model: Model, mode: Mode, reaction: Reaction, q: Array, v: Array, t: Array) -> Array:
-    """What a mode keeps from falling below zero (n, nc + 2 nt): minus the gap of an open surface or
-    the force of a closed one; what friction still bears of what sticks; the sliding velocity in
-    its direction.  Infinite where there is nothing to keep."""
+    """Numbers that a mode keeps from falling below zero, shape (n, nc + 2 nt); infinite where there
+    is nothing to keep. They are minus the gap of an open surface or the force of a closed one, the
+    friction that tangents that stick can still bear, and sliding velocities in their directions."""
     least, closed, stuck = -model.gaps(q, t), list(mode.closed), list(mode.sticking)
     least[:, closed] = reaction.normal[:, closed]
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
@@ -196,7 +197,7 @@ def kept(model: Model, mode: Mode, reaction: Reaction, q: Array, v: Array, t: Ar
 
 
 def slack(mode: Mode, small: Tolerances) -> Array:
-    """What counts as zero of the limits of a mode."""
+    """Sizes that count as zero of the limits of a mode, shape (nc + 2 nt,)."""
     kept = small.gap.copy()
     kept[list(mode.closed)] = small.force[list(mode.closed)]
     return np.concatenate([kept, small.hold, small.slide])

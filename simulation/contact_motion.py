@@ -140,7 +140,7 @@ def _rests(setting: Setting, mode: Mode, at: ContactState, u: Array, reach: Reac
 
 
 def node(setting: Setting, mode: Mode, y: Array, u: Array, t: float) -> ContactState:
-    """A state with the forces of its mode."""
+    """A state y, shape (2 nq,), at inputs u, shape (nu,), with the forces of its mode."""
     model, times = setting.model, np.array([t])
     q, v = np.split(y[None, : 2 * model.nq], 2, axis=1)
     reaction = setting.integrator.reaction(mode, y[None], u[None], times)
@@ -150,7 +150,7 @@ def node(setting: Setting, mode: Mode, y: Array, u: Array, t: float) -> ContactS
 
 
 def start(setting: Setting, y: Array, u: Array, t: float) -> Mode:
-    """The mode of a state that approaches nothing."""
+    """The mode of a state y, shape (2 nq,), that approaches nothing, at inputs u, shape (nu,)."""
     place = _place(setting, y, u, t, reached(setting.model, y, u, t, setting.h, Reach()))
     return mode_at(setting, place, Hints())
 
@@ -231,7 +231,7 @@ def _crowded(times: list[float], h: float) -> bool:
 
 
 def _events_shown(model: Model, modes: list[Mode], journal: MotionRecord) -> Iterator[str]:
-    """What alternates in the last events: surfaces that are hit, and modes."""
+    """Words for the surfaces hit, and the modes, that alternate in the last events."""
     for name in dict.fromkeys(c.surface for c in journal.collisions[-MOST_SHOWN:]):
         yield f"hits of {name!r}"
     for mode in dict.fromkeys(modes[-MOST_SHOWN:]):
@@ -297,7 +297,7 @@ def _records(
 
 
 def _hints(setting: Setting, place: Place, mode: Mode, which: int) -> Hints:
-    """What the limit that is reached means for the mode that follows."""
+    """Hints for the mode that follows after the limit ``which`` of a mode."""
     nc, nt = setting.model.nc, setting.model.nt
     if which < nc:
         return Hints(opening=(which,) if which in mode.closed else ())

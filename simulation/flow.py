@@ -65,11 +65,11 @@ class Steps:
         return len(self.t)
 
     def part(self, which: Index | slice) -> Steps:
-        """Some of them."""
+        """Some of the steps, by their numbers, shape (n,), or a slice."""
         return Steps(self.t[which], self.h[which], self.u0[which], self.u1[which])
 
     def inputs(self, share: float) -> Array:
-        """Inputs at a share of every step."""
+        """Inputs at a share of every step, shape (N, nu)."""
         return np.asarray((1 - share) * self.u0 + share * self.u1)
 
 
@@ -97,8 +97,8 @@ class Flow:
 
     def impact(self, q: Array, v: Array, t: float, j: int, e: float) -> tuple[Array, Array, Array]:
         """Velocity after an impact, v - lam M^-1 n with lam = (1 + e) gamma / (n . M^-1 n); the
-        impulse lam and the rate gamma before it; not numbers where M is singular.  For one state,
-        or rows of them."""
+        impulse lam and the rate gamma before it; not numbers where M is singular. Shapes are (...,
+        nq) of positions and velocities, (...) of impulses and rates."""
         slope = self.model.gap_slopes(q, t)[..., j, :]
         n = slope[..., :-1]
         response = self.model.responses(q, n, t)
@@ -121,7 +121,7 @@ class Flow:
         return self.integrator.advance(y, first, last, *inputs, mode, held, coarse, course)
 
     def freely(self, y: Array, steps: Steps, first: int, last: int) -> Array:
-        """The state after some steps without contacts."""
+        """The state, shape (2 nq,), after some steps without contacts."""
         rows = y[None].copy()
         self.advance(rows, steps, np.array([first]), np.array([last]))
         return np.asarray(rows[0])
@@ -154,8 +154,8 @@ class Flow:
     def through_contacts(
         self, y: Array, steps: Steps, k: int, contacts: list[SurfaceContact]
     ) -> Array:
-        """Integrate a state over a step, through the contacts that it meets, which are added to
-        ``contacts``."""
+        """Integrate a state, shape (2 nq,), over a step, through the contacts that it meets, which
+        are added to ``contacts``."""
         t0, nq = float(steps.t[k]), self.nq
         t1 = t0 + float(steps.h[k])
 

@@ -86,9 +86,10 @@ def simulate(
     every: int = 1,
     control: Control | None = None,
 ) -> Run:
-    """Simulate a system through its collisions, lasting contacts and friction; what is given,
-    and that what is left out is refused, is said in :func:`dmoc.simulate`.  A control decides on
-    the inputs of each step when it begins."""
+    """Simulate a system through its collisions, lasting contacts and friction.
+    :func:`dmoc.simulate` says what the arguments are, with shapes (nq,), (nq,) and (steps, nu) of
+    ``position``, ``velocity`` and ``inputs``, and that what is left out is refused. A control
+    decides on the inputs of each step when it begins."""
     if not isinstance(kernels, Kernels):
         raise SimulationError(
             f"kernels = {shown(kernels)}: expected a MechanicalSystem, or the kernels of a model "
@@ -139,7 +140,7 @@ def simulate(
 
 
 def _notes(model: Model, marks: list[ModeChange]) -> Iterator[str]:
-    """What the laws of contact and friction do not determine, each mode once."""
+    """Notes on what the laws of contact and friction do not determine, each mode once."""
     for mode, mark in {mark.mode: mark for mark in reversed(marks)}.items():
         at = mark.after
         q = at.y[: model.nq]
@@ -186,7 +187,8 @@ class _SimulationTask:
     control: Control | None = None
 
     def recorded(self, q: Array, p: Array) -> _Recorded:
-        """Nodes of which the first is known."""
+        """Arrays for the nodes, of which the first one has the position q and the momenta p, shape
+        (nq,)."""
         rows, model = len(self.u) // self.every + 1, self.model
         times = np.arange(rows, dtype=float) * (self.h * self.every)
         states = _Recorded(
@@ -197,6 +199,7 @@ class _SimulationTask:
         return states
 
     def forces(self, rows: int) -> tuple[Array, Array]:
+        """Zero contact forces, shape (rows, nc), and friction, shape (rows, nt)."""
         return np.zeros((rows, self.model.nc)), np.zeros((rows, self.model.nt))
 
 
@@ -348,8 +351,8 @@ def _inputs(
 
 
 def vector(values: Any, names: Sequence[str], what: str, other: Sequence[str] = ()) -> Array:
-    """Numbers by coordinate, of which a mapping leaves out zeros; ``other`` are further names that
-    the coordinates have in it."""
+    """Numbers by coordinate, shape (names,), of which a mapping leaves out zeros; ``other`` are
+    further names that the coordinates have in it."""
     numbers = values
     if isinstance(values, Mapping):
         columns = {name: j for j, name in (*enumerate(other), *enumerate(names))}

@@ -37,7 +37,8 @@ def hit_coefficients(
 
 
 def wrong_coefficient(model: Model, j: int, e: float, state: tuple[Array, Array, float]) -> str:
-    """A sentence about a coefficient that no law of restitution has."""
+    """A sentence about a coefficient that no law of restitution has, at a state (q, v, t), shapes
+    (nq,) and (nq,)."""
     q, v, t = state
     name, speed = model.kernels.surfaces[j], float(model.gap_rates(q, v, t)[j])
     return (

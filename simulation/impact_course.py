@@ -65,7 +65,7 @@ def blow_on(model: Model, at: Place, on: list[int], e: Array) -> Blow | None:
 
 @record(frozen=True, eq=False)
 class _Part:
-    """What changes while a unit of compression passes: the velocity (nq,), the impulses of surfaces
+    """Changes while a unit of compression passes, of the velocity (nq,), the impulses of surfaces
     (nc,) and tangents (nt,), and the bounds (nc,); and the mode."""
 
     mode: Mode
@@ -112,8 +112,8 @@ class _Course:
 
     @property
     def stopped(self) -> Blow:
-        """What has happened to plastic contacts, with the smallest of the impulses that have the
-        same effect if those are borne: no restitution says how contacts share them."""
+        """The result of an impact on plastic contacts, with the smallest of the impulses that have
+        the same effect if those are borne: no restitution says how contacts share them."""
         held = self._whole
         own = Reaction(
             (self.velocity - self.at.y[self.model.nq : 2 * self.model.nq])[None],
@@ -130,8 +130,8 @@ class _Course:
 
     @property
     def _whole(self) -> Mode:
-        """What has pushed, and its friction: one that slid in one direction all along has all that
-        its pressure makes of it."""
+        """The mode of the whole impact: contacts with an impulse, and their friction. A tangent
+        slides whose friction has all along been the largest in one direction, others stick."""
         closed = [j for j in self.on if self.normal[j] > 0]
         most = self.model.dragging(self.normal)
         rubbing = {}
@@ -147,13 +147,13 @@ class _Course:
 
     @property
     def rates(self) -> tuple[Array, Array]:
-        """Rates of the gaps and sliding velocities."""
+        """Rates of the gaps and sliding velocities, shapes (nc,) and (nt,)."""
         (q, t), v = self.moment, self.velocity[None]
         return self.model.gap_rates(q, v, t)[0], self.model.slide_rates(q, v, t)[0]
 
     def follow(self, whole: Array) -> bool:
-        """Go on until every bound that falls has come to zero or, where it has begun there, the
-        impulse to a whole; return whether that has an end."""
+        """Go on until every bound that falls is zero; of a contact that has a ``whole`` impulse,
+        shape (nc,), until it has that. Return whether the impact has an end."""
         for _ in range(MOST_PARTS):
             if not self.falling.any():
                 return True
@@ -177,7 +177,8 @@ class _Course:
         return False
 
     def _ends(self, part: _Part, whole: Array) -> Iterator[float]:
-        """How much of the compression passes until something ends a part."""
+        """Amounts of compression after which something ends a part; ``whole`` has the shape
+        (nc,)."""
         rates, slides = self.rates
         for j in np.flatnonzero(self.falling).tolist():
             if whole[j] > 0:
@@ -233,7 +234,7 @@ class _Course:
         return _Part(mode, change[0], reaction.normal[0], reaction.tangential[0], bounds)
 
     def _size(self, velocity: Array) -> float:
-        """Of a velocity, by the masses."""
+        """Size of a velocity, shape (nq,), by the masses."""
         return float(np.sqrt(velocity @ self.M[0] @ velocity))
 
     def _lawful(self, part: _Part, opened: list[int], slides: Array) -> bool:

@@ -39,7 +39,7 @@ SMOOTH = 3  # a contact that is closed without friction
 
 @record(frozen=True, eq=False)
 class Setting:
-    """What a simulation goes by: model, coefficients of restitution (nc,), step size."""
+    """The setting of a simulation: model, coefficients of restitution (nc,), step size."""
 
     model: Model
     restitution: Array
@@ -47,7 +47,7 @@ class Setting:
 
     @cached_property
     def integrator(self) -> Integrator:
-        """That of the model, for motions of the size 1 and without a limit of time."""
+        """The integrator of the model, for motions of the size 1 and without a limit of time."""
         model = self.model
         return Integrator(model.kernels, model.par, np.ones(2 * model.nq + 1), lambda: None)
 
@@ -64,7 +64,8 @@ class Place:
 
 @dataclass(frozen=True)
 class Hints:
-    """What has just reached its limit: contacts that open, tangents that begin to slide."""
+    """Contacts that have just reached a limit of the mode: surfaces that open, tangents that begin
+    to slide."""
 
     opening: tuple[int, ...] = ()
     slipping: tuple[tuple[int, int], ...] = ()

@@ -54,11 +54,11 @@ class ModeFlow:
         return rows[-1], self._first(end, rows)
 
     def state(self, t: float) -> Array:
-        """The state at a time, not before that of the place."""
+        """The state at a time, not before that of the place, shape (2 nq,)."""
         return self.rows(np.array([t]))[0] if t > self.place.t else self.place.y
 
     def rows(self, times: Array) -> Array:
-        """Rows of states at later times."""
+        """States, shape (n, 2 nq), at later times, shape (n,)."""
         n, integrator, at = len(times), self.setting.integrator, self.place
         y, u, held = (np.repeat(a, n, axis=0) for a in (at.y[None], at.u[None], self.held))
         number, t = np.arange(n), np.full(n, at.t)
@@ -125,7 +125,7 @@ class ModeFlow:
         return ModeEnd(low, None, high)
 
     def _located(self, t: float) -> float:
-        """How closely events about a time are located."""
+        """The time within which events about a time are located, in seconds."""
         return max(LOCATED * self.setting.h, 4 * float(np.finfo(float).eps) * abs(t))
 
     def _moment(self, j: int, seen: tuple[Array, Array], row: int) -> tuple[float, int]:

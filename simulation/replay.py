@@ -55,7 +55,7 @@ def replay(
 
 
 def replay_steps(motion: Trajectory, step_size: float | None, steps: int | None) -> int:
-    """How many steps a replay takes."""
+    """Number of steps of a replay."""
     if steps is not None:
         if step_size is not None:
             raise SimulationError(
@@ -85,7 +85,8 @@ def _on_surfaces(kernels: Kernels, parameters: Mapping[str, float], q: Array) ->
 
 
 def moved(model: Model, motion: Trajectory, y: Array) -> Array:
-    """A state moved to where the contacts and constraints of the start of a motion hold."""
+    """A state, shape (2 nq,), moved to where the contacts and constraints of the start of a motion
+    hold."""
     first, rows = motion.phases[0], y[None].copy()
     mode = mode_by_names(model.contacts, first.closed, first.rubbing)
     held = model.tangents(np.ascontiguousarray(rows[:, : model.nq]))

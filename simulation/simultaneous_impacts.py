@@ -26,8 +26,9 @@ class Lasting(Exception):  # noqa: N818 - it is caught where the simulation bega
 
 @record(frozen=True, eq=False)
 class Impacts:
-    """Impulses of the impacts at one moment, in their order, as pairs of surface and impulse; where
-    the order decides, what each surface makes of it that is hit first: sums of impulses (nc,)."""
+    """Impulses of the impacts at one moment, in their order, as pairs of surface and impulse. Where
+    the order decides, ``orders`` has the surfaces that may be hit first, each with the sums of
+    impulses (nc,) that then follow."""
 
     impulses: list[tuple[int, float]]
     orders: tuple[tuple[int, Array], ...] = ()
@@ -78,7 +79,7 @@ def simultaneous(
 
 @record(frozen=True, eq=False)
 class _Moment:
-    """What the impacts at one moment go by, as in :func:`simultaneous`."""
+    """The data of the impacts at one moment, as in :func:`simultaneous`."""
 
     gaps: Array
     tolerance: Array
@@ -87,11 +88,12 @@ class _Moment:
     moment: float
 
     def touched(self, rates: Array) -> NDArray[np.bool_]:
+        """Surfaces that are touched, shape (nc,), at rates (nc,)."""
         near = self.tolerance + self.moment * np.maximum(rates, 0.0)
         return np.asarray(self.gaps > -near)
 
     def hit(self, rates: Array, size: Array) -> NDArray[np.bool_]:
-        """What is touched and approached."""
+        """Surfaces that are touched and approached, shape (nc,), at rates and sizes (nc,)."""
         return np.logical_and(self.touched(rates), rates > NOISE * size)
 
     def sums(self, impulses: list[tuple[int, float]]) -> Array:
@@ -102,13 +104,14 @@ class _Moment:
         return whole
 
     def energy(self, impulses: Array) -> float:
-        """Twice what impulses (nc,) make of bodies at rest."""
+        """Twice the kinetic energy that impulses (nc,) give to bodies at rest."""
         return float(impulses @ self.response @ impulses)
 
     def in_turn(
         self, rates: Array, size: Array, first: int | None = None
     ) -> list[tuple[int, float]] | None:
-        """One impact after the other, from the surface that is hit first on."""
+        """Impacts one after the other, from the surface that is hit ``first`` on, at rates and
+        sizes (nc,)."""
         rates, size, e = rates.copy(), size.copy(), self.restitution
         inertia = np.maximum(np.diag(self.response), np.finfo(float).tiny)
         impulses: list[tuple[int, float]] = []
@@ -135,13 +138,13 @@ class _Moment:
         return impulses
 
     def plastic(self, rates: Array) -> list[tuple[int, float]]:
-        """The impulses after which nothing that is touched is approached."""
+        """The impulses after which no touched surface is approached, at rates (nc,)."""
         on = np.flatnonzero(self.touched(rates))
         pushes = plastic(self.response[np.ix_(on, on)], rates[on])
         return [(int(k), float(push)) for k, push in zip(on, pushes, strict=True) if push > 0]
 
     def together(self, rates: Array, size: Array) -> list[tuple[int, float]]:
-        """All of them at once."""
+        """Impacts on all touched surfaces at once, at rates and sizes (nc,)."""
         whole = (1 + self.restitution) * self.sums(self.plastic(rates))
         left = rates - self.response @ whole
         whole += self.sums(self.plastic(np.where(left > NOISE * size, left, np.minimum(left, 0.0))))
@@ -149,8 +152,8 @@ class _Moment:
 
 
 def plastic(response: Array, rates: Array) -> Array:
-    """Impulses lam >= 0 after which no rate is positive, and those with an impulse vanish:
-    projected Gauss-Seidel sweeps."""
+    """Impulses lam >= 0, shape (k,), after which no rate is positive, and those with an impulse
+    vanish: projected Gauss-Seidel sweeps. ``response`` is (k, k), ``rates`` (k,)."""
     impulses = np.zeros(len(rates))
     for _ in range(MOST_SWEEPS):
         before = impulses.copy()

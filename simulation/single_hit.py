@@ -63,7 +63,8 @@ def single_hit(
 
 
 def _grown(beside: Reaction, lam: Array) -> Reaction:
-    """What impulses along normal and tangent (2,) make of those beside units of them."""
+    """The reaction to impulses along normal and tangent (2,), from the reactions to units of them,
+    in two rows."""
     parts = beside.acceleration, beside.normal, beside.tangential, beside.joint
     return Reaction(*(lam[None] @ part for part in parts))
 

@@ -73,10 +73,13 @@ def _along(slopes: Array, q: Array, v: Array, time: float) -> tuple[Array, Array
 
 @record(frozen=True, eq=False)
 class Nodes:
-    """All nodes of a motion, those of one phase after those of another: where those of each phase
-    begin, and the end (phases + 1,), the nodes at which steps start (N,), the inputs at both ends
-    of these, and what the model makes of the nodes: masses, and the forces of the positions
-    alone."""
+    """All n nodes of a motion, those of one phase after those of another.
+
+    ``begins`` are the first nodes of the phases, and n behind, shape (phases + 1,); ``starts`` the
+    nodes at which steps start, shape (N,), and ``inputs`` those at both ends of steps, shape
+    (N, nu) each.  At the nodes are the masses, shape (n, nq, nq), and the forces of the positions
+    alone, shape (n, nq).
+    """
 
     model: Model
     q: Array
@@ -96,7 +99,8 @@ class Nodes:
 
     @cached_property
     def u(self) -> tuple[Array, Array]:
-        """Inputs before and after each node: of the steps that end and begin there."""
+        """Inputs before and after each node, of the steps that end and begin there, shape (n, nu)
+        each."""
         (u0, u1), first = self.inputs, self.begins - np.arange(len(self.begins))
         before, after = np.empty((2, len(self.t), u0.shape[1]))
         before[self.starts + 1], after[self.starts] = u1, u0
@@ -106,34 +110,39 @@ class Nodes:
 
     @cached_property
     def y(self) -> Array:
-        """States (q | v)."""
+        """States (q | v), shape (n, 2 nq)."""
         return np.concatenate([self.q, self.v], axis=1)
 
     @cached_property
     def inertia(self) -> Array:
-        """The largest inertia of each coordinate, of one that has none the largest of all."""
+        """The largest inertia of each coordinate, shape (nq,); of one that has none the largest of
+        all."""
         inertia = np.diagonal(most_of(self.mass))
         return np.asarray(np.where(inertia > 0, inertia, inertia.max()))
 
     @cached_property
     def momentum(self) -> Array:
-        """Momenta of the velocities."""
+        """Momenta of the velocities, shape (n, nq)."""
         return self.model.momentum(self.q, self.v, self.t)
 
     @cached_property
     def energy(self) -> Array:
+        """Energies of the nodes, shape (n,)."""
         return self.model.energy(self.q, self.v, self.t)
 
     @cached_property
     def gaps(self) -> Array:
+        """Gaps at the nodes, shape (n, nc)."""
         return self.model.gaps(self.q, self.t)
 
     @cached_property
     def gap_slopes(self) -> Array:
+        """Slopes of the gaps at the nodes, shape (n, nc, nq + 1)."""
         return self.model.gap_slopes(self.q, self.t)
 
     @cached_property
     def tangent_slopes(self) -> Array:
+        """Slopes of the tangential positions at the nodes, shape (n, nt, nq + 1)."""
         return self.model.tangent_slopes(self.q, self.t)
 
     def of_phase(self, i: int) -> slice:
@@ -234,9 +243,9 @@ def _room(trajectory: Trajectory, nodes: Nodes) -> float:
 def penetration(
     model: Model, sizes: Sizes, q: Array, t: Array, watched: NDArray[np.bool_]
 ) -> float:
-    """The largest positive gap of some surfaces at rows of positions, relative to how far the
-    motion's ranges move it by its slopes there, which in a small obstacle are far below the
-    largest; infinite where one is not a number."""
+    """The largest positive gap of ``watched`` surfaces, shape (nc,), at positions q (n, nq) and
+    times t (n,), relative to how far the motion's ranges move it by its slopes there. In a small
+    obstacle these are far below the largest. It is infinite where a gap is not a number."""
     gaps = model.gaps(q, t)[:, watched]
     if np.isnan(gaps).any() or np.isnan(sizes.gap[watched]).any():
         return np.inf
@@ -248,7 +257,8 @@ def penetration(
 
 
 def gap_sizes(slopes: Array, sizes: Sizes) -> Array:
-    """How far the motion's ranges move gaps with slopes (..., nc, nq + 1), shape (..., nc)."""
+    """Distances by which the motion's ranges move gaps with slopes (..., nc, nq + 1), shape (...,
+    nc)."""
     slopes = np.abs(slopes)
     moved = slopes[..., :-1] @ sizes.q + slopes[..., -1] * sizes.time
     return np.asarray(np.maximum(moved, LEVEL * sizes.gap))

@@ -27,7 +27,7 @@ class Reach:
 
 @record(frozen=True, eq=False)
 class Tolerances:
-    """What counts as zero at one state."""
+    """Sizes that count as zero at one state."""
 
     size: Array  # of the rows (q | v) that are integrated, (2 nq,)
     gap: Array  # of gaps, their rates, their second derivatives, and contact forces, (nc,)
@@ -40,7 +40,8 @@ class Tolerances:
 
 
 def reached(model: Model, y: Array, u: Array, t: float, h: float, before: Reach) -> Reach:
-    """The reach of a motion that has come to a state, for steps of size h."""
+    """The reach of a motion that has come to a state y, shape (2 nq,), at inputs u, shape (nu,),
+    for steps of size h."""
     q, v = y[: model.nq], y[model.nq : 2 * model.nq]
     M, F = model.equations(q, v, u, t)
     mass = np.sqrt(np.diagonal(M))
@@ -51,7 +52,7 @@ def reached(model: Model, y: Array, u: Array, t: float, h: float, before: Reach)
 
 
 def tolerances(model: Model, q: Array, t: float, h: float, reach: Reach) -> Tolerances:
-    """What counts as zero at a position."""
+    """Sizes that count as zero at a position, shape (nq,)."""
     M = model.mass(q, t)
     mass = np.sqrt(np.diagonal(M))
     sizes = [part / mass for part in (reach.coordinate, reach.velocity, reach.acceleration)]

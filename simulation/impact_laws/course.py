@@ -73,7 +73,7 @@ class Impulses:
         return ":".join([*said, "late"] if late else said)
 
     def slopes(self, response: Array, mu: float) -> tuple[float, ...]:
-        """dS/dP in each of its states."""
+        """dS/dP in each of its states of friction, for a response A, shape (2, 2)."""
         still = sticking(response, mu)
         return tuple(still if sticks(s) else -s * mu for s in self._states)
 
@@ -83,7 +83,8 @@ class Impulses:
 
 
 def sticking(response: Array, mu: float) -> float:
-    """dS/dP of what sticks, or begins to slide; none where nothing can slide."""
+    """dS/dP of a contact at rest that sticks, or begins to slide, for a response A, shape (2, 2);
+    zero where nothing can slide."""
     own = float(response[1, 1])
     return float(np.clip(-response[1, 0] / own, -mu, mu)) if own > 0 else 0.0
 
@@ -113,13 +114,14 @@ def in_stages(
 
 
 def _of_compression(at: HitState, slope: float) -> float:
-    """The normal impulse that compression takes if a state goes on, dn/dP in it."""
+    """The normal impulse that is left of compression if a state goes on with dn/dP = ``slope``."""
     return -at.n / slope if slope > 0 else np.inf
 
 
 @record(frozen=True, eq=False)
 class _ImpactPath:
-    """What an impact goes by: A, mu, and a tangential rate that counts as none."""
+    """The path of an impact through its states of friction, for the response A, shape (2, 2), and
+    mu; a tangential rate up to ``small`` counts as none."""
 
     response: Array
     mu: float
@@ -149,7 +151,8 @@ class _ImpactPath:
             self.stops.append((at.P, at.S))
 
     def _slope(self, t: float) -> float:
-        """dS/dP of what slides, or, at rest, of what sticks or begins to slide."""
+        """dS/dP at a sliding velocity t; at rest that of a contact that sticks or begins to
+        slide."""
         if abs(t) > self.small:
             return -sliding_with(t) * self.mu
         return sticking(self.response, self.mu)

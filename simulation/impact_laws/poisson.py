@@ -11,11 +11,11 @@ from dmoc.simulation.impact_laws.course import Coefficients, HitState, Impulses,
 
 
 def impulses(rates: Array, response: Array, coefficients: Coefficients) -> Impulses:
-    """The impulses of an impact, from the rates before it and the response
-    (:func:`~dmoc.simulation.impact_laws.course.in_stages`)."""
+    """The impulses of an impact, from the rates before it, shape (2,), and the response, shape (2,
+    2) (:func:`~dmoc.simulation.impact_laws.course.in_stages`)."""
     return in_stages(rates, response, coefficients, _left)
 
 
 def _left(e: float, full: HitState, at: HitState, slope: float) -> float:
-    """What is left of the normal impulse, whatever the friction."""
+    """The normal impulse that is left of restitution, whatever the friction."""
     return (1 + e) * full.P - at.P

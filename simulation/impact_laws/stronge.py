@@ -13,8 +13,8 @@ from dmoc.simulation.impact_laws.course import Coefficients, HitState, Impulses,
 
 
 def impulses(rates: Array, response: Array, coefficients: Coefficients) -> Impulses:
-    """The impulses of an impact, from the rates before it and the response
-    (:func:`~dmoc.simulation.impact_laws.course.in_stages`)."""
+    """The impulses of an impact, from the rates before it, shape (2,), and the response, shape (2,
+    2) (:func:`~dmoc.simulation.impact_laws.course.in_stages`)."""
     return in_stages(rates, response, coefficients, _left)
 
 
