@@ -22,11 +22,18 @@ STEADY = 6.0
 
 @record(frozen=True, eq=False)
 class Carried:
-    """What the linearised flow makes of errors on the way, in sizes of positions and velocities:
-    the largest ratio of an error at the end to one at a segment's start, the largest error at the
-    end of a phase that is followed from its own first node, divided by its amplification beyond the
-    steady one, and what predicts how far an open-loop run leaves the motion at the ends of segments
-    and of the motion (n + 1, 2 nq)."""
+    """Errors that the linearised flow carries to the end, in sizes of positions and velocities.
+
+    Attributes
+    ----------
+    amplification : float
+        The largest ratio of an error at the end to one at a segment's start.
+    phase_error : float
+        The largest error at the end of a phase that is followed from its own first node, divided by
+        its amplification beyond the steady one.
+    predict : callable
+        Makes ``deviations``.
+    """
 
     amplification: float
     phase_error: float
@@ -34,8 +41,9 @@ class Carried:
 
     @cached_property
     def deviations(self) -> Array:
-        """By how much an open-loop run leaves the motion at the end of each segment, as the errors
-        of the segments until there predict, and in the last row at the end of the motion."""
+        """Predicted deviations of an open-loop run from the motion, shape (n + 1, 2 nq). Rows stand
+        at the end of each segment, by the errors of the segments until there, and at the end of the
+        motion."""
         return self.predict()
 
     @property
@@ -75,7 +83,8 @@ def _phase_error(to_end: Array, defects: Array) -> float:
 
 
 def _deviations(parts: Segments, slopes: Array, defects: Array, events: Sequence[Array]) -> Array:
-    """What errors of segments come to at the ends of those that follow, and at the end."""
+    """Errors of segments, shape (n, 2 nq), carried to the ends of those that follow, and to the end
+    of the motion, shape (n + 1, 2 nq)."""
     own, errors = np.maximum(np.abs(defects), SMALLEST), np.zeros((slopes.shape[1], len(slopes)))
     deviations = np.empty((len(own) + 1, own.shape[1]))
     lasts = {parts.of_phase(i).stop - 1: event for i, event in enumerate(events)}

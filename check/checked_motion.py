@@ -111,7 +111,8 @@ class Motion:
 
     @cached_property
     def upper(self) -> Array:
-        """Gaps that no step exceeds without a contact, as :meth:`Flow.upper` has them."""
+        """Gaps that no step exceeds without a contact, at its places, as :meth:`Flow.upper` has
+        them, shape (N, places, nc)."""
         return self.flow.upper(self.run)
 
     @cached_property
@@ -127,7 +128,7 @@ class Motion:
 
     @cached_property
     def passages(self) -> tuple[EventPassage, ...]:
-        """What joins the phases."""
+        """The events between the phases."""
         joined = zip(self.trajectory.collisions, pairwise(self.trajectory.phases), strict=True)
         unit, restitution = np.concatenate([self.sizes.q, self.sizes.v]), self.flow.restitution
         ends = self.nodes.begins[1:-1] - 1

@@ -81,7 +81,7 @@ def _contact_errors(p: EventPassage, sizes: Sizes) -> tuple[float, float]:
 
 
 def _contradictions(p: EventPassage, sizes: Sizes) -> Iterator[str]:
-    """What of an event its law does not allow, in sentences."""
+    """Sentences about an event that its law does not allow."""
     slack = _slack(p, sizes)
     yield from _unbearable(p, sizes, slack)
     yield from _otherwise(p, slack)
@@ -96,8 +96,8 @@ def _contradictions(p: EventPassage, sizes: Sizes) -> Iterator[str]:
 
 
 def _slack(p: EventPassage, sizes: Sizes) -> float:
-    """What an impulse may be off: a share of the largest of its event, or of what would change the
-    rate of a gap by a small share of its size."""
+    """Errors that an impulse may have: a share of the largest of its event, or of what would change
+    the rate of a gap by a small share of its size."""
     response = p.model.responses(p.before.q[-1], p.normals, p.c.time)
     inertia = (p.normals * response.T).sum(axis=1)
     soft = TURNED * sizes.rate / np.where(inertia > 0, inertia, np.inf)

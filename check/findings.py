@@ -23,7 +23,7 @@ class Findings:
 
 
 def together(*looks: Findings) -> Findings:
-    """What several looks, at different things, come to."""
+    """The findings of several looks at different things as one."""
     return Findings(
         {name: error for look in looks for name, error in look.measured.items()},
         tuple(sentence for look in looks for sentence in look.contradictions),
@@ -32,11 +32,11 @@ def together(*looks: Findings) -> Findings:
 
 
 def largest(a: ArrayLike) -> float:
-    """The largest entry above 0; infinite if one is not a number."""
+    """The largest entry above 0 of an array of any shape (...); infinite if one is not a number."""
     most = float(np.asarray(a).max(initial=0.0))
     return most if most >= 0 else np.inf
 
 
 def infinite_where_none(a: Array) -> Array:
-    """The same, infinite where it is not a number."""
+    """An array of shape (...), infinite where it is not a number."""
     return np.where(np.isnan(a), np.inf, a)

@@ -34,12 +34,13 @@ class IntegratedSteps:
     stop: Array
 
     def part(self, which: Index | slice) -> IntegratedSteps:
-        """Some of them."""
+        """Some of the steps, by their numbers, shape (n,), or a slice."""
         ends = (a[which] for a in (self.start, self.ends, self.stop))
         return IntegratedSteps(self.steps.part(which), *ends)
 
     def at(self, share: float | Array) -> tuple[Array, Array, Array, Array]:
-        """q, v, u and t at a share of every step, one for all or one for each."""
+        """q, v, u and t at a share of every step, one for all or one for each, shape (n,): shapes
+        (n, nq), (n, nq), (n, nu) and (n,)."""
         s = np.reshape(share, (-1, 1))
         basis = _basis(np.broadcast_to(s[:, 0], len(self.steps)))
         place, rate, _ = np.einsum("dnb,bnq->dnq", basis, self._data)
@@ -83,7 +84,7 @@ class IntegratedSteps:
 
 
 def _basis(s: Array) -> Array:
-    """What positions and their first and second derivatives at shares (m,) are by the data of both
-    ends, shape (3, m, 6)."""
+    """Factors of the data of both ends in positions and their first and second derivatives at
+    shares (m,), shape (3, m, 6)."""
     powers = s[:, None] ** np.arange(6)
     return np.stack([powers @ QUINTIC, powers[:, :5] @ RATE, powers[:, :4] @ BEND])

@@ -58,7 +58,7 @@ class LimitFunctions:
 
     @cached_property
     def rows(self) -> list[FunctionFacts]:
-        """What each function depends on, as the model says."""
+        """Facts about each function from the model: the parts of a state that it depends on."""
         rate = FunctionFacts(name="", coordinates=[], velocities=True, inputs=False, time=False)
         kernels = self.model.kernels
         own = [rate if b.is_velocity else kernels.quantity_rows[b.place] for b in self.bounds]
@@ -66,20 +66,20 @@ class LimitFunctions:
 
     @cached_property
     def texts(self) -> list[str]:
-        """What is exceeded, in words."""
+        """Words for each function that may be exceeded."""
         names = self.model.kernels.manifest.path_constraints
         texts = [f"path constraint {name!r}" for name in names]
         return texts + [f"the bound of {b.name}" for b in self.bounds]
 
     @cached_property
     def _begins(self) -> list[int]:
-        """Where v, u, t and y begin in a state."""
+        """Columns of a state at which v, u, t and y begin."""
         nq, nu = self.model.nq, self.model.nu
         return [nq, 2 * nq, 2 * nq + nu, 2 * nq + nu + 1]
 
     @cached_property
     def depends(self) -> NDArray[np.bool_]:
-        """Which entries of a state each function depends on, shape (m, d)."""
+        """Entries of a state that each function depends on, shape (m, d)."""
         model, on = self.model, list[Array]()
         for row in self.rows:
             places = np.isin(np.arange(model.nq), row["coordinates"])
@@ -89,8 +89,8 @@ class LimitFunctions:
         return np.array(on, dtype=bool).reshape(len(self.rows), self._begins[-1] + model.ny)
 
     def states(self, mode: Mode, q: Array, v: Array, u: Array, t: Array) -> Array:
-        """States of a mode as rows, with the accelerations and forces of the flow there, if
-        quantities contain any."""
+        """States of a mode as rows, shape (n, d), from q, v and u, n rows each, and t (n,), with
+        the accelerations and forces of the flow there, if quantities contain any."""
         parts = [q, v, u, t[:, None]]
         if self.model.ny:
             r = self.motion.flow.integrator.reaction(mode, np.hstack([q, v]), u, t)
@@ -124,14 +124,14 @@ class LimitFunctions:
 
     @cached_property
     def by_terms(self) -> list[bool]:
-        """Which functions are measured by their terms too: bounds, and path constraints that
+        """Whether each function is measured by its terms too: bounds, and path constraints that
         contain velocities or inputs; terms of others depend on where zero lies."""
         own = self.rows[: self.constraints]
         of_constraints = [bool(row["velocities"] or row["inputs"]) for row in own]
         return of_constraints + [True] * len(self.bounds)
 
     def bounded(self, bound: Bound, states: Array) -> Array:
-        """What is bounded, at states, shape (n,)."""
+        """The bounded velocity or quantity at states (n, d), shape (n,)."""
         if bound.is_velocity:
             return np.asarray(states[:, self.model.nq + bound.place])
         return self.model.quantities(*self.split(states))[:, bound.place]
@@ -153,7 +153,7 @@ class LimitFunctions:
         return slopes
 
     def sizes(self, states: Array) -> Array:
-        """Sizes of what a state consists of along these states, shape (d,)."""
+        """Sizes of the entries of a state along these states (n, d), shape (d,)."""
         sizes, needed = self.motion.sizes, self.motion.needed_inputs
         _, _, u, _, y = self.split(states)
         used = np.abs(u).max(axis=0, initial=0.0)

@@ -90,14 +90,14 @@ class EventPassage:
 
     @cached_property
     def outcome(self) -> ImpactResult:
-        """What the law makes of these states."""
+        """Outcome of the impact law for the states of ``starts``."""
         (y, late, _), nq = self.starts, self.model.nq
         return self.after_law(y[:, :nq].copy(), y[:, nq:].copy(), late[:, 0])
 
     @cached_property
     def law(self) -> ImpactResult:
-        """What the law makes of the end of the phase before; of impulses that have the same effect
-        those that are borne."""
+        """Outcome of the impact law at the end of the phase before; where several impulses have the
+        same effect, those that are borne."""
         rows, q, t = self.outcome, self.before.q[-1:], np.array([self.c.time])
         parts = rows.velocity[:1], rows.normal[:1], rows.tangential[:1]
         smallest = Reaction(*parts, np.zeros((1, self.model.nj)))
@@ -107,7 +107,7 @@ class EventPassage:
     @cached_property
     def slope(self) -> Array:
         """Derivative of the state after an event, at its planned time, by the state before it, in
-        sizes."""
+        sizes, shape (2 nq, 2 nq)."""
         (y, late, a), nq, v = self.starts, self.model.nq, self.outcome.velocity
         if len(y) == 1:
             return np.eye(2 * nq)
@@ -142,7 +142,8 @@ class EventPassage:
         return model.with_joints(model.mass(q, t), jump, q, t) if model.nj else jump
 
     def after_law(self, q: Array, v: Array, late: Array | float = 0.0) -> ImpactResult:
-        """What the law makes of rows of states before the event, at times so much later."""
+        """Outcome of the impact law for states before the event, q and v of shape (n, nq), at times
+        later by ``late``, shape (n,)."""
         mode, t = self.mode, np.full(len(q), self.c.time) + late
         model = self.model.in_impact_at(q, t)
         if not mode.closed:
@@ -160,7 +161,8 @@ class EventPassage:
     def _with_friction(
         self, contact: tuple[int, int], q: Array, v: Array, t: Array
     ) -> ImpactResult:
-        """One hit with a tangential impulse: surface and tangent ``contact``."""
+        """Outcome of one hit with a tangential impulse, for q and v (n, nq) at times (n,):
+        ``contact`` are its surface and tangent."""
         e = self.model.coefficients(self.restitution, q, v, t)[:, contact[0]]
         e = np.zeros(len(q)) if self.lands else e
         hits = [
@@ -184,7 +186,7 @@ class EventPassage:
 
     @property
     def holding(self) -> Mode:
-        """What is closed beside a hit with friction, and rubs there."""
+        """The mode of the contacts that stay closed beside a hit with friction."""
         mode, rough, stuck = self.mode, self.model.has_friction, self.mode.sticking
         return mode.among(
             (j for j in mode.closed if j != self.hit),

@@ -53,7 +53,7 @@ class Excess:
 
     @property
     def text(self) -> str:
-        """What contradicts the motion."""
+        """A sentence about the excess."""
         share = 100 * self.share
         return f"{self.what} is exceeded by {share:.3g} % of its size at {self.time:.4g} s"
 
@@ -113,7 +113,7 @@ class _Path:
 
     @cached_property
     def t(self) -> Array:
-        """Times of the states."""
+        """Times of the states, shape (n,)."""
         return self.limits.split(self.states)[3]
 
     @cached_property
@@ -142,7 +142,7 @@ class _Path:
         return np.where(sizes > 0, sizes, 1.0)
 
     def distances(self) -> Array:
-        """How far the motion lies beyond the functions where they are deepest, as shares of its
+        """Distances of the motion beyond the functions where they are deepest, as shares of its
         widths, shape (n, m), and zero elsewhere."""
         far = np.zeros_like(self.values)
         for j in range(far.shape[1]):
@@ -155,7 +155,8 @@ class _Path:
         return far
 
     def _distances(self, behind: Index, j: int, widths: Array) -> tuple[Array, Array]:
-        """Those of some states from a function, and those across what they lie in."""
+        """Distances of some states from a function, and widths of the region across it, shape
+        (states,) each."""
         ways = _ways(self._slopes[behind, j], np.where(self.limits.depends[j], widths, 0.0))
         return distances(lambda z: self.limits.values(z)[:, j], self.states[behind], ways)
 
@@ -168,8 +169,8 @@ class _Path:
         return self.limits.even_widths(self.states)
 
     def _deepest(self, j: int) -> Index:
-        """Where a function is exceeded most, by itself and by its slopes, and by more than rounding
-        errors."""
+        """States at which a function is exceeded most, by itself and by its slopes, and by more
+        than rounding errors, shape (k,)."""
         behind = np.flatnonzero(self.values[:, j] < -ROUNDING * self._terms[:, j])
         weight = self.weights[behind, j]
         depths = -weight * self.values[behind, j], weight * self._by_slopes(behind, j)
@@ -177,19 +178,20 @@ class _Path:
         return np.unique(behind[np.concatenate(ranks)])
 
     def _by_slopes(self, behind: Index, j: int) -> Array:
-        """The distances from a function that its slopes say."""
+        """Distances from a function that its slopes predict, shape (states,)."""
         moved = np.abs(self._slopes[behind, j]) @ self._widths
         return np.asarray(-self.values[behind, j] / moved)
 
     @cached_property
     def weights(self) -> Array:
-        """What excesses of functions count, shape (n, m)."""
+        """Weights of the excesses of functions, shape (n, m)."""
         return counted(self.limits.motion, self.limits.rows, self.at_points, self.after)
 
 
 def counted(motion: Motion, rows: Sequence[FunctionFacts], at_points: Bools, after: Bools) -> Array:
-    """What excesses of functions with some rows count at states, of which some are quadrature
-    points, and some come after an event that ends the motion, shape (n, len(rows))."""
+    """Weights of the excesses of functions with some rows at states, shape (n, len(rows)); masks
+    (n,) say which states are quadrature points, and which come ``after`` an event that ends the
+    motion."""
     constant = motion.trajectory.input_form.width == 0
     varies = [r["inputs"] and (bool(r["coordinates"]) or r["velocities"]) for r in rows]
     little = ~at_points[:, None] & np.array(varies, dtype=bool) & constant

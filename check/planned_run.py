@@ -118,8 +118,8 @@ class HeldSteps:
 
 def left(motion: Motion, parts: Segments, slack: Array) -> tuple[list[SurfaceContact], list[str]]:
     """Contacts that are not planned and are met in phases with closed contacts or friction, and
-    what ends a mode elsewhere than planned, in sentences; ``slack`` are the contact forces,
-    friction and sliding velocities (nc + 2 nt) that errors of discretisation explain."""
+    sentences about modes that end elsewhere than planned. ``slack`` are the contact forces,
+    friction and sliding velocities, shape (nc + 2 nt,), that errors of discretisation explain."""
     met, sentences = list[SurfaceContact](), list[str]()
     for i in range(motion.stepped):
         if not motion.trajectory.phases[i].free:
@@ -138,8 +138,8 @@ def _held_steps(motion: Motion, parts: Segments, i: int) -> HeldSteps:
 
 
 def _kept_at_ends(motion: Motion, mode: Mode, course: IntegratedSteps) -> Array:
-    """What a mode keeps above zero at both ends of steps, shape (2, n, nc + 2 nt); infinite for
-    surfaces that are open."""
+    """Limits of a mode at both ends of steps, shape (2, n, nc + 2 nt), which it keeps above zero;
+    infinite for surfaces that are open."""
     steps, react = course.steps, motion.flow.integrator.reaction
     y, u = np.vstack([course.start, course.stop]), np.vstack([steps.u0, steps.u1])
     t = np.concatenate([steps.t, steps.t + steps.h])
@@ -175,7 +175,8 @@ def _jump(motion: Motion, y: Array, t: float, j: int) -> float:
 
 
 def passed_limits(motion: Motion, i: int, steps: HeldSteps, slack: Array) -> Iterator[str]:
-    """What ends the mode of a phase elsewhere than planned, in sentences with its time."""
+    """Sentences, with times, about limits that end the mode of a phase elsewhere than planned;
+    ``slack`` as in :func:`left`, shape (nc + 2 nt,)."""
     first: dict[int, float] = {}
     for k, j in zip(*np.nonzero((steps.kept < -slack).any(axis=0)), strict=True):
         time = _passing(motion, i, steps, (int(k), int(j)))

@@ -81,17 +81,18 @@ class _Look:
 
     @property
     def undefined(self) -> NDArray[np.bool_]:
-        """Which functions are not numbers at a place."""
+        """Functions that are not numbers at a place, shape (m,)."""
         none = np.isnan(self.off).any(axis=0)  # or infinite
         return np.asarray(np.isnan(self.functions).any(axis=(0, 1)) if none.any() else none)
 
     def trend(self, depth: int) -> Array:
-        """What parts of a depth add to the slopes of the logarithms of the differences."""
+        """Contributions of the parts of a depth to the slopes of the logarithms of the
+        differences."""
         return np.asarray(TREND[depth] * np.log2(np.maximum(self.off, TINY)))
 
     def hardest(self, j: int) -> Place:
-        """Where a function is the largest in the part in which the rules differ most, or not a
-        number."""
+        """The place where a function is the largest in the part in which the rules differ most, or
+        not a number."""
         (q, _, _, t), c = self.state, self.functions[..., j]
         part = int(np.argmax(self.off[:, j]))  # the first that is not a number, if there is one
         point = int(np.argmax(np.abs(c[:, part])))
@@ -112,7 +113,7 @@ class Integrals:
     looks: Sequence[_Look]
 
     def hardest(self, j: int) -> Place:
-        """Where a function is the hardest to integrate."""
+        """The place where a function is the hardest to integrate."""
         return self.looks[j].hardest(j)
 
 

@@ -223,7 +223,7 @@ def predicted(motion: Motion, run: Departures, parts: Segments, deviations: Arra
 def _moved(
     motion: Motion, c: Collision | SurfaceContact, parts: Segments, deviations: Array
 ) -> float:
-    """How far deviations move the gap of a contact at its time."""
+    """Distance by which deviations move the gap of a contact at its time."""
     q = _state(motion, c.time)[: motion.model.nq]
     ends = motion.nodes.t[motion.nodes.begins[parts.phase] + parts.last][:-1]
     k = np.searchsorted(ends, c.time - JOINED * motion.sizes.time)
@@ -233,14 +233,15 @@ def _moved(
 
 
 def _made_up(motion: Motion, c: Collision) -> float:
-    """How far the gap of a collision moves, by its rate, in the time in which it counts."""
+    """Distance by which the gap of a collision moves, by its rate, in the time in which it
+    counts."""
     j = motion.model.surface_numbers[c.surface]
     rate = _gap_rate(motion, _state(motion, c.time), c.time, j)
     return SAME_CONTACT * motion.sizes.time * abs(rate)
 
 
 def _clearance(motion: Motion, c: SurfaceContact) -> float:
-    """How far the motion itself is from a surface that a run meets."""
+    """Distance of the motion itself from a surface that a run meets."""
     q = _state(motion, c.time)[: motion.model.nq]
     return -float(motion.model.gaps(q, c.time)[motion.model.surface_numbers[c.surface]])
 

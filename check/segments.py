@@ -27,8 +27,8 @@ COARSE = 1e-3  # error of a coarse integration, in sizes, that still shows it
 
 
 def put(motion: Motion, mode: Mode, y: Array, t: Array) -> tuple[Array, Array]:
-    """Rows (q | v ...) moved to where the conditions of a mode hold, and the tangential positions
-    that they keep."""
+    """Rows (q | v ...), shape (n, 2 nq or more), at times (n,), moved to where the conditions of a
+    mode hold, and the tangential positions that they keep, shape (n, nt)."""
     if not _holds(motion, mode):
         return y, np.zeros((len(y), motion.model.nt))
     y = y.copy()
@@ -113,7 +113,8 @@ def _errors_on(motion: Motion, piece: ModeSpan, course: IntegratedSteps) -> Step
 
 
 def _planned(motion: Motion, piece: ModeSpan) -> tuple[Array, Array]:
-    """Positions and times of the nodes of phases, also of those inside steps."""
+    """Planned positions and times of the nodes of phases, also of those inside steps, shapes (n,
+    nq) and (n,)."""
     if len(motion.nodes_inside):
         at = [motion.places[i] for i in piece.numbers]
         return np.concatenate([a.q for a in at]), np.concatenate([a.t for a in at])
@@ -151,11 +152,14 @@ def _inside_error(motion: Motion, piece: ModeSpan, course: IntegratedSteps) -> f
 
 @record(frozen=True, eq=False)
 class Segments:
-    """Some steps of a phase each, integrated from their first node in its mode, without events: the
-    phases, and the first and last nodes (n,), relative errors at the ends (n,), derivatives
-    (n, 2 nq, 2 nq) of the ends by the starts, by how much positions and velocities (n, 2 nq) are
-    off at the ends, tangential positions (n, nt) that what sticks keeps, and all steps of the
-    motion on the way."""
+    """Segments of phases, integrated from their first node in its mode, without events.
+
+    The arrays ``phase``, ``first``, ``last`` and ``error``, shape (n,), are their phases, first and
+    last nodes, and relative errors at the ends.  Derivatives of the ends by the starts are
+    ``slope``, shape (n, 2 nq, 2 nq), errors of positions and velocities there ``defect``, shape
+    (n, 2 nq).  Tangents that stick keep the positions ``held``, shape (n, nt); ``course`` has all
+    steps on the way.
+    """
 
     phase: Index
     first: Index

@@ -211,7 +211,7 @@ class Verification(Shown):
 
 
 def lost_by(missed: tuple[str, ...], extra: tuple[str, ...], terminal: float) -> list[str]:
-    """How an open-loop run leaves a motion."""
+    """Sentences on how an open-loop run leaves a motion."""
     lost = [f"the simulation misses {', '.join(missed)}"] * bool(missed)
     lost += [f"the simulation meets {', '.join(extra)}"] * bool(extra)
     if not terminal <= TERMINAL:
