@@ -206,7 +206,7 @@ def natural_time(problem: Problem) -> float:
 
 
 def expected_time(problem: Problem) -> float | None:
-    """What the statement of a problem says of its time, if it does."""
+    """The time in seconds that the statement of a problem tells, if it does."""
     reach = problem.reach
     q = problem.start_position
     boundary = problem.start_bounds

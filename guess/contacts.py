@@ -66,15 +66,15 @@ def _points(problem: Problem, lay: Layout, durations: Array) -> Array:
 
 
 def in_contact(problem: Problem, x: Array) -> Array:
-    """Unknowns with positions where phases are held, by contacts or constraints, and impulses that
-    balance the momenta as well as they can, and with the ways through impacts with friction; those
-    of a problem without either are as they were."""
+    """Unknowns, shape (n,), with positions where phases are held, by contacts or constraints.
+    Impulses balance the momenta as well as they can, and there are the ways through impacts with
+    friction. Unknowns of a problem without either are as they were."""
     (row,) = all_in_contact(problem, x[None])
     return np.asarray(row)
 
 
 def all_in_contact(problem: Problem, x: Array) -> Array:
-    """The same for unknowns of several motions, shape (count, n)."""
+    """The unknowns of :func:`in_contact` for several motions, shape (count, n)."""
     lay = Layout.of(problem)
     held = any(map(lay.reactions, range(lay.phases)))
     if not len(x) or not (held or follows(lay)):

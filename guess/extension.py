@@ -15,8 +15,8 @@ from dmoc.problem.problem import Problem
 
 
 def with_event(problem: Problem, pieces: Sequence[Piece], i: int, surface: int) -> list[Piece]:
-    """Pieces of which the one of phase i is bent to touch a surface where it comes closest to it,
-    or cut in its middle where there is none."""
+    """The pieces of a motion with one more event in phase i: it is bent to touch a surface where it
+    comes closest to it, or cut in its middle where there is none."""
     piece = pieces[i] if len(pieces[i].t) > 2 else pieces[i].with_node(0)
     steps = len(piece.t) - 1
     k, q, rates = steps // 2, piece.q, [piece.v[: steps // 2 + 1], piece.v[steps // 2 :]]

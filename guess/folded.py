@@ -38,11 +38,11 @@ class Folded:
     impulses: tuple[float, ...]
 
     def unknowns(self, problem: Problem) -> Array:
-        """Those of a problem with its events."""
+        """Unknowns of a problem with its events along the pieces, shape (n,)."""
         return unknowns_along(problem, self.pieces, self.impulses)
 
     def between_hits(self) -> Folded:
-        """The same without other events."""
+        """The same motion without events other than hits."""
         first, *rest = self.pieces
         pieces, kept = [first], list[tuple[str, float]]()
         for name, impulse, piece in zip(self.hits, self.impulses, rest, strict=True):
@@ -54,8 +54,8 @@ class Folded:
         return Folded(tuple(n for n, _ in kept), tuple(pieces), tuple(p for _, p in kept))
 
     def hitting(self, problem: Problem, i: int, surface: int) -> Folded:
-        """The same, bent to one hit more in its phase i, in phases that take equally long, because
-        where it is cut tells little about when the hit shall be."""
+        """The motion, bent to one hit more in its phase i. Phases take equally long, because the
+        place of the cut tells little about when the hit shall be."""
         problem = designed_as(problem, self.pieces[0].parameters)
         bent = with_event(problem, self.pieces, i, surface)
         if not problem.explicit_time:  # else the surface, too, is where it is at its time
@@ -108,7 +108,8 @@ def _folded(
 
 
 def _mirrored(problem: Problem, q: Array, t: Array, j: int) -> Array:
-    """What moves positions beyond a surface to their mirror images, measured by the masses."""
+    """Moves of positions beyond surface j to their mirror images, measured by the masses, shape (n,
+    nq), for q (n, nq) and t (n,)."""
     n = problem.model.gap_slopes(q, t)[:, j, :-1]
     back = solved(problem.model.mass(q, t), n)
     share = problem.model.gaps(q, t)[:, j] / (n * back).sum(axis=1)

@@ -39,8 +39,8 @@ def through_hits(problem: Problem, lay: Layout, x: Array) -> Array:
 
 
 def with_hidden(problem: Problem, lay: Layout, x: Array) -> Array:
-    """Unknowns with the hidden ones, that are in the place of functions with kinks, on these, and
-    with totals, peaks and forces as they are."""
+    """Unknowns, shape (n,), whose hidden ones are on the functions with kinks for which they stand,
+    and whose totals, peaks and forces fit the motion."""
     problem = lay.problem_at(problem, x)
     if lay.index_totals.size or lay.index_peaks.size:
         x, step = x.copy(), lifted(problem, lay, lay.step_inputs(x))
@@ -55,8 +55,8 @@ def with_hidden(problem: Problem, lay: Layout, x: Array) -> Array:
 
 
 def jams(problem: Problem, x: Array) -> tuple[str, ...]:
-    """Impacts that slide to the end of compression where sliding presses the contact together
-    (Painleve's paradox), in sentences."""
+    """Sentences on impacts, in unknowns x, shape (n,), that slide to the end of compression where
+    sliding presses the contact together (Painleve's paradox)."""
     lay = Layout.of(problem)
     problem = lay.problem_at(problem, x)
     t, sentences = lay.times(x), []
@@ -76,7 +76,7 @@ def jams(problem: Problem, x: Array) -> tuple[str, ...]:
 
 
 def friction_of(problem: Problem, p: Passage, q: Array, t: float) -> float:
-    """The coefficient of friction of an impact."""
+    """The coefficient of friction of an impact at a position, shape (nq,)."""
     return float(problem.model.with_friction_at(q, t=t).hit_friction[p.tangent])
 
 

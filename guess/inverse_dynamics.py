@@ -35,10 +35,10 @@ def inputs_for(problem: Problem, q: Array, v: Array, a: Array, t: Array) -> Arra
 
 
 def acting(problem: Problem, x: Array, rng: np.random.Generator | None = None) -> Array:
-    """Unknowns x of a motion whose inputs change its forces.
+    """Unknowns x, shape (n,), of a motion whose inputs change its forces.
 
     No solver moves inputs at which the forces have no slope anywhere in the motion, as those of u^2
-    at u = 0: they become inputs of the equations of motion or, with a generator, random ones,
+    at u = 0.  They become inputs of the equations of motion or, with a generator, random ones,
     within their bounds or of that size.
     """
     if enter_linearly(problem):
@@ -70,8 +70,8 @@ def acting(problem: Problem, x: Array, rng: np.random.Generator | None = None) -
 
 
 def _accelerations(problem: Problem, lay: Layout, rates: Array, t: Array) -> Array:
-    """Those of steps from their rates, phase by phase; none where they are as small as rounding
-    errors of positions make them."""
+    """Accelerations of steps from their rates, shape (total, nq), phase by phase; zero where they
+    are as small as rounding errors of positions make them."""
     a = np.zeros_like(rates)
     for begin, end in zip(lay.ends[:-1], lay.ends[1:], strict=True):
         if end - begin > 1:
@@ -99,13 +99,14 @@ class _Balance:
         return cls(problem, q, v, t, np.where(np.isfinite(wanted), wanted, 0.0))
 
     def missing(self, u: Array) -> Array:
-        """What inputs leave of the forces."""
+        """Wanted forces less those at inputs u, shape (n, nu), by the roots of the inertias, shape
+        (n, nq)."""
         F = self.problem.model.equations(self.q, self.v, u, self.t)[1]
         return np.asarray(self.wanted - F / np.sqrt(self.problem.inertia))
 
     def closest(self, u: Array) -> tuple[Array, Array]:
-        """Inputs within their bounds from others, by least squares with damping (Levenberg), and
-        squares of what they leave."""
+        """Inputs within their bounds, shape (n, nu), found from others by least squares with
+        damping (Levenberg), and the sums of the squares of the missing forces, shape (n,)."""
         root, (low, high) = np.sqrt(self.problem.inertia), self.problem.input_bounds.T
         missing, damping = self.missing(u), np.full(len(u), DAMPING)
         for _ in range(ITERATIONS):

@@ -36,7 +36,7 @@ def largest_excess(problem: Problem, lay: Layout, x: Array) -> float:
 
 
 def _path_excess(problem: Problem, step: list[Array], rates: Array) -> float:
-    """That of the path constraints on velocities or inputs, beside their values at rest without
+    """Excess of the path constraints on velocities or inputs, beside their values at rest without
     inputs: those of |u| <= 5 are |u| and 5."""
     rows = _limiting_rows(problem)
     if not rows:

@@ -35,9 +35,9 @@ def neighbours(
     seed: int = 0,
     amplitude: float = 1.0,
 ) -> Array:
-    """Unknowns beside those of some motions, the best first, for given numbers: shape
-    (len(numbers), n); half of them at least are beside the first three.  ``amplitude`` is a factor
-    of the usual ones."""
+    """Unknowns beside those of some motions, the best first, shape (n,) each, for given numbers:
+    shape (len(numbers), n); half of them at least are beside the first three. ``amplitude`` is a
+    factor of the usual ones."""
     lay = Layout.of(problem)
     x = np.empty((len(numbers), lay.size))
     for row, k in enumerate(numbers):

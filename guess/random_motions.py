@@ -119,7 +119,7 @@ def _random_motions(
 
 
 def kinds_of(numbers: Sequence[int], in_turn: Sequence[int] = IN_TURN) -> NDArray[np.intp]:
-    """The kinds of the motions with the given numbers."""
+    """The kinds of the motions with the given numbers, shape (numbers,)."""
     kinds: NDArray[np.intp] = np.array(in_turn, np.intp)[np.array(numbers, int) % len(in_turn)]
     return kinds
 
@@ -185,7 +185,7 @@ class _Drawn:
         return cls(durations, points, v_first, v_last, waves, whole, lam, kind == DRIVEN, straight)
 
     def of_rows(self, rows: NDArray[np.bool_]) -> _Drawn:
-        """Some of the motions."""
+        """The motions of a mask of shape (count,)."""
         return _Drawn(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
@@ -213,7 +213,7 @@ def _durations(problem: Problem, natural: float, uniform: Array, shares: Array) 
 def _durations_of(
     problem: Problem, natural: float, uniform: Array, shares: Array, each: Array
 ) -> Array:
-    """Those of phases with bounds ``each``, shape (phases, 2)."""
+    """Durations of phases with bounds ``each``, shape (phases, 2), of shape (count, phases)."""
     low, high = problem.final_time_bounds
     low, high = max(low, each[:, 0].sum()), min(high, each[:, 1].sum())
     high = high if np.isfinite(high) else max(TIMES**0.5 * natural, low * TIMES)
@@ -278,9 +278,10 @@ def _onto(problem: Problem, q: Array, t: Array, j: int) -> Array:
 def _velocities(
     problem: Problem, durations: Array, points: Array, legs: Array
 ) -> tuple[Array, Array, Array]:
-    """Velocities at both ends of every phase, and impulses: given ones at the ends of the motion,
-    at a collision the mean of the ways before and after it in the mirror, and what the law of
-    impact makes of it."""
+    """Velocities at the start and at the end of every phase, shape (count, phases, nq) each, and
+    impulses, shape (count, phases - 1). They are given at the ends of the motion; before a
+    collision they are the mean of the ways before and after it in the mirror, after it those of the
+    law of impact."""
     count, phases, nq = legs.shape
     v_first, v_last = np.empty_like(legs), np.empty_like(legs)
     lam = np.zeros((count, phases - 1))

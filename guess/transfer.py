@@ -45,7 +45,7 @@ class Piece:
         return Piece(t, q, v, t_u, u, parameters=self.parameters)
 
     def with_node(self, k: int) -> Piece:
-        """The same with one node more, in the middle of step k."""
+        """The same piece with one node more, in the middle of step k."""
         at = self.t[k : k + 2].mean()
         v = (self.q[k + 1] - self.q[k]) / (self.t[k + 1] - self.t[k])
         more = (self.t, at), (self.q, self.positions(at[None])), (self.v, v)
@@ -54,7 +54,7 @@ class Piece:
 
     @property
     def first(self) -> Piece:
-        """Its first node."""
+        """A piece that is the first node alone."""
         rows = (self.t, self.q, self.v)
         t, q, v = (part[:1] for part in rows)
         return Piece(t, q, v, self.t_u[:0], self.u[:0], parameters=self.parameters)
@@ -87,7 +87,7 @@ def pieces_of(trajectory: Trajectory) -> list[Piece]:
 
 
 def equally_long(pieces: Sequence[Piece]) -> list[Piece]:
-    """The same way in the same time, in phases that take equally long."""
+    """The same motion in the same time, in phases that take equally long."""
     begin = pieces[0].t[0]
     length = (pieces[-1].t[-1] - begin) / len(pieces)
     stretched = []
@@ -101,8 +101,8 @@ def equally_long(pieces: Sequence[Piece]) -> list[Piece]:
 
 
 def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence[float]) -> Array:
-    """Return x along the pieces, one for each phase of the problem: positions by cubic, inputs
-    by linear interpolation."""
+    """Return x, shape (n,), along the pieces, one for each phase of the problem: positions by
+    cubic, inputs by linear interpolation."""
     lay, problem = Layout.of(problem), designed_as(problem, pieces[0].parameters)
     if lay.ends_with_event:
         pieces = [*pieces[:-1], pieces[-1].first]
@@ -168,7 +168,7 @@ def station_shares(lay: Layout, i: int) -> Array:
 
 
 def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
-    """Unknowns of a problem from those x of the same problem with other steps."""
+    """Unknowns of a problem from those x, shape (n,), of the same problem with other steps."""
     lay = Layout.of(other)
     design = dict(zip(other.design, x[lay.index_design].tolist(), strict=True))
     t, q, h = lay.times(x), x[lay.index_q], x[lay.index_h]
@@ -199,7 +199,8 @@ def _forces(lay: Layout, x: Array, i: int) -> dict[str, tuple[Array, Array]]:
 
 
 def times_of_inputs(controls: str, t: Array) -> Array:
-    """Times of the rows of u; where inputs may jump at the nodes, a little inside of the steps."""
+    """Times of the rows of u in a phase with nodes at t, shape (N + 1,); shape (rows,). Where
+    inputs may jump at the nodes, they lie a little inside of the steps."""
     form, steps = FORMS[controls], np.diff(t)
     times, at = form.times(t), form.starts(len(steps))
     if form.jumps:

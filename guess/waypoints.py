@@ -27,7 +27,7 @@ class Waypoints:
     durations: Array
 
     def __getitem__(self, which: int | None) -> Waypoints:
-        """One of several, or one as the only one of several."""
+        """One of several plans; with None, this plan as the only one of several."""
         return Waypoints(self.positions[which], self.velocities[which], self.durations[which])
 
 
