@@ -109,7 +109,8 @@ class _Submatrix:
         return out
 
     def times(self, values: Array, right: Array) -> Array:
-        """The submatrix times a dense matrix."""
+        """The submatrix (rows, columns) of the entries ``values``, shape (entries,), times a dense
+        matrix (columns, k), or its transpose where it was made so."""
         self.sparse.data = values[self.source]
         return np.asarray(self.sparse @ right)
 
@@ -144,8 +145,8 @@ class Elimination:
         return len(self.parts.eliminated)
 
     def complete(self, x: Array, y: Array) -> Array | None:
-        """Return x with the kept unknowns y and the eliminated ones solved for, started from
-        those in x; None if Newton fails."""
+        """Return x, shape (n,), with the kept unknowns y, shape (kept,), and the eliminated ones
+        solved for, started from those in x; None if Newton fails."""
         x = x.copy()
         x[self.parts.kept] = y
         previous, tolerance = np.inf, self.tolerance
@@ -165,8 +166,8 @@ class Elimination:
         return None
 
     def factor(self, x: Array) -> Factors | None:
-        """Factor the derivative of the eliminated equations with respect to the eliminated
-        unknowns."""
+        """Factor the derivative of the eliminated equations with respect to the eliminated unknowns
+        at x, shape (n,); None where it is singular or not finite."""
         values = self.nlp.equality_slopes(x)
         band = np.zeros((2 * self._kl + self._ku + 1, self.size), order="F")
         band[self._band] = values[self._E_X.source]
@@ -176,8 +177,8 @@ class Elimination:
         return Factors(lu, pivots, self._kl, self._ku) if info == 0 else None
 
     def reduce(self, x: Array, rows: Index, columns: Index) -> Reduced | None:
-        """Derivatives with respect to y of the cost, of the kept equations, of the inequalities
-        ``rows`` and of x[columns]."""
+        """Derivatives at x, shape (n,), with respect to y of the cost, of the kept equations, of
+        the inequalities ``rows`` and of x[columns], numbers of shape (k,) each."""
         cost, equality = self.nlp.cost_gradient(x), self.nlp.equality_slopes(x)
         inequality = self.nlp.inequality_slopes(x) if len(rows) else np.zeros(0)
         parts = self.parts
@@ -205,23 +206,25 @@ class Elimination:
         )
 
     def linearised(self, x: Array, factors: Factors, move: Array, inverse: Array) -> Linearised:
-        """The equations to first order at x, where y = y_0 + move r."""
+        """The equations to first order at x, shape (n,), where y = y_0 + move r: ``move`` is (kept,
+        equations), ``inverse`` (equations, equations), both of the kept ones."""
         return Linearised(self.nlp.equality_slopes(x), factors, move, inverse)
 
     def step(self, at: Linearised, c: Array) -> tuple[Array, Array]:
-        """Changes of the eliminated unknowns and of r that cancel all equations c to first
-        order."""
+        """Changes of the eliminated unknowns, shape (eliminated,), and of r that cancel all
+        equations c, shape (n_eq,), to first order."""
         t = at.factors.solve(c[self.parts.used_rows])
         r = -at.inverse @ (c[self.parts.kept_rows] - self._K_X.times(at.slopes, t))
         return -t - at.factors.solve(self._E_Y.times(at.slopes, at.move @ r)), r
 
     def kept_columns(self, x: Array) -> Array:
-        """Derivative of the eliminated equations with respect to the kept unknowns, dense."""
+        """Derivative of the eliminated equations at x, shape (n,), with respect to the kept
+        unknowns, dense, shape (eliminated, kept)."""
         return self._E_Y.dense(self.nlp.equality_slopes(x))
 
     def multipliers(self, stationarity: Array, factors: Factors) -> Array:
-        """Multipliers of the eliminated equations that make ``stationarity`` + J^T y vanish in
-        the eliminated unknowns."""
+        """Multipliers of the eliminated equations, shape (eliminated,), that make ``stationarity``
+        + J^T y, shape (n,), vanish in the eliminated unknowns."""
         return -factors.solve(stationarity[self.parts.eliminated], transposed=True)
 
 
@@ -235,6 +238,7 @@ class Factors:
     ku: int
 
     def solve(self, right: Array, transposed: bool = False) -> Array:
+        """Solve for a right-hand side of shape (size,) or (size, k)."""
         solution, info = lapack.dgbtrs(
             self.lu, self.kl, self.ku, right, self.pivots, trans=int(transposed)
         )

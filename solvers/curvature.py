@@ -67,8 +67,11 @@ class Landscape(enum.Enum):
 
 @record(frozen=True, eq=False)
 class Curvature:
-    """The shape; where it is no bowl the least curvature, in its unit, and its direction in scaled
-    unknowns, the largest of which changes by its size."""
+    """The shape of the cost around a motion.
+
+    Where it is no bowl, ``least`` is the least curvature, in its unit, and ``direction`` belongs to
+    it, shape (n,): in scaled unknowns, the largest of which changes by its size.
+    """
 
     shape: Landscape
     least: float = np.inf
@@ -76,7 +79,8 @@ class Curvature:
 
     @classmethod
     def inflection(cls, direction: Array) -> Curvature:
-        """None along a direction in which the cost falls in third order."""
+        """A saddle without curvature along a direction, shape (n,), in which the cost falls in
+        third order."""
         return cls(Landscape.SADDLE, 0.0, direction)
 
 
@@ -106,9 +110,10 @@ class SecondOrder:
         return without if sided else kept
 
     def of_unknowns(self, at: Index) -> Array:
-        """Second derivatives of the least cost with respect to some unknowns, each alone, while all
-        others follow: 1/(K^-1)_ii with the K of a Newton step, in which bounds and inequalities
-        count that hold x; infinite for unknowns that are fixed or held."""
+        """Second derivatives of the least cost with respect to some unknowns, shape (k,), each
+        alone, while all others follow; shape (k,). They are 1/(K^-1)_ii with the K of a Newton
+        step, in which the bounds and inequalities count that hold x, and infinite for unknowns that
+        are fixed or held."""
         nlp, x, size = self.nlp, self.x, cost_size(self.nlp, self.x)
         distance = np.concatenate([np.minimum(x - nlp.lower, nlp.upper - x), nlp.inequality(x)])
         held = np.concatenate([np.abs(self.duals.z), self.duals.w]) / size > distance
@@ -122,8 +127,8 @@ class SecondOrder:
         return second
 
     def cheaper(self, along: Curvature) -> list[Array]:
-        """Motions on both sides of a saddle that keep the constraints and cost less, none where
-        the direction turns out to lead to no such motion."""
+        """Motions on both sides of a saddle, shape (n,) each, that keep the constraints and cost
+        less, none where the direction turns out to lead to no such motion."""
         if along.shape is not Landscape.SADDLE:
             return []
         self._signs(1.0, self.held, bent=False)
@@ -152,7 +157,8 @@ class SecondOrder:
         return np.clip(z, nlp.lower, nlp.upper)
 
     def _holding(self) -> tuple[Bools, Bools]:
-        """Which unknowns are held by a bound, and which rows hold; and which may be."""
+        """Masks of the unknowns at bounds and of the rows (c | d) that hold x, and of those that
+        may, shape (n + n_eq + n_in,) each."""
         nlp, x, duals = self.nlp, self.x, self.duals
         above = np.where(duals.z > 0, x - nlp.lower, np.inf)
         below = np.where(duals.z < 0, nlp.upper - x, np.inf)
@@ -187,8 +193,9 @@ class SecondOrder:
 
     @cached_property
     def _kept(self) -> Array:
-        """Curvatures of unknowns of which others make the same motion: a direction that changes
-        them alone says nothing of it, and every other one has its like that leaves them."""
+        """Curvatures, shape (n,), of unknowns that the motion does not determine, since others have
+        the same effect. A direction that changes them alone tells nothing of the motion, and every
+        other one has its like that leaves them."""
         kept = np.zeros(self.nlp.n)
         for law in self.nlp.laws:
             for index, _ in law.loose():
@@ -221,7 +228,8 @@ class SecondOrder:
         return positive == int(self.free.sum()) and not zero
 
     def _solved(self, right: Array) -> Array:
-        """Solve with the last K, of which fixed unknowns are no part."""
+        """Solve with the last K for a right-hand side of shape (n + n_eq + n_in,), zero at fixed
+        unknowns, which are no part of K."""
         place = self._layout.place
         inside = place >= 0
         ordered = np.zeros(self._layout.size)

@@ -78,11 +78,10 @@ class Diagnosis:
 
 
 def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diagnosis:
-    """Seek the motion of least violation from the unknowns x and say what it misses; needs compiled
-    kernels.
+    """Seek the motion of least violation from the unknowns x, shape (n,), and say what it misses.
 
-    x is best an initial guess: where a solver has given up, the motion may have left what the user
-    had in mind.
+    It needs compiled kernels.  x is best an initial guess: where a solver has given up, the motion
+    may have left what the user had in mind.
     """
     nlp = Transcription(problem, scale, goal_as_rows=True)
     limits = replace(options, iterations=min(options.iterations, ITERATIONS), progress=None)
@@ -114,7 +113,8 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
 
 
 def _sticking(nlp: Transcription, holding: NDArray[np.bool_]) -> Iterator[str]:
-    """What sticks along the motion, where its equations are among those that hold it."""
+    """Sentences on tangents that stick along the motion, where their equations are among those that
+    hold it, by a mask of shape (n_eq,)."""
     stuck = nlp.laws.friction.stuck
     for k in np.unique(stuck.places[holding[stuck.numbers]][:, 1]):
         name = nlp.kernels.tangents[k]
@@ -122,7 +122,7 @@ def _sticking(nlp: Transcription, holding: NDArray[np.bool_]) -> Iterator[str]:
 
 
 def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[str, ...]:
-    """How strongly contacts would have to pull for a motion, if there is one then."""
+    """Sentences on how strongly contacts would have to pull for a motion, if there is one then."""
     if not problem.lasting:
         return ()
     nlp = Transcription(problem, scale, pulling=True)
@@ -134,7 +134,8 @@ def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[
 
 
 def _pulls_of(name: str, lay: Layout, y: Array) -> Iterator[str]:
-    """How strongly one contact pulls where it pulls most in a phase, and at events."""
+    """Sentences on how strongly one contact pulls, where it pulls most in a phase, and at
+    events."""
     at, forces = lay.stations, []
     t = lay.place_times(y)[at.place]
     for i in range(lay.stepped):
@@ -165,8 +166,8 @@ def _prices(nlp: Transcription) -> Array:
 
 
 def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
-    """Amount and text of what is not met, the worst of each kind of constraint and coordinate or
-    surface, largest first."""
+    """Amounts and sentences of the violations, the worst of each kind of constraint and coordinate
+    or surface, largest first."""
     amounts = np.concatenate([np.abs(nlp.equality(x)), -nlp.inequality(x)])
     misses = []
     for block, members in _kinds((*nlp.equalities, *nlp.inequalities)):
@@ -182,7 +183,7 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
 
 
 def _kinds(blocks: Iterable[Block]) -> Iterator[tuple[Block, Index]]:
-    """Blocks with those of their members of which the worst alone is told."""
+    """Blocks with groups of their members, of which only the worst is reported."""
     for block in blocks:
         axis = block.missed.apart
         along = np.zeros(block.count) if axis is None else block.places[:, axis]

@@ -51,23 +51,30 @@ class _Callbacks:
     # Uno hands over longer vectors while it looks for a feasible point; the program's come first.
 
     def f(self, x: Array) -> float:
+        """Cost at x, shape (n,) or longer."""
         return self.nlp.cost(x[: self.nlp.n])
 
     def gradient(self, x: Array, out: Array) -> None:
+        """Put the gradient of the cost into ``out``, shape (n,) or longer as x."""
         out[: self.nlp.n] = self.nlp.cost_gradient(x[: self.nlp.n])
 
     def g(self, x: Array, out: Array) -> None:
+        """Put (c | d) into ``out``, shape (n_eq + n_in,) or longer."""
         out[: self.m] = self.nlp.values(x[: self.nlp.n])[1:]
 
     def slopes(self, x: Array, out: Array) -> None:
+        """Put the entries of d(c | d)/dx by rows into ``out``, shape (entries,) or longer."""
         out[: self.nlp.assembled.jacobian.size] = self.nlp.slopes(x[: self.nlp.n])[self.nlp.n :]
 
     def curvatures(self, x: Array, y: Array, sigma: float, out: Array) -> None:
+        """Put the entries of the Hessian of sigma f + y . (c | d) into ``out``, shape (entries,) or
+        longer; y has the shape (n_eq + n_in,) or is longer."""
         x, y = np.ascontiguousarray(x[: self.nlp.n]), np.ascontiguousarray(y[: self.m])
         out[: self.nlp.assembled.hessian.size] = self.nlp.program.curvatures(x, y, sigma)
 
     def report(self, x: Array | None, cost: float, infeasibility: float) -> bool:
-        """Tell of an iteration; whether to go on."""
+        """Tell of an iteration at x, shape (n,), which some solvers do not give; whether to go
+        on."""
         self.count += 1
         try:
             if self.options.progress is not None:

@@ -21,8 +21,8 @@ NONE, BESIDE = 1e-3, 0.03
 
 
 def falling_inputs(nlp: Transcription, x: Array, duals: Duals) -> Array | None:
-    """A direction of such inputs, by their sizes, along which L falls in third order; None where
-    there is none."""
+    """A direction, shape (n,), of inputs at which the forces have no slope, by their sizes, along
+    which L falls in third order from x, shape (n,); None where there is none."""
     if enter_linearly(nlp.problem):
         return None
     direction = np.zeros(nlp.n)

@@ -40,17 +40,17 @@ STRETCH = 1.25
 def solve_ipm(
     nlp: Transcription, x: Array, options: Options, duals: Duals | None = None, least: float = LEAST
 ) -> Ending:
-    """Minimise from x, with compiled kernels; with ``duals`` x is a neighbouring solution.  The
-    first barrier parameter is at least ``least``."""
+    """Minimise from x, shape (n,), with compiled kernels; with ``duals`` x is a neighbouring
+    solution. The first barrier parameter is at least ``least``."""
     return _run(nlp, x, options, duals, least=least)
 
 
 def solve_starts(
     pool: Executor, programs: Sequence[Transcription], points: Sequence[Array], options: Options
 ) -> list[Ending]:
-    """Minimise from scaled points, in as many threads of a pool as there are programs, which are
-    equal: the endings in their order, as many as there is time for, whatever the number of
-    threads."""
+    """Minimise from scaled points, shape (n,) each, in as many threads of a pool as there are
+    programs, which are equal. Returns the endings in their order, as many as there is time for,
+    whatever the number of threads."""
     nlp, count = programs[0], len(points)
     x = np.clip(np.reshape(points, (count, nlp.n)), nlp.lower, nlp.upper)
     y, z_lower, z_upper = np.zeros((count, nlp.n_eq + nlp.n_in)), np.zeros_like(x), np.zeros_like(x)
@@ -174,7 +174,7 @@ def _minimise(
 
 
 def _demands(options: Options) -> dict[str, Any]:
-    """What the method asks of an end."""
+    """Tolerances of the method at an end."""
     return {
         "optimality": min(options.optimality, BARRIER_END),
         "demanded": max(options.optimality, BARRIER_END),

@@ -35,8 +35,8 @@ class Tally:
         self._rank = self._ranked(nlp.cost(x), violation(nlp, x))
 
     def ending(self, descend: Callable[[], Ending], duals: Callable[[Array], Duals]) -> Ending:
-        """Where a descent ends; the best iterate, with its multipliers, where a limit, Ctrl-C or a
-        singular system ends it."""
+        """The end of a descent; the best iterate, with its multipliers, where a limit, Ctrl-C or a
+        singular system ends it. ``duals`` makes multipliers from x, shape (n,)."""
         detail = ""
         try:
             return descend()
@@ -49,6 +49,7 @@ class Tally:
         return Ending(status, detail, self.best, duals(self.best), self.count)
 
     def step(self, x: Array) -> None:
+        """Count an iterate x, shape (n,), show it, and stop at a limit."""
         self.count += 1
         cost, worst = self.nlp.cost(x), violation(self.nlp, x)
         self.consider(x, cost, worst)

@@ -30,7 +30,8 @@ def rounded(left: Residuals) -> bool:
 
 
 def verdict(word: Status, left: Residuals, options: Options) -> Status:
-    """What the residuals say of a point; the method's word counts for interruptions and limits."""
+    """The status that the residuals of a point tell; the method's word counts for interruptions and
+    limits."""
     if word is Status.INTERRUPTED:  # who has interrupted wants to know, whatever the point is worth
         return word
     if meets(left, options):
@@ -43,7 +44,7 @@ def verdict(word: Status, left: Residuals, options: Options) -> Status:
 
 
 def judged(nlp: Transcription, ending: Ending, options: Options) -> Outcome:
-    """The ending of a method with the residuals that it leaves and what they say of it."""
+    """The ending of a method with the residuals that it leaves and the status that they tell."""
     duals, left = ending.duals, residuals(nlp, ending.x, ending.duals)
     if abs(nlp.cost(ending.x)) <= LEAST_COST:
         duals, left = min(((duals, left), _without_duals(nlp, ending)), key=_optimality)

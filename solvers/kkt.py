@@ -24,15 +24,15 @@ MOST_NAMED = 3  # of the constraints that are violated most
 
 
 def cost_size(nlp: Transcription, x: Array) -> float:
-    """What residuals are compared with."""
+    """Size of the cost at x, shape (n,), with which residuals are compared."""
     return max(abs(nlp.cost(x)), LEAST_COST)
 
 
 def duality_gap(nlp: Transcription, x: Array, duals: Duals) -> float:
-    """Sum of the products of inequalities and bounds with their multipliers, in units of the
-    cost: about what a barrier has left of it.  Those that hold nothing, whose distance is larger
-    than their multiplier, are left out: what they take is of second order in the barrier, however
-    many they are."""
+    """Sum at x, shape (n,), of the products of inequalities and bounds with their multipliers, in
+    units of the cost: about what a barrier has left of it. Those that hold nothing, whose distance
+    is larger than their multiplier, are left out: what they take is of second order in the barrier,
+    however many they are."""
     z = np.where(nlp.lower < nlp.upper, duals.z, 0.0)
     force = np.abs(np.concatenate([duals.w, z]))
     distance = np.abs(np.concatenate([nlp.inequality(x), _distance(nlp, x, z)]))
@@ -46,7 +46,7 @@ def _distance(nlp: Transcription, x: Array, z: Array) -> Array:
 
 
 def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:
-    """Return the residuals of L = f + y . c - w . d - z . x with bounds on x."""
+    """Return the residuals of L = f + y . c - w . d - z . x at x, shape (n,), with bounds on x."""
     slope = nlp.lagrangian_gradient(x, duals.y, duals.w)
     # Steepness matters in proportion to how far an unknown can usefully move.
     reach = np.ones(nlp.n)
@@ -70,7 +70,7 @@ def with_bounds(nlp: Transcription, x: Array, y: Array, w: Array) -> Duals:
 
 
 def violation(nlp: Transcription, x: Array) -> float:
-    """Largest violation of any constraint or bound."""
+    """Largest violation of any constraint or bound at x, shape (n,), relative to their sizes."""
     x = np.ascontiguousarray(x)
     return missed_by(x, nlp.lower, nlp.upper, nlp.equality(x), nlp.inequality(x))
 

@@ -57,7 +57,8 @@ class KKTLayout:
         first: NDArray[np.int32],
         patterns: Iterable[NDArray[np.int32]],
     ) -> KKTLayout:
-        """``patterns`` are those of H and A: starts of rows and columns of both."""
+        """Lay K out for places (n + n_eq + n_in,) and first positions of pivots (pivots + 1,);
+        ``patterns`` are those of H and A: starts of rows and columns of both."""
         size = int((place >= 0).sum())
         arrays = kkt_pattern(place, size, *patterns)
         factorisation = Factorisation(first, arrays["start"], arrays["row"])
@@ -69,8 +70,8 @@ class KKTLayout:
 
 
 def pivots(nlp: Transcription) -> tuple[Index, Index]:
-    """Return the indices of K in elimination order and the first position of each pivot; the
-    rest is the final group."""
+    """Return the indices of K in elimination order, shape (size,), and the first position of each
+    pivot, shape (pivots + 1,); the rest is the final group."""
     lay, n, m = nlp.layout, nlp.n, nlp.n_eq + nlp.n_in
     members: list[tuple[Index, Index, Index]] = []  # indices in K, the second -1 for none, and key
 

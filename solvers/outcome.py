@@ -79,7 +79,7 @@ class Options:
     progress: Callable[[Iteration], object] | None = None  # called after every iteration
 
     def after(self, iterations: int) -> Options:
-        """What is left after some iterations, which are counted on."""
+        """The options that are left after some iterations, which are counted on."""
         left, tell = max(self.iterations - iterations, 1), self.progress
         if tell is None or not iterations:
             return replace(self, iterations=left)
@@ -105,7 +105,8 @@ class Duals:
 
     @classmethod
     def of_rows(cls, n_eq: int, rows: Array, z: Array) -> Duals:
-        """Multipliers from those of the rows, of which the first n_eq are equations."""
+        """Multipliers from those of the rows (c | d), shape (n_eq + n_in,), of which the first n_eq
+        are equations, and z, shape (n,)."""
         return cls(rows[:n_eq], np.maximum(-rows[n_eq:], 0.0), z)
 
     @property
@@ -125,8 +126,8 @@ class Residuals:
 
 @record(frozen=True, eq=False)
 class Ending:
-    """Where a method ends: its own word of it, a detail for the message, unknowns, multipliers and
-    the number of iterations."""
+    """The end of a method: its own status, a detail for the message, unknowns x, shape (n,),
+    multipliers and the number of iterations."""
 
     status: Status
     detail: str

@@ -37,7 +37,7 @@ LEAST_SHRINK = 0.02
 
 
 class RunContext(Protocol):
-    """What a run needs to know of the descent that it is part of."""
+    """The parts of a descent that each of its runs needs."""
 
     nlp: Transcription
     parts: Partition
@@ -89,12 +89,12 @@ class SlsqpRun:
         return self.setting.elimination.complete(self.x, y) if self._keeps_time(y) else None
 
     def _keeps_time(self, y: Array) -> bool:
-        """Whether no step size has shrunk to a small share of what it was: negative ones would
-        pass for short ones."""
+        """Whether no step size has shrunk to a small share of its value at the start: negative ones
+        would pass for short ones."""
         return bool((y[self._times] > LEAST_SHRINK * self.origin[self._times]).all())
 
     def _along(self, reduced: Reduced, slopes: Array) -> Array:
-        """Derivatives with respect to s of what has the given ones with respect to y."""
+        """Derivatives with respect to s from those with respect to y, shape (..., kept)."""
         return np.asarray(slopes @ self.S)
 
     def _at(self, s: Array) -> _Trial:
@@ -120,14 +120,17 @@ class SlsqpRun:
         """Called when the derivatives at a new point are asked for: SLSQP has accepted it."""
 
     def cost(self, s: Array) -> float:
+        """Cost at the unknowns s of SLSQP, shape (k,)."""
         x = self._at(s).x
         return REFUSED if x is None else self.setting.nlp.cost(x)
 
     def cost_gradient(self, s: Array) -> Array:
+        """Gradient of the cost in s, shape (k,)."""
         reduced = self._derivatives(s)
         return self._along(reduced, reduced.cost)
 
     def equality(self, s: Array) -> Array:
+        """Kept equations at s, shape (kept equations,)."""
         x = self._at(s).x
         rows = self.setting.parts.kept_rows
         return np.full(len(rows), REFUSED) if x is None else self.setting.nlp.equality(x)[rows]
@@ -137,6 +140,7 @@ class SlsqpRun:
         return self._along(reduced, reduced.equality)
 
     def inequality(self, s: Array) -> Array:
+        """Inequalities and bounds of the working set at s, >= 0, shape (working set,)."""
         x = self._at(s).x
         w, nlp = self.working, self.setting.nlp
         if x is None:
@@ -146,6 +150,7 @@ class SlsqpRun:
         )
 
     def inequality_jacobian(self, s: Array) -> Array:
+        """Derivatives of the working set in s, shape (working set, k)."""
         reduced = self._derivatives(s)
         return self._along(reduced, self._working_slopes(reduced))
 
@@ -177,8 +182,8 @@ class SlsqpRun:
         return constraints
 
     def minimise(self, iterations: int, tally: Tally) -> tuple[Array, Array, Array, bool]:
-        """Run SLSQP; return x, multipliers of the kept equations and of the working set, and
-        whether it converged."""
+        """Run SLSQP; return x, shape (n,), multipliers of the kept equations and of the working
+        set, shapes (kept equations,) and (working set,), and whether it converged."""
         self.tally = tally
         constraints = self._constraints()
         if self.working.size:

@@ -33,8 +33,8 @@ SHORTEST_SHARE = 1e-3
 
 
 class Descent:
-    """What runs of SLSQP on one condensed program share: multipliers, working set, metric,
-    equations."""
+    """The state that the runs of SLSQP on one condensed program share: multipliers, working set,
+    metric, equations."""
 
     def __init__(self, nlp: Transcription, x: Array) -> None:
         self.nlp = nlp
@@ -52,7 +52,7 @@ class Descent:
         self._always()
 
     def duals_at(self, x: Array) -> Duals:
-        """All multipliers, with those of the bounds at x."""
+        """All multipliers, with those of the bounds at x, shape (n,)."""
         return with_bounds(self.nlp, x, self.y, self.w)
 
     def residuals_at(self, x: Array) -> Residuals:
