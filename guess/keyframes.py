@@ -104,9 +104,9 @@ def along(problem: Problem, courses: Sequence[Courses], automatic: Array) -> Arr
     """Return unknowns x, shape (n,), along courses, in units of the problem.
 
     ``automatic``, shape (n,), are those for what is not named.  The keyframes of a mapping for all
-    phases are spread over the whole motion, those of a mapping for one phase over this phase.  Times
-    are seconds from the start of the motion.  Where two phases meet, the earlier one that names a
-    coordinate counts.
+    phases are spread over the whole motion, those of a mapping for one phase over this phase.
+    Times are seconds from the start of the motion.  Where two phases meet, the earlier one that
+    names a coordinate counts.
     """
     lay, x = Layout.of(problem), automatic.copy()
     for part in courses:
