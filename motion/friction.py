@@ -53,5 +53,6 @@ def sliding_against(force: float) -> int:
 
 
 def states_of(rates: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.intp]:
-    """The states of tangents by what they move, which stick where that is not above the least."""
+    """The states of friction of tangents with rates of shape (...), which stick where these are not
+    above the ``least``, of the same shape."""
     return np.where(np.abs(rates) > least, np.sign(rates), STICK).astype(np.intp)
