@@ -36,7 +36,8 @@ AFTER = slice(1, None)
 
 
 def against(lay: Layout, phases: Index | slice, product: Product) -> Product:
-    """What friction holds against the directions in which a tangent slides in some phases."""
+    """The product with factors times the directions in which its tangent slides in ``phases``,
+    shape (n,), or a slice: friction acts against these."""
     return product._replace(factors=product.factors * lay.touch.signs[phases, product.tangent])
 
 

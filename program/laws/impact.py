@@ -100,6 +100,7 @@ class ImpactLaw(Law):
 
     @classmethod
     def of(cls, problem: Problem, lay: Layout, touching: Index) -> ImpactLaw:
+        """The law of a problem; ``touching`` are the events that only touch, shape (k,)."""
         count, passages = len(lay.touch.surfaces), lay.hit.passages
         touches = mask_of(count, touching)
         landing = np.array([bool(event.lands) for event in problem.touch.events], dtype=bool)
