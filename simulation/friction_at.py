@@ -16,7 +16,7 @@ BETTER = "state an expression that stays there, or change inputs and parameters"
 
 
 def with_friction(model: Model, y: Array, u: Array, t: Array, on: Sequence[int]) -> Model:
-    """The model with its friction at rows of states (q | v).
+    """The model with its friction at rows (q | v), shape (n, 2 nq), u (n, nu) and times (n,).
 
     Raises
     ------
