@@ -139,7 +139,7 @@ def _course(motion: Trajectory, phase: Phase, quantity: str) -> tuple[Array, Arr
 
 
 def contacts_of(motion: Trajectory) -> dict[str, int]:
-    """All that touches along a motion, and its number."""
+    """Names of all contacts along a motion, with their numbers."""
     names: dict[str, None] = {}
     for phase in motion.phases:
         names |= dict.fromkeys([*phase.closed, *phase.rubbing])
@@ -184,7 +184,7 @@ def _force(phase: Phase, letter: str, name: str) -> Array | None:
 
 
 def _limit(motion: Trajectory, phase: Phase, name: str) -> Array | None:
-    """What friction cannot exceed along a phase."""
+    """Largest friction along a phase, shape (N + 1,), if its contact rubs there."""
     if name not in phase.rubbing or not phase.steps:
         return None
     return motion.friction_limits(phase)[:, list(phase.rubbing).index(name)]

@@ -54,8 +54,8 @@ def _made(motion: Trajectory) -> Scene:
 
 
 def _items(motion: Trajectory, q: Array) -> list[_Item]:
-    """What is drawn of a motion through the positions q: the plane above, a row for each other
-    coordinate below, and the contacts."""
+    """Items to draw of a motion through the positions q, shape (n, nq): the plane above, a row for
+    each other coordinate below, and the contacts."""
     items: list[_Item] = []
     places: dict[int, Place] = {}
     left, height, scale = 0.0, ROW, 1.0
@@ -142,7 +142,7 @@ def _columns(q: Array, *values: Array | float) -> Array:
 
 
 def _place_of(item: _Item) -> Place:
-    """Where a slider is, or the end of a hand."""
+    """The place of a slider, or of the end of a hand."""
     columns = slice(2) if item.kind == "box" else slice(2, 4)
     return lambda q: item.columns(q)[:, columns]
 

@@ -71,7 +71,7 @@ class Take:
 
     @cached_property
     def events(self) -> list[FilmEvent]:
-        """What happens at the end of each phase but the last, where its contacts are then."""
+        """Events at the ends of phases, with the places of their contacts then."""
         motion = self.trajectory
         at = {contact.name: contact for contact in self.scene.contacts}
         sizes = [abs(p) for e in motion.collisions for own in _impulses(e) for p in own.values()]
@@ -103,7 +103,7 @@ class Take:
 
     @cached_property
     def largest(self) -> float:
-        """What the longest arrow of a force stands for, in newton."""
+        """The force that the longest arrow stands for, in newton."""
         phases = [phase for phase in self.trajectory.phases if phase.steps]
         forces = [f for phase in phases for f in (phase.normal, phase.tangential)]
         return max((float(np.abs(f).max(initial=0.0)) for f in forces), default=0.0)
@@ -151,7 +151,7 @@ def _contacts(event: Collision) -> list[str]:
 
 
 def _mark_in_words(event: Collision, name: str) -> str:
-    """What happens to a contact in the word of its event, and its impulses."""
+    """The part of an event's word about a contact, and its impulses."""
     words = [w for w in event.word.split() if w.lstrip("+-").split(":")[0] == name] or [name]
     return " ".join([*words, _in_words(event, name, False)]).strip()
 

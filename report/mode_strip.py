@@ -25,7 +25,7 @@ def strip_height(trajectory: Trajectory) -> float:
 
 
 def _phases(trajectory: Trajectory) -> list[Phase]:
-    """Those that take time."""
+    """Phases that take time."""
     return [phase for phase in trajectory.phases if phase.steps]
 
 

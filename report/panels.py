@@ -71,13 +71,13 @@ def draw_curves(
 
 
 def _dot(panel: Panel, times: Array) -> dict[str, Any]:
-    """How a state after the end is drawn, beside its stroke."""
+    """Style of the dot that marks a state after the end."""
     jumps = panel.quantity in ("v", "p", "quantities") and len(times) == 1
     return {"marker": "o", "markersize": 3.5, "clip_on": False, "zorder": 4} if jumps else {}
 
 
 def _dotted(style: Style, label: str) -> Artist:
-    """What a legend says of dotted lines."""
+    """Entry of the legend for dotted lines."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], color=style.muted, linestyle=DOTS, lw=1.2, label=label)
@@ -113,8 +113,8 @@ def _largest(panel: Panel) -> float:
 
 
 def _limits(axes: Axes, panel: Panel, motion: Trajectory, far: float, style: Style) -> list[Artist]:
-    """What friction cannot exceed as dotted lines behind it, and what they are, with the names of
-    those that lie outside."""
+    """Draw the limits of friction as dotted lines behind it, and return entries of the legend, with
+    the names of those that lie outside."""
     outside = []
     for curve in panel.curves:
         limits = [limit for limit in curve.limits if limit is not None]

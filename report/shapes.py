@@ -38,7 +38,8 @@ class Look(NamedTuple):
 
     @property
     def area(self) -> dict[str, Any]:
-        """Of an area: what is faint has an edge alone, so that others are seen through it."""
+        """Settings of an area: a faint one has an edge alone, so that others are seen through
+        it."""
         inside = self.body if self.strength == 1 else "none"
         look = {"facecolor": inside, "edgecolor": self.edge, "linewidth": 1.2}
         return {**look, "zorder": 2 + self.strength}

@@ -79,7 +79,7 @@ def layout_of(scene: Scene) -> SnapshotGrid:
 
 
 def window_of(scenes: Sequence[Scene]) -> Room:
-    """What snapshots show of the plane."""
+    """The part of the plane that snapshots show."""
     return room_of(scenes, MARGIN, LEAST)
 
 
@@ -160,7 +160,8 @@ def _title(trajectory: Trajectory, phase: int | None) -> str:
 
 
 def _phase(axes: Axes, scene: Scene, phase: int, style: Style, unit: float) -> None:
-    """What stands still once, what moves at times from faint to full, and the ways of masses."""
+    """Draw a phase: shapes that stand still once, those that move at times from faint to full, and
+    the ways of masses."""
     t = scene.times[phase]
     rows = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], SHOTS)).clip(max=len(t) - 1))
     for shape in scene.shapes:

@@ -71,7 +71,7 @@ class Style:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The same as Matplotlib's settings."""
+        """The colours as Matplotlib's settings."""
         written = ("text.color", "axes.labelcolor", "axes.titlecolor", "xtick.color", "ytick.color")
         return {
             **dict.fromkeys(written, self.ink),
@@ -82,7 +82,7 @@ class Style:
 
     @property
     def css(self) -> str:
-        """The same as variables of a page."""
+        """The colours as variables of a page."""
         names = ("paper", "ink", "muted", "grid", "edge", "body", "mass", "hit", "normal",
                  "friction")  # fmt: skip
         colours = {name: getattr(self, name) for name in names} | dict(self.verdicts)

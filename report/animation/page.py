@@ -83,7 +83,7 @@ def document(film: Film) -> dict[str, Any]:
 
 
 def film_room(scenes: Sequence[Scene]) -> Room:
-    """What a film shows of the plane."""
+    """The part of the plane that a film shows."""
     return room_of(scenes, MARGIN, LEAST)
 
 
@@ -148,7 +148,7 @@ def _panel(panel: Panel) -> dict[str, Any]:
 
 
 def rounded(values: Array) -> list[float]:
-    """The numbers of an array of one dimension, to DIGITS digits of the largest."""
+    """The numbers of an array, shape (n,), to DIGITS digits of the largest."""
     largest = float(np.abs(values).max(initial=0.0))
     if not largest:
         return [0.0] * len(values)

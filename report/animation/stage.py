@@ -75,7 +75,7 @@ def stage_of(axes: Axes, take: Take, room: Room, style: Style) -> Drawn:
 
 
 def _banner_text(take: Take, t: float) -> str:
-    """What is told of the event that has just been, where its place is not known."""
+    """Words about the event that has just been, where its place is not known."""
     since = SHOWN * take.trajectory.final_time
     recent = [e for e in take.events if not e["marks"] and e["time"] <= t < e["time"] + since]
     return ": ".join(filter(None, (recent[-1]["word"], recent[-1]["told"]))) if recent else ""
