@@ -41,7 +41,7 @@ class Pushed:
     inputs: Array
 
     def pushed(self, k: int, y: Array) -> Array:
-        """The state after the pushes of step k."""
+        """The state y, shape (2 nq,), after the pushes of step k."""
         nq = self.model.nq
         for time, impulse in self.disturbed.pushes:
             if k * self.h <= time < (k + 1) * self.h:
@@ -50,7 +50,7 @@ class Pushed:
         return y
 
     def input(self, k: int, y: Array) -> Array:
-        """The inputs of step k."""
+        """The inputs of step k, shape (nu,), at a state y, shape (2 nq,)."""
         return np.asarray(self.inputs[k])
 
     def feel(self, k: int, collisions: Sequence[Collision], mode: Mode) -> None:
@@ -68,10 +68,8 @@ class Measured:
 
 @runtime_checkable
 class Steers(Protocol):
-    """What decides on inputs from measured states: a feedback, a planner.
-
-    ``events`` are those that are expected, ``bounds`` those of the inputs, shape (nu, 2).
-    """
+    """A device that decides on inputs from measured states: a feedback, a planner. ``events`` are
+    those that are expected, ``bounds`` those of the inputs, shape (nu, 2)."""
 
     @property
     def events(self) -> Sequence[Collision]: ...
@@ -80,10 +78,10 @@ class Steers(Protocol):
     def bounds(self) -> Array: ...
 
     def begin(self) -> Steers:
-        """The same at the beginning of the motion."""
+        """The device at the beginning of the motion."""
 
     def fits(self, motion: Trajectory) -> bool:
-        """Whether it is one of a motion."""
+        """Whether the device is made for a motion."""
 
     def span(self, phase: int) -> tuple[float, float]:
         """When a phase is expected to begin and to end."""
@@ -107,7 +105,7 @@ class Controller(Pushed):
         self.random = np.random.default_rng(self.disturbed.seed)
 
     def input(self, k: int, y: Array) -> Array:
-        """The inputs of step k."""
+        """The inputs of step k, shape (nu,), at a state y, shape (2 nq,), which is measured."""
         noise, t = self.disturbed.noise, k * self.h
         seen = y + noise * self.random.standard_normal(len(y)) if noise.any() else y
         self.measured.append(Measured(self.phase, t, seen))
@@ -155,7 +153,7 @@ class Controller(Pushed):
 
 
 def digest_of(motion: Trajectory) -> str:
-    """What tells a motion from others: its model, parameters, nodes and inputs."""
+    """Digest of a motion: of its model, parameters, nodes and inputs."""
     digest = sha256(motion.fingerprint.encode())
     digest.update(repr(sorted(motion.parameters.items())).encode())
     for phase in motion.phases:

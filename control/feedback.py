@@ -117,11 +117,11 @@ class Feedback(Shown):
         return follow(guide, number(t, "t", SimulationError))
 
     def begin(self) -> Feedback:
-        """Itself: it keeps nothing of a motion."""
+        """The feedback itself: it keeps nothing of a motion."""
         return self
 
     def fits(self, motion: Trajectory) -> bool:
-        """Whether it is one of a motion."""
+        """Whether the feedback is made for a motion."""
         return self.motion == digest_of(motion)
 
     def span(self, phase: int) -> tuple[float, float]:
@@ -192,7 +192,7 @@ def _rows(f: Feedback) -> Iterator[tuple[Cell, ...]]:
 
 
 def follow(guide: Guide, t: float) -> tuple[Array, Array, Array]:
-    """State, inputs and gains of a phase at a time."""
+    """State, inputs and gains of a phase at a time, shapes (2 nq,), (nu,) and (nu, 2 nq)."""
     t = min(max(t, guide.t[0]), guide.t[-1])
     k = min(int(np.searchsorted(guide.t, t, side="right")) - 1, len(guide.t) - 2)
     h = guide.t[k + 1] - guide.t[k]

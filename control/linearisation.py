@@ -52,6 +52,7 @@ class LinearPhase:
 
     @property
     def h(self) -> Array:
+        """Durations of the intervals in seconds, shape (m,)."""
         return np.diff(self.t)
 
     def transitions(self) -> Array:
@@ -169,7 +170,8 @@ def state_slopes(motion: Motion, mode: Mode, y: Array, u: Array, t: Array) -> Ar
 
 
 def input_slopes(motion: Motion, mode: Mode, y: Array, u: Array, t: Array) -> Array:
-    """The same by the inputs, (rows, n, nu)."""
+    """Derivatives of the rates of states (rows, n) by the inputs (rows, nu), at times (rows,),
+    shape (rows, n, nu)."""
     model, nq = motion.model, motion.model.nq
     if mode == FREE and not model.nj:
         q, v = (np.ascontiguousarray(part) for part in (y[:, :nq], y[:, nq:]))
@@ -208,7 +210,8 @@ def input_sizes(motion: Motion) -> Array:
 
 
 def projection(motion: Motion, mode: Mode, y: Array, t: Array) -> Array:
-    """What remains of deviations from states where the conditions of a mode hold, (rows, n, n)."""
+    """Derivatives of states, moved to where the conditions of a mode hold, by states y, shape
+    (rows, n), at times (rows,); shape (rows, n, n)."""
     if mode == FREE and not motion.model.nj:
         return np.broadcast_to(np.eye(y.shape[1]), (len(y), y.shape[1], y.shape[1]))
     return central_differences(
@@ -264,8 +267,8 @@ def timed_inputs_at(motion: Motion, i: int) -> Array:
 
 
 def _sooner(motion: Motion, i: int, at: tuple[Array, Array, Array], f: Array) -> Array:
-    """By how much event i comes sooner for each deviation of the state before it, shape (n,); zero
-    where it comes at its time, or where nothing depends on that."""
+    """Derivatives of the time by which event i comes sooner by the state before it, shape (n,);
+    zero where it comes at its time, or where nothing depends on that."""
     p, unit, (y, u, t) = motion.passages[i], state_sizes(motion), at
     value = _ends(motion, i)
     if value is None:
@@ -289,9 +292,9 @@ def _sooner(motion: Motion, i: int, at: tuple[Array, Array, Array], f: Array) ->
 
 
 def _ends(motion: Motion, i: int) -> Callable[[Array, Array, Array], Array] | None:
-    """What is zero when event i happens, of rows of states, inputs and times, shape (rows, 1); None
-    where the accelerations on both sides are the same then, as where a contact opens without a
-    force, or where the inputs jump."""
+    """A function of rows of states, inputs and times that is zero when event i happens, shape
+    (rows, 1). None where the accelerations on both sides are the same then, as where a contact
+    opens without a force, or where the inputs jump."""
     p, model, nq = motion.passages[i], motion.model, motion.model.nq
 
     def parts(y: Array) -> tuple[Array, Array]:

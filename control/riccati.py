@@ -35,7 +35,7 @@ class Weights:
 
 
 def hamiltonian(phase: LinearPhase, w: Weights) -> Array:
-    """What the intervals of a phase make of (dy, P dy), shape (m, 2 n, 2 n)."""
+    """Matrices that carry (dy, P dy) through the intervals of a phase, shape (m, 2 n, 2 n)."""
     n = len(w.unit)
     A = phase.A / w.unit[:, None] * w.unit
     B = phase.B / w.unit[:, None] * w.input_unit
@@ -101,7 +101,8 @@ def periodic_sweep(
 
 
 def _stable(P_along: list[Array], held: Array) -> list[Array]:
-    """What was found, if the deviation after a period by that before it does not grow."""
+    """The matrices P along the phases, if deviations do not grow in a period, by ``held``, shape
+    (n, n); raise SimulationError if they do."""
     grows = float(np.abs(np.linalg.eigvals(held)).max())
     if grows < HELD:
         return P_along
