@@ -87,7 +87,7 @@ class Archive:
             raise Refused(f"its member {TEXT!r} is no text") from None
 
     def array(self, name: str, shape: tuple[int, ...]) -> Array:
-        """Return an array, which must have the shape."""
+        """Return an array, which must have the shape (...) that is given."""
         content = self._read(f"{name}.npy", 8 * math.prod(shape) + LONGEST_START)
         start = NUMPY.match(content)
         if start is None:

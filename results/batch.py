@@ -119,12 +119,12 @@ class Batch(Shown, Saved):
 
     @property
     def solved(self) -> NDArray[np.bool_]:
-        """Where a local minimum was found that nothing contradicts, shape (n,)."""
+        """Rows for which a local minimum was found that nothing contradicts, shape (n,)."""
         return np.array([s == Status.SOLVED for s in self.status], dtype=bool)
 
     @property
     def tried(self) -> int:
-        """How many problems were tried."""
+        """Number of problems that were tried."""
         return len(self) - self.status.count(NOT_TRIED)
 
     @property
@@ -134,12 +134,12 @@ class Batch(Shown, Saved):
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many rows have each status."""
+        """Number of rows with each status."""
         return dict(Counter(self.status))
 
     @property
     def noun(self) -> str:
-        """What happens between the phases: "collision" where all are hits, else "event"."""
+        """Noun for the events between the phases: "collision" where all are hits, else "event"."""
         return noun_of(word for row in self.collisions for word in row.split(APART))
 
     def columns(self) -> dict[str, Sequence[Any]]:

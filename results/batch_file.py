@@ -54,7 +54,7 @@ class Repeated:
 
 
 def _wrong(batch: Batch) -> str | None:
-    """What of a batch does not fit together."""
+    """A sentence about columns of a batch that do not fit together."""
     n = len(batch)
     columns = [batch.cost, batch.final_time, batch.collision_times, batch.impulses]
     columns += [batch.iterations, batch.seconds, *batch.varied.values(), *batch.design.values()]

@@ -21,7 +21,7 @@ RESULTS = re.compile(
 
 
 def table_of_batch(batch: Batch) -> Table:
-    """What was given and found, one row for each problem."""
+    """Table of the problems of a batch and their results, one row for each."""
     times = [f"{batch.noun} {i + 1} [s]" for i in range(batch.collision_times.shape[1])]
     rows = []
     for i, status in enumerate(batch.status[:MOST_ROWS]):
@@ -48,10 +48,10 @@ def table_of_batch(batch: Batch) -> Table:
 
 
 def counted(batch: Batch) -> str:
-    """How many rows have each status."""
+    """The numbers of rows with each status, in words."""
     return ", ".join(f"{n} {status}" for status, n in batch.counts.items())
 
 
 def column_of(name: str) -> str:
-    """What the column of something that a sweep varies is called in a table."""
+    """Name of the column of a swept value in a table."""
     return f"parameter {name}" if RESULTS.fullmatch(name) else name

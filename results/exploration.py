@@ -13,8 +13,9 @@ FEW_UNSEEN, MORE = 0.1, 4
 
 
 def exploration_in_words(s: Solution) -> str:
-    """How many starts have led to a solution, from which one on, and to what else; how likely a
-    further one leads to another minimum, and what tries more where that is more than little."""
+    """A sentence about the starts: how many have led to a solution, from which one on, and to what
+    else. It says how likely a further one leads to another minimum, and, where that is more than
+    little, what tries more."""
     several, other = len(s.others), "other " if s.agreeing_starts else ""
     minima = f"one {other}minimum" if several == 1 else f"{several} {other}minima"
     if not s.agreeing_starts:
@@ -50,7 +51,7 @@ def _unseen_in_words(s: Solution) -> str:
 
 
 def exploration_of(s: Solution) -> dict[str, Any]:
-    """The same as plain data, as JSON has it."""
+    """The outcome of the starts as plain data, as JSON has it."""
     return {
         "starts": s.starts,
         "found": s.agreeing_starts,

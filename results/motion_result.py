@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @public(MotionError)
 class MotionResult:
-    """What has a motion: a solution or a simulation."""
+    """A result that has a motion: a solution or a simulation."""
 
     trajectory: Trajectory
 

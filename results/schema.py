@@ -248,6 +248,7 @@ class ShortArray:
         return Listed(self.kind).write(np.asarray(value).tolist(), where, put)
 
     def read(self, data: Any, where: str, context: Context) -> Array:
+        """Read a short array, shape (size,)."""
         return np.array(Listed(self.kind, self.size).read(data, where, context), dtype=float)
 
 
@@ -292,6 +293,7 @@ class Stored:
         return list(array.shape)
 
     def read(self, data: Any, where: str, context: Context) -> Array:
+        """Read an array of one or two dimensions, shape (n,) or (n, m), from the archive."""
         shape = Listed(Whole()).read(data, f"the shape of {where}", context)
         sizes = self.shape or (None,) * len(shape)
         if len(shape) != len(sizes) or not 1 <= len(shape) <= 2:

@@ -77,7 +77,7 @@ class Together:
 
 
 def _wrong_phases(rows: dict[str, Any]) -> str | None:
-    """What of the rows of phases does not fit together."""
+    """A sentence about rows of phases that do not fit together."""
     nodes = rows["nodes"]
     if not len(nodes) or {len(rows[modes]) for modes in FORCES.values()} != {len(nodes)}:
         return "its phases have no modes"
@@ -95,7 +95,7 @@ def _wrong_phases(rows: dict[str, Any]) -> str | None:
 
 
 def _wrong(simulation: Simulation) -> str | None:
-    """What of a simulation does not fit together."""
+    """A sentence about parts of a simulation that do not fit together."""
     motion = simulation.trajectory
     columns = (simulation.normal.shape[1], simulation.tangential.shape[1])
     if columns != (len(motion.restitution), len(motion.friction)):

@@ -46,7 +46,7 @@ INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have insi
 
 @np.errstate(all="ignore")
 def _wrong_motion(motion: Trajectory) -> str | None:
-    """What of a motion does not fit together."""
+    """A sentence about parts of a motion that do not fit together."""
     if not motion.coordinates:
         return "the motion has no coordinate"
     if len(motion.collisions) != len(motion.phases) - 1:
@@ -75,7 +75,7 @@ def _wrong_motion(motion: Trajectory) -> str | None:
 
 
 def _wrong_joints(motion: Trajectory) -> str | None:
-    """Where the phases of a motion and its collisions do not meet in time."""
+    """A sentence about phases and collisions of a motion that do not meet in time."""
     near = SAME * motion.final_time
     ends = [0.0, *(float(phase.t[-1]) for phase in motion.phases)]
     for i, (phase, end) in enumerate(zip(motion.phases, ends, strict=False)):
@@ -90,7 +90,7 @@ def _wrong_joints(motion: Trajectory) -> str | None:
 
 
 def _wrong_solution(solution: Solution) -> str | None:
-    """What of a solution does not fit together."""
+    """A sentence about parts of a solution that do not fit together."""
     for name, value in solution.design.items():
         if solution.trajectory.parameters.get(name) != value:
             return f"the design {name} = {value:g} is not that of the motion"
@@ -129,7 +129,7 @@ SIGN = Choice((-1, 0, 1))  # of friction
 
 
 def _wrong_contacts(phase: Phase) -> str | None:
-    """What of the contacts of a phase does not fit together."""
+    """A sentence about contacts of a phase that do not fit together."""
     for kind, names in zip(FORCES, (phase.closed, phase.rubbing, phase.joints), strict=True):
         for rows, places in (
             (getattr(phase, kind), len(phase.t)), (phase.inside(kind), len(phase.q_inside)),

@@ -39,7 +39,7 @@ DOTS = 150  # of pictures, to the inch
 
 
 def report(solution: Solution, path: Path) -> None:
-    """What :meth:`dmoc.Solution.report` writes, as bytes for its ending."""
+    """Write the report of a solution in the format of the path's ending."""
     from dmoc.base.files import write_whole
 
     ending = path.suffix.lower()
@@ -50,7 +50,7 @@ def report(solution: Solution, path: Path) -> None:
 
 
 def title_of(solution: Solution) -> str:
-    """What the report is called."""
+    """Title of the report."""
     return f"{solution.trajectory.model}: {solution.status}, cost {solution.cost:.7g}"
 
 
@@ -73,7 +73,7 @@ def tables(solution: Solution) -> Iterator[Table]:
 
 
 def _stability(solution: Solution) -> Table:
-    """What the motion makes of small deviations, or why nobody knows."""
+    """Table of the growth of small deviations, or of the reason why it is not known."""
     try:
         return solution.stability().summary()
     except SimulationError as error:
@@ -81,7 +81,7 @@ def _stability(solution: Solution) -> Table:
 
 
 def _stated(motion: Trajectory) -> Iterator[tuple[Cell, ...]]:
-    """What of the problem the motion knows."""
+    """Rows of the report about the problem, as far as the motion knows it."""
     motion = without_rounding(motion)
     sequence = ", ".join(c.word for c in motion.collisions)
     yield "model", motion.model

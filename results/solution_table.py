@@ -19,7 +19,7 @@ MOST_OTHERS = 5  # minima that are listed
 
 
 def table_of_solution(solution: Solution) -> Table:
-    """What was found, and how."""
+    """Table of a solution: its outcome, motion, other minima and evidence."""
     rows = (
         *_outcome(solution),
         *_motion(solution),
