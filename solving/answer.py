@@ -56,7 +56,7 @@ def best_answer(problem: Problem, guess: InitialGuess, request: Request) -> Solu
 
 
 def _leaving_open(answer: Solution, case: Case) -> Solution:
-    """What a minimum does not determine."""
+    """The answer with a note on what its minimum does not determine."""
     problem = case.problem
     if not (answer.minimum and problem.lasting and problem.phases > 1):
         return answer
@@ -70,12 +70,12 @@ def _sharing_forces(answer: Solution, case: Case) -> Solution:
 
 
 def _exploring(answer: Solution, case: Case) -> Solution:
-    """Where its starts have led."""
+    """The answer with a note on where its starts have led."""
     return saying(answer, exploration_in_words(answer)) if answer.starts else answer
 
 
 def _wanting_events(answer: Solution, case: Case) -> Solution:
-    """That events may lead to a motion where a sequence has none."""
+    """The answer with a note that events may lead to a motion where a sequence has none."""
     wants = answer.status is Status.INFEASIBLE and _may_touch(case.problem)
     return saying(answer, NO_EVENT) if wants else answer
 

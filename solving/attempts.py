@@ -51,19 +51,19 @@ class Attempt:
         return self.nlp.cost(self.outcome.x)
 
     def counting(self, iterations: int) -> Attempt:
-        """The same with another number of iterations."""
+        """The same attempt with another number of iterations."""
         return replace(self, outcome=replace(self.outcome, iterations=iterations))
 
     def after(self, iterations: int) -> Attempt:
-        """The same with iterations before its own."""
+        """The same attempt with iterations before its own."""
         return self.counting(iterations + self.outcome.iterations)
 
     def ending(self, status: Status) -> Attempt:
-        """The same with another status."""
+        """The same attempt with another status."""
         return replace(self, outcome=replace(self.outcome, status=status))
 
     def saying(self, more: str) -> Attempt:
-        """The same with something more in the detail of its message."""
+        """The same attempt with something more in the detail of its message."""
         detail = "; ".join(filter(None, (self.outcome.detail, more)))
         return replace(self, outcome=replace(self.outcome, detail=detail))
 
@@ -108,7 +108,7 @@ def _taken_over(
     options: Options,
     methods: tuple[Method, Method],
 ) -> Attempt:
-    """What a second method gets to after a first; the end as it was where that gets nowhere."""
+    """The attempt of a second method after a first one; the first end where that gets nowhere."""
     first, second = methods
     count = before.outcome.iterations
     solver = LocalSolver(programs, _with(second.minimise(), None))
@@ -155,7 +155,7 @@ class LocalSolver:
 
     @classmethod
     def compiled(cls, programs: Programs) -> LocalSolver:
-        """By the compiled method, from starts without multipliers."""
+        """A solver by the compiled method, from starts without multipliers."""
         return cls(programs, _with(COMPILED_METHOD.minimise(), None))
 
     def from_points(self, nlp: Transcription, points: Sequence[Array], options: Options) -> Attempt:
@@ -178,7 +178,7 @@ class LocalSolver:
         return min(tried, key=lambda t: t.outcome.left.violation).counting(count)
 
     def minimum(self, nlp: Transcription, x: Array, options: Options) -> Attempt:
-        """Solve from one start to a point that is a minimum to second order, too."""
+        """Solve from one start x, shape (n,), to a point that is a minimum to second order, too."""
         return self.ascertained(self.minimised(nlp, x, options), options)
 
     def ascertained(
@@ -253,7 +253,7 @@ class LocalSolver:
         return (again if confirmed or again.status is Status.INTERRUPTED else best).counting(count)
 
     def minimised(self, nlp: Transcription, x: Array, options: Options) -> Attempt:
-        """Solve from one start, and settle what has come of it."""
+        """Solve from one start x, shape (n,), and settle what has come of it."""
         return self.settled(nlp, self.minimise(nlp, x, options), options)
 
     def settled(self, nlp: Transcription, outcome: Outcome, options: Options) -> Attempt:

@@ -78,8 +78,8 @@ def _stands_still(nlp: Transcription, motion: Trajectory) -> bool:
 
 
 def _loose(attempt: Attempt) -> str:
-    """What is said of a peak that the objective falls with, if it has left its quantity, and of an
-    integral with kinks that it falls with, if it has left its integrand; nothing of others."""
+    """A sentence about a peak above its quantity, or an integral with kinks above its integrand,
+    with which the objective falls; empty without any."""
     nlp, x = attempt.nlp, attempt.outcome.x
     lay, slopes = nlp.layout, nlp.cost_gradient(x)
     peaks = (loose_peaks(nlp, x) > FAR_ABOVE) & (slopes[lay.index_peaks] < 0)
@@ -102,7 +102,8 @@ def _loose(attempt: Attempt) -> str:
 
 
 def _cause(attempt: Attempt) -> str:
-    """What happened, with the detail of the method where no conflict is known."""
+    """A sentence about the end of an attempt, with the detail of the method where no conflict is
+    known."""
     outcome = attempt.outcome
     detail = f" ({outcome.detail})" if outcome.detail and not attempt.conflicts else ""
     return f"{outcome.status.sentence}{detail}"
@@ -120,7 +121,8 @@ def _notes(attempt: Attempt) -> tuple[Note, ...]:
 
 
 def _undefined(attempt: Attempt) -> str:
-    """What has no value where a solve has ended."""
+    """A sentence about functions that have no value where a solve has ended; empty where all have
+    one."""
     nlp, x = attempt.nlp, attempt.outcome.x
     singular = singular_at(nlp, x)
     if singular is not None:

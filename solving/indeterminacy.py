@@ -28,8 +28,9 @@ RESOLVED = 5.0
 
 
 def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = None) -> Note | None:
-    """What the problem leaves open of a minimum, among the durations, the design and, where there
-    is a coarser mesh, the position that has changed most since; None if it determines all that."""
+    """A note on what the problem leaves open of a minimum: among the durations, the design and,
+    where there is a coarser mesh, the position that has changed most since. None if it determines
+    all that."""
     if any(c.grazes for c in fine.collisions):  # they are part of another program
         return None
     nlp, duals = at_solution(problem, fine)

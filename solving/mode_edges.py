@@ -45,7 +45,8 @@ WORTH = 1e-3
 
 
 def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
-    """What to try instead of the sequence of a minimum; None where no contact stays at an edge."""
+    """Proposal of another sequence than that of a minimum; None where no contact stays at an
+    edge."""
     lay, problem = nlp.layout, nlp.problem
     if lay.touch.free:
         return None
@@ -142,8 +143,8 @@ class _Edges:
         return held if len(held) == len(edge.gives) else held[:-1] & held[1:]
 
     def _saved(self, edge: Edge) -> Array:
-        """What the other mode saves in each step, to the node after it, in units of the cost: by
-        all of the friction that could turn, else at the typical rate."""
+        """Costs that the other mode saves in each step, to the node after it, shape (steps,), in
+        units of the cost: by all of the friction that could turn, else at the typical rate."""
         saved = edge.sign * self.outcome.duals.y[edge.gives]
         if edge.turning is not None:
             unit = self.nlp.unit[edge.turning] / self.nlp.row_unit[edge.gives]

@@ -220,7 +220,7 @@ def _words_with(problem: Problem, courses: Mapping[int, Course]) -> Words:
 
 
 def _ways_in_words(answer: Solution, good: int, ways: int, timed: bool) -> str:
-    """What is known of the other courses, each of which had its part of a time limit, if any."""
+    """A sentence about the other courses, each of which had its part of a time limit, if any."""
     words = ", ".join(c.word for c in answer.collisions)
     if not good:
         within = " in its part of the time" if timed else ""

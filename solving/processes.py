@@ -138,7 +138,7 @@ def _interrupts_wait() -> Iterator[None]:
 
 
 def _arrived(task: object) -> None:
-    """In a worker: what a task needs is loaded when it has come."""
+    """Do nothing in a worker: what a task needs is loaded when the task has come."""
 
 
 def _names_script(task: object) -> bool:
@@ -150,7 +150,7 @@ def _names_script(task: object) -> bool:
 
 
 def _without_script(name: str) -> dict[str, Any]:
-    """What a worker is told of the process that starts it, without the caller's script: that may
+    """Data that a worker needs of the process that starts it, without the caller's script: that may
     have no ``if __name__ == "__main__":``, and what it imports takes its time."""
     data = spawn.get_preparation_data(name)
     return {k: v for k, v in data.items() if not k.startswith("init_main")}
@@ -181,7 +181,7 @@ class _WorkerContext(SpawnContext):
 
 
 def _prepare() -> None:
-    """In a worker: Ctrl-C is the caller's business, and a worker does not outlive it."""
+    """Prepare a worker: Ctrl-C is the caller's business, and a worker does not outlive it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, name=WAITS, daemon=True).start()
 

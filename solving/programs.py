@@ -36,7 +36,7 @@ class Programs:
         return self.problem.kernels.compiled
 
     def beside(self) -> Programs:
-        """The same for another thread."""
+        """The same programs for another thread."""
         return replace(self, _made={key: nlp.beside() for key, nlp in self._made.items()})
 
     def program(self, guided: bool = False, touching: Iterable[int] = ()) -> Transcription:

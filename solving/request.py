@@ -45,11 +45,12 @@ class Request:
     refining: Method = METHODS[REFINING]
 
     def within(self, **limits: Any) -> Request:
-        """The same with other options."""
+        """The same request with other options."""
         return replace(self, options=replace(self.options, **limits))
 
     def compiled(self) -> Request:
-        """The same for other meshes: silent, by the compiled method if the problem has one."""
+        """The same request for other meshes: silent, by the compiled method if the problem has
+        one."""
         return replace(self.within(progress=None), method=self.refining)
 
 
@@ -63,7 +64,7 @@ def check_problem(problem: Any, error: type[DmocError] = ProblemError) -> None:
 
 
 def request_of(problem: Problem, keywords: Keywords) -> Request:
-    """What is asked for of a problem, from now on, with its usual method unless one is named; one
+    """The request for a problem, from now on, with its usual method unless one is named; a method
     that cannot solve it is refused."""
     tolerance, loose = keywords.tolerance, keywords.tolerance or LOOSE
     if tolerance is None and problem.steps is None:

@@ -74,7 +74,7 @@ def _turned(problem: Problem) -> Iterator[tuple[str, ...]]:
 
 
 def _turns(mode: Mode, word: str, contacts: Contacts) -> Iterator[str]:
-    """What an event may be instead of a word in a mode: a hit that turns or stops what slides."""
+    """Words that may stand instead of a word in a mode: hits that turn or stop what slides."""
     touch = touch_along(mode, [word], contacts)
     event, friction = touch.events[-1], dict(touch.events[-1].friction)
     if event.hit == NOWHERE or event.course is not None:

@@ -57,7 +57,8 @@ class Starts:
         return Duals(*multiplier_vectors(nlp, self.multipliers))
 
     def or_acting(self, problem: Problem) -> Starts:
-        """The same and, where their inputs change no forces, others behind them whose inputs do."""
+        """The same starts and, where their inputs change no forces, others behind them whose inputs
+        do."""
         changed = [(x, acting(problem, x)) for x in self.points]
         others = tuple(other for x, other in changed if other is not x)
         return replace(self, points=(*self.points, *others))
@@ -135,8 +136,8 @@ def _from_array(problem: Problem, guess: Any) -> Array:
 
 
 def restated(problem: Problem, solution: Solution) -> Array:
-    """Unknowns of a motion in the phases of the problem that it proposes; one that has a phase more
-    begins with a step of the first."""
+    """Unknowns of a motion, shape (n,), in the phases of the problem that it proposes. Where these
+    are one more, the first step becomes a phase."""
     assert solution.proposal is not None
     times, near = np.array(solution.proposal.times), SAME * solution.final_time
     pieces, impulses = list[Piece](), list[float]()

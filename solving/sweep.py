@@ -147,7 +147,7 @@ def sweep(
 
 
 def _axes(problem: Problem, field: str, values_by_name: Mapping[Any, Iterable[Any]]) -> list[Axis]:
-    """What is varied of one field."""
+    """Axes of a sweep over values of one field."""
     parameters = problem.kernels.parameters, "parameter"
     of_model = field in ("parameters", "design")
     names, what = parameters if of_model else names_in(problem, field)

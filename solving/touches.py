@@ -47,7 +47,8 @@ def suspects(nlp: Transcription, x: Array) -> Index:
 
 
 def pushed(nlp: Transcription, x: Array, at: Index) -> Array:
-    """A touch with some impulse, to look for a collision from."""
+    """The unknowns x, shape (n,), of a touch with some impulse at events ``at``, shape (k,), to
+    look for a collision from."""
     x = x.copy()
     x[nlp.layout.impact.lam[at]] = PUSH
     return x
@@ -145,12 +146,13 @@ def _in_stages(
 
 
 def _closing(A: Array, mu: float, friction: int) -> float:
-    """What changes the rate of separation per normal impulse, while the contact slides or
-    sticks."""
+    """Change of the rate of separation per normal impulse, while the contact slides or sticks, for
+    the response A, shape (2, 2)."""
     along = -friction * mu if friction else -A[0, 1] / A[1, 1]
     return float(A[0, 0] + along * A[0, 1])
 
 
 def _turning(A: Array, mu: float, s: int) -> float:
-    """What changes the sliding velocity per normal impulse, while the contact slides."""
+    """Change of the sliding velocity per normal impulse, while the contact slides, for the response
+    A, shape (2, 2)."""
     return float(A[0, 1] - s * mu * A[1, 1])

@@ -153,8 +153,8 @@ def _running_away(
 def _running(
     problem: Problem, answer: Solution
 ) -> Iterator[tuple[str, Callable[[float], Problem], float, float]]:
-    """What may have run away: its name, the problem with a limit of it, its size in a first motion,
-    and how far it is."""
+    """Quantities that may have run away: the name, the problem with a limit of it as a function of
+    the limit, its size in a first motion, and how far it is now."""
     scale, kernels = scale_of(problem, initial_guesses(problem)[0].x), problem.kernels
     first, start = answer.phases[0], problem.start_bounds
     inputs = np.max([np.abs(phase.u).max(axis=0, initial=0.0) for phase in answer.phases], axis=0)

@@ -39,7 +39,7 @@ class Work(Generic[Task, Answer]):
     seconds: Callable[[Task], float]  # the limit of a task
 
     def deadline(self, task: Task) -> Deadline:
-        """That after which the worker of a task that begins now hangs."""
+        """The deadline after which the worker of a task that begins now counts as hanging."""
         return Deadline.after(HANGS_AFTER * self.seconds(task) + GRACE)
 
     def late(self, task: Task) -> Answer:

@@ -68,7 +68,7 @@ def _left(last: float, before: float | None, ratios: Sequence[int], order: int) 
 
 
 def barrier(s: Solution) -> float:
-    """What the solver's barrier has left of the cost, relative to it."""
+    """Cost that the solver's barrier has left, relative to the cost."""
     return s.duality_gap / max(abs(s.cost), _little(s))
 
 
@@ -105,7 +105,7 @@ def _ratios(coarse: Solution, fine: Solution) -> list[int]:
 
 
 def _ratio(coarse: Solution, fine: Solution) -> int:
-    """That of the phases that are refined."""
+    """The largest ratio of steps among the phases that are refined."""
     return max(_ratios(coarse, fine))
 
 

@@ -58,7 +58,7 @@ def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Sol
 
 
 def _cheapest(confirmed: Sequence[Solution]) -> str:
-    """What the cheapest of some minima that are confirmed costs, in a sentence."""
+    """A sentence with the cost of the cheapest of some confirmed minima."""
     best = min(confirmed, key=lambda s: s.cost)
     grazes = ", but one of its collisions has no effect" if best.status is Status.GRAZES else ""
     return f"the best minimum that is confirmed costs {best.cost:.6g}{grazes}"

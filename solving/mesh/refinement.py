@@ -60,12 +60,13 @@ class Level:
 
     @property
     def path_excess(self) -> float:
-        """By how much path constraints are exceeded, between the nodes too, where that is known."""
+        """Largest excess of path constraints, between the nodes too, where that is known; else
+        zero."""
         v = self.solution.verification
         return np.nan_to_num(v.path_excess) if v else 0.0
 
     def checked(self, check: Check) -> Level:
-        """The same with the result of the simulation."""
+        """The same level with the result of the simulation."""
         return self if self.simulated is not None else replace(self, solution=check(self.solution))
 
 
@@ -242,8 +243,9 @@ def _measured(
 
 
 def _left_open(past: History, problem: Problem) -> Note | None:
-    """What the problem leaves open of a motion whose cost is settled; where nothing is seen to be
-    open, durations and positions that finer and finer meshes do not settle."""
+    """A note on what the problem leaves open of a motion whose cost is settled. Where nothing is
+    seen to be open, it is about durations and positions that finer and finer meshes do not
+    settle."""
     fine, coarse = past.last.solution, past.levels[-2].solution
     note = undetermined(problem, fine, coarse)
     if note or not _idle([level.errors.motion for level in past.levels]):
@@ -261,7 +263,7 @@ def _idle(errors: list[float]) -> bool:
 
 
 def _next(past: History, tolerance: float, problem: Problem) -> tuple[str, list[int]]:
-    """What speaks against a finer mesh, and its steps."""
+    """The reason against a finer mesh, empty for none, and the steps of that mesh."""
     settled = [level.solution for level in past.levels if level.errors.cost <= tolerance]
     contradicted = [s.verification for s in settled if s.status is Status.NOT_VERIFIED]
     if len(contradicted) > CONTRADICTED and contradicted[-1]:

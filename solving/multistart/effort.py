@@ -50,8 +50,8 @@ class Effort:
     def of(
         cls, starts: int | None, seed: int, verifies: bool = True, most: int | None = None
     ) -> Effort:
-        """As many starts as it seems to take, perhaps so many at most beside a motion that is
-        known, or a given number."""
+        """The effort of a given number of starts, or else of as many as it seems to take, perhaps
+        with a largest number ``most`` beside a motion that is known."""
         widens, most = starts is None and most is None, cls.most if most is None else most
         return cls(widens=widens, most=most, total=starts, seed=seed, verifies=verifies)
 
@@ -86,7 +86,7 @@ def met_by_cost(minima: Sequence[Basin]) -> NDArray[np.intp]:
 
 
 def unseen_share(counts: NDArray[np.intp]) -> float:
-    """Estimated share of further starts, of those that lead to a minimum, that lead to one of
-    another cost than those met so far so many times each: the share of costs met once (Good 1953,
-    after Turing), as if one more had been."""
+    """Estimated share of further starts that lead to a minimum of another cost, among those that
+    lead to one (Good 1953, after Turing): the share of costs met once, as if one more had been.
+    ``counts`` are the starts that have met each cost, shape (costs,)."""
     return float((np.count_nonzero(counts == 1) + 1) / (counts.sum() + 2))

@@ -39,7 +39,7 @@ STARTING, SEEKING = 0.5, 0.9
 
 @record(frozen=True, eq=False)
 class Exploration:
-    """What the starts have led to."""
+    """The minima to which starts have led, and how they ended."""
 
     ranked: tuple[Ranked, ...]  # on the ranking mesh, the best first: confirmed ones before others
     coarse: tuple[Basin, ...]  # that were not refined, or could not be
@@ -77,9 +77,9 @@ def explored(
     points: Mapping[str, Array] | None = None,
 ) -> Exploration:
     """Look for minima from many starts, which have half of the time, and more as long as none leads
-    to a motion; ``points`` are further ones by name, unknowns of the problem on its coarse mesh.
-    Where all minima go through what path constraints forbid, between the nodes of any mesh, they
-    are looked for on a finer one.  An interrupted solve raises KeyboardInterrupt."""
+    to a motion. ``points`` are further ones by name, unknowns of the problem on its coarse mesh,
+    shape (n,). Where all minima go through what path constraints forbid, between the nodes of any
+    mesh, they are looked for on a finer one. An interrupted solve raises KeyboardInterrupt."""
     options = replace(options, progress=None)
     starting, seeking = (options.deadline.share(share) for share in (STARTING, SEEKING))
     mesh, points = coarse_of(problem), points or {}
@@ -109,7 +109,7 @@ def _explored(
     latest: tuple[Deadline, Deadline],
     points: Mapping[str, Array],
 ) -> Exploration:
-    """What starts on a coarse mesh lead to, with the times that they have."""
+    """The exploration of starts on a coarse mesh, with the times that they have."""
     refinements, (starting, seeking) = Refinements(problem), latest
     within = replace(options, deadline=starting)
     rounds = Rounds.begun(refinements, coarse, effort, within, seeking, points)

@@ -48,24 +48,24 @@ class Basin:
 
     @property
     def touches(self) -> bool:
-        """Whether a collision of it has no effect."""
+        """Whether a collision of the minimum has no effect."""
         return bool(self.attempt.nlp.laws.impact.touching.any())
 
     @property
     def motion(self) -> Array:
-        """Its unknowns, in units of the problem."""
+        """Unknowns of its minimum, shape (n,), in units of the problem."""
         return self.attempt.nlp.physical(self.attempt.outcome.x)
 
     def met_by(self, other: Basin) -> Basin:
-        """The same with the starts of another one."""
+        """The same minimum with the starts of another one beside its own."""
         return replace(self, starts=self.starts + other.starts, far=self.far + other.far)
 
     def on_mesh_of(self, attempt: Attempt) -> Basin:
-        """The same minimum on another mesh, where it is an attempt."""
+        """The same minimum on another mesh, where ``attempt`` has found it."""
         return replace(Basin.of(attempt, self.first), starts=self.starts, far=self.far)
 
     def beside(self, other: Attempt) -> Basin:
-        """The same with another way, if it is one."""
+        """The same minimum with another way of the same cost, if it is a new one."""
         ways = (self.attempt, *self.ways)
         is_new = len(self.ways) < MOST_WAYS and not any(_same_places(way, other) for way in ways)
         return replace(self, ways=(*self.ways, other)) if is_new else self
@@ -75,7 +75,8 @@ class Basin:
         return self.at_most(other) and other.at_most(self)
 
     def at_most(self, other: Basin, share: float = SAME_COST) -> bool:
-        """Whether it costs the same as another one or less, within a share of the cost's size."""
+        """Whether the minimum costs the same as another one or less, within a share of the cost's
+        size."""
         size = max(abs(self.cost), self.attempt.nlp.scale.cost)
         return self.cost - other.cost <= share * size
 

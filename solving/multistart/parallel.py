@@ -58,8 +58,8 @@ def _settled(
     options: Options,
     stopped: threading.Event,
 ) -> list[Attempt]:
-    """What becomes of endings, one after the other, until an event; where the time is over, what
-    they would go on with ends at once."""
+    """Attempts that continue endings, one after the other, until an event; where the time is over,
+    each ends at once."""
     nlp, solver, attempts = programs.program(), LocalSolver.compiled(programs), list[Attempt]()
     for ending in endings:
         if stopped.is_set():

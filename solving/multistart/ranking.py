@@ -162,9 +162,9 @@ def _mesh(problem: Problem, coarse: Basin) -> Problem:
 
 
 def _settled(r: Ranked, best: Ranked, options: Options) -> Ranked:
-    """Where the simulation contradicts a minimum, its cost on a finer mesh if it is confirmed
-    there: then the mesh is too coarse, and not the minimum none.  It is no better one if the best
-    that is confirmed costs no more on either mesh, as motions do that switch in other steps."""
+    """A minimum that the simulation contradicts, with its cost on a finer mesh if it is confirmed
+    there: then the mesh is too coarse, and it is a minimum. It is no better one if the best that is
+    confirmed costs no more on either mesh, as motions do that switch in other steps."""
     if r.solution.minimum:
         return r
     fine = _on_finer(r, options)

@@ -101,7 +101,7 @@ class Rounds:
             self.minima = tightened(self.coarse, self.natural, effort.seed, later)
 
     def _next(self) -> tuple[int, int]:
-        """How many random starts the next round has, and how many beside the minima."""
+        """Numbers of random starts of the next round, and of starts beside the minima."""
         effort = self.effort
         if effort.total is None:
             left = max(effort.most - self.random - self.beside, 0)
