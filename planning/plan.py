@@ -89,7 +89,7 @@ def next_event(last: LastPlan) -> Collision | None:
 
 
 def time_left(last: LastPlan, now: float) -> float:
-    """What is left of the motion."""
+    """Seconds that are left of the motion."""
     return max(last.motion.final_time - (now - last.origin), 0.0)
 
 

@@ -213,8 +213,9 @@ class Planner:
         return self.plan
 
     def rests(self) -> Iterator[tuple[float, Transcription, Array, Outcome]]:
-        """For each phase with steps of the motion as it is planned: when it begins, the program of
-        the rest from there, where that starts, and how it ends."""
+        """Rests of the planned motion, for each phase with steps: when the phase begins, the
+        program of the rest from there, the unknowns from which it starts, shape (n,), and how it
+        ends."""
         for i, phase in enumerate(self._first.motion.phases):
             if phase.steps:
                 begin = float(phase.t[0])
@@ -245,7 +246,7 @@ class Planner:
         return other
 
     def fits(self, motion: Trajectory) -> bool:
-        """Whether it begins with a motion."""
+        """Whether the planner begins with a motion."""
         return digest_of(motion) == digest_of(self._planned.trajectory)
 
     def span(self, phase: int) -> tuple[float, float]:
@@ -254,8 +255,9 @@ class Planner:
         return self._last.origin + float(own.t[0]), self._last.origin + float(own.t[-1])
 
     def steer(self, phase: int, t: float, h: float, measured: Measured | None) -> Array:
-        """The inputs of the plan in the middle of the h seconds from t on, after a new one where
-        that is due: not at the very end, where it would answer to noise alone."""
+        """The inputs of the plan, shape (nu,), in the middle of the h seconds from t on. Where one
+        is due, a new plan is made before: not at the very end, where it would answer to noise
+        alone."""
         due = t >= self._due - h / 2 and self.plan.final_time - t >= LAST * self.every
         if measured is not None and measured.time > 0 and due:
             reached = max(measured.phase, self._last.phase)
