@@ -26,7 +26,7 @@ def checked_feedback(feedback: Any, motion: Trajectory) -> Feedback:
 
 
 def feedback_facts(feedback: Feedback) -> dict[str, Any]:
-    """What the sources of a feedback say: its constants, its phases, its names."""
+    """Facts about a feedback for the templates: its constants, its phases, its names."""
     c, phases = Constants(), list[str]()
     for g in feedback.phases:
         tables = (c.array("double", table) for table in (g.t, g.y, g.u, g.K))

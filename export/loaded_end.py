@@ -68,5 +68,5 @@ class Ends:
 
 
 def address(array: np.ndarray[Any, Any]) -> int:
-    """Where an array begins, which has to outlive the call."""
+    """Address of an array of any shape (...), which has to outlive the call."""
     return int(array.ctypes.data)

@@ -150,7 +150,7 @@ def has_rest(nlp: Transcription, numbers: SolverNumbers) -> bool:
 
 
 def rest_text(c: Constants, nlp: Transcription, numbers: SolverNumbers) -> str:
-    """What a shift to the rest of the motion needs, and random courses."""
+    """Text of the tables for a shift to the rest of the motion, and for random courses."""
     lay, possible = nlp.layout, has_rest(nlp, numbers)
     times = [
         i for i, n in enumerate(numbers.taken)

@@ -63,7 +63,7 @@ class Number:
 
     @property
     def change(self) -> float:
-        """By how much it is changed where it is tried."""
+        """The change of the number with which its effects are found."""
         return self.way * CHANGE * float(2.0 ** np.ceil(np.log2(max(abs(self.value), 1e-3))))
 
     def changed(self, problem: Problem, steps: float) -> Problem:
@@ -110,7 +110,7 @@ def _range(low: float, high: float) -> Any:
 
 
 def _with(whole: Any, way: Sequence[str | int], key: Any, value: Any) -> Any:
-    """What a field has at some place, with one member replaced."""
+    """A field at some place, with one member replaced."""
     for step in way:
         whole = whole[step]
     if isinstance(whole, Mapping):
@@ -140,6 +140,7 @@ class PassResult:
     output: int
 
     def factors(self, data: ProgramData) -> Array:
+        """The factors of a result in a program, shape (entries,)."""
         return passes_of(data)[self.of_pass][self.element].factors[self.output].ravel()
 
 
@@ -198,7 +199,7 @@ def numbers_of(nlp: Transcription) -> SolverNumbers:
 
 
 def _in_short(data: ProgramData, numbers: SolverNumbers) -> SolverNumbers:
-    """The same with the factors alone that are moved, which come last."""
+    """The same numbers with only those factors that are moved, which come last."""
     others = sum(map(len, moved_arrays(data, ())))
     sizes = np.array([r.factors(data).size for r in numbers.results])
     ends, moved = others + np.cumsum(sizes), np.zeros(len(sizes), dtype=bool)

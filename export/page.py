@@ -188,7 +188,7 @@ def _events(layout: Layout, solution: Solution) -> list[dict[str, Any]]:
 
 
 def _parameters(carried: CarriedProgram) -> list[dict[str, Any]]:
-    """Of each parameter of the drawing its value, and the number or the unknown that it is."""
+    """The value of each parameter of the drawing, and the number or the unknown that it is."""
     nlp = carried.nlp
     unknowns = dict(zip(nlp.problem.design, nlp.layout.index_design.tolist(), strict=True))
     numbers = {n.name: i for i, n in enumerate(carried.numbers.taken)}

@@ -222,7 +222,7 @@ def _state(c: Constants, state: FixedState | None, taken: Sequence[Number]) -> s
 
 
 def _places(c: Constants, carried: CarriedProgram, entries: Mapping[str, str]) -> str:
-    """What positions must keep."""
+    """Text of the conditions that positions must keep."""
     nlp = carried.nlp
     kernels, lay, scale, problem = nlp.kernels, nlp.layout, nlp.scale, nlp.problem
     model, q = problem.model, problem.start_position

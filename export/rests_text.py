@@ -41,7 +41,7 @@ def carried_rests(name: str, planner: Planner) -> tuple[list[CarriedProgram], li
 
 
 def rests_facts(rests: Sequence[CarriedProgram], begins: Sequence[float], planner: Planner) -> Any:
-    """What rests.c and the header say."""
+    """Facts about the rests of a motion for rests.c and the header."""
     c, rows = Constants(), list[str]()
     for r, begin in zip(rests, begins, strict=True):
         rows.append(initial(f"&{r.name}_problem", literal(begin)))

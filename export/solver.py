@@ -166,7 +166,7 @@ def solver_files(
     most: int | None,
     feedback: Feedback | None = None,
 ) -> tuple[CarriedProgram, Solution, dict[str, str]]:
-    """What a solver is made of, the solution that it carries, and the texts of its files."""
+    """The program that a solver carries, its solution, and the texts of the solver's files."""
     if not problem.kernels.compiled:
         raise ProblemError(
             f"the kernels of {problem.kernels.name!r} run on NumPy, and a solver in C needs "
@@ -220,8 +220,8 @@ def _new_folder(folder: Any) -> tuple[str, Path]:
 def carried_by(
     name: str, problem: Problem, solution: Solution
 ) -> tuple[CarriedProgram, tuple[int, int]]:
-    """What a solver is made of, and the iterations that it takes from the first motion and from the
-    answer."""
+    """The program that a solver carries, and the iterations that it takes from the first motion and
+    from the answer."""
     _check_verified(solution)
     if not solution.minimum:
         raise ProblemError(
@@ -269,8 +269,8 @@ def _texts(
     others: Sequence[CarriedProgram] = (),
     rests: Mapping[str, Any] | None = None,
 ) -> dict[str, str]:
-    """All files of a folder; those of a planner have other rests than the whole motion, and what
-    it says of them."""
+    """Texts of all files of a folder, by name; a planner has ``others``, rests of the motion, and
+    the facts ``rests`` about them."""
     kernels = sources(carried.nlp.kernels)
     texts = dict(header()) | {name: kernels[name] for name in KERNELS}
     for package, names in PARTS.items():
@@ -342,7 +342,7 @@ def _scratch(nlp: Transcription) -> int:
 
 
 def _facts(carried: CarriedProgram, lines: list[str], counts: tuple[int, int]) -> dict[str, Any]:
-    """What the files say of a problem."""
+    """Facts about a problem for the templates of its files."""
     nlp, name, upper = carried.nlp, carried.name, carried.name.upper()
     blocks, taken, derived = tables_of(nlp), carried.numbers.taken, derived_tables(nlp)
     words = _words([*(b.name for b in blocks), *(t.name for t in derived)])
