@@ -77,8 +77,8 @@ class Candidates(Tree):
                 self.left, self.frontier = [*self.left, *self.frontier], []
 
     def _add(self, node: Node) -> Node:
-        """What the best proposes, where contacts stay at the edges of their modes, joins too, and
-        other ways of what has no motion."""
+        """Add a node. Sequences that the best one proposes, where contacts stay at the edges of
+        their modes, join too, and other ways of sequences without a motion."""
         self.nodes[node.sequence] = node
         self.frontier.remove(node.sequence)
         if node.cost is not None:
@@ -114,7 +114,8 @@ class Candidates(Tree):
         return self._otherwise() or self._neighbours() or self._once_more()
 
     def doubtful(self) -> list[Node]:
-        """Those that promise to be the best by what is worth it."""
+        """Doubtful nodes whose first cost promises that they could be the best by more than a small
+        share."""
         best = self.best()
         if best is None:
             return super().doubtful()
@@ -156,12 +157,12 @@ class Candidates(Tree):
         return best.cost is not None and best.cost > least + DEARER * abs(least)
 
     def _promise(self, ways: Mapping[Words, Folded]) -> None:
-        """Those that relaxed motions may mean join the frontier."""
+        """Let the sequences that relaxed motions may mean join the frontier."""
         self.promised.update(ways)
         self._join_moved(ways)
 
     def _join_moved(self, ways: Mapping[Words, Folded]) -> None:
-        """Those with a motion that a search may try, and has not, join the frontier."""
+        """Let the sequences with a motion that a search may try, and has not, join the frontier."""
         new = {s: way for s, way in ways.items() if self.proposals.fits(s)}
         self.ways = new | self.ways
         seen = {*self.nodes, *self.frontier}
@@ -231,7 +232,8 @@ class Candidates(Tree):
         )  # fmt: skip
 
     def _start(self, problem: Problem, sequence: Words) -> Array | None:
-        """Its relaxed motion, or the one that it has from the best, on its coarse mesh."""
+        """Unknowns, shape (n,), of a sequence's relaxed motion, or of the motion that it has from
+        the best, on its coarse mesh."""
         way = self.proposals.motions.get(sequence, self.ways.get(sequence))
         if way is None or sequence in self.again:
             return None

@@ -26,7 +26,7 @@ def best_of(nodes: Iterable[Node]) -> Node | None:
 
 
 def better(node: Node, other: Node) -> Node:
-    """Of two nodes of one sequence the cheaper confirmed one, else the first with a motion."""
+    """The cheaper confirmed one of two nodes of one sequence, else the first with a motion."""
     return best_of((node, other)) or (node if node.solution is not None else other)
 
 

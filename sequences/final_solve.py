@@ -82,13 +82,13 @@ def _raise_interrupted(answer: Solution) -> None:
 
 
 def _at_most(one: Solution, other: Solution) -> bool:
-    """Whether it costs no more than another one."""
+    """Whether a solution costs no more than another one."""
     return one.cost - other.cost <= SAME_COST * abs(other.cost)
 
 
 def _beside(explored: Solution, alone: Solution) -> Solution:
-    """What a motion leads to alone, and on the coarse mesh no start that is a better one, with what
-    these have led to."""
+    """The solution to which a motion leads alone, with the other minima to which starts have led;
+    no start on the coarse mesh has led to a better one."""
     others = [*explored.others]
     if explored.converged:
         steps, starts = explored.steps, explored.agreeing_starts
@@ -105,8 +105,8 @@ def _beside(explored: Solution, alone: Solution) -> Solution:
 
 
 def _difference(node: Node, answer: Solution) -> list[str]:
-    """How an answer differs from the motion of a node; nothing where it does by less than its own
-    error."""
+    """Sentences on how an answer differs from the motion of a node; none where it differs by less
+    than its own error."""
     if not answer.minimum or node.cost is None:
         return [
             "with the law of impact in the discrete energies, as dmoc.solve has it, this motion is "
@@ -126,7 +126,7 @@ def _difference(node: Node, answer: Solution) -> list[str]:
 
 
 def _is_other(answer: Solution) -> bool:
-    """Whether it is another motion than that of the node."""
+    """Whether the answer is another motion than that of the node."""
     return answer.starts > 0 and answer.first_start != GIVEN
 
 

@@ -59,7 +59,7 @@ class Journal:
         return filled
 
     def _make(self, identity: str) -> None:
-        """All at once: a journal is complete or empty."""
+        """Make all tables at once: a journal is complete or empty."""
         self.database.execute("BEGIN IMMEDIATE")
         for table in TABLES.values():
             self.database.execute(table)

@@ -56,12 +56,13 @@ def neighbours(touch: Touch, motion: Folded, surfaces: Sequence[int]) -> dict[Wo
 
 
 def shorter(touch: Touch, motion: Folded) -> dict[Words, Folded]:
-    """Those with one event less, with their motions."""
+    """Sequences with one event less, with their motions."""
     return dict(words_and_motion(touch.contacts, other) for other in _less(_phases(touch, motion)))
 
 
 def lifting(touch: Touch, motion: Folded) -> dict[Words, Folded]:
-    """Those in which a closed contact lifts while another one lands, as a rocking block does."""
+    """Sequences in which a closed contact lifts while another one lands, as a rocking block does,
+    with their motions."""
     contacts, phases, ways = touch.contacts, _phases(touch, motion), dict[Words, Folded]()
     for i, (before, after) in enumerate(pairwise(phases), 1):
         staying = {*before.mode.closed} & {*after.mode.closed}
@@ -99,7 +100,8 @@ def _phases(touch: Touch, motion: Folded) -> list[EventPhase]:
 
 
 def _hits(phases: list[EventPhase]) -> Iterator[list[EventPhase]]:
-    """One hit of a surface, at which nothing else changes, left out or repeated; two exchanged."""
+    """Phases with one hit of a surface, at which nothing else changes, left out or repeated; or
+    with two exchanged."""
     plain = [False] + [b.event.hit != NOWHERE and a.mode == b.mode for a, b in pairwise(phases)]
     for i, phase in enumerate(phases):
         if plain[i]:
@@ -117,8 +119,8 @@ def _less(phases: list[EventPhase]) -> Iterator[list[EventPhase]]:
 
 
 def _rubbing(phases: list[EventPhase], contacts: Contacts) -> Iterator[list[EventPhase]]:
-    """With other friction after an event, of one contact or of all, and with another course of a
-    hit from the same sliding."""
+    """Phases with other friction after an event, of one contact or of all, or with another course
+    of a hit from the same sliding."""
     for i, phase in enumerate(phases[1:], 1):
         rubbing = phase.mode.rubbing
         at_surfaces = [k for k in rubbing if contacts.supports[k] != RAIL]
@@ -154,7 +156,8 @@ def other_returns(touch: Touch, words: Sequence[str]) -> Iterator[tuple[str, ...
 def _touching(
     phases: list[EventPhase], surfaces: Sequence[int], contacts: Contacts
 ) -> Iterator[list[EventPhase]]:
-    """With a phase in which a surface is open, or closed, that is not before and after it."""
+    """Phases with one more in the middle of another, in which a surface is open, or closed, that is
+    not before and after it."""
     for i, phase in enumerate(phases):
         if len(phase.piece.t) <= FEWEST:
             continue

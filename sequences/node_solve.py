@@ -261,7 +261,7 @@ def _node(task: NodeTask, solutions: Sequence[Solution]) -> Node:
 
 
 def confirmed_at(cost: float) -> str:
-    """That a motion is confirmed, with its cost as it is shown."""
+    """A sentence that a motion is confirmed, with its cost as it is shown."""
     return f"cost {cost:.6g}, confirmed by simulation"
 
 

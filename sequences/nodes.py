@@ -129,7 +129,7 @@ class Node(Shown):
 
 
 def _wrong(node: Node) -> str | None:
-    """What of a node and its solution does not fit together."""
+    """A sentence about parts of a node and its solution that do not fit together."""
     s = node.solution
     if (s is None) != (node.cost is None) or (s is None) != (node.verdict not in WITH_MOTION):
         return "a verdict, its cost and its motion do not fit together"

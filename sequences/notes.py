@@ -17,7 +17,7 @@ MOST_NAMED = 5
 
 
 def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -> tuple[str, ...]:
-    """What limits the answer."""
+    """Notes on what limits the answer."""
     noun = noun_of(word for n in nodes for word in n.sequence)
     notes = []
     if stopped:
@@ -86,7 +86,8 @@ def _note_of_depth(tree: Tree, nodes: Sequence[Node], best: Node | None, noun: s
 
 
 def notes_of_proposals(candidates: Candidates) -> list[str]:
-    """What relaxed motions have proposed, and what of it was not solved."""
+    """Notes on the sequences that relaxed motions have proposed, and on those that were not
+    solved."""
     proposals, best = candidates.proposals, candidates.best()
     every = proposals.ranked()
     some = "; ".join(map(str, every[:MOST_NAMED]))

@@ -37,7 +37,7 @@ WORK = Work(solve_node, lost, _again, lambda task: task.seconds or LONGEST)
 
 
 def here(tasks: Sequence[NodeTask], deadline: Deadline) -> Iterator[Node]:
-    """One after the other in this process, until the deadline."""
+    """Solve tasks one after the other in this process, until the deadline."""
     for task in tasks:
         if deadline.passed:
             return

@@ -110,7 +110,7 @@ class Proposals:
         return self.take(self.relaxation.beside(motion, most, deadline))
 
     def in_detail(self) -> dict[Words, Folded]:
-        """What their motions say step by step, the cheapest first."""
+        """Sequences that the relaxed motions show step by step, the cheapest first."""
         motions = (self.relaxed[p.sequence] for p in self.ranked())
         return dict(self._in_the_problem(motion.in_detail) for motion in motions)
 
@@ -153,8 +153,8 @@ class Proposals:
 
 
 def proposals_of(problem: Problem, settings: Settings, deadline: Deadline) -> Proposals:
-    """What relaxed motions propose: from random starts, and from the cheapest of them, until it
-    stays the cheapest; they have half of the time."""
+    """Sequences that relaxed motions propose: from random starts, and from the cheapest of them,
+    until it stays the cheapest; they have half of the time."""
     deadline = deadline.share(0.5)
     if not problem.kernels.compiled:
         raise SearchError(
@@ -200,7 +200,7 @@ def _nothing_proposed(problem: Problem) -> str:
 
 
 def _cheapest(motions: Iterable[RelaxedMotion | None]) -> Reading | None:
-    """What the cheapest motion says."""
+    """The reading of the cheapest motion."""
     good = [m for m in motions if m is not None]
     return min(good, key=lambda m: m.cost).reading if good else None
 

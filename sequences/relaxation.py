@@ -62,7 +62,7 @@ Point = tuple[tuple[str, ...], Array]
 
 
 def _repeated(order: Sequence[int]) -> int:
-    """How often a surface follows itself."""
+    """Number of times that a surface follows itself."""
     return sum(a == b for a, b in pairwise(order))
 
 
@@ -155,8 +155,8 @@ class Relaxation:
         return bool(self.left_open.surfaces or self.left_open.tangents)
 
     def _starts(self, most: int, seed: int) -> Iterator[Folded]:
-        """Those with hits; every other one has none where contacts close as well, else the first
-        alone."""
+        """Random motions with hits; every other one has none where contacts close as well, else the
+        first alone."""
         plain = self._relaxed(())
         for k in range(0, DRAWN, 2 * MOTIONS):
             numbers = range(k, k + 2 * MOTIONS)
@@ -171,8 +171,8 @@ class Relaxation:
             yield from (m for pair in pairs for m in pair if m is not None)
 
     def _touching(self, folded: Sequence[Folded], most: int) -> list[Folded]:
-        """Those with hits, not more than are allowed, and where these are few others that are bent
-        to one: a motion that falls freely is hardly ever folded."""
+        """The folded motions with hits, at most ``most`` each. Where these are few, others are bent
+        to one hit: a motion that falls freely is hardly ever folded."""
         touching = [m for m in folded if 1 <= len(m.hits) <= most]
         others = (m for m in folded if not m.hits and most)
         bent = (m.hitting(self.problem, 0, j) for m, j in zip(others, cycle(self.mirrors)))
@@ -248,7 +248,7 @@ class Relaxation:
         return RelaxedMotion(nlp, nlp.physical(z), nlp.cost(z) * nlp.scale.cost)
 
     def _programs(self, thread: int, hits: tuple[str, ...]) -> list[Transcription]:
-        """Those of some hits, for eps that falls; a thread has its own."""
+        """Programs for some hits, for eps that falls; a thread has its own."""
         if (thread, hits) not in self._made:
             scale = self._scales[hits]
             near = bool(hits) or not self._closes

@@ -60,12 +60,12 @@ class RelaxedMotion:
 
     @cached_property
     def reading(self) -> Reading:
-        """What it says, without what trembles."""
+        """The sequence that the motion shows, without what trembles."""
         return sequence_in(self, FEWEST)
 
     @property
     def in_detail(self) -> Reading:
-        """What it says step by step."""
+        """The sequence that the motion shows step by step."""
         return sequence_in(self, 1)
 
 

@@ -338,7 +338,7 @@ def _first_tree(problem: Problem, settings: Settings, deadline: Deadline) -> Tre
 
 
 def _result(tree: Tree, stopped: str, seconds: float) -> SearchResult:
-    """What was found, judged as a whole."""
+    """The result of a search, whose nodes are judged as a whole."""
     problem = tree.problem
     whole = [
         replace(

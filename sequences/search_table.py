@@ -57,7 +57,7 @@ def table_of_search(result: SearchResult, why: bool = False) -> Table:
 
 
 def table_of_node(node: Node) -> Table:
-    """What is known of one sequence."""
+    """Table of the facts about one sequence."""
     costs = ", ".join(f"{cost:.6g}" for cost in node.minima)
     rows = (
         ("verdict", toned(node.verdict.value, TONES[node.verdict.value])),
