@@ -69,7 +69,8 @@ def _at_random(
 
 
 def _families(system: MechanicalSystem, kernels: Kernels, values: Array) -> dict[str, Function]:
-    """What the kernels compute; in those of steps hidden unknowns are in the place of kinks."""
+    """Functions that the kernels compute; in those of steps hidden unknowns are in the place of
+    kinks."""
     f, parts = readable(system), split(system)
     s = [sp.Dummy(real=True) for _ in parts.unknowns]
     smooth = f.smooth(system, s)

@@ -57,7 +57,7 @@ class ReferenceFunctions:
         return x
 
     def _defined(self, y: Vector) -> Vector:
-        """These, and their rates."""
+        """Values of the definitions for places, and their rates."""
         return [*self._places(y), *self._rates(self._places, y)] if self._f.x else []
 
     def _numbers(self, expressions: Sequence[Any]) -> Values:

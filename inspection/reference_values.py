@@ -20,7 +20,7 @@ class ReferenceValues(ReferenceFunctions):
 
     @cached_property
     def families(self) -> dict[str, Function]:
-        """What the kernels compute of their inputs side by side, parameters aside."""
+        """Functions that the kernels compute of their inputs side by side, parameters aside."""
         return {
             "step": self._step,
             "impact": self._energies,
@@ -91,12 +91,12 @@ class ReferenceValues(ReferenceFunctions):
         return [mp.fsum(a * b for a, b in zip(s, lam, strict=True)) for s in slopes]
 
     def _gap_work(self, x: Vector) -> dict[str, Vector]:
-        """Of (q, lam, t)."""
+        """Works W_g of gaps from (q, lam, t)."""
         gaps = self.g(self._place([*x[: self.nq], x[-1]]))
         return {"W_g": [a * b for a, b in zip(x[self.nq : -1], gaps, strict=True)]}
 
     def _rebound(self, x: Vector) -> dict[str, Vector]:
-        """Of (q, v, lam, t)."""
+        """Rates, impulses and work of restitution from (q, v, lam, t)."""
         y, lam = self._state([*x[: 2 * self.nq], x[-1]]), x[2 * self.nq : -1]
         rates = self._rates(self.g, y)
         e = self.coefficients(y, rates)
@@ -108,7 +108,7 @@ class ReferenceValues(ReferenceFunctions):
     # Friction -------------------------------------------------------------------------------------
 
     def _slip_work(self, x: Vector) -> dict[str, Vector]:
-        """Of (q_k, q_kp1, T, t_k, t_kp1)."""
+        """Works W_tau of sliding from (q_k, q_kp1, T, t_k, t_kp1)."""
         n = self.nq
         early = self.tau(self._place([*x[:n], x[-2]]))
         late = self.tau(self._place([*x[n : 2 * n], x[-1]]))
@@ -122,7 +122,7 @@ class ReferenceValues(ReferenceFunctions):
         return [(1 - c) * a + c * b for a, b in zip(x[:m], x[m : 2 * m], strict=True)], N
 
     def _bears(self, x: Vector, kind: str = "mu") -> Vector:
-        """Of (q, sigma, u_k, u_kp1, c, N, t)."""
+        """Largest friction from (q, sigma, u_k, u_kp1, c, N, t)."""
         n = self.nq
         u, N = self._between(x[n + self.nt : -1])
         y = [*x[:n], *[mp.mpf(0)] * n, *u, x[-1]]
@@ -130,7 +130,7 @@ class ReferenceValues(ReferenceFunctions):
         return [a * b for a, b in zip(N, values, strict=True)]
 
     def _drags(self, x: Vector) -> dict[str, Vector]:
-        """Of (q, around, d, h, s, u_k, u_kp1, c, N, t)."""
+        """Friction of sliding from (q, around, d, h, s, u_k, u_kp1, c, N, t)."""
         n, count = self.nq, max(self.scheme.degree, 2) + 1
         around, more = x[n : (count + 1) * n], x[(count + 1) * n :]
         d, h, s = more[:count], more[count], more[count + 1 : count + 1 + self.nt]
@@ -142,7 +142,8 @@ class ReferenceValues(ReferenceFunctions):
         return {"drags": [a * b for a, b in zip(N, values, strict=True)]}
 
     def _bearing_work(self, x: Vector) -> dict[str, Vector]:
-        """Of the same as ``_bears``, then (q_k, q_kp1, t_k, t_kp1)."""
+        """Works W_mu of friction from the arguments of ``_bears``, then (q_k, q_kp1, t_k,
+        t_kp1)."""
         n = self.nq
         of_bears, (q_k, q_kp1, t_k, t_kp1) = x[: -2 * n - 2], _ends_in(x[-2 * n - 2 :], n)
         early, late = (self.tau(self._place([*q, t])) for q, t in ((q_k, t_k), (q_kp1, t_kp1)))

@@ -152,7 +152,7 @@ def _chosen(system: MechanicalSystem, design: Sequence[str]) -> tuple[str, ...]:
 
 
 def _by_design(system: MechanicalSystem, order: int, design: tuple[str, ...]) -> list[Section]:
-    """Which kernels have derivatives by design parameters; nothing without these."""
+    """Section on the kernels that have derivatives by design parameters; none without these."""
     if not design:
         return []
     end = f"{DESIGN}_jac"
@@ -231,7 +231,7 @@ def _listed(blocks: Iterable[Block]) -> Iterator[tuple[str, str, str, str]]:
 
 
 def _patterns(nlp: Transcription) -> str:
-    """Where the derivatives of the program are not identically zero."""
+    """Pictures of the entries at which the derivatives of the program are not identically zero."""
     jacobian, hessian = nlp.assembled.jacobian, nlp.assembled.hessian
     first = jacobian.matrix(np.ones(int(jacobian.indptr[-1])), 0).tocoo()
     second = hessian.matrix(np.ones(int(hessian.indptr[-1]))).tocoo()
@@ -251,7 +251,7 @@ def _patterns(nlp: Transcription) -> str:
 
 
 def _work(derivation: SystemDerivation) -> str:
-    """How much each kernel computes."""
+    """Table of the operations of each kernel."""
     spec = model_spec(derivation.system, derivation.order, derivation.design)
     counts = [count_of(kernel) for kernel in spec.kernels]
     rows = tuple(
