@@ -36,7 +36,7 @@ def emit(summary: dict[str, Any], target: str | None) -> None:
 
 
 def finite(value: Any) -> Any:
-    """As JSON has it: lists for arrays, and null for what is not finite."""
+    """A value as JSON has it: lists for arrays, and null for numbers that are not finite."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, dict):

@@ -125,7 +125,7 @@ def read_guess(texts: list[str] | None) -> Solution | dict[str, Any] | None:
 
 
 def separate(texts: list[str] | None) -> list[str]:
-    """What an option that may be repeated is passed, also with commas in one text."""
+    """Values of an option that may be repeated, also with commas in one text."""
     return [part for text in texts or [] for part in read_names(text) or [text]]
 
 

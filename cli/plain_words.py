@@ -60,8 +60,8 @@ def values_of(command: Callable[..., None], words: Sequence[str]) -> dict[str, A
 
 
 def _texts(parameters: Sequence[Parameter], words: list[str]) -> dict[str, list[str]] | None:
-    """What words say of each parameter that they name, of a flag its name; None where they name
-    something else, or a value looks like an option."""
+    """Texts for each parameter that words name, of a flag its name; None where they name something
+    else, or a value looks like an option."""
     options = {o: p for p in parameters if not p.words.argument for o in p.words.options(p.name)}
     arguments = [p for p in parameters if p.words.argument]
     texts: dict[str, list[str]] = {}

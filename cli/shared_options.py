@@ -12,7 +12,7 @@ NOT_SOLVED, BAD_INPUT = 1, 2
 
 
 def out_option(text: str, metavar: str | None = None) -> Any:
-    """Where a command writes, with its own help."""
+    """The option for the place to which a command writes, with its own help."""
     return option("-o", "--out", metavar=metavar, help=text)
 
 

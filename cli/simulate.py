@@ -106,7 +106,7 @@ def _checked(final_time: float | None) -> float:
 
 
 def _values(texts: list[str] | None, option: str, kernels: Kernels) -> dict[str, Any]:
-    """What is given by name, beside zeros."""
+    """Values given by name, zero where none is given."""
     names = kernels.inputs
     if option == "--start":
         names = [*kernels.coordinates, *(f"{name}_dot" for name in kernels.coordinates)]

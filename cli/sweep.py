@@ -99,7 +99,7 @@ def _check_targets(target: Path | None, plot: Path | None, json_: str | None) ->
 
 
 def _ranges(stated: ProblemOptions) -> tuple[dict[str, Any], ProblemOptions]:
-    """What is varied, by field and name; and the options with the first value of each range in its
+    """Ranges to vary, by field and name, and the options with the first value of each range in its
     place."""
     ranges: dict[str, Any] = {}
     firsts: dict[str, Any] = {}

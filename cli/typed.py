@@ -53,7 +53,7 @@ def _typed(parameter: inspect.Parameter) -> Any:
 
 
 def _completed(words: Words) -> Callable[..., Any] | None:
-    """What the shell proposes, by a function whose annotations Typer reads."""
+    """The completion that the shell proposes, as a function whose annotations Typer reads."""
     completed = words.completed
     if completed is None or "context" not in inspect.signature(completed).parameters:
         return completed

@@ -19,7 +19,7 @@ class Words:
     argument: bool = False
 
     def options(self, parameter: str) -> tuple[str, ...]:
-        """How the option of a parameter is written."""
+        """Spellings of the option of a parameter."""
         return self.names or (f"--{parameter.replace('_', '-')}",)
 
 
