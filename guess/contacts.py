@@ -123,7 +123,7 @@ def _pass_nodes(lay: Layout, x: Array) -> None:
 
 def _onto(problem: Problem, lay: Layout, i: int, q: Array, t: Array, free: Array) -> Array:
     """Rows of positions where phase i is held."""
-    model, reach = problem.model, problem.reach
+    model = problem.model
     holding = [r for r in lay.reactions(i) if r.held]
     if not holding:
         return q
@@ -131,9 +131,9 @@ def _onto(problem: Problem, lay: Layout, i: int, q: Array, t: Array, free: Array
     def conditions(q: Array) -> tuple[Array, Array]:
         miss = np.hstack([r.misses(model, q, t) for r in holding])
         slopes = np.concatenate([r.miss_slopes(model, q, t) for r in holding], axis=1)
-        return miss, slopes * (reach * free)[:, None, :]
+        return miss, slopes
 
-    return onto(conditions, q, reach)
+    return onto(conditions, q, problem.reach * free)
 
 
 def _balance(problem: Problem, lay: Layout, x: Array) -> None:

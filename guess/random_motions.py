@@ -28,6 +28,7 @@ from dmoc.guess.inverse_dynamics import acting, inputs_for
 from dmoc.guess.neighbours import WAVES, shaken
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.projection import onto
 from dmoc.problem.design import designed, drawn
 from dmoc.problem.problem import Problem
 from dmoc.problem.quantities import onto_quantities
@@ -56,8 +57,6 @@ FEW_IN_TURN = (SHAKEN, IDLE, LOOSE, DRIVEN)
 SHAKE = 0.7
 # What a seed of inputs has behind the number of its motion.
 INPUTS = 1
-# Newton steps from a random point to a surface, and the step, in reaches, after which none follows.
-NEWTON, ARRIVED = 12, 1e-15
 # Speed towards a surface that a motion has at least, relative to that of its straight way.
 APPROACH = 0.3
 
@@ -260,19 +259,12 @@ def _points(
 
 
 def _onto(problem: Problem, q: Array, t: Array, j: int) -> Array:
-    """Points of a surface near rows of points, by Newton steps along the gradient in reaches; the
-    rows as they are where that does not end on it."""
-    reach, at = problem.reach, q.copy()
-    for _ in range(NEWTON):
-        gap = problem.model.gaps(at, t)[:, j, None]
-        slope = problem.model.gap_slopes(at, t)[:, j, :-1] * reach
-        square = (slope * slope).sum(axis=1, keepdims=True)
-        step = np.where(square > 0, -gap * slope / np.where(square > 0, square, 1.0), 0.0)
-        step /= np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True))
-        at = at + step * reach
-        if np.abs(step).max() <= ARRIVED:
-            break
-    return np.where(np.isfinite(at).all(axis=1, keepdims=True), at, q)
+    """Points of a surface near rows of points, by steps along the gradient in reaches."""
+
+    def conditions(q: Array) -> tuple[Array, Array]:
+        return problem.model.gaps(q, t)[:, [j]], problem.model.gap_slopes(q, t)[:, [j], :-1]
+
+    return onto(conditions, q, problem.reach, longest=1.0)
 
 
 def _velocities(

@@ -20,7 +20,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.conditions import GAPS, JOINTS, TANGENTS, Condition, Conditions, in_order
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.projection import onto
+from dmoc.mechanics.projection import onto_places
 
 # How far from the start positions are drawn, and how late, as shares of the reach.
 SPREAD = (0.0, 0.3, 1.0)
@@ -122,13 +122,9 @@ def places_held(
 
 def _onto(model: Model, kept: Conditions, q: Array, t: float, reach: Array) -> tuple[Array, Bools]:
     """A position, shape (nq,), moved to where conditions hold, and which of them do, shape (m,)."""
-
-    def conditions(q: Array) -> tuple[Array, Array]:
-        slopes = kept.slopes(model, q, t)[..., :-1] * reach
-        return kept.values(model, q, t), slopes * kept.placed(model)[:, None]
-
-    q = onto(conditions, q[None], reach)[0]
-    (misses,), (slopes,) = conditions(q[None])
+    q = onto_places(model, kept, q, t, reach)
+    misses = kept.values(model, q, t)
+    slopes = kept.slopes(model, q, t)[..., :-1] * reach * kept.placed(model)[:, None]
     sizes = np.append(model.joint_sizes(q, t), model.gap_sizes(q, t)[kept.places(GAPS)[1]])
     # What a coordinate is alone has no size of its own where that is zero.
     sizes = np.fmax(sizes, np.abs(slopes).sum(axis=1))

@@ -12,11 +12,17 @@ from dmoc.base.arguments import array, check_known, is_number, number, shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import velocity_name
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import solved_transpose
-from dmoc.mechanics.conditions import conditions_of
+from dmoc.mechanics.conditions import (
+    GAPS,
+    JOINTS,
+    Condition,
+    Conditions,
+    answers,
+    conditions_of,
+)
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model_values import by_name
-from dmoc.mechanics.projection import REDUNDANT, onto
+from dmoc.mechanics.projection import onto_places
 from dmoc.mechanics.sequence_words import parts_of
 from dmoc.motion.trajectory import Collision
 from dmoc.problem.problem import Problem
@@ -86,17 +92,12 @@ def consistent(problem: Problem, mode: Mode, state: MeasuredState) -> MeasuredSt
         for x, box in ((q, problem.coordinate_bounds), (v, problem.velocity_bounds))
     )
     seen = [j for j, name in enumerate(model.contacts.surfaces) if name not in problem.ignored]
-    on, aside = list(mode.closed), np.zeros(len(mode.closed))
-
-    def conditions(q: Array) -> tuple[Array, Array]:
-        miss = np.hstack([model.joints(q), model.gaps(q)[:, on] + aside])
-        placed = model.joint_slopes(q) * model.joints_in_place[:, None]
-        slopes = np.concatenate([placed, model.gap_slopes(q)[:, on]], axis=1)
-        return miss, slopes[..., :-1] * problem.reach
-
+    joints = [Condition(JOINTS, i) for i in range(model.nj)]
+    on, aside = list(mode.closed), np.zeros(model.nj + len(mode.closed))
     while True:
         if model.nj or on:
-            q = onto(conditions, q[None], problem.reach)[0]
+            kept = Conditions((*joints, *(Condition(GAPS, j) for j in on)), ())
+            q = onto_places(model, kept, q, 0.0, problem.reach, aside)
             q = np.where(np.abs(q) <= LEFT_OF_ZERO * problem.reach, 0.0, q)
         gaps, sizes = model.gaps(q), np.abs(model.gap_slopes(q)[:, :-1]) @ problem.reach
         entered = [j for j in seen if j not in on and gaps[j] > -IN_FRONT * sizes[j]]
@@ -142,11 +143,10 @@ def _along(problem: Problem, mode: Mode, q: Array, v: Array) -> Array:
         model.joint_slopes(q)[:, :-1], model.gap_slopes(q)[list(mode.closed), :-1],
         slides[[*mode.sticking, *against]],
     ]  # fmt: skip
-    C = np.vstack(rows)
-    if not len(C):
+    C = np.vstack(rows)[None]
+    if not C.size:
         return v
-    back = solved_transpose(model.mass(q), C)
-    along = v - back @ (np.linalg.pinv(C @ back, rcond=REDUNDANT) @ (C @ v))
+    along = v + answers(model.mass(q)[None], C, C, -(C @ v))[0][0]
     left = LEFT_OF_ZERO * problem.reach * np.abs(v / problem.reach).max()
     return np.where(np.abs(along) <= left, 0.0, along)
 

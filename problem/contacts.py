@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE
 from dmoc.mechanics.model_values import restitution_row
 from dmoc.mechanics.possible_words import open_hits
+from dmoc.mechanics.projection import onto_gap
 from dmoc.mechanics.redundancy import Redundancy, redundancy
 from dmoc.mechanics.sequence_words import mode_of, touch_along, words_along
 from dmoc.mechanics.touch import Touch
@@ -23,8 +23,6 @@ from dmoc.problem.reach import latest_time
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
 
-# Newton steps towards a surface, and how often one is halved.
-STEPS, HALVINGS = 60, 40
 # Shares of a reach to which distances of contact points count as equal.
 EQUALLY_FAR = 1e-6
 # Where a surface is looked for along a coordinate, in reaches: how far, at how many places, and
@@ -102,7 +100,7 @@ def onto_surface(problem: Problem, q: Array, surface: int, t: float = 0.0) -> Ar
         d * problem.reach * (np.arange(problem.nq) == j) for d in (0.0, *OUTWARD) for j in involved
     ]
     for away in sides:
-        point = _newton(problem, q + away, surface, t)
+        point = onto_gap(problem.model, q + away, surface, t, problem.reach)
         if point is not None:
             return point
     return None
@@ -165,34 +163,3 @@ def _root(value: Callable[[float], float], low: float, high: float, enough: floa
 def _cross(a: float, b: float) -> bool:
     """Whether zero lies between two values; their product may vanish by underflow."""
     return min(a, b) <= 0 <= max(a, b)
-
-
-def _newton(problem: Problem, q: Array, surface: int, t: float) -> Array | None:
-    q, reach = q.copy(), problem.reach
-    gap, slope = problem.model.gaps(q, t)[surface], problem.model.gap_slopes(q, t)[surface, :-1]
-    for _ in range(STEPS):
-        if abs(gap) <= problem.model.gap_rounding(q, t)[surface]:
-            return q
-        weighted = slope * reach
-        square = weighted @ weighted
-        if not (np.isfinite(gap) and square > 0):
-            return None
-        step = -gap / square * weighted * reach
-        step /= max(1.0, float(np.abs(step / reach).max()))
-        for _ in range(HALVINGS):
-            trial = problem.model.gaps(q + step, t)[surface]
-            if abs(trial) < abs(gap):
-                break
-            step /= 2
-        else:
-            return q if near_surface(problem, q, surface, t) else None
-        q = q + step
-        gap, slope = trial, problem.model.gap_slopes(q, t)[surface, :-1]
-    return None
-
-
-def near_surface(problem: Problem, q: Array, surface: int, t: float = 0.0) -> bool:
-    """Whether a point q, shape (nq,), is meant to lie on a surface: the gap is a small share of its
-    own size."""
-    gap, size = problem.model.gaps(q, t)[surface], problem.model.gap_sizes(q, t)[surface]
-    return bool(abs(gap) <= SAME * size)

@@ -14,6 +14,7 @@ from dmoc.base.arguments import Range, interval, shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.projection import onto
 from dmoc.problem.design import by_design, moves_by_design
 from dmoc.problem.end_states import fixed_velocity
 
@@ -140,7 +141,7 @@ def onto_quantities(problem: Problem, end: str, q: Array) -> Array:
     low, high = np.maximum(low, below), np.minimum(high, above)
     if not on or (low == high).all():
         return q
-    ease = np.where(low < high, 1 / np.abs(np.diagonal(problem.model.mass(q[0]))), 0.0)
+    light = 1 / np.sqrt(np.abs(np.diagonal(problem.model.mass(q[0]))))
 
     def missing(at: Array) -> tuple[Array, NDArray[np.bool_]]:
         """What positions miss, and which of them nothing that is more than rounding errors."""
@@ -148,15 +149,13 @@ def onto_quantities(problem: Problem, end: str, q: Array) -> Array:
         off = z - np.clip(z, *own[on].T)
         return off, (np.abs(off) <= KEPT * (1 + np.abs(z))).all(axis=1)
 
-    at = q.copy()
+    def conditions(at: Array) -> tuple[Array, Array]:
+        J = problem.model.quantity_slopes(at, np.zeros_like(at), none, t)[:, on, : problem.nq]
+        return missing(at)[0], np.where(np.isfinite(J), J, 0.0)  # where a quantity is not defined
+
     with np.errstate(all="ignore"):
-        for _ in range(NEWTON):
-            J = problem.model.quantity_slopes(at, np.zeros_like(at), none, t)
-            J = J[:, on, : problem.nq]
-            J = np.where(np.isfinite(J), J, 0.0)  # where a quantity is not defined
-            share = np.linalg.pinv(J @ (ease[:, None] * np.swapaxes(J, 1, 2)))
-            step = -ease * np.einsum("nji,njk,nk->ni", J, share, missing(at)[0])
-            at = np.clip(at + step, low, high)
+        box, sizes = np.stack([low, high], axis=1), np.where(low < high, light, 0.0)
+        at = onto(conditions, q, sizes, NEWTON, np.inf, box)
         # Where the quantities hardly move, a step may be many turns of an angle.
         for i in np.flatnonzero((np.abs(at - q) > np.pi).any(axis=0)):
             nearer = at.copy()

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from dmoc.base.records import record
 from dmoc.base.tolerances import BALANCED, ROUNDING, SAME
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.projection import onto_gap
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
 
-# Newton steps to the surface where a motion may begin anywhere, and times at which a surface is
-# looked at to see how far it moves.
-NEWTON, MOVING = 30, 33
+# Times at which a surface is looked at to see how far it moves.
+MOVING = 33
 # Ends at this share of the way to a surface, or of what the forces alone do in a phase, say
 # nothing, as the 1e-16 that a user has computed instead of 0.  A spring does as much in 14
 # oscillations, which need finer meshes.
@@ -36,18 +36,10 @@ def onto_first(problem: Problem, q: Array) -> Array:
     surfaces = [event.surface for event in problem.touch.events if event.impact]
     if not surfaces or not problem.unsaid.any():
         return q
-    j, at = surfaces[0], q.copy()
-    inertia = np.abs(np.diagonal(problem.model.mass(q)))
     with np.errstate(all="ignore"):
-        for _ in range(NEWTON):
-            gap, slope = (
-                problem.model.gaps(at)[j],
-                problem.model.gap_slopes(at)[j, :-1] * problem.unsaid,
-            )
-            if abs(gap) <= problem.model.gap_rounding(at, 0.0)[j]:
-                return at
-            at = at - gap * (slope / inertia) / (slope @ (slope / inertia))
-    return q
+        sizes = problem.unsaid / np.sqrt(np.abs(np.diagonal(problem.model.mass(q))))
+        at = onto_gap(problem.model, q, surfaces[0], 0.0, sizes, np.inf)
+    return q if at is None else at
 
 
 def inertia_of(problem: Problem) -> Array:

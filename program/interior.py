@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.problem.contacts import near_surface
+from dmoc.mechanics.projection import near_surface
 from dmoc.problem.design import by_design
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Index
@@ -33,7 +33,7 @@ def give_way(problem: Problem, box: Array, scale: Scale, held: Iterable[tuple[In
             for limit in sorted(set(box[unknowns, side].tolist())):
                 q = np.zeros(problem.nq)
                 q[j] = limit
-                if np.isfinite(limit) and near_surface(problem, q, surface):
+                if np.isfinite(limit) and near_surface(problem.model, q, surface, 0.0):
                     way = sign * GIVES_WAY * max(abs(limit), scale.q[j])
                     box[unknowns[box[unknowns, side] == limit], side] = limit + way
 
