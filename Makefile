@@ -45,13 +45,13 @@ test-kernels-examples: $(VENV)/.installed-test
 # Lines of the sources changed one at a time, each under the tests that ought to notice it; changed C
 # is compiled in place, for which pip installs setuptools and Cython in environments of its own alone.
 mutations: $(VENV)/.installed-test
-	$(BIN)/python -m pip install --quiet 'setuptools>=77' 'Cython>=3.1'
+	$(BIN)/python -m pip install --quiet 'setuptools>=77' 'Cython>=3.2.1'
 	$(BIN)/python tools/mutations.py
 
 # Once a night: examples as users run them, the list of changes, the ladder and the campaigns; what
 # they said last is committed, benchmarks/results/night.
 night: $(VENV)/.installed-test $(VENV)/.installed-bench
-	$(BIN)/python -m pip install --quiet 'setuptools>=77' 'Cython>=3.1'
+	$(BIN)/python -m pip install --quiet 'setuptools>=77' 'Cython>=3.2.1'
 	$(BIN)/python tools/night.py
 
 check: $(VENV)/.installed-test $(VENV)/.installed-check
