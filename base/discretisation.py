@@ -50,7 +50,8 @@ class InputForm:
         return self.stride * np.arange(steps)
 
     def times(self, t: Array) -> Array:
-        """Times that the rows of u of a phase with nodes at t stand for, shape (rows,)."""
+        """Times that the rows of u of a phase with nodes at t, shape (N + 1,), stand for, shape
+        (rows,)."""
         import numpy as np
 
         times = np.empty(self.rows(len(t) - 1))
@@ -116,7 +117,8 @@ class Discretisation:
         return np.asarray(np.linalg.inv(np.vander(self.nodes, increasing=True)).T.copy())
 
     def slopes(self, places: Array) -> Array:
-        """Slopes of the shape functions at some places, shape (places, degree + 1)."""
+        """Slopes of the shape functions at some places, shape (n,) in [0, 1], shape (n, degree +
+        1)."""
         import numpy as np
 
         powers, x = np.arange(self.degree + 1), np.asarray(places)[:, None]
