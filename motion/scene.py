@@ -72,8 +72,9 @@ class Scene:
 
 
 def resampled(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-    """Times (n,) and positions (n, nq) of a phase finely enough to be drawn: cubics between its
-    nodes, with the velocities there; or some of the nodes if those are more than FINEST."""
+    """Times (n,) and positions (n, nq) of a phase, finely enough to be drawn, by cubics between its
+    nodes. These have times (N + 1,), positions and velocities (N + 1, nq); some of them are enough
+    if they are more than FINEST."""
     if len(t) == 1:
         return t, q
     if len(t) > FINEST + 1:
