@@ -77,8 +77,8 @@ def least_squares(A: Array, b: Array) -> Array:
 
 
 def multipliers(A: Array, size: Array, b: Array) -> Array:
-    """The shortest solutions of A lam = b, matrices (n, m, m) with rows and columns of some sizes
-    (n, m); not a number where there is none."""
+    """The shortest solutions (n, m) of A lam = b for matrices (n, m, m) and b (n, m), with rows and
+    columns of some sizes (n, m). They are not numbers where there is none."""
     scaled, right = A / size[:, :, None] / size[:, None, :], b / size
     good = np.isfinite(scaled).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
     lam = np.full(b.shape, np.nan)

@@ -176,7 +176,8 @@ class Conditions:
 
     def pushes(self, model: Model, q: Array, t: Any, slopes: Array | None = None) -> Array:
         """Directions B in which units of the forces push, with the friction that the model has at
-        these positions, shape (..., m, nq); ``slopes`` are those there, if they are known."""
+        these positions, shape (..., m, nq). ``slopes`` are those there, shape (..., m, nq + 1), if
+        they are known."""
         C = (self.slopes(model, q, t) if slopes is None else slopes)[..., : model.nq]
         B = self._signs * C
         if any(drag.pressed_by != RAIL for drag in self.drags):
@@ -277,7 +278,8 @@ def in_order(contacts: Contacts, conditions: tuple[Condition, ...], mode: Mode) 
 
 def answers(M: Array, C: Array, B: Array, wanted: Array) -> tuple[Array, Array]:
     """The change M^-1 B^T lam (n, nq) that changes C a by what is wanted (n, m), with its
-    multipliers lam (n, m): the shortest, in sizes by the masses, where several would do."""
+    multipliers lam (n, m): the shortest, in sizes by the masses, where several would do. M is (n,
+    nq, nq), B and C are (n, m, nq)."""
     response = solved_transpose(M, B)
     A = C @ response
     if A.shape[1] == 1:
@@ -288,7 +290,8 @@ def answers(M: Array, C: Array, B: Array, wanted: Array) -> tuple[Array, Array]:
 
 
 def sizes_by_mass(M: Array, C: Array) -> Array:
-    """Lengths of slopes (n, m, nq) measured by the masses, and 1 of what has none, shape (n, m)."""
+    """Lengths of slopes (n, m, nq) measured by the masses (n, nq, nq), and 1 of those without a
+    length, shape (n, m)."""
     squares = np.einsum("nmi,nim->nm", C, solved_transpose(M, C))
     return np.where(squares > 0, np.sqrt(np.abs(squares)), 1.0)
 

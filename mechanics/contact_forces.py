@@ -18,9 +18,9 @@ from dmoc.mechanics.model import Model
 def accelerations_and_forces(
     model: Model, mode: Mode, state: tuple[Array, Array, Array, Array]
 ) -> Array:
-    """Rows (a | N | T | R) at rows of states (q, v, u, t) of a mode, shape (n, model.ny): N of all
-    surfaces, T of all tangents, R of all constraints; zero where something is open, not a number
-    where the masses are none."""
+    """Rows (a | N | T | R) at n rows of states (q, v, u, t) of a mode, shape (n, model.ny). N are
+    of all surfaces, T of all tangents, R of all constraints: zero where something is open, not a
+    number where the masses are none."""
     (q, v, u, t), kept = state, conditions_of(model, mode)
     model = model.with_friction_at(q, v, u, t)
     M, F = model.equations(q, v, u, t)

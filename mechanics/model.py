@@ -30,7 +30,12 @@ from dmoc.mechanics.friction import FrictionModel
 
 
 class Model(FrictionModel, CostModel):
-    """Kernels bound to parameter values, as functions of states and steps."""
+    """Kernels bound to parameter values, as functions of states and steps.
+
+    Positions q and velocities v have the shape (..., nq), inputs u (..., nu), times t (...), in
+    seconds; a step is (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) with n rows each.  Units are those of
+    the model.
+    """
 
     # Equations of motion --------------------------------------------------------------------------
 
@@ -106,8 +111,8 @@ class Model(FrictionModel, CostModel):
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0,
         *, a: Array,
     ) -> Array:  # fmt: skip
-        """Derivatives of F - M a at accelerations a with respect to (q, v), shape (..., nq, 2
-        nq)."""
+        """Derivatives of F - M a at accelerations a, shape (..., nq), with respect to (q, v), shape
+        (..., nq, 2 nq)."""
         (R,) = self._at("residual_jac", q, self._state(v), self._input(u), t, a)
         return self._full("R_D", R)[..., : 2 * self.nq]
 
@@ -182,8 +187,8 @@ class Model(FrictionModel, CostModel):
         return ROUNDING * self.gap_sizes(q, t)
 
     def impulse_response(self, q: Array, n: Array, t: float = 0.0) -> tuple[Array, float]:
-        """Change M^-1 n of the velocity by a unit impulse along n, shape (nq,), and n . M^-1 n,
-        where the joints hold."""
+        """Change M^-1 n of the velocity by a unit impulse along n, shape (nq,) each, and n . M^-1
+        n, where the joints hold."""
         change = self.responses(q, n, t)
         return change, float(n @ change)
 
@@ -275,8 +280,9 @@ class Model(FrictionModel, CostModel):
         return self.kernels.has("min_time")
 
     def minimal_times(self, q_k: Array, q_kp1: Array, h: float, q_c: Array, a: Array) -> Array:
-        """Shortest time to each surface at the acceleration a, from the middle of a phase's
-        first step (q_k, q_kp1, h) to its collision q_c, shape (nc,)."""
+        """Shortest time to each surface at the acceleration a, from the middle of a phase's first
+        step (q_k, q_kp1, h) to its collision q_c, shape (nc,), in seconds; all others have the
+        shape (nq,)."""
         return self._at("min_time", q_k, q_kp1, h, q_c, a)[0]
 
     def minimal_time_slopes(

@@ -111,8 +111,9 @@ def redundancy(
 def places_held(
     model: Model, at_places: Conditions, start: Array, reach: Array, latest: float
 ) -> Iterator[tuple[Array, float, Bools]]:
-    """Positions, shape (nq,), and times in seconds at which m conditions hold, from the start on,
-    and a mask of the conditions that do, shape (m,)."""
+    """Positions, shape (nq,), and times in seconds at which m conditions hold, from ``start`` on,
+    and a mask of the conditions that do, shape (m,); ``start`` and ``reach`` have the shape
+    (nq,)."""
     rng = np.random.default_rng(0)
     for share in SPREAD:
         q, t = start + share * reach * rng.standard_normal(model.nq), share * latest

@@ -81,8 +81,8 @@ class Touch:
         return np.asarray(self.rubs & ~self.sticks)
 
     def astray(self, phase: int, rates: Array) -> Array:
-        """How far sliding velocities (..., nt) are off those of a phase: whatever moves that does
-        not slide, and against their direction those that do."""
+        """Distances (..., nt) of sliding velocities (..., nt) from those of a phase: speeds of
+        tangents that do not slide, and speeds against the direction of those that do."""
         back = -self.signs[phase] * rates
         return np.asarray(np.where(self.slides[phase], back, np.abs(rates)))
 
