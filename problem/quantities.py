@@ -119,9 +119,9 @@ def _largest(problem: Problem) -> Array:
 
 
 def onto_quantities(problem: Problem, end: str, q: Array) -> Array:
-    """Positions near rows (n, nq) that have the quantities of places at the "start" or at the
-    "goal", by Newton steps along coordinates that are not fixed, which cost by their inertias; the
-    rows as they are where that leads to none."""
+    """Positions (n, nq) near rows (n, nq) that have the quantities of places at the "start" or at
+    the "goal"; the rows as they are where that leads to none. They are found by Newton steps along
+    coordinates that are not fixed, which cost by their inertias."""
     rows = problem.kernels.quantity_rows
     own = getattr(problem.quantity_ranges, end)
     on = [

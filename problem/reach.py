@@ -82,8 +82,8 @@ def spread_of(problem: Problem) -> Array:
 
 
 def gap_sizes(problem: Problem, q: Array, t: float = 0.0) -> Array:
-    """Sizes of the gaps at a position, of what makes them there and of how far they may move, where
-    that is a number, shape (nc,)."""
+    """Sizes of the gaps at a position, shape (nq,), of what makes them there and of how far they
+    may move, where that is a number, shape (nc,)."""
     moved = np.abs(problem.model.gap_slopes(q, t)[:, :-1]) @ problem.reach
     return np.asarray(np.fmax(problem.model.gap_sizes(q, t), moved))
 
