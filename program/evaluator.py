@@ -18,8 +18,11 @@ Matrix: TypeAlias = Any  # a SciPy CSR matrix; SciPy ships no type information
 
 
 class Evaluator(ABC):
-    """Evaluates (f | c | d)(x) of a program and its derivatives; what it is made of comes from
-    its subclass."""
+    """Evaluates (f | c | d)(x) of a program and its derivatives.
+
+    Unknowns x have the shape (n,), multipliers y (n_eq,) and w (n_in,); all are scaled.  A subclass
+    says what the program is made of.
+    """
 
     kernels: Kernels
     n: int

@@ -300,8 +300,9 @@ def _without_effect(before: Array, after: Array, largest: Array) -> bool:
 
 
 def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[str, Array]:
-    """Multipliers by kind of constraint, in units of the problem; those of the momentum
-    equations in the shape (nodes, nq), "bounds" those of the unknowns."""
+    """Multipliers by kind of constraint, in units of the problem, shape (count,), from y, w and z
+    as in :func:`multiplier_vectors`; those of the momentum equations in the shape (nodes, nq),
+    "bounds" those of the unknowns."""
     units = _units_of_multipliers(nlp)
     y, w, z = y * units[0], w * units[1], z * units[2]
     both = np.concatenate([y, w])

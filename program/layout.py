@@ -28,7 +28,7 @@ SHARED, MOST_SHARED = 32, 5_000
 
 
 class Layout(Unknowns):
-    """Where the unknowns of steps, nodes, places and phases lie in x."""
+    """Where the unknowns of steps, nodes, places and phases lie in x, shape (n,)."""
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
@@ -281,7 +281,8 @@ class Layout(Unknowns):
         return np.append(x[self.index_h], np.zeros(self.phases - self.stepped)) * self.steps
 
     def step_sizes(self, durations: Array) -> Array:
-        """Step sizes of the phases that have steps, from durations of all, shape (..., phases)."""
+        """Step sizes of the phases that have steps, shape (..., phases with steps), from durations
+        of all, shape (..., phases); in seconds."""
         return np.asarray(durations[..., : self.stepped] / np.array(self.steps[: self.stepped]))
 
     def times(self, x: Array) -> Array:

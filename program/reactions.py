@@ -53,11 +53,12 @@ class PhaseReaction:
         return np.asarray(x[self.unknowns])
 
     def slopes(self, model: Model, q: Array, t: Array) -> Array:
-        """Slopes in q of all that push, shape (n, m, nq)."""
+        """Slopes in q of all functions that push, shape (n, m, nq), at q (n, nq) and t (n,)."""
         return np.asarray(self.functions.slopes(model, q, t)[:, list(self.columns), :-1])
 
     def misses(self, model: Model, q: Array, t: Array) -> Array:
-        """How far positions along the phase are from where it holds them, shape (n, held)."""
+        """Distances of positions q (n, nq) along the phase, at times t (n,), from where it holds
+        them, shape (n, held)."""
         values = self.functions.values(model, q, t)[:, self.held]
         return np.asarray(values if self.functions.in_place else values - values[:1])
 

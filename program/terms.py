@@ -61,13 +61,13 @@ class Places:
     constants: int
 
     def number(self, shares: Array) -> Index:
-        """Positions in the pool of numbers that are among those of :func:`shares_of`, shape (...)
-        of these."""
+        """Positions in the pool of numbers of any shape (...) that are among those of
+        :func:`shares_of`, in their shape."""
         off = np.abs(shares_of(self.lay.scheme)[:, None] - shares.ravel())
         return np.asarray(self.constants + off.argmin(axis=0).reshape(shares.shape))
 
     def step(self, steps: Index) -> tuple[Index, ...]:
-        """(q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of some steps."""
+        """(q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of some steps, shape (k,), with k rows each."""
         *before, _, q_i = self.lay.split(self.lay.index_step[steps])
         return (*before, self.times(steps), q_i)
 
@@ -96,7 +96,8 @@ class Places:
         return self.lay.time_places[places] if self.lay.timed else np.full((1, 1), self.zero)
 
     def or_zero(self, index: Index) -> Index:
-        """Unknowns where there are some, zeros elsewhere."""
+        """Unknowns where there are some, the position of a zero elsewhere; shape (...) as
+        ``index``."""
         return np.where(index == NOWHERE, self.zero, index)
 
 

@@ -115,5 +115,5 @@ class Law:
 
 
 def key(node: Index | int, rank: int) -> Index:
-    """Place in the chain of what belongs to nodes, of the shape of ``node``."""
+    """Place in the chain of what belongs to nodes, shape (...) as ``node``."""
     return np.asarray(node) * RANKS + rank
