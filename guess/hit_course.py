@@ -61,7 +61,7 @@ def course_at(problem: Problem, p: Passage, state: tuple[Array, Array, float]) -
 
 
 def states_before(problem: Problem, x: Array) -> list[tuple[Array, Array, float]]:
-    """States (q, v, t) before the events in unknowns x."""
+    """States (q, v, t) before the events in unknowns x, shape (n,): q and v of shape (nq,) each."""
     lay = Layout.of(problem)
     t, nodes = lay.times(x), lay.collision_nodes
     return [

@@ -81,8 +81,8 @@ def friction_of(problem: Problem, p: Passage, q: Array, t: float) -> float:
 
 
 def response(problem: Problem, p: Passage, q: Array, t: float) -> Array:
-    """The matrix A = D M^-1 D^T of the directions of an impact: what impulses along them change
-    the rates of separation and of sliding by, shape (2, 2)."""
+    """The matrix A = D M^-1 D^T of the directions of an impact at q, shape (nq,): what impulses
+    along them change the rates of separation and of sliding by, shape (2, 2)."""
     D = _directions(problem, p, q, t)
     return np.asarray(D @ held_responses(problem.model, p.holding, q, D, t)[0])
 

@@ -72,8 +72,8 @@ def random_motions(
     """Unknowns of the random motions with the given numbers, shape (len(numbers), n), of kinds in
     turn.
 
-    ``guesses`` are unknowns that are shaken; ``natural`` is a final time in seconds around which
-    motions are made where the problem does not bound it.
+    ``guesses`` are unknowns that are shaken, shape (n,) each; ``natural`` is a final time in
+    seconds around which motions are made where the problem does not bound it.
     """
     if not numbers:
         return np.zeros((0, Layout.of(problem).size))
