@@ -59,8 +59,9 @@ class Reaction:
 
 
 def without_effect(model: Model, held: Conditions, q: Array, t: Array) -> Array:
-    """Projections (n, m, m) of the multipliers of conditions on those that accelerate nothing; zero
-    where all are determined, and not a number where the masses are none."""
+    """Projections (n, m, m) of the multipliers of conditions, at q (n, nq) and t (n,), on those
+    that accelerate nothing; zero where all are determined, and not a number where the masses are
+    none."""
     C, M = held.slopes(model, q, t)[..., :-1], model.mass(q, t)
     size, mass = sizes_by_mass(M, C), np.sqrt(np.abs(np.diagonal(M, axis1=1, axis2=2)))
     B = held.pushes(model, q, t, C) / size[:, :, None]
@@ -110,8 +111,9 @@ def borne(model: Model, mode: Mode, reaction: Reaction, q: Array, t: Array) -> R
 def nearest(
     model: Model, mode: Mode, reaction: Reaction, q: Array, t: Array, planned: Array
 ) -> Reaction:
-    """A reaction with the same effect whose forces are next to planned ones of what is closed,
-    what sticks and, where they are planned too, of joints (n, m)."""
+    """A reaction with the same effect at q (n, nq) and t (n,), whose forces are next to planned
+    ones (n, m): of closed contacts, of tangents that stick and, where they are planned too, of
+    joints."""
     held = conditions_of(model, mode)
     if len(held) < 2:
         return reaction
@@ -184,9 +186,10 @@ def limits(
 
 
 def kept(model: Model, mode: Mode, reaction: Reaction, q: Array, v: Array, t: Array) -> Array:
-    """Numbers that a mode keeps from falling below zero, shape (n, nc + 2 nt); infinite where there
-    is nothing to keep. They are minus the gap of an open surface or the force of a closed one, the
-    friction that tangents that stick can still bear, and sliding velocities in their directions."""
+    """Numbers that a mode keeps from falling below zero at q and v (n, nq) and t (n,), shape (n, nc
+    + 2 nt); infinite where there is nothing to keep. They are minus the gap of an open surface or
+    the force of a closed one, the friction that tangents that stick can still bear, and sliding
+    velocities in their directions."""
     least, closed, stuck = -model.gaps(q, t), list(mode.closed), list(mode.sticking)
     least[:, closed] = reaction.normal[:, closed]
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)

@@ -136,9 +136,10 @@ class Flow:
         self, y: Array, steps: Steps, upper: Array, first: int, last: int, q_wanted: Array,
         astray: Array,
     ) -> tuple[int, bool]:  # fmt: skip
-        """Integrate a state, in place, over steps that meet no surface; return the first that
-        might, or ``last``, and whether it has come further than ``astray`` from the positions
-        (N + 1, nq) that are expected at the nodes."""
+        """Integrate a state, shape (2 nq,), in place, over steps that meet no surface; return the
+        first that might, or ``last``, and whether it has come astray. That is further than
+        ``astray``, shape (nq,), from the positions (N + 1, nq) that are expected at the nodes;
+        ``upper`` is as in :meth:`upper`."""
         inputs = steps.t, steps.h, steps.u0, steps.u1
         return self.integrator.quiet(
             y, *inputs, first, last, PLACES, upper, self.near, q_wanted, astray
@@ -147,8 +148,9 @@ class Flow:
     def meets(
         self, start: Array, ends: Array, stop: Array, steps: Steps, upper: Array
     ) -> NDArray[np.bool_]:
-        """Which steps between states, with the accelerations at both ends, might meet a surface,
-        or have ends that are not finite, shape (N,)."""
+        """Mask (N,) of the steps between states (N, 2 nq), with accelerations (N, 2, nq) at both
+        ends, that might meet a surface, or have ends that are not finite. ``upper`` is as in
+        :meth:`upper`."""
         return self.integrator.meets(start, ends, stop, steps.t, steps.h, PLACES, upper, self.near)
 
     def through_contacts(

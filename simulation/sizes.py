@@ -60,8 +60,8 @@ class Sizes:
     acceleration: float
 
     def along(self, slopes: Array) -> tuple[Array, Array]:
-        """Sizes of functions of the position and the time, and of their rates, by their slopes
-        (n, m, nq + 1) at positions of the motion."""
+        """Sizes, shape (m,) each, of functions of the position and the time, and of their rates, by
+        their slopes (n, m, nq + 1) at positions of the motion."""
         return _along(slopes, self.q, self.v, self.time)
 
 

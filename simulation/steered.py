@@ -27,7 +27,7 @@ class Control(Protocol):
         does."""
 
     def input(self, k: int, y: Array) -> Array:
-        """The inputs (nu,) of step k, which begins in a state."""
+        """The inputs (nu,) of step k, which begins in a state y, shape (2 nq,)."""
 
     def feel(self, k: int, collisions: Sequence[Collision], mode: Mode) -> None:
         """Step k has ended in a mode, after some collisions."""
