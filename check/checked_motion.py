@@ -228,7 +228,8 @@ class Motion:
         return ModeSpan(mode, tuple(numbers), places, self.run.part(places))
 
     def errors(self, y: Array, t: Array, q_wanted: Array, p_wanted: Array) -> Array:
-        """Relative errors of the positions and momenta (n, 2 nq) of rows y = (q | v ...)."""
+        """Relative errors of the positions and momenta (n, 2 nq) of rows y = (q | v ...) at times
+        (n,), from those that are wanted, shape (n, nq) each."""
         nq, off = self.model.nq, np.empty((len(y), 2 * self.model.nq))
         q, v = y[:, :nq], y[:, nq : 2 * nq]
         off[:, :nq] = (q - q_wanted) / self.sizes.q

@@ -31,7 +31,8 @@ class Bound:
 
 @record(frozen=True, eq=False)
 class LimitFunctions:
-    """The functions r >= 0 of a motion, those of path constraints before those of bounds."""
+    """The m functions r >= 0 of a motion, those of path constraints before those of bounds; states
+    have the shape (n, d)."""
 
     motion: Motion
     bounds: tuple[Bound, ...]
@@ -98,7 +99,7 @@ class LimitFunctions:
         return np.hstack(parts)
 
     def split(self, states: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """q, v, u, t and y of states (n, d)."""
+        """q, v, u, t and y of states (n, d), with n rows each."""
         q, v, u, t, y = (np.ascontiguousarray(a) for a in np.split(states, self._begins, axis=1))
         return q, v, u, t[:, 0], y
 

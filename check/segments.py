@@ -124,7 +124,8 @@ def _planned(motion: Motion, piece: ModeSpan) -> tuple[Array, Array]:
 
 
 def between(motion: Motion, course: IntegratedSteps, places: Array) -> tuple[Array, Array]:
-    """Times and positions at places within steps, shapes (places, n) and (places, n, nq)."""
+    """Times and positions at places within steps, shape (places,), in [0, 1]: shapes (places, n)
+    and (places, n, nq)."""
     parts = (course.start, course.ends, course.stop, course.steps.h)
     path = motion.flow.integrator.between(*parts, places)
     return course.steps.t + places[:, None] * course.steps.h, path
