@@ -37,8 +37,8 @@ IPOPT_STATUSES = {
 
 
 class _Callbacks:
-    """The program as functions of the solvers' kind; what the user raises in a callback is kept
-    and raised afterwards."""
+    """The program as functions of the solvers' kind at x, shape (n,) or longer; what the user
+    raises in a callback is kept and raised afterwards."""
 
     def __init__(self, nlp: Transcription, options: Options) -> None:
         self.nlp, self.options, self.m = nlp, options, nlp.n_eq + nlp.n_in

@@ -189,8 +189,8 @@ def _first_barrier(nlp: Transcription, x: Array, share: float, least: float) -> 
 
 
 def sizes(nlp: Transcription, x: Array) -> Array:
-    """Typical changes of unknowns (..., n): step sizes count in their own size, all others in
-    their units."""
+    """Typical changes of unknowns (..., n), of this shape: step sizes count in their own size, all
+    others in their units."""
     size, h = np.ones(x.shape), nlp.layout.index_h
     size[..., h] = x[..., h]
     return size

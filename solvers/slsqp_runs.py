@@ -68,8 +68,8 @@ class _Trial:
 
 
 class SlsqpRun:
-    """One run of SLSQP in Y = Y_0 + S s over a working set, with the kept equations as
-    constraints."""
+    """One run of SLSQP in Y = Y_0 + S s, s of shape (k,), over a working set, with the kept
+    equations as constraints."""
 
     def __init__(
         self, setting: RunContext, x: Array, metric: tuple[Array, Array], working: Working
