@@ -111,8 +111,8 @@ def check_argument(name: str, among: Collection[str], label: str, error: type[Dm
 
 
 def _hint(name: str, among: Collection[str]) -> str:
-    """What is meant: a name that is hardly another one, what other tools call so, or an argument of
-    another function; empty where none of these is."""
+    """A hint at the name that is meant: one that is nearly the same, another tool's name for it, or
+    an argument of another function; empty without any."""
     from difflib import get_close_matches
 
     near = get_close_matches(name[:LONGEST_TEXT], among, 1, MISSPELT)
