@@ -38,7 +38,8 @@ def turned(state: int) -> int:
 
 
 def after_stop(state: int) -> tuple[int, int]:
-    """What sliding becomes when it stops: it sticks where friction holds it, else it turns."""
+    """States that may follow where sliding stops: it sticks where friction holds it, else it
+    turns."""
     return STICK, turned(state)
 
 

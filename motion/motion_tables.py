@@ -125,7 +125,7 @@ WRITERS: dict[str, Callable[[Trajectory], str]] = {"csv": to_csv, "json": to_jso
 
 
 def written_as(ending: str) -> Callable[[Trajectory], str]:
-    """What writes files of an ending, as "csv"; an unknown one is refused."""
+    """The function that writes tables of an ending, as "csv"; an unknown ending is refused."""
     if ending not in WRITERS:
         endings = " or ".join(f".{name}" for name in WRITERS)
         raise MotionError(

@@ -98,7 +98,7 @@ def shapes_in(table: Iterable[tuple[str, str, int, int]]) -> tuple[Shape, ...]:
 
 
 def wrong_scene(scene: Scene) -> str | None:
-    """What of a scene does not fit together."""
+    """A sentence about shapes of a scene that do not fit together."""
     start = 0
     for shape in scene.shapes:
         size = len(COLUMNS[shape.kind])

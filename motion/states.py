@@ -113,7 +113,7 @@ class Names:
 
     @cached_property
     def places(self) -> dict[str, tuple[str, int | None]]:
-        """Where each name is found: the field of a state and its column; no two are the same."""
+        """The field of a state and the column of each name; no two are the same."""
         rates = [velocity_name(name) for name in self.coordinates]
         momenta = [momentum_name(name) for name in self.coordinates]
         places: dict[str, tuple[str, int | None]] = {"t": ("t", None)}

@@ -346,8 +346,7 @@ def event_word(
 
 
 def noun_of(words: Iterable[str]) -> str:
-    """What the words of sequences are called together: "collision" where all of them are hits,
-    else "event"."""
+    """Noun for the words of sequences: "collision" where all of them are hits, else "event"."""
     hits = all(not word.startswith(("+", "-")) and not {":", " "} & set(word) for word in words)
     return "collision" if hits else "event"
 
