@@ -12,13 +12,13 @@ from dmoc.symbolic.traversal import operations, reached
 
 
 def cheapest(ways: Iterable[list[list[GraphNode]]]) -> list[list[GraphNode]]:
-    """Of the ways to write some rows the one that takes fewest operations."""
+    """The way to write some rows that takes fewest operations."""
     first, *others = ways
     return min((first, *others), key=_cost) if others else first
 
 
 def shared(rows: list[list[GraphNode]]) -> list[list[GraphNode]]:
-    """The same rows with sums that share what they have in common."""
+    """The same rows with sums whose common parts are written once."""
     entries = iter(with_shared_sums([e for row in rows for e in row]))
     return [[next(entries) for _ in row] for row in rows]
 
@@ -38,7 +38,8 @@ def flat(terms: Sequence[tuple[GraphNode, GraphNode]]) -> GraphNode:
 
 
 def with_common_factors(results: Sequence[GraphNode]) -> list[GraphNode]:
-    """The same values, where sums have taken out what terms that nobody else needs share."""
+    """The same expressions, where sums stand behind the common factors of terms that nobody else
+    needs."""
     nodes = reached(results)
     uses = Counter(results)
     for node in nodes:

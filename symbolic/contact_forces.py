@@ -90,7 +90,7 @@ def _unpushed(f: Continuous) -> bool:
 
 
 def _coordinates(f: Continuous, e: Any) -> set[int]:
-    """Those that an expression contains, or their velocities."""
+    """Coordinates that an expression contains, also by their velocities."""
     return {i for i, (q, v) in enumerate(zip(f.q, f.v, strict=True)) if {q, v} & e.free_symbols}
 
 

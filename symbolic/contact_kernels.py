@@ -299,7 +299,7 @@ def _at(f: Continuous, expression: Any, place: tuple[Input, Input]) -> Any:
 
 
 def _turns(f: Continuous, start: tuple[Input, Input], end: tuple[Input, Input]) -> list[Any]:
-    """Of each constraint, sum_i d_i phi(start) d_i phi(end) / M_ii(start)."""
+    """The sum_i d_i phi(start) d_i phi(end) / M_ii(start) of each constraint."""
     masses = [_at(f, row[i], start) for i, row in enumerate(mass_matrix(f))]
     zero = f.L.graph.zero
     slopes = [gradient(zero if keeps_rate(f, phi) else phi, f.q) for phi in f.phi]

@@ -298,7 +298,8 @@ def keeps_rate(f: Continuous, constraint: Any) -> bool:
 
 
 def constraint_rates(f: Continuous) -> list[Any]:
-    """What all constraints keep at zero along the motion: dphi/dt of those of places, or c."""
+    """Rates that all constraints keep at zero along the motion: dphi/dt of those of places, or
+    c."""
     places = iter(rates(f, [phi for phi in f.phi if not keeps_rate(f, phi)]))
     return [phi if keeps_rate(f, phi) else next(places) for phi in f.phi]
 

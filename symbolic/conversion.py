@@ -34,7 +34,7 @@ def to_nodes(
 def plain_nodes(
     graph: Graph, expressions: Sequence[Any], table: Mapping[Any, GraphNode]
 ) -> list[GraphNode]:
-    """The same, with sums as SymPy writes them."""
+    """Expressions as nodes of a graph, with sums as SymPy writes them."""
     made: dict[Any, GraphNode] = dict(table)
 
     def convert(e: Any) -> GraphNode:

@@ -34,7 +34,7 @@ def rate_symbol(function: Any) -> Any:
 
 
 def _function(atom: Any) -> Any:
-    """What an atom is, or what it is the derivative of."""
+    """An atom, or the function of which it is a derivative."""
     return atom.expr if isinstance(atom, sp.Derivative) else atom
 
 

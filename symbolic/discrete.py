@@ -112,7 +112,7 @@ class StepElement:
 
     @property
     def symbols(self) -> tuple[Any, ...]:
-        """What expressions contain: positions, velocities and times of the points, inputs, h."""
+        """Symbols of the expressions: positions, velocities and times of the points, inputs, h."""
         states = (s for p in self.points for s in (*p.start.q, *p.start.v, p.start.t))
         return (*states, *self.u_k, *self.u_kp1, self.h)
 
@@ -127,7 +127,7 @@ class StepElement:
         return [self._total(by.__getitem__, i) for i in range(len(self.x_k))]
 
     def spread(self, partial: Callable[[Sequence[Any]], list[Any]]) -> list[Any]:
-        """The same as sums without sums in them, which others share."""
+        """Total derivatives by x_k, written as sums without sums in them, which others share."""
         by = dict(zip(self.symbols, partial(self.symbols), strict=True))
         return [flat(self._parts(by.__getitem__, i)) for i in range(len(self.x_k))]
 
@@ -135,8 +135,8 @@ class StepElement:
         return sum_of(factor * value for factor, value in self._parts(by, i))
 
     def _parts(self, by: Callable[[Any], Any], i: int) -> list[tuple[Any, Any]]:
-        """What the total derivative by ``x_k[i]`` is the sum of: factors and partial
-        derivatives."""
+        """Factors and partial derivatives whose products make the total derivative by
+        ``x_k[i]``."""
         node, j = self._node(i)
         if node is not None:
             return [

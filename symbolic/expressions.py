@@ -213,8 +213,8 @@ REMEDIES = {
 def unknown_symbol(
     symbol: Any, where: str, kinds: dict[str, set[Any]], allowed: tuple[str, ...]
 ) -> str:
-    """What is wrong with a symbol that does not belong where it stands; ``kinds`` are the symbols
-    of the model."""
+    """A sentence about a symbol that does not belong where it stands; ``kinds`` are the symbols of
+    the model."""
     only = ", ".join(allowed[:-1]) + " and " * (len(allowed) > 1) + allowed[-1]
     if symbol == approach_speed:
         return (

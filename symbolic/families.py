@@ -150,8 +150,8 @@ def model_key(system: MechanicalSystem, order: int = 2, design: Sequence[str] = 
 
 
 def model_fingerprint(system: MechanicalSystem, order: int) -> str:
-    """What solutions depend on: the content of ``system``, its units, the order and the equations;
-    not its title and its drawing."""
+    """Digest of all that solutions depend on: the content of ``system``, its units, the order and
+    the equations; not its title and its drawing."""
     units = "".join(f"\n{name} {unit}" for name, unit in system.units.items())
     return hashlib.sha256(
         f"{EQUATIONS}\n{order}\n{system.fingerprint()}{units}".encode()

@@ -129,7 +129,7 @@ class GraphNode:
         return g.sum((p * n._slopes[symbol], 1.0) for n, p in self.partials() if n.symbols & bit)
 
     def partials(self) -> list[tuple[GraphNode, GraphNode]]:
-        """Its partial derivatives by its children."""
+        """The partial derivatives of the node by its children."""
         if self._partials is None:
             self._partials = list(self._by_children())
         return self._partials
@@ -351,7 +351,7 @@ def _bits(symbols: Iterable[GraphNode]) -> int:
 
 
 def _below(root: GraphNode, bits: int, done: Callable[[GraphNode], bool]) -> list[GraphNode]:
-    """What a node is made of that depends on symbols and is not done, parts first."""
+    """Nodes below a root that depend on symbols and are not done, parts first."""
     open_nodes: set[GraphNode] = set()
     waiting = [root]
     while waiting:

@@ -41,7 +41,8 @@ def hidden_kernels(
     system: MechanicalSystem, plain: Continuous, f: Continuous, e: StepElement,
     step: tuple[Input, ...],
 ) -> list[KernelSpec]:  # fmt: skip
-    """Their kernels, ``e`` being the element of the split system f and ``plain`` the system."""
+    """Kernels of the hidden unknowns; ``e`` is the element of the split system f, ``plain`` the
+    system."""
     if not f.s:
         return []
     kinks = plain.rewritten(system, [own.kink for own in split(system).unknowns])
@@ -71,7 +72,7 @@ def hidden_facts(system: MechanicalSystem) -> dict[str, Any]:
 
 
 def hidden_names(system: MechanicalSystem) -> list[str]:
-    """What hidden unknowns are called."""
+    """Names of the hidden unknowns."""
     return [f"the unknown for {sp.sstr(_named(own.kink))}" for own in split(system).unknowns]
 
 

@@ -49,7 +49,7 @@ class Hidden(NamedTuple):
     limits: tuple[Any, ...]
 
     def mapped(self, table: Mapping[Any, Any]) -> Hidden:
-        """The same in other symbols."""
+        """The same hidden unknown in other symbols."""
         limits = tuple(limit.xreplace(table) for limit in self.limits)
         return self._replace(kink=self.kink.xreplace(table), limits=limits)
 

@@ -41,7 +41,8 @@ def path_rows(
 
 
 def quantity_rows(f: Continuous, names: Sequence[str]) -> list[dict[str, Any]]:
-    """The same of the quantities; those that contain forces depend on all of a state."""
+    """The rows of :func:`path_rows` for the quantities; those with forces depend on all of a
+    state."""
     every = {"coordinates": list(range(len(f.q))), "velocities": True, "inputs": True}
     return [
         row | every | {"forces": True} if z.free_symbols & set(f.y) else row
@@ -58,7 +59,7 @@ def path_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list
 def quantity_kernels(
     f: Continuous, e: StepElement, step: tuple[Input, ...], supports: Sequence[int | None]
 ) -> list[KernelSpec]:
-    """The same kernels of the quantities, and of the equations of the forces that they contain;
+    """All kernels of the quantities, and of the equations of the forces that they contain;
     ``supports`` are the surfaces of the tangents, None of rails."""
     kernels = _along("quantity", "z", "Quantities {}", *_put(f, e, lambda f: f.z), step)
     if not f.y:

@@ -79,7 +79,8 @@ def _vanishes(base: Any, velocities: Collection[Any], inputs: Collection[Any]) -
 
 
 def _order(e: Any, symbols: Collection[Any], zero: dict[Any, Any]) -> int:
-    """How fast an expression falls to 0 where symbols are 0: 1 with a slope, 2 without one."""
+    """The order in which an expression falls to 0 where symbols are 0: 1 with a slope, 2 without
+    one."""
     e = e.args[0] if isinstance(e, sp.Abs) else e
     if not e.free_symbols & {*symbols} or not (e.is_polynomial(*symbols) and _zero(e, zero)):
         return 0

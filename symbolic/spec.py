@@ -115,7 +115,7 @@ class FunctionSpec:
 
     @property
     def kernel(self) -> KernelSpec:
-        """The same as a kernel of its arguments z and its results d."""
+        """The function as a kernel of its arguments z and its results d."""
         values = with_shared_sums([self.function.derivative(path) for path in self.paths])
         inputs = (Input("z", self.function.symbols), self.constants)
         return KernelSpec(self.name, "", inputs, (Output.vector("d", values),))

@@ -294,13 +294,15 @@ class MechanicalSystem(Shown):
 
     @property
     def coefficients_of_restitution(self) -> tuple[Any, ...]:
-        """Those of all surfaces, zero where none is stated; empty where there are none."""
+        """Coefficients of all surfaces, zero where none is stated; empty where the system states
+        none."""
         stated = self.restitution
         return tuple(stated.get(name, sp.S.Zero) for name in self.surfaces) if stated else ()
 
     @property
     def coefficients_of_tangential_restitution(self) -> tuple[Any, ...]:
-        """Those of all tangents, -1 where none is stated; empty where there are none."""
+        """Coefficients of all tangents, -1 where none is stated; empty where the system states
+        none."""
         stated = self.tangential_restitution
         return tuple(stated.get(n, sp.S.NegativeOne) for n in self.tangents) if stated else ()
 

@@ -240,7 +240,8 @@ def _check_symbols(system: MechanicalSystem) -> None:
 
 
 def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str, ...]]]:
-    """Where each expression of a system stands, and the kinds of symbols that belong there."""
+    """Names of the expressions of a system, with these, and the kinds of symbols that belong
+    there."""
     for x, e in system.definitions.items():
         yield f"definition {name_of(x)}", e, STATE
     yield "the Lagrangian", system.lagrangian, STATE

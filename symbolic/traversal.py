@@ -11,7 +11,7 @@ from dmoc.symbolic.graph import CALL, JUNCTION, NUMBER, PRODUCT, RELATION, SUM, 
 
 
 def reached(results: Iterable[GraphNode]) -> list[GraphNode]:
-    """What results are made of, parts first."""
+    """Nodes that results are made of, parts first."""
     return in_order(results, lambda n: n.children)
 
 

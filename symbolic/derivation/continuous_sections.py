@@ -154,7 +154,7 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
 
 
 def _impact_laws(system: MechanicalSystem) -> Iterable[str]:
-    """What the laws of hits with a tangential impulse say, a sentence each."""
+    """Sentences on the laws of hits with a tangential impulse."""
     facts = system.impact_laws, system.tangential_restitution
     laws = {name: law_of(name, *facts) for name in system.surfaces if name in system.tangents}
     for law in dict.fromkeys(laws.values()):

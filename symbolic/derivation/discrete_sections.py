@@ -76,7 +76,7 @@ def discrete_sections(
 
 
 def _places_of(e: StepElement) -> Section:
-    """Where the integrals of a step are taken."""
+    """Section on the points at which the integrals of a step are taken."""
     middle = len(e.points) == 1
     place = "Midpoint" if middle else "Quadrature points"
     text = (

@@ -120,7 +120,7 @@ def upright(text: str) -> str:
 
 
 def _latex_equation(equation: Equation) -> str:
-    """One line, or a sum broken into lines where it is long."""
+    """An equation in LaTeX: one line, or a sum broken into lines where it is long."""
     right = equation.right
     text = latex_of(right)
     if len(text) <= LATEX_WIDTH or isinstance(right, sp.MatrixBase):
@@ -175,7 +175,7 @@ def definitions(
     values: Sequence[Any],
     latex: str | None = None,
 ) -> list[Equation]:
-    """One equation for each coordinate."""
+    """Equations that define a letter's values, one for each coordinate."""
     head = latex or letter
     return [
         definition(own, f"{letter}_{n}", f"{head}{{}}_{{{t}}}" if latex else f"{letter}_{{{t}}}", v)

@@ -84,7 +84,7 @@ def _facts(system: MechanicalSystem) -> Iterator[tuple[str, str]]:
 
 
 def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, str, Any]]:
-    """What a system consists of: names in text and in MathML, and expressions."""
+    """Functions of a system: their names in text and in MathML, and their expressions."""
     names = [name_of(q) for q in system.coordinates]
     for x, value in zip(f.x, f.x_of, strict=True):
         yield x.name, mathml.symbol(x.name), value

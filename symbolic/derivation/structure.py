@@ -256,7 +256,7 @@ def _surface_section(s: NamedStructure) -> Iterator[Section]:
 
 
 def pattern_sections(s: NamedStructure, order: int, shown: StepElement) -> Iterator[Section]:
-    """Where the derivatives of a step are not identically zero."""
+    """Sections on the derivatives of a step that are not identically zero."""
     g = s.nodes.L.graph
     e = step_element(s.nodes, order, g.symbol, float)
     step = {"r_minus": e.r_minus, "r_plus": e.r_plus, "r_i": e.r_i}
