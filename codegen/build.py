@@ -145,7 +145,7 @@ def load_installed(package: str) -> Kernels | None:
 
 
 def _folder(package: str) -> Path | None:
-    """Where a package is installed."""
+    """The folder of an installed package."""
     spec = importlib.util.find_spec(package)
     places = spec.submodule_search_locations if spec else None
     return Path(places[0]) if places else None

@@ -128,7 +128,7 @@ class Kernels(Shown):
 
     @property
     def quantity_rows(self) -> list[FunctionFacts]:
-        """What each quantity depends on, as the path constraints have it."""
+        """Facts about the parts of a state that each quantity depends on."""
         return list(self.manifest.quantities)
 
     @property

@@ -194,7 +194,7 @@ class NumPyPrinter(Printer):
 
 
 class ArgumentPrinter(NumPyPrinter):
-    """The same for a function of a list of columns that returns another one."""
+    """A printer for a function of a list of columns that returns another list."""
 
     @classmethod
     def name_of(cls, argument: Input | Output, i: int) -> str:

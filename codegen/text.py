@@ -109,7 +109,7 @@ def _template(name: str) -> jinja2.Template:
 
 
 def _c_kernel(spec: KernelSpec, functions: Sequence[FunctionSpec]) -> dict[str, Any]:
-    """What the template says of a kernel; of its arguments, which it needs."""
+    """Facts about a kernel for the template; of its arguments, those that it needs."""
     code = listing(spec, CPrinter, functions)
     inputs = [(i, a.name) for i, a in enumerate(spec.inputs) if a.name in code.read]
     outputs = [(i, o) for i, o in enumerate(spec.outputs) if o.size]
@@ -127,7 +127,7 @@ def _c_kernel(spec: KernelSpec, functions: Sequence[FunctionSpec]) -> dict[str, 
 
 
 def _c_function(function: FunctionSpec) -> dict[str, Any]:
-    """The same of a function, which has all arguments."""
+    """Facts about a function for the template, which has all arguments."""
     facts = _c_kernel(function.kernel, ())
     unused = [] if "IN par" in facts["signature"] else ["(void)par;"]
     return facts | {"lines": [*unused, *facts["lines"]]}
