@@ -28,7 +28,7 @@ class Mode:
 
     @classmethod
     def in_order(cls, closed: Iterable[int], states: Iterable[tuple[int, int]]) -> Mode:
-        """The same, in the order of closed surfaces and of tangents with their friction."""
+        """The mode of closed surfaces and of tangents with their friction, in the order given."""
         states = tuple(states)
         still = tuple(k for k, s in states if sticks(s))
         return cls(tuple(closed), still, tuple((k, s) for k, s in states if not sticks(s)))
@@ -50,18 +50,18 @@ class Mode:
         return Mode(tuple(closed), sticking, tuple((k, s) for k, s in self.sliding if chosen(k)))
 
     def opening(self, j: int, contacts: Contacts) -> Mode:
-        """The same with a surface open, where nothing rubs then."""
+        """The same mode with surface j open, where nothing rubs then."""
         left = {k: s for k, s in self.rubbing.items() if contacts.supports[k] != j}
         return Mode.of({*self.closed} - {j}, left)
 
     def closing(self, j: int, contacts: Contacts) -> Mode:
-        """The same with a surface closed, where what rubs sticks."""
+        """The same mode with surface j closed, where what rubs sticks."""
         tangent = contacts.rubs_on(j)
         still = {} if tangent is None else {tangent: STICK}
         return Mode.of({*self.closed, j}, self.rubbing | still)
 
     def with_friction(self, changed: dict[int, int]) -> Mode:
-        """The same with other states of some tangents."""
+        """The same mode with other states of some tangents."""
         return Mode.of(self.closed, self.rubbing | changed)
 
     def stopping(self, stopped: Collection[int]) -> Mode:
@@ -83,7 +83,7 @@ def mode_by_names(contacts: Contacts, closed: Iterable[str], rubbing: Mapping[st
 
 
 def names_of(contacts: Contacts, mode: Mode) -> tuple[tuple[str, ...], dict[str, int]]:
-    """What is closed, and the friction of what rubs, by names."""
+    """Names of the closed surfaces, and the friction of the tangents that rub by name."""
     rubbing = {contacts.tangents[k]: s for k, s in mode.rubbing.items()}
     return contacts.named(mode.closed), rubbing
 
@@ -118,7 +118,7 @@ class Course:
 
     @classmethod
     def stopping(cls, first: int, may_be_late: bool) -> list[Course]:
-        """Those that begin to slide in one direction and stop."""
+        """Courses that begin to slide in one direction and stop."""
         late = (False, True) if may_be_late else (False,)
         return [cls(first, then, at) for then in after_stop(first) for at in late]
 
@@ -140,7 +140,7 @@ class Course:
 
     @property
     def sticks(self) -> bool:
-        """Whether it does so at any time."""
+        """Whether the contact sticks at any time."""
         return sticks(self.first) or sticks(self.last)
 
     def __str__(self) -> str:

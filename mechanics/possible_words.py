@@ -51,7 +51,8 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
 
 
 def _together(leaving: Sequence[str], rubbing: Mapping[str, int]) -> Iterator[str]:
-    """All contacts leave at once, or all that rub change their friction to the same one."""
+    """Words in which all contacts leave at once, or all that rub change their friction to the same
+    one."""
     ways = [leaving]
     for word, state in FRICTION.items():
         ways.append([f"{name}:{word}" for name, other in rubbing.items() if other != state])

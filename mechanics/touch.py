@@ -77,7 +77,7 @@ class Touch:
 
     @cached_property
     def slides(self) -> Bools:
-        """Shape (phases, nt)."""
+        """Tangents that slide in each phase, shape (phases, nt)."""
         return np.asarray(self.rubs & ~self.sticks)
 
     def astray(self, phase: int, rates: Array) -> Array:
@@ -100,8 +100,8 @@ class Touch:
 
     @cached_property
     def courses(self) -> tuple[Course | None, ...]:
-        """How friction acts in the impact of each event: as its word says, and sticking in hits
-        whose tangential impulse nothing limits; None where nothing is to tell."""
+        """Course of friction in the impact of each event: the one of its word, and sticking in hits
+        whose tangential impulse nothing limits; None for others."""
         free = self.contacts.frictionless if self.open is None else ()
         return tuple(
             Course(STICK)
