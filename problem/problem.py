@@ -320,7 +320,7 @@ class Problem(Shown):
 
     @cached_property
     def relaxation(self) -> float:
-        """By how much complementarity is relaxed; it is set by dmoc.problem.derived."""
+        """Size eps by which complementarity is relaxed; dmoc.problem.derived sets it."""
         return 0.0
 
     # What follows, each found once; its function says what it is ----------------------------------

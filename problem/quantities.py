@@ -194,7 +194,7 @@ def total_limits_of(problem: Problem) -> dict[str, Range]:
 
 
 def held_integrals(problem: Problem) -> set[str]:
-    """What holds unknowns in the place of kinks: the cost, which has no name, and integrals that
-    are bounded or priced."""
+    """Names of the integrals that hold their hidden unknowns on the kinks: the cost, whose name is
+    empty, and those that are bounded or priced."""
     priced = problem.kernels.manifest.priced
     return {"", *problem.total_limits, *priced}

@@ -47,7 +47,7 @@ class Relation:
 
     @property
     def kind(self) -> tuple[str, tuple[tuple[str, float], ...], bool, bool, bool]:
-        """What it is without its difference: its states, and which bounds there are."""
+        """The relation without its difference: its states, and which bounds there are."""
         return self.end, self.terms, self.fixed, self.low > -np.inf, self.high < np.inf
 
     @property
@@ -64,7 +64,7 @@ def _term(name: str, factor: float) -> str:
 
 
 def relations_of(problem: Problem) -> tuple[Relation, ...]:
-    """What ``periodic`` says of the end and the start."""
+    """The relations of the end and the start that ``periodic`` states."""
     periodic = problem.periodic
     pairs = periodic.items() if isinstance(periodic, Mapping) else [(n, n) for n in periodic]
     return tuple(_relation(problem, str(end), value) for end, value in pairs)
