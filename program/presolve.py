@@ -244,7 +244,7 @@ def _returned(problem: Problem, start: States, end: States) -> States:
 
 
 def _by_name(problem: Problem, at: States) -> dict[str, Array]:
-    """All states by name, with their samples."""
+    """Samples of all states by name, shape (samples,) each."""
     names, momenta = problem.kernels.coordinates, problem.model.momentum(at.q, at.v, at.t)
     values: dict[str, Array] = {}
     for naming, columns in ((str, at.q), (velocity_name, at.v), (momentum_name, momenta)):

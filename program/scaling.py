@@ -67,7 +67,8 @@ class Reached:
 
 
 def _reached(problem: Problem, lay: Layout, x: Array) -> Reached:
-    """What the motion of unknowns x reaches; that of the last ones is remembered."""
+    """Sizes that the motion of unknowns x, shape (n,), reaches; those of recent motions are
+    kept."""
     kernels, par = problem.kernels, problem.parameter_values
     few = lay.is_shared and lay.size <= MOST_REMEMBERED
     key = (lay, *kernels.identity, par.tobytes(), x.tobytes()) if few else None

@@ -171,7 +171,7 @@ class Transcription(Evaluator):
 
     @cached_property
     def _rounding(self) -> list[Array]:
-        """How far from each limit rounding may put an unknown that lies at it."""
+        """Distances from the lower and upper limits that rounding may make, shape (n,) each."""
         few = 4 * np.finfo(float).eps
         return [few * np.where(np.isfinite(limit), np.abs(limit), 0.0) for limit in self.limits]
 

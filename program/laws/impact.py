@@ -200,7 +200,7 @@ class ImpactLaw(Law):
         )
 
     def _unit_of_gap(self, surface: int) -> str:
-        """That of its coordinate, if it depends on one alone."""
+        """Unit of a gap: that of its coordinate, if it depends on one alone, else empty."""
         model = self.problem.model
         involved = [model.kernels.coordinates[j] for j in model.surface_coordinates[surface]]
         return unit_of(involved[0], model.kernels.manifest.units) if len(involved) == 1 else ""

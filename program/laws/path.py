@@ -302,8 +302,9 @@ def _ends(
     problem: Problem, lay: Layout, rows: Sequence[FunctionFacts], fixed: Bools,
     at_contacts: bool, chosen: Bools,
 ) -> Bools:  # fmt: skip
-    """Which path constraints stand at the start and at the end of each phase; contacts fix
-    coordinates if ``at_contacts``, and ``chosen`` are the rows that depend on the design."""
+    """Mask of the path constraints at the start and at the end of each phase, shape (2 phases, nr);
+    contacts fix coordinates if ``at_contacts``, ``chosen`` are the rows that depend on the
+    design."""
     nodes = nodes_of_ends(lay)
     velocity = np.zeros(len(nodes), dtype=bool)
     ends = problem.start_bounds, problem.goal_bounds
