@@ -43,7 +43,7 @@ FACTORS = """
 
 
 def shares() -> tuple[float, ...]:
-    """Of stages 1 to 11."""
+    """Places in a step of stages 1 to 11, from 0 to 1."""
     return tuple(map(float, SHARES.split()))
 
 

@@ -333,7 +333,7 @@ def _check_room(steps: int, every: int, nq: int, forces: int) -> None:
 def _inputs(
     values: ArrayLike | Callable[[float], ArrayLike] | None, h: float, steps: int, nu: int
 ) -> Array:
-    """One row for every step; a row that serves all steps is not copied."""
+    """Inputs of all steps, shape (steps, nu); a row that serves all steps is not copied."""
     if values is None:
         return np.broadcast_to(np.zeros(nu), (steps, nu))
     shapes: tuple[tuple[int, ...], ...] = ((nu,), (steps, nu))

@@ -39,7 +39,7 @@ def undecided_of(model: Model, state: tuple[Array, Array, float], impacts: Impac
 
 
 def notes_of(model: Model, moments: Sequence[Undecided]) -> Iterator[str]:
-    """What the order of impacts decides, the first time for each set of surfaces."""
+    """Notes on what the order of impacts decides, the first time for each set of surfaces."""
     by_surfaces: dict[tuple[int, ...], list[Undecided]] = {}
     for at in moments:
         by_surfaces.setdefault(tuple(j for j, _ in at.orders), []).append(at)

@@ -174,7 +174,7 @@ def _inputs(run: Run, t: Array) -> Array:
 
 
 def _collision(model: Model, event: _Moment, before: Phase, after: Phase) -> Collision:
-    """What happens between two phases; hits at one moment are one, with the name of the first."""
+    """The event between two phases; hits at one moment are one, with the name of the first."""
     kernels = model.kernels
     lands = tuple(name for name in after.closed if name not in before.closed)
     leaves = tuple(name for name in before.closed if name not in after.closed)
