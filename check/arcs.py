@@ -31,7 +31,7 @@ class Arc:
 
 
 def arcs_of(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> list[Arc]:
-    """Where a motion lies on a surface without a planned collision."""
+    """Arcs of a motion on surfaces without a planned collision."""
     arcs, model = list[Arc](), nodes.model
     near = nodes.gaps >= -ON_ARC * sizes.gap
     if not near.any():

@@ -171,8 +171,8 @@ class LimitFunctions:
         return widths
 
     def even_widths(self, states: Array) -> Array:
-        """The same where a motion is as wide in all coordinates, and in all velocities, as in the
-        widest one, compared by the masses: for what a motion passes beside itself."""
+        """Widths as of :meth:`widths` for a motion that is as wide in all coordinates, and in all
+        velocities, as in the widest one by the masses: for what a motion passes beside itself."""
         widths, root = self.widths(states), np.sqrt(self.motion.nodes.inertia)
         for begin in (0, self._begins[0]):
             own = slice(begin, begin + self.model.nq)

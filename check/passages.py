@@ -202,8 +202,8 @@ def passage_of(
     own: Mode,
     around: tuple[Array, Array | None],
 ) -> EventPassage:
-    """What joins two phases, the later one in its mode ``own``; ``around`` are sizes of states and
-    the inputs on both sides, as :class:`EventPassage` has them."""
+    """The event between two phases, the later one in its mode ``own``; ``around`` are sizes of
+    states and the inputs on both sides, as :class:`EventPassage` has them."""
     before, after = phases
     parts = model, restitution, c, before, after, *around
     stay = [name for name in before.closed if name not in c.leaves]
@@ -230,7 +230,8 @@ def passage_of(
 
 
 def _wrong_law(model: Model, restitution: Array, j: int, state: tuple[Array, Array, float]) -> str:
-    """What is wrong with the coefficient that the law of the model says of a hit."""
+    """A sentence about a coefficient of the model's law that no hit can have; empty for a good
+    one."""
     if not np.isnan(restitution[j]):
         return ""
     e = float(model.coefficients(restitution, *state)[j])
