@@ -298,7 +298,8 @@ class FollowingRun(SlsqpRun):
         return []
 
     def _multipliers(self, multipliers: Array, s: Array) -> tuple[Array, Array]:
-        """Those of the equations make the Lagrangian stationary along ``move``."""
+        """Multipliers of the kept equations, for a Lagrangian stationary along ``move``, and of the
+        rest."""
         w = np.maximum(multipliers, 0.0)
         reduced = self._derivatives(s)
         return -self._prices(reduced, reduced.cost - w @ self._working_slopes(reduced)), w
