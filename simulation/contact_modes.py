@@ -112,7 +112,7 @@ def nearest(
     model: Model, mode: Mode, reaction: Reaction, q: Array, t: Array, planned: Array
 ) -> Reaction:
     """A reaction with the same effect at q (n, nq) and t (n,), whose forces are next to planned
-    ones (n, m): of closed contacts, of tangents that stick and, where they are planned too, of
+    ones (n, m). These are of closed contacts, of tangents that stick and, if planned too, of
     joints."""
     held = conditions_of(model, mode)
     if len(held) < 2:
