@@ -4,6 +4,7 @@ the motion says of them, and the bounds of integrals."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from math import isnan
 
 import numpy as np
@@ -77,6 +78,9 @@ def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) ->
 
     along = integrals_along(courses, integrands)
     values, sizes = along.values.copy(), along.sizes.copy()
+    of_hits = _of_hits(motion)
+    np.add.at(values, model.hit_sums[:, 0], of_hits.sum(axis=0))
+    np.add.at(sizes, model.hit_sums[:, 0], np.abs(of_hits).sum(axis=0))
     claims = [trajectory.totals.get(n, float(v)) for n, v in zip(names, values, strict=False)]
     if has_cost:
         claims.append(trajectory.cost)
@@ -91,6 +95,24 @@ def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) ->
     errors = np.where(along.undefined | along.has_pole, np.inf, infinite_where_none(off / sizes))
     what = (*map(repr, names), "the cost")
     return _Totals(what, along, values, np.array(claims), sizes, errors)
+
+
+def _of_hits(motion: Motion) -> Array:
+    """What the planned hits add to the integrals, shape (events, terms)."""
+    model, trajectory = motion.model, motion.trajectory
+    count = len(trajectory.collisions)
+    if not (len(model.hit_sums) and count):
+        return np.zeros((0, len(model.hit_sums)))
+    numbers, both = model.surface_numbers, list(pairwise(trajectory.phases))
+    lam, hit = np.zeros((count, model.nc)), []
+    for row, c in zip(lam, trajectory.collisions, strict=True):
+        struck = (c.surface, *(name for name in c.lands if name != c.surface)) if c.surface else ()
+        hit.append(tuple(numbers[name] for name in struck))
+        for name, impulse in {**dict.fromkeys(struck[:1], c.impulse), **c.impulses}.items():
+            row[numbers[name]] = impulse
+    q, v_a = (np.array([getattr(p, name)[-1] for p, _ in both]) for name in ("q", "v"))
+    v_c, t = np.array([p.v[0] for _, p in both]), np.array([c.time for c in trajectory.collisions])
+    return np.where(model.counting(hit), model.hit_terms(q, v_a, v_c, lam, t), 0.0)
 
 
 def _beside_running_cost(

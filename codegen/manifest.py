@@ -82,6 +82,7 @@ class Manifest:
     varying_friction: Sequence[FunctionFacts] = ()
     rate_constraints: Sequence[str] = ()
     totals: Sequence[str] = ()
+    hit_sums: Sequence[tuple[int, int, int]] = ()  # integral, surface, number of the hit or 0
     priced: Sequence[str] = ()
     peaks: Sequence[tuple[int, bool]] = ()
     objective: bool = False

@@ -19,7 +19,8 @@ import sympy as sp
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.inspection.reference_functions import DIGITS, STEP, Vector, moved
 from dmoc.inspection.reference_values import Function, ReferenceValues
-from dmoc.symbolic.continuous import readable
+from dmoc.symbolic.continuous import Continuous, readable
+from dmoc.symbolic.event_sums import APPROACH, DEPARTURE, IMPULSE, LOSS, event_terms, references_in
 from dmoc.symbolic.kinks import split
 from dmoc.symbolic.system import MechanicalSystem
 
@@ -107,7 +108,35 @@ def _families(system: MechanicalSystem, kernels: Kernels, values: Array) -> dict
         },
         "integral": lambda x: {"I_d": summed(x, lambda y: [*lifted.c(y), *ones])},
         "integrand": lambda x: {"c": plain.c(x)},
+        "hit_sum": _of_hits(system, f, plain),
     }
+
+
+def _of_hits(system: MechanicalSystem, f: Continuous, plain: ReferenceValues) -> Function:
+    """What hits add to integrals, of (q, v_a, v_c, lam, t)."""
+    terms, surfaces, n = event_terms(system), list(system.surfaces), len(f.q)
+    idle, functions = [mp.mpf(0)] * plain.nu, []
+    for term in terms:
+        own = {a: sp.Dummy(real=True) for a in references_in(term.value)}
+        kinds, value = [a.func.__name__ for a in own], term.value.xreplace(own)
+        compiled = plain.function(f.rewritten(system, [value]), tuple(own.values()))
+        functions.append((surfaces.index(term.surface), kinds, compiled))
+
+    def kinetic(y: Vector) -> Any:
+        still, back = ([*y[:n], *(s * v for v in y[n : 2 * n]), *y[2 * n :]] for s in (0, -1))
+        return (plain.L(y)[0] + plain.L(back)[0]) / 2 - plain.L(still)[0]
+
+    def values(x: Vector) -> dict[str, Vector]:
+        sides = [[*x[:n], *x[n * k : n * (k + 1)], *idle, x[-1]] for k in (1, 2)]
+        before, after = (plain.gap_rates(y) for y in sides)
+        lost = kinetic(sides[0]) - kinetic(sides[1])
+        made = []
+        for j, kinds, compiled in functions:
+            of = {IMPULSE: x[3 * n + j], APPROACH: before[j], DEPARTURE: -after[j], LOSS: lost}
+            made += compiled(sides[0], [of[kind] for kind in kinds])
+        return {"I_c": made}
+
+    return values
 
 
 def _compared(

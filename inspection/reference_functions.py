@@ -78,6 +78,21 @@ class ReferenceFunctions:
 
         return forces if self._f.R == 0 else damped
 
+    def function(
+        self, expressions: Sequence[Any], more: Sequence[Any]
+    ) -> Callable[[Vector, Vector], Vector]:
+        """Functions of y and of more symbols."""
+        compiled = self._compiled(expressions, (*self._f.x, *self._f.x_dot, *more))
+
+        def values(y: Vector, own: Vector) -> Vector:
+            return [_real(value) for value in compiled(*y, *self._par, *self._defined(y), *own)]
+
+        return values
+
+    def gap_rates(self, y: Vector) -> Vector:
+        """Rates of the gaps."""
+        return self._rates(self.g, y)
+
     def coefficients(self, y: Vector, rates: Vector) -> Vector:
         """Coefficients of restitution at rates of the gaps."""
         defined = self._defined(y)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import BoundKernels
@@ -161,6 +161,29 @@ class CostModel(BoundKernels):
         """Integrands of the integrals as they were stated, shape (..., number)."""
         number = len(self.kernels.integrals)
         return self._values("integrand", number, q, v, u, t)
+
+    @cached_property
+    def hit_sums(self) -> NDArray[np.intp]:
+        """What hits add to the integrals: rows of the integral, the surface, and the number of the
+        hit, 0 for all of them, shape (terms, 3)."""
+        rows = np.array(self.kernels.manifest.hit_sums, dtype=np.intp)
+        return np.asarray(rows.reshape(-1, 3))
+
+    def hit_terms(self, q: Array, v_a: Array, v_c: Array, lam: Array, t: ArrayLike) -> Array:
+        """What hits would add to integrals, from places (n, nq), velocities before and after them
+        (n, nq) and impulses of all surfaces (n, nc), shape (n, terms)."""
+        return self._values("hit_sum", len(self.hit_sums), q, v_a, v_c, lam, t)
+
+    def counting(self, surfaces: Sequence[Sequence[int]]) -> NDArray[np.bool_]:
+        """Which of these terms the events count, from the surfaces that each hits or lands, shape
+        (events, terms)."""
+        counts = np.zeros((len(surfaces), len(self.hit_sums)), dtype=bool)
+        so_far = np.zeros(self.nc, dtype=int)
+        for row, hit in zip(counts, surfaces, strict=True):
+            so_far[list(hit)] += 1
+            for i, (_, j, number) in enumerate(self.hit_sums):
+                row[i] = j in hit and number in (0, so_far[j])
+        return counts
 
     @cached_property
     def peaks_of(self) -> list[tuple[int, bool]]:

@@ -19,10 +19,10 @@ from dmoc.mechanics.touch import friction_changes
 from dmoc.motion.trajectory import FORCES, Collision, Phase, Trajectory
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block
-from dmoc.program.hidden_values import lifted
 from dmoc.program.layout import Layout
 from dmoc.program.scaling import cost_of
 from dmoc.program.sharing import shared
+from dmoc.program.totals import totals_at
 from dmoc.program.transcription import Transcription
 
 # Impulses of an event by their kind and name.
@@ -137,8 +137,8 @@ def _totals(nlp: Transcription, x: Array) -> dict[str, float]:
     """Integrals of the model, and the largest values of the quantities whose peaks the objective
     has; a peak without a price lies anywhere above."""
     model, lay = nlp.problem.model, nlp.layout
-    step = lifted(nlp.problem, lay, lay.step_inputs(x))
-    totals = dict(zip(model.totals_of, model.totals(step).tolist(), strict=True))
+    values = totals_at(nlp.problem, lay, x).tolist()
+    totals = dict(zip(model.totals_of, values, strict=True))
     totals.pop("final_time", None)
     peaks = x[lay.index_peaks] - loose_peaks(nlp, x / nlp.unit) * nlp.scale.peaks
     return totals | dict(zip(model.peak_names, peaks.tolist(), strict=True))
@@ -160,8 +160,8 @@ def loose_totals(nlp: Transcription, x: Array) -> Array:
         return np.zeros(0)
     at = nlp.physical(x)
     problem = lay.problem_at(nlp.problem, at)
-    totals = problem.model.totals(lifted(problem, lay, lay.step_inputs(at)))
-    return np.asarray((at[lay.index_totals] - totals) / nlp.scale.totals)
+    off = at[lay.index_totals] - totals_at(problem, lay, at)
+    return np.asarray(off / nlp.scale.totals)
 
 
 def _inside(nlp: Transcription, t: Array, q: Array, v: Array, q_i: Array) -> tuple[Array, Array]:

@@ -21,6 +21,7 @@ from dmoc.program.hidden_values import lifted
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.structure_cache import MEMORY, MOST_REMEMBERED
+from dmoc.program.totals import of_hits, totals_at
 
 # What hardly moves counts by this share of what it could do with the kinetic energy that others
 # have.
@@ -131,7 +132,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         along = quantity_inputs(problem, lay, x), [*sized, *[pushed] * bool(lay.force.count)]
         quantity = _path(problem, along, local, "quantity")
         at = [j for j, _ in model.peaks_of]
-        totals = _totals(problem, lay, (step, sized))
+        totals = _totals(problem, lay, x, (step, sized))
         return replace(scale, path=path, quantity=quantity, peaks=quantity[at], totals=totals)
 
 
@@ -156,12 +157,17 @@ def _of_motion(problem: Problem, lay: Layout, x: Array, reached: Reached, minimu
     )  # fmt: skip
 
 
-def _totals(problem: Problem, lay: Layout, steps: tuple[list[Array], list[Array]]) -> Array:
+def _totals(
+    problem: Problem, lay: Layout, x: Array, steps: tuple[list[Array], list[Array]]
+) -> Array:
     """Sizes of the totals: of what bounds them, or of what all steps add to them without their
-    signs, in the motion and in one whose velocities and inputs are of their sizes."""
+    signs, with the hits of the motion x, in it and in one whose velocities and inputs are of their
+    sizes."""
     model = problem.model
     both = (lifted(problem, lay, step) for step in steps)
     parts = [np.abs(_finite(model.integrals(s), 0.0)).sum(axis=0) for s in both]
+    hits = np.abs(_finite(of_hits(problem, lay, x), 0.0)).sum(axis=0)
+    np.add.at(parts[0], model.hit_sums[:, 0], hits)
     bounds = np.where(np.isfinite(problem.total_bounds), np.abs(problem.total_bounds), 0.0)
     size = np.maximum(np.max(parts, axis=0), bounds.max(axis=1, initial=0.0))
     return np.where(size > 0, size, 1.0)
@@ -268,7 +274,7 @@ def cost_of(problem: Problem, lay: Layout, x: Array) -> float:
     chosen = lay.problem_at(problem, x)
     model, step = chosen.model, lifted(chosen, lay, lay.step_inputs(x))
     start, end = end_of(lay, x, 0), end_of(lay, x, -1)
-    shared = model.totals(step), model.peaks(quantity_inputs(problem, lay, x))
+    shared = totals_at(chosen, lay, x), model.peaks(quantity_inputs(problem, lay, x))
     value = model.step_costs(step[:7]).sum() + model.lifted_costs(step).sum()
     value += model.terminal_cost(*end)
     return float(value + model.objective(*shared, start[:2], end[:2]))

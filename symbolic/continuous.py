@@ -121,7 +121,7 @@ class Continuous:
             tuple(rewrite(e) for e in system.coefficients_of_restitution),
             tuple(rewrite(e) for e in system.quantities.values()),
             tuple(rewrite(e) for e in system.coefficients_of_tangential_restitution),
-            tuple(rewrite(e) for e in system.integrals.values()),
+            tuple(rewrite(e) for e in system.integrands.values()),
             rewrite(R),
             tuple(x),
             tuple(x_dot),

@@ -40,6 +40,7 @@ from dmoc.symbolic.continuous import (
 from dmoc.symbolic.design import SHOWN, check_design
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
+from dmoc.symbolic.event_sums import event_kernels
 from dmoc.symbolic.graph import Graph, GraphNode, gradient, reverse
 from dmoc.symbolic.hidden_unknowns import hidden_facts, hidden_kernels, hidden_names
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
@@ -107,6 +108,7 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
         *_state_kernels(f, light := _light(f, LARGE)),
         *forces_at_events(light, _supports(system)),
         *integrand_kernels(f),
+        *event_kernels(system, plain, f),
         *surface_kernels(f),
         *rebound_kernels(f),
         *tangent_kernels(f, points),

@@ -103,8 +103,8 @@ def split(system: MechanicalSystem) -> Split:
     terms = [(e, e.xreplace(real)) for e in sp.Add.make_args(system.cost)]
     cost = sp.Add(*(e for e, own in terms if not _has_kinks(own)))
     lifted = sp.Add(*(of_cost.over(own, 1) for _, own in terms if _has_kinks(own)))
-    unknowns, senses, integrals = of_cost.unknowns, {}, dict(system.integrals)
-    for name, value in system.integrals.items():
+    unknowns, senses, integrals = of_cost.unknowns, {}, dict(system.integrands)
+    for name, value in system.integrands.items():
         if _has_kinks(value.xreplace(real)):
             smooth, senses[name], own = _either(name, value.xreplace(real), signs, len(unknowns))
             integrals[name] = smooth.xreplace(back)

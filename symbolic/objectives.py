@@ -15,6 +15,7 @@ from dmoc.base.signatures import public
 from dmoc.symbolic.continuous import Continuous
 from dmoc.symbolic.conversion import to_nodes
 from dmoc.symbolic.discrete import StepElement
+from dmoc.symbolic.event_sums import event_rows
 from dmoc.symbolic.expressions import atoms_of, expression_in, final_time, reference
 from dmoc.symbolic.hidden_unknowns import with_hidden
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
@@ -202,7 +203,7 @@ def objective_of(system: MechanicalSystem) -> Objective:
 
 def check_objective(system: MechanicalSystem) -> None:
     """Refuse an objective of what it cannot be made of."""
-    for name, value in system.integrals.items():
+    for name, value in system.integrands.items():
         check_smooth(value, f"integral {name!r}")
     parts = objective_of(system)
     check_smooth(parts.value, "the objective", kinks=True)
@@ -260,8 +261,9 @@ def objective_facts(system: MechanicalSystem) -> dict[str, Any]:
     def rates(own: Sequence[Any]) -> bool:
         return any(part.has(v) for part in own for v in system.velocities)
 
+    facts = {"hit_sums": event_rows(system)}
     priced = [name for name in system.integrals if parts.value.has(total(name))]
-    return {
+    return {key: rows for key, rows in facts.items() if rows} | {
         "totals": list(parts.totals),
         "priced": priced,
         "peaks": [[list(system.quantities).index(name), both] for name, both in parts.peaks],

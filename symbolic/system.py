@@ -19,6 +19,7 @@ from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.drawing import Part, with_normal
+from dmoc.symbolic.event_sums import integrands_of
 from dmoc.symbolic.expressions import slack_of
 from dmoc.symbolic.system_checks import check_names, check_parts
 from dmoc.symbolic.system_fields import containers_of, entries_of
@@ -88,7 +89,9 @@ class MechanicalSystem(Shown):
         Phi(q, q', t) at the final time, which is added to the cost.
     integrals : mapping of str to Expr, optional
         Integrands in q, q', u, t and parameters by name: ``{"effort": u**2}``.  A problem bounds
-        their values over the whole motion at the goal, and the objective may contain them.
+        their values over the whole motion at the goal, and the objective may contain them.  Terms
+        with :func:`dmoc.impulse`, ``approach``, ``departure`` and ``loss`` of a surface are added
+        at its hits: ``{"wear": dmoc.impulse("stop") ** 2}``.
     objective : Expr, optional
         What is minimised beside the cost: an expression in parameters, ``dmoc.total(name)`` of an
         integral, ``dmoc.final_time``, ``dmoc.at_start(...)`` and ``dmoc.at_end(...)`` of
@@ -291,6 +294,11 @@ class MechanicalSystem(Shown):
             name: -slack_of(relation, f"surface {name!r}")
             for name, relation in self.surfaces.items()
         }
+
+    @property
+    def integrands(self) -> dict[str, Any]:
+        """What of the integrals is integrated, by name: not what hits add to them."""
+        return integrands_of(self)
 
     @property
     def coefficients_of_restitution(self) -> tuple[Any, ...]:

@@ -19,6 +19,7 @@ from dmoc.symbolic.contact_references import check_forces, forces_of
 from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.definitions import atoms_below, check_definitions, expanded, kinds_of
 from dmoc.symbolic.drawing import values_of
+from dmoc.symbolic.event_sums import check_event_terms
 from dmoc.symbolic.expressions import (
     KINDS,
     approach_speed,
@@ -60,6 +61,7 @@ def check_parts(system: MechanicalSystem) -> None:
     check_tangential_restitution(system)
     check_impact_laws(system)
     check_forces(system)
+    check_event_terms(system)
     check_objective(system)
     _check_friction(system)
     _check_symbols(system)
@@ -258,7 +260,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),
         ("quantity {!r}", system.quantities, (*KINDS, "forces")),
         ("the tangential restitution of {!r}", system.tangential_restitution, ("parameters",)),
-        ("integral {!r}", system.integrals, KINDS),
+        ("integral {!r}", system.integrands, KINDS),
     ):
         for name, expression in expressions.items():
             yield what.format(name), expression, allowed

@@ -40,6 +40,7 @@ from dmoc.program.laws.velocity import VelocityLaw
 from dmoc.program.layout import SHARED, Layout
 from dmoc.program.presolve import Settled, following_joints
 from dmoc.program.scale import Scale
+from dmoc.program.totals import counted
 
 
 class Remembered:
@@ -160,7 +161,10 @@ def laws_of(
         QuantityLaw(problem, lay),
         VelocityLaw(lay, tuple(problem.kernels.coordinates), problem.velocity_bounds),
         PathLaw.of_peaks(problem, lay), ForceLaw(lay), LiftoffLaw(lay, pulling),
-        ObjectiveLaw(lay, tuple(problem.model.totals_of)), impact,
+        ObjectiveLaw(
+            lay, tuple(problem.model.totals_of), problem.model.hit_sums[:, 0],
+            counted(problem, lay),
+        ), impact,
         EndsLaw(problem, lay, tuple(goals)), *of_contacts,
         JointLaw(
             lay, tuple(problem.kernels.manifest.bent_joints),

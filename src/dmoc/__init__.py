@@ -44,6 +44,10 @@ if TYPE_CHECKING:
     from dmoc.symbolic.drawing import Point as Point
     from dmoc.symbolic.drawing import Spring as Spring
     from dmoc.symbolic.drawing import Wall as Wall
+    from dmoc.symbolic.event_sums import approach as approach
+    from dmoc.symbolic.event_sums import departure as departure
+    from dmoc.symbolic.event_sums import impulse as impulse
+    from dmoc.symbolic.event_sums import loss as loss
     from dmoc.symbolic.expressions import approach_speed as approach_speed
     from dmoc.symbolic.expressions import final_time as final_time
     from dmoc.symbolic.expressions import sliding_speed as sliding_speed
@@ -73,12 +77,16 @@ _PLACES = {
     "Spring": "dmoc.symbolic.drawing",
     "Wall": "dmoc.symbolic.drawing",
     "animate": "dmoc.report.animation",
+    "approach": "dmoc.symbolic.event_sums",
     "approach_speed": "dmoc.symbolic.expressions",
     "at_end": "dmoc.symbolic.objectives",
     "at_start": "dmoc.symbolic.objectives",
     "build": "dmoc.models.registry",
+    "departure": "dmoc.symbolic.event_sums",
     "final_time": "dmoc.symbolic.expressions",
+    "impulse": "dmoc.symbolic.event_sums",
     "largest": "dmoc.symbolic.objectives",
+    "loss": "dmoc.symbolic.event_sums",
     "normal": "dmoc.symbolic.contact_references",
     "reaction": "dmoc.symbolic.contact_references",
     "traction": "dmoc.symbolic.contact_references",

@@ -28,6 +28,7 @@ from dmoc.symbolic.derivation.document import (
     upright,
 )
 from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
+from dmoc.symbolic.event_sums import event_terms
 from dmoc.symbolic.expressions import sliding_speed
 from dmoc.symbolic.families import approach, first_root
 from dmoc.symbolic.graph import gradient
@@ -107,7 +108,11 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
     if f.c:
         named = zip(system.integrals, f.c, strict=True)
         values = tuple(definition(own, f"I_{n}", f"I_{upright(n)}", c) for n, c in named)
-        yield Section("Integrals", "Integrands over the motion.", values)
+        text = "Integrands over the motion."
+        for term in event_terms(system):
+            every = f"Hit {term.hit}" if term.hit else "Each hit"
+            text += f" {every} of {term.surface} adds {term.value} to {term.integral}."
+        yield Section("Integrals", text, values)
     if system.objective != 0:
         places = (*system.coordinates, *system.velocities), (*f.q, *f.v)
         shown = system.objective.xreplace(dict(zip(*places, strict=True)))
