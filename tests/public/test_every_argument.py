@@ -130,6 +130,7 @@ def calls(
             "name": "a", "coordinates": [X], "lagrangian": X.diff(T) ** 2, "parameters": {M: 1.0}
         },
         **{name: {"name": "effort"} for name in ("total", "peak", "largest")},
+        **{name: {"surface": "wall"} for name in ("impulse", "approach", "departure", "loss")},
         **{name: {"expression": X} for name in ("at_start", "at_end")},
         "normal": {"surface": "wall"},
         "traction": {"tangent": "floor"},
