@@ -99,10 +99,10 @@ class Replay:
         ]  # fmt: skip
         rows, at = y[None].copy(), np.array([t])
         held = model.tangents(rows[:, :nq].copy(), at)
-        settle = self.setting.integrator.settle
-        settle(Mode(tuple(map(int, np.flatnonzero(on)))), rows, at, held, False)
+        project = self.setting.integrator.project
+        project(Mode(tuple(map(int, np.flatnonzero(on)))), rows, at, held, False)
         mode = Mode(tuple(map(int, np.flatnonzero(rests))), tuple(sticks))
-        settle(mode, rows, at, model.tangents(rows[:, :nq].copy(), at))
+        project(mode, rows, at, model.tangents(rows[:, :nq].copy(), at))
         return np.asarray(rows[0])
 
     def run(self, y: Array, first: int, last: int) -> ReplayRun:

@@ -103,7 +103,7 @@ class _Look:
 class Integrals:
     """Integrals of functions along a motion, those of the magnitudes, what the quadrature leaves of
     both, which functions are not numbers somewhere and which have a pole, shape (m,) each, and the
-    last look at the parts where each was not settled."""
+    last look at the parts where each was not resolved."""
 
     values: Array
     sizes: Array

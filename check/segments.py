@@ -33,7 +33,7 @@ def put(motion: Motion, mode: Mode, y: Array, t: Array) -> tuple[Array, Array]:
         return y, np.zeros((len(y), motion.model.nt))
     y = y.copy()
     held = motion.model.tangents(np.ascontiguousarray(y[:, : motion.model.nq]), t)
-    motion.flow.integrator.settle(mode, y, t, held)
+    motion.flow.integrator.project(mode, y, t, held)
     return y, held
 
 

@@ -95,8 +95,8 @@ def periodic_sweep(
                 return _stable(P_along, again @ closed_loop(hamiltonians, jumps, P_along))
             P = following
     raise SimulationError(
-        "the gains of the periodic motion do not settle: its inputs hardly reach a deviation that "
-        "does not die away; give the model inputs that do."
+        "the gains of the periodic motion do not converge: its inputs hardly reach a deviation "
+        "that does not die away; give the model inputs that do."
     )
 
 

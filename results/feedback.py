@@ -51,7 +51,7 @@ def feedback(
     ------
     SimulationError
         If a weight does not fit, the model has no inputs, the solver did not converge, an event
-        grazes, or the gains of a periodic motion do not settle.
+        grazes, or the gains of a periodic motion do not converge.
 
     Examples
     --------

@@ -13,7 +13,7 @@ class Topic(StrEnum):
     CONFLICT = "conflict"  # what is missed where there is no feasible point
     STEPS = "steps"  # of a mesh that is too coarse
     OPEN = "open"  # what a minimum does not determine
-    DRIFT = "drift"  # what finer and finer meshes do not settle
+    DRIFT = "drift"  # what finer and finer meshes do not resolve
     PROPOSAL = "proposal"  # contacts that another sequence would have
     OTHER = "other"
 

@@ -27,7 +27,7 @@ from dmoc.simulation.simultaneous_impacts import NOISE, simultaneous
 from dmoc.simulation.single_hit import SingleHit, single_hit
 
 # A rebound whose flight, with all that follow it, takes less than this share of a step is none.
-SETTLED = 1e-4
+DYING = 1e-4
 MOST_IN_TURN = 20  # impacts on several surfaces after the first one of an order
 
 
@@ -152,7 +152,7 @@ def _effective(
     rates = model.gap_rates(q, v, t)[0]
     restitution = hit_coefficients(model, restitution, (q[0], v[0], at.t), rates > at.small.rate)
     rebound = 2 * restitution * np.maximum(rates, 0.0)
-    dies = (pressed > 0) & (rebound < SETTLED * h * (1 - restitution) * pressed)
+    dies = (pressed > 0) & (rebound < DYING * h * (1 - restitution) * pressed)
     return np.where(dies, 0.0, restitution), dies
 
 
@@ -168,7 +168,7 @@ def dying(setting: Setting, place: Place, mode: Mode, before: Array) -> list[int
     kept = (-rates / across).max() / (before[on] / across).max()
     pushed = setting.integrator.reaction(mode, place.y[None], place.u[None], t).acceleration[0]
     back = slopes @ pushed + model.gap_accelerations(q, v, place.t)[on]
-    soon = 2 * -rates < SETTLED * setting.h * (1 - kept) * back
+    soon = 2 * -rates < DYING * setting.h * (1 - kept) * back
     low = rates**2 < 2 * back * place.small.gap[on]
     dying = (rates < 0) & (back > 0) & (soon | low)
     return [j for j in on[dying].tolist() if j not in mode.closed]

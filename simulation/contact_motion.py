@@ -33,7 +33,7 @@ from dmoc.simulation.tolerances import Reach, reached, tolerances
 
 MOST_EVENTS, MOST_AT_ONCE = 1000, 50  # within one step, and at one moment of it
 MOST_OFTEN = 10  # hits of a step in the long run, beyond which steps resolve nothing
-MOMENT = 1e-4  # of a step: flights of bounces that do not settle are longer
+MOMENT = 1e-4  # of a step: flights of bounces that do not die away are longer
 MOST_SHOWN = 3  # of the events that come to no end
 SHORTEST = 1e-13  # share of a step that is not gone any more
 # Steps that are gone in compiled code between two looks for Ctrl-C.
@@ -165,7 +165,7 @@ def on_surfaces(setting: Setting, y: Array, t: float, share: float) -> Array:
 def _placed(setting: Setting, on: NDArray[np.bool_], y: Array, t: float) -> Array:
     """A state whose position is moved onto some surfaces."""
     mode, rows = Mode(tuple(map(int, np.flatnonzero(on)))), y[None].copy()
-    setting.integrator.settle(mode, rows, np.array([t]), np.zeros((1, 0)), False)
+    setting.integrator.project(mode, rows, np.array([t]), np.zeros((1, 0)), False)
     return np.asarray(rows[0])
 
 
@@ -265,9 +265,9 @@ def _resolved(
     reach = reached(model, after, place.u, place.t, setting.h, reach)
     place = _place(setting, after, place.u, place.t, reach)
     mode = mode_at(setting, place, Hints())
-    if settled := dying(setting, place, mode, model.gap_rates(q, v, place.t)):
-        closed = replace(mode, closed=(*mode.closed, *settled))
-        place = replace(place, y=_settled(setting, closed, place))
+    if at_rest := dying(setting, place, mode, model.gap_rates(q, v, place.t)):
+        closed = replace(mode, closed=(*mode.closed, *at_rest))
+        place = replace(place, y=_projected(setting, closed, place))
         mode = mode_at(setting, place, Hints())
     journal.collisions += _records(model, place, (v, mode), impact.impulses)
     return place, mode
@@ -316,11 +316,11 @@ def _on_limit(setting: Setting, place: Place, mode: Mode, which: int) -> Array:
     met = which < model.nc and which not in mode.closed and rates[which] <= place.small.rate[which]
     stopped = (which - model.nc - model.nt,) if which >= model.nc + model.nt else ()
     closed = tuple(sorted({*mode.closed, which} if met else mode.closed))
-    return _settled(setting, replace(mode.stopping(stopped), closed=closed), place)
+    return _projected(setting, replace(mode.stopping(stopped), closed=closed), place)
 
 
-def _settled(setting: Setting, mode: Mode, place: Place) -> Array:
+def _projected(setting: Setting, mode: Mode, place: Place) -> Array:
     """The state moved, the shortest way by the masses, to where the conditions of a mode hold."""
     t, y = np.array([place.t]), place.y[None].copy()
-    setting.integrator.settle(mode, y, t, setting.model.tangents(y[:, : setting.model.nq], t))
+    setting.integrator.project(mode, y, t, setting.model.tangents(y[:, : setting.model.nq], t))
     return np.asarray(y[0])

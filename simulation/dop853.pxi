@@ -141,7 +141,7 @@ cdef class Method(Dynamics):
             if k + 1 < count or ends != NULL or self.m:
                 self.moment(n, (k + 1.0) / count)
             if self.m:
-                self.settle_rows(n, width, &self.y[0], 3)
+                self.project_rows(n, width, &self.y[0], 3)
             if k + 1 < count or ends != NULL:
                 self.slope(n, width, &self.y[0], &self.slopes[0])
         if ends != NULL:
@@ -180,7 +180,7 @@ cdef class Method(Dynamics):
                 for c in range(i * width, (i + 1) * width):
                     self.y[c] += self.span[i] / (3.0 if 0 < s < 3 else 6.0) * slope[c]
         if self.m:
-            self.settle_rows(n, width, &self.y[0], 3)
+            self.project_rows(n, width, &self.y[0], 3)
         self.parts += n
         if self.parts >= ATTENTION:
             self.parts = 0

@@ -95,7 +95,7 @@ cdef class Dynamics(Conditions):
                     out[c] += R[e] * row[c]
         solved(&self.mass[i * nq * nq], &self.pivots[i * nq], X_dot + nq * m, nq, m)
 
-    cdef int settle_rows(
+    cdef int project_rows(
         self, ptrdiff_t n, ptrdiff_t width, double *y, ptrdiff_t turns
     ) except -1 nogil:
         """Move n rows at the times t to where closed gaps and joints are zero and what sticks is at
@@ -167,7 +167,7 @@ cdef class Dynamics(Conditions):
                 self.joint.run(n, args, stride, results)
         return 0
 
-    def settle(
+    def project(
         self, mode, double[:, ::1] y, const double[::1] t, held, bint rates=True
     ):
         """Move rows y = (q | v ...) at the times t (n,), in place, the shortest way by the masses
@@ -184,7 +184,7 @@ cdef class Dynamics(Conditions):
                 count = min(self.capacity, n - begin)
                 for i in range(count):
                     self.holds[i], self.t[i] = begin + i, t[begin + i]
-                self.settle_rows(count, y.shape[1], &y[begin, 0], turns)
+                self.project_rows(count, y.shape[1], &y[begin, 0], turns)
                 begin += count
 
     def reaction(

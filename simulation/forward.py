@@ -213,7 +213,7 @@ def _from_impact_to_impact(
         states = stepper.run(q, p, run.u, run.h, run.every)
     except Lasting:
         last, before_it = stepper.held
-        first = _before_settling(last, [c[0] for c in stepper.collisions])
+        first = _before_dying(last, [c[0] for c in stepper.collisions])
         if first > 0:
             to_there = Stepper(model.kernels, model.par, e)
             _, ways, momenta = to_there.run(q, p, run.u[:first], run.h, first)
@@ -230,7 +230,7 @@ def _from_impact_to_impact(
     return _Recorded(*states, *run.forces(len(states[0]))), journal
 
 
-def _before_settling(last: int, struck: list[int]) -> int:
+def _before_dying(last: int, struck: list[int]) -> int:
     """The step from which on collisions, each in its step, follow one another up to the last
     one so closely that steps do not resolve the flights in between."""
     for step in reversed(struck):

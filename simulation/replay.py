@@ -92,7 +92,7 @@ def moved(model: Model, motion: Trajectory, y: Array) -> Array:
     held = model.tangents(np.ascontiguousarray(rows[:, : model.nq]))
     integrator = Setting(model, np.zeros(model.nc), 1.0).integrator
     for _ in range(2):  # to rounding errors
-        integrator.settle(mode, rows, np.zeros(1), held)
+        integrator.project(mode, rows, np.zeros(1), held)
     return np.asarray(rows[0])
 
 

@@ -47,7 +47,7 @@ CURVED = 1e-10  # of all unknowns, relative to the cost, where the curvature of 
 # bisections between the last two.
 RAISED, MOST_RAISES, BISECTIONS = 100.0, 12, 4
 # Iterations towards a direction, and the change of its curvature that ends them.
-ITERATIONS, SETTLED = 40, 0.02
+ITERATIONS, STEADY = 40, 0.02
 # Rates of what holds along a direction of size 1 that are rounding errors.
 TANGENT = 1e-4
 # Distances, in sizes of the unknowns, at which motions along a direction are looked at, the steps
@@ -265,7 +265,7 @@ class SecondOrder:
                 return Curvature(Landscape.BOWL)
             before, least = least, float(d @ pull) / length / self._unit - shift
             d = np.where(held[:n], 0.0, d / np.sqrt(length))
-            if abs(least - before) <= SETTLED * abs(least):
+            if abs(least - before) <= STEADY * abs(least):
                 break
         shape = Landscape.SADDLE if least < FALLS else Landscape.VALLEY
         if FALLS <= least < -LEVEL or least > LEVEL or not self._tangent(d, held):

@@ -31,7 +31,7 @@ from dmoc.solvers.polish import polish
 from dmoc.solvers.slsqp_runs import REFUSED, FollowingRun, SlsqpRun
 from dmoc.solvers.slsqp_state import Descent
 
-# SLSQP iterations between two metrics: enough to settle the active set, few enough to profit from
+# SLSQP iterations between two metrics: enough to find the active set, few enough to profit from
 # the exact Hessian.
 RUN = 5
 # Runs in a row that may pass without progress, and searches for a feasible point before giving up.

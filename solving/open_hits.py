@@ -31,7 +31,7 @@ from dmoc.solving.request import Request
 from dmoc.solving.starts import InitialGuess, starts_of
 
 # Courses of all hits together that are tried at most, and those that follow each other's motions
-# before it is settled that these lead nowhere.
+# before it is said that these lead nowhere.
 MOST_WAYS, LAPS = 100, 4
 # Starts of a course that the law takes, at most, and of any other one.
 STARTS, FEW = 16, 4

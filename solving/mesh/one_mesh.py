@@ -72,9 +72,9 @@ def _best_of(
     first = None
     for i, start in enumerate(minima):
         answer = _from_minimum(problem, start, request)
-        # On the ranking mesh it is settled that the first one is the best, confirmed or not.
-        settled = not start.minimum and on_mesh_of(problem, start)
-        if answer.minimum or settled or answer.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
+        # On the ranking mesh the first one is known to be the best, confirmed or not.
+        is_best = not start.minimum and on_mesh_of(problem, start)
+        if answer.minimum or is_best or answer.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
             return answer, i
         first = first or answer
     return first, 0

@@ -232,20 +232,20 @@ def _measured(
     """
     before = past.last.errors if past.levels else UNKNOWN
     level = Level(s, estimates((*past.solved, s), before, problem.order), past.iterations)
-    settled = level.errors.cost <= tolerance
-    if settled or timed:
+    resolved = level.errors.cost <= tolerance
+    if resolved or timed:
         level = level.checked(check)
     past = replace(past, levels=(*past.levels, level))
     confirmed = level.solution.minimum and level.simulated is not None
-    if settled and confirmed and level.errors.motion > tolerance >= (level.simulated or 0.0):
+    if resolved and confirmed and level.errors.motion > tolerance >= (level.simulated or 0.0):
         past = replace(past, leaves_open=past.leaves_open or _left_open(past, problem))
     return past
 
 
 def _left_open(past: History, problem: Problem) -> Note | None:
-    """A note on what the problem leaves open of a motion whose cost is settled. Where nothing is
+    """A note on what the problem leaves open of a motion whose cost is resolved. Where nothing is
     seen to be open, it is about durations and positions that finer and finer meshes do not
-    settle."""
+    resolve."""
     fine, coarse = past.last.solution, past.levels[-2].solution
     note = undetermined(problem, fine, coarse)
     if note or not _idle([level.errors.motion for level in past.levels]):
@@ -264,8 +264,8 @@ def _idle(errors: list[float]) -> bool:
 
 def _next(past: History, tolerance: float, problem: Problem) -> tuple[str, list[int]]:
     """The reason against a finer mesh, empty for none, and the steps of that mesh."""
-    settled = [level.solution for level in past.levels if level.errors.cost <= tolerance]
-    contradicted = [s.verification for s in settled if s.status is Status.NOT_VERIFIED]
+    resolved = [level.solution for level in past.levels if level.errors.cost <= tolerance]
+    contradicted = [s.verification for s in resolved if s.status is Status.NOT_VERIFIED]
     if len(contradicted) > CONTRADICTED and contradicted[-1]:
         wrong = contradicted[-1].message
         return f"the simulation contradicts finer and finer meshes ({wrong})", []
@@ -352,8 +352,8 @@ def _seen_open(past: History, problem: Problem, tolerance: float) -> History:
         return past
     fine, coarse = past.last.solution, past.levels[-2].solution
     meshed = problem.meshed(list(fine.steps))
-    settled = errors.cost <= tolerance
-    note = _left_open(past, meshed) if settled else undetermined(meshed, fine, coarse)
+    resolved = errors.cost <= tolerance
+    note = _left_open(past, meshed) if resolved else undetermined(meshed, fine, coarse)
     return replace(past, leaves_open=note)
 
 

@@ -136,7 +136,7 @@ def test_a_closed_surface_holds_the_motion(driven: Kernels) -> None:
     on_side[:, 0] = 1.5
     for j, states in enumerate((on_floor, on_side)):
         mode = Mode((j,))
-        flow.settle(mode, states, t, none)
+        flow.project(mode, states, t, none)
         start = states.copy()
         flow.advance(states, *once(len(y)), t, h, u0, u1, mode)
         for rows, at in ((start, t), (states, t + h)):
@@ -167,7 +167,7 @@ def test_rows_begin_where_a_mode_may_hold_them(driven: Kernels) -> None:
     y, t, *_ = random_rows(driven, 10)
     y[:, 1] = 0.8 * np.cos(y[:, 0]) + 0.3 * np.sin(t) - 2 + 1e-3  # just above the moving floor
     states = y.copy()
-    integrator(driven).settle(Mode((0,)), states, t, np.zeros((10, 0)), False)
+    integrator(driven).project(Mode((0,)), states, t, np.zeros((10, 0)), False)
     assert np.abs(model.gaps(states[:, :nq].copy(), t)[:, 0]).max() < 1e-12
     assert (states[:, nq:] == y[:, nq:]).all()
     n = model.gap_slopes(states[:, :nq].copy(), t)[:, 0, :-1]
@@ -374,7 +374,7 @@ def test_shapes_are_checked_before_c_sees_them(driven: Kernels) -> None:
         with pytest.raises(ValueError, match="expected"):
             flow.reaction(Mode((0,)), rows_, u, times)
     with pytest.raises(ValueError, match="expected"):
-        flow.settle(Mode((0,)), y, t[:2], np.zeros((3, 0)))
+        flow.project(Mode((0,)), y, t[:2], np.zeros((3, 0)))
 
 
 def test_places_of_what_sticks_are_checked_before_c_sees_them(bar: Kernels) -> None:

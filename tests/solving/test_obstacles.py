@@ -79,7 +79,7 @@ def test_of_ways_that_cost_the_same_one_is_taken_that_goes_around(power: int, si
 
 
 def test_a_tolerance_holds_between_nodes_too() -> None:
-    """Two discs, rest to rest: the cost is settled to 2e-5 where they are entered by 3e-4."""
+    """Two discs, rest to rest: the cost is resolved to 2e-5 where they are entered by 3e-4."""
     discs = ((X + 0.3) ** 2 + (Y - 0.02) ** 2 - 0.05**2) * (
         (X - 0.3) ** 2 + (Y + 0.02) ** 2 - 0.08**2
     )

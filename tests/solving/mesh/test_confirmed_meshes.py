@@ -172,7 +172,7 @@ def test_an_equal_cost_is_not_another_minimum() -> None:
 
 
 def test_one_mass_that_has_time_to_spare_ends_no_refinement() -> None:
-    """Two masses in least time: the cost is settled on 200 steps a phase, what one of them does on
+    """Two masses in least time: the cost is resolved on 200 steps a phase, what one of them does on
     its way is not determined."""
     solution = answer_of(two_masses(), starts=8)
     assert max(solution.steps) <= 200
@@ -183,7 +183,7 @@ def test_one_mass_that_has_time_to_spare_ends_no_refinement() -> None:
 
 
 def test_what_is_open_is_seen_where_finer_meshes_are_contradicted() -> None:
-    """The coarse mesh is the answer: the cost is settled, and the motion is another one on each
+    """The coarse mesh is the answer: the cost is resolved, and the motion is another one on each
     mesh, further and further away."""
     problem = block_and_wall.problem(0.8, 20)
 
