@@ -22,7 +22,7 @@ class Effort:
 
     # Random starts at first, random ones in each later round and motions beside the minima that
     # were met, and the most of all these.
-    first: int = 8
+    first: int = 12
     random: int = 16
     kinds: Sequence[int] = IN_TURN  # of random motions
     beside: int = 16

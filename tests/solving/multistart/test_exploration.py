@@ -215,7 +215,7 @@ def test_starts_that_come_to_rest_lead_to_rest() -> None:
     at_rest = double_integrator(40).but(start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0})
     solution = answer_of(at_rest, "ipm")
     assert solution.cost < 1e-12
-    assert solution.agreeing_starts == solution.starts == 9
+    assert solution.agreeing_starts == solution.starts == 13
 
 
 def test_minima_of_the_coarse_mesh_that_become_one_need_no_more_starts(seed: dmoc.Problem) -> None:
