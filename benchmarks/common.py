@@ -39,8 +39,8 @@ from dmoc.simulation.contact_motion import MotionRecord as MotionRecord
 from dmoc.simulation.contact_motion import node as node
 from dmoc.simulation.contact_motion import through_step as through_step
 from dmoc.simulation.mode_choice import Setting as Setting
-from dmoc.simulation.tolerances import Reach as Reach
-from dmoc.simulation.tolerances import reached as reached
+from dmoc.simulation.tolerances import Magnitudes as Magnitudes
+from dmoc.simulation.tolerances import magnitudes_at as magnitudes_at
 from dmoc.solvers import ipm
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.kkt_layout import kkt_layout as kkt_layout

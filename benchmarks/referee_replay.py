@@ -10,12 +10,12 @@ import numpy as np
 from common import (
     FREE,
     ContactState,
+    Magnitudes,
     Mode,
     MotionRecord,
-    Reach,
     Setting,
+    magnitudes_at,
     node,
-    reached,
     through_step,
 )
 from referee_motion import Claim
@@ -108,7 +108,7 @@ class Replay:
     def run(self, y: Array, first: int, last: int) -> ReplayRun:
         """From a state at a row to another row."""
         claim, run = self.claim, ReplayRun()
-        t, reach, mode = float(claim.t[first]), Reach(), FREE
+        t, largest, mode = float(claim.t[first]), Magnitudes(), FREE
         y = self.placed(y, t)
         nothing = np.zeros(self.model.nc), np.zeros(self.model.nt)
         run.journal.last = ContactState(t, y, *nothing)
@@ -122,8 +122,8 @@ class Replay:
                 share = ((a + b) / 2 - begin) / (end - begin)
                 u = (1 - share) * claim.u0[k] + share * claim.u1[k]
                 before, marks = y, len(run.journal.marks)
-                reach = reached(self.model, y, u, float(a), self.part, reach)
-                so_far = reach, run.journal
+                largest = magnitudes_at(self.model, y, u, float(a), self.part, largest)
+                so_far = largest, run.journal
                 y, after = through_step(self.setting, y, u, (float(a), float(b)), so_far)
                 legs = [(float(a), before, mode)]
                 legs += [(m.after.t, m.after.y, m.mode) for m in run.journal.marks[marks:]]
@@ -161,5 +161,5 @@ class Replay:
         y = self.placed(np.concatenate([claim.q[row], claim.v[row]]), t)
         u = claim.u0[min(row, len(claim.u0) - 1)]
         span = t, t + INSTANT * self.sizes.time
-        reach = reached(self.model, y, u, t, self.part, Reach())
-        return through_step(self.setting, y, u, span, (reach, MotionRecord()))[0]
+        largest = magnitudes_at(self.model, y, u, t, self.part, Magnitudes())
+        return through_step(self.setting, y, u, span, (largest, MotionRecord()))[0]

@@ -29,7 +29,7 @@ from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.impact_orders import Undecided
 from dmoc.simulation.mode_choice import Hints, Place, Setting, check_driven, mode_at
 from dmoc.simulation.mode_flow import PLACES, ModeFlow
-from dmoc.simulation.tolerances import Reach, reached, tolerances
+from dmoc.simulation.tolerances import Magnitudes, magnitudes_at, tolerances
 
 MOST_EVENTS, MOST_AT_ONCE = 1000, 50  # within one step, and at one moment of it
 MOST_OFTEN = 10  # hits of a step in the long run, beyond which steps resolve nothing
@@ -104,29 +104,29 @@ def nodes(
     setting: Setting, y: Array, u: Array, first: int, journal: MotionRecord
 ) -> Iterator[ContactState]:
     """States at the end of the steps from ``first`` on, each with its inputs u (steps, nu)."""
-    reach, k = Reach(), first
+    largest, k = Magnitudes(), first
     while k < len(u):
         t, end = k * setting.h, (k + 1) * setting.h
-        reach = reached(setting.model, y, u[k], t, setting.h, reach)
-        y, mode = through_step(setting, y, u[k], (t, end), (reach, journal))
+        largest = magnitudes_at(setting.model, y, u[k], t, setting.h, largest)
+        y, mode = through_step(setting, y, u[k], (t, end), (largest, journal))
         journal.last, k = node(setting, mode, y, u[k], end), k + 1
         yield journal.last
-        inputs, so_far = np.ascontiguousarray(u[k : k + AT_ONCE]), np.array(astuple(reach))
+        inputs, so_far = np.ascontiguousarray(u[k : k + AT_ONCE]), np.array(astuple(largest))
         y = y.copy()
         rows = setting.integrator.stay(mode, y, inputs, setting.h, k, PLACES, so_far)
-        reach = Reach(*map(float, so_far))
+        largest = Magnitudes(*map(float, so_far))
         for state, normal, tangential in zip(*rows, strict=True):
             k += 1
             journal.last = ContactState(k * setting.h, state, normal, tangential)
             yield journal.last
-        rests = not len(rows[0]) and _rests(setting, mode, journal.last, u[k - 1], reach)
+        rests = not len(rows[0]) and _rests(setting, mode, journal.last, u[k - 1], largest)
         while rests and k < len(u) and (u[k] == u[k - 1]).all():
             k += 1
             journal.last = replace(journal.last, t=k * setting.h)
             yield journal.last
 
 
-def _rests(setting: Setting, mode: Mode, at: ContactState, u: Array, reach: Reach) -> bool:
+def _rests(setting: Setting, mode: Mode, at: ContactState, u: Array, largest: Magnitudes) -> bool:
     """Whether a state goes on for ever under its inputs: nothing moves or is accelerated, and
     nothing depends on the time."""
     model, nq = setting.model, setting.model.nq
@@ -135,7 +135,7 @@ def _rests(setting: Setting, mode: Mode, at: ContactState, u: Array, reach: Reac
     times, mass = np.array([at.t]), np.sqrt(np.diagonal(model.mass(at.y[:nq], at.t)))
     acceleration = setting.integrator.reaction(mode, at.y[None], u[None], times).acceleration[0]
     moved = np.abs(mass * at.y[nq : 2 * nq]), np.abs(mass * acceleration)
-    most = reach.velocity, reach.acceleration
+    most = largest.velocity, largest.acceleration
     return all(bool((m <= ROUNDING * size).all()) for m, size in zip(moved, most, strict=True))
 
 
@@ -151,7 +151,7 @@ def node(setting: Setting, mode: Mode, y: Array, u: Array, t: float) -> ContactS
 
 def start(setting: Setting, y: Array, u: Array, t: float) -> Mode:
     """The mode of a state y, shape (2 nq,), that approaches nothing, at inputs u, shape (nu,)."""
-    place = _place(setting, y, u, t, reached(setting.model, y, u, t, setting.h, Reach()))
+    place = _place(setting, y, u, t, magnitudes_at(setting.model, y, u, t, setting.h, Magnitudes()))
     return mode_at(setting, place, Hints())
 
 
@@ -169,8 +169,8 @@ def _placed(setting: Setting, on: NDArray[np.bool_], y: Array, t: float) -> Arra
     return np.asarray(rows[0])
 
 
-def _place(setting: Setting, y: Array, u: Array, t: float, reach: Reach) -> Place:
-    small = tolerances(setting.model, y[: setting.model.nq], t, setting.h, reach)
+def _place(setting: Setting, y: Array, u: Array, t: float, largest: Magnitudes) -> Place:
+    small = tolerances(setting.model, y[: setting.model.nq], t, setting.h, largest)
     return Place(t, y, u, small)
 
 
@@ -179,24 +179,24 @@ def through_step(
     y: Array,
     u: Array,
     span: tuple[float, float],
-    so_far: tuple[Reach, MotionRecord],
+    so_far: tuple[Magnitudes, MotionRecord],
 ) -> tuple[Array, Mode]:
     """The state after a step with constant inputs, and its mode there."""
-    model, (reach, journal), (begin, end) = setting.model, so_far, span
-    place, hints = _place(setting, y, u, begin, reach), Hints()
+    model, (largest, journal), (begin, end) = setting.model, so_far, span
+    place, hints = _place(setting, y, u, begin, largest), Hints()
     mode, modes, times = Mode(), list[Mode](), list[float]()
     before, ahead, struck_before = journal.last, None, len(journal.collisions)
     for _ in range(MOST_EVENTS):
         if ahead:
             mode = mode_at(setting, ahead, Hints())
         else:
-            place, mode = _resolved(setting, place, (mode, hints), reach, journal)
+            place, mode = _resolved(setting, place, (mode, hints), largest, journal)
         way = ModeFlow(setting, place, mode)
         gone = end - place.t <= SHORTEST * setting.h
         last, event = (place.y, None) if gone else way.until(end)
         ahead = None
         if event and event.limit is None:
-            ahead = _place(setting, way.state(event.broken), u, event.broken, reach)
+            ahead = _place(setting, way.state(event.broken), u, event.broken, largest)
         if event is None or event.time > place.t or not ahead:  # or it does not last
             changed = journal.note(model, mode, place.t)
             if before is not None and (changed or len(journal.collisions) > struck_before):
@@ -212,8 +212,8 @@ def through_step(
         if _crowded(times, setting.h) or len(journal.collisions) > often:
             break
         y = way.state(event.time)
-        reach = reached(model, y, u, event.time, setting.h, reach)
-        place = _place(setting, y, u, event.time, reach)
+        largest = magnitudes_at(model, y, u, event.time, setting.h, largest)
+        place = _place(setting, y, u, event.time, largest)
         if event.limit is not None:
             hints = _hints(setting, place, mode, event.limit)
             place = replace(place, y=_on_limit(setting, place, mode, event.limit))
@@ -242,7 +242,11 @@ def _events_shown(model: Model, modes: list[Mode], journal: MotionRecord) -> Ite
 
 
 def _resolved(
-    setting: Setting, place: Place, before: tuple[Mode, Hints], reach: Reach, journal: MotionRecord
+    setting: Setting,
+    place: Place,
+    before: tuple[Mode, Hints],
+    largest: Magnitudes,
+    journal: MotionRecord,
 ) -> tuple[Place, Mode]:
     """The place after the impacts on what it touches and approaches, and the mode that follows."""
     model, nq = setting.model, setting.model.nq
@@ -262,8 +266,8 @@ def _resolved(
         journal.undecided.append(Undecided(place.t, impact.velocity, impact.orders))
     after = place.y.copy()
     after[nq : 2 * nq] = impact.velocity
-    reach = reached(model, after, place.u, place.t, setting.h, reach)
-    place = _place(setting, after, place.u, place.t, reach)
+    largest = magnitudes_at(model, after, place.u, place.t, setting.h, largest)
+    place = _place(setting, after, place.u, place.t, largest)
     mode = mode_at(setting, place, Hints())
     if at_rest := dying(setting, place, mode, model.gap_rates(q, v, place.t)):
         closed = replace(mode, closed=(*mode.closed, *at_rest))

@@ -68,7 +68,7 @@ cdef class Integrator(Method):
 
     def stay(
         self, mode, double[::1] y, const double[:, ::1] u, double h, ptrdiff_t first,
-        const double[::1] shares, double[::1] reach
+        const double[::1] shares, double[::1] largest
     ):
         """Simulate a state y = (q | v), in place, over steps of the size h with constant inputs, as
         long as it clearly keeps its mode: closed contacts push, friction holds what sticks, what
@@ -80,7 +80,7 @@ cdef class Integrator(Method):
             Inputs of the steps, of which the first is number ``first`` of a simulation from zero.
         shares : array of shape (places,)
             Where in a step that is looked at beside its start, up to 1.
-        reach : array of shape (3,)
+        largest : array of shape (3,)
             Largest coordinate, velocity and acceleration so far, measured by the masses, of which
             the sizes follow; made larger by what is met.
 
@@ -90,7 +90,7 @@ cdef class Integrator(Method):
             States, contact forces and friction forces at the ends of the steps that are done.
         """
         cdef ptrdiff_t nq = self.nq, n = u.shape[0], places = shares.shape[0], k = 0, i
-        if not (y.shape[0] == 2 * nq and u.shape[1] == self.nu and reach.shape[0] == 3):
+        if not (y.shape[0] == 2 * nq and u.shape[1] == self.nu and largest.shape[0] == 3):
             raise ValueError(f"expected {nq} coordinates and {self.nu} inputs")
         if not 0 < places <= self.capacity:
             raise ValueError(f"expected 1 to {self.capacity} places")
@@ -108,7 +108,7 @@ cdef class Integrator(Method):
                 self.t[0] = (first + k) * h
                 self.u[: self.nu] = u[k]
                 self.values(1, 2 * nq, &y[0], False)
-                self.measure(&y[0], h, reach)
+                self.measure(&y[0], h, largest)
                 for i in range(places):
                     begin[i], span[i] = self.t[0], shares[i] * h
                     rows[i], inputs[i, : self.nu] = y, u[k]
@@ -132,22 +132,22 @@ cdef class Integrator(Method):
                 k += 1
         return states[:k], normals[:k, : self.nc], tangentials[:k, : self.nt]
 
-    cdef void measure(self, const double *y, double h, double[::1] reach) noexcept nogil:
+    cdef void measure(self, const double *y, double h, double[::1] largest) noexcept nogil:
         """Read the sizes of a motion off what it has reached, with the masses and forces of a
         state."""
         cdef ptrdiff_t nq = self.nq, i
         cdef double root
         for i in range(nq):
             root = sqrt(self.mass[i * nq + i])
-            reach[2] = fmax(reach[2], fabs(self.f[i] / root))
-            reach[1] = fmax(reach[1], fabs(root * y[nq + i]))
-            reach[0] = fmax(reach[0], fabs(root * y[i]))
-        reach[1] = fmax(reach[1], h * reach[2])
-        reach[0] = fmax(reach[0], h * reach[1])
+            largest[2] = fmax(largest[2], fabs(self.f[i] / root))
+            largest[1] = fmax(largest[1], fabs(root * y[nq + i]))
+            largest[0] = fmax(largest[0], fabs(root * y[i]))
+        largest[1] = fmax(largest[1], h * largest[2])
+        largest[0] = fmax(largest[0], h * largest[1])
         for i in range(nq):
             root = sqrt(self.mass[i * nq + i])
-            self.sizes[i] = reach[0] / root if reach[0] > 0 else 1.0
-            self.sizes[nq + i] = reach[1] / root if reach[1] > 0 else 1.0
+            self.sizes[i] = largest[0] / root if largest[0] > 0 else 1.0
+            self.sizes[nq + i] = largest[1] / root if largest[1] > 0 else 1.0
 
     cdef bint keeps(self, ptrdiff_t n, const double *y) except -1 nogil:
         """Whether n rows (q | v), at the times t and with the inputs u, clearly keep the mode."""

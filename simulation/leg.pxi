@@ -58,7 +58,7 @@ cdef class Leg:
     cdef double[::1] share, phi
     cdef double[::1] b, p, normal, velocity, restitution, weight, tolerance, rates, rate_size, start_gap, rates_before
     cdef long number
-    cdef double lam, lam_limit, e_before, e, approach, inertia, reach, fastest, full
+    cdef double lam, lam_limit, e_before, e, approach, inertia, largest, fastest, full
     cdef bint after_impact
     cdef clock_t heard
 
@@ -104,7 +104,7 @@ cdef class Leg:
         self.normal, self.velocity, self.weight = np.zeros(nq + 1), np.zeros(nq), np.zeros(nq)
         self.tolerance, self.rates, self.rate_size, self.start_gap = np.zeros(nc), np.zeros(nc), np.zeros(nc), np.zeros(nc)
         self.rates_before = np.zeros(nc)
-        self.reach, self.fastest = 0.0, 0.0
+        self.largest, self.fastest = 0.0, 0.0
         self.heard = clock()
 
     cdef int listen(self) except -1 nogil:
@@ -143,7 +143,7 @@ cdef class Leg:
         """Keep the largest coordinate and way of a leg, measured by the masses: what rounding errors are compared with."""
         cdef int i
         for i in range(self.nq):
-            self.reach = max(self.reach, self.weight[i] * fabs(self.q_b[0, i]), self.weight[i] * fabs(self.q_b[0, i] - self.q_a[0, i]))
+            self.largest = max(self.largest, self.weight[i] * fabs(self.q_b[0, i]), self.weight[i] * fabs(self.q_b[0, i] - self.q_a[0, i]))
 
     cdef int at_start(self, double h) except -1 nogil:
         """Velocity, gaps, their rates and tolerances at the start of the leg to come."""
@@ -153,7 +153,7 @@ cdef class Leg:
         self.now[0, 0] = self.t[0, 0]
         self.find_velocity()
         for i in range(self.nq):
-            self.reach = max(self.reach, self.weight[i] * fabs(self.q_a[0, i]), h * self.weight[i] * fabs(self.velocity[i]))
+            self.largest = max(self.largest, self.weight[i] * fabs(self.q_a[0, i]), h * self.weight[i] * fabs(self.velocity[i]))
         if not self.nc:
             return 0
         self.surface.run()
@@ -168,7 +168,7 @@ cdef class Leg:
                 self.tolerance[j] += GAP_TOLERANCE * fabs(self.g_q[0, k]) * max(fabs(self.t[0, 0]), h)
             else:
                 self.rate_size[j] += fabs(self.g_q[0, k]) * self.fastest / self.weight[i]
-                self.tolerance[j] += GAP_TOLERANCE * fabs(self.g_q[0, k]) * self.reach / self.weight[i]
+                self.tolerance[j] += GAP_TOLERANCE * fabs(self.g_q[0, k]) * self.largest / self.weight[i]
         self.find_rates()
         return 0
 
@@ -272,7 +272,7 @@ cdef class Leg:
             if not isfinite(change):
                 return 0
             self.grow()
-            if change <= TOLERANCE * self.reach or (change >= 0.5 * previous and change <= STALLED * self.reach):
+            if change <= TOLERANCE * self.largest or (change >= 0.5 * previous and change <= STALLED * self.largest):
                 self.step.run()
                 self.impact.run()
                 return 1

@@ -13,7 +13,7 @@ from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_motion import ContactState, MotionRecord, node, through_step
 from dmoc.simulation.mode_choice import Setting
-from dmoc.simulation.tolerances import Reach, reached
+from dmoc.simulation.tolerances import Magnitudes, magnitudes_at
 
 # Where in a step limits are looked at, beside its start: steps of a control are short.
 LOOKS = np.array([0.5, 1.0])
@@ -38,24 +38,24 @@ def steered(
 ) -> Iterator[ContactState]:
     """States at the end of steps with the inputs that a control decides on, which are written into
     u (steps, nu)."""
-    reach, mode, h = Reach(), FREE, setting.h
+    largest, mode, h = Magnitudes(), FREE, setting.h
     keeps = False
     for k in range(len(u)):
         before, count = y, len(journal.collisions)
         y = control.pushed(k, y)
         u[k] = control.input(k, y)
         if keeps and y is before:
-            row, so_far = y.copy(), np.array(astuple(reach))
+            row, so_far = y.copy(), np.array(astuple(largest))
             rows = setting.integrator.stay(mode, row, u[k : k + 1], h, k, LOOKS, so_far)
-            reach = Reach(*map(float, so_far))
+            largest = Magnitudes(*map(float, so_far))
             if len(rows[0]):
                 y = rows[0][0]
                 journal.last = ContactState((k + 1) * h, y, rows[1][0], rows[2][0])
                 control.feel(k, (), mode)
                 yield journal.last
                 continue
-        reach = reached(setting.model, y, u[k], k * h, h, reach)
-        y, mode = through_step(setting, y, u[k], (k * h, (k + 1) * h), (reach, journal))
+        largest = magnitudes_at(setting.model, y, u[k], k * h, h, largest)
+        y, mode = through_step(setting, y, u[k], (k * h, (k + 1) * h), (largest, journal))
         journal.last, keeps = node(setting, mode, y, u[k], (k + 1) * h), True
         control.feel(k, journal.collisions[count:], mode)
         yield journal.last

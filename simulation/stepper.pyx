@@ -271,7 +271,7 @@ cdef class Stepper(LegAmongSurfaces):
             self.b[i] = self.force[0, i]
         _solve_factored(self.L, self.b, self.nq)
         for i in range(self.nq):
-            self.reach = max(self.reach, h * h * self.weight[i] * fabs(self.b[i]))
+            self.largest = max(self.largest, h * h * self.weight[i] * fabs(self.b[i]))
         self.at_start(h)
         if 0 < h * self.fastest < np.finfo(float).eps * size:
             raise SimulationError(

@@ -17,7 +17,7 @@ MOMENT = 4 * float(np.finfo(float).eps)
 
 
 @record(frozen=True, eq=False)
-class Reach:
+class Magnitudes:
     """Largest coordinate, velocity and acceleration so far, each measured by the masses."""
 
     coordinate: float = 0.0
@@ -39,23 +39,25 @@ class Tolerances:
     hold: Array
 
 
-def reached(model: Model, y: Array, u: Array, t: float, h: float, before: Reach) -> Reach:
-    """The reach of a motion that has come to a state y, shape (2 nq,), at inputs u, shape (nu,),
-    for steps of size h."""
+def magnitudes_at(
+    model: Model, y: Array, u: Array, t: float, h: float, before: Magnitudes
+) -> Magnitudes:
+    """The magnitudes of a motion that has come to a state y, shape (2 nq,), at inputs u, shape
+    (nu,), for steps of size h."""
     q, v = y[: model.nq], y[model.nq : 2 * model.nq]
     M, F = model.equations(q, v, u, t)
     mass = np.sqrt(np.diagonal(M))
     acceleration = max(before.acceleration, float(np.abs(F / mass).max()))
     velocity = max(before.velocity, float(np.abs(mass * v).max()), h * acceleration)
     coordinate = max(before.coordinate, float(np.abs(mass * q).max()), h * velocity)
-    return Reach(coordinate, velocity, acceleration)
+    return Magnitudes(coordinate, velocity, acceleration)
 
 
-def tolerances(model: Model, q: Array, t: float, h: float, reach: Reach) -> Tolerances:
+def tolerances(model: Model, q: Array, t: float, h: float, largest: Magnitudes) -> Tolerances:
     """Sizes that count as zero at a position, shape (nq,)."""
     M = model.mass(q, t)
     mass = np.sqrt(np.diagonal(M))
-    sizes = [part / mass for part in (reach.coordinate, reach.velocity, reach.acceleration)]
+    sizes = [part / mass for part in (largest.coordinate, largest.velocity, largest.acceleration)]
     size = np.concatenate(sizes[:2])
     small = []
     for slopes in (model.gap_slopes(q, t), model.tangent_slopes(q, t)):

@@ -17,7 +17,7 @@ from dmoc.simulation.contact_motion import MotionRecord, through_step
 from dmoc.simulation.impact_laws.course import Coefficients
 from dmoc.simulation.impact_laws.poisson import impulses
 from dmoc.simulation.mode_choice import Setting
-from dmoc.simulation.tolerances import Reach, reached
+from dmoc.simulation.tolerances import Magnitudes, magnitudes_at
 
 T = dynamicsymbols._t
 x, y, a, b, u = dynamicsymbols("x y a b u")
@@ -140,8 +140,8 @@ def test_what_is_pulled_off_a_floor_that_it_hardly_approaches_leaves_it(
     stated = dmoc.Problem(system, start={x: 1, y: 0}, steps=2, final_time=1)
     model, state = stated.model, [1, 0, 1, rate]
     setting, at, none = Setting(model, np.zeros(1), h), np.array(state, dtype=float), np.zeros(0)
-    reach = reached(model, at, none, 0.0, h, Reach())
-    after, mode = through_step(setting, at, none, (0.0, h), (reach, MotionRecord()))
+    largest = magnitudes_at(model, at, none, 0.0, h, Magnitudes())
+    after, mode = through_step(setting, at, none, (0.0, h), (largest, MotionRecord()))
     assert mode.free
     assert after[1] == pytest.approx(1e-8 * h**2 / 2, rel=1e-2)
 
