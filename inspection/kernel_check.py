@@ -20,7 +20,15 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.inspection.reference_functions import DIGITS, STEP, Vector, moved
 from dmoc.inspection.reference_values import Function, ReferenceValues
 from dmoc.symbolic.continuous import Continuous, readable
-from dmoc.symbolic.event_sums import APPROACH, DEPARTURE, IMPULSE, LOSS, event_terms, references_in
+from dmoc.symbolic.event_sums import (
+    APPROACH,
+    DEPARTURE,
+    IMPULSE,
+    LOSS,
+    event_rows,
+    event_terms,
+    references_in,
+)
 from dmoc.symbolic.kinks import split
 from dmoc.symbolic.system import MechanicalSystem
 
@@ -114,13 +122,13 @@ def _families(system: MechanicalSystem, kernels: Kernels, values: Array) -> dict
 
 def _of_hits(system: MechanicalSystem, f: Continuous, plain: ReferenceValues) -> Function:
     """What hits add to integrals, of (q, v_a, v_c, lam, t)."""
-    terms, surfaces, n = event_terms(system), list(system.surfaces), len(f.q)
+    terms, rows, n = event_terms(system), event_rows(system), len(f.q)
     idle, functions = [mp.mpf(0)] * plain.nu, []
-    for term in terms:
+    for term, (_, j, _) in zip(terms, rows, strict=True):
         own = {a: sp.Dummy(real=True) for a in references_in(term.value)}
         kinds, value = [a.func.__name__ for a in own], term.value.xreplace(own)
         compiled = plain.function(f.rewritten(system, [value]), tuple(own.values()))
-        functions.append((surfaces.index(term.surface), kinds, compiled))
+        functions.append((j, kinds, compiled))
 
     def kinetic(y: Vector) -> Any:
         still, back = ([*y[:n], *(s * v for v in y[n : 2 * n]), *y[2 * n :]] for s in (0, -1))

@@ -216,9 +216,14 @@ def check_event_terms(system: MechanicalSystem) -> None:
 
 def event_rows(system: MechanicalSystem) -> list[list[int]]:
     """The integral, the surface and the hit of each term, by numbers."""
-    integrals, surfaces = list(system.integrals), list(system.surfaces)
-    return [[integrals.index(t.integral), surfaces.index(t.surface), t.hit]
+    integrals, surfaces = list(system.integrals), _numbers(system)
+    return [[integrals.index(t.integral), surfaces[t.surface], t.hit]
             for t in event_terms(system)]  # fmt: skip
+
+
+def _numbers(system: MechanicalSystem) -> dict[str, int]:
+    """The place of each surface in the model."""
+    return {name: j for j, name in enumerate(system.surfaces)}
 
 
 def event_kernels(system: MechanicalSystem, plain: Continuous, f: Continuous) -> list[KernelSpec]:
@@ -226,7 +231,7 @@ def event_kernels(system: MechanicalSystem, plain: Continuous, f: Continuous) ->
     terms = event_terms(system)
     if not terms:
         return []
-    graph, surfaces = f.L.graph, list(system.surfaces)
+    graph, surfaces = f.L.graph, _numbers(system)
     q, _, _, t, par = state_inputs(f)
     v_a, v_c = (Input.vector(graph, name, len(f.q)) for name in ("v_a", "v_c"))
     lam = Input.vector(graph, "lam", len(f.g))
@@ -236,7 +241,7 @@ def event_kernels(system: MechanicalSystem, plain: Continuous, f: Continuous) ->
     lost = (energy.subs(before) - energy.subs(after)) / 2
     values = []
     for term in terms:
-        j = surfaces.index(term.surface)
+        j = surfaces[term.surface]
         of_kind = {
             IMPULSE: lam.symbols[j], APPROACH: rates[j].subs(before),
             DEPARTURE: -rates[j].subs(after), LOSS: lost,
