@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 from sympy.core.function import AppliedUndef
+from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import shown, whole
 from dmoc.base.errors import ModelError
 from dmoc.base.signatures import public
 from dmoc.symbolic.continuous import Continuous, dot, gap_rates, mass_matrix
 from dmoc.symbolic.conversion import to_nodes
-from dmoc.symbolic.definitions import atoms_below
+from dmoc.symbolic.definitions import atoms_below, expanded
 from dmoc.symbolic.expressions import reference
 from dmoc.symbolic.kernel_family import family, state_inputs
 from dmoc.symbolic.kinks import check_smooth
@@ -164,8 +165,8 @@ class EventTerm:
 
 def references_in(expression: Any) -> list[Any]:
     """What of hits an expression contains, in order."""
-    applied = expression.atoms(AppliedUndef)
-    return sorted((a for a in applied if a.func.__name__ in KINDS), key=str)
+    parts = (a for a in expression.atoms(AppliedUndef) if a.args != (dynamicsymbols._t,))
+    return sorted((a for a in parts if a.func.__name__ in KINDS), key=str)
 
 
 def integrands_of(system: MechanicalSystem) -> dict[str, Any]:
@@ -247,7 +248,8 @@ def event_kernels(system: MechanicalSystem, plain: Continuous, f: Continuous) ->
             DEPARTURE: -rates[j].subs(after), LOSS: lost,
         }  # fmt: skip
         own = {a: sp.Dummy(real=True) for a in references_in(term.value)}
-        (value,) = plain.rewritten(system, [term.value.xreplace(own)])
+        written = expanded(term.value, system.definitions).xreplace(own)
+        (value,) = plain.rewritten(system, [written])
         nodes = {s: graph.symbol(s.name) for s in (*plain.q, plain.t, *plain.par)}
         nodes |= {dummy: of_kind[a.func.__name__] for a, dummy in own.items()}
         values += to_nodes(graph, [value], nodes)

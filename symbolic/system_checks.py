@@ -19,7 +19,7 @@ from dmoc.symbolic.contact_references import check_forces, forces_of
 from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.definitions import atoms_below, check_definitions, expanded, kinds_of
 from dmoc.symbolic.drawing import values_of
-from dmoc.symbolic.event_sums import check_event_terms
+from dmoc.symbolic.event_sums import check_event_terms, event_terms
 from dmoc.symbolic.expressions import (
     KINDS,
     approach_speed,
@@ -213,7 +213,8 @@ def _check_symbols(system: MechanicalSystem) -> None:
         "the sliding speed": {sliding_speed} if system.friction else set(),
         "forces": set(forces_of(system)),
     } | kinds_of(system)
-    used: set[Any] = set(system.objective.free_symbols)
+    of_hits = (atoms_of(term.value) for term in event_terms(system))
+    used: set[Any] = set(system.objective.free_symbols).union(*of_hits)
     for where, expression, allowed in _expressions(system):
         atoms = atoms_of(expression)
         used |= atoms

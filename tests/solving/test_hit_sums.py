@@ -191,3 +191,27 @@ def test_prices_of_hits_belong_into_integrals() -> None:
 def test_the_derivation_says_what_hits_add() -> None:
     said = str(dmoc.derive(block({"wear": U**2 + dmoc.impulse("wall") ** 2})))
     assert "Each hit of wall adds impulse(wall)**2 to wear" in " ".join(said.split())
+
+
+def test_a_parameter_and_a_definition_may_be_of_hits_alone() -> None:
+    """The price of a blow is nowhere else; what depends on the place is 3 at the wall, x = 1."""
+    price, far = sp.Symbol("price"), dynamicsymbols("far")
+    system = dmoc.MechanicalSystem(
+        "hit_alone", [X], X.diff() ** 2 / 2, {price: 2.0}, inputs=[U], forces={X: U},
+        surfaces={"wall": X <= 1}, cost=U**2, definitions={far: X**2 + 2},
+        integrals={"blow": dmoc.impulse("wall"), "pain": price * far * dmoc.impulse("wall")},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        system, {X: 0}, {X: 0, "x_dot": 0}, sequence=["wall"], final_time=1, steps=10
+    )
+    totals = dmoc.solve(problem, "ipm", verify=False).trajectory.totals
+    assert totals["blow"] > 1 and totals["pain"] == pytest.approx(6 * totals["blow"])
+
+
+def test_an_input_may_have_the_name_of_what_a_hit_has() -> None:
+    impulse = dynamicsymbols("impulse")
+    system = dmoc.MechanicalSystem(
+        "named", [X], X.diff() ** 2 / 2, inputs=[impulse], forces={X: impulse},
+        surfaces={"wall": X <= 1}, integrals={"effort": impulse**2},
+    )  # fmt: skip
+    assert system.integrands["effort"] == impulse**2
