@@ -179,8 +179,9 @@ def _running(
 
 
 def _first_time(problem: Problem, scale: Scale) -> float:
-    """The final time of a first motion."""
-    return min(scale.time, expected_time(problem) or NO_TIME)
+    """The final time of a first motion, at least the least one that is stated."""
+    least = max(problem.final_time_bounds[0], float(problem.duration_bounds[:, 0].sum()))
+    return max(least, min(scale.time, expected_time(problem) or NO_TIME))
 
 
 def _within(problem: Problem, field: str, name: str, box: Array, size: float) -> Problem:
@@ -192,5 +193,5 @@ def _within(problem: Problem, field: str, name: str, box: Array, size: float) ->
 
 
 def _in_time(problem: Problem, low: float, size: float) -> Problem:
-    """The problem with a limit of the final time."""
-    return problem.but(final_time=(min(low, size), size))
+    """The problem with a limit of the final time, above its least one."""
+    return problem.but(final_time=(low, size))

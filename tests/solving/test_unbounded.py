@@ -117,6 +117,15 @@ def test_a_minimum_that_is_far_away_is_one(price: float) -> None:
     assert solution.cost == pytest.approx(-(price**2) * (1 / 6 - 1 / 400 / 24), rel=1e-9)
 
 
+def test_a_minimum_after_a_long_least_time_is_one() -> None:
+    """The cost falls up to 600 s, of which no motion that is allowed takes less than 500 s."""
+    late = -1 / (1 + ((dmoc.final_time - 600) / 100) ** 2)
+    stated = {"final_time": (500, None), "steps": 10}
+    solution = dmoc.solve(sled(STOP, cost=u**2, objective=late, problem=stated), verify=False)
+    assert solution.solved, solution.message
+    assert solution.final_time == pytest.approx(600, rel=1e-4)
+
+
 @pytest.mark.parametrize("limits", [{}, {u: (-30, 30)}], ids=["free", "within limits"])
 @pytest.mark.parametrize("starts", [1, None])
 def test_a_slower_and_slower_motion_through_a_hit_has_no_minimum(
