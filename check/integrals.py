@@ -91,14 +91,18 @@ def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) ->
     off = np.abs(values - claims) + along.left
     if trajectory.limits or not (off <= SMALL * sizes).all():
         sizes = np.maximum(sizes, _least(motion, courses, integrands))
+        usual = np.nan_to_num(_of_hits(motion, usual=True), posinf=0.0, neginf=0.0)
+        least = ALMOST_NOTHING * np.abs(usual)
+        np.maximum.at(sizes, model.hit_sums[:, 0], least.max(axis=0, initial=0.0))
     sizes = np.where(sizes > 0, sizes, 1.0)
     errors = np.where(along.undefined | along.has_pole, np.inf, infinite_where_none(off / sizes))
     what = (*map(repr, names), "the cost")
     return _Totals(what, along, values, np.array(claims), sizes, errors)
 
 
-def _of_hits(motion: Motion) -> Array:
-    """What the planned hits add to the integrals, shape (events, terms)."""
+def _of_hits(motion: Motion, usual: bool = False) -> Array:
+    """What the planned hits add to the integrals, or ones with the largest of their impulses and
+    the sizes of velocities would, shape (events, terms)."""
     model, trajectory = motion.model, motion.trajectory
     count = len(trajectory.collisions)
     if not (len(model.hit_sums) and count):
@@ -112,6 +116,9 @@ def _of_hits(motion: Motion) -> Array:
             row[numbers[name]] = impulse
     q, v_a = (np.array([getattr(p, name)[-1] for p, _ in both]) for name in ("q", "v"))
     v_c, t = np.array([p.v[0] for _, p in both]), np.array([c.time for c in trajectory.collisions])
+    if usual:
+        v_a = np.tile(motion.sizes.v, (count, 1))
+        v_c, lam = -v_a / 2, np.full_like(lam, lam.max())
     return np.where(model.counting(hit), model.hit_terms(q, v_a, v_c, lam, t), 0.0)
 
 

@@ -215,3 +215,19 @@ def test_an_input_may_have_the_name_of_what_a_hit_has() -> None:
         surfaces={"wall": X <= 1}, integrals={"effort": impulse**2},
     )  # fmt: skip
     assert system.integrands["effort"] == impulse**2
+
+
+def test_a_landing_departs_with_no_more_than_rounding_errors() -> None:
+    """A bar falls flat on both ends, whose rates after it are zero but for their last digits."""
+    y, a = dynamicsymbols("y a")
+    bar = dmoc.MechanicalSystem(
+        "flat", [X, y, a], (X.diff() ** 2 + y.diff() ** 2 + a.diff() ** 2 / 12) / 2 - 9.81 * y,
+        inputs=[U], forces={a: U}, cost=U**2,
+        surfaces={"left": y >= sp.sin(a) / 2, "right": y >= -sp.sin(a) / 2},
+        integrals={"parts": dmoc.departure("left")},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        bar, {X: 0, y: 0.3, a: 0}, {}, sequence=["+left +right"], final_time=0.6, steps=10
+    )
+    solution = dmoc.solve(problem)
+    assert solution.solved, solution.message
