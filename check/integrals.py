@@ -81,6 +81,9 @@ def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) ->
     of_hits = _of_hits(motion)
     np.add.at(values, model.hit_sums[:, 0], of_hits.sum(axis=0))
     np.add.at(sizes, model.hit_sums[:, 0], np.abs(of_hits).sum(axis=0))
+    usual = np.nan_to_num(_of_hits(motion, usual=True), posinf=0.0, neginf=0.0)
+    least = ALMOST_NOTHING * np.abs(usual)
+    np.maximum.at(sizes, model.hit_sums[:, 0], least.max(axis=0, initial=0.0))
     claims = [trajectory.totals.get(n, float(v)) for n, v in zip(names, values, strict=False)]
     if has_cost:
         claims.append(trajectory.cost)
@@ -91,9 +94,6 @@ def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) ->
     off = np.abs(values - claims) + along.left
     if trajectory.limits or not (off <= SMALL * sizes).all():
         sizes = np.maximum(sizes, _least(motion, courses, integrands))
-        usual = np.nan_to_num(_of_hits(motion, usual=True), posinf=0.0, neginf=0.0)
-        least = ALMOST_NOTHING * np.abs(usual)
-        np.maximum.at(sizes, model.hit_sums[:, 0], least.max(axis=0, initial=0.0))
     sizes = np.where(sizes > 0, sizes, 1.0)
     errors = np.where(along.undefined | along.has_pole, np.inf, infinite_where_none(off / sizes))
     what = (*map(repr, names), "the cost")

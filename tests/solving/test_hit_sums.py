@@ -222,9 +222,10 @@ def test_a_landing_departs_with_no_more_than_rounding_errors() -> None:
     y, a = dynamicsymbols("y a")
     bar = dmoc.MechanicalSystem(
         "flat", [X, y, a], (X.diff() ** 2 + y.diff() ** 2 + a.diff() ** 2 / 12) / 2 - 9.81 * y,
-        inputs=[U], forces={a: U}, cost=U**2,
+        inputs=[U], forces={a: U},
         surfaces={"left": y >= sp.sin(a) / 2, "right": y >= -sp.sin(a) / 2},
-        integrals={"parts": dmoc.departure("left")},
+        integrals={"parts": dmoc.departure("left"), "effort": U**2},
+        objective=dmoc.total("parts") + dmoc.total("effort"),
     )  # fmt: skip
     problem = dmoc.Problem(
         bar, {X: 0, y: 0.3, a: 0}, {}, sequence=["+left +right"], final_time=0.6, steps=10
