@@ -124,9 +124,8 @@ def test_a_block_that_may_be_pushed_or_hit_is_hit_twice() -> None:
 
 def test_neighbours_of_the_best_say_how_many_hops_cost_least() -> None:
     """Six cost 25.898, five and seven more, as the tree of all numbers of hops says: 27.076 and
-    26.135.  From this seed, unlike that of the example, no relaxed motion has more than four, and
-    that of four leads to none."""
-    result = dmoc.search(hops.problem(), max_collisions=7, strategy="propose", seed=2)
+    26.135.  From this seed no relaxed motion has seven."""
+    result = dmoc.search(hops.problem(), max_collisions=7, strategy="propose", seed=3)
     costs = {len(n.sequence): n.cost for n in result.nodes if n.cost is not None}
     assert result.best is not None and len(result.best.sequence) == 6
     assert costs[6] == pytest.approx(25.898, abs=0.01)

@@ -75,8 +75,10 @@ def test_starts_find_what_inputs_without_slope_at_zero_do(name: str) -> None:
     solution = answer_of(stated())
     assert solution.cost == pytest.approx(least, rel=1e-4)
     assert solution.agreeing_starts > 1
-    # of a coarse mesh, some ends are as far from the least cost as the flat beside it is wide
-    assert all(other.cost == pytest.approx(least, rel=3e-3) for other in solution.others)
+    # ends on the coarse mesh alone are as far from the least cost as the flat beside it is wide
+    for other in solution.others:
+        near = other.cost == pytest.approx(least, rel=3e-3)
+        assert near or (other.status == "coarse" and other.cost > least)
 
 
 @pytest.mark.slow
