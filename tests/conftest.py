@@ -91,7 +91,7 @@ def effort(as_users: bool) -> Iterator[Callable[..., Effort]]:
         yield users
         return
     with pytest.MonkeyPatch.context() as patch:
-        few = {"random": 8, "beside": 8, "most": 150, "often": 3, "unseen": 0.08}
+        few = {"first": 8, "random": 8, "beside": 8, "most": 150, "often": 3, "unseen": 0.08}
         patch.setattr(Effort, "of", lambda *arguments: replace(users(*arguments), **few))
         yield users
 
