@@ -40,7 +40,7 @@ from dmoc.symbolic.continuous import (
 from dmoc.symbolic.design import SHOWN, check_design
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
-from dmoc.symbolic.event_sums import event_kernels
+from dmoc.symbolic.event_sums import event_kernels, event_rows
 from dmoc.symbolic.graph import Graph, GraphNode, gradient, reverse
 from dmoc.symbolic.hidden_unknowns import hidden_facts, hidden_kernels, hidden_names
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
@@ -172,6 +172,7 @@ def _facts(
     parts = split(system)
     without = [name for name in system.tangents if name not in system.friction]
     more = {"without_friction": without, "quantities": quantity_rows(f, list(system.quantities))}
+    more["hit_sums"] = event_rows(system)
     more["static_friction"] = [n for n, e in system.friction.items() if isinstance(e, sp.Tuple)]
     more["varying_friction"] = path_rows(f, *varying(f, list(system.tangents)))
     more["rate_constraints"] = [

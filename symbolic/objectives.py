@@ -15,7 +15,6 @@ from dmoc.base.signatures import public
 from dmoc.symbolic.continuous import Continuous
 from dmoc.symbolic.conversion import to_nodes
 from dmoc.symbolic.discrete import StepElement
-from dmoc.symbolic.event_sums import event_rows
 from dmoc.symbolic.expressions import atoms_of, expression_in, final_time, reference
 from dmoc.symbolic.hidden_unknowns import with_hidden
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
@@ -261,9 +260,8 @@ def objective_facts(system: MechanicalSystem) -> dict[str, Any]:
     def rates(own: Sequence[Any]) -> bool:
         return any(part.has(v) for part in own for v in system.velocities)
 
-    facts = {"hit_sums": event_rows(system)}
     priced = [name for name in system.integrals if parts.value.has(total(name))]
-    return {key: rows for key, rows in facts.items() if rows} | {
+    return {
         "totals": list(parts.totals),
         "priced": priced,
         "peaks": [[list(system.quantities).index(name), both] for name, both in parts.peaks],

@@ -20,6 +20,11 @@ def circle(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (q**2).sum(axis=1, keepdims=True) - 1, 2 * q[:, None]
 
 
+def line(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """x + y = 2."""
+    return q.sum(axis=1)[:, None] - 2, np.ones((1, 1, 2))
+
+
 def line_and_circle(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     (miss,), (slope,) = circle(q)
     return np.array([[q[0, 1] - q[0, 0], *miss]]), np.array([[[-1.0, 1.0], *slope]])
@@ -27,8 +32,7 @@ def line_and_circle(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_step_is_the_shortest_in_sizes() -> None:
     """Onto x + y = 2 from the origin: by shares of 1 and 9 with sizes of 1 and 3."""
-    q = onto(lambda q: (q.sum(axis=1)[:, None] - 2, np.ones((1, 1, 2))), np.zeros((1, 2)),
-             np.array([1.0, 3.0]), longest=np.inf)  # fmt: skip
+    q = onto(line, np.zeros((1, 2)), np.array([1.0, 3.0]), longest=np.inf)
     np.testing.assert_allclose(q, [[0.2, 1.8]])
 
 
@@ -42,7 +46,6 @@ def test_rows_end_on_a_circle_and_on_two_conditions() -> None:
 def test_a_box_is_not_left_and_what_has_no_size_stays() -> None:
     """Onto x + y = 2, of which x has to give 0.5 at most."""
     box = np.array([[0.0, 0.5], [0.0, 9.0]])
-    line = lambda q: (q.sum(axis=1)[:, None] - 2, np.ones((1, 1, 2)))  # noqa: E731
     (q,) = onto(line, np.zeros((1, 2)), np.ones(2), steps=40, longest=np.inf, box=box)
     np.testing.assert_allclose(q, [0.5, 1.5])
     (q,) = onto(line, np.zeros((1, 2)), np.array([0.0, 1.0]), longest=np.inf)
