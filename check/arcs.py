@@ -16,8 +16,8 @@ from dmoc.simulation.sizes import Nodes, Sizes, gap_sizes
 PENETRATION = 0.002
 # A node within this share of the gap's size lies on the surface; so many in a row slide along it.
 # A motion that slides may enter the surface between its nodes as far as penetration may be, one
-# that only touches it less far: it would bounce.
-ON_ARC, LASTING, TOUCHING = 1e-4, 3, 3e-4
+# that grazes it less far: it would bounce.
+ON_ARC, LASTING, GRAZED = 1e-4, 3, 3e-4
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def arcs_of(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> list[Arc]:
                 )
                 # What happens after the end is nobody's business.
                 ends = t >= sizes.time - h / 2
-                depth = PENETRATION if slides or ends else TOUCHING
+                depth = PENETRATION if slides or ends else GRAZED
                 size = gap_sizes(nodes.gap_slopes[own][k], sizes)[j]
                 arcs.append(Arc(int(j), t - h, t + h, depth * float(size)))
     return arcs

@@ -28,7 +28,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.motion.trajectory import GRAZING, Collision
 from dmoc.simulation.contact_modes import limits
-from dmoc.simulation.flow import FIRST, LAST, PLACES, TOUCH, Steps, SurfaceContact
+from dmoc.simulation.flow import FIRST, GAP_ERROR, LAST, PLACES, Steps, SurfaceContact
 from dmoc.simulation.roots import crossing
 
 LOCATED = 1e-6  # of a step
@@ -155,7 +155,7 @@ def _met(motion: Motion, i: int, course: IntegratedSteps) -> Iterator[SurfaceCon
     times, path = between(motion, course, PLACES[1:])
     gaps = model.gaps(path.reshape(-1, nq), times.ravel()).reshape(*times.shape, model.nc)
     allowed = motion.flow.allowance(times.ravel()).reshape(gaps.shape)
-    over = gaps > allowed + TOUCH * motion.sizes.gap
+    over = gaps > allowed + GAP_ERROR * motion.sizes.gap
     over[..., list(motion.modes[i].closed)] = False
     for n, j in zip(*np.nonzero(over.any(axis=0)), strict=True):
         name, time = model.kernels.surfaces[j], float(times[int(np.argmax(over[:, n, j])), n])

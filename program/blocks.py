@@ -176,8 +176,8 @@ def in_columns(values: Index, at: Index, count: int, otherwise: int = NOWHERE) -
     """Values of the events in the columns of their contacts, shape (events, ..., count); an event
     without a contact has no value."""
     columns = np.full((*values.shape, count), otherwise)
-    touched = np.flatnonzero(at != NOWHERE)
-    columns[touched, ..., at[touched]] = values[touched]
+    filled = np.flatnonzero(at != NOWHERE)
+    columns[filled, ..., at[filled]] = values[filled]
     return columns
 
 

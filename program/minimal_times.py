@@ -50,9 +50,9 @@ class WithMinimalTimes(Transcription):
     """
 
     def __init__(
-        self, problem: Problem, scale: Scale | None = None, touching: Sequence[int] = ()
+        self, problem: Problem, scale: Scale | None = None, grazing: Sequence[int] = ()
     ) -> None:
-        super().__init__(problem, scale, touching=touching)
+        super().__init__(problem, scale, grazing=grazing)
         bounded = problem.nu > 0 and bool(np.isfinite(problem.input_bounds).all())
         estimated = problem.minimal_times and bounded and problem.model.has_minimal_times
         estimated = estimated and not problem.held

@@ -57,8 +57,8 @@ class Transcription(Evaluator):
     goal_as_rows : bool
         Values of the goal are constraints instead of bounds of the unknowns, so that they can be
         missed by some amount.
-    touching : sequence of int
-        Collisions that touch their surface without an impulse.
+    grazing : sequence of int
+        Collisions that graze their surface without an impulse.
     pulling : bool
         Closed contacts may pull, to see how strongly they would have to.
     """
@@ -68,18 +68,18 @@ class Transcription(Evaluator):
         problem: Problem,
         scale: Scale | None = None,
         goal_as_rows: bool = False,
-        touching: Sequence[int] | Index = (),
+        grazing: Sequence[int] | Index = (),
         pulling: bool = False,
     ) -> None:
         self.problem, self.kernels, self.goal_as_rows = problem, problem.kernels, goal_as_rows
         self.scale = Scale.none(problem) if scale is None else scale
         self.par = problem.parameter_values
         self.layout = Layout.of(problem)
-        touches = np.asarray(touching, dtype=np.intp)
+        grazes = np.asarray(grazing, dtype=np.intp)
         goals = goal_rows(problem, self.layout) if goal_as_rows else []
-        make = partial(laws_of, problem, self.layout, self.scale, touches, goals, pulling)
+        make = partial(laws_of, problem, self.layout, self.scale, grazes, goals, pulling)
         few = self.layout.is_shared and self.layout.size <= MOST_REMEMBERED
-        form = rows_follow_from(problem, self.layout, touches) if few and not goals else None
+        form = rows_follow_from(problem, self.layout, grazes) if few and not goals else None
         laws = MEMORY.bounding.of(form, make)
         self.limits = limits(problem, self.layout, laws, self.scale, goals)
 

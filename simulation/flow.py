@@ -28,8 +28,8 @@ from dmoc.simulation.sizes import Sizes
 
 # Gap that the integration's errors leave where it touches, and approach speed below which a contact
 # has no impact, as shares of the sizes of gap and rate.
-TOUCH, RELEASED = 1e-9, 1e-7
-# A surface that may hold a motion is at most so many times TOUCH away.
+GAP_ERROR, RELEASED = 1e-9, 1e-7
+# A surface that may hold a motion is at most so many times GAP_ERROR away.
 RESTING = 10
 # Where in a step crossings are looked for.
 PLACES = np.linspace(0.0, 1.0, 9)
@@ -89,7 +89,7 @@ class Flow:
         self.allowance, self.nq = allowance, model.nq
         size = np.concatenate([sizes.q, sizes.v, [sizes.exchanged]])
         self.integrator = Integrator(model.kernels, model.par, size, check_time)
-        near = RESTING * TOUCH * sizes.gap
+        near = RESTING * GAP_ERROR * sizes.gap
         self.near = np.where(restitution == 0, near, -1.0)  # none is negative
         self.rests = bool((restitution == 0).any())
 
@@ -129,7 +129,7 @@ class Flow:
     def upper(self, steps: Steps) -> Array:
         """Gaps that no step exceeds without a contact, at its places, shape (N, places, nc)."""
         times = steps.t[:, None] + PLACES * steps.h[:, None]
-        allowed = self.allowance(times.ravel()) + TOUCH * self.sizes.gap
+        allowed = self.allowance(times.ravel()) + GAP_ERROR * self.sizes.gap
         return np.ascontiguousarray(allowed.reshape(*times.shape, self.model.nc))
 
     def quiet(
@@ -223,8 +223,8 @@ class Flow:
         times = t + PLACES * h
         path = self.integrator.between(y[None], ends, y1[None], h, PLACES)[:, 0]
         gaps = self.model.gaps(path, times) - self.allowance(times)
-        touch, first = TOUCH * self.sizes.gap, None
-        beyond = np.flatnonzero((gaps > touch).any(axis=0)).tolist()
+        error, first = GAP_ERROR * self.sizes.gap, None
+        beyond = np.flatnonzero((gaps > error).any(axis=0)).tolist()
         if not beyond:
             return None
 
@@ -235,10 +235,10 @@ class Flow:
             # What has entered a surface where it might, and leaves it, is met again only after it
             # has been outside.
             leaving = (
-                gaps[0, j] > touch[j] and self.model.gap_rates(y[: self.nq], y[self.nq :], t)[j] < 0
+                gaps[0, j] > error[j] and self.model.gap_rates(y[: self.nq], y[self.nq :], t)[j] < 0
             )
-            outside = int(np.argmax(gaps[:, j] <= touch[j])) if leaving else 0
-            over = np.flatnonzero(gaps[:, j] > touch[j])
+            outside = int(np.argmax(gaps[:, j] <= error[j])) if leaving else 0
+            over = np.flatnonzero(gaps[:, j] > error[j])
             over = over[over > outside] if leaving else over
             if (
                 (until.mode and j in until.mode.closed)
@@ -248,11 +248,11 @@ class Flow:
                 continue
             k = int(over[0])
             # Starts on the surface: look for the last moment inside.
-            if k == 0 or gaps[k - 1, j] >= -touch[j]:
+            if k == 0 or gaps[k - 1, j] >= -error[j]:
                 inside = [
                     s
                     for s in np.linspace(times[max(k - 1, 0)], times[k], 17)[1:-1]
-                    if k and gap(j, s) < -touch[j]
+                    if k and gap(j, s) < -error[j]
                 ]
                 # Leaves the admissible set at once: the contact is where the step starts.
                 if not inside:

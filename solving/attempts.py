@@ -18,11 +18,11 @@ from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.inflection import falling_inputs
 from dmoc.solvers.judge import INFEASIBLE, judged, rounded
 from dmoc.solvers.outcome import NOWHERE, Duals, Ending, Options, Outcome, Status
+from dmoc.solving.grazing import pays, pushed, suspects
 from dmoc.solving.indeterminacy import left_open_along
 from dmoc.solving.methods import COMPILED_METHOD, METHODS, Judged, Method
 from dmoc.solving.programs import Programs
 from dmoc.solving.starts import Starts
-from dmoc.solving.touches import pays, pushed, suspects
 
 # A method that ends so far from a motion tells nothing of whether there is one.
 UNDECIDED = (Status.STALLED, Status.ITERATION_LIMIT)
@@ -92,7 +92,7 @@ def attempted(
 
 def _with(driver: Judged, duals: Duals | None) -> Minimise:
     """A driver with the multipliers of its first start, which serve the programs that have as many
-    constraints: not one in which collisions have become touches."""
+    constraints: not one in which collisions have become grazes."""
 
     def minimise(nlp: Transcription, x: Array, options: Options) -> Outcome:
         fits = duals is not None and (len(duals.y), len(duals.w)) == (nlp.n_eq, nlp.n_in)
@@ -259,7 +259,7 @@ class LocalSolver:
     def settled(self, nlp: Transcription, outcome: Outcome, options: Options) -> Attempt:
         """Go on from an outcome: an estimated minimal time that limits the solution is dropped,
         because the dynamics decide and not the estimate, and collisions without effect become
-        touches."""
+        grazes."""
 
         def continued(nlp: Transcription, before: Outcome) -> Outcome:
             """Solve another program of the same unknowns from where one has ended."""
@@ -275,15 +275,15 @@ class LocalSolver:
         at = suspects(nlp, outcome.x)
         if not len(at):
             return plain
-        touching = self.programs.touches(nlp, at)
-        touched = continued(touching, outcome)
-        if touched.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
-            return plain.ending(touched.status)
-        if touched.status is not Status.SOLVED:
-            return plain.counting(touched.iterations)
-        if not pays(touching, touched):
-            return Attempt(touching, touched)
-        again = continued(nlp, replace(touched, x=pushed(nlp, touched.x, at)))
+        grazing = self.programs.grazes(nlp, at)
+        grazed = continued(grazing, outcome)
+        if grazed.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
+            return plain.ending(grazed.status)
+        if grazed.status is not Status.SOLVED:
+            return plain.counting(grazed.iterations)
+        if not pays(grazing, grazed):
+            return Attempt(grazing, grazed)
+        again = continued(nlp, replace(grazed, x=pushed(nlp, grazed.x, at)))
         cheaper = outcome.status is not Status.SOLVED or nlp.cost(again.x) <= nlp.cost(outcome.x)
         if again.status is Status.SOLVED and cheaper:
             return Attempt(nlp, again)

@@ -39,22 +39,22 @@ class Programs:
         """The same programs for another thread."""
         return replace(self, _made={key: nlp.beside() for key, nlp in self._made.items()})
 
-    def program(self, guided: bool = False, touching: Iterable[int] = ()) -> Transcription:
-        """The program in which the given collisions touch their surface without an impulse."""
-        key = (guided and self.problem.minimal_times, tuple(sorted(map(int, touching))))
+    def program(self, guided: bool = False, grazing: Iterable[int] = ()) -> Transcription:
+        """The program in which the given collisions graze their surface without an impulse."""
+        key = (guided and self.problem.minimal_times, tuple(sorted(map(int, grazing))))
         if key not in self._made:
             make = WithMinimalTimes if key[0] else Transcription
-            self._made[key] = make(self.problem, self.scale, touching=key[1])
+            self._made[key] = make(self.problem, self.scale, grazing=key[1])
         return self._made[key]
 
     def free(self, nlp: Transcription) -> Transcription:
         """A program without its minimal times."""
-        return self.program(False, np.flatnonzero(nlp.laws.impact.touching))
+        return self.program(False, np.flatnonzero(nlp.laws.impact.grazing))
 
-    def touches(self, nlp: Transcription, at: Iterable[int]) -> Transcription:
-        """A program in which some more collisions only touch."""
+    def grazes(self, nlp: Transcription, at: Iterable[int]) -> Transcription:
+        """A program in which some more collisions graze."""
         return self.program(
-            isinstance(nlp, WithMinimalTimes), [*np.flatnonzero(nlp.laws.impact.touching), *at]
+            isinstance(nlp, WithMinimalTimes), [*np.flatnonzero(nlp.laws.impact.grazing), *at]
         )
 
 

@@ -49,15 +49,15 @@ class HeldLaw(Law):
     ----------
     contact : ContactLaw
     mu : array, shape (nt,)
-    touching : array of bool, shape (events,)
-        Hits that only touch their surface.
+    grazing : array of bool, shape (events,)
+        Hits that graze their surface.
     following : array of bool, shape (phases, nj)
         Constraints that follow from others.
     """
 
     contact: ContactLaw
     mu: Array
-    touching: Bools
+    grazing: Bools
     following: Bools
     held: Block = field(init=False)
     fast: Block = field(init=False)
@@ -113,7 +113,7 @@ class HeldLaw(Law):
         """The first two axes of both are events and the parts before the stop and after it; the
         last one of ``grips`` are the two sides."""
         names, held = self.lay.touch.contacts, self.unknowns
-        stops = ~self.touching[:, None]
+        stops = ~self.grazing[:, None]
         drags = (held.T_b[:, STOP] != NOWHERE) & stops
         grips = drags & self._sticks
         presses = (held.P_b[:, STOP] != NOWHERE) & stops

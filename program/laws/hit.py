@@ -24,7 +24,7 @@ laws of restitution are a file each: :mod:`dmoc.program.laws.poisson`.
 Hits with tangential restitution have the row within of this law, and those of
 :mod:`dmoc.program.laws.tangential` beside it.
 
-In a hit that only touches, all impulses are zero: lam and P_h where sliding stops by their bounds,
+In a hit that grazes, all impulses are zero: lam and P_h where sliding stops by their bounds,
 the others by the equations.  Inequalities between them would have no interior, nor would those of
 directions where sliding stops; the velocity is the same before and after.
 
@@ -89,15 +89,15 @@ class HitLaw(Law):
     mu : array, shape (nt,)
     e : array, shape (events,)
         Coefficients of restitution, not a number where they vary with the rate before the hit.
-    touching : array of bool, shape (events,)
-        Hits that only touch their surface.
+    grazing : array of bool, shape (events,)
+        Hits that graze their surface.
     """
 
     lay: Layout
     names: tuple[str, ...]
     mu: Array
     e: Array
-    touching: Bools
+    grazing: Bools
     within: Block = field(init=False)
     restitution: Block = field(init=False)
     halts: Block = field(init=False)
@@ -112,13 +112,13 @@ class HitLaw(Law):
         for p in lay.hit.passages:
             if IMPACT_LAWS[p.law].constant:
                 e[p.event] = _constant(problem, p.surface)
-        return cls(lay, names, problem.friction, e, impact.touching)
+        return cls(lay, names, problem.friction, e, impact.grazing)
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         P_h = self.lay.hit.P_h
-        struck, stops = P_h[~self.touching & ~self.whole], P_h[self.touching, STOP]
+        struck, stops = P_h[~self.grazing & ~self.whole], P_h[self.grazing, STOP]
         box[struck[struck != NOWHERE], 0] = 0.0
-        # Of a touch, the impulse of compression is zero by its equation, and no bound beside it.
+        # Of a graze, the impulse of compression is zero by its equation, and no bound beside it.
         box[stops[stops != NOWHERE]] = 0.0
 
     @property
@@ -190,7 +190,7 @@ class HitLaw(Law):
         bears = np.zeros((count, STAGES, 2), dtype=bool)
         heads = np.zeros((count, 2), dtype=bool)
         for p in self.passages:
-            if self.touching[p.event]:
+            if self.grazing[p.event]:
                 heads[p.event, 1] = not sticks(p.friction[-1]) and STOP not in p.moments
                 continue
             heads[p.event] = [not sticks(p.friction[side]) for side in (0, -1)]

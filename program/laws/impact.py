@@ -9,9 +9,9 @@ gamma+ = -e gamma- (equations :eq:`impact` to :eq:`approach` of the theory)::
     departure   r_minus(first step after) + dL/dv(q_c, v_c) = 0, with -p_E where the motion ends
     energy      e (e_plus(before) - e_minus(after) - W_t) - (1 - e)/2 W_gamma = 0
                 gamma(q_c, v_c) + e gamma(q_c, v_a) = 0    where e = 0, where a collision only
-                touches, where the motion ends with it, and where the law is stated in the rates
+                grazes, where the motion ends with it, and where the law is stated in the rates
     contact     g(q_c) = 0
-    approach    gamma(q_c, v_a) >= 0                       but for touches, whose rate is known
+    approach    gamma(q_c, v_a) >= 0                       but for grazes, whose rate is known
     separation  -gamma(q_c, v_c) >= 0                      where the law does not fix that rate
 
 with the unknown velocities v_a before and v_c after the collision, and W_t, W_gamma of
@@ -68,12 +68,12 @@ class ImpactLaw(Law):
     problem : Problem
     lay : Layout
     e : array, shape (collisions,)
-        Coefficients of restitution, 0 for touches and landings; 1 where the law of the model says
+        Coefficients of restitution, 0 for grazes and landings; 1 where the law of the model says
         them.
     by_law : array of bool, shape (collisions,)
         Those where it does.
-    touching : array of bool, shape (collisions,)
-        Collisions that touch their surface without an impulse.
+    grazing : array of bool, shape (collisions,)
+        Collisions that graze their surface without an impulse.
     landing : array of bool, shape (collisions,)
         Those after which the surface stays closed.
     by_rates : array of bool, shape (collisions,)
@@ -86,7 +86,7 @@ class ImpactLaw(Law):
     lay: Layout
     e: Array
     by_law: Bools
-    touching: Bools
+    grazing: Bools
     landing: Bools
     by_rates: Bools
     rough: Bools
@@ -99,12 +99,12 @@ class ImpactLaw(Law):
     separation: Block = field(init=False)
 
     @classmethod
-    def of(cls, problem: Problem, lay: Layout, touching: Index) -> ImpactLaw:
-        """The law of a problem; ``touching`` are the events that only touch, shape (k,)."""
+    def of(cls, problem: Problem, lay: Layout, grazing: Index) -> ImpactLaw:
+        """The law of a problem; ``grazing`` are the events that graze, shape (k,)."""
         count, passages = len(lay.touch.surfaces), lay.hit.passages
-        touches = mask_of(count, touching)
+        grazes = mask_of(count, grazing)
         landing = np.array([bool(event.lands) for event in problem.touch.events], dtype=bool)
-        e = np.where(touches | landing, 0.0, restitution_of(problem, lay.touch.surfaces))
+        e = np.where(grazes | landing, 0.0, restitution_of(problem, lay.touch.surfaces))
         by_law = np.isnan(e)
         e = np.where(by_law, 1.0, e)
         joined = bool(problem.kernels.joints)
@@ -114,7 +114,7 @@ class ImpactLaw(Law):
         last = ends_motion(lay)
         stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough | by_law | whole | last
         stated |= _moves_apart(problem, lay.touch.surfaces)
-        return cls(problem, lay, e, by_law, touches, landing, stated, rough)
+        return cls(problem, lay, e, by_law, grazes, landing, stated, rough)
 
     @property
     def surfaces(self) -> Index:
@@ -133,14 +133,14 @@ class ImpactLaw(Law):
 
     @property
     def plain(self) -> Bools:
-        """Collisions whose law says what gamma is after them: plastic ones, touches, landings, and
+        """Collisions whose law says what gamma is after them: plastic ones, grazes, landings, and
         all where it is stated in the rates."""
         return np.asarray(((self.e == 0) | self.by_rates) & self.impact)
 
     @property
     def most_impulse(self) -> Array:
         """Upper bounds of the impulses."""
-        return np.where(self.touching | ~self.impact, 0.0, np.inf)
+        return np.where(self.grazing | ~self.impact, 0.0, np.inf)
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         lay = self.lay
@@ -209,7 +209,7 @@ class ImpactLaw(Law):
         at, hit, nodes = self.lay.impact.names, self.surfaces, self.lay.collision_nodes
         self.approach = block(
             "approach",
-            self.sure & ~self.touching,
+            self.sure & ~self.grazing,
             lambda k: f"approach of {at[k]}",
             lambda s: sizes_of(s.rate, hit),
             nodes,

@@ -136,13 +136,13 @@ def laws_of(
     problem: Problem,
     lay: Layout,
     scale: Scale,
-    touching: Index,
+    grazing: Index,
     goals: Sequence[Goal],
     pulling: bool = False,
 ) -> Laws:
     """The laws of a problem, without the numbers of their rows; ``goals`` are those that are
     constraints instead of bounds, the other arguments are those of the program."""
-    impact = ImpactLaw.of(problem, lay, touching)
+    impact = ImpactLaw.of(problem, lay, grazing)
     if _is_untouched(lay):
         of_contacts = _untouched(lay)
     else:
@@ -152,8 +152,8 @@ def laws_of(
         friction = FrictionLaw(contact, sliding, mu, mu_s, model.paired, model.slows)
         hit = HitLaw.of(problem, lay, impact)
         in_hits = np.where(np.isinf(model.hit_friction), np.inf, mu)
-        returning = TangentialLaw(lay, in_hits, model.tangential_restitution, impact.touching)
-        held = HeldLaw(contact, mu, impact.touching, following_joints(problem))
+        returning = TangentialLaw(lay, in_hits, model.tangential_restitution, impact.grazing)
+        held = HeldLaw(contact, mu, impact.grazing, following_joints(problem))
         rubbing = friction, sliding, BreakawayLaw(friction)
         of_contacts = contact, *rubbing, hit, returning, held
     return Laws(
@@ -187,7 +187,7 @@ def _again(
     return (*blocks[:i], *numbering.made, *blocks[i + len(numbering.made) :])
 
 
-def rows_follow_from(problem: Problem, lay: Layout, touching: Index) -> Hashable | None:
+def rows_follow_from(problem: Problem, lay: Layout, grazing: Index) -> Hashable | None:
     """All that rows, terms and entries of a program follow from, beside which unknowns are fixed:
     problems that differ in other numbers share them.  None where they follow from more, as where
     fixed values settle rows of contacts and constraints."""
@@ -200,7 +200,7 @@ def rows_follow_from(problem: Problem, lay: Layout, touching: Index) -> Hashable
     ends = low == high, 0 < low < high, low < high < np.inf, *(r.kind for r in problem.relations)
     statement = ends, tuple(problem.ignored), problem.by_rates
     return (
-        lay, model, statement, problem.restitution_values.tobytes(), touching.tobytes(),
+        lay, model, statement, problem.restitution_values.tobytes(), grazing.tobytes(),
         problem.velocity_bounds.tobytes(), np.isfinite(problem.quantity_bounds).tobytes(),
         problem.quantity_ranges.kinds,
     )  # fmt: skip
@@ -221,11 +221,11 @@ def _untouched(
     contact = ContactLaw(lay, False)
     contact.settled, sliding = Settled.nothing(lay), SlidingLaw(contact)
     friction = FrictionLaw(contact, sliding, mu, mu, mu > 0, False)
-    touching = np.zeros(events, dtype=bool)
-    hit = HitLaw(lay, (), mu, np.zeros(events), touching)
+    grazing = np.zeros(events, dtype=bool)
+    hit = HitLaw(lay, (), mu, np.zeros(events), grazing)
     none = np.zeros((lay.phases, len(lay.joint.names)), dtype=bool)
-    held = HeldLaw(contact, mu, touching, none)
-    returning = TangentialLaw(lay, mu, mu, touching)
+    held = HeldLaw(contact, mu, grazing, none)
+    returning = TangentialLaw(lay, mu, mu, grazing)
     breakaway = BreakawayLaw(friction)
     laws = contact, friction, sliding, breakaway, hit, returning, held
     for law in laws:

@@ -39,7 +39,7 @@ class StrongeRestitution(PoissonRestitution):
         return 2 * work / rate if rate > 0 else 0.0
 
     def is_quadratic(self, hit: HitLaw, p: Passage) -> bool:
-        restores = not p.lands and hit.e[p.event] > 0 and not hit.touching[p.event]
+        restores = not p.lands and hit.e[p.event] > 0 and not hit.grazing[p.event]
         return bool(restores and STOP in p.moments)
 
     def entries(self, hit: HitLaw, p: Passage) -> Iterator[Entries]:

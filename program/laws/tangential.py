@@ -13,7 +13,7 @@ the theory)::
     holds      mu lam - |T_c| >= 0                      of a hit that sticks, with friction
     slides     -s (1 + e_t) T_h - mu lam >= 0           of one that slides
 
-The row within is that of :mod:`dmoc.program.laws.hit`.  A hit that only touches has no impulse:
+The row within is that of :mod:`dmoc.program.laws.hit`.  A hit that grazes has no impulse:
 T_c = 0.
 
 A. Chatterjee and A. Ruina, Journal of Applied Mechanics 65 (1998) 939-951.
@@ -94,14 +94,14 @@ class TangentialLaw(Law):
     lay : Layout
     mu, e_t : array, shape (nt,)
         Friction in hits, without end where there is no limit, and tangential restitution.
-    touching : array of bool, shape (events,)
-        Hits that only touch their surface.
+    grazing : array of bool, shape (events,)
+        Hits that graze their surface.
     """
 
     lay: Layout
     mu: Array
     e_t: Array
-    touching: Bools
+    grazing: Bools
     stops: Block = field(init=False)
     returns: Block = field(init=False)
     holds: Block = field(init=False)
@@ -113,7 +113,7 @@ class TangentialLaw(Law):
 
     def _mask(self, passages: Iterable[Passage]) -> Bools:
         """The events of some hits, shape (events,)."""
-        return mask_of(len(self.touching), [p.event for p in passages])
+        return mask_of(len(self.grazing), [p.event for p in passages])
 
     # Rows -----------------------------------------------------------------------------------------
 
@@ -151,7 +151,7 @@ class TangentialLaw(Law):
         """The last axis of ``holds`` are the two sides of the cone."""
         rubbed, tangents = self.lay.hit.rubbed, self.lay.touch.contacts.tangents
         limited = [p for p in self.passages if self.mu[p.tangent] != np.inf]
-        holds = self._mask(p for p in limited if sticks(p.friction[-1])) & ~self.touching
+        holds = self._mask(p for p in limited if sticks(p.friction[-1])) & ~self.grazing
         slides = self._mask(p for p in limited if not sticks(p.friction[-1]))
         self.holds = block(
             "cone of a return",
@@ -187,7 +187,7 @@ class TangentialLaw(Law):
         i, s = p.event, p.friction[-1]
         T_c, T_h = self.lay.contact.T_c[i, p.tangent], self.lay.hit.T_h[i, END]
         back = 1 + float(self.e_t[p.tangent])
-        comes_back = sticks(s) and not self.touching[i]
+        comes_back = sticks(s) and not self.grazing[i]
         for row, unknown, factor in (
             (self.returns.index[i], T_c, 1.0),
             (self.returns.index[i] if comes_back else NOWHERE, T_h, -back),
@@ -205,7 +205,7 @@ class TangentialLaw(Law):
             i, s = p.event, float(p.friction[-1])
             if self.mu[p.tangent] == np.inf:
                 continue
-            slides = self.returns.index[i] if s and not self.touching[i] else NOWHERE
+            slides = self.returns.index[i] if s and not self.grazing[i] else NOWHERE
             rows = np.array([slides, *self.holds.index[i], self.slides.index[i]])
             at, lam = np.full(4, i), np.full(4, self.lay.impact.lam[i])
             yield Product(p.tangent, at, rows, lam, np.array([s, 1.0, 1.0, -1.0]))

@@ -64,7 +64,7 @@ class Effort:
             return True
         every, far = met_by_cost(minima).T
         seen = unseen_share(every) <= self.unseen and unseen_share(far) <= self.unseen_far
-        with_effect = [basin for basin in minima if not basin.touches]
+        with_effect = [basin for basin in minima if not basin.grazes]
         best = int(met_by_cost(with_effect or minima)[0, 0])
         often = best >= self.often and every.sum() >= self.each * len(every)
         patience = 1 if with_effect else PATIENCE

@@ -47,9 +47,9 @@ class Basin:
         return self.attempt.nlp.problem
 
     @property
-    def touches(self) -> bool:
+    def grazes(self) -> bool:
         """Whether a collision of the minimum has no effect."""
-        return bool(self.attempt.nlp.laws.impact.touching.any())
+        return bool(self.attempt.nlp.laws.impact.grazing.any())
 
     @property
     def motion(self) -> Array:

@@ -104,7 +104,7 @@ def ranked(
         if (passed and not seeks) or full or late:
             left += minima[k:]
             break
-        if seeks and coarse.touches:
+        if seeks and coarse.grazes:
             left.append(coarse)
             continue
         attempt = refinements.of(coarse, options)
@@ -133,7 +133,7 @@ def ranked(
 def _seeks_effect(refined: Sequence[Ranked], left: Sequence[Basin]) -> bool:
     """Whether a collision of all minima that were refined has no effect, and there are others."""
     none = not any(r.solution.status is Status.SOLVED for r in refined)
-    return none and not all(basin.touches for basin in left)
+    return none and not all(basin.grazes for basin in left)
 
 
 def _confirmed(

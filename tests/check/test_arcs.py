@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dmoc.check import arcs
-from dmoc.check.arcs import PENETRATION, TOUCHING, Arc, allowance, arcs_of
+from dmoc.check.arcs import GRAZED, PENETRATION, Arc, allowance, arcs_of
 
 
 def found(
@@ -58,7 +58,7 @@ def test_three_nodes_in_a_row_slide_and_fewer_touch(
     patterns = ["........."] * 2
     patterns[surface] = pattern
     made = found(monkeypatch, patterns, [], 100.0)
-    expected = [(k, PENETRATION) for k in deep] + [(k, TOUCHING) for k in shallow]
+    expected = [(k, PENETRATION) for k in deep] + [(k, GRAZED) for k in shallow]
     assert [(t, depth) for _, t, depth in made] == [
         (pytest.approx(k), pytest.approx(d)) for k, d in sorted(expected)
     ]
@@ -67,7 +67,7 @@ def test_three_nodes_in_a_row_slide_and_fewer_touch(
 
 def test_what_touches_at_the_end_counts_as_if_it_slid(monkeypatch: pytest.MonkeyPatch) -> None:
     made = found(monkeypatch, ["....x...x", "........."], [], 8.0)
-    assert [depth for _, _, depth in made] == pytest.approx([TOUCHING, PENETRATION])
+    assert [depth for _, _, depth in made] == pytest.approx([GRAZED, PENETRATION])
 
 
 @pytest.mark.parametrize(("time", "left"), [(1.4, True), (1.6, False), (6.4, False), (6.6, True)])

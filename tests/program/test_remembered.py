@@ -98,8 +98,8 @@ ROWS: list[dict[str, Any]] = [
 
 
 def test_rows_follow_from_each_part_of_the_statement_that_they_follow_from(walls: Kernels) -> None:
-    def key(problem: dmoc.Problem, touching: tuple[int, ...] = ()) -> Any:
-        return rows_follow_from(problem, Layout.of(problem), np.array(touching, dtype=np.intp))
+    def key(problem: dmoc.Problem, grazing: tuple[int, ...] = ()) -> Any:
+        return rows_follow_from(problem, Layout.of(problem), np.array(grazing, dtype=np.intp))
 
     problem = stated(walls)
     keys = [key(problem), key(problem, (0,)), key(problem.in_rates())]

@@ -71,7 +71,7 @@ JOINTS: list[dict[str, Any]] = [
     {"goal": {"x": 0.6, "y": -0.8, "x_dot": 0.0, "y_dot": 0.0}},
     {"periodic": ["x", "x_dot", "y_dot"], "goal": {}},
 ]
-# Whether goals are rows, and whether the first collision touches alone.
+# Whether goals are rows, and whether the first collision grazes.
 WAYS = [(False, False), (True, False), (False, True)]
 Family = tuple[dmoc.Problem, list[dict[str, Any]]]
 
@@ -112,12 +112,12 @@ def family(request: pytest.FixtureRequest, small: dmoc.Problem) -> Family:
     return dmoc.Problem(dmoc.build(system), **task, **words, steps=6, final_time=4), CONTACTS
 
 
-def numbers(problem: dmoc.Problem, goal_as_rows: bool = False, touch: bool = False) -> list[Array]:
+def numbers(problem: dmoc.Problem, goal_as_rows: bool = False, graze: bool = False) -> list[Array]:
     """Values, derivatives, patterns and names of a program at a start; its first collision may
-    touch alone."""
+    graze."""
     x = initial_guesses(problem)[0].x
-    touching = (0,) if touch and len(problem.sequence) else ()
-    nlp = Transcription(problem, scale_of(problem, x), goal_as_rows, touching)
+    grazing = (0,) if graze and len(problem.sequence) else ()
+    nlp = Transcription(problem, scale_of(problem, x), goal_as_rows, grazing)
     point = nlp.scaled(x) + 1e-3 * np.sin(np.arange(nlp.n))
     y, w = np.cos(np.arange(nlp.n_eq)), np.sin(1 + np.arange(nlp.n_in))
     hessian, order = nlp.lagrangian_hessian(point, y, w, 0.7), kkt_layout(nlp)

@@ -1,4 +1,4 @@
-"""What is taken of several ends: minima that starts agree on, ranks, touches and their collisions,
+"""What is taken of several ends: minima that starts agree on, ranks, grazes and their collisions,
 minimal times that were only estimated."""
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ def met(
     *counts: int,
     costs: Sequence[float] = (1.0, 2.0, 3.0, 4.0),
     far: int = 5,
-    touching: int = 0,
+    grazing: int = 0,
 ) -> list[Basin]:
     """Minima of some costs, and how many starts have met each, so many at most far from all; the
     first ones have a collision without effect."""
 
-    def attempt(touches: bool) -> Any:
-        laws = SimpleNamespace(impact=SimpleNamespace(touching=np.array([touches])))
+    def attempt(grazes: bool) -> Any:
+        laws = SimpleNamespace(impact=SimpleNamespace(grazing=np.array([grazes])))
         return SimpleNamespace(nlp=SimpleNamespace(scale=SimpleNamespace(cost=1.0), laws=laws))
 
     return [
-        Basin(attempt(i < touching), c, np.ones(1), n, "", min(n, far))
+        Basin(attempt(i < grazing), c, np.ones(1), n, "", min(n, far))
         for i, (c, n) in enumerate(zip(costs, counts, strict=False))
     ]
 
@@ -85,18 +85,18 @@ def test_a_minimum_whose_collisions_have_an_effect_is_looked_for_longer() -> Non
     """Where none is known, until six times as many starts have met no cheaper one; else it is the
     best of these that is to be met often."""
     effort = Effort()
-    assert not effort.suffices(met(20, 10, touching=2), 200, 95)
-    assert effort.suffices(met(20, 10, touching=2), 200, 96)
-    assert not effort.suffices(met(20, 4, touching=1), 200, 96)
-    assert effort.suffices(met(20, 5, touching=1), 200, 16)
+    assert not effort.suffices(met(20, 10, grazing=2), 200, 95)
+    assert effort.suffices(met(20, 10, grazing=2), 200, 96)
+    assert not effort.suffices(met(20, 4, grazing=1), 200, 96)
+    assert effort.suffices(met(20, 5, grazing=1), 200, 16)
 
 
-def test_minima_that_touch_are_passed_over_where_a_dearer_one_does_not() -> None:
+def test_minima_that_graze_are_passed_over_where_a_dearer_one_does_not() -> None:
     solved, grazes = (
         cast(Ranked, SimpleNamespace(solution=SimpleNamespace(status=status)))
         for status in (Status.SOLVED, Status.GRAZES)
     )
-    left = met(1, 1, touching=1)
+    left = met(1, 1, grazing=1)
     assert _seeks_effect([grazes, grazes], left)
     assert not _seeks_effect([grazes, solved], left) and not _seeks_effect([grazes], left[:1])
 
@@ -169,13 +169,13 @@ def program(timed: bool = False) -> Any:
 
 
 @pytest.mark.parametrize(("collision", "cost"), [(2.0, 1.0), (0.5, 0.5)])
-def test_the_collision_of_a_touch_is_taken_where_it_costs_less(
+def test_the_collision_of_a_graze_is_taken_where_it_costs_less(
     monkeypatch: pytest.MonkeyPatch, collision: float, cost: float
 ) -> None:
     monkeypatch.setattr(attempts, "suspects", lambda nlp, x: np.zeros(1, dtype=np.intp))
     monkeypatch.setattr(attempts, "pays", lambda nlp, outcome: True)
     monkeypatch.setattr(attempts, "pushed", lambda nlp, x, at: x)
-    nlp, programs = program(), cast(Any, SimpleNamespace(touches=lambda nlp, at: program()))
+    nlp, programs = program(), cast(Any, SimpleNamespace(grazes=lambda nlp, at: program()))
     method = Ends((1.0, 0.0), (1.5, 0.0), (collision, 0.0))
     end = LocalSolver(programs, method).minimised(nlp, np.ones(1), Options())
     assert end.outcome.x == cost and end.outcome.iterations == 3

@@ -19,9 +19,9 @@ def test_programs_are_kept() -> None:
     programs = Programs(problem, scale_of(problem, initial_guesses(problem)[0].x))
     guided, free = programs.program(guided=True), programs.program()
     assert guided is programs.program(guided=True) and free is programs.free(guided) is not guided
-    touching = programs.touches(free, [0])
-    assert touching is programs.touches(free, [0]) is programs.free(programs.touches(guided, [0]))
-    assert touching.laws.impact.touching.tolist() == [True] and not free.laws.impact.touching.any()
+    grazing = programs.grazes(free, [0])
+    assert grazing is programs.grazes(free, [0]) is programs.free(programs.grazes(guided, [0]))
+    assert grazing.laws.impact.grazing.tolist() == [True] and not free.laws.impact.grazing.any()
 
 
 @pytest.mark.parametrize(("force", "status", "most"), [(200, "solved", 2), (1, "infeasible", 3)])

@@ -286,7 +286,7 @@ def test_a_newton_step_is_the_same_without_its_slack() -> None:
 
 @pytest.mark.parametrize("moved", [False, True])
 def test_a_touch_that_becomes_a_collision_changes_the_cost(moved: bool) -> None:
-    """{touch}: a cost J_1 of the velocity before, J_2 of that after; the touch has gamma+ = 0 with
+    """{graze}: a cost J_1 of the velocity before, J_2 of that after; the graze has gamma+ = 0 with
     the multiplier y and lam = 0 with the multiplier z, the collision gamma+ = -e s and
     lam = (1 + e) s m / n^2 on a wall with the normal n."""
     v, w, lam, y, Y, z, s, m, n, e = sp.symbols("v w lam y Y z s m n e")
@@ -308,7 +308,7 @@ def test_a_touch_that_becomes_a_collision_changes_the_cost(moved: bool) -> None:
 
 
 def test_the_multiplier_of_a_rough_touch() -> None:
-    """{rough-touch}: the impulse of a hit with friction that comes with the rate s."""
+    """{rough-graze}: the impulse of a hit with friction that comes with the rate s."""
     s, A_nn, A_nt, slope, e, P = sp.symbols("s A_nn A_nt slope e P")
     (compressed,) = sp.solve(s - (A_nn + A_nt * slope) * P, P)
     assert zero(((1 + e) * compressed).diff(s) - (1 + e) / (A_nn + A_nt * slope))

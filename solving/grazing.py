@@ -1,10 +1,10 @@
-"""Collisions without effect: where the best motion would rather not collide, it touches the surface
+"""Collisions without effect: where the best motion would rather not collide, it grazes the surface
 without an impulse.
 
 The law of impact, e (E+ - E-) - W = -lam (gamma+ + e gamma-)/2, has no slope in any unknown at a
-touch, lam
-= gamma- = gamma+ = 0, so that a solver ends beside it or not at all.  Stated as g = 0, gamma = 0,
-lam = 0 a touch is regular; its multipliers tell whether a real collision would cost less.
+graze, lam = gamma- = gamma+ = 0, so that a solver ends beside it or not at all.  Stated as g = 0,
+gamma = 0, lam = 0 a graze is regular; its multipliers tell whether a real collision would cost
+less.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def suspects(nlp: Transcription, x: Array) -> Index:
     """Hits that hardly approach their surface, or hardly push it; a landing may be soft."""
     nlp = nlp.designed(x)
     lay, law = nlp.layout, nlp.laws.impact
-    hits = np.flatnonzero(law.impact & ~law.landing & ~law.touching)
+    hits = np.flatnonzero(law.impact & ~law.landing & ~law.grazing)
     if not len(hits):
         return np.zeros(0, dtype=np.intp)
     y, nodes, surfaces = nlp.physical(x), lay.collision_nodes[hits], lay.touch.surfaces[hits]
@@ -47,7 +47,7 @@ def suspects(nlp: Transcription, x: Array) -> Index:
 
 
 def pushed(nlp: Transcription, x: Array, at: Index) -> Array:
-    """The unknowns x, shape (n,), of a touch with some impulse at events ``at``, shape (k,), to
+    """The unknowns x, shape (n,), of a graze with some impulse at events ``at``, shape (k,), to
     look for a collision from."""
     x = x.copy()
     x[nlp.layout.impact.lam[at]] = PUSH
@@ -55,19 +55,19 @@ def pushed(nlp: Transcription, x: Array, at: Index) -> Array:
 
 
 def pays(nlp: Transcription, outcome: Outcome) -> bool:
-    """Whether the cost of a minimum that touches falls where a touch becomes a collision."""
-    touching = np.flatnonzero(nlp.laws.impact.touching)
+    """Whether the cost of a minimum that grazes falls where a graze becomes a collision."""
+    grazing = np.flatnonzero(nlp.laws.impact.grazing)
     least = -PAYS * cost_size(nlp, outcome.x)
-    return any(slope < least for i in touching for slope in slopes(nlp, outcome, int(i)))
+    return any(slope < least for i in grazing for slope in slopes(nlp, outcome, int(i)))
 
 
 def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
-    """Slopes of the cost of a minimum that touches in the rate of approach of collision i, in the
+    """Slopes of the cost of a minimum that grazes in the rate of approach of collision i, in the
     units of the program: one, or those of the two ends of what sliding that stops may be.
 
     A collision with the rate of approach s has gamma+ = -e s and lam = (1 + e) s / (n . M^-1 n), so
     that dJ/ds = e y + (1 + e) z / (n . M^-1 n) with the multipliers y of gamma = 0 and z of lam =
-    0, the slope of the Lagrangian without bounds (equation :eq:`touch` of the theory). In a hit
+    0, the slope of the Lagrangian without bounds (equation :eq:`graze` of the theory). In a hit
     with friction that equation is one of the end of compression and stays true, and its impulse is
     that of its law of restitution; where sliding stops at an impulse P_h, it may do so anywhere
     from the begin to the end of its part of the impact.
@@ -85,7 +85,7 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
     if passage is None or passage.whole:
         if passage is None:
             _, inertia = model.impulse_response(q, model.gap_slopes(q, t)[j, :-1], t)
-        elif sticks(passage.friction[-1]):  # no touch is next to it: some sliding comes back
+        elif sticks(passage.friction[-1]):  # no graze is next to it: some sliding comes back
             return []
         else:
             mu = friction_of(nlp.problem, passage, q, t)
@@ -114,7 +114,7 @@ def _in_stages(
     by_row = 0.0 if row == NOWHERE else float(outcome.duals.y[row]) / nlp.row_unit[row]
 
     def whole(slope: float, after: float) -> float:
-        """By the impulse of compression, of which the whole one is a multiple: a touch has the row
+        """By the impulse of compression, of which the whole one is a multiple: a graze has the row
         of Poisson's law, which another one leaves."""
         ratio = RESTITUTIONS[p.law].ratio(e, slope, after)
         return ratio * by_impulse + (ratio - 1 - e) * by_row
@@ -124,7 +124,7 @@ def _in_stages(
         if sticks(p.friction[0]):
             is_held = abs(A[0, 1]) <= mu * A[1, 1]
             return [whole(first, first) * size / first] if is_held else []
-        # Sliding that is faster after the hit has its direction before it, which a touch has after.
+        # Sliding that is faster after the hit has its direction before it, which a graze has after.
         faster = max(p.friction[0] * _turning(A, mu, p.friction[0]), 0.0) * (1 + e)
         headed = nlp.laws.hit.heads.index[p.event, 1]
         held = outcome.duals.w[headed - nlp.n_eq] / nlp.row_unit[headed]

@@ -1,4 +1,4 @@
-"""Touches of hits with friction, and what a collision would cost instead."""
+"""Grazes of hits with friction, and what a collision would cost instead."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from dmoc.program.blocks import NOWHERE
 from dmoc.program.hit_stages import END, STOP
 from dmoc.program.scaling import scale_of
 from dmoc.solvers.outcome import Options
-from dmoc.solving import touches
+from dmoc.solving import grazing
+from dmoc.solving.grazing import _closing, _in_stages, _turning, pays, slopes
 from dmoc.solving.methods import METHODS
 from dmoc.solving.programs import Programs
 from dmoc.solving.starts import starts_of
-from dmoc.solving.touches import _closing, _in_stages, _turning, pays, slopes
 
 X, Y, U, V = dynamicsymbols("x y u v")
 MU, M_XY = sp.symbols("mu m_xy")
@@ -35,7 +35,7 @@ def problem() -> dmoc.Problem:
     """A body whose masses couple the normal and the tangent goes down to a floor and up again."""
     x, y = X.diff(), Y.diff()
     system = dmoc.MechanicalSystem(
-        "touched_floor", [X, Y], (x**2 + 2 * M_XY * x * y + y**2) / 2, {MU: 0.2, M_XY: 0.1},
+        "grazed_floor", [X, Y], (x**2 + 2 * M_XY * x * y + y**2) / 2, {MU: 0.2, M_XY: 0.1},
         inputs=[U, V], forces={X: U, Y: V}, cost=(U**2 + V**2) / 2,
         surfaces={"floor": Y >= 0}, tangents={"floor": X}, friction={"floor": MU},
     )  # fmt: skip
@@ -58,14 +58,14 @@ def problem() -> dmoc.Problem:
 def test_a_collision_pays_where_a_slope_falls(
     found: list[list[float]], pays_off: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By more than a millionth of the cost of 7; some touches are among other events."""
+    """By more than a millionth of the cost of 7; some grazes are among other events."""
     events = np.flatnonzero([False, True, False, True])[: len(found)]
-    law = SimpleNamespace(touching=np.isin(np.arange(5), events))
+    law = SimpleNamespace(grazing=np.isin(np.arange(5), events))
     nlp: Any = SimpleNamespace(laws=SimpleNamespace(impact=law))
     outcome: Any = SimpleNamespace(x=None)
     slopes_of = dict(zip(events.tolist(), found, strict=True))
-    monkeypatch.setattr(touches, "cost_size", lambda *_: 7.0)
-    monkeypatch.setattr(touches, "slopes", lambda _, __, i: slopes_of[i])
+    monkeypatch.setattr(grazing, "cost_size", lambda *_: 7.0)
+    monkeypatch.setattr(grazing, "slopes", lambda _, __, i: slopes_of[i])
     assert pays(nlp, outcome) is pays_off
 
 
@@ -106,8 +106,8 @@ def test_a_hit_that_stops_sliding_costs_what_its_ways_cost(
     """Slopes 7 by the impulse of compression and 5 by that at which sliding stops, in rates of 2
     m/s, e = 0.5."""
     A = np.array([[2.0, coupling], [coupling, 3.0]])
-    monkeypatch.setattr(touches, "response", lambda *_: A)
-    monkeypatch.setattr(touches, "friction_of", lambda *_: 0.3)
+    monkeypatch.setattr(grazing, "response", lambda *_: A)
+    monkeypatch.setattr(grazing, "friction_of", lambda *_: 0.3)
     P_h = np.array([[0, 1]])
     nlp: Any = SimpleNamespace(
         problem=None, scale=SimpleNamespace(rate=np.array([2.0])),
@@ -140,25 +140,25 @@ def test_a_hit_that_stops_sliding_costs_what_its_ways_cost(
         ("slip+:stick:late", 0.5, 0.3),
     ],
 )
-def test_the_slope_of_a_touch_is_that_of_hits_at_small_rates(
+def test_the_slope_of_a_graze_is_that_of_hits_at_small_rates(
     course: str, mu: float, coupling: float
 ) -> None:
     hit = problem().but(sequence=[f"floor:{course}"], parameters={"mu": mu, "m_xy": coupling})
     point = starts_of(hit, None).points[0]
     programs = Programs(hit, scale_of(hit, point))
-    touching = programs.program(touching=[0])
-    touch = MINIMISE(touching, touching.scaled(point), SHARP, None)
-    assert touch.status == "solved"
+    grazing = programs.program(grazing=[0])
+    graze = MINIMISE(grazing, grazing.scaled(point), SHARP, None)
+    assert graze.status == "solved"
     # Regular: an equation that inequalities say too would have multipliers without limit.
-    assert max(abs(touch.duals.y).max(), abs(touch.duals.w).max(), abs(touch.duals.z).max()) < 2e3
-    slope, rate = min(slopes(touching, touch, 0)), 1e-4
+    assert max(abs(graze.duals.y).max(), abs(graze.duals.w).max(), abs(graze.duals.z).max()) < 2e3
+    slope, rate = min(slopes(grazing, graze, 0)), 1e-4
 
     real = Programs(hit, programs.scale).program()
     down = real.layout.impact.v_a[0, 1]
     real.lower[down] = real.upper[down] = -rate / real.unit[down]
-    struck = MINIMISE(real, touch.x, SHARP, None)
+    struck = MINIMISE(real, graze.x, SHARP, None)
     assert struck.status == "solved"
-    by_difference = (real.cost(struck.x) - touching.cost(touch.x)) / rate
+    by_difference = (real.cost(struck.x) - grazing.cost(graze.x)) / rate
     assert slope / programs.scale.rate[0] == pytest.approx(by_difference, rel=5e-4)
 
 
@@ -166,6 +166,6 @@ def test_a_way_that_no_hit_goes_pays_nothing() -> None:
     """Sticking needs |A_nt| <= mu A_tt, here 0.3 <= 0.2."""
     hit = problem().but(sequence=["floor:slip+:stick"], parameters={"mu": 0.2, "m_xy": 0.3})
     point = starts_of(hit, None).points[0]
-    touching = Programs(hit, scale_of(hit, point)).program(touching=[0])
-    touch = MINIMISE(touching, touching.scaled(point), SHARP, None)
-    assert touch.status == "solved" and not slopes(touching, touch, 0) and not pays(touching, touch)
+    grazing = Programs(hit, scale_of(hit, point)).program(grazing=[0])
+    graze = MINIMISE(grazing, grazing.scaled(point), SHARP, None)
+    assert graze.status == "solved" and not slopes(grazing, graze, 0) and not pays(grazing, graze)
