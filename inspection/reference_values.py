@@ -10,7 +10,13 @@ from typing import Any
 import mpmath as mp
 import sympy as sp
 
-from dmoc.inspection.reference_functions import STEP, ReferenceFunctions, Values, Vector
+from dmoc.inspection.reference_functions import (
+    STEP,
+    ReferenceFunctions,
+    Values,
+    Vector,
+    moved,
+)
 
 Function = Callable[[Vector], dict[str, Vector]]
 
@@ -51,6 +57,8 @@ class ReferenceValues(ReferenceFunctions):
             "gap_work": self._gap_work,
             "rebound": self._rebound,
             "normal": lambda x: {"n": self._pushed(self.g, self.nc, x)},
+            "crossing": lambda x: {"w": self.w(self._state(x))},
+            "crossing_rate": self._crossing_rate,
         }
 
     @property
@@ -104,6 +112,19 @@ class ReferenceValues(ReferenceFunctions):
         works = [mp.fdot(zip(kept, rates, strict=True))]
         back = [a * b for a, b in zip(e, rates, strict=True)]
         return {"gamma_e": back, "P_e": kept, "W_e": works}
+
+    def _crossing_rate(self, x: Vector) -> dict[str, Vector]:
+        """Rates of crossing functions of (q_k, q, v, h, t): along the motion with the acceleration
+        that the mean velocity of the step shows."""
+        n, h = self.nq, x[-2]
+        q_k, q, v = x[:n], x[n : 2 * n], x[2 * n : 3 * n]
+        a = [2 * (c - (d - b) / h) / h for b, d, c in zip(q_k, q, v, strict=True)]
+
+        def later(s: Any) -> Vector:
+            return self.w(self._state([*moved(q, v, s), *moved(v, a, s), x[-1] + s]))
+
+        pairs = zip(later(STEP), later(-STEP), strict=True)
+        return {"w_dot": [(late - early) / (2 * STEP) for late, early in pairs]}
 
     # Friction -------------------------------------------------------------------------------------
 

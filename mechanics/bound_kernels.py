@@ -22,6 +22,7 @@ MATRICES = {
     "phi_D": "joint_jac",
     "phi_dot_D": "joint_rate_jac",
     "p_D": "momentum_jac",
+    "w_D": "crossing_jac",
     "C_d_D": "step_jac",
     "r_d_D": "path_jac",
     "z_d_D": "quantity_jac",
@@ -76,7 +77,10 @@ class BoundKernels:
     def contacts(self) -> Contacts:
         """Surfaces and tangents of the model."""
         names, without = self.kernels, self.kernels.manifest.without_friction
-        return Contacts(tuple(names.surfaces), tuple(names.tangents), frictionless=tuple(without))
+        return Contacts(
+            tuple(names.surfaces), tuple(names.tangents), frictionless=tuple(without),
+            switches=tuple(self.kernels.manifest.switches),
+        )  # fmt: skip
 
     @property
     def surface_numbers(self) -> dict[str, int]:
@@ -104,6 +108,11 @@ class BoundKernels:
         """The coordinates that each tangential position depends on."""
         on = self.kernels.manifest.tangent_coordinates
         return tuple(on[name] for name in self.kernels.tangents)
+
+    @property
+    def nw(self) -> int:
+        """Number of crossing functions."""
+        return len(self.kernels.manifest.crossings)
 
     @cached_property
     def moving(self) -> frozenset[int]:

@@ -202,6 +202,18 @@ class Model(FrictionModel, CostModel):
         own = self._at("rebound", q, v, unit, t)[1]
         return np.where(by_law, own, restitution)
 
+    # Crossings ------------------------------------------------------------------------------------
+
+    def crossings(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
+        """Crossing functions w, whose zeros are events, shape (..., nw)."""
+        return self._values("crossing", self.nw, q, v, t)
+
+    def crossing_rates(self, q: Array, v: Array, a: Array, t: ArrayLike = 0.0) -> Array:
+        """Rates of the crossing functions at accelerations a, shape (..., nw)."""
+        slopes = self._matrix("w_D", (self.nw, 2 * self.nq + 1), q, v, t)
+        moving = np.concatenate([v, a, np.ones((*q.shape[:-1], 1))], axis=-1)
+        return np.asarray((slopes @ moving[..., None])[..., 0])
+
     # Friction -------------------------------------------------------------------------------------
 
     def tangents(self, q: Array, t: ArrayLike = 0.0) -> Array:

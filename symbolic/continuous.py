@@ -17,6 +17,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from dmoc.base.names import name_of, velocity_name
 from dmoc.symbolic.contact_references import forces_of
 from dmoc.symbolic.conversion import plain_nodes, to_nodes
+from dmoc.symbolic.crossings import crossings_of
 from dmoc.symbolic.definitions import rate_of, rate_symbol, symbols_of
 from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.expressions import approach_speed, atoms_of, coefficients_of, sliding_speed
@@ -37,8 +38,9 @@ class Continuous:
     of tangential restitution e_t, of all tangents or none; quantities z, integrands c; symbols x of
     definitions with their rates x_dot and their values x_of, and the dissipation R of which Q lacks
     the forces.  Nodes have neither.  Kernels have derivatives by the parameters ``design``, too.
-    Accelerations and forces y, where quantities contain forces.  Where cost or integrands are split
-    at kinks: hidden unknowns s, their limits l >= 0, and the terms C_s of the cost that contain
+    Accelerations and forces y, where quantities contain forces.  Crossing functions w, whose zeros
+    are events.  Where cost or integrands are split at kinks: hidden unknowns s, their limits
+    l >= 0, and the terms C_s of the cost that contain
     them."""
 
     q: tuple[Any, ...]
@@ -70,6 +72,7 @@ class Continuous:
     s: tuple[Any, ...] = ()
     l: tuple[Any, ...] = ()
     C_s: Any = sp.S.Zero
+    w: tuple[Any, ...] = ()
 
     @classmethod
     def of(
@@ -128,6 +131,7 @@ class Continuous:
             tuple(rewrite(e) for e in system.definitions.values()),
             y=tuple(y),
             mu_s=static,
+            w=tuple(rewrite(e) for e in crossings_of(system).values()),
         )
 
     def smooth(self, system: MechanicalSystem, hidden: Sequence[Any]) -> Continuous:
@@ -203,7 +207,7 @@ class Continuous:
 # The functions of a Continuous, which are one expression or several.
 FUNCTIONS = (
     "L", "Q", "C", "Phi", "g", "r", "tau", "mu", "mu_s", "phi", "looks", "e", "z", "e_t", "c", "R",
-    "l", "C_s",
+    "l", "C_s", "w",
 )  # fmt: skip
 
 

@@ -37,6 +37,7 @@ from dmoc.symbolic.continuous import (
     momenta,
     right_hand_side,
 )
+from dmoc.symbolic.crossing_kernels import crossing_facts, crossing_kernels
 from dmoc.symbolic.design import SHOWN, check_design
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
@@ -110,6 +111,7 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
         *integrand_kernels(f),
         *event_kernels(system, plain, f),
         *surface_kernels(f),
+        *crossing_kernels(f),
         *rebound_kernels(f),
         *tangent_kernels(f, points),
         *tangential_kernels(f),
@@ -173,6 +175,7 @@ def _facts(
     without = [name for name in system.tangents if name not in system.friction]
     more = {"without_friction": without, "quantities": quantity_rows(f, list(system.quantities))}
     more["hit_sums"] = event_rows(system)
+    more |= crossing_facts(system, f)
     more["static_friction"] = [n for n, e in system.friction.items() if isinstance(e, sp.Tuple)]
     more["varying_friction"] = path_rows(f, *varying(f, list(system.tangents)))
     more["rate_constraints"] = [

@@ -104,6 +104,10 @@ class MechanicalSystem(Shown):
         R grad phi act on the coordinates.  With velocities they are c(q, q', t) = 0, linear in
         these, whether it can be integrated or not: a wheel or blade that does not move sideways,
         ``{"blade": y.diff() * sp.cos(a) - x.diff() * sp.sin(a)}``.  Its force acts as R dc/dq'.
+    switches : mapping of str to Expr, optional
+        Expressions w(q, q', t) by name: ``{"gate": x - 1}``.  The word ``gate`` in a sequence is an
+        instant at which w vanishes while it grows; ``-w`` has the other direction.  Velocities,
+        contacts and friction stay as they are.  Equation :eq:`switch` of the theory.
     path_constraints : mapping of str to relation, optional
         Relations in q, q', u and t that hold along the whole motion.  Relations that ``&`` joins
         become constraints of their own: ``name_1``, ``name_2``, ...
@@ -183,6 +187,7 @@ class MechanicalSystem(Shown):
     impact_laws: Mapping[str, str] = field(default_factory=dict)
     integrals: Mapping[str, Any] = field(default_factory=dict)
     objective: Any = 0
+    switches: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_name(self.name, "model")
@@ -355,6 +360,7 @@ class MechanicalSystem(Shown):
             *(f"{sp.srepr(x)}:={sp.srepr(e)}" for x, e in self.definitions.items()),
             *(f"z_{n}:{sp.srepr(e)}" for n, e in self.quantities.items()),
             *(f"I_{n}:{sp.srepr(e)}" for n, e in self.integrals.items()),
+            *(f"w_{n}:{sp.srepr(e)}" for n, e in self.switches.items()),
             *((f"objective:{sp.srepr(self.objective)}",) if self.objective != 0 else ()),
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()

@@ -17,6 +17,7 @@ from dmoc.base.names import bounded_momentum, check_name, momentum_name, name_of
 from dmoc.base.tolerances import LARGEST_PARAMETER
 from dmoc.symbolic.contact_references import check_forces, forces_of
 from dmoc.symbolic.continuous import readable
+from dmoc.symbolic.crossings import check_switches
 from dmoc.symbolic.definitions import atoms_below, check_definitions, expanded, kinds_of
 from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.event_sums import check_event_terms, event_terms
@@ -62,6 +63,7 @@ def check_parts(system: MechanicalSystem) -> None:
     check_impact_laws(system)
     check_forces(system)
     check_event_terms(system)
+    check_switches(system)
     check_objective(system)
     _check_friction(system)
     _check_symbols(system)
@@ -94,6 +96,7 @@ def check_names(system: MechanicalSystem) -> None:
     }
     labels = {
         "surface": list(system.surfaces),
+        "switch": list(system.switches),
         "path constraint": list(system.path_constraints),
         "constraint": list(system.constraints),
         "tangent": [name for name in system.tangents if name not in system.surfaces],
@@ -122,6 +125,7 @@ def check_names(system: MechanicalSystem) -> None:
                     "choose another name."
                 )
     _check_distinct(labels)
+    symbols["switch"] = labels["switch"]
     for x in symbols["definition"]:
         symbols[f"velocity of {x}"] = [velocity_name(x)]
     for q in symbols["coordinate"]:
@@ -262,6 +266,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("quantity {!r}", system.quantities, (*KINDS, "forces")),
         ("the tangential restitution of {!r}", system.tangential_restitution, ("parameters",)),
         ("integral {!r}", system.integrands, KINDS),
+        ("switch {!r}", system.switches, STATE),
     ):
         for name, expression in expressions.items():
             yield what.format(name), expression, allowed

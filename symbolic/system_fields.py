@@ -35,6 +35,7 @@ MAPPINGS = {  # with an example each
     "definitions": "{x1: l * sp.sin(a)}",
     "quantities": '{"tip": x + l * sp.sin(a)}',
     "integrals": '{"effort": u**2}',
+    "switches": '{"gate": x - 1}',
 }
 
 
@@ -71,7 +72,8 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
         name: zero_of(equation, f"constraint {name!r}")
         for name, equation in system.constraints.items()
     }
-    for kind, what in (("quantities", "quantity"), ("integrals", "integral")):
+    kinds = ("quantities", "quantity"), ("integrals", "integral"), ("switches", "switch")
+    for kind, what in kinds:
         read[kind] = {
             name: expression_in(e, f"{what} {name!r}") for name, e in getattr(system, kind).items()
         }

@@ -223,7 +223,7 @@ def test_curvatures_are_those_of_a_product() -> None:
 
 
 def test_kernels_of_contacts_agree_beside_inputs() -> None:
-    """A floor that rises, with friction, and laws of both restitutions."""
+    """A floor that rises, with friction, laws of both restitutions, and a switch."""
     x, y, u = dynamicsymbols("x y u")
     mu, k = sp.symbols("mu k")
     system = dmoc.MechanicalSystem(
@@ -231,8 +231,10 @@ def test_kernels_of_contacts_agree_beside_inputs() -> None:
         {x: u, y: u / 2}, cost=u**2, surfaces={"floor": y >= dynamicsymbols._t / 3},
         tangents={"floor": x}, friction={"floor": mu}, tangential_restitution={"floor": k},
         restitution={"floor": sp.exp(-k * dmoc.approach_speed)},
+        switches={"gate": x * y.diff() - k * dynamicsymbols._t},
     )  # fmt: skip
     comparisons = kernel_errors(system, dmoc.build(system))
     names = {c.kernel for c in comparisons}
     assert {"friction", "tangential", "rebound", "tangent", "slide_rate", "surface"} <= names
+    assert {"crossing", "crossing_rate_jac", "crossing_rate_hess"} <= names
     assert max(c.error for c in comparisons) < 1e-11
