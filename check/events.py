@@ -119,12 +119,12 @@ def _unbearable(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
     there = model.in_impact_at(p.before.q[-1], time)
     bearing = np.where(np.array(model.supports) == RAIL, 0.0, there.bearing(p.law.normal[0]))
     for k, name in enumerate(tangents):
-        held = np.inf if k == p.rubs and there.hit_friction[k] == np.inf else float(bearing[k])
+        bears = np.inf if k == p.rubs and there.hit_friction[k] == np.inf else float(bearing[k])
         needed = max(abs(float(p.law.tangential[0, k])), abs(tangential[k]))
-        if needed > held + slack * max(there.friction[k], 1.0):
+        if needed > bears + slack * max(there.friction[k], 1.0):
             yield (
                 f"{name} would need an impulse of friction of {needed:.4g} N s at {time:.4g} s, "
-                f"where it holds {max(held, 0.0):.4g} N s"
+                f"where it holds {max(bears, 0.0):.4g} N s"
             )
     sigma = model.slide_rates(p.before.q[-1], p.law.velocity[0], time)
     for k, forward in conditions_of(model, p.mode).forward(sigma).items():

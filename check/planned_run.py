@@ -58,9 +58,9 @@ def _terminal_error(motion: Motion) -> float:
     nq, phases = motion.model.nq, motion.trajectory.phases
     y = np.hstack([phases[0].q[:1], phases[0].v[:1]])
     for i, (phase, mode) in enumerate(zip(phases, motion.modes, strict=True)):
-        y, held = put(motion, mode, y, phase.t[:1])
+        y, anchors = put(motion, mode, y, phase.t[:1])
         if phase.steps:
-            motion.flow.advance(y, motion.steps[i], FIRST, np.array([phase.steps]), mode, held)
+            motion.flow.advance(y, motion.steps[i], FIRST, np.array([phase.steps]), mode, anchors)
         if i + 1 < len(phases):
             q, v = (np.ascontiguousarray(a) for a in np.split(y, [nq], axis=1))
             y = np.hstack([q, motion.passages[i].after_law(q, v).velocity])
@@ -112,7 +112,7 @@ class HeldSteps:
 
     begins: NDArray[np.intp]
     course: IntegratedSteps
-    held: Array
+    anchors: Array
     kept: Array
 
 
@@ -133,8 +133,11 @@ def _held_steps(motion: Motion, parts: Segments, i: int) -> HeldSteps:
     """The steps of a phase in its mode."""
     own, course = parts.of_phase(i), parts.course.part(motion.steps_of(i))
     counts = parts.last[own] - parts.first[own]
-    begins, held = np.repeat(parts.first[own], counts), np.repeat(parts.held[own], counts, axis=0)
-    return HeldSteps(begins, course, held, _kept_at_ends(motion, motion.modes[i], course))
+    begins, anchors = (
+        np.repeat(parts.first[own], counts),
+        np.repeat(parts.anchors[own], counts, axis=0),
+    )
+    return HeldSteps(begins, course, anchors, _kept_at_ends(motion, motion.modes[i], course))
 
 
 def _kept_at_ends(motion: Motion, mode: Mode, course: IntegratedSteps) -> Array:
@@ -208,7 +211,7 @@ def _crossing(motion: Motion, i: int, steps: HeldSteps, where: tuple[int, int]) 
     def limit(share: float) -> float:
         u, y = step.inputs(share), steps.course.start[one].copy()
         part = Steps(step.t, share * step.h, step.u0, u)
-        flow.advance(y, part, FIRST, LAST, mode, steps.held[one])
+        flow.advance(y, part, FIRST, LAST, mode, steps.anchors[one])
         at = np.array([t + share * h])
         return float(limits(motion.model, flow.integrator.reaction, mode, (y, u, at))[0, j])
 

@@ -32,9 +32,9 @@ def put(motion: Motion, mode: Mode, y: Array, t: Array) -> tuple[Array, Array]:
     if not _holds(motion, mode):
         return y, np.zeros((len(y), motion.model.nt))
     y = y.copy()
-    held = motion.model.tangents(np.ascontiguousarray(y[:, : motion.model.nq]), t)
-    motion.flow.integrator.project(mode, y, t, held)
-    return y, held
+    anchors = motion.model.tangents(np.ascontiguousarray(y[:, : motion.model.nq]), t)
+    motion.flow.integrator.project(mode, y, t, anchors)
+    return y, anchors
 
 
 def _holds(motion: Motion, mode: Mode) -> bool:
@@ -86,10 +86,10 @@ def _course(motion: Motion, piece: ModeSpan) -> IntegratedSteps:
     nodes, at = motion.nodes, motion.nodes.starts[piece.places]
     rows = np.zeros((len(at), 2 * motion.model.nq + 1))
     rows[:, :-1] = nodes.y[at]
-    start, held = put(motion, piece.mode, rows, nodes.t[at])
+    start, anchors = put(motion, piece.mode, rows, nodes.t[at])
     stop, first = start.copy(), np.arange(len(start))
     mode = None if piece.mode == FREE else piece.mode
-    ends = motion.flow.advance(stop, piece.steps, first, first + 1, mode, held)
+    ends = motion.flow.advance(stop, piece.steps, first, first + 1, mode, anchors)
     return IntegratedSteps(piece.steps, start, ends, stop)
 
 
@@ -158,8 +158,8 @@ class Segments:
     The arrays ``phase``, ``first``, ``last`` and ``error``, shape (n,), are their phases, first and
     last nodes, and relative errors at the ends.  Derivatives of the ends by the starts are
     ``slope``, shape (n, 2 nq, 2 nq), errors of positions and velocities there ``defect``, shape
-    (n, 2 nq).  Tangents that stick keep the positions ``held``, shape (n, nt); ``course`` has all
-    steps on the way.
+    (n, 2 nq).  Tangents that stick keep the positions ``anchors``, shape (n, nt); ``course`` has
+    all steps on the way.
     """
 
     phase: Index
@@ -168,7 +168,7 @@ class Segments:
     error: Array
     slope: Array
     defect: Array
-    held: Array
+    anchors: Array
     course: IntegratedSteps
 
     def __len__(self) -> int:
@@ -183,12 +183,12 @@ class Segments:
 def segments(motion: Motion) -> Segments:
     """The segments of all phases, in their order."""
     parts = zip(*(_segments_of(motion, piece) for piece in motion.pieces), strict=True)
-    phase, first, last, error, slope, defect, held, course = map(np.concatenate, parts)
+    phase, first, last, error, slope, defect, anchors, course = map(np.concatenate, parts)
     m = 2 * motion.model.nq
     start, ends, stop = (course[:, k * m : (k + 1) * m].copy() for k in range(3))
     ends = ends.reshape(len(ends), 2, motion.model.nq)
     whole = IntegratedSteps(motion.run, start, ends, stop)
-    return Segments(phase, first, last, error, slope, defect, held, whole)
+    return Segments(phase, first, last, error, slope, defect, anchors, whole)
 
 
 def _segments_of(motion: Motion, piece: ModeSpan) -> tuple[NDArray[Any], ...]:
@@ -203,11 +203,11 @@ def _segments_of(motion: Motion, piece: ModeSpan) -> tuple[NDArray[Any], ...]:
     start, t = nodes.y[at], nodes.t[at]
     course = np.empty((len(piece.steps), 3 * m))
     if mode != FREE or motion.model.nj:
-        ends, held = put(motion, mode, start.copy(), t)
-        motion.flow.advance(ends, piece.steps, begin, end, mode, held, course=course)
+        ends, anchors = put(motion, mode, start.copy(), t)
+        motion.flow.advance(ends, piece.steps, begin, end, mode, anchors, course=course)
         slopes = _differences(motion, piece, (start, t, ends), begin, end)
     else:
-        held = np.zeros((len(start), motion.model.nt))
+        anchors = np.zeros((len(start), motion.model.nt))
         ends = np.empty((len(start), m + m * m))
         ends[:, :m], ends[:, m:] = start, np.eye(m).ravel()
         motion.flow.advance(ends, piece.steps, begin, end, course=course)
@@ -218,7 +218,7 @@ def _segments_of(motion: Motion, piece: ModeSpan) -> tuple[NDArray[Any], ...]:
             slopes[bad] = _differences(motion, piece, kinked, begin[bad], end[bad])
     errors, planned = _errors(motion, mode, ends, to)
     worst, defects = infinite_where_none(errors.max(axis=1)), ends[:, :m] - planned
-    return phase, first, last, worst, slopes, defects, held, course
+    return phase, first, last, worst, slopes, defects, anchors, course
 
 
 def _differences(
@@ -234,8 +234,8 @@ def _differences(
         """Ends of changed starts, shape (which, changes, m)."""
         each = np.repeat(which, len(changes))
         rows = (y[which, None] + changes).reshape(-1, m)
-        rows, held = put(motion, piece.mode, rows, t[each])
-        motion.flow.advance(rows, piece.steps, first[each], last[each], piece.mode, held, coarse)
+        rows, anchors = put(motion, piece.mode, rows, t[each])
+        motion.flow.advance(rows, piece.steps, first[each], last[each], piece.mode, anchors, coarse)
         return rows.reshape(len(which), -1, m)
 
     every = np.arange(len(y))

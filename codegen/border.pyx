@@ -84,7 +84,7 @@ cdef class Function:
         cdef double *results[DMOC_MOST]
         cdef ptrdiff_t stride[DMOC_MOST]
         cdef ptrdiff_t n = -1, rows, size
-        cdef int a, held = 0, flags
+        cdef int a, taken = 0, flags
         cdef int inputs = self.entry.inputs, total = inputs + self.entry.outputs
         cdef const dmoc_array *array = self.entry.array
         cdef Py_buffer *view
@@ -93,12 +93,12 @@ cdef class Function:
             raise TypeError(f"{name}: expected {total} arrays, got {len(arrays)}")
         try:
             for a in range(total - 1, -1, -1):  # outputs first: they tell the number of rows
-                view = &views[held]
+                view = &views[taken]
                 flags = PyBUF_C_CONTIGUOUS | PyBUF_FORMAT
                 if a >= inputs:
                     flags |= PyBUF_WRITABLE
                 PyObject_GetBuffer(arrays[a], view, flags)
-                held += 1
+                taken += 1
                 if view.format[0] != c"d" or view.format[1] != 0:
                     raise ValueError(f"{_name(array[a])}: expected float64 values")
                 size = array[a].size
@@ -120,7 +120,7 @@ cdef class Function:
                 with nogil:
                     self.entry.kernel(n, args, stride, results)
         finally:
-            for a in range(held):
+            for a in range(taken):
                 PyBuffer_Release(&views[a])
 
     def rows(self, tuple inputs):

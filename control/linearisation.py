@@ -100,10 +100,10 @@ def linear_phase(motion: Motion, i: int) -> LinearPhase:
     """The linearised motion along phase i, which has steps."""
     phase, mode, steps = motion.trajectory.phases[i], motion.modes[i], motion.steps[i]
     shares = np.arange(PARTS + 1) / PARTS
-    y0, held = put(motion, mode, np.hstack([phase.q[:-1], phase.v[:-1]]), phase.t[:-1])
+    y0, anchors = put(motion, mode, np.hstack([phase.q[:-1], phase.v[:-1]]), phase.t[:-1])
     count = len(y0)
     places = np.concatenate([shares[:-1] + c / PARTS for c in (0, *GAUSS)])
-    rows = states_after(motion, mode, (y0, held), steps, places)
+    rows = states_after(motion, mode, (y0, anchors), steps, places)
     t = steps.t[:, None] + places * steps.h[:, None]
     u = np.stack([steps.inputs(float(s)) for s in places], axis=1)
     at, inputs = (x[:, PARTS:].reshape(2 * count * PARTS, x.shape[-1]) for x in (rows, u))
@@ -131,7 +131,7 @@ def states_after(
 ) -> Array:
     """States (N, places, 2 nq) at shares of steps in a mode, from those at their begins and what
     sticks there."""
-    y, held = (np.repeat(x, len(places), axis=0) for x in start)
+    y, anchors = (np.repeat(x, len(places), axis=0) for x in start)
     parts = Steps(
         np.repeat(steps.t, len(places)),
         (steps.h[:, None] * places).ravel(),
@@ -139,7 +139,7 @@ def states_after(
         np.stack([steps.inputs(float(s)) for s in places], axis=1).reshape(len(y), motion.model.nu),
     )
     number = np.arange(len(y))
-    motion.flow.advance(y, parts, number, number + 1, None if mode == FREE else mode, held)
+    motion.flow.advance(y, parts, number, number + 1, None if mode == FREE else mode, anchors)
     return y.reshape(len(steps), len(places), -1)
 
 
@@ -323,5 +323,5 @@ def _ends(motion: Motion, i: int) -> Callable[[Array, Array, Array], Array] | No
 
     y = np.concatenate([p.before.q[-1], p.before.v[-1]])[None]
     left = borne(y, inputs_at(motion, i)[:1], np.array([p.c.time]))[0, 0]
-    held = p.before.tangential[-1, list(p.before.rubbing).index(model.kernels.tangents[k])]
-    return borne if abs(left) <= EDGE * abs(held) else None
+    force = p.before.tangential[-1, list(p.before.rubbing).index(model.kernels.tangents[k])]
+    return borne if abs(left) <= EDGE * abs(force) else None

@@ -21,7 +21,7 @@ from dmoc.mechanics.algebra import solved
 REPEATED = 1e-8  # change of P in a period, beside its largest entry, of one that repeats
 MOST_PERIODS = 100  # of a motion whose deviations are reached; else five times as many
 REACHED = 1e-2  # of the largest deviations that inputs lead to: smaller ones are errors of steps
-HELD = 1.001  # growth of a deviation in a period that rounding may make of none
+GROWS = 1.001  # growth of a deviation in a period that rounding may make of none
 
 
 @record(frozen=True, eq=False)
@@ -100,11 +100,11 @@ def periodic_sweep(
     )
 
 
-def _stable(P_along: list[Array], held: Array) -> list[Array]:
-    """The matrices P along the phases, if deviations do not grow in a period, by ``held``, shape
-    (n, n); raise SimulationError if they do."""
-    grows = float(np.abs(np.linalg.eigvals(held)).max())
-    if grows < HELD:
+def _stable(P_along: list[Array], monodromy: Array) -> list[Array]:
+    """The matrices P along the phases, if deviations do not grow in a period, by ``monodromy``,
+    shape (n, n); raise SimulationError if they do."""
+    grows = float(np.abs(np.linalg.eigvals(monodromy)).max())
+    if grows < GROWS:
         return P_along
     raise SimulationError(
         f"the periodic motion cannot be held: a deviation grows {grows:.3g} times in each period, "

@@ -50,12 +50,12 @@ static void solve(double *A, int n, double *B, int rows)
         for (int i = k + 1; i < n; ++i)
             most = fabs(A[i*n + k]) > fabs(A[most*n + k]) ? i : most;
         for (int j = k; j < n; ++j) {
-            const double held = A[k*n + j];
-            A[k*n + j] = A[most*n + j], A[most*n + j] = held;
+            const double moved = A[k*n + j];
+            A[k*n + j] = A[most*n + j], A[most*n + j] = moved;
         }
         for (int r = 0; r < rows; ++r) {
-            const double held = B[r*n + k];
-            B[r*n + k] = B[r*n + most], B[r*n + most] = held;
+            const double moved = B[r*n + k];
+            B[r*n + k] = B[r*n + most], B[r*n + most] = moved;
         }
         for (int i = k + 1; i < n; ++i) {
             const double factor = A[i*n + k]/A[k*n + k];

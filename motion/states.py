@@ -203,9 +203,9 @@ def _in_phase(motion: Trajectory, phase: Phase, t: Array, side: str) -> tuple[Ar
     if not phase.steps:
         node = np.zeros(len(t), dtype=np.intp)
         u = np.tile(motion.last_inputs, (len(t), 1))
-        held = [rows[node] for _, rows in _all_forces(motion, phase)]
+        forces = [rows[node] for _, rows in _all_forces(motion, phase)]
         quantities = phase.quantities.reshape(len(phase.t), len(motion.quantities))
-        return phase.q[node], phase.v[node], phase.p[node], u, *held, quantities[node]
+        return phase.q[node], phase.v[node], phase.p[node], u, *forces, quantities[node]
     k = np.clip(_nodes_before(phase.t, t, side) - 1, 0, phase.steps - 1)
     h = phase.t[k + 1] - phase.t[k]
     share = np.clip((t - phase.t[k]) / h, 0.0, 1.0)

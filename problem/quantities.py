@@ -193,7 +193,7 @@ def total_limits_of(problem: Problem) -> dict[str, Range]:
     return {name: (low, high) for name, (low, high) in named if low > -np.inf or high < np.inf}
 
 
-def held_integrals(problem: Problem) -> set[str]:
+def pressing_integrals(problem: Problem) -> set[str]:
     """Names of the integrals that hold their hidden unknowns on the kinks: the cost, whose name is
     empty, and those that are bounded or priced."""
     priced = problem.kernels.manifest.priced

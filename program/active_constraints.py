@@ -66,14 +66,14 @@ def _inequalities(nlp: Transcription, x: Array, w: Array) -> Iterator[ActiveBoun
     nodes = dict[tuple[BoundKind, str], set[int]]()
     holds = w > np.maximum(nlp.inequality(x), NO_FORCE)
     for block in nlp.inequalities if holds.any() else ():
-        held = holds[block.numbers - nlp.n_eq].nonzero()[0]
-        if not len(held):
+        active = holds[block.numbers - nlp.n_eq].nonzero()[0]
+        if not len(active):
             continue
         if block.counted is None:
-            nodes |= {(BoundKind.OTHER, block.name_of(int(i))): set() for i in held}
+            nodes |= {(BoundKind.OTHER, block.name_of(int(i))): set() for i in active}
             continue
         kind, names, at = block.counted
-        for row, column, *_ in block.places[held]:
+        for row, column, *_ in block.places[active]:
             name = names[column % len(names)]  # once for each quadrature point
             if name:  # else it is that of a hidden unknown
                 nodes.setdefault((kind, name), set()).add(int(at[row]))
@@ -99,8 +99,8 @@ def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
     for kind, names, at, index in sorted(counted, key=lambda c: list(BoundKind).index(c[0])):
         for j, name in enumerate(names):
             for side, limit, active in ends:
-                held = np.flatnonzero(active[index[:, j]])
-                places = {(float(limit[index[k, j]]), int(at[k])) for k in held}
+                rows = np.flatnonzero(active[index[:, j]])
+                places = {(float(limit[index[k, j]]), int(at[k])) for k in rows}
                 for value, count in sorted(Counter(value for value, _ in places).items()):
                     yield ActiveBound(kind, name, side, value, count)
     for block in lay.unknowns:

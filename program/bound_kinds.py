@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class BoundKind(Enum):
-    """What is held; the values are the texts, in which ``s`` is that of a plural."""
+    """What is limited; the values are the texts, in which ``s`` is that of a plural."""
 
     GAP = "gap to {name} at {places} node{s}"
     INSIDE = "gap to {name} inside {places} step{s}"

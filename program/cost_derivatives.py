@@ -172,8 +172,8 @@ def _lagrangian(problem: Problem, multipliers: Mapping[str, Array], x: Array) ->
     y, w, z = multiplier_vectors(nlp, multipliers)
     r = nlp.values(x)
     bound = np.where(z > 0, nlp.lower, nlp.upper)
-    held = z != 0
-    return float(r[0] + r[1:] @ np.concatenate([y, -w]) - z[held] @ (x - bound)[held])
+    active = z != 0
+    return float(r[0] + r[1:] @ np.concatenate([y, -w]) - z[active] @ (x - bound)[active])
 
 
 def _surfaces(nlp: Transcription, y: Array, w: Array) -> dict[str, float]:
@@ -230,10 +230,10 @@ def _bounds(nlp: Transcription, z: Array) -> dict[str, float]:
         (list(problem.design), lay.index_design[None], problem.design_bounds),
     ):
         for j, name in enumerate(names):
-            held = z[index[:, j]]
+            forces = z[index[:, j]]
             for sign, limit, value in (
-                ("<=", box[j, 1], held[held < 0].sum()),
-                (">=", box[j, 0], held[held > 0].sum()),
+                ("<=", box[j, 1], forces[forces < 0].sum()),
+                (">=", box[j, 0], forces[forces > 0].sum()),
             ):
                 if np.isfinite(limit):
                     slopes[f"{name} {sign}"] = float(value)

@@ -18,11 +18,13 @@ from dmoc.program.scale import Scale
 GIVES_WAY = 1e-3
 
 
-def give_way(problem: Problem, box: Array, scale: Scale, held: Iterable[tuple[Index, int]]) -> None:
-    """Move bounds of a coordinate that a surface holds where they are; ``held`` are coordinates of
-    places, shape (n, nq), and their surfaces."""
+def give_way(
+    problem: Problem, box: Array, scale: Scale, places: Iterable[tuple[Index, int]]
+) -> None:
+    """Move bounds of a coordinate that a surface holds where they are; ``places`` are coordinates,
+    shape (n, nq), and their surfaces."""
     chosen = by_design(problem, "surface")
-    for coordinates, surface in held:
+    for coordinates, surface in places:
         involved = problem.model.surface_coordinates[surface]
         if len(involved) > 1 or surface in problem.model.moving or chosen[surface]:
             continue

@@ -105,7 +105,7 @@ def _wrong_solution(solution: Solution) -> str | None:
 
 @dataclass(frozen=True)
 class Kind:
-    """What is held by a bound, by its name."""
+    """What is limited by a bound, by its name."""
 
     def write(self, value: Any, where: str, put: Put) -> str:
         return str(value.name)

@@ -41,8 +41,8 @@ def with_optimum(nodes: Mapping[Sequence, Node]) -> list[Node]:
 
 
 def _collapsed(node: Node, nodes: Mapping[Sequence, Node]) -> Node:
-    """A node that is held by a shortest phase, where a sequence with one or two of its events less
-    costs no more."""
+    """A node that is limited by a shortest phase, where a sequence with one or two of its events
+    less costs no more."""
     if not node.shortest or node.verdict not in MAY_COLLAPSE:
         return node
     shorter = best_of(nodes[s] for s in _within(node.sequence) if s in nodes)

@@ -17,7 +17,7 @@ from dmoc.base.tolerances import SAME_COST
 from dmoc.problem.problem import Problem
 from dmoc.results.exploration import exploration_in_words
 from dmoc.results.solution import Minimum, Solution, saying
-from dmoc.sequences.node_solve import confirmed_at, held_by
+from dmoc.sequences.node_solve import confirmed_at, limited_by
 from dmoc.sequences.nodes import Node
 from dmoc.sequences.tree import Tree
 from dmoc.solvers.outcome import Status
@@ -145,6 +145,6 @@ def _stated(node: Node, answer: Solution, said: list[str]) -> Node:
         phases=tuple(p.duration for p in answer.phases),
         minima=tuple(sorted({answer.cost, *before})),
         evidence=(first, *said, *([] if _is_other(answer) else rest)),
-        shortest=held_by(answer),
+        shortest=limited_by(answer),
         solution=replace(answer, kernels=None),
     )

@@ -255,7 +255,7 @@ def _node(task: NodeTask, solutions: Sequence[Solution]) -> Node:
         tuple(p.duration for p in s.phases),
         evidence,
         minima=(s.cost,),
-        shortest=held_by(s),
+        shortest=limited_by(s),
         solution=replace(s, kernels=None),  # travels without the kernels, which the caller has
     )
 
@@ -265,7 +265,7 @@ def confirmed_at(cost: float) -> str:
     return f"cost {cost:.6g}, confirmed by simulation"
 
 
-def held_by(s: Solution) -> tuple[str, ...]:
+def limited_by(s: Solution) -> tuple[str, ...]:
     """Bounds of durations that hold a motion."""
     return tuple(b for b in s.active_bounds if b.kind is BoundKind.DURATION and b.side == ">=")
 

@@ -307,8 +307,8 @@ def _hints(setting: Setting, place: Place, mode: Mode, which: int) -> Hints:
         return Hints(opening=(which,) if which in mode.closed else ())
     if which < nc + nt:
         rows = place.y[None], place.u[None], np.array([place.t])
-        held = setting.integrator.reaction(mode, *rows).tangential[0, which - nc]
-        return Hints(slipping=((which - nc, -1 if held > 0 else 1),))
+        force = setting.integrator.reaction(mode, *rows).tangential[0, which - nc]
+        return Hints(slipping=((which - nc, -1 if force > 0 else 1),))
     return Hints()
 
 

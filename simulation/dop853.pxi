@@ -243,7 +243,7 @@ cdef class Method(Dynamics):
     def advance(
         self, double[:, ::1] y, const ptrdiff_t[::1] first, const ptrdiff_t[::1] last,
         const double[::1] t, const double[::1] h, const double[:, ::1] u0,
-        double[:, ::1] u1, mode=None, held=None, bint coarse=False, course=None
+        double[:, ::1] u1, mode=None, anchors=None, bint coarse=False, course=None
     ):
         """Integrate rows in place, each over the steps first to last - 1 of a list; in a step
         inputs are linear from u0 to u1.
@@ -258,7 +258,7 @@ cdef class Method(Dynamics):
         mode : Mode, optional
             What is closed or rubs (a ``Mode`` of ``contact_modes``); nothing, if left out.
             Rows begin where its conditions hold.
-        held : array of shape (n, nt), optional
+        anchors : array of shape (n, nt), optional
             Places that what sticks keeps.
         coarse : bool
             By the classical method of order 4 instead, one part a step, which tells no
@@ -282,7 +282,7 @@ cdef class Method(Dynamics):
         if not u0.shape[1] == u1.shape[1] == self.nu:
             raise ValueError(f"expected {self.nu} inputs")
         self._enter(mode)
-        self._hold(n, held)
+        self._anchor(n, anchors)
         if width > 2 * nq + 1 and not self.free:
             raise ValueError("expected (q | v), and work, of rows in a mode")
         if not (first.shape[0] == last.shape[0] == n):

@@ -6,7 +6,7 @@ cdef class Dynamics(Conditions):
     cdef double[::1] at, rates, mass, f, Q, power, R_D
     cdef ptrdiff_t[::1] pivots, R_row, R_column
     # Places (n, nt) that what sticks keeps, and which of them are those of the rows.
-    cdef const double[:, ::1] held
+    cdef const double[:, ::1] anchors
     cdef ptrdiff_t[::1] holds
 
     def __init__(self, kernels, par):
@@ -21,7 +21,7 @@ cdef class Dynamics(Conditions):
         self.R_D = _space(rows * self.R_row.shape[0])
         self.pivots = np.zeros(rows * nq, dtype=np.intp)  # of all rows
         self.holds = np.zeros(rows, dtype=np.intp)
-        self.held = np.zeros((1, max(self.nt, 1)))
+        self.anchors = np.zeros((1, max(self.nt, 1)))
 
     # One slope ------------------------------------------------------------------------------------
 
@@ -114,7 +114,7 @@ cdef class Dynamics(Conditions):
                     if self.sticks_at[j] >= 0:
                         self.wanted[self.sticks_at[j]] = -self.tau[i * self.nt + j]
                         if turn < 2:
-                            self.wanted[self.sticks_at[j]] += self.held[self.holds[i], j]
+                            self.wanted[self.sticks_at[j]] += self.anchors[self.holds[i], j]
                 for j in range(self.nj):
                     self.wanted[self.closed + self.sticking + j] = -self.phi[i * self.nj + j]
                 if turn == 2:
@@ -168,15 +168,15 @@ cdef class Dynamics(Conditions):
         return 0
 
     def project(
-        self, mode, double[:, ::1] y, const double[::1] t, held, bint rates=True
+        self, mode, double[:, ::1] y, const double[::1] t, anchors, bint rates=True
     ):
         """Move rows y = (q | v ...) at the times t (n,), in place, the shortest way by the masses
         to where the conditions of a mode hold: closed gaps and joints are zero, what sticks is at
-        its place ``held`` (n, nt), and, if ``rates``, none has a rate."""
+        its place ``anchors`` (n, nt), and, if ``rates``, none has a rate."""
         cdef ptrdiff_t n = y.shape[0], begin = 0, i, count, turns = 3 if rates else 2
         self._enter(mode)
         self._rows(n, y.shape[1], t.shape[0])
-        self._hold(n, held)
+        self._anchor(n, anchors)
         if not self.m:
             return
         with nogil:
@@ -231,12 +231,12 @@ cdef class Dynamics(Conditions):
         if width < 2 * self.nq or times != n:
             raise ValueError(f"expected {self.nq} coordinates and their rates at {n} times")
 
-    def _hold(self, n, held):
+    def _anchor(self, n, anchors):
         """Keep what sticks at its places."""
         if self.sticking:
-            if held is None or held.shape != (n, self.nt):
+            if anchors is None or anchors.shape != (n, self.nt):
                 raise ValueError(f"expected places of {self.nt} tangents in {n} rows")
-            self.held = held
+            self.anchors = anchors
 
 
 # Two coordinates are many models': constant numbers unroll the loops.

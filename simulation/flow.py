@@ -110,15 +110,15 @@ class Flow:
 
     def advance(
         self, y: Array, steps: Steps, first: Index, last: Index,
-        mode: Mode | None = None, held: Array | None = None, coarse: bool = False,
+        mode: Mode | None = None, anchors: Array | None = None, coarse: bool = False,
         course: Array | None = None,
     ) -> Array:  # fmt: skip
         """Integrate rows in place, each over some steps in a mode, where what sticks keeps the
-        places ``held`` (n, nt); return the accelerations (n, 2, nq) at both ends of the last
+        places ``anchors`` (n, nt); return the accelerations (n, 2, nq) at both ends of the last
         ones.  ``coarse`` is quicker and tells neither accelerations nor errors; into ``course``
         (N, 6 nq) go states and accelerations at both ends of all steps."""
         inputs = steps.t, steps.h, steps.u0, steps.u1
-        return self.integrator.advance(y, first, last, *inputs, mode, held, coarse, course)
+        return self.integrator.advance(y, first, last, *inputs, mode, anchors, coarse, course)
 
     def freely(self, y: Array, steps: Steps, first: int, last: int) -> Array:
         """The state, shape (2 nq,), after some steps without contacts."""

@@ -212,7 +212,7 @@ def _from_impact_to_impact(
     try:
         states = stepper.run(q, p, run.u, run.h, run.every)
     except Lasting:
-        last, before_it = stepper.held
+        last, before_it = stepper.unfinished
         first = _before_dying(last, [c[0] for c in stepper.collisions])
         if first > 0:
             to_there = Stepper(model.kernels, model.par, e)

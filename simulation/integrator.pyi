@@ -30,11 +30,13 @@ class Integrator:
         u0: Array,
         u1: Array,
         mode: Mode | None = None,
-        held: Array | None = None,
+        anchors: Array | None = None,
         coarse: bool = False,
         course: Array | None = None,
     ) -> Array: ...
-    def project(self, mode: Mode, y: Array, t: Array, held: Array, rates: bool = True) -> None: ...
+    def project(
+        self, mode: Mode, y: Array, t: Array, anchors: Array, rates: bool = True
+    ) -> None: ...
     def reaction(self, mode: Mode, y: Array, u: Array, t: Array) -> Reaction: ...
     def stay(
         self, mode: Mode, y: Array, u: Array, h: float, first: int, shares: Array, largest: Array

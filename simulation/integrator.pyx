@@ -95,11 +95,11 @@ cdef class Integrator(Method):
         if not 0 < places <= self.capacity:
             raise ValueError(f"expected 1 to {self.capacity} places")
         self._enter(mode)
-        self.held = held = np.zeros((places, max(self.nt, 1)))
+        self.anchors = anchors = np.zeros((places, max(self.nt, 1)))
         states, normals, tangentials = (
             np.zeros((n, max(size, 1))) for size in (2 * nq, self.nc, self.nt)
         )
-        cdef double[:, ::1] keep = held, ends = states, normal = normals, tangential = tangentials
+        cdef double[:, ::1] keep = anchors, ends = states, normal = normals, tangential = tangentials
         cdef double[:, ::1] rows = np.empty((places, 2 * nq))
         cdef double[:, ::1] inputs = np.empty((places, max(self.nu, 1)))
         cdef double[::1] begin = np.empty(places), span = np.empty(places)

@@ -48,7 +48,7 @@ cdef class Leg:
     """A leg of one model with given parameters, from (q_a, p) at the time t."""
     cdef readonly int nq, nu, nc, ni
     cdef readonly list collisions, undecided
-    cdef readonly tuple held
+    cdef readonly tuple unfinished
     cdef object names, model
     cdef Call step, step_jac, impact, impact_jac, surface, slope, dynamics, momentum, total_energy
     cdef double[:, ::1] q_a, q_b, q_i, t, now, r_i, r_i_z, u, h, r_minus, r_plus, r_minus_z, e_plus, e_minus, e_minus_z

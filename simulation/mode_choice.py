@@ -98,7 +98,7 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
     bends = model.gap_accelerations(q, v, t)[0], model.slide_accelerations(q, v, t)[0]
     slopes = model.gap_slopes(q, t)[0, :, :-1], model.tangent_slopes(q, t)[0, :, :-1]
     sigma = model.slide_rates(q, v, t)[0]
-    held: dict[Mode, Array] = {}  # by other forces than the smallest
+    others: dict[Mode, Array] = {}  # by other forces than the smallest
 
     def holds(mode: Mode, opened: tuple[int, ...]) -> bool:
         reaction = integrator.reaction(mode, at.y[None], at.u[None], t)
@@ -122,12 +122,12 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
         if other is not reaction and is_borne(
             model, mode, (other.normal[0], other.tangential[0]), *slack
         ):
-            held[mode] = reaction.acceleration[0]
+            others[mode] = reaction.acceleration[0]
         return False
 
     mode = first_mode(model, on, sigma, at.small.slide, hints, holds, rails=True)
-    if held:
-        mode = _at_rest(setting, at, mode, held)
+    if others:
+        mode = _at_rest(setting, at, mode, others)
     if mode is None and not np.isfinite(model.acceleration(q, v, at.u[None], t)).all():
         raise SimulationError(
             f"the mass matrix or a force at t = {at.t:.6g} s is singular or not finite: check the "
@@ -163,10 +163,10 @@ def check_driven(model: Model, at: Place, on: Sequence[int]) -> None:
             )
 
 
-def _at_rest(setting: Setting, at: Place, mode: Mode | None, held: dict[Mode, Array]) -> Mode:
+def _at_rest(setting: Setting, at: Place, mode: Mode | None, others: dict[Mode, Array]) -> Mode:
     """The first mode that is held if a motion goes on as in the one that was chosen, or if none
     was."""
-    first, acceleration = next(iter(held.items()))
+    first, acceleration = next(iter(others.items()))
     if mode is None:
         return first
     nq, t = setting.model.nq, np.array([at.t])

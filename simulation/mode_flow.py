@@ -43,7 +43,7 @@ class ModeFlow:
     mode: Mode
 
     @cached_property
-    def held(self) -> Array:
+    def anchors(self) -> Array:
         """Tangential positions (1, nt) at the place, which what sticks keeps."""
         model, at = self.setting.model, self.place
         return model.tangents(at.y[None, : model.nq], np.array([at.t]))
@@ -60,10 +60,10 @@ class ModeFlow:
     def rows(self, times: Array) -> Array:
         """States, shape (n, 2 nq), at later times, shape (n,)."""
         n, integrator, at = len(times), self.setting.integrator, self.place
-        y, u, held = (np.repeat(a, n, axis=0) for a in (at.y[None], at.u[None], self.held))
+        y, u, anchors = (np.repeat(a, n, axis=0) for a in (at.y[None], at.u[None], self.anchors))
         number, t = np.arange(n), np.full(n, at.t)
         integrator.sizes = np.append(at.small.size, 1.0)
-        integrator.advance(y, number, number + 1, t, times - t, u, u, self.mode, held)
+        integrator.advance(y, number, number + 1, t, times - t, u, u, self.mode, anchors)
         if integrator.worst > ASTRAY:
             raise SimulationError(
                 f"the motion cannot be followed over the step of {times[-1] - at.t:.4g} s at "

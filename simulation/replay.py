@@ -89,10 +89,10 @@ def moved(model: Model, motion: Trajectory, y: Array) -> Array:
     hold."""
     first, rows = motion.phases[0], y[None].copy()
     mode = mode_by_names(model.contacts, first.closed, first.rubbing)
-    held = model.tangents(np.ascontiguousarray(rows[:, : model.nq]))
+    anchors = model.tangents(np.ascontiguousarray(rows[:, : model.nq]))
     integrator = Setting(model, np.zeros(model.nc), 1.0).integrator
     for _ in range(2):  # to rounding errors
-        integrator.project(mode, rows, np.zeros(1), held)
+        integrator.project(mode, rows, np.zeros(1), anchors)
     return np.asarray(rows[0])
 
 

@@ -82,9 +82,9 @@ def _unheld(
     for slope in slopes if holding.closed else ():
         grown = borne(model, holding, _grown(beside, np.array([1.0, slope])), *at)
         least = SAME * float(np.abs(grown.normal).max(initial=1.0))  # beside a unit of the hit
-        held = model.bearing(grown.normal)[0] - np.abs(grown.tangential[0])
+        bears = model.bearing(grown.normal)[0] - np.abs(grown.tangential[0])
         names += [model.kernels.surfaces[j] for j in holding.closed if grown.normal[0, j] < -least]
-        names += [model.kernels.tangents[k] for k in holding.sticking if held[k] < -least]
+        names += [model.kernels.tangents[k] for k in holding.sticking if bears[k] < -least]
     return names
 
 

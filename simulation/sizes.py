@@ -25,7 +25,7 @@ from dmoc.motion.trajectory import Trajectory
 # A coordinate counts by at least this share of the speed that the kinetic energy could give it,
 # and of the speed that the forces that act on something could give it in the whole time: solvers
 # leave 1e-10 of what these would do.
-STILL, HELD = 1e-4, 1e-6
+STILL, FORCED = 1e-4, 1e-6
 # Where no force acts and nothing moves, by this share of the way to the nearest surface or between
 # limits.
 ROOM = 1e-12
@@ -171,7 +171,7 @@ def sizes_of(trajectory: Trajectory, nodes: Nodes) -> Sizes:
     force = _forces(model, nodes)
     fastest = np.sqrt(2 * kinetic)
     strongest = float((force / root).max())
-    speed = max(STILL * fastest, HELD * strongest * time)
+    speed = max(STILL * fastest, FORCED * strongest * time)
     speed = max(speed, ROOM * _room(trajectory, nodes) / time, NOTHING)
     rounding = DIGITS * most_of(nodes.q)
     moved, step = nodes.q.T.copy(), float(nodes.h.min())

@@ -12,7 +12,7 @@ class Stepper:
     ni: int
     collisions: list[list[Any]]
     undecided: list[tuple[int, float, Array, Array, Impacts]]
-    held: tuple[int, tuple[Array, Array, Array]]
+    unfinished: tuple[int, tuple[Array, Array, Array]]
     def __init__(self, kernels: Kernels, par: Array, restitution: Array) -> None: ...
     def run(
         self, q0: Array, p0: Array, u: Array, h: float, every: int

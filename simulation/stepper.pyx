@@ -301,7 +301,7 @@ cdef class Stepper(LegAmongSurfaces):
     def run(self, double[::1] q0, double[::1] p0, const double[:, :] u, double h, long every):
         """Take ``len(u)`` steps of size h; return t, q and p at every ``every``-th node.  Collisions are appended to ``collisions``.
 
-        Compiled kernels step without the interpreter's lock.  Where Lasting is raised, ``held`` are the number of the step and what has been
+        Compiled kernels step without the interpreter's lock.  Where Lasting is raised, ``unfinished`` are the number of the step and what has been
         recorded.
         """
         cdef int i
@@ -315,6 +315,6 @@ cdef class Stepper(LegAmongSurfaces):
         try:
             self.go(u, h, every, q_out, p_out)
         except Lasting:
-            self.held = self.number, (times, positions, momenta)
+            self.unfinished = self.number, (times, positions, momenta)
             raise
         return times, positions, momenta

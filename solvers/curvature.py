@@ -38,7 +38,7 @@ FALLS, LEVEL = -1e-6, 1e-9
 # The unit is the cost; where that is small, this share of the largest curvature of one unknown.
 BENT = 1e-3
 # Diagonals of K: equations, inequalities that hold x and those that do not, unknowns at a bound.
-RELAXED, HELD_ROW, IDLE, HELD = 1e-11, 1e-8, 1e14, 1e12
+RELAXED, ACTIVE_ROW, IDLE, FIXED = 1e-11, 1e-8, 1e14, 1e12
 # A multiplier or a distance, relative to the cost and to the sizes, that is so many times the other
 # one, and above this, tells whether a bound holds x.
 CLEARLY, NOISE = 10.0, 1e-6
@@ -91,7 +91,7 @@ class SecondOrder:
     def __init__(self, nlp: Transcription, x: Array, duals: Duals) -> None:
         self.nlp, self.x, self.duals = nlp, x, duals
         self.free = nlp.lower < nlp.upper
-        self.held, self.perhaps = self._holding()
+        self.active, self.perhaps = self._holding()
         self.weights = _weights(nlp)
 
     def curvature(self) -> Curvature:
@@ -100,12 +100,12 @@ class SecondOrder:
         Bounds that may hold x or not are left out first: a bowl without them is one.  Directions
         that keep them are free to go; one that leaves them has to lead into the feasible set.
         """
-        if self._bowl(-LEVEL, self.held):
+        if self._bowl(-LEVEL, self.active):
             return Curvature(Landscape.BOWL)
-        without = self._least(self.held)
+        without = self._least(self.active)
         if without.shape is Landscape.BOWL or not self.perhaps.any():
             return without
-        kept = self._least(self.held | self.perhaps)
+        kept = self._least(self.active | self.perhaps)
         sided = kept.shape is not Landscape.SADDLE and self._inwards(without.direction)
         return without if sided else kept
 
@@ -113,15 +113,15 @@ class SecondOrder:
         """Second derivatives of the least cost with respect to some unknowns, shape (k,), each
         alone, while all others follow; shape (k,). They are 1/(K^-1)_ii with the K of a Newton
         step, in which the bounds and inequalities count that hold x, and infinite for unknowns that
-        are fixed or held."""
+        are fixed or active."""
         nlp, x, size = self.nlp, self.x, cost_size(self.nlp, self.x)
         distance = np.concatenate([np.minimum(x - nlp.lower, nlp.upper - x), nlp.inequality(x)])
-        held = np.concatenate([np.abs(self.duals.z), self.duals.w]) / size > distance
-        held = np.insert(held, nlp.n, np.ones(nlp.n_eq, dtype=bool))
-        self._signs(CURVED * size, held)
+        active = np.concatenate([np.abs(self.duals.z), self.duals.w]) / size > distance
+        active = np.insert(active, nlp.n, np.ones(nlp.n_eq, dtype=bool))
+        self._signs(CURVED * size, active)
         second = np.full(len(at), np.inf)
-        for k in np.flatnonzero(self.free[at] & ~held[at]):
-            right = np.zeros(len(held))
+        for k in np.flatnonzero(self.free[at] & ~active[at]):
+            right = np.zeros(len(active))
             right[at[k]] = 1.0
             second[k] = 1 / self._solved(right)[at[k]]
         return second
@@ -131,7 +131,7 @@ class SecondOrder:
         less, none where the direction turns out to lead to no such motion."""
         if along.shape is not Landscape.SADDLE:
             return []
-        self._signs(1.0, self.held, bent=False)
+        self._signs(1.0, self.active, bent=False)
         motions = (self._cheaper(side * along.direction, along.least) for side in (1.0, -1.0))
         return [z for z in motions if z is not None]
 
@@ -149,7 +149,7 @@ class SecondOrder:
 
     def _onto_constraints(self, z: Array) -> Array:
         """The motion with what holds x restored, by Newton's method with the slopes at x."""
-        nlp, rows = self.nlp, self.held[self.nlp.n :]
+        nlp, rows = self.nlp, self.active[self.nlp.n :]
         for _ in range(CORRECTIONS):
             z = np.clip(z, nlp.lower, nlp.upper)
             missed = np.where(rows, nlp.values(z)[1:], 0.0)
@@ -166,7 +166,7 @@ class SecondOrder:
         distance = np.minimum(np.minimum(above, below), np.where(duals.z == 0, either, np.inf))
         distance = np.maximum(np.concatenate([distance, nlp.inequality(x)]), 0.0)
         force = np.concatenate([np.abs(duals.z), duals.w]) / cost_size(nlp, x)
-        held = (force > CLEARLY * distance) & (force > NOISE)
+        active = (force > CLEARLY * distance) & (force > NOISE)
         idle = (distance > CLEARLY * force) & (distance > NOISE)
         free = np.append(self.free, np.ones(nlp.n_in, dtype=bool))
 
@@ -174,7 +174,7 @@ class SecondOrder:
             of = of & free
             return np.concatenate([of[: nlp.n], np.full(nlp.n_eq, equations), of[nlp.n :]])
 
-        return every(held, True), every(~held & ~idle, False)
+        return every(active, True), every(~active & ~idle, False)
 
     @cached_property
     def _layout(self) -> KKTLayout:
@@ -210,18 +210,18 @@ class SecondOrder:
         most = BENT * float(bent.max(initial=0.0))
         return max(cost_size(self.nlp, self.x), most if np.isfinite(most) else 0.0)
 
-    def _bowl(self, shift: float, held: Bools) -> bool:
+    def _bowl(self, shift: float, active: Bools) -> bool:
         """Whether a curvature, in its unit, makes a bowl; K with it is factorised."""
-        return self._signs(shift * self._unit, held)
+        return self._signs(shift * self._unit, active)
 
-    def _signs(self, shift: float, held: Bools, bent: bool = True) -> bool:
+    def _signs(self, shift: float, active: Bools, bent: bool = True) -> bool:
         """Factorise K with a shift, with H or without, and compare its signs with a bowl's."""
         nlp, layout, (H, A) = self.nlp, self._layout, self._parts
         K = H + A if bent else A.copy()
         free = shift * self.weights + self._unit * self._kept
-        rows = np.where(held, -HELD_ROW, -IDLE)
-        rows[nlp.n : nlp.n + nlp.n_eq] = np.where(held[nlp.n : nlp.n + nlp.n_eq], -RELAXED, -IDLE)
-        diagonal = np.concatenate([np.where(held[: nlp.n], HELD, free), rows[nlp.n :]])
+        rows = np.where(active, -ACTIVE_ROW, -IDLE)
+        rows[nlp.n : nlp.n + nlp.n_eq] = np.where(active[nlp.n : nlp.n + nlp.n_eq], -RELAXED, -IDLE)
+        diagonal = np.concatenate([np.where(active[: nlp.n], FIXED, free), rows[nlp.n :]])
         at = layout.diagonal >= 0
         K[layout.diagonal[at]] += diagonal[at]
         positive, _, zero = self._factorisation.factor(K)
@@ -236,49 +236,49 @@ class SecondOrder:
         ordered[place[inside]] = right[inside]
         return np.where(inside, self._factorisation.solve(ordered)[place], 0.0)
 
-    def _bowl_from(self, held: Bools) -> float | None:
+    def _bowl_from(self, active: Bools) -> float | None:
         """About the least curvature whose addition makes a bowl; K with it is factorised."""
         shift = LEVEL
-        while not self._bowl(shift, held):
+        while not self._bowl(shift, active):
             shift *= RAISED
             if shift > LEVEL * RAISED**MOST_RAISES:
                 return None
         low = shift / RAISED
         for _ in range(BISECTIONS if shift > LEVEL else 0):
             middle = np.sqrt(low * shift)
-            low, shift = (low, middle) if self._bowl(middle, held) else (middle, shift)
-        self._bowl(shift, held)
+            low, shift = (low, middle) if self._bowl(middle, active) else (middle, shift)
+        self._bowl(shift, active)
         return float(shift)
 
-    def _least(self, held: Bools) -> Curvature:
+    def _least(self, active: Bools) -> Curvature:
         """The least curvature and its direction, by inverse iteration."""
-        shift = self._bowl_from(held)
+        shift = self._bowl_from(active)
         if shift is None:  # no numbers to go by
             return Curvature(Landscape.BOWL)
         n, least = self.nlp.n, np.inf
-        d = np.where(self.free & ~held[:n], np.random.default_rng(0).normal(size=n), 0.0)
+        d = np.where(self.free & ~active[:n], np.random.default_rng(0).normal(size=n), 0.0)
         for _ in range(ITERATIONS):
             pull = self.weights * d
-            d = self._solved(np.concatenate([pull, np.zeros(len(held) - n)]))[:n]
+            d = self._solved(np.concatenate([pull, np.zeros(len(active) - n)]))[:n]
             length = float(d @ (self.weights * d))
             if not length > 0:  # nothing is free to go
                 return Curvature(Landscape.BOWL)
             before, least = least, float(d @ pull) / length / self._unit - shift
-            d = np.where(held[:n], 0.0, d / np.sqrt(length))
+            d = np.where(active[:n], 0.0, d / np.sqrt(length))
             if abs(least - before) <= STEADY * abs(least):
                 break
         shape = Landscape.SADDLE if least < FALLS else Landscape.VALLEY
-        if FALLS <= least < -LEVEL or least > LEVEL or not self._tangent(d, held):
+        if FALLS <= least < -LEVEL or least > LEVEL or not self._tangent(d, active):
             return Curvature(Landscape.BOWL)
         return Curvature(shape, least, d / np.abs(d).max())
 
-    def _tangent(self, d: Array, held: Bools) -> bool:
+    def _tangent(self, d: Array, active: Bools) -> bool:
         """Whether a direction keeps what holds, which says that the numbers of K are good."""
         nlp = self.nlp
         rates = np.concatenate(
             [nlp.equality_jacobian(self.x) @ d, nlp.inequality_jacobian(self.x) @ d]
         )
-        return bool(np.abs(rates[held[nlp.n :]]).max(initial=0.0) <= TANGENT * np.abs(d).max())
+        return bool(np.abs(rates[active[nlp.n :]]).max(initial=0.0) <= TANGENT * np.abs(d).max())
 
     def _inwards(self, d: Array) -> bool:
         """Whether a direction or its opposite keeps the bounds that may hold x."""

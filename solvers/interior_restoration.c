@@ -18,8 +18,8 @@ static void elastic_pair(double c, double mu, double rho, double *p, double *n)
 void ip_begin_restoration(solver *s)
 {
     s->patience = 0;
-    s->held_mu = s->mu;
-    s->held_front = s->front;
+    s->saved_mu = s->mu;
+    s->saved_front = s->front;
     memcpy(s->reference, s->now.v, sizeof(double)*(size_t)s->n);
     for (int i = 0; i < s->n; ++i)
         s->weight[i] = min(1/s->size[i], 1/max(fabs(s->reference[i]), DBL_MIN));
@@ -50,8 +50,8 @@ static void end_restoration(solver *s)
     s->patience = 0;
     s->elastic = 0;
     s->nv = s->n + s->slacks;
-    ip_set_barrier(s, s->held_mu);
-    s->front = s->held_front;
+    ip_set_barrier(s, s->saved_mu);
+    s->front = s->saved_front;
     s->last_delta_w = 0;
 }
 
@@ -67,9 +67,9 @@ static int restored(solver *s, double theta_before)
     if (!(theta <= KAPPA_RESTO*theta_before))
         return 0;
     const double mu = s->mu;
-    s->elastic = 0, s->nv = s->n + s->slacks, s->mu = s->held_mu;
+    s->elastic = 0, s->nv = s->n + s->slacks, s->mu = s->saved_mu;
     const int finite = ip_evaluate(s, &s->now);
-    const int good = finite && ip_filter_accepts(&s->held_front, s->now.theta, s->now.phi);
+    const int good = finite && ip_filter_accepts(&s->saved_front, s->now.theta, s->now.phi);
     s->elastic = 1, s->nv = s->most, s->mu = mu;
     ip_evaluate(s, &s->now);
     return good;

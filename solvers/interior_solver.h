@@ -75,8 +75,8 @@ typedef struct {
     int tiny;                   /* steps in a row below rounding errors */
     /* restoration */
     double *reference, *weight, *rho, zeta; /* rho[m]: price of a violation of each row */
-    double held_mu;
-    filter held_front;
+    double saved_mu;
+    filter saved_front;
     dmoc_result result;
     double begin;
 } solver;

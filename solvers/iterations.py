@@ -14,7 +14,7 @@ from dmoc.solvers.outcome import Duals, Ending, Iteration, Options, Status
 
 # Violation below which the cost decides which iterate is the better one, and from which Newton's
 # method can be tried.
-HELD = 1e-6
+MET = 1e-6
 
 
 class Stop(Exception):  # noqa: N818 - it is no error
@@ -68,7 +68,7 @@ class Tally:
 
     @staticmethod
     def _ranked(cost: float, worst: float) -> tuple[float, float]:
-        return max(worst, HELD), cost
+        return max(worst, MET), cost
 
     def check_time(self) -> None:
         if self.options.deadline.passed:
@@ -76,7 +76,7 @@ class Tally:
 
 
 class Watch:
-    """Tells whether the iterates still get somewhere: towards the constraints until these are held
+    """Tells whether the iterates still get somewhere: towards the constraints until these are met
     to a tolerance, or, once they nearly hold, to lower cost; ``patience`` of them in a row may get
     nowhere."""
 
@@ -85,10 +85,10 @@ class Watch:
         self.violation, self.cost, self.idle = np.inf, np.inf, 0
 
     def progressing(self, violation: float, cost: float) -> bool:
-        held = violation <= HELD
+        met = violation <= MET
         nearer = violation < 0.9 * self.violation and self.violation > self.tolerance
-        better = nearer or (held and cost < self.cost - 1e-7 * max(1.0, abs(cost)))
+        better = nearer or (met and cost < self.cost - 1e-7 * max(1.0, abs(cost)))
         self.violation = min(violation, self.violation)
-        self.cost = min(cost, self.cost) if held else self.cost
+        self.cost = min(cost, self.cost) if met else self.cost
         self.idle = 0 if better else self.idle + 1
         return self.idle < self.patience

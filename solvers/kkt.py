@@ -63,10 +63,10 @@ def with_bounds(nlp: Transcription, x: Array, y: Array, w: Array) -> Duals:
     slope = nlp.lagrangian_gradient(x, y, w)
     size = np.maximum(1.0, np.abs(x))
     with np.errstate(invalid="ignore"):
-        held = ((x - nlp.lower <= ACTIVE * size) & (slope > 0)) | (
+        active = ((x - nlp.lower <= ACTIVE * size) & (slope > 0)) | (
             (nlp.upper - x <= ACTIVE * size) & (slope < 0)
         )
-    return Duals(y, w, np.where(held, slope, 0.0))
+    return Duals(y, w, np.where(active, slope, 0.0))
 
 
 def violation(nlp: Transcription, x: Array) -> float:

@@ -23,7 +23,7 @@ import scipy.optimize
 
 from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.iterations import HELD, Stop, Tally, Watch
+from dmoc.solvers.iterations import MET, Stop, Tally, Watch
 from dmoc.solvers.judge import INFEASIBLE, meets
 from dmoc.solvers.kkt import residuals, violation, worst_constraints
 from dmoc.solvers.outcome import Duals, Ending, Options, Residuals, Status
@@ -75,12 +75,12 @@ def _descended(descent: Descent, start: Array, solution: Duals | None, tally: Ta
         before = nlp.cost(x)
         x, left, converged = _round(descent, x, tally)
         slow = abs(nlp.cost(x) - before) <= SLOW * max(1.0, abs(before))
-        if left.violation <= HELD and (converged or slow):
+        if left.violation <= MET and (converged or slow):
             x, left = _polished(descent, x, options)
         tally.consider(x, nlp.cost(x), left.violation)
         if meets(left, options):
             return ending(Status.SOLVED)
-        better = left.violation <= HELD and nlp.cost(x) < least_cost - SLOW * abs(least_cost)
+        better = left.violation <= MET and nlp.cost(x) < least_cost - SLOW * abs(least_cost)
         if solution is not None and not better:
             return Ending(Status.SOLVED, "", start, solution, tally.count)
         if watch.progressing(left.violation, nlp.cost(x)):

@@ -286,8 +286,8 @@ class FollowingRun(SlsqpRun):
         self._accepted = self._linearised(self.x, reduced)
 
     def _along(self, reduced: Reduced, slopes: Array) -> Array:
-        held = slopes - self._prices(reduced, slopes) @ reduced.equality
-        return np.asarray(held @ self.S)
+        along = slopes - self._prices(reduced, slopes) @ reduced.equality
+        return np.asarray(along @ self.S)
 
     def _prices(self, reduced: Reduced, slopes: Array) -> Array:
         """What the kept equations contribute to slopes that vanish along ``move``."""

@@ -166,15 +166,15 @@ class Descent:
             return False
         D = self.scale[self.parts.kept]
         fixed = np.flatnonzero(np.isin(self.parts.kept, bounds))
-        held = (
+        active = (
             np.vstack(
                 [reduced.equality, reduced.inequality, reduced.unknowns, np.eye(len(D))[fixed]]
             )
             * D
         )
-        if not np.isfinite(held).all():
+        if not np.isfinite(active).all():
             return False
-        null = _split(held)[1]
+        null = _split(active)[1]
         H = self._hessian(x, reduced, D)
         if not np.isfinite(H).all():
             return False

@@ -23,12 +23,12 @@ from dmoc.solvers.outcome import Status
 from dmoc.solving.attempts import UNDECIDED, Attempt
 from dmoc.solving.mode_edges import proposal_of
 
-# A peak that lies further above its quantity, in sizes of this, is not held by it.
+# A peak that lies further above its quantity, in sizes of this, is not limited by it.
 FAR_ABOVE = 1.0
 # Momenta of a motion that are such a share of what the program expected come from its limits: an
 # impulse that is to be 0 is not quite.
 NO_MOTION = 1e-4
-# An integral with kinks that is so far off that of its integrand, in its size, is not held by it.
+# An integral with kinks that is so far off that of its integrand, in its size, limits it no more.
 OFF = 1e-3
 
 

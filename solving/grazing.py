@@ -122,13 +122,13 @@ def _in_stages(
     size = float(nlp.scale.rate[p.surface])
     if STOP not in p.moments:
         if sticks(p.friction[0]):
-            is_held = abs(A[0, 1]) <= mu * A[1, 1]
-            return [whole(first, first) * size / first] if is_held else []
+            bears = abs(A[0, 1]) <= mu * A[1, 1]
+            return [whole(first, first) * size / first] if bears else []
         # Sliding that is faster after the hit has its direction before it, which a graze has after.
         faster = max(p.friction[0] * _turning(A, mu, p.friction[0]), 0.0) * (1 + e)
         headed = nlp.laws.hit.heads.index[p.event, 1]
-        held = outcome.duals.w[headed - nlp.n_eq] / nlp.row_unit[headed]
-        return [(whole(first, first) + held * faster) * size / first]
+        heading = outcome.duals.w[headed - nlp.n_eq] / nlp.row_unit[headed]
+        return [(whole(first, first) + heading * faster) * size / first]
     stops = p.friction[0] * _turning(A, mu, p.friction[0]) < 0
     goes_on = (
         abs(A[0, 1]) <= mu * A[1, 1]

@@ -121,7 +121,7 @@ class _Edges:
         for edge in chain.from_iterable(law.edges(i) for law in self.nlp.laws):
             saved = self._saved(edge)
             free_end = last and edge.gives[-1, -1] != NOWHERE
-            for steps in _runs(self._held(edge)):
+            for steps in _runs(self._at_edge(edge)):
                 part = saved[steps.start : steps.stop]
                 if edge.friction is None:
                     lifts = _lifts(len(steps), bool(free_end) and steps.stop == len(saved))
@@ -131,16 +131,16 @@ class _Edges:
                 if most > self._least:
                     yield edge, steps
 
-    def _held(self, edge: Edge) -> Bools:
+    def _at_edge(self, edge: Edge) -> Bools:
         """Steps at an edge."""
         if edge.friction is None:
             x, z = self.outcome.x[edge.active], self.outcome.duals.z[edge.active]
-            held = np.asarray(z > np.maximum(x, NO_FORCE))
+            active = np.asarray(z > np.maximum(x, NO_FORCE))
         else:
-            held = self._active(edge.active)
-        if held.size == edge.gives.size:
-            return np.asarray(held.reshape(edge.gives.shape).all(axis=1))
-        return held if len(held) == len(edge.gives) else held[:-1] & held[1:]
+            active = self._active(edge.active)
+        if active.size == edge.gives.size:
+            return np.asarray(active.reshape(edge.gives.shape).all(axis=1))
+        return active if len(active) == len(edge.gives) else active[:-1] & active[1:]
 
     def _saved(self, edge: Edge) -> Array:
         """Costs that the other mode saves in each step, to the node after it, shape (steps,), in
@@ -165,9 +165,9 @@ class _Edges:
         return WORTH * cost_size(self.nlp, self.outcome.x)
 
 
-def _runs(held: Bools) -> list[range]:
+def _runs(active: Bools) -> list[range]:
     """Steps that follow each other, enough to count as a stay."""
-    ends = np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2)
+    ends = np.flatnonzero(np.diff(active, prepend=False, append=False)).reshape(-1, 2)
     return [range(a, b) for a, b in ends if b - a >= FEWEST]
 
 

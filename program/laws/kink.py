@@ -19,7 +19,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.problem.quantities import held_integrals
+from dmoc.problem.quantities import pressing_integrals
 from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Index, Numbering
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.laws.law import Law
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class KinkLaw(Law):
-    """Hidden unknowns; ``held`` tells which ones something holds."""
+    """Hidden unknowns; ``limited`` tells which ones something holds."""
 
     problem: Problem
     lay: Layout
-    held: Bools = field(init=False)
+    limited: Bools = field(init=False)
     limit: Block = field(init=False)
 
     @cached_property
@@ -48,18 +48,18 @@ class KinkLaw(Law):
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         names = problem.kernels.manifest.hidden_of
-        loose = np.array([name not in held_integrals(problem) for name in names], dtype=bool)
+        loose = np.array([name not in pressing_integrals(problem) for name in names], dtype=bool)
         own = self.lay.index_s.reshape(self.lay.total, -1, len(names) or 1)
         box[own[:, :, loose] if len(names) else own] = 0.0
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
-        self.held = (limits[0] < limits[1])[self.lay.index_s]
+        self.limited = (limits[0] < limits[1])[self.lay.index_s]
 
     def inequalities(self, block: Numbering) -> None:
         lay, count = self.lay, self.problem.model.ns
         steps = np.arange(lay.total)
-        held = self.held.reshape(lay.total, -1, max(count, 1))[:, :, self._of]
-        each = held.shape[1]
+        limited = self.limited.reshape(lay.total, -1, max(count, 1))[:, :, self._of]
+        each = limited.shape[1]
 
         def label(k: int, j: int) -> str:
             place, own = divmod(j, len(self._of))
@@ -68,7 +68,7 @@ class KinkLaw(Law):
 
         self.limit = block(
             "kink",
-            held.reshape(lay.total, -1),
+            limited.reshape(lay.total, -1),
             label,
             lambda s: np.tile(s.s[self._of], each),
             steps,

@@ -92,9 +92,9 @@ def test_events_and_surfaces_exclude_each_other() -> None:
 
 
 def node(
-    *sequence: str, cost: float, verdict: Verdict = Verdict.FEASIBLE, held: bool = False
+    *sequence: str, cost: float, verdict: Verdict = Verdict.FEASIBLE, limited: bool = False
 ) -> Node:
-    return Node(sequence, verdict, cost, shortest=("duration of phase 0 >= 0.1 s",) * held)
+    return Node(sequence, verdict, cost, shortest=("duration of phase 0 >= 0.1 s",) * limited)
 
 
 def test_of_sequences_that_cost_the_same_the_shortest_is_the_best() -> None:
@@ -114,8 +114,8 @@ def test_of_sequences_that_cost_the_same_the_shortest_is_the_best() -> None:
 def test_a_sequence_is_shorter_by_one_event_or_two(
     longer: str, shorter: str, collapses: bool
 ) -> None:
-    held = node(*longer, cost=1.0, held=True, verdict=Verdict.UNVERIFIED)
-    nodes = {n.sequence: n for n in (held, node(*shorter, cost=1.0))}
+    limited = node(*longer, cost=1.0, limited=True, verdict=Verdict.UNVERIFIED)
+    nodes = {n.sequence: n for n in (limited, node(*shorter, cost=1.0))}
     verdicts = {n.sequence: n.verdict for n in with_optimum(nodes)}
     assert (verdicts[tuple(longer)] is Verdict.COLLAPSES) is collapses
 
@@ -124,10 +124,10 @@ def test_only_what_a_shorter_sequence_does_as_well_collapses() -> None:
     nodes = {
         n.sequence: n
         for n in (
-            node("a", cost=2.0, held=True),
-            node("a", "b", cost=1.0, held=True),
-            node("a", "c", cost=3.0, held=True, verdict=Verdict.UNVERIFIED),
-            node("b", "c", cost=0.5, held=True, verdict=Verdict.UNVERIFIED),
+            node("a", cost=2.0, limited=True),
+            node("a", "b", cost=1.0, limited=True),
+            node("a", "c", cost=3.0, limited=True, verdict=Verdict.UNVERIFIED),
+            node("b", "c", cost=0.5, limited=True, verdict=Verdict.UNVERIFIED),
             node("a", "d", cost=4.0),
         )
     }
@@ -143,8 +143,8 @@ def test_only_what_a_shorter_sequence_does_as_well_collapses() -> None:
 @pytest.mark.parametrize(("more", "collapses"), [(0.0, True), (0.9e-5, True), (1.1e-5, False)])
 def test_a_shorter_sequence_of_the_same_cost_does_as_well(more: float, collapses: bool) -> None:
     """To 1e-5 of the cost; here the best is another one."""
-    held = node("a", "c", cost=3.0, held=True, verdict=Verdict.UNVERIFIED)
-    nodes = [node("b", cost=1.0), node("a", cost=3 * (1 + more)), held]
+    limited = node("a", "c", cost=3.0, limited=True, verdict=Verdict.UNVERIFIED)
+    nodes = [node("b", cost=1.0), node("a", cost=3 * (1 + more)), limited]
     verdicts = {n.sequence: n.verdict for n in with_optimum({n.sequence: n for n in nodes})}
     assert verdicts["a", "c"] is (Verdict.COLLAPSES if collapses else Verdict.UNVERIFIED)
 

@@ -21,11 +21,11 @@ def program(**fields: object) -> Transcription:
 
 
 @pytest.mark.parametrize(
-    ("bounds", "u", "held"),
+    ("bounds", "u", "active"),
     [((2, 5), 2, True), ((2, 5), 5, False), ((-5, -2), -2, True), ((-5, -2), -5, False)],
 )
 def test_a_bound_holds_what_would_cost_less_beyond_it(
-    bounds: tuple[float, float], u: float, held: bool
+    bounds: tuple[float, float], u: float, active: bool
 ) -> None:
     """int u^2 has the slope 2 h u in the input of a step."""
     nlp = program(bounds={"u": bounds}, controls="constant")
@@ -33,7 +33,7 @@ def test_a_bound_holds_what_would_cost_less_beyond_it(
     y[nlp.layout.index_h], y[at] = 0.25, u
     duals = with_bounds(nlp, nlp.scaled(y), np.zeros(nlp.n_eq), np.zeros(nlp.n_in))
     slope = 2 * 0.25 * u * nlp.unit[at] / nlp.scale.cost
-    assert duals.z[at] == pytest.approx(slope if held else 0.0, rel=1e-9)
+    assert duals.z[at] == pytest.approx(slope if active else 0.0, rel=1e-9)
 
 
 def test_the_gap_has_what_holds_in_it() -> None:
