@@ -297,7 +297,7 @@ def casadi_sizes(nlp: Transcription) -> tuple[np.ndarray, np.ndarray, float]:
     """What dmoc divides these unknowns by, the rows of their program (momenta at the start,
     energies and momenta between, momenta at the end, final time) and the cost."""
     lay, scale = nlp.layout, nlp.scale
-    parts = casadi_start(nlp, nlp.unit)
+    parts = casadi_start(nlp, nlp.sizes)
     x = np.concatenate([part.ravel() for part in parts])
     hits = len(lay.collision_nodes)
     g = [scale.p, np.full(hits, scale.energy), np.tile(scale.p, lay.total - 1), scale.p]

@@ -54,12 +54,12 @@ class Carried:
 
 def carried(motion: Motion, parts: Segments) -> Carried:
     """Carry the errors of segments to the ends of those that follow."""
-    unit = np.concatenate([motion.sizes.q, motion.sizes.v])
-    slopes, defects = parts.slope / unit[:, None] * unit, parts.defect / unit
+    sizes = np.concatenate([motion.sizes.q, motion.sizes.v])
+    slopes, defects = parts.slope / sizes[:, None] * sizes, parts.defect / sizes
     # Where the motion ends with its last event, there is one after the last of its segments.
     count = min(motion.stepped, len(motion.trajectory.collisions))
     events = [passage.slope for passage in motion.passages[:count]]
-    rest = np.eye(len(unit))
+    rest = np.eye(len(sizes))
     products, phases = [rest[None]], []
     for i in reversed(range(motion.stepped)):
         own = parts.of_phase(i)

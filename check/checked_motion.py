@@ -130,12 +130,12 @@ class Motion:
     def passages(self) -> tuple[EventPassage, ...]:
         """The events between the phases."""
         joined = zip(self.trajectory.collisions, pairwise(self.trajectory.phases), strict=True)
-        unit, restitution = np.concatenate([self.sizes.q, self.sizes.v]), self.flow.restitution
+        sizes, restitution = np.concatenate([self.sizes.q, self.sizes.v]), self.flow.restitution
         ends = self.nodes.begins[1:-1] - 1
         (before, after), timed = self.nodes.u, self.has_modes
         inputs = [None if timed else np.array([before[k], after[k + 1]]) for k in ends]
         return tuple(
-            passage_of(self.model, restitution, *part, own, (unit, u))
+            passage_of(self.model, restitution, *part, own, (sizes, u))
             for part, own, u in zip(joined, self.modes[1:], inputs, strict=True)
         )
 

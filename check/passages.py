@@ -44,7 +44,7 @@ class EventPassage:
     c: Collision  # what is planned
     before: Phase
     after: Phase
-    unit: Array  # sizes of positions and velocities, (2 nq,)
+    sizes: Array  # sizes of positions and velocities, (2 nq,)
     # The inputs on both sides (2, nu) of a collision that happens where its surface is met; those
     # of events that happen at their time are not asked for.
     inputs: Array | None
@@ -71,7 +71,7 @@ class EventPassage:
         """States at the event, by when they are late there (n, 1), and accelerations on both sides
         (2, nq): of the end of the phase before, and of ends changed by a little either way, at
         their surface if it is a collision that happens where this is met."""
-        nq, changes = self.model.nq, PERTURBED * np.diag(self.unit)
+        nq, changes = self.model.nq, PERTURBED * np.diag(self.sizes)
         end = np.concatenate([self.before.q[-1], self.before.v[-1]])
         y = end + np.concatenate([np.zeros((1, len(end))), changes, -changes])
         late, a = np.zeros((len(y), 1)), np.zeros((2, nq))
@@ -113,7 +113,7 @@ class EventPassage:
             return np.eye(2 * nq)
         ends = np.concatenate([y[:, :nq] - late * v, v - late * a[1]], axis=1)
         up, down = np.split(ends[1:], 2)
-        return np.asarray((up - down).T / (2 * PERTURBED * self.unit[:, None]))
+        return np.asarray((up - down).T / (2 * PERTURBED * self.sizes[:, None]))
 
     @cached_property
     def rates(self) -> Array:

@@ -227,8 +227,8 @@ def _differences(
     """Derivatives of the ends of segments by their starts (q | v) at times, from differences: by a
     coarse integration where that gets to the same ends (q | v)."""
     (y, t, reached), m = planned, 2 * motion.model.nq
-    unit = np.concatenate([motion.sizes.q, motion.sizes.v])
-    changes = PERTURBED * np.vstack([np.zeros(m), np.diag(unit)])
+    sizes = np.concatenate([motion.sizes.q, motion.sizes.v])
+    changes = PERTURBED * np.vstack([np.zeros(m), np.diag(sizes)])
 
     def ends(which: Index, coarse: bool) -> Array:
         """Ends of changed starts, shape (which, changes, m)."""
@@ -240,7 +240,7 @@ def _differences(
 
     every = np.arange(len(y))
     changed = ends(every, True)
-    near = (np.abs(changed[:, 0] - reached) <= COARSE * unit).all(axis=1)
+    near = (np.abs(changed[:, 0] - reached) <= COARSE * sizes).all(axis=1)
     if not near.all():
         changed[~near] = ends(every[~near], False)
-    return np.swapaxes(changed[:, 1:] - changed[:, :1], 1, 2) / (PERTURBED * unit)
+    return np.swapaxes(changed[:, 1:] - changed[:, :1], 1, 2) / (PERTURBED * sizes)

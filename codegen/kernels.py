@@ -54,7 +54,7 @@ class Kernels(Shown):
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""
         m = self.manifest
-        stored = sum(sum(sizes) for sizes in self._sizes.values())
+        stored = sum(sum(counts) for counts in self._counts.values())
         rows = [
             ("model", m.title),
             ("discretisation", f"order {m.order}"),
@@ -187,27 +187,27 @@ class Kernels(Shown):
         return {name: partial(self._on_numpy, name) for name in self.manifest.kernels}
 
     def _on_numpy(self, kernel: str, inputs: tuple[ArrayLike, ...]) -> tuple[Array, ...]:
-        sizes = [size for _, size in self.manifest.kernels[kernel]["inputs"]]
+        counts = [count for _, count in self.manifest.kernels[kernel]["inputs"]]
         arrays = [np.ascontiguousarray(a, dtype=float) for a in inputs]
         rows = [
-            a.reshape(-1, size) if size else a if a.ndim > 1 else a[None]
-            for a, size in zip(arrays, sizes, strict=True)
+            a.reshape(-1, count) if count else a if a.ndim > 1 else a[None]
+            for a, count in zip(arrays, counts, strict=True)
         ]
         n = max(map(len, rows))
-        results = tuple([np.empty((n, size)) for size in self._sizes[kernel]])
+        results = tuple([np.empty((n, count)) for count in self._counts[kernel]])
         self.functions[kernel](*rows, *results)
         return results
 
     @cached_property
     def functions(self) -> Mapping[str, Callable[..., None]]:
         """Each kernel as a function of its inputs and then its outputs, C-contiguous float64
-        arrays of shape (n, size)."""
+        arrays of shape (n, count)."""
         if isinstance(self.module, Library):
             return self.module.functions()
         return {name: getattr(self.module, name) for name in self.manifest.kernels}
 
     @cached_property
-    def _sizes(self) -> dict[str, list[int]]:
+    def _counts(self) -> dict[str, list[int]]:
         """Sizes of the outputs of each kernel."""
         return {
             name: [_size(o) for o in facts["outputs"]]
@@ -219,8 +219,8 @@ class Kernels(Shown):
         derivatives are taken, shape (results,); empty for a kernel that there is not."""
         if not self.has(kernel):
             return np.zeros(0, dtype=bool)
-        ((size,),) = (o["shape"] for o in self.manifest.kernels[kernel]["outputs"])
-        which, by_design = np.zeros(size, dtype=bool), f"{kernel}_design_jac"
+        ((count,),) = (o["shape"] for o in self.manifest.kernels[kernel]["outputs"])
+        which, by_design = np.zeros(count, dtype=bool), f"{kernel}_design_jac"
         if self.has(by_design):
             (matrix,) = self.manifest.kernels[by_design]["outputs"]
             first = matrix["shape"][1] - len(self.design)

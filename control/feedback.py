@@ -210,7 +210,7 @@ def feedback_along(
     motion: Motion, periodic: Mapping[str, Mapping[str, float]], Q: Weight | None, R: Weight | None
 ) -> Feedback:
     """The feedback of a motion; what is given, is said in :func:`dmoc.feedback`."""
-    trajectory, unit, input_unit = motion.trajectory, state_sizes(motion), input_sizes(motion)
+    trajectory, sizes, of_inputs = motion.trajectory, state_sizes(motion), input_sizes(motion)
     names = motion.model.kernels.coordinates
     states, inputs = (*names, *map(velocity_name, names)), tuple(trajectory.inputs)
     if not inputs:
@@ -218,12 +218,12 @@ def feedback_along(
             f"the model {trajectory.model!r} has no inputs: there is nothing to feed back; its "
             "stability is solution.stability()."
         )
-    q = weight_matrix(Q, "Q", states, np.diag(1 / unit**2))
-    r = weight_matrix(R, "R", inputs, np.diag(1 / input_unit**2), definite=True)
-    w = Weights(q * unit * unit[:, None], r * input_unit * input_unit[:, None], unit, input_unit)
+    q = weight_matrix(Q, "Q", states, np.diag(1 / sizes**2))
+    r = weight_matrix(R, "R", inputs, np.diag(1 / of_inputs**2), definite=True)
+    w = Weights(q * sizes * sizes[:, None], r * of_inputs * of_inputs[:, None], sizes, of_inputs)
     phases = [linear_phase(motion, i) for i in range(motion.stepped)]
     jumps = [
-        saltation(motion, i, inputs_at(motion, i)) / unit[:, None] * unit
+        saltation(motion, i, inputs_at(motion, i)) / sizes[:, None] * sizes
         for i in range(len(trajectory.collisions))
     ]
     hamiltonians = [hamiltonian(s, w) for s in phases]
@@ -242,7 +242,7 @@ def feedback_along(
         )
     events = tuple(trajectory.collisions[: len(guides) - 1])
     bounds = np.array(trajectory.input_bounds)
-    P0 = P_along[0][0] / unit / unit[:, None]
+    P0 = P_along[0][0] / sizes / sizes[:, None]
     digest = digest_of(trajectory)
     return Feedback(states, inputs, guides, events, bounds, q, r, P0, digest)
 
@@ -254,20 +254,20 @@ def _again(
     periodic: Mapping[str, Mapping[str, float]],
 ) -> Array:
     """The deviation at the start of a period by that at the end of the one before, in sizes."""
-    unit = state_sizes(motion)
-    whole_motion = np.eye(len(unit))
+    sizes = state_sizes(motion)
+    whole_motion = np.eye(len(sizes))
     for i, s in enumerate(phases):
         for transition in s.transitions():
             whole_motion = transition @ whole_motion
         if i < len(jumps):
-            whole_motion = jumps[i] * unit[:, None] / unit @ whole_motion
+            whole_motion = jumps[i] * sizes[:, None] / sizes @ whole_motion
     again = back(motion, whole_motion, periodic)
     if isinstance(again, str):
         raise SimulationError(
             f"{again.replace('no multipliers', 'no gains that repeat')}: state each of them in "
             "`periodic`, or leave it out, for gains over one period."
         )
-    return again / unit[:, None] * unit
+    return again / sizes[:, None] * sizes
 
 
 def _guide(motion: Motion, i: int, s: LinearPhase, P: Array, w: Weights) -> Guide:
@@ -343,9 +343,9 @@ def weight_matrix(
         raise SimulationError(f"{name} is not symmetric: expected a symmetric matrix.")
     root = np.sqrt(np.diag(default))
     scaled = matrix / root / root[:, None]
-    scale = float(np.abs(scaled).max())
-    least = float(np.linalg.eigvalsh(scaled)[0]) if np.isfinite(scale) else np.nan
-    if not (least > 0 if definite else least >= -ASYMMETRIC * scale):
+    largest = float(np.abs(scaled).max())
+    least = float(np.linalg.eigvalsh(scaled)[0]) if np.isfinite(largest) else np.nan
+    if not (least > 0 if definite else least >= -ASYMMETRIC * largest):
         raise SimulationError(
             f"{name} has the eigenvalue {least:.3g} in sizes of the motion: expected a matrix with "
             f"eigenvalues that are {kind}."

@@ -188,16 +188,16 @@ def _like(rows: Array, x: Array) -> Array:
     return np.repeat(rows, len(x) // len(rows), axis=0)
 
 
-def central_differences(f: Callable[[Array], Array], x: Array, unit: Array) -> Array:
+def central_differences(f: Callable[[Array], Array], x: Array, sizes: Array) -> Array:
     """Derivatives (n, m, k) of a function of rows (n, k) with the values (n, m), by central
     differences in sizes (k,)."""
     n, k = x.shape
     if not k:
         return np.zeros((n, f(x).shape[1], 0))
-    changes = CHANGED * np.vstack([np.diag(unit), -np.diag(unit)])
+    changes = CHANGED * np.vstack([np.diag(sizes), -np.diag(sizes)])
     values = f(np.ascontiguousarray((x[:, None] + changes).reshape(-1, k)))
     both = values.reshape(n, 2, k, -1)
-    return np.swapaxes(both[:, 0] - both[:, 1], 1, 2) / (2 * CHANGED * unit)
+    return np.swapaxes(both[:, 0] - both[:, 1], 1, 2) / (2 * CHANGED * sizes)
 
 
 def input_sizes(motion: Motion) -> Array:
@@ -232,7 +232,7 @@ def saltation(motion: Motion, i: int, u: Array) -> Array:
     SimulationError
         If the event grazes.
     """
-    p, unit, n = motion.passages[i], state_sizes(motion), 2 * motion.model.nq
+    p, sizes, n = motion.passages[i], state_sizes(motion), 2 * motion.model.nq
     nq, time = motion.model.nq, np.array([p.c.time])
     before = np.concatenate([p.before.q[-1], p.before.v[-1]])[None]
     later = np.concatenate([p.after.q[0], p.after.v[0]])[None]
@@ -243,7 +243,7 @@ def saltation(motion: Motion, i: int, u: Array) -> Array:
         return np.hstack([q, p.after_law(q, v, late[:, 0]).velocity])
 
     at = np.hstack([before, [[0.0]]])
-    R = central_differences(law, at, np.append(unit, motion.sizes.time))[0]
+    R = central_differences(law, at, np.append(sizes, motion.sizes.time))[0]
     f0 = state_rates(motion, motion.modes[i], before, u[:1], time)[0]
     f1 = state_rates(motion, motion.modes[i + 1], later, u[1:], time)[0]
     jump = f1 - R[:, :n] @ f0 - R[:, n]
@@ -269,17 +269,17 @@ def timed_inputs_at(motion: Motion, i: int) -> Array:
 def _sooner(motion: Motion, i: int, at: tuple[Array, Array, Array], f: Array) -> Array:
     """Derivatives of the time by which event i comes sooner by the state before it, shape (n,);
     zero where it comes at its time, or where nothing depends on that."""
-    p, unit, (y, u, t) = motion.passages[i], state_sizes(motion), at
+    p, sizes, (y, u, t) = motion.passages[i], state_sizes(motion), at
     value = _ends(motion, i)
     if value is None:
-        return np.zeros(len(unit))
+        return np.zeros(len(sizes))
 
     def along(x: Array) -> Array:
         return value(y + x * f, _like(u, x), t + x[:, 0])
 
-    slope = central_differences(lambda x: value(x, _like(u, x), _like(t, x)), y, unit)[0, 0]
+    slope = central_differences(lambda x: value(x, _like(u, x), _like(t, x)), y, sizes)[0, 0]
     rate = central_differences(along, np.zeros((1, 1)), np.array([motion.sizes.time]))[0, 0, 0]
-    size = float(np.abs(slope) @ unit) / motion.sizes.time
+    size = float(np.abs(slope) @ sizes) / motion.sizes.time
     if abs(rate) > GRAZES * size:
         return np.asarray(slope / rate)
     if p.c.surface:
@@ -288,7 +288,7 @@ def _sooner(motion: Motion, i: int, at: tuple[Array, Array, Array], f: Array) ->
             "it happens, so there is no linearised motion through it; take a motion that hits or "
             "misses the surface clearly."
         )
-    return np.zeros(len(unit))
+    return np.zeros(len(sizes))
 
 
 def _ends(motion: Motion, i: int) -> Callable[[Array, Array, Array], Array] | None:

@@ -30,15 +30,15 @@ class Weights:
 
     Q: Array
     R: Array
-    unit: Array
-    input_unit: Array
+    sizes: Array
+    input_sizes: Array
 
 
 def hamiltonian(phase: LinearPhase, w: Weights) -> Array:
     """Matrices that carry (dy, P dy) through the intervals of a phase, shape (m, 2 n, 2 n)."""
-    n = len(w.unit)
-    A = phase.A / w.unit[:, None] * w.unit
-    B = phase.B / w.unit[:, None] * w.input_unit
+    n = len(w.sizes)
+    A = phase.A / w.sizes[:, None] * w.sizes
+    B = phase.B / w.sizes[:, None] * w.input_sizes
     H = np.zeros((*A.shape[:2], 2 * n, 2 * n))
     H[..., :n, :n], H[..., n:, n:] = A, -np.swapaxes(A, -1, -2)
     H[..., :n, n:] = -B @ np.linalg.solve(w.R, np.swapaxes(B, -1, -2))
@@ -116,16 +116,16 @@ def reachable(
     phases: Sequence[LinearPhase], jumps: Sequence[Array], again: Array, w: Weights
 ) -> Array:
     """The projection (n, n) on the deviations that the inputs reach, in sizes."""
-    n = len(w.unit)
+    n = len(w.sizes)
     monodromy, pushes = again, list[Array]()
     for i in reversed(range(len(phases))):
         if i < len(jumps):
             monodromy = monodromy @ jumps[i]
         s = phases[i]
-        B = s.B[:, 0] / w.unit[:, None] * w.input_unit
+        B = s.B[:, 0] / w.sizes[:, None] * w.input_sizes
         for transition, b in zip(s.transitions()[::-1], B[::-1], strict=True):
             pushes.append(monodromy @ b)
-            monodromy = monodromy @ (transition / w.unit[:, None] * w.unit)
+            monodromy = monodromy @ (transition / w.sizes[:, None] * w.sizes)
     powers = [np.hstack(pushes)]
     for _ in range(n - 1):
         following = monodromy @ powers[-1]
@@ -154,6 +154,6 @@ def gains(B: Array, P: Array, project: Array, w: Weights) -> Array:
     """K (m, nu, n) of du = -K dy where the derivatives by the inputs are B (m, n, nu); of
     deviations that the conditions of the mode do not allow, what remains of them, ``project``
     (m, n, n), counts."""
-    B = B / w.unit[:, None] * w.input_unit
+    B = B / w.sizes[:, None] * w.input_sizes
     K = np.linalg.solve(w.R, np.swapaxes(B, 1, 2)) @ P
-    return np.asarray(w.input_unit[:, None] * K / w.unit @ project)
+    return np.asarray(w.input_sizes[:, None] * K / w.sizes @ project)

@@ -147,26 +147,26 @@ def direction_in_words(states: Sequence[str], direction: Array) -> str:
 def stability(motion: Motion, periodic: Mapping[str, Mapping[str, float]]) -> Stability:
     """The stability of a motion; ``periodic`` are the states at the end as sums of states at the
     start."""
-    model, unit = motion.model, state_sizes(motion)
+    model, sizes = motion.model, state_sizes(motion)
     names = model.kernels.coordinates
     states = (*names, *map(velocity_name, names))
     phases, parts = motion.trajectory.phases, list[Growth]()
     first = allowed(motion, 0, 0)
     whole = projection(motion, motion.modes[0], *_state(motion, 0, 0))[0]
     for i in range(motion.stepped):
-        slope = np.eye(len(unit))
+        slope = np.eye(len(sizes))
         for transition in linear_phase(motion, i).transitions():
             slope = transition @ slope
         basis, time = allowed(motion, i, 0), phases[i].t[0]
-        parts.append(_growth(f"phase {i + 1}, {phases[i].mode}", time, slope, basis, unit))
+        parts.append(_growth(f"phase {i + 1}, {phases[i].mode}", time, slope, basis, sizes))
         whole = slope @ whole
         if i < len(motion.trajectory.collisions):
             c = motion.trajectory.collisions[i]
             slope = saltation(motion, i, timed_inputs_at(motion, i))
-            parts.append(_growth(c.word, c.time, slope, allowed(motion, i, -1), unit))
+            parts.append(_growth(c.word, c.time, slope, allowed(motion, i, -1), sizes))
             whole = slope @ whole
-    growth = _growth("the motion", phases[0].t[0], whole, first, unit)
-    made = Stability(states, unit, tuple(parts), growth, whole)
+    growth = _growth("the motion", phases[0].t[0], whole, first, sizes)
+    made = Stability(states, sizes, tuple(parts), growth, whole)
     return _repeated(motion, made, periodic) if periodic else made
 
 
@@ -179,13 +179,13 @@ def _state(motion: Motion, i: int, k: int) -> tuple[Array, Array]:
 def allowed(motion: Motion, i: int, k: int) -> Array:
     """Deviations at a node that the conditions of its phase allow, in sizes: an orthonormal basis
     (n, k)."""
-    unit = state_sizes(motion)
+    sizes = state_sizes(motion)
     kept = projection(motion, motion.modes[i], *_state(motion, i, k))[0]
-    left, factors, _ = np.linalg.svd(kept / unit[:, None] * unit)
+    left, factors, _ = np.linalg.svd(kept / sizes[:, None] * sizes)
     return np.asarray(left[:, factors > NONE])
 
 
-def _growth(name: str, time: float, slope: Array, basis: Array, unit: Array) -> Growth:
+def _growth(name: str, time: float, slope: Array, basis: Array, sizes: Array) -> Growth:
     """The singular values of a derivative on a basis, in sizes, without those of directions that
     end in no deviation."""
     if not np.isfinite(slope).all():
@@ -193,7 +193,7 @@ def _growth(name: str, time: float, slope: Array, basis: Array, unit: Array) -> 
             f"the linearised motion is not finite in {name}: its forces have no slopes there, or "
             "its mass matrix is singular; keep the motion away from there by bounds."
         )
-    left, factors, right = np.linalg.svd(slope / unit[:, None] * unit @ basis)
+    left, factors, right = np.linalg.svd(slope / sizes[:, None] * sizes @ basis)
     k = max(1, int((factors > NONE * factors[0]).sum()))
     return Growth(name, float(time), factors[:k], right[:k] @ basis.T, left.T[:k])
 
@@ -210,11 +210,11 @@ def _repeated(
         return Stability(
             made.states, made.sizes, made.parts, made.whole, made.transition, notes=(again,)
         )
-    unit, n = made.sizes, len(made.sizes)
+    sizes, n = made.sizes, len(made.sizes)
     monodromy = again @ made.transition
     basis = allowed(motion, 0, 0)
-    scaled = monodromy / unit[:, None] * unit
-    flow, notes = _flow(motion) / unit, tuple[str, ...]()
+    scaled = monodromy / sizes[:, None] * sizes
+    flow, notes = _flow(motion) / sizes, tuple[str, ...]()
     along = basis @ (basis.T @ flow)
     if depends_on_time(motion):
         notes = ("multipliers of deviations at one time: the motion depends on the time",)
@@ -232,7 +232,7 @@ def _repeated(
     order = np.argsort(-np.abs(values), kind="stable")
     directions = (basis @ vectors[:, order]).T.reshape(-1, n)
     return Stability(
-        made.states, unit, made.parts, made.whole, made.transition, monodromy,
+        made.states, sizes, made.parts, made.whole, made.transition, monodromy,
         values[order].astype(complex), directions.astype(complex), notes,
     )  # fmt: skip
 
@@ -261,7 +261,7 @@ def back(
 
     Coordinates that it leaves out go on as they are, if no other deviation depends on them.
     """
-    motion_names, unit = motion.model.kernels.coordinates, state_sizes(motion)
+    motion_names, sizes = motion.model.kernels.coordinates, state_sizes(motion)
     first, last = motion.trajectory.phases[0], motion.trajectory.phases[-1]
     ends = _state_slopes(motion, last.q[-1], last.v[-1], last.t[-1])
     starts = _state_slopes(motion, first.q[0], first.v[0], first.t[0])
@@ -271,18 +271,18 @@ def back(
         if unknown:
             return f"no multipliers: periodic names {unknown[0]!r}, which is no state"
         left.append(ends[end])
-        right.append(sum((f * starts[name] for name, f in terms.items()), np.zeros(len(unit))))
+        right.append(sum((f * starts[name] for name, f in terms.items()), np.zeros(len(sizes))))
     named = {*periodic, *(name for terms in periodic.values() for name in terms)}
     for k, name in enumerate(motion_names):
-        others = np.delete(transition[:, k] / unit * unit[k], k)
+        others = np.delete(transition[:, k] / sizes * sizes[k], k)
         if (
             name not in named
             and np.abs(others).max(initial=0.0)
-            <= NONE * np.abs(transition / unit[:, None] * unit).max()
+            <= NONE * np.abs(transition / sizes[:, None] * sizes).max()
         ):
             left.append(ends[name])
             right.append(starts[name])
-    basis = allowed(motion, 0, 0) * unit[:, None]
+    basis = allowed(motion, 0, 0) * sizes[:, None]
     A = np.array(right) @ basis
     size = np.linalg.norm(A, axis=1)
     size = np.where(size > 0, size, 1.0)[:, None]

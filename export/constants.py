@@ -16,7 +16,7 @@ class Constants:
     def __init__(self) -> None:
         self.names: dict[tuple[str, bytes], str] = {}
         self.lines: list[str] = []
-        self.size = 0  # bytes
+        self.bytes = 0  # bytes
 
     def array(self, kind: str, values: Any) -> str:
         """The name of an array of doubles, ints or ptrdiff_ts; NULL for none."""
@@ -27,7 +27,7 @@ class Constants:
         if key not in self.names:
             self.names[key] = f"{kind[0]}{len(self.names)}"
             self._write(kind, self.names[key], len(flat), map(literal, flat.tolist()))
-            self.size += len(flat) * (4 if kind == "int" else 8)
+            self.bytes += len(flat) * (4 if kind == "int" else 8)
         return self.names[key]
 
     def structs(self, kind: str, name: str, rows: Sequence[str]) -> str:
@@ -37,8 +37,8 @@ class Constants:
         self.lines += [f"static const {kind} {name}[] = {{", *(f"    {r}," for r in rows), "};"]
         return name
 
-    def _write(self, kind: str, name: str, size: int, values: Iterable[str]) -> None:
-        self.lines.append(f"static const {kind} {name}[{size}] = {{")
+    def _write(self, kind: str, name: str, count: int, values: Iterable[str]) -> None:
+        self.lines.append(f"static const {kind} {name}[{count}] = {{")
         line = "   "
         for value in values:
             if len(line) + len(value) > WIDTH - 2:

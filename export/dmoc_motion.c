@@ -339,7 +339,7 @@ void carried_read_out(dmoc_solver *s)
     const size_t rows = rows_of(c);
     double t = 0, *at = s->results + 2*rows*(size_t)c->places.nq;
     for (ptrdiff_t i = 0; i < s->program.n; ++i)
-        s->physical[i] = s->x[i]*s->program.unit[i];
+        s->physical[i] = s->x[i]*s->program.sizes[i];
     for (int i = 0, node = 0; i < c->phases; ++i)
         for (int k = 0; k < c->steps[i]; ++k) {
             s->times[node++] = t;

@@ -77,7 +77,7 @@ static int set_state(dmoc_solver *s, const dmoc_state *state, int phase)
     for (int i = 0; i < p->nq; ++i) {
         const int unknown = state->momentum[i];
         s->array[DMOC_LOWER][unknown] = s->array[DMOC_UPPER][unknown] =
-            momentum[i]/s->program.unit[unknown];
+            momentum[i]/s->program.sizes[unknown];
     }
     if (p->gap_rate) {
         carried_call(p->gap_rate, in, rate, NULL);
@@ -127,7 +127,7 @@ static int has_mass(dmoc_solver *s, const double *parameters)
     for (int i = 0; i < s->c->places.nq; ++i) {
         const int at = s->c->places.q + i;
         q[i] = fmin(fmax(s->x[at], s->array[DMOC_LOWER][at]), s->array[DMOC_UPPER][at])*
-               s->program.unit[at];
+               s->program.sizes[at];
     }
     return carried_mass_at(s, q, 0, parameters);
 }

@@ -211,11 +211,11 @@ static int go_on(dmoc_planner *p, double time, double left, double arrival)
     const double lasts = fmin(arrival, LATE*left);
     if (status != DMOC_SOLVED)
         return status;
-    s->x[0] = lasts/steps/s->program.unit[0];
+    s->x[0] = lasts/steps/s->program.sizes[0];
     for (const dmoc_track *t = s->c->rest.unknown; t < s->c->rest.unknown + s->c->rest.unknowns; ++t)
         for (int k = 0; k < t->count && t->kind == DMOC_COORDINATE; ++k) {
             const int i = t->coordinate, at = t->index[k];
-            s->x[at] = (p->state[i] + t->at[k]*lasts*p->state[n + i])/s->program.unit[at];
+            s->x[at] = (p->state[i] + t->at[k]*lasts*p->state[n + i])/s->program.sizes[at];
         }
     s->warm = 0;
     return DMOC_SOLVED;

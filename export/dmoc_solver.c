@@ -209,9 +209,9 @@ int dmoc_solver_rows(const dmoc_carried *c) { return (int)c->program.m; }
 void dmoc_solver_multipliers(const dmoc_solver *s, double *y, double *z)
 {
     const ptrdiff_t n = s->program.n, m = s->program.m;
-    const double *inverse = s->program.unit + n; /* of the sizes of rows, then that of the cost */
+    const double *inverse = s->program.sizes + n; /* of the sizes of rows, then that of the cost */
     for (ptrdiff_t r = 0; r < m; ++r)
         y[r] = s->y[r]*inverse[r]*s->c->cost;
     for (ptrdiff_t i = 0; i < n; ++i)
-        z[i] = s->z[i]/s->program.unit[i]*s->c->cost;
+        z[i] = s->z[i]/s->program.sizes[i]*s->c->cost;
 }

@@ -21,7 +21,7 @@ void dmoc_solver_from_first_motion(dmoc_solver *s)
 void dmoc_solver_from(dmoc_solver *s, const double *unknowns)
 {
     for (ptrdiff_t i = 0; i < s->program.n; ++i)
-        s->x[i] = unknowns[i]/s->program.unit[i];
+        s->x[i] = unknowns[i]/s->program.sizes[i];
     s->warm = 0;
 }
 
@@ -206,7 +206,7 @@ int dmoc_solver_shift(dmoc_solver *s, double elapsed)
         for (int k = 0; k < t->count && t->kind == DMOC_COORDINATE; ++k) {
             const int at = t->index[k];
             state_at(s, gone + (1 - gone)*t->at[k], q, NULL);
-            s->x[at] = q[t->coordinate]/s->program.unit[at];
+            s->x[at] = q[t->coordinate]/s->program.sizes[at];
         }
     }
     for (const dmoc_track *t = rest->row; t < rest->row + rest->rows; ++t)

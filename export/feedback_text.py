@@ -33,6 +33,6 @@ def feedback_facts(feedback: Feedback) -> dict[str, Any]:
         phases.append(initial(literal(g.begin), literal(g.end), len(g.t), *tables))
     low, high = (c.array("double", bound) for bound in feedback.bounds.T)
     return {
-        "tables": c.lines, "phases": phases, "low": low, "high": high, "table_bytes": c.size,
+        "tables": c.lines, "phases": phases, "low": low, "high": high, "table_bytes": c.bytes,
         "states": feedback.states, "inputs": feedback.inputs,
     }  # fmt: skip

@@ -134,8 +134,8 @@ def work_of(nlp: Transcription) -> int:
         len(nlp.kernels.pattern(slopes, matrix)[0])
         for kind, (slopes, _, matrix) in KINDS.items() if names[kind]
     )  # fmt: skip
-    sizes = 2 * n * n + 4 * n + 3 * k * n + k * k + 3 * k + entries
-    return sizes + int(nlp.par.shape[1]) + model.nu + 3 * model.nc + model.nj + 8 * model.nt
+    doubles = 2 * n * n + 4 * n + 3 * k * n + k * k + 3 * k + entries
+    return doubles + int(nlp.par.shape[1]) + model.nu + 3 * model.nc + model.nj + 8 * model.nt
 
 
 def has_rest(nlp: Transcription, numbers: SolverNumbers) -> bool:

@@ -201,11 +201,11 @@ def numbers_of(nlp: Transcription) -> SolverNumbers:
 def _in_short(data: ProgramData, numbers: SolverNumbers) -> SolverNumbers:
     """The same numbers with only those factors that are moved, which come last."""
     others = sum(map(len, moved_arrays(data, ())))
-    sizes = np.array([r.factors(data).size for r in numbers.results])
-    ends, moved = others + np.cumsum(sizes), np.zeros(len(sizes), dtype=bool)
+    counts = np.array([r.factors(data).size for r in numbers.results])
+    ends, moved = others + np.cumsum(counts), np.zeros(len(counts), dtype=bool)
     for n in numbers.taken:
         moved[np.searchsorted(ends, n.entries[n.entries >= others], side="right")] = True
-    gone = np.concatenate([np.zeros(others, np.intp), np.repeat(~moved, sizes).cumsum()])
+    gone = np.concatenate([np.zeros(others, np.intp), np.repeat(~moved, counts).cumsum()])
     taken = tuple(replace(n, entries=n.entries - gone[n.entries]) for n in numbers.taken)
     results = tuple(r for r, is_moved in zip(numbers.results, moved, strict=True) if is_moved)
     return replace(numbers, taken=taken, results=results)
@@ -342,7 +342,7 @@ def _moved(nlp: Transcription, base: ProgramData, number: Number, steps: float) 
     if moved.m == base.m or not states or Layout.of(problem).size != base.n:
         return moved
     bounds = limits(problem, nlp.layout, nlp.laws, nlp.scale, ())
-    lower, upper = (bound / nlp.unit for bound in bounds)
+    lower, upper = (bound / nlp.sizes for bound in bounds)
     return replace(base, lower=lower, upper=upper)
 
 
@@ -367,7 +367,7 @@ def _same_form(a: ProgramData, b: ProgramData) -> bool:
         return False
     patterns = zip((*a.jacobian, *a.hessian), (*b.jacobian, *b.hessian), strict=True)
     passes = ((a.values, b.values), (a.slopes, b.slopes), (a.curvatures, b.curvatures))
-    same = np.array_equal(a.unit, b.unit) and all(np.array_equal(x, y) for x, y in patterns)
+    same = np.array_equal(a.sizes, b.sizes) and all(np.array_equal(x, y) for x, y in patterns)
     return same and all(_same_pass(x, y) for x, y in passes)
 
 

@@ -74,7 +74,7 @@ def program_text(carried: CarriedProgram) -> tuple[list[str], int]:
     ]  # fmt: skip
     program = initial(
         data.n, data.m, data.equalities, c.array("double", data.lower),
-        c.array("double", data.upper), c.array("double", data.unit), "NULL", *passes,
+        c.array("double", data.upper), c.array("double", data.sizes), "NULL", *passes,
         *(c.array("int", a) for a in (*data.jacobian, *data.hessian)),
     )  # fmt: skip
     kkt = initial(
@@ -102,7 +102,7 @@ def program_text(carried: CarriedProgram) -> tuple[list[str], int]:
         c.array("double", carried.duals.z), c.array("double", carried.first),
     ]  # fmt: skip
     last = [f"const dmoc_carried {carried.name}_problem = {{", *(f"    {f}," for f in fields), "};"]
-    return [*c.lines, "", *last], c.size
+    return [*c.lines, "", *last], c.bytes
 
 
 def tables_of(nlp: Transcription) -> list[Block]:
@@ -123,7 +123,7 @@ def _entries(c: Constants, kernels: Kernels, names: Sequence[str]) -> Mapping[st
     for name in names:
         described = kernels.manifest.kernels[name]
         inputs = [(a, int(size)) for a, size in described["inputs"]]
-        outputs = [(o["name"], size_of(o)) for o in described["outputs"]]
+        outputs = [(o["name"], count_of(o)) for o in described["outputs"]]
         arrays = [initial(f'"{a}"', size) for a, size in (*inputs, *outputs)]
         c.structs("dmoc_array", f"{name}_arrays", arrays)
         function = f"{kernels.name}_{name}"
@@ -161,7 +161,7 @@ def _element(c: Constants, entries: Mapping[str, str], data: ElementData) -> str
     return initial(entries[data.kernel], n, *lists)
 
 
-def size_of(output: Mapping[str, Any]) -> int:
+def count_of(output: Mapping[str, Any]) -> int:
     """Values of one row of a kernel's output."""
     return len(output["rows"]) if "rows" in output else int(np.prod(output["shape"]))
 

@@ -30,10 +30,10 @@ from dmoc.export.motion_text import derived_tables, momenta_of, work_of
 from dmoc.export.numbers import moved_arrays, numbers_of
 from dmoc.export.program_text import (
     CarriedProgram,
+    count_of,
     elements_moved,
     program_text,
     shape_of,
-    size_of,
     tables_of,
 )
 from dmoc.export.rests_text import carried_rests, planner_doubles, rests_facts
@@ -334,7 +334,7 @@ def _scratch(nlp: Transcription) -> int:
 
     def of(element: ElementData) -> int:
         gathered = sum(int(a.shape[1]) for a in element.arguments if strided(a) is None)
-        return gathered + sum(size_of(o) for o in kernels[element.kernel]["outputs"])
+        return gathered + sum(count_of(o) for o in kernels[element.kernel]["outputs"])
 
     passes = data.values, data.slopes, data.curvatures, momenta_of(nlp)
     every = (e for p in passes for e in p.elements)

@@ -306,5 +306,5 @@ def _input_ranges(box):
     low, high = box.T
     sizes = np.where(np.isfinite(box), np.abs(box), 0.0).max(axis=1, initial=0.0)
     with np.errstate(invalid="ignore"):
-        scale = np.where(np.isfinite(high - low) & (high > low), high - low, sizes)
-    return np.where(scale > 0, scale, 1.0)
+        ranges = np.where(np.isfinite(high - low) & (high > low), high - low, sizes)
+    return np.where(ranges > 0, ranges, 1.0)

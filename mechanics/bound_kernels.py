@@ -149,9 +149,9 @@ class BoundKernels:
         results = self.kernels.call(kernel, q, *rows, self.par)
         return results if q.ndim > 1 else tuple([a[0] for a in results])
 
-    def _values(self, kernel: str, size: int, q: Array, *rows: ArrayLike) -> Array:
-        """The only result of a kernel, shape (..., size); without values a model has no kernel."""
-        return self._at(kernel, q, *rows)[0] if size else np.zeros((*q.shape[:-1], 0))
+    def _values(self, kernel: str, count: int, q: Array, *rows: ArrayLike) -> Array:
+        """The only result of a kernel, shape (..., count); without values a model has no kernel."""
+        return self._at(kernel, q, *rows)[0] if count else np.zeros((*q.shape[:-1], 0))
 
     def _matrix(self, name: str, shape: tuple[int, int], q: Array, *rows: ArrayLike) -> Array:
         """A matrix of first derivatives, the one of its kernel; a model has none of no rows."""
@@ -159,19 +159,19 @@ class BoundKernels:
             return np.zeros((*q.shape[:-1], *shape))
         return self._full(name, self._at(MATRICES[name], q, *rows)[0])
 
-    def _bent(self, rate_D: str, size: int, q: Array, v: Array, t: ArrayLike) -> Array:
-        """Changes of rates along v and with the time, without acceleration, shape (..., size)."""
-        slopes = self._matrix(rate_D, (size, 2 * self.nq + 1), q, v, t)
+    def _bent(self, rate_D: str, count: int, q: Array, v: Array, t: ArrayLike) -> Array:
+        """Changes of rates along v and with the time, without acceleration, shape (..., count)."""
+        slopes = self._matrix(rate_D, (count, 2 * self.nq + 1), q, v, t)
         along = (slopes[..., : self.nq] @ v[..., None])[..., 0]
         return np.asarray(along + slopes[..., 2 * self.nq])
 
-    def _sizes(self, kernel: str, size: int, q: Array, t: float) -> Array:
+    def _sizes(self, kernel: str, count: int, q: Array, t: float) -> Array:
         """Sizes of the values of a kernel at one position: the sum of what each coordinate and
-        each parameter contributes, shape (size,)."""
+        each parameter contributes, shape (count,)."""
         numbers = np.concatenate([q, self.par[0]])
         nudged = (1 + NUDGE * np.eye(numbers.size + 1, numbers.size, -1)) * numbers
         places, values = nudged[:, : self.nq], nudged[:, self.nq :]
-        results = self.kernels.call(kernel, places, t, values)[0] if size else np.zeros((2, 0))
+        results = self.kernels.call(kernel, places, t, values)[0] if count else np.zeros((2, 0))
         return np.asarray(np.abs(results[1:] - results[0]).sum(axis=0) / NUDGE)
 
     def _state(self, v: Array | None) -> Array:

@@ -136,8 +136,8 @@ def _check_path(problem: Problem, end: str, boundary: Boundary) -> None:
     v = None if moves else fixed_velocity(boundary, problem, q)
     t = 0.0 if end == "start" else _fixed_end_time(problem)
     at = q, np.zeros(problem.nq) if v is None else v, np.zeros(problem.nu), t or 0.0
-    kept, scale = problem.model.path_at(*at), problem.model.path_terms(*at)
-    for row, value, size in zip(rows, kept, scale, strict=True):
+    kept, sizes = problem.model.path_at(*at), problem.model.path_terms(*at)
+    for row, value, size in zip(rows, kept, sizes, strict=True):
         unknown = row["inputs"] or (row["velocities"] and v is None) or row["name"] in chosen
         unknown |= row["time"] and t is None
         if not unknown and fixed[row["coordinates"]].all() and value < -KEPT * size:

@@ -77,7 +77,7 @@ class ProgramData:
     upper: Array
     # What x, y and sigma are multiplied by (n + m + 1,): the sizes of the unknowns, the inverse
     # sizes of the constraints and that of the cost.
-    unit: Array
+    sizes: Array
     pool: Array  # as it is before the first evaluation: zeros, parameters, and shares
     values: PassData  # to (f | c | d)
     slopes: PassData  # to the gradient of f, dense, and the entries of d(c | d)/dx

@@ -187,7 +187,7 @@ cdef class Program:
     ``like`` is another program of the same kernels, with which it may share positions."""
     cdef dmoc_program c
     cdef Pass _values, _slopes, _curvatures
-    cdef double[::1] pool, lower, upper, unit
+    cdef double[::1] pool, lower, upper, sizes
     cdef const int[::1] row_start, column, hess_start, hess_column
     cdef readonly bint compiled
     cdef readonly object data
@@ -196,11 +196,11 @@ cdef class Program:
         cdef ptrdiff_t n = data.n, m = data.m
         self.data = data
         self.lower, self.upper = np.append(data.lower, 0.0), np.append(data.upper, 0.0)
-        self.unit = np.ascontiguousarray(data.unit, dtype=np.float64)
+        self.sizes = np.ascontiguousarray(data.sizes, dtype=np.float64)
         self.pool = np.append(data.pool, 0.0)
-        sizes = len(data.upper), len(data.unit), min(len(data.pool), n + m + 2)
-        if sizes != (n, n + m + 1, n + m + 2):
-            raise ValueError(f"expected bounds of {n} unknowns and units of {n + m + 1} numbers")
+        lengths = len(data.upper), len(data.sizes), min(len(data.pool), n + m + 2)
+        if lengths != (n, n + m + 1, n + m + 2):
+            raise ValueError(f"expected bounds of {n} unknowns and sizes of {n + m + 1} numbers")
         passes, size = (data.values, data.slopes, data.curvatures), len(data.pool)
         kept = (None, None, None)
         if like is not None and len(like.pool) == size + 1:
@@ -212,7 +212,7 @@ cdef class Program:
         self.compiled = kernels.backend == "compiled"
         self.c.n, self.c.m, self.c.equalities = n, m, data.equalities
         self.c.lower, self.c.upper = &self.lower[0], &self.upper[0]
-        self.c.pool, self.c.unit = &self.pool[0], &self.unit[0]
+        self.c.pool, self.c.sizes = &self.pool[0], &self.sizes[0]
         self.c.values, self.c.slopes = self._values.c, self._slopes.c
         self.c.curvatures = self._curvatures.c
         self.c.row_start, self.c.column = &self.row_start[0], &self.column[0]
@@ -246,6 +246,6 @@ cdef class Program:
         if y.shape[0] != self.c.m:
             raise ValueError(f"expected {self.c.m} multipliers")
         for r in range(self.c.m):
-            self.pool[self.c.n + r] = self.unit[self.c.n + r] * y[r]
-        self.pool[self.c.n + self.c.m] = self.unit[self.c.n + self.c.m] * sigma
+            self.pool[self.c.n + r] = self.sizes[self.c.n + r] * y[r]
+        self.pool[self.c.n + self.c.m] = self.sizes[self.c.n + self.c.m] * sigma
         return self._curvatures.run(self.pool)

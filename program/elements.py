@@ -65,9 +65,9 @@ class Numbers:
     constants: Array  # of all rows, (m,)
     lower: Array  # bounds of the scaled unknowns, (n,)
     upper: Array
-    unit: Array  # sizes of the unknowns, (n,)
-    row_unit: Array  # of the constraints, (m,)
-    cost_unit: float
+    sizes: Array  # sizes of the unknowns, (n,)
+    row_sizes: Array  # of the constraints, (m,)
+    cost_size: float
 
 
 @record(frozen=True, eq=False)
@@ -197,7 +197,7 @@ def assembled(structure: Structure, numbers: Numbers) -> Assembled:
     """The program of one problem: its three passes over elements."""
     form, none = structure.form, np.zeros(0, dtype=np.intp)
     n, m, at = form.n, form.m, form.linear
-    inverse = 1 / np.concatenate([[numbers.cost_unit], numbers.row_unit])  # of (f | c | d)
+    inverse = 1 / np.concatenate([[numbers.cost_size], numbers.row_sizes])  # of (f | c | d)
     linear, ones = at.factors * inverse[structure.linear_rows], np.ones(1)
     values = PassData(
         np.concatenate([[0.0], numbers.constants * inverse[1:]]),
@@ -207,15 +207,15 @@ def assembled(structure: Structure, numbers: Numbers) -> Assembled:
         *structure.values.filled(inverse, ones),
     )
     constant = np.zeros(n + structure.jacobian.size)
-    constant[n + structure.linear_slots] = linear * numbers.unit[at.columns]
-    slopes = structure.slopes.filled(inverse, numbers.unit)
-    curvatures = structure.curvatures.filled(numbers.unit, numbers.unit)
+    constant[n + structure.linear_slots] = linear * numbers.sizes[at.columns]
+    slopes = structure.slopes.filled(inverse, numbers.sizes)
+    curvatures = structure.curvatures.filled(numbers.sizes, numbers.sizes)
     zeros = np.zeros(structure.hessian.size)
     data = ProgramData(
         equalities=form.equalities,
         lower=numbers.lower,
         upper=numbers.upper,
-        unit=np.concatenate([numbers.unit, inverse[1:], inverse[:1]]),
+        sizes=np.concatenate([numbers.sizes, inverse[1:], inverse[:1]]),
         pool=np.concatenate([np.zeros(n + m + 2), numbers.parameters, numbers.shares]),
         values=values,
         slopes=PassData(constant, none, none, np.zeros(0), *slopes),

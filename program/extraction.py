@@ -140,7 +140,7 @@ def _totals(nlp: Transcription, x: Array) -> dict[str, float]:
     values = totals_at(nlp.problem, lay, x).tolist()
     totals = dict(zip(model.totals_of, values, strict=True))
     totals.pop("final_time", None)
-    peaks = x[lay.index_peaks] - loose_peaks(nlp, x / nlp.unit) * nlp.scale.peaks
+    peaks = x[lay.index_peaks] - loose_peaks(nlp, x / nlp.sizes) * nlp.scale.peaks
     return totals | dict(zip(model.peak_names, peaks.tolist(), strict=True))
 
 
@@ -303,8 +303,8 @@ def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[
     """Multipliers by kind of constraint, in units of the problem, shape (count,), from y, w and z
     as in :func:`multiplier_vectors`; those of the momentum equations in the shape (nodes, nq),
     "bounds" those of the unknowns."""
-    units = _units_of_multipliers(nlp)
-    y, w, z = y * units[0], w * units[1], z * units[2]
+    sizes = _sizes_of_multipliers(nlp)
+    y, w, z = y * sizes[0], w * sizes[1], z * sizes[2]
     both = np.concatenate([y, w])
     named = {b.name: both[b.numbers] for b in (*nlp.equalities, *nlp.inequalities) if b.count}
     named["momentum"] = named["momentum"].reshape(-1, nlp.layout.nq)
@@ -326,12 +326,12 @@ def multiplier_vectors(
         return np.concatenate([*fitting, np.zeros(0)])
 
     z = np.asarray(named.get("bounds", ()))
-    units = _units_of_multipliers(nlp)
+    sizes = _sizes_of_multipliers(nlp)
     z = z if len(z) == nlp.n else np.zeros(nlp.n)
     return (
-        collected(nlp.equalities) / units[0],
-        collected(nlp.inequalities) / units[1],
-        z / units[2],
+        collected(nlp.equalities) / sizes[0],
+        collected(nlp.inequalities) / sizes[1],
+        z / sizes[2],
     )
 
 
@@ -349,7 +349,7 @@ def stated_as(problem: Problem, named: Mapping[str, Array]) -> Problem:
     return problem.in_rates() if stated_in_rates(problem, named) else problem
 
 
-def _units_of_multipliers(nlp: Transcription) -> tuple[Array, Array, Array]:
+def _sizes_of_multipliers(nlp: Transcription) -> tuple[Array, Array, Array]:
     """Units of y, w and z: that of the cost by those of constraints and unknowns."""
-    rows = nlp.scale.cost / nlp.row_unit
-    return rows[: nlp.n_eq], rows[nlp.n_eq :], nlp.scale.cost / nlp.unit
+    rows = nlp.scale.cost / nlp.row_sizes
+    return rows[: nlp.n_eq], rows[nlp.n_eq :], nlp.scale.cost / nlp.sizes

@@ -138,7 +138,7 @@ class WithMinimalTimes(Transcription):
         Without an estimate nothing is demanded.
         """
         at = _unknowns(self.layout, i)
-        y = x[at] * self.unit[at]
+        y = x[at] * self.sizes[at]
         last = self._last.get(i)
         if last is None or not np.array_equal(last[0], y):
             steps, at_h = self.layout.steps[i], 2 * self.layout.nq
@@ -152,7 +152,7 @@ class WithMinimalTimes(Transcription):
             last = self._last[i] = (
                 y,
                 left,
-                (slope * self.unit[at] / self.scale.time)[np.argsort(at)],
+                (slope * self.sizes[at] / self.scale.time)[np.argsort(at)],
             )
         return last[1], last[2]
 
@@ -160,15 +160,15 @@ class WithMinimalTimes(Transcription):
         """Second derivative of T_i - T_min in the sorted scaled unknowns, by central differences
         of its gradient."""
         at = _unknowns(self.layout, i)
-        order, unit = np.argsort(at), self.unit[at]
-        y = x[at] * unit
+        order, sizes = np.argsort(at), self.sizes[at]
+        y = x[at] * sizes
         curvature = np.empty((len(y), len(y)))
         for j in range(len(y)):
-            step = CHANGE * max(abs(y[j]), 1e-3 * unit[j])
+            step = CHANGE * max(abs(y[j]), 1e-3 * sizes[j])
             ends = [y.copy(), y.copy()]
             ends[0][j] -= step
             ends[1][j] += step
             below, above = (_minimal_time(self.problem, self.layout, e, i)[1] for e in ends)
             curvature[j] = (below - above) / (2 * step)
-        curvature = (curvature + curvature.T) / 2 * np.outer(unit, unit) / self.scale.time
+        curvature = (curvature + curvature.T) / 2 * np.outer(sizes, sizes) / self.scale.time
         return np.asarray(curvature[np.ix_(order, order)])

@@ -72,5 +72,5 @@ void dmoc_assemble(const dmoc_pass *pass, const double *pool, double *target)
 void dmoc_put(const dmoc_program *program, const double *x)
 {
     for (ptrdiff_t i = 0; i < program->n; ++i)
-        program->pool[i] = program->unit[i]*x[i];
+        program->pool[i] = program->sizes[i]*x[i];
 }

@@ -39,7 +39,7 @@ typedef struct {
 /* A nonlinear program: minimise f subject to c = 0, d >= 0, lower <= x <= upper, with rows
  * (c | d), m of them, and r = (f | c | d).
  *   pool = (x[n] | y[m] | sigma | 0 | parameters), each of the first n + m + 1 multiplied by its
- *     unit[n + m + 1]: dmoc_put
+ *     sizes[n + m + 1]: dmoc_put
  *   values: r[1 + m]
  *   slopes: gradient[n], then the entries of d(c | d)/dx by rows: row_start[m + 1], column[entries]
  *   curvatures: the entries of the upper triangle of the Hessian of sigma f + y . (c | d), by rows:
@@ -48,7 +48,7 @@ typedef struct {
 typedef struct {
     ptrdiff_t n, m, equalities;
     const double *lower, *upper;
-    const double *unit;
+    const double *sizes;
     double *pool;
     dmoc_pass values, slopes, curvatures;
     const int *row_start, *column;

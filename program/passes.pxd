@@ -25,7 +25,7 @@ cdef extern from "passes.h" nogil:
         ptrdiff_t n, m, equalities
         const double *lower
         const double *upper
-        const double *unit
+        const double *sizes
         double *pool
         dmoc_pass values, slopes, curvatures
         const int *row_start

@@ -118,7 +118,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
     with np.errstate(all="ignore"):
         reached = _reached(problem, lay, x)
         scale = _of_motion(problem, lay, x, reached, minimum)
-        sizes = lay.units(scale)
+        sizes = lay.sizes(scale)
         local = _local(lay, sizes)
         cost = _cost(problem, lay, x, reached, (sizes, local, scale.v))
         scale = replace(scale, cost=cost / (MINIMUM_COST if minimum else FIRST_COST))

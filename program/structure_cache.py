@@ -92,7 +92,7 @@ class Structures:
         for key, structure in self._structures.items():
             added = structure.additions
             if self._counted.get(key, (0, -1))[1] != added:
-                self._counted[key] = size_of(structure, set()), added
+                self._counted[key] = bytes_of(structure, set()), added
         total = sum(size for size, _ in self._counted.values())
         while len(self._structures) > 1 and (len(self._structures) > MOST or total > MOST_BYTES):
             oldest, _ = self._structures.popitem(last=False)
@@ -136,7 +136,7 @@ def digest(form: Form, blocks: Iterable[Block]) -> bytes:
     return hashlib.sha256(b"".join([head, *[a.tobytes() for a in arrays]])).digest()
 
 
-def size_of(value: Any, counted: set[int]) -> int:
+def bytes_of(value: Any, counted: set[int]) -> int:
     """Bytes of the arrays in a value, each counted once."""
     if id(value) in counted:
         return 0
@@ -144,11 +144,11 @@ def size_of(value: Any, counted: set[int]) -> int:
     if hasattr(value, "nbytes"):
         return int(value.nbytes)
     if isinstance(value, Mapping):
-        return sum(size_of(part, counted) for part in value.values())
+        return sum(bytes_of(part, counted) for part in value.values())
     if isinstance(value, (tuple, list)):
-        return sum(size_of(part, counted) for part in value)
+        return sum(bytes_of(part, counted) for part in value)
     if is_dataclass(value) and hasattr(value, "__dict__") and not isinstance(value, type):
         if hasattr(value, "manifest"):  # kernels, which are the caller's
             return 0
-        return sum(size_of(getattr(value, f.name), counted) for f in fields(value))
-    return size_of(value.data, counted) if hasattr(value, "data") else 0  # a compiled program
+        return sum(bytes_of(getattr(value, f.name), counted) for f in fields(value))
+    return bytes_of(value.data, counted) if hasattr(value, "data") else 0  # a compiled program

@@ -2,7 +2,7 @@
 derivatives.
 
 Everything here works on scaled unknowns and returns scaled values (:mod:`dmoc.program.scaling`): x
-of :class:`Transcription` is x divided by ``unit``, a row of (c | d) is divided by its ``row_unit``.
+of :class:`Transcription` is x divided by ``sizes``, a row of (c | d) by its ``row_sizes``;
 :meth:`Transcription.physical` and :meth:`Transcription.scaled` convert.
 """
 
@@ -50,7 +50,7 @@ class Transcription(Evaluator):
         The table of the constraints.
     scale : Scale
         Sizes; none by default, so that x and r are in units of the problem.
-    unit, row_unit : arrays, shape (n,), (n_eq + n_in,)
+    sizes, row_sizes : arrays, shape (n,), (n_eq + n_in,)
         Sizes of the unknowns and of the constraints.
     lower, upper : arrays, shape (n,)
         Bounds of the scaled unknowns; ``limits`` are those of the unknowns.
@@ -92,11 +92,11 @@ class Transcription(Evaluator):
         self.n = self.layout.size
         self.n_eq, self.n_in = self.laws.n_eq, self.laws.n_in
         self.scaled_by_sizes = scale is not None
-        self.unit = self.layout.units(self.scale) if self.scaled_by_sizes else np.ones(self.n)
-        self.lower, self.upper = (limit / self.unit for limit in self.limits)
+        self.sizes = self.layout.sizes(self.scale) if self.scaled_by_sizes else np.ones(self.n)
+        self.lower, self.upper = (limit / self.sizes for limit in self.limits)
 
     @cached_property
-    def row_unit(self) -> Array:
+    def row_sizes(self) -> Array:
         """Sizes of the rows (c | d), shape (n_eq + n_in,)."""
         if not self.scaled_by_sizes:
             return np.ones(self.n_eq + self.n_in)
@@ -125,7 +125,7 @@ class Transcription(Evaluator):
                 constants[row] = constant
         numbers = Numbers(
             self.par[0], shares_of(self.layout.scheme), constants, self.lower, self.upper,
-            self.unit, self.row_unit[:m], self.scale.cost,
+            self.sizes, self.row_sizes[:m], self.scale.cost,
         )  # fmt: skip
         return assembled(self.structure, numbers)
 
@@ -164,7 +164,7 @@ class Transcription(Evaluator):
         return self._remembered("physical", self._physical, x)
 
     def _physical(self, x: Array) -> Array:
-        y = x * self.unit
+        y = x * self.sizes
         for limit, close in zip(self.limits, self._rounding, strict=True):
             y = np.where(np.abs(y - limit) <= close, limit, y)
         return np.asarray(y)
@@ -177,7 +177,7 @@ class Transcription(Evaluator):
 
     def scaled(self, y: Array) -> Array:
         """Scaled unknowns from those in units of the problem, shape (n,) each."""
-        return np.asarray(y / self.unit)
+        return np.asarray(y / self.sizes)
 
     def momenta(self, x: Array) -> tuple[Array, Array]:
         """Return p at the start and at the end of every step in units of the problem, shape

@@ -156,7 +156,7 @@ class Unknowns:
         """Names of all unknowns in the user's words, in the order of x."""
         return [b.name_of(i) for b in self.unknowns for i in range(b.count)]
 
-    def units(self, scale: Scale) -> Array:
+    def sizes(self, scale: Scale) -> Array:
         """Typical sizes of all unknowns, in the order of x, shape (n,)."""
         return np.concatenate([b.sizes(scale) for b in self.unknowns if b.count])
 

@@ -58,7 +58,7 @@ def _items(motion: Trajectory, q: Array) -> list[_Item]:
     each other coordinate below, and the contacts."""
     items: list[_Item] = []
     places: dict[int, Place] = {}
-    left, height, scale = 0.0, ROW, 1.0
+    left, height, span = 0.0, ROW, 1.0
     pairs = _points(motion)
     for pair in pairs:
         items.append(_Item("point", "", _picked(pair)))
@@ -66,15 +66,15 @@ def _items(motion: Trajectory, q: Array) -> list[_Item]:
     if pairs:
         at = q[:, [pair[0] for pair in pairs]], q[:, [pair[1] for pair in pairs]]
         left, height = (float(way.min()) for way in at)
-        scale = max(float(np.ptp(way)) for way in at) or 1.0
+        span = max(float(np.ptp(way)) for way in at) or 1.0
     for i, name in enumerate(motion.coordinates):
         if i in places:
             continue
-        height -= ROW * scale
+        height -= ROW * span
         if motion.units.get(name) == "rad":
-            drawn = _dial(i, name, (left, height, scale))
+            drawn = _dial(i, name, (left, height, span))
         else:
-            drawn = _rail(i, name, (left, height, scale), _reach(motion, q, name))
+            drawn = _rail(i, name, (left, height, span), _reach(motion, q, name))
         items += drawn
         places[i] = _place_of(drawn[-1])
     return items + _contacts(motion, places, pairs)
@@ -112,23 +112,23 @@ def _rail(
     i: int, name: str, at: tuple[float, float, float], reach: tuple[float, float]
 ) -> list[_Item]:
     """A slider on a rail from the lowest to the highest value."""
-    left, y, scale = at
+    left, y, span = at
     (low, high), (width, height) = reach, SLIDER
 
     def slider(q: Array) -> Array:
-        x = left + scale * (q[:, i] - low) / (high - low)
-        return _columns(q, x, y, width * scale, height * scale, 0.0)
+        x = left + span * (q[:, i] - low) / (high - low)
+        return _columns(q, x, y, width * span, height * span, 0.0)
 
-    over = width * scale  # the rail goes on beyond the slider
-    rail = _Item("link", name, lambda q: _columns(q, left - over, y, left + scale + over, y))
+    over = width * span  # the rail goes on beyond the slider
+    rail = _Item("link", name, lambda q: _columns(q, left - over, y, left + span + over, y))
     return [rail, _Item("box", "", slider)]
 
 
 def _dial(i: int, name: str, at: tuple[float, float, float]) -> list[_Item]:
     """A hand on a dial: 0 points to the right, and angles grow counterclockwise."""
-    left, y, scale = at
-    r = RADIUS * scale
-    x = left + scale / 2
+    left, y, span = at
+    r = RADIUS * span
+    x = left + span / 2
 
     def hand(q: Array) -> Array:
         return _columns(q, x, y, x + r * np.cos(q[:, i]), y + r * np.sin(q[:, i]))

@@ -29,7 +29,7 @@ class Look(NamedTuple):
     mass: str
     quiet: str
     paper: str
-    unit: float
+    length: float
     weight: float
     strength: float
 
@@ -46,7 +46,7 @@ class Look(NamedTuple):
 
 
 def look_of(
-    style: Style, unit: float, weight: float = 1.0, strength: float = 1.0, still: bool = False
+    style: Style, length: float, weight: float = 1.0, strength: float = 1.0, still: bool = False
 ) -> Look:
     """The look of a shape in a style; what stands still stands back."""
 
@@ -59,7 +59,7 @@ def look_of(
 
     body = mixed(style.muted, 0.25) if still else style.body
     colours = [mixed(c, strength) for c in (style.muted if still else style.edge, style.mass)]
-    return Look(colours[0], body, colours[1], style.muted, style.paper, unit, weight, strength)
+    return Look(colours[0], body, colours[1], style.muted, style.paper, length, weight, strength)
 
 
 def painter(axes: Axes, scene: Scene, shape: Shape, look: Look) -> Placed:
@@ -124,7 +124,7 @@ def _spring(axes: Axes, look: Look) -> Placed:
 
     def place(values: Array) -> None:
         a, way = values[:2], values[2:] - values[:2]
-        normal = COIL * look.unit * np.array([-way[1], way[0]]) / (np.hypot(*way) or 1.0)
+        normal = COIL * look.length * np.array([-way[1], way[0]]) / (np.hypot(*way) or 1.0)
         line.set_data(*(a + along * way + across * normal).T)
 
     return place
@@ -137,7 +137,7 @@ def _wall(axes: Axes, look: Look) -> Placed:
     (line,) = axes.plot([], [], color=look.quiet, linewidth=1.6, zorder=1)
     strokes = LineCollection([], colors=look.quiet, linewidths=0.7, zorder=1)
     axes.add_collection(strokes, autolim=False)
-    apart = HATCH * look.unit
+    apart = HATCH * look.length
 
     def place(values: Array) -> None:
         a, way = values[:2], values[2:] - values[:2]

@@ -69,12 +69,12 @@ def layout_of(scene: Scene) -> SnapshotGrid:
     best, largest = SnapshotGrid(1, count, 0.0), 0.0
     for columns in range(count, 0, -1):
         rows = ceil(count / columns)
-        scale = min(
+        zoom = min(
             (ROOMY / columns - BESIDE) / width, max(TALLEST / rows - ABOVE, SMALLEST) / height
         )
-        if scale > CLEARLY * largest:
-            each = max(scale * height, SMALLEST)
-            best, largest = SnapshotGrid(rows, columns, rows * (each + ABOVE) + 0.3), scale
+        if zoom > CLEARLY * largest:
+            each = max(zoom * height, SMALLEST)
+            best, largest = SnapshotGrid(rows, columns, rows * (each + ABOVE) + 0.3), zoom
     return best
 
 
@@ -159,7 +159,7 @@ def _title(trajectory: Trajectory, phase: int | None) -> str:
     return f"{span},\nafter {events[-1].word}" if events else span
 
 
-def _phase(axes: Axes, scene: Scene, phase: int, style: Style, unit: float) -> None:
+def _phase(axes: Axes, scene: Scene, phase: int, style: Style, extent: float) -> None:
     """Draw a phase: shapes that stand still once, those that move at times from faint to full, and
     the ways of masses."""
     t = scene.times[phase]
@@ -168,22 +168,22 @@ def _phase(axes: Axes, scene: Scene, phase: int, style: Style, unit: float) -> N
         if shape.kind not in SEEN:
             continue
         values = scene.of(shape, phase)
-        still = _stands_still(scene, shape, unit)
+        still = _stands_still(scene, shape, extent)
         if shape.kind in ("point", "disc") and not still:
             axes.plot(*values[:, :2].T, color=style.muted, linewidth=0.6, zorder=1.5)
         for row in rows[-1:] if still else rows[:: OFTEN.get(shape.kind, 1)]:
             share = (t[row] - t[0]) / (t[-1] - t[0])
             strength = 1.0 if still else FAINT + (1 - FAINT) * share**1.5
-            look = look_of(style, unit, strength=strength, still=still)
+            look = look_of(style, extent, strength=strength, still=still)
             painter(axes, scene, shape, look)(values[row])
         if shape.name and still:
             _label(axes, shape, values[-1], style)
 
 
-def _stands_still(scene: Scene, shape: Shape, unit: float) -> bool:
+def _stands_still(scene: Scene, shape: Shape, extent: float) -> bool:
     """Whether a shape is the same along the whole motion, in a picture of some size."""
     values = np.vstack([scene.of(shape, phase) for phase in range(len(scene.times))])
-    sizes = np.maximum(np.abs(values).max(axis=0), unit)
+    sizes = np.maximum(np.abs(values).max(axis=0), extent)
     if shape.kind in ("disc", "box"):
         sizes[-1] = 1.0  # an angle
     return bool((np.ptp(values, axis=0) <= SAME * sizes).all())
@@ -198,14 +198,14 @@ def _label(axes: Axes, shape: Shape, values: Array, style: Style) -> None:
     )  # fmt: skip
 
 
-def _impulses(axes: Axes, take: Take, phase: int, style: Style, unit: float) -> None:
+def _impulses(axes: Axes, take: Take, phase: int, style: Style, extent: float) -> None:
     """Arrows where and in which direction the surfaces of the event at the end push."""
     for mark in take.events[phase]["marks"] if phase < len(take.events) else ():
         way = mark["impulse"]
         size = float(np.hypot(*way))
         if size:
             x, y = mark["at"][:2].tolist()
-            dx, dy = (ARROW * unit / size * way).tolist()
+            dx, dy = (ARROW * extent / size * way).tolist()
             axes.annotate(
                 "", (x + dx, y + dy), (x, y), annotation_clip=False, zorder=5,
                 arrowprops={"arrowstyle": "-|>", "color": style.hit, "linewidth": 1.4,

@@ -32,7 +32,7 @@ cdef class Conditions:
     cdef double[::1] mu, mu_s, varied, pressed, way, speed
     cdef ptrdiff_t[::1] varies
     cdef double[::1] gamma_D, sigma_D, phi_D, g, tau, phi, C, B, along, bent, lam, change
-    cdef double[::1] responses, A, scaled, V, unit, wanted, spare
+    cdef double[::1] responses, A, scaled, V, size, wanted, spare
     # Whether the conditions that were answered last say the same twice, and whether those of a row
     # contradict one another.
     cdef bint dependent
@@ -94,7 +94,7 @@ cdef class Conditions:
         self.C, self.B, self.along = _space(most * nq), _space(most * nq), _space(self.nt * nq)
         self.responses = _space(2 * most * nq)
         self.A, self.scaled, self.V = (_space(most * most) for _ in range(3))
-        self.bent, self.wanted, self.unit, self.spare = (_space(most) for _ in range(4))
+        self.bent, self.wanted, self.size, self.spare = (_space(most) for _ in range(4))
         self.change, self.way = _space(nq), _space(self.nt)
         self.closed_at, self.sticks_at, self.slides_at, self.presses, self.exchange = (
             np.zeros(n + 1, dtype=np.intp) for n in (self.nc, self.nt, self.nt, self.nt, most)
@@ -274,9 +274,9 @@ cdef class Conditions:
                 slope = self.C[p * self.nq + c]
                 self.wanted[p] += slope * a[c]
                 terms += fabs(slope) * (fabs(a[c]) + fabs(self.change[c]))
-            most = fmax(most, terms / self.unit[p])
+            most = fmax(most, terms / self.size[p])
         for p in range(self.closed + self.sticking):
-            if fabs(self.wanted[p]) > AGREEING * most * self.unit[p]:
+            if fabs(self.wanted[p]) > AGREEING * most * self.size[p]:
                 return True
         return False
 
@@ -292,17 +292,17 @@ cdef class Conditions:
                     self.responses[c * columns + m + p] = self.C[p * nq + c]
         solve(LU, &self.pivot[0], &self.responses[0], nq, nq, columns)
         for p in range(m):
-            self.unit[p] = 0.0
+            self.size[p] = 0.0
             for c in range(nq):
-                self.unit[p] += self.C[p * nq + c] * self.responses[c * columns + columns - m + p]
-            self.unit[p] = sqrt(fabs(self.unit[p])) if self.unit[p] > 0 and m > 1 else 1.0
+                self.size[p] += self.C[p * nq + c] * self.responses[c * columns + columns - m + p]
+            self.size[p] = sqrt(fabs(self.size[p])) if self.size[p] > 0 and m > 1 else 1.0
         for p in range(m):
-            lam[p] = self.wanted[p] / self.unit[p]
+            lam[p] = self.wanted[p] / self.size[p]
             for k in range(m):
                 self.A[p * m + k] = 0.0
                 for c in range(nq):
                     self.A[p * m + k] += self.C[p * nq + c] * self.responses[c * columns + k]
-                self.A[p * m + k] /= self.unit[p] * self.unit[k]
+                self.A[p * m + k] /= self.size[p] * self.size[k]
                 self.scaled[p * m + k] = self.A[p * m + k]
         self.dependent = False
         if m == 1:
@@ -319,7 +319,7 @@ cdef class Conditions:
                 self.dependent = True
                 shortest(&self.scaled[0], &self.V[0], lam, &self.A[0], m, REDUNDANT)
         for p in range(m):
-            lam[p] /= self.unit[p]
+            lam[p] /= self.size[p]
         for c in range(nq):
             self.change[c] = 0.0
             for p in range(m):

@@ -31,11 +31,11 @@ from dmoc.solvers.kkt import cost_size, violation
 from dmoc.solvers.kkt_layout import KKTLayout, kkt_layout
 from dmoc.solvers.outcome import Duals
 
-# Curvatures in their unit, of a direction along which all unknowns change by their sizes: below the
+# Curvatures in their size, of a direction along which all unknowns change by their sizes: below the
 # first one the cost falls; where none is larger than the second one it does not change.  What lies
 # between is so little that nobody asks.
 FALLS, LEVEL = -1e-6, 1e-9
-# The unit is the cost; where that is small, this share of the largest curvature of one unknown.
+# Their size is the cost; where that is small, this share of the largest curvature of one unknown.
 BENT = 1e-3
 # Diagonals of K: equations, inequalities that hold x and those that do not, unknowns at a bound.
 RELAXED, ACTIVE_ROW, IDLE, FIXED = 1e-11, 1e-8, 1e14, 1e12
@@ -52,7 +52,7 @@ ITERATIONS, STEADY = 40, 0.02
 TANGENT = 1e-4
 # Distances, in sizes of the unknowns, at which motions along a direction are looked at, the steps
 # of Newton's method that bring them onto the constraints, and the share of the expected fall of the
-# cost that confirms it; no fall below the last one, in the unit, counts.
+# cost that confirms it; no fall below the last one, in that size, counts.
 DISTANCES, CORRECTIONS, CONFIRMED = (0.3, 0.1, 0.03, 0.01, 3e-3), 6, 0.3
 LEAST_FALL = 1e-9
 
@@ -69,7 +69,7 @@ class Landscape(enum.Enum):
 class Curvature:
     """The shape of the cost around a motion.
 
-    Where it is no bowl, ``least`` is the least curvature, in its unit, and ``direction`` belongs to
+    Where it is no bowl, ``least`` is the least curvature, in its size, and ``direction`` belongs to
     it, shape (n,): in scaled unknowns, the largest of which changes by its size.
     """
 
@@ -138,12 +138,12 @@ class SecondOrder:
     def _cheaper(self, d: Array, least: float) -> Array | None:
         nlp, x = self.nlp, self.x
         slope = abs(float(nlp.lagrangian_gradient(x, self.duals.y, self.duals.w) @ d))
-        bend = -least * self._unit * float(d @ (self.weights * d)) / 2
+        bend = -least * self._size * float(d @ (self.weights * d)) / 2
         for t in DISTANCES:
             z = self._onto_constraints(x + t * d)
             fall = nlp.cost(x) - nlp.cost(z) - np.abs(self.duals.y) @ np.abs(nlp.equality(z))
             expected = slope * t + CONFIRMED * bend * t**2
-            if violation(nlp, z) <= KEPT and fall >= max(expected, LEAST_FALL * self._unit):
+            if violation(nlp, z) <= KEPT and fall >= max(expected, LEAST_FALL * self._size):
                 return z
         return None
 
@@ -203,22 +203,22 @@ class SecondOrder:
         return kept * self.weights
 
     @cached_property
-    def _unit(self) -> float:
-        """The unit of curvatures."""
+    def _size(self) -> float:
+        """The size of curvatures."""
         at = self._layout.diagonal[: self.nlp.n][self.free]
         bent = np.abs(self._parts[0][at]) / self.weights[self.free]
         most = BENT * float(bent.max(initial=0.0))
         return max(cost_size(self.nlp, self.x), most if np.isfinite(most) else 0.0)
 
     def _bowl(self, shift: float, active: Bools) -> bool:
-        """Whether a curvature, in its unit, makes a bowl; K with it is factorised."""
-        return self._signs(shift * self._unit, active)
+        """Whether a curvature, in its size, makes a bowl; K with it is factorised."""
+        return self._signs(shift * self._size, active)
 
     def _signs(self, shift: float, active: Bools, bent: bool = True) -> bool:
         """Factorise K with a shift, with H or without, and compare its signs with a bowl's."""
         nlp, layout, (H, A) = self.nlp, self._layout, self._parts
         K = H + A if bent else A.copy()
-        free = shift * self.weights + self._unit * self._kept
+        free = shift * self.weights + self._size * self._kept
         rows = np.where(active, -ACTIVE_ROW, -IDLE)
         rows[nlp.n : nlp.n + nlp.n_eq] = np.where(active[nlp.n : nlp.n + nlp.n_eq], -RELAXED, -IDLE)
         diagonal = np.concatenate([np.where(active[: nlp.n], FIXED, free), rows[nlp.n :]])
@@ -263,7 +263,7 @@ class SecondOrder:
             length = float(d @ (self.weights * d))
             if not length > 0:  # nothing is free to go
                 return Curvature(Landscape.BOWL)
-            before, least = least, float(d @ pull) / length / self._unit - shift
+            before, least = least, float(d @ pull) / length / self._size - shift
             d = np.where(active[:n], 0.0, d / np.sqrt(length))
             if abs(least - before) <= STEADY * abs(least):
                 break

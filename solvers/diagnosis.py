@@ -176,7 +176,7 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
         if amounts[row] > INFEASIBLE:
             words, unit = block.missed.words, block.missed.unit(*place)
             text = words(*place) if words else f"{block.label(*place)} is violated"
-            by = f"{amounts[row] * nlp.row_unit[row]:.3g}{' ' + unit if unit else ''}"
+            by = f"{amounts[row] * nlp.row_sizes[row]:.3g}{' ' + unit if unit else ''}"
             misses.append((float(amounts[row]), f"{text} by {by}"))
     misses.sort(reverse=True)
     return [(amount, text) for amount, text in misses if amount > NEGLIGIBLE * misses[0][0]]
@@ -193,7 +193,7 @@ def _kinds(blocks: Iterable[Block]) -> Iterator[tuple[Block, Index]]:
 
 def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
     """Phases whose estimated shortest time at full input exceeds what the bounds allow."""
-    problem, lay = nlp.layout.problem_at(nlp.problem, x * nlp.unit), nlp.layout
+    problem, lay = nlp.layout.problem_at(nlp.problem, x * nlp.sizes), nlp.layout
     if (
         not problem.nu
         or problem.held
@@ -210,7 +210,7 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
             at[lay.index_q[0]] = np.clip(
                 at[lay.index_q[0]], nlp.lower[lay.index_q[0]], nlp.upper[lay.index_q[0]]
             )
-        shortest = phase_minimal_time(problem, lay, at * nlp.unit, i)
+        shortest = phase_minimal_time(problem, lay, at * nlp.sizes, i)
         if np.isfinite(shortest) and shortest > (1 + CLEARLY) * allowed:
             name = problem.kernels.surfaces[event.hit]
             sentences.append(

@@ -89,11 +89,11 @@ void ip_evaluate_curvatures(solver *s)
 {
     const double t = ip_seconds(s);
     double *pool = s->program->pool;
-    const double *unit = s->program->unit;
+    const double *sizes = s->program->sizes;
     dmoc_put(s->program, s->now.v);
     for (int r = 0; r < s->m; ++r)
-        pool[s->n + r] = unit[s->n + r]*s->fs_rows[r]*s->now.y[r];
-    pool[s->n + s->m] = s->elastic ? 0 : unit[s->n + s->m]*s->fs;
+        pool[s->n + r] = sizes[s->n + r]*s->fs_rows[r]*s->now.y[r];
+    pool[s->n + s->m] = s->elastic ? 0 : sizes[s->n + s->m]*s->fs;
     dmoc_assemble(&s->program->curvatures, pool, s->hess);
     s->result.seconds_kernels += ip_seconds(s) - t;
 }

@@ -71,10 +71,10 @@ double ip_cost_size(const solver *s) { return max(fabs(s->values[0]), s->options
 int ip_converged(const solver *s)
 {
     const error_parts *e = &s->errors;
-    const double unit = s->elastic ? 1 : s->fs*ip_cost_size(s);
+    const double size = s->elastic ? 1 : s->fs*ip_cost_size(s);
     const double fs = s->elastic ? 1 : s->fs;
-    const double dual = e->dual/unit/(max(S_MAX, e->mean_multiplier/fs)/S_MAX);
-    const double products = complementarity(e, 0)/unit/(max(S_MAX, e->mean_z/fs)/S_MAX);
+    const double dual = e->dual/size/(max(S_MAX, e->mean_multiplier/fs)/S_MAX);
+    const double products = complementarity(e, 0)/size/(max(S_MAX, e->mean_z/fs)/S_MAX);
     const double left = max(dual, products);
     if (left > s->options->demanded)
         return 0;

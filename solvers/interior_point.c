@@ -35,8 +35,8 @@ int ip_iterate(solver *s)
     s->patience = good ? s->patience + 1 : 0;
     if (good == 2 || s->patience > MOST_PATIENCE)
         return DMOC_SOLVED;
-    const double unit = s->elastic ? 1 : s->fs*min(ip_cost_size(s), 1);
-    const double least_mu = s->options->optimality/(KAPPA_EPS + 1)*unit;
+    const double size = s->elastic ? 1 : s->fs*min(ip_cost_size(s), 1);
+    const double least_mu = s->options->optimality/(KAPPA_EPS + 1)*size;
     /* A step below rounding errors ends the barrier problem too: only its multipliers could still
      * gain, WB 3.9. */
     while (s->mu > least_mu && (ip_barrier_error(s, s->mu) <= KAPPA_EPS*s->mu || s->tiny > 0)) {
@@ -164,12 +164,12 @@ dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt
     memcpy(x, s->now.v, sizeof(double)*(size_t)s->n);
     /* Multipliers of the objective, or of the least violation: in the units of the problem. */
     const int missed = options->least_violation || s->result.status == DMOC_INFEASIBLE;
-    const double unit = missed ? RHO : s->fs;
+    const double factor = missed ? RHO : s->fs;
     for (int r = 0; r < s->m; ++r)
-        y[r] = s->now.y[r]*s->fs_rows[r]/unit;
+        y[r] = s->now.y[r]*s->fs_rows[r]/factor;
     for (int i = 0; i < s->n; ++i) {
-        z_lower[i] = s->now.zl[i]/unit;
-        z_upper[i] = s->now.zu[i]/unit;
+        z_lower[i] = s->now.zl[i]/factor;
+        z_upper[i] = s->now.zu[i]/factor;
     }
     s->result.seconds = ip_seconds(s) - s->begin;
     ASAN_UNPOISON_MEMORY_REGION(parts, sizeof *parts*count);

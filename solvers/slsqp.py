@@ -190,7 +190,7 @@ def _least_violation(descent: Descent, x: Array, tally: Tally) -> Array:
             start,
             jac=jacobian,
             bounds=(low, high),
-            x_scale=descent.scale[kept],
+            x_scale=descent.lengths[kept],
             ftol=1e-10,
             xtol=1e-10,
             gtol=1e-12,

@@ -22,7 +22,7 @@ from dmoc.solvers.slsqp_runs import EQUATION_TOLERANCE, FOLLOWING_LIMIT, Working
 SEGMENTS = 16
 # Curvatures below this share of the cost's own count as flat; it bounds the first step along them.
 FLATTEST = 1e-3
-# An inequality within this share of its scale joins the working set.
+# An inequality within this share of its length joins the working set.
 NEAR = 1e-3
 # Curvature below which the end of Newton's method is a saddle.
 SADDLE = 1e-4
@@ -42,7 +42,7 @@ class Descent:
         self.elimination = Elimination(nlp, self.parts, x)
         self.is_eliminated = np.isin(np.arange(nlp.n), self.parts.eliminated)
         self.free = np.flatnonzero(nlp.lower != nlp.upper)
-        self.scale = self._scale(x)
+        self.lengths = self._lengths(x)
         self.y = np.zeros(nlp.n_eq)
         self.w = np.zeros(nlp.n_in)
         self.bound_force = np.zeros(nlp.n)  # multipliers of the bounds, positive at a lower one
@@ -81,15 +81,15 @@ class Descent:
             self.watched_upper.copy(),
         )
 
-    def _scale(self, x: Array) -> Array:
+    def _lengths(self, x: Array) -> Array:
         """Typical size of a change of each unknown; for inputs the size that changes the cost by
         one half."""
         nlp, lay = self.nlp, self.nlp.layout
-        scale = np.ones(nlp.n)
+        lengths = np.ones(nlp.n)
         q = x[lay.index_q]
-        scale[lay.index_q] = np.maximum(np.ptp(q, axis=0), 1e-2) / 20
-        scale[lay.index_h] = x[lay.index_h] / 10
-        scale[lay.impact.lam] = np.maximum(np.abs(x[lay.impact.lam]), 1.0) / 3
+        lengths[lay.index_q] = np.maximum(np.ptp(q, axis=0), 1e-2) / 20
+        lengths[lay.index_h] = x[lay.index_h] / 10
+        lengths[lay.impact.lam] = np.maximum(np.abs(x[lay.impact.lam]), 1.0) / 3
         if lay.nu:
             q_k, _, u, _, h, t_k, _ = lay.step_inputs(nlp.physical(x))
             curvature = nlp.designed(x).problem.model.running_cost_curvatures(
@@ -100,9 +100,9 @@ class Descent:
             width = np.where(np.isfinite(box[:, 1] - box[:, 0]), box[:, 1] - box[:, 0], 1.0) / 4
             with np.errstate(divide="ignore"):
                 size = np.where(curvature > 0, 1 / np.sqrt(np.maximum(curvature, TINY)), width)
-            scale[lay.index_u[lay.row_u_kp1]] = size
-            scale[lay.index_u[lay.row_u_k]] = size
-        return scale
+            lengths[lay.index_u[lay.row_u_kp1]] = size
+            lengths[lay.index_u[lay.row_u_k]] = size
+        return lengths
 
     # Working set ----------------------------------------------------------------------------------
 
@@ -111,7 +111,7 @@ class Descent:
         those that have become idle."""
         nlp = self.nlp
         d = nlp.inequality(x)
-        near = NEAR * self.scale
+        near = NEAR * self.lengths
         with np.errstate(invalid="ignore"):
             below, above = x - nlp.lower, nlp.upper - x
         self.watched_rows = (
@@ -147,7 +147,7 @@ class Descent:
         if not self.y.any():
             self._estimate_multipliers(x, reduced)
         self._complete_multipliers(x, reduced)
-        D = self.scale[self.parts.kept]
+        D = self.lengths[self.parts.kept]
         H = self._hessian(x, reduced, D)
         if not (np.isfinite(H).all() and np.isfinite(reduced.equality).all()):
             return None
@@ -164,7 +164,7 @@ class Descent:
         reduced = self.elimination.reduce(x, rows, bounds[self.is_eliminated[bounds]])
         if reduced is None:
             return False
-        D = self.scale[self.parts.kept]
+        D = self.lengths[self.parts.kept]
         fixed = np.flatnonzero(np.isin(self.parts.kept, bounds))
         active = (
             np.vstack(
@@ -201,7 +201,7 @@ class Descent:
 
     def _estimate_multipliers(self, x: Array, reduced: Reduced) -> None:
         """Least-squares multipliers of the kept equations."""
-        D = self.scale[self.parts.kept]
+        D = self.lengths[self.parts.kept]
         if len(reduced.equality):
             self.y[self.parts.kept_rows] = -np.nan_to_num(
                 least_squares((reduced.equality * D).T, reduced.cost * D)
@@ -225,7 +225,7 @@ class Descent:
         """Meet the kept equations by Gauss-Newton steps of least scaled length; returns the best
         point found."""
         none = np.zeros(0, dtype=np.intp)
-        D = self.scale[self.parts.kept]
+        D = self.lengths[self.parts.kept]
         error = self.equation_error(x)
         for _ in range(FOLLOWING_LIMIT):
             if error <= EQUATION_TOLERANCE:

@@ -74,7 +74,7 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
     """
     nlp = nlp.designed(outcome.x)
     lay, x, duals = nlp.layout, outcome.x, outcome.duals
-    slope = nlp.lagrangian_gradient(x, duals.y, duals.w) / nlp.unit
+    slope = nlp.lagrangian_gradient(x, duals.y, duals.w) / nlp.sizes
     y, j = nlp.physical(x), int(lay.touch.surfaces[i])
     q, t = y[lay.index_q[lay.collision_nodes[i]]], float(lay.times(y)[lay.collision_nodes[i]])
     model, v = nlp.problem.model, y[lay.impact.v_a[i]]
@@ -94,7 +94,7 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
             return []
         row = nlp.laws.impact.energy.index[i]
         # Fixed values at the goal may say it.
-        by_rate = 0.0 if row == NOWHERE else float(duals.y[row]) / nlp.row_unit[row]
+        by_rate = 0.0 if row == NOWHERE else float(duals.y[row]) / nlp.row_sizes[row]
         return [e * by_rate * size + (1 + e) * by_impulse * size / inertia]
     return _in_stages(nlp, outcome, passage, (by_impulse, slope), (q, t, e))
 
@@ -111,7 +111,7 @@ def _in_stages(
     A, mu = response(nlp.problem, p, q, t), friction_of(nlp.problem, p, q, t)
     first, last = (_closing(A, mu, friction) for friction in (p.friction[0], p.friction[-1]))
     row = nlp.laws.hit.restitution.index[p.event]
-    by_row = 0.0 if row == NOWHERE else float(outcome.duals.y[row]) / nlp.row_unit[row]
+    by_row = 0.0 if row == NOWHERE else float(outcome.duals.y[row]) / nlp.row_sizes[row]
 
     def whole(slope: float, after: float) -> float:
         """By the impulse of compression, of which the whole one is a multiple: a graze has the row
@@ -127,7 +127,7 @@ def _in_stages(
         # Sliding that is faster after the hit has its direction before it, which a graze has after.
         faster = max(p.friction[0] * _turning(A, mu, p.friction[0]), 0.0) * (1 + e)
         headed = nlp.laws.hit.heads.index[p.event, 1]
-        heading = outcome.duals.w[headed - nlp.n_eq] / nlp.row_unit[headed]
+        heading = outcome.duals.w[headed - nlp.n_eq] / nlp.row_sizes[headed]
         return [(whole(first, first) + heading * faster) * size / first]
     stops = p.friction[0] * _turning(A, mu, p.friction[0]) < 0
     goes_on = (

@@ -38,16 +38,16 @@ def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = Non
     at = np.concatenate([nlp.layout.index_h, nlp.layout.index_design])
     steps = np.array(fine.steps[: nlp.layout.stepped])
     reach = np.append(fine.final_time / steps, nlp.scale.design)
-    x, units = nlp.scaled(fine.unknowns), nlp.physical(np.ones(nlp.n))
+    x, sizes = nlp.scaled(fine.unknowns), nlp.physical(np.ones(nlp.n))
     if coarse is not None:
         node, j = _most_changed(coarse, fine)
         places = nlp.layout.index_q[:, j]
         width = np.ptp(fine.unknowns[places])
-        if width > SAME * units[places[node]]:
+        if width > SAME * sizes[places[node]]:
             names.append(f"{fine.trajectory.coordinates[j]} on the way")
             at, reach = np.append(at, places[node]), np.append(reach, width)
     second = SecondOrder(nlp, x, duals).of_unknowns(at)
-    curvature = second * (reach / units[at]) ** 2 / cost_size(nlp, x)
+    curvature = second * (reach / sizes[at]) ** 2 / cost_size(nlp, x)
     left_open = [name for name, c in zip(names, curvature, strict=True) if 0 <= c < FLAT]
     return Note(Topic.OPEN, _sentence(left_open)) if left_open else None
 

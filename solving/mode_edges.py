@@ -147,8 +147,8 @@ class _Edges:
         units of the cost: by all of the friction that could turn, else at the typical rate."""
         saved = edge.sign * self.outcome.duals.y[edge.gives]
         if edge.turning is not None:
-            unit = self.nlp.unit[edge.turning] / self.nlp.row_unit[edge.gives]
-            saved = saved * 2 * np.abs(self.outcome.x[edge.turning]) * unit
+            size = self.nlp.sizes[edge.turning] / self.nlp.row_sizes[edge.gives]
+            saved = saved * 2 * np.abs(self.outcome.x[edge.turning]) * size
         return np.asarray(np.where(edge.gives == NOWHERE, 0.0, saved).sum(axis=1))
 
     @cached_property

@@ -160,7 +160,7 @@ def _dragging(
     coordinates q_a of other places; it slides with the signs s."""
     graph, n, places = f.L.graph, len(f.q), max(degree, 2) + 1
     around, slopes = (
-        Input.vector(graph, name, size) for name, size in (("around", places * n), ("d", places))
+        Input.vector(graph, name, count) for name, count in (("around", places * n), ("d", places))
     )
     (h,) = (length := Input("h", (graph.symbol("h"),))).symbols
     q, _, _, t, par = state_inputs(f)

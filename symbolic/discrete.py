@@ -290,8 +290,8 @@ def step_element(
     degree = DISCRETISATIONS[order].degree
     (places, weights), nodes = quadrature(degree), lobatto_nodes(degree)
 
-    def vector(name: str, size: int) -> tuple[Any, ...]:
-        return tuple(make(f"{name}_{i}") for i in range(size))
+    def vector(name: str, count: int) -> tuple[Any, ...]:
+        return tuple(make(f"{name}_{i}") for i in range(count))
 
     u_k, u_kp1 = vector("u_k", m), vector("u_kp1", m)
     points = []

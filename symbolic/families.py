@@ -77,8 +77,8 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
     nq, nu, npar = len(system.coordinates), len(system.inputs), len(system.parameters)
     nx = len(system.definitions)
 
-    def symbols(name: str, size: int) -> tuple[Any, ...]:
-        return tuple(sp.Symbol(f"{name}_{i}", real=True) for i in range(size))
+    def symbols(name: str, count: int) -> tuple[Any, ...]:
+        return tuple(sp.Symbol(f"{name}_{i}", real=True) for i in range(count))
 
     t = sp.Symbol("t", real=True)
     hidden = symbols("s", len(split(system).unknowns))

@@ -211,9 +211,9 @@ class Graph:
         first = parts[0][1]  # a sum and its multiple share what they have in common
         alike = all(abs(c) == abs(first) for _, c in parts)
         alike = alike and is_normal(constant / first)
-        scale = first if alike else math.copysign(1.0, first)
-        plain = self.make(SUM, constant / scale + 0.0, tuple((n, c / scale) for n, c in parts))
-        return plain if scale == 1 else self.make(SUM, 0.0, ((plain, scale),))
+        common = first if alike else math.copysign(1.0, first)
+        plain = self.make(SUM, constant / common + 0.0, tuple((n, c / common) for n, c in parts))
+        return plain if common == 1 else self.make(SUM, 0.0, ((plain, common),))
 
     def product(self, factors: Iterable[tuple[GraphNode, float]]) -> GraphNode:
         """The product of nodes with numbers as exponents."""

@@ -64,17 +64,17 @@ def family(
     """
     symbols = [s for i in inputs for s in i.symbols]
     chain = chain or (lambda partial: partial(symbols))
-    ways, size = (chain, spread or chain), len(symbols)
+    ways, count = (chain, spread or chain), len(symbols)
     listed, arguments = ", ".join(i.name for i in inputs), (*inputs, par)
     values = tuple(Output.vector(a, v) for a, v in outputs.items())
     specs = [KernelSpec(name, summary, arguments, values, definitions)]
-    specs += _derivatives(specs[0], outputs, ways, size, f"({listed})", second)
+    specs += _derivatives(specs[0], outputs, ways, count, f"({listed})", second)
     free = set[GraphNode]().union(*(e.free_symbols for v in outputs.values() for e in v))
     if second and free & set(par.design):
         wider = {way: with_more(way, par.design) for way in ways}
-        both, size = (wider[ways[0]], wider[ways[1]]), size + len(par.design)
+        both, count = (wider[ways[0]], wider[ways[1]]), count + len(par.design)
         listed = f"({listed}) and the design parameters"
-        for spec in _derivatives(specs[0], outputs, both, size, listed, second):
+        for spec in _derivatives(specs[0], outputs, both, count, listed, second):
             specs.append(replace(spec, name=spec.name.replace(name, name + DESIGN, 1)))
     return specs
 
@@ -85,7 +85,7 @@ def with_more(way: Chain, more: Sequence[GraphNode]) -> Chain:
 
 
 def _derivatives(
-    kernel: KernelSpec, outputs: Mapping[str, Sequence[Any]], ways: tuple[Chain, Chain], size: int,
+    kernel: KernelSpec, outputs: Mapping[str, Sequence[Any]], ways: tuple[Chain, Chain], count: int,
     listed: str, second: bool,
 ) -> list[KernelSpec]:  # fmt: skip
     """The first derivatives of a kernel, and where they are wanted its second ones, each in so many
@@ -96,7 +96,7 @@ def _derivatives(
     first = [spread(_forward(e)) for e in results]
     rows = iter(cheapest([shared(first), first] if spread is chain else [shared(first)]))
     slopes = tuple(
-        Output.matrix(f"{a}_D", [next(rows) for _ in v], size) for a, v in outputs.items()
+        Output.matrix(f"{a}_D", [next(rows) for _ in v], count) for a, v in outputs.items()
     )
     text = f"First derivatives of `{name}` with respect to {listed}."
     specs = [KernelSpec(f"{name}_jac", text, arguments, slopes, definitions)]
@@ -104,7 +104,7 @@ def _derivatives(
         graph = results[0].graph
         weights = tuple(Input.vector(graph, f"w_{a}", len(v)) for a, v in outputs.items())
         total = dot([s for w in weights for s in w.symbols], results)
-        curvatures = (Output.matrix("hess", _second(total, chain, spread), size, upper=True),)
+        curvatures = (Output.matrix("hess", _second(total, chain, spread), count, upper=True),)
         text = f"Second derivatives of the weighted sum of all results of `{name}`."
         specs.append(
             KernelSpec(f"{name}_hess", text, (*arguments, *weights), curvatures, definitions)

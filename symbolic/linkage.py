@@ -172,9 +172,9 @@ class Ground:
         return system
 
 
-def coordinates(values: Any, size: int, what: str) -> list[Any]:
+def coordinates(values: Any, count: int, what: str) -> list[Any]:
     """Several coordinates, which joints look at one by one."""
     entries = list(values) if isinstance(values, (tuple, list)) else []
-    if len(entries) != size:
-        raise ModelError(f"{what} = {shown(values)}: expected {size} dynamicsymbols.")
+    if len(entries) != count:
+        raise ModelError(f"{what} = {shown(values)}: expected {count} dynamicsymbols.")
     return entries

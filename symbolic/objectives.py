@@ -287,10 +287,10 @@ def objective_kernels(
     n = len(f.q)
     sizes = len(parts.totals), len(parts.peaks), n, n, n, n
     names = dict(zip(("I", "peaks", "q_B", "v_B", "q_E", "v_E"), sizes, strict=True))
-    inputs = {name: Input.vector(graph, name, size) for name, size in names.items()}
+    inputs = {name: Input.vector(graph, name, count) for name, count in names.items()}
     symbols = {
-        name: sp.symbols([f"{name}_{i}" for i in range(size)], real=True)
-        for name, size in names.items()
+        name: sp.symbols([f"{name}_{i}" for i in range(count)], real=True)
+        for name, count in names.items()
     }
     table: dict[Any, Any] = {}
     totals = [*map(total, system.integrals), final_time]  # the last one where it is a total

@@ -26,9 +26,9 @@ class Input:
     design: tuple[GraphNode, ...] = ()
 
     @classmethod
-    def vector(cls, graph: Graph, name: str, size: int) -> Input:
-        """Make an input of ``size`` symbols ``name_0 .. name_{size-1}``."""
-        return cls(name, tuple(graph.symbol(f"{name}_{i}") for i in range(size)))
+    def vector(cls, graph: Graph, name: str, count: int) -> Input:
+        """Make an input of ``count`` symbols ``name_0 .. name_{count-1}``."""
+        return cls(name, tuple(graph.symbol(f"{name}_{i}") for i in range(count)))
 
     @property
     def size(self) -> int:

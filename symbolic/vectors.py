@@ -15,23 +15,23 @@ from dmoc.symbolic.expressions import expression_in
 Vector: TypeAlias = tuple[Any, ...]
 
 
-def vector(value: Any, size: int, what: str) -> Vector:
+def vector(value: Any, count: int, what: str) -> Vector:
     """Expressions of a place or a direction in the frame of a body."""
-    example = "(" + ", ".join("ab0"[:size]) + ")"
+    example = "(" + ", ".join("ab0"[:count]) + ")"
     try:
         entries: Sequence[Any] = listed(
             list(value) if isinstance(value, sp.MatrixBase) else value, what, "", ModelError
         )
     except ModelError:
         entries = ()
-    if len(entries) != size:
-        raise ModelError(f"{what} = {shown(value)}: expected {size} expressions, as in {example}.")
+    if len(entries) != count:
+        raise ModelError(f"{what} = {shown(value)}: expected {count} expressions, as in {example}.")
     return tuple(expression_in(e, what) for e in entries)
 
 
-def unit_vector(value: Any, size: int, what: str) -> Vector:
+def unit_vector(value: Any, count: int, what: str) -> Vector:
     """A direction of length 1."""
-    entries = vector(value, size, what)
+    entries = vector(value, count, what)
     length = sp.sqrt(sum(e**2 for e in entries))
     if length == 0 or not length.is_number:
         raise ModelError(f"{what} = {shown(value)}: expected numbers, not all 0.")

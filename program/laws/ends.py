@@ -165,7 +165,7 @@ class EndsLaw(Law):
             "goal",
             (len(goals),),
             lambda i: f"goal of {goals[i].name}",
-            lambda s: lay.units(s)[wanted],
+            lambda s: lay.sizes(s)[wanted],
             missed=self._goal_missed(goals),
         )
 
@@ -195,7 +195,7 @@ class EndsLaw(Law):
             "goal >=",
             (len(limits),),
             lambda i: within(f"goal of {limits[i][0].name}", *limits[i][1:]),
-            lambda s: lay.units(s)[bounded],
+            lambda s: lay.sizes(s)[bounded],
             missed=self._goal_missed([goal for goal, _, _ in limits]),
         )
         self.periodic_range = block(
@@ -217,8 +217,8 @@ class EndsLaw(Law):
     def _sizes(self, scale: Scale, relations: list[Relation]) -> Array:
         """Sizes of what ends, states or quantities."""
         kernels = self.problem.kernels
-        states, units = self.lay.states(kernels.coordinates), self.lay.units(scale)
-        sizes = {name: units[at[1]] for name, at in states.items()}
+        states, of_unknowns = self.lay.states(kernels.coordinates), self.lay.sizes(scale)
+        sizes = {name: of_unknowns[at[1]] for name, at in states.items()}
         sizes |= dict(zip(kernels.quantities, scale.quantity, strict=True))
         return np.array([sizes[r.end] for r in relations], dtype=float)
 

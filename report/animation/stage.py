@@ -40,8 +40,8 @@ def stage_of(axes: Axes, take: Take, room: Room, style: Style) -> Drawn:
     clock = axes.text(0.02, -0.01, "", color=style.ink, **below)
     mode = axes.text(0.98, -0.01, "", color=style.muted, ha="right", **below)
     banner = axes.text(0.02, 0.94, "", color=style.hit, fontsize=10, **text)
-    scale = f"longest arrow {short(take.largest)} N" if take.arrows else ""
-    axes.text(0.98, 0.98, scale, color=style.muted, fontsize=9, ha="right", va="top", **text)
+    legend = f"longest arrow {short(take.largest)} N" if take.arrows else ""
+    axes.text(0.98, 0.98, legend, color=style.muted, fontsize=9, ha="right", va="top", **text)
     look = look_of(style, max(room.sides), WEIGHT)
     places: list[tuple[Placed, slice]] = []
     for shape in scene.shapes:

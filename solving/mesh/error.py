@@ -116,11 +116,11 @@ def changes(coarse: Solution, fine: Solution) -> Errors:
     pairs = list(zip(coarse.phases, fine.phases, strict=True))
     duration = max(abs(b.duration - a.duration) for a, b in pairs) / fine.final_time
     spread = np.ptp(np.vstack([p.q for p in fine.phases]), axis=0)
-    scale = np.maximum(
+    size = np.maximum(
         spread, 1e-6 * np.array([fine.scale.get(name, 1.0) for name in fine.trajectory.coordinates])
     )
     place = max(
-        float((np.abs(b.q[::step] - a.q) / scale).max(initial=0.0))
+        float((np.abs(b.q[::step] - a.q) / size).max(initial=0.0))
         for (a, b), step in zip(pairs, _ratios(coarse, fine), strict=True)
     )
     design = [

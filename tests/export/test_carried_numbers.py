@@ -26,7 +26,7 @@ from dmoc.export.numbers import (
     moved_arrays,
     numbers_of,
 )
-from dmoc.export.program_text import _held, _number_rows, _state, shape_of, size_of
+from dmoc.export.program_text import _held, _number_rows, _state, count_of, shape_of
 from dmoc.guess.automatic import initial_guesses
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.program.layout import Layout
@@ -124,7 +124,7 @@ def test_bounds_of_an_input_move_the_bounds_of_its_unknowns(nlp: Transcription) 
     for name, first in (("bounds.u.low", 0), ("bounds.u.high", data.n)):
         number = taken[name]
         np.testing.assert_array_equal(np.sort(number.entries), np.sort(u + first))
-        np.testing.assert_allclose(number.slopes, 1 / nlp.unit[u])
+        np.testing.assert_allclose(number.slopes, 1 / nlp.sizes[u])
     rows, changes = _number_rows(nlp, numbers)
     assert len(rows) == len(numbers.taken) and len(changes) == sum(
         len(n.entries) for n in numbers.taken
@@ -168,8 +168,8 @@ def test_tables_have_rows_and_columns(
 
 
 def test_a_matrix_of_a_kernel_has_as_many_values_as_entries() -> None:
-    assert size_of({"rows": [0, 1, 1], "shape": [9, 9]}) == 3
-    assert size_of({"shape": [2, 3]}) == 6
+    assert count_of({"rows": [0, 1, 1], "shape": [9, 9]}) == 3
+    assert count_of({"shape": [2, 3]}) == 6
 
 
 def test_what_is_closed_or_ignored_is_told_apart() -> None:

@@ -106,7 +106,7 @@ int main(void)
     while (scanf("%d %lf", &row, &by) == 2) {
         const ptrdiff_t i = T - x + row;
         const double before = s->x[i];
-        s->x[i] += by/s->program.unit[i];
+        s->x[i] += by/s->program.sizes[i];
         carried_read_out(s);
         printf("%d\n", carried_all_inside(s));
         s->x[i] = before;

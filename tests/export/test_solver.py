@@ -69,7 +69,7 @@ def test_the_same_answers_as_in_python(case: str, tmp_path: Path) -> None:
     for words, x, duals in ((("first",), carried.first, None), ((), carried.x, carried.duals)):
         here, there = in_python(nlp, x, duals), answered(program, folder, *words)
         assert (there.status, there.iterations) == (CODES.index(here.status), here.iterations)
-        np.testing.assert_allclose(there.x[: nlp.n] / nlp.unit, here.x, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(there.x[: nlp.n] / nlp.sizes, here.x, rtol=0, atol=1e-12)
         tables_are_those_of(nlp, there.x)
     assert there.iterations == counts[1]
     other = Transcription(stated(nlp.problem), nlp.scale)
@@ -78,7 +78,7 @@ def test_the_same_answers_as_in_python(case: str, tmp_path: Path) -> None:
     there = answered(program, folder, *words)
     assert (CODES[there.status], here.status) == ("solved", "solved")
     assert abs(there.cost - nlp.scale.cost * other.cost(here.x)) <= 1e-9 * (1 + abs(there.cost))
-    scaled = there.x[: nlp.n] / nlp.unit
+    scaled = there.x[: nlp.n] / nlp.sizes
     np.testing.assert_allclose(scaled, here.x, rtol=0, atol=1e-9)
     assert np.abs(scaled - carried.x).max() > 1e-3
 
@@ -91,7 +91,7 @@ def tables_are_those_of(nlp: Transcription, x: np.ndarray) -> None:
         for t in derived_tables(nlp)
     }
     row = 0
-    for phase in trajectory(nlp, x[: nlp.n] / nlp.unit).phases:
+    for phase in trajectory(nlp, x[: nlp.n] / nlp.sizes).phases:
         rows, by_kind = slice(row, row := row + len(phase.t)), {"reaction": phase.reaction}
         for kind, every, there in zip(
             ("normal", "tangential"), names, (phase.closed, phase.rubbing), strict=True

@@ -88,7 +88,7 @@ def test_the_cost_of_an_input_that_is_constant_in_a_step_is_curved_by_its_time(o
     x, none = np.full(nlp.n, 0.3), np.zeros(nlp.n_eq + nlp.n_in)
     hessian = nlp.lagrangian_hessian(x, none[: nlp.n_eq], none[nlp.n_eq :]).toarray()
     u, h = nlp.layout.index_u[:, 0], nlp.physical(x)[nlp.layout.index_h[0]]
-    expected = 2 * h * nlp.unit[u] ** 2 / nlp.scale.cost
+    expected = 2 * h * nlp.sizes[u] ** 2 / nlp.scale.cost
     assert hessian[u, u] == pytest.approx(expected, rel=1e-12)
 
 

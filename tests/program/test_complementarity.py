@@ -38,7 +38,7 @@ def block() -> Transcription:
 def values(nlp: Transcription, x: np.ndarray) -> tuple[ComplementarityLaw, np.ndarray]:
     """The law, and all rows at a point in units of the problem: its scale is of ones."""
     rows = np.concatenate([nlp.equality(x), nlp.inequality(x)])
-    return nlp.laws.complementarity, rows * nlp.row_unit
+    return nlp.laws.complementarity, rows * nlp.row_sizes
 
 
 def test_rows_are_the_products_of_the_theory(block: Transcription) -> None:

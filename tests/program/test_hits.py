@@ -108,7 +108,7 @@ def test_the_rows_of_a_hit_are_those_of_poisson_and_coulomb(
     nlp = Transcription(back(sequence=[f"floor:{course}"]))
     lay, scaled = nlp.layout, np.random.default_rng(1).uniform(0.5, 2.0, nlp.n)
     x = nlp.physical(scaled)
-    values = np.concatenate([nlp.equality(scaled), nlp.inequality(scaled)]) * nlp.row_unit
+    values = np.concatenate([nlp.equality(scaled), nlp.inequality(scaled)]) * nlp.row_sizes
     index = {b.name: b.index for b in (*nlp.equalities, *nlp.inequalities)}
     dP = np.diff([0.0, *x[lay.hit.P_h[0, list(order)]], x[lay.impact.lam[0]]])
     dT = np.diff([0.0, *x[lay.hit.T_h[0, list(order)]], x[lay.contact.T_c[0, 0]]])

@@ -87,7 +87,7 @@ def test_what_slides_beside_a_hit_goes_on_until_its_stop(sign: str, word: str) -
     if len(rows):
         x, factor = nlp.physical(scaled), 1.0 if sign == "+" else -1.0
         (at,) = nlp.laws.held.slides_on.numbers
-        values = np.concatenate([nlp.equality(scaled), nlp.inequality(scaled)]) * nlp.row_unit
+        values = np.concatenate([nlp.equality(scaled), nlp.inequality(scaled)]) * nlp.row_sizes
         assert values[at] == pytest.approx(factor * x[lay.hit.v_h[0, STOP, 2]])
 
 

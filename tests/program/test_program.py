@@ -28,7 +28,7 @@ def changed(data: ProgramData, **fields: object) -> ProgramData:
 Change = Callable[[ProgramData], ProgramData]
 WRONG: dict[str, tuple[Change, str]] = {
     "bounds": (lambda d: replace(d, upper=d.upper[:-1]), "bounds of"),
-    "units": (lambda d: replace(d, unit=d.unit[:-1]), "units of"),
+    "units": (lambda d: replace(d, sizes=d.sizes[:-1]), "sizes of"),
     "pattern": (lambda d: replace(d, hessian=(d.hessian[0], d.hessian[1][:-1])), "a pattern of"),
     "linear part": (
         lambda d: replace(d, values=replace(d.values, rows=d.values.rows + len(d.values.constant))),

@@ -20,7 +20,7 @@ from dmoc.guess.automatic import initial_guesses
 from dmoc.models.registry import find
 from dmoc.program import layout, structure_cache
 from dmoc.program.scaling import scale_of
-from dmoc.program.structure_cache import MEMORY, digest, size_of
+from dmoc.program.structure_cache import MEMORY, bytes_of, digest
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt_layout import kkt_layout
 
@@ -122,7 +122,7 @@ def numbers(problem: dmoc.Problem, goal_as_rows: bool = False, graze: bool = Fal
     y, w = np.cos(np.arange(nlp.n_eq)), np.sin(1 + np.arange(nlp.n_in))
     hessian, order = nlp.lagrangian_hessian(point, y, w, 0.7), kkt_layout(nlp)
     return [
-        *(nlp.values(point), nlp.slopes(point), nlp.lower, nlp.upper, nlp.unit, nlp.row_unit),
+        *(nlp.values(point), nlp.slopes(point), nlp.lower, nlp.upper, nlp.sizes, nlp.row_sizes),
         *(nlp.assembled.jacobian.indptr, nlp.assembled.jacobian.indices),
         *(hessian.data, hessian.indices, hessian.indptr, order.place, order.from_jac, order.row),
     ]
@@ -229,19 +229,19 @@ def test_structures_are_forgotten_by_their_bytes(
     structures = MEMORY.structures._structures
     first = Transcription(small)
     kkt_layout(first)
-    one = size_of(first.structure, set())
+    one = bytes_of(first.structure, set())
     assert one > first.structure.jacobian.indices.nbytes + first.structure.hessian.indices.nbytes
     monkeypatch.setattr(structure_cache, "MOST_BYTES", 3 * one)
     for steps in (11, 12, 13, 14, 15):
         kkt_layout(Transcription(small.but(steps=steps)))
-        assert sum(size_of(s, set()) for s in structures.values()) <= 4 * one
+        assert sum(bytes_of(s, set()) for s in structures.values()) <= 4 * one
     assert 1 <= len(structures) < 5
     assert first.structure not in structures.values()  # it was the oldest
 
 
 def test_what_is_shared_counts_once() -> None:
     shared, other = np.zeros(10), np.zeros(5)
-    assert size_of((shared, {"again": [shared, other]}), set()) == 8 * 15
+    assert bytes_of((shared, {"again": [shared, other]}), set()) == 8 * 15
 
 
 def test_a_program_for_another_thread_has_numbers_of_its_own() -> None:

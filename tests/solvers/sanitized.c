@@ -124,7 +124,7 @@ static dmoc_program program(void)
     p.equalities = (ptrdiff_t)whole();
     p.lower = numbers();
     p.upper = numbers();
-    p.unit = numbers();
+    p.sizes = numbers();
     p.pool = numbers();
     p.values = pass();
     p.slopes = pass();

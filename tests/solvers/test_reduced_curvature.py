@@ -18,7 +18,7 @@ DIAGONAL = [[1.0, 1.0]]
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
-    ("rows", "curvature", "scale", "minimum"),
+    ("rows", "curvature", "lengths", "minimum"),
     [
         (NONE, (1, 2), (1, 1), True), (NONE, (1, -2), (1, 1), False),
         (ACROSS, (1, -2), (1, 1), True), (ACROSS, (-1, 2), (1, 1), False),
@@ -30,10 +30,10 @@ DIAGONAL = [[1.0, 1.0]]
     ],
 )  # fmt: skip
 def test_curvature_counts_along_what_is_left_free(
-    kind: str, rows: Any, curvature: tuple[int, int], scale: tuple[int, int], minimum: bool
+    kind: str, rows: Any, curvature: tuple[int, int], lengths: tuple[int, int], minimum: bool
 ) -> None:
     held = {**dict.fromkeys(KINDS, NONE), kind: np.array(rows)}
-    assert is_minimum(held, curvature, scale, np.zeros(2)) is minimum
+    assert is_minimum(held, curvature, lengths, np.zeros(2)) is minimum
 
 
 @pytest.mark.parametrize(
@@ -51,13 +51,13 @@ def test_what_a_bound_holds_is_not_free(
 
 
 def is_minimum(
-    held: dict[str, np.ndarray], curvature: tuple[int, int], scale: tuple[int, int], force: Any
+    held: dict[str, np.ndarray], curvature: tuple[int, int], lengths: tuple[int, int], force: Any
 ) -> bool:
     """Of unknowns in sizes with a diagonal Hessian, some rows, and forces of bounds."""
     descent: Any = SimpleNamespace(
         w=np.zeros(1), bound_force=force, is_eliminated=np.zeros(2, dtype=bool),
         elimination=SimpleNamespace(reduce=lambda x, rows, bounds: SimpleNamespace(**held)),
-        scale=np.array(scale, float), parts=SimpleNamespace(kept=np.arange(2)),
+        lengths=np.array(lengths, float), parts=SimpleNamespace(kept=np.arange(2)),
         _hessian=lambda x, reduced, D: np.diag(np.array(curvature, float)),
     )  # fmt: skip
     return Descent.is_minimum(descent, np.zeros(2))

@@ -32,7 +32,7 @@ def test_a_bound_holds_what_would_cost_less_beyond_it(
     y, at = np.zeros(nlp.n), nlp.layout.index_u[:, 0]
     y[nlp.layout.index_h], y[at] = 0.25, u
     duals = with_bounds(nlp, nlp.scaled(y), np.zeros(nlp.n_eq), np.zeros(nlp.n_in))
-    slope = 2 * 0.25 * u * nlp.unit[at] / nlp.scale.cost
+    slope = 2 * 0.25 * u * nlp.sizes[at] / nlp.scale.cost
     assert duals.z[at] == pytest.approx(slope if active else 0.0, rel=1e-9)
 
 
@@ -43,7 +43,7 @@ def test_the_gap_has_what_holds_in_it() -> None:
     y, at = np.zeros(nlp.n), nlp.layout.index_u[:, 0]
     y[nlp.layout.index_h], y[at] = 0.25, 1.0
     x, no_y, no_w = nlp.scaled(y), np.zeros(nlp.n_eq), np.zeros(nlp.n_in)
-    away, z = 4 / nlp.unit[at[0]], np.zeros(nlp.n)
+    away, z = 4 / nlp.sizes[at[0]], np.zeros(nlp.n)
     z[at[:4]] = 1.1 * away, -1.2 * away, 0.9 * away, -0.9 * away
     bounds = nlp.scale.cost * 2.3 * away**2
     assert duality_gap(nlp, x, Duals(no_y, no_w, z)) == pytest.approx(bounds, rel=1e-9)

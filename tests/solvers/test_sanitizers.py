@@ -102,7 +102,7 @@ def one_pass(data: PassData) -> bytes:
 
 def program(data: ProgramData) -> bytes:
     parts = [whole(data.n, data.m, data.equalities)]
-    parts += [numbers(a) for a in (data.lower, data.upper, data.unit, data.pool)]
+    parts += [numbers(a) for a in (data.lower, data.upper, data.sizes, data.pool)]
     parts += [one_pass(p) for p in (data.values, data.slopes, data.curvatures)]
     return b"".join(parts + [positions(a) for a in (*data.jacobian, *data.hessian)])
 

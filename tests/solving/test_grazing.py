@@ -155,7 +155,7 @@ def test_the_slope_of_a_graze_is_that_of_hits_at_small_rates(
 
     real = Programs(hit, programs.scale).program()
     down = real.layout.impact.v_a[0, 1]
-    real.lower[down] = real.upper[down] = -rate / real.unit[down]
+    real.lower[down] = real.upper[down] = -rate / real.sizes[down]
     struck = MINIMISE(real, graze.x, SHARP, None)
     assert struck.status == "solved"
     by_difference = (real.cost(struck.x) - grazing.cost(graze.x)) / rate

@@ -127,7 +127,7 @@ def test_a_row_stands_at_the_end_of_a_phase_where_it_can_move(
     nlp = Transcription(problem)
     lay, scaled = nlp.layout, np.random.default_rng(2).uniform(0.5, 2.0, nlp.n)
     x, rows = nlp.physical(scaled), np.append(nlp.inequality(scaled), np.nan)
-    rows *= np.append(nlp.row_unit[nlp.n_eq :], 1.0)
+    rows *= np.append(nlp.row_sizes[nlp.n_eq :], 1.0)
     places = ((lay.index_v_B, 0, 0), (lay.impact.v_a, 3, 3), (lay.impact.v_c, 3, 4))
     (block,) = (b for b in nlp.inequalities if b.name == "path at ends")
     for (v, node, input_), index, stands in zip(
