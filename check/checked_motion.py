@@ -133,7 +133,10 @@ class Motion:
         sizes, restitution = np.concatenate([self.sizes.q, self.sizes.v]), self.flow.restitution
         ends = self.nodes.begins[1:-1] - 1
         (before, after), timed = self.nodes.u, self.has_modes
-        inputs = [None if timed else np.array([before[k], after[k + 1]]) for k in ends]
+        inputs = [
+            None if timed or c.switch else np.array([before[k], after[k + 1]])
+            for k, c in zip(ends, self.trajectory.collisions, strict=True)
+        ]
         return tuple(
             passage_of(self.model, restitution, *part, own, (sizes, u))
             for part, own, u in zip(joined, self.modes[1:], inputs, strict=True)
@@ -201,10 +204,13 @@ class Motion:
         """Whether contacts last or something rubs, or should: rails do always, and surfaces with
         friction where they are hit."""
         trajectory, model = self.trajectory, self.model
-        hit = {model.surface_numbers[c.surface] for c in trajectory.collisions if c.surface}
+        events = [c for c in trajectory.collisions if not c.switch]
+        hit = {model.surface_numbers[c.surface] for c in events if c.surface}
         return (
             not all(phase.free for phase in trajectory.phases)
-            or any(c.lands or c.leaves or not c.surface for c in trajectory.collisions)
+            or any(
+                c.lands or c.leaves or not (c.surface or c.switch) for c in trajectory.collisions
+            )
             or any(
                 j in (RAIL, *hit)
                 for j, mu in zip(model.supports, model.hit_friction, strict=True)

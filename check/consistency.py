@@ -11,6 +11,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from dmoc.base.arguments import check_known
+from dmoc.base.errors import SimulationError
 from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import Findings, infinite_where_none, largest
 from dmoc.codegen.kernels import Array
@@ -30,7 +32,8 @@ SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to th
 
 def plan_errors(motion: Motion) -> Findings:
     """Look at a motion without simulating it."""
-    looks = (_times, _momenta, _positions, _balances, _disjoint, _off_surfaces, _singular)
+    of_nodes = _times, _momenta, _positions, _balances, _disjoint, _singular
+    looks = *of_nodes, _off_surfaces, _off_switches
     sentences = tuple(sentence for look in looks for sentence in look(motion))
     return Findings({"excess of an input": _input_excess(motion)}, sentences)
 
@@ -136,6 +139,26 @@ def _off_surfaces(motion: Motion) -> Iterator[str]:
             gap = float(motion.model.gaps(c.position, c.time)[j])
             if not abs(gap) <= OFF_SURFACE * motion.sizes.gap[j]:
                 yield f"the {noun} with {name!r} is {gap:.3g} off it"
+
+
+def _off_switches(motion: Motion) -> Iterator[str]:
+    """Switches that do not vanish at their event, or that do not grow up to it."""
+    model, names = motion.model, motion.model.contacts.switches
+    for mode, p in zip(motion.modes, motion.passages, strict=False):
+        if not p.c.switch:
+            continue
+        check_known(p.c.switch, names, "switch", error=SimulationError)
+        k, q, v, t = names.index(p.c.switch), p.before.q[-1:], p.before.v[-1:], p.before.t[-1:]
+        slope = np.abs(model.crossing_slopes(q, v, t)[0, k])
+        size = float(slope @ np.concatenate([motion.sizes.q, motion.sizes.v, [motion.sizes.time]]))
+        value = float(model.crossings(q, v, t)[0, k])
+        if not abs(value) <= OFF_SURFACE * size:
+            yield f"the switch {p.c.switch!r} is {value:.3g} at {_event(p.c)}, not zero"
+        u = motion.trajectory.input_sides(p.before)[0][-1:]
+        a = motion.flow.integrator.reaction(mode, np.hstack([q, v]), u, t).acceleration
+        rate = float(model.crossing_rates(q, v, a, t)[0, k])
+        if not rate >= -DRIFT * size / motion.sizes.time:
+            yield f"the switch {p.c.switch!r} falls with {-rate:.3g} at {_event(p.c)}"
 
 
 def _input_excess(motion: Motion) -> float:

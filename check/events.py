@@ -24,8 +24,9 @@ def event_errors(motion: Motion, work: tuple[float, ...]) -> Findings:
     the events with their laws, relative to the largest momenta, rates and kinetic energy, and to
     the rates of the event itself."""
     sizes, fit = motion.sizes, [p for p in motion.passages if not p.wrong]
-    law = _contact_errors if motion.has_modes else _impact_errors
-    own, shares = zip(*[law(p, sizes) for p in fit], strict=True) if fit else ((0.0,), (0.0,))
+    laws = [_contact_errors if motion.has_modes or p.c.switch else _impact_errors for p in fit]
+    pairs = [law(p, sizes) for law, p in zip(laws, fit, strict=True)]
+    own, shares = zip(*pairs, strict=True) if pairs else ((0.0,), (0.0,))
     energies = [_imbalance(motion, work), *[_energy_jump(p) / sizes.energy for p in fit]]
     measured = {
         "energy error": energies,

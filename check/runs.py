@@ -190,6 +190,8 @@ def departures(motion: Motion, contacts: Sequence[SurfaceContact]) -> Departures
     the other contacts those that do not merely graze."""
     left, missed = list(contacts), list[Collision]()
     for planned in motion.trajectory.collisions:
+        if planned.switch:
+            continue
         match = next((c for c in left if _same(motion, planned, c)), None)
         if match is not None:
             left.remove(match)

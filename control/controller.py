@@ -100,6 +100,8 @@ class Controller(Pushed):
     hits: list[str] = field(default_factory=list)  # felt since the phase began
     opened: set[str] = field(default_factory=set)  # surfaces that were open since then
     measured: deque[Measured] = field(default_factory=deque)
+    below: set[str] = field(default_factory=set)  # switches that were below zero since then
+    above: set[str] = field(default_factory=set)  # those that are not, by the state measured last
 
     def __post_init__(self) -> None:
         self.random = np.random.default_rng(self.disturbed.seed)
@@ -109,9 +111,19 @@ class Controller(Pushed):
         noise, t = self.disturbed.noise, k * self.h
         seen = y + noise * self.random.standard_normal(len(y)) if noise.any() else y
         self.measured.append(Measured(self.phase, t, seen))
+        self._look(seen, t)
         arrived = len(self.measured) > self.disturbed.delay
         u = self.steers.steer(self.phase, t, self.h, self.measured.popleft() if arrived else None)
         return np.clip(u, self.steers.bounds[:, 0], self.steers.bounds[:, 1])
+
+    def _look(self, y: Array, t: float) -> None:
+        """Note on which side of zero the switches are in a state, shape (2 nq,)."""
+        names = self.model.contacts.switches
+        if names:
+            q, v = np.split(y, 2)
+            w = self.model.crossings(q, v, t)
+            self.above = {name for name, value in zip(names, w, strict=False) if value >= 0}
+            self.below |= {*names} - self.above
 
     def feel(self, k: int, collisions: Sequence[Collision], mode: Mode) -> None:
         """Go on to the next phases where their events have happened: of those that come from
@@ -126,6 +138,7 @@ class Controller(Pushed):
                 return
             self.phase += 1
             self.opened = {*self.model.contacts.surfaces} - {*closed}
+            self.below.clear()
             if event.surface not in self.hits:
                 self.hits.clear()
                 return
@@ -135,12 +148,14 @@ class Controller(Pushed):
         self, c: Collision, t: float, closed: Sequence[str], rubbing: Mapping[str, int]
     ) -> bool:
         """Whether the event that is expected next has happened: hits are felt at any time, landings
-        not before the half of the phase, and of what was open in it; contacts that open and
-        friction that changes come from the inputs, so that they are felt near their time, and taken
-        as happened at it."""
+        not before the half of the phase, and of what was open in it, nor switches, by measured
+        states, of what was below zero in it; contacts that open and friction that changes come from
+        the inputs, so that they are felt near their time, and taken as happened at it."""
         begin, end = self.steers.span(self.phase)
+        late = t >= end - SOONER * (end - begin)
+        if c.switch:
+            return late and c.switch in self.below & self.above
         if c.lands:
-            late = t >= end - SOONER * (end - begin)
             return late and {*c.lands} <= {*closed} and {*c.lands} <= self.opened
         if c.surface:
             return c.surface in self.hits

@@ -10,6 +10,7 @@ from dmoc.export.constants import Constants, initial, literal
 from dmoc.export.motion_text import has_rest
 from dmoc.export.numbers import numbers_of
 from dmoc.export.program_text import CarriedProgram
+from dmoc.mechanics.contacts import NOWHERE
 from dmoc.planning.planner import Planner
 from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Status
@@ -20,6 +21,11 @@ OF_PLANNER = 32
 
 def carried_rests(name: str, planner: Planner) -> tuple[list[CarriedProgram], list[float]]:
     """The rests from each phase on, of which the first is the whole motion, and when they begin."""
+    if (planner.problem.touch.switches != NOWHERE).any():
+        raise ProblemError(
+            "a planner in C does not see when a switch is passed, which the sequence has: plan "
+            "with dmoc.Planner, or generate the solver without a planner."
+        )
     rests, begins = list[CarriedProgram](), list[float]()
     for i, (begin, nlp, x, ended) in enumerate(planner.rests()):
         if ended.status is not Status.SOLVED:

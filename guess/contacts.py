@@ -11,7 +11,7 @@ from dmoc.guess.inverse_dynamics import acting
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.projection import onto
-from dmoc.problem.contacts import contact_point
+from dmoc.problem.contacts import event_point
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import midpoints
 from dmoc.program.blocks import NOWHERE
@@ -57,10 +57,9 @@ def _points(problem: Problem, lay: Layout, durations: Array) -> Array:
     surfaces, shape (phases + 1, nq)."""
     share = np.minimum(np.arange(lay.phases + 1) / lay.stepped, 1.0)[:, None]
     points = (1 - share) * problem.start_position + share * problem.goal_position
-    for i, event in enumerate(problem.touch.events):
-        if event.hit != NOWHERE:
-            t = float(durations[: i + 1].sum())
-            points[i + 1] = contact_point(problem, points[i + 1], points[i], event.hit, t)
+    for i in range(len(problem.touch.events)):
+        t = float(durations[: i + 1].sum())
+        points[i + 1] = event_point(problem, points[i + 1], points[i], i, t)
     points[lay.stepped :] = points[lay.stepped]
     return points
 

@@ -28,7 +28,9 @@ from dmoc.guess.inverse_dynamics import acting, inputs_for
 from dmoc.guess.neighbours import WAVES, shaken
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.projection import onto
+from dmoc.problem.contacts import onto_switch
 from dmoc.problem.design import designed, drawn
 from dmoc.problem.problem import Problem
 from dmoc.problem.quantities import onto_quantities
@@ -247,6 +249,11 @@ def _points(
     points = (1 - part) * ends[0][:, None] + part * ends[1][:, None]
     times = np.cumsum(durations, axis=1)
     for i, event in enumerate(problem.touch.events):
+        if event.switch != NOWHERE:
+            points[:, i + 1] += away[:, i + 1]
+            rates = (ends[1] - ends[0]) / times[:, -1:]
+            state = points[on, i + 1], rates[on], times[on, i]
+            points[on, i + 1] = onto_switch(problem, *state, event.switch)
         if not event.impact:
             continue
         j = event.surface

@@ -142,10 +142,13 @@ cdef class Marcher(Equations):
 
     cdef int bounce(self, ptrdiff_t surface, double t) except -1 nogil:
         """The velocity after an impact and its impulse lam = (1 + e) (n.v + dg/dt) / (n M^-1 n)
-        with n = grad g."""
+        with n = grad g; as it was without a surface."""
         cdef int i, nq = self.nq
         cdef ptrdiff_t k
         cdef double approach, inertia = 0.0
+        self.impulse = 0.0
+        if surface < 0:
+            return 0
         for i in range(nq):
             self.middle[i] = 0.0
         self.look(&self.at[0], &self.middle[0], t)
@@ -163,7 +166,6 @@ cdef class Marcher(Equations):
                 self.middle[i] += self.solution[i * nq + k] * self.normal[k]
             inertia += self.normal[i] * self.middle[i]
             approach += self.normal[i] * self.speed[i]
-        self.impulse = 0.0
         if inertia > 0:
             self.impulse = fmax((1 + self.coefficient(surface)) * approach / inertia, 0.0)
         for i in range(nq):

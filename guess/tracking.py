@@ -106,12 +106,11 @@ class Tracker:
         problem, nq, nu = self.problem, self.problem.nq, self.problem.nu
         if nu == 0 or nu >= nq:
             return tuple(range(nq))
-        surfaces = problem.model.surface_coordinates
-        goal = problem.goal_bounds.position
-        said = [
-            sum(i in surfaces[e.hit] for e in problem.touch.events) + bool(goal[i, 0] == goal[i, 1])
-            for i in range(nq)
-        ]
+        goal, on = (
+            problem.goal_bounds.position,
+            [problem.model.coordinates_at(event) for event in problem.touch.events],
+        )
+        said = [sum(i in at for at in on) + bool(goal[i, 0] == goal[i, 1]) for i in range(nq)]
         order = sorted(range(nq), key=lambda i: (-said[i], i))
         points = self._route(final_time).points
         for choice in itertools.combinations(order, nu):

@@ -7,7 +7,8 @@ import numpy as np
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
-from dmoc.problem.contacts import contact_point
+from dmoc.mechanics.contacts import NOWHERE
+from dmoc.problem.contacts import event_point
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import Boundary, midpoints
 
@@ -34,7 +35,8 @@ class Waypoints:
 @record(frozen=True, eq=False)
 class Normal:
     """A surface at a via point: the gradient of its gap, the change M^-1 n of the velocity by a
-    unit impulse along it, n . M^-1 n, and the coefficient of restitution of its mirror."""
+    unit impulse along it, n . M^-1 n, and the coefficient of restitution of its mirror; zeros where
+    nothing is hit."""
 
     slope: Array
     response: Array
@@ -68,15 +70,14 @@ def route_of(problem: Problem, final_time: float) -> Route:
     last = problem.ends_with_event
     share = np.append(np.linspace(0.0, 1.0, problem.phases + 1 - last), np.ones(int(last)))
     points = (1 - share[:, None]) * problem.start_position + share[:, None] * goal
-    surfaces = [event.hit for event in problem.touch.events]
-    for i, surface in enumerate(surfaces):
+    for i in range(problem.phases - 1):
         t = float(share[i + 1]) * final_time
-        points[i + 1] = contact_point(problem, points[i + 1], points[i], surface, t)
+        points[i + 1] = event_point(problem, points[i + 1], points[i], i, t)
     if last:
         points[-1] = points[-2]
     start = end_velocity(problem, problem.start_bounds, points[0], np.zeros(problem.nq))
     normals = None
-    if not any(surface in problem.model.moving for surface in surfaces):
+    if not any(event.hit in problem.model.moving for event in problem.touch.events):
         normals = tuple(_normal(problem, q, i, 0.0) for i, q in enumerate(points[1:-1]))
     end = _by_momentum(problem, problem.goal_bounds, points[-1])
     mass = problem.model.mass(points[0])
@@ -86,6 +87,8 @@ def route_of(problem: Problem, final_time: float) -> Route:
 
 def _normal(problem: Problem, q: Array, collision: int, t: float) -> Normal:
     j = problem.touch.events[collision].hit
+    if j == NOWHERE:
+        return Normal(np.zeros(problem.nq), np.zeros(problem.nq), 0.0, 1.0)
     slope = problem.model.gap_slopes(q, t)[j, :-1]
     e = float(problem.restitution_values[j])
     e = 1.0 if np.isnan(e) else max(e, SOFTEST_MIRROR)  # of a speed that is not planned yet

@@ -3,6 +3,7 @@ them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.mechanics.contacts import Contacts
+from dmoc.mechanics.contact_mode import Event
+from dmoc.mechanics.contacts import NOWHERE, Contacts
 
 # Matrix outputs that are read here, and their kernels.
 MATRICES = {
@@ -102,6 +104,13 @@ class BoundKernels:
         """The coordinates that the gap to each surface depends on."""
         on = self.kernels.manifest.surface_coordinates
         return tuple(on[name] for name in self.kernels.surfaces)
+
+    def coordinates_at(self, event: Event) -> Sequence[int]:
+        """The coordinates that say where an event is: of the surface that is hit, or of what a
+        switch contains."""
+        if event.switch != NOWHERE:
+            return self.kernels.manifest.crossings[event.switch]["coordinates"]
+        return self.surface_coordinates[event.hit] if event.hit != NOWHERE else ()
 
     @cached_property
     def tangent_coordinates(self) -> tuple[list[int], ...]:

@@ -167,6 +167,8 @@ class Event:
     course : Course or None
         How friction acts in the impact, where the word says it: of a hit, or of a landing during
         which sliding stops.
+    switch : int
+        The crossing function that vanishes, or NOWHERE; then nothing else happens.
     """
 
     hit: int = NOWHERE
@@ -174,6 +176,7 @@ class Event:
     leaves: tuple[int, ...] = ()
     friction: tuple[tuple[int, int], ...] = ()
     course: Course | None = None
+    switch: int = NOWHERE
 
     @property
     def surface(self) -> int:

@@ -208,9 +208,14 @@ class Model(FrictionModel, CostModel):
         """Crossing functions w, whose zeros are events, shape (..., nw)."""
         return self._values("crossing", self.nw, q, v, t)
 
+    def crossing_slopes(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
+        """Derivatives of the crossing functions with respect to (q, v, t), shape (..., nw, 2 nq +
+        1)."""
+        return self._matrix("w_D", (self.nw, 2 * self.nq + 1), q, v, t)
+
     def crossing_rates(self, q: Array, v: Array, a: Array, t: ArrayLike = 0.0) -> Array:
         """Rates of the crossing functions at accelerations a, shape (..., nw)."""
-        slopes = self._matrix("w_D", (self.nw, 2 * self.nq + 1), q, v, t)
+        slopes = self.crossing_slopes(q, v, t)
         moving = np.concatenate([v, a, np.ones((*q.shape[:-1], 1))], axis=-1)
         return np.asarray((slopes @ moving[..., None])[..., 0])
 

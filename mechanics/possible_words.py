@@ -7,7 +7,7 @@ from itertools import combinations
 
 from dmoc.base.errors import ProblemError
 from dmoc.mechanics.contact_mode import Course, Event, Mode, names_of
-from dmoc.mechanics.contacts import Contacts
+from dmoc.mechanics.contacts import NOWHERE, Contacts
 from dmoc.mechanics.sequence_words import is_open, touch_along
 from dmoc.mechanics.touch import Touch
 from dmoc.motion.friction import FRICTION, SLIDING, rubbing_word, sticks, turned
@@ -68,8 +68,8 @@ def _hits(name: str, mode: Mode, contacts: Contacts) -> list[str]:
 
 
 def possible_after(mode: Mode, words: Sequence[str], contacts: Contacts) -> Iterator[str]:
-    """Those of some words that can happen in a mode, and change it or are an impact; a hit with
-    friction whose course is not said stands for all of them."""
+    """Those of some words that can happen in a mode, and change it or are an impact or a switch; a
+    hit with friction whose course is not said stands for all of them."""
     for word in words:
         try:
             touch = touch_along(mode, [word], contacts)
@@ -78,7 +78,7 @@ def possible_after(mode: Mode, words: Sequence[str], contacts: Contacts) -> Iter
         (event,), (_, after) = touch.events, touch.modes
         if is_open(event, contacts):
             yield from _with_courses(word, event, contacts)
-        elif event.impact or after != mode:
+        elif event.impact or event.switch != NOWHERE or after != mode:
             yield word
 
 

@@ -16,6 +16,7 @@ A mode says which contacts are closed in a phase and how friction acts in it.  T
     -foot           leaves
     foot:slip+      changes its friction; also foot:slip-, foot:stick
     +right -left    several at one event, separated by blanks
+    gate            an expression of the model vanishes while it grows (its switch ``gate``)
 
 A tangent that belongs to no surface, a rail, rubs in every phase.  An open surface can only be hit,
 a closed one only change its friction, so that "foot:slip+" is the one or the other.
@@ -56,6 +57,8 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
     hits, lands, leaves, seen = list[str](), list[str](), list[str](), list[str]()
     friction, courses = dict[str, int](), dict[str, Course]()
     numbers = contacts.surface_numbers
+    if (switch := _switch_in(word, contacts)) is not None:
+        return Event(switch=switch)
     for part in word.split():
         sign, rest = (part[0], part[1:]) if part[0] in "+-" else ("", part)
         name, colon, course_words = rest.partition(":")
@@ -64,7 +67,9 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
         seen.append(name)
         names = contacts.surfaces if sign or not colon else contacts.tangents
         if name not in names:
-            check_known(part, names, "tangent" if colon and not sign else "surface", IN_SEQUENCE)
+            plain = contacts.switches if not (sign or colon) else ()
+            what = "tangent" if colon and not sign else "surface or switch" if plain else "surface"
+            check_known(part, (*names, *plain), what, IN_SEQUENCE)
         is_hit = not sign and name in numbers and numbers[name] not in closed
         if colon:
             if name in contacts.frictionless:
@@ -100,6 +105,26 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
         tuple((contacts.tangent_numbers[name], state) for name, state in friction.items()),
         next(iter(courses.values()), None),
     )
+
+
+def _switch_in(word: str, contacts: Contacts) -> int | None:
+    """The number of a switch that is a word by itself; None for a word without one."""
+    for part in word.split():
+        name = part.lstrip("+-").partition(":")[0]
+        if name in contacts.switches:
+            if part != name:
+                raise ProblemError(
+                    f"{part!r} in the sequence: {name} is a switch, which nothing lands on and "
+                    f"nothing rubs at; say {name!r}."
+                )
+            if word.split() != [name]:
+                raise ProblemError(
+                    f"{word!r} in the sequence has the switch {name!r} beside something else: what "
+                    "happens at once is in no order, so say two events, of which the phase between "
+                    "them may be short."
+                )
+            return contacts.switches.index(name)
+    return None
 
 
 def _course(part: str, course_words: str, rubs: bool) -> Course:
@@ -270,6 +295,8 @@ def word_between(contacts: Contacts, before: Mode, after: Mode, event: Event | N
     """The word for an event between two modes, with what an event hits and lands; empty where
     nothing happens."""
     event = event or Event()
+    if event.switch != NOWHERE:
+        return contacts.switches[event.switch]
     hit = contacts.surfaces[event.hit] if event.hit != NOWHERE else ""
     leaves = contacts.named(j for j in before.closed if j not in after.closed)
     lands = contacts.named(j for j in after.closed if j not in before.closed or j in event.lands)

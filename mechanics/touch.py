@@ -94,6 +94,11 @@ class Touch:
         return np.array([event.surface for event in self.events], dtype=np.intp)
 
     @cached_property
+    def switches(self) -> NDArray[np.intp]:
+        """The crossing function of each event, NOWHERE of another one, shape (events,)."""
+        return np.array([event.switch for event in self.events], dtype=np.intp)
+
+    @cached_property
     def impacts(self) -> Bools:
         """Events at which something is hit or lands, shape (events,)."""
         return np.asarray(self.surfaces != NOWHERE)

@@ -164,6 +164,8 @@ class Collision:
     course : str
         How friction acts in the course of the impact, as "slip+:stick"; empty where it does not, or
         in one way.
+    switch : str
+        The switch of the model that passes zero here; empty where none does.  Nothing else happens.
     """
 
     surface: str
@@ -182,6 +184,7 @@ class Collision:
     tractions: Mapping[str, float] = field(default_factory=dict)
     course: str = ""
     reactions: Mapping[str, float] = field(default_factory=dict)
+    switch: str = ""
 
     @property
     def hit(self) -> str:
@@ -191,7 +194,9 @@ class Collision:
     @property
     def word(self) -> str:
         """What happens, as a sequence says it: "wall", "+right -left", "rail:slip+"."""
-        return event_word(self.hit, self.lands, self.leaves, self.friction, self.course)
+        return self.switch or event_word(
+            self.hit, self.lands, self.leaves, self.friction, self.course
+        )
 
     def __repr__(self) -> str:
         return f"<Collision {self}>"
@@ -345,9 +350,13 @@ def event_word(
     return " ".join(words) or "no change"
 
 
-def noun_of(words: Iterable[str]) -> str:
-    """Noun for the words of sequences: "collision" where all of them are hits, else "event"."""
-    hits = all(not word.startswith(("+", "-")) and not {":", " "} & set(word) for word in words)
+def noun_of(words: Iterable[str], switches: Sequence[str] = ()) -> str:
+    """Noun for the words of sequences, with the switches of the model: "collision" where all of
+    them are hits, else "event"."""
+    hits = all(
+        not word.startswith(("+", "-")) and not {":", " "} & set(word) and word not in switches
+        for word in words
+    )
     return "collision" if hits else "event"
 
 
@@ -356,6 +365,8 @@ def impulses_in_words(collision: Collision) -> str:
     alone."""
     if collision.grazes:
         return ", grazes"
+    if collision.switch:
+        return ""
     if collision.word == collision.surface and not collision.tractions:
         return f", impulse {collision.impulse:.6g}"
     values = (*collision.impulses.values(), *collision.tractions.values())

@@ -152,14 +152,25 @@ def _along(problem: Problem, mode: Mode, q: Array, v: Array) -> Array:
 
 
 def arrival(problem: Problem, event: Collision | None, state: MeasuredState) -> float:
-    """Seconds until a state that goes on as it moves reaches the surface of an event; endless where
-    it does not."""
+    """Seconds until a state that goes on as it moves reaches the surface or the switch of an event;
+    endless where it does not."""
+    if event is not None and event.switch:
+        w, rate = _switch_at(problem, event, state)
+        return max(-w, 0.0) / rate if rate > 0 else np.inf
     if event is None or not (event.surface or event.lands):
         return np.inf
     model, (q, v) = problem.model, state
     j = model.contacts.surface_numbers[event.surface or event.lands[0]]
     gap, rate = float(model.gaps(q)[j]), float(model.gap_rates(q, v)[j])
     return max(-gap, 0.0) / rate if rate > 0 else np.inf
+
+
+def _switch_at(problem: Problem, event: Collision, state: MeasuredState) -> tuple[float, float]:
+    """The value of the switch of an event, and its rate without acceleration."""
+    model, (q, v) = problem.model, state
+    k = model.contacts.switches.index(event.switch)
+    rate = model.crossing_rates(q, v, np.zeros_like(v))[k]
+    return float(model.crossings(q, v)[k]), float(rate)
 
 
 def is_over(
@@ -169,9 +180,11 @@ def is_over(
     the plan's time of it, at the end of a phase that ``lasts`` as long, and ``step`` seconds after
     the last state.
 
-    What is hit or lands is left or at rest, and is still near; what leaves, or rubs in another way,
-    does so at its time.
+    What is hit or lands is left or at rest, and is still near; a switch is not below zero; what
+    leaves, or rubs in another way, does so at its time.
     """
+    if event.switch:
+        return late >= -EARLY * lasts and _switch_at(problem, event, state)[0] >= 0
     if not (event.surface or event.lands):
         return late >= 0
     if late < -EARLY * lasts:

@@ -12,9 +12,10 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE
+from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.model_values import restitution_row
 from dmoc.mechanics.possible_words import open_hits
-from dmoc.mechanics.projection import onto_gap
+from dmoc.mechanics.projection import onto, onto_gap
 from dmoc.mechanics.redundancy import Redundancy, redundancy
 from dmoc.mechanics.sequence_words import mode_of, touch_along, words_along
 from dmoc.mechanics.touch import Touch
@@ -69,6 +70,29 @@ def redundant_of(problem: Problem) -> tuple[Redundancy, ...]:
         redundancy(model, mode, start, reach, latest, before.closed)
         for before, mode in zip((FREE, *modes), modes, strict=False)
     )
+
+
+def event_point(problem: Problem, q: Array, before: Array, event: int, t: float) -> Array:
+    """A point near q, shape (nq,), at which a hit or a switch of the sequence happens after a
+    point ``before``, shape (nq,); q itself where nothing says one."""
+    here = problem.touch.events[event]
+    if here.hit != NOWHERE:
+        return contact_point(problem, q, before, here.hit, t)
+    if here.switch != NOWHERE:
+        rest, now = np.zeros((1, len(q))), np.array([t])
+        return np.asarray(onto_switch(problem, q[None], rest, now, here.switch)[0])
+    return q
+
+
+def onto_switch(problem: Problem, q: Array, v: Array, t: Array, switch: int) -> Array:
+    """Positions (n, nq) near q where a switch of places passes zero at velocities (n, nq) and times
+    (n,), by steps along its gradient in reaches; q itself where it contains no coordinate."""
+
+    def conditions(q: Array) -> tuple[Array, Array]:
+        slopes = problem.model.crossing_slopes(q, v, t)[:, [switch], : problem.nq]
+        return problem.model.crossings(q, v, t)[:, [switch]], slopes
+
+    return onto(conditions, q, problem.reach, longest=1.0)
 
 
 def contact_point(problem: Problem, q: Array, before: Array, surface: int, t: float) -> Array:

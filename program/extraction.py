@@ -113,6 +113,7 @@ def _collision(
         {contacts.tangents[k]: s for k, s in changes},
         impulses["normal"], impulses["tangential"],
         "" if event.course is None else str(event.course), impulses["reaction"],
+        contacts.switches[event.switch] if event.switch != NOWHERE else "",
     )  # fmt: skip
 
 

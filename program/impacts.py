@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from dmoc.base.records import record
 from dmoc.mechanics.touch import Touch
+from dmoc.motion.trajectory import noun_of
 from dmoc.program.blocks import Block, Index, Numbering, sizes_of
 from dmoc.program.reactions import EventImpulses
 
@@ -48,10 +49,7 @@ def velocities(block: Numbering, names: Sequence[str], at: Sequence[str]) -> tup
     )
 
 
-def names_of_events(sequence: Sequence[str]) -> list[str]:
-    """Names of the events of a sequence in the user's words."""
+def names_of_events(sequence: Sequence[str], switches: Sequence[str]) -> list[str]:
+    """Names of the events of a sequence in the user's words; some of these are switches."""
 
-    def kind(word: str) -> str:
-        return "event" if any(sign in word for sign in "+-: ") else "collision"
-
-    return [f"{kind(s)} {i + 1} ({s})" for i, s in enumerate(sequence)]
+    return [f"{noun_of([s], switches)} {i + 1} ({s})" for i, s in enumerate(sequence)]

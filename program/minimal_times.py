@@ -10,7 +10,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import Block, Index, Numbering
+from dmoc.program.blocks import NOWHERE, Block, Index, Numbering
 from dmoc.program.collision_times import minimal_time
 from dmoc.program.evaluator import Matrix
 from dmoc.program.layout import Layout
@@ -56,16 +56,16 @@ class WithMinimalTimes(Transcription):
         bounded = problem.nu > 0 and bool(np.isfinite(problem.input_bounds).all())
         estimated = problem.minimal_times and bounded and problem.model.has_minimal_times
         estimated = estimated and not problem.held
-        count = len(problem.sequence) if estimated else 0
+        there = problem.touch.impacts & bool(estimated)
         number = Numbering(self.n_eq + self.n_in)
         self._block = number(
             "minimal time",
-            (count,),
+            there,
             lambda i: f"minimal time of phase {i} -> {problem.sequence[i]}",
             lambda s: s.time,
         )
         self._last: dict[int, tuple[Array, float, Array]] = {}
-        self.n_in += count
+        self.n_in += self._block.count
 
     @property
     def inequalities(self) -> Sequence[Block]:
@@ -123,13 +123,13 @@ class WithMinimalTimes(Transcription):
         return hessian
 
     @property
-    def _phases(self) -> range:
-        return range(self._block.count)
+    def _phases(self) -> Sequence[int]:
+        return [int(i) for i in np.flatnonzero(self._block.index != NOWHERE)]
 
     @cached_property
-    def _sorted(self) -> list[Index]:
-        """Unknowns of each minimal time, in the order of x."""
-        return [np.sort(_unknowns(self.layout, i)) for i in self._phases]
+    def _sorted(self) -> dict[int, Index]:
+        """Unknowns of each minimal time, in the order of x, by the phase."""
+        return {i: np.sort(_unknowns(self.layout, i)) for i in self._phases}
 
     def _reserve(self, x: Array, i: int) -> tuple[float, Array]:
         """T_i - T_min and its gradient with respect to the sorted scaled unknowns; the last point

@@ -15,7 +15,8 @@ class Scale:
     """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,);
     gaps, their rates and impulses (nc,); sliding velocities and friction impulses (nt,); path
     constraints; quantities; totals and peaks of an objective; hidden unknowns; step sizes
-    (phases,); rates and impulses of the constraints of the model (nj,); design parameters."""
+    (phases,); rates and impulses of the constraints of the model (nj,); crossing functions (nw,);
+    design parameters."""
 
     time: float
     cost: float
@@ -37,6 +38,7 @@ class Scale:
     h: Array
     joint_rate: Array
     reaction: Array
+    crossing: Array
     design: Array
 
     @classmethod
@@ -72,6 +74,7 @@ class Scale:
             h,
             nj,
             nj,
+            np.ones(problem.model.nw),
             np.ones(len(problem.design)),
         )
 

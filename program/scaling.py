@@ -46,7 +46,8 @@ class Reached:
     """What a motion reaches and what the model makes of it, whatever its problem bounds: the time,
     largest values and ranges of coordinates, of rates, momenta, forces, inertias and inputs,
     the kinetic energy, the largest derivatives of the generalised forces by the inputs (nq, nu), of
-    gaps, tangents and joints by (q, t), the cost, and its slopes and curvatures in each step."""
+    gaps, tangents and joints by (q, t), of crossing functions by (q, v, t), the cost, and its
+    slopes and curvatures in each step."""
 
     time: float
     q: Array
@@ -61,6 +62,7 @@ class Reached:
     gap: Array
     tangent: Array
     joint: Array
+    crossing: Array
     cost: float
     cost_slopes: Array
     cost_curvatures: Array
@@ -102,6 +104,7 @@ def _measured(problem: Problem, lay: Layout, x: Array) -> Reached:
         gap,
         tangent,
         joint,
+        np.abs(_finite(model.crossing_slopes(middle, rates, now), 0.0)).max(axis=0),
         cost_of(problem, lay, x),
         np.abs(model.step_cost_slopes(step)),
         np.abs(model.step_cost_curvatures(step)),
@@ -148,12 +151,13 @@ def _of_motion(problem: Problem, lay: Layout, x: Array, reached: Reached, minimu
     gap, rate = _places(reached.gap, moving)
     _, slide = _places(reached.tangent, moving)
     _, joint_rate = _places(reached.joint, moving)
+    states = np.append(size_q, size_v), np.append(size_v, size_v / time), time
     return Scale(
         time, 1.0, energy, size_q, size_v, size_p, size_u, gap, rate, energy / rate, slide,
         energy / slide, np.ones(len(problem.kernels.manifest.path_rows)),
         np.ones(problem.model.nz), np.ones(lay.index_totals.size), np.ones(lay.index_peaks.size),
         _hidden(problem, lay, x, (*moving, size_u)), x[lay.index_h], joint_rate,
-        energy / joint_rate, _designs(problem),
+        energy / joint_rate, _places(reached.crossing, states)[0], _designs(problem),
     )  # fmt: skip
 
 
@@ -254,7 +258,8 @@ def _hidden(
 
 def _places(slope: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Array]:
     """Sizes of gaps or tangents and of their rates, from their largest slopes along a motion: how
-    far coordinates, velocities and a time of their sizes move them."""
+    far coordinates, velocities and a time of their sizes move them; or of crossing functions, by
+    states and their rates."""
     size_q, size_v, time = sizes
     by_q, by_t = slope[:, :-1], slope[:, -1]
     place, rate = by_q @ size_q + by_t * time, by_q @ size_v + by_t

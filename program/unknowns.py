@@ -120,7 +120,8 @@ class Unknowns:
         """Number the unknowns in their order."""
         form, scheme = FORMS[kind.form], DISCRETISATIONS[kind.order]
         own, touch, steps = _States(kind, form, scheme), kind.touch, kind.steps
-        block, at, v = Numbering(), names_of_events(kind.sequence), own.velocities
+        block, v = Numbering(), own.velocities
+        at = names_of_events(kind.sequence, kind.touch.contacts.switches)
         states = [*own.of_nodes(block)]
         lam = impulses(block, touch, at)
         states += own.of_ends(block)

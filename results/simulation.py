@@ -110,7 +110,8 @@ def _rows(s: Simulation) -> Iterator[tuple[str, str]]:
         impulse = f", impulse {c.impulse:.6g}" if c.impulse else ""
         if along := c.tractions.get(c.surface):
             impulse += f", along it {along:.6g}"
-        yield f"collision {c.surface}", f"at {c.time:.6g} s{impulse}"
+        what = f"event {c.switch}" if c.switch else f"collision {c.surface}"
+        yield what, f"at {c.time:.6g} s{impulse}"
     more = len(s.collisions) - MOST_EVENTS
     if more > 0:
         yield "", f"and {more} more collisions"
@@ -231,9 +232,12 @@ def simulate(
     else:
         system, stated = _built(kernels, model, alone), {"position": None, **mesh, **changes}
     run = forward.simulate(system, **stated, every=every)
+    motion = motion_of(run)
+    crossed = (c for c in motion.collisions if c.switch)
+    collisions = tuple(sorted((*run.collisions, *crossed), key=lambda c: c.time))
     return Simulation(
-        run.t, run.q, run.p, run.v, run.energy, run.collisions, run.contacts, run.rubbing,
-        run.normal, run.tangential, motion_of(run), run.notes,
+        run.t, run.q, run.p, run.v, run.energy, collisions, run.contacts, run.rubbing,
+        run.normal, run.tangential, motion, run.notes,
     )  # fmt: skip
 
 

@@ -153,7 +153,7 @@ SIMULATION = Record(
     },
     _wrong,
 )
-FORMAT = 7  # of the files that are written and read
+FORMAT = 8  # of the files that are written and read
 FILE = ResultFile(
     "simulation",
     SIMULATION,

@@ -40,7 +40,7 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import UNREFINED, Status
 
-FORMAT = 22  # of the files that are written and read
+FORMAT = 23  # of the files that are written and read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 
 
@@ -182,6 +182,7 @@ COLLISION = Record(
         "tractions": Mapped(Number(), names=Name()),
         "course": Choice(COURSES),
         "reactions": Mapped(Number(), names=Name()),
+        "switch": Either(Choice(("",)), Name()),
     },
 )
 SHAPE = Record(

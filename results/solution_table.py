@@ -48,7 +48,10 @@ def _motion(s: Solution) -> Iterator[tuple[Cell, ...]]:
     if s.design:
         yield "design", in_words(s.design)
     for c in s.collisions:
-        yield f"{noun_of([c.word])} {c.word}", f"at {c.time:.6g} s{impulses_in_words(c)}"
+        yield (
+            f"{noun_of([c.word], [c.switch])} {c.word}",
+            f"at {c.time:.6g} s{impulses_in_words(c)}",
+        )
     for force in largest_forces(s.trajectory):
         unit = "" if force.kind == "R" else " N"  # that of R follows from its constraint
         yield (

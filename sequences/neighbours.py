@@ -92,9 +92,12 @@ def words_and_motion(contacts: Contacts, phases: Sequence[EventPhase]) -> tuple[
 
 
 def _phases(touch: Touch, motion: Folded) -> list[EventPhase]:
-    """Events keep what is hit, and how; that a contact lands is in the modes, and by which course
-    it came to slide or stick is left to the program."""
-    hits = [Event(e.hit, course=e.course) if e.hit != NOWHERE else Event() for e in touch.events]
+    """Events keep what is hit, and how, and switches; that a contact lands is in the modes, and by
+    which course it came to slide or stick is left to the program."""
+    hits = [
+        Event(e.hit, course=e.course) if e.hit != NOWHERE else Event(switch=e.switch)
+        for e in touch.events
+    ]
     parts = zip([Event(), *hits], touch.modes, motion.pieces, (0.0, *motion.impulses), strict=True)
     return [EventPhase(*part) for part in parts]
 

@@ -278,11 +278,13 @@ def _ends_of(starts: Sequence[Start]) -> str:
 
 def extended(parent: Solution, problem: Problem) -> Array:
     """Unknowns of a motion with one more event: the parent's last phase, bent to touch the surface
-    that is met where it comes closest to it, or cut in its middle where none is, and all phases
-    equally long, because where it is cut tells little about when the event shall be."""
+    or to pass the switch where it comes closest to it, or cut in its middle where there is neither,
+    and all phases equally long, because where it is cut tells little about when the event shall
+    be."""
     problem = designed_as(problem, parent.trajectory.parameters)
-    surface, pieces = problem.touch.events[-1].surface, pieces_of(parent.trajectory)
-    pieces = with_event(problem, pieces, len(pieces) - 1, surface)
+    event, pieces = problem.touch.events[-1], pieces_of(parent.trajectory)
+    surface = event.surface
+    pieces = with_event(problem, pieces, len(pieces) - 1, surface, event.switch)
     if not problem.explicit_time:  # else the surface, too, is where it is at its time
         pieces = equally_long(pieces)
     impulse = impulse_between(problem, pieces[-2], pieces[-1], surface)

@@ -219,7 +219,8 @@ def search(
     events : sequence of str, optional
         Words that may happen, as those of a problem's ``sequence``.  By default all that the
         contacts of a prefix leave possible: landings, contacts that leave and changes of friction
-        too, where the problem starts in contact or the model has friction; else hits.
+        too, where the problem starts in contact or the model has friction; else hits.  Switches
+        are tried only where they are named here: they change nothing by themselves.
     strategy : {"tree", "best-first", "beam", "propose", "both"}
         All nodes; those first whose parents cost least; the children of the ``beam`` best nodes of
         each depth.  "propose" names no sequences: it solves a relaxed program from random starts,

@@ -19,6 +19,7 @@ from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.contact_motion import ContactState
 from dmoc.simulation.forward import Run
 from dmoc.simulation.mode_choice import Setting
+from dmoc.simulation.switches import with_switches
 
 SIDES = ("before", "after")
 # Events of a motion that is drawn: nobody looks at the pieces between more.
@@ -69,7 +70,9 @@ def motion_of(run: Run) -> Trajectory:
     collisions = [
         _collision(model, e, *ends) for e, ends in zip(events, pairwise(phases), strict=True)
     ]
-    return motion_along(model, phases, collisions, run.restitution, drawn=len(events) <= MOST_DRAWN)
+    phases, collisions = with_switches(model, phases, collisions)
+    drawn = len(collisions) <= MOST_DRAWN
+    return motion_along(model, phases, collisions, run.restitution, drawn=drawn)
 
 
 def _events(run: Run) -> Iterator[_Moment]:

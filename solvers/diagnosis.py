@@ -203,7 +203,7 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
         return ()
     low, high = problem.duration_bounds.T
     sentences = []
-    for i, event in enumerate(problem.touch.events):
+    for i in np.flatnonzero(problem.touch.impacts).tolist():
         allowed = min(high[i], problem.final_time_bounds[1] - (low.sum() - low[i]))
         at = x.copy()
         if i == 0:  # the start is known: a motion of least violation may have left it
@@ -212,7 +212,7 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
             )
         shortest = phase_minimal_time(problem, lay, at * nlp.sizes, i)
         if np.isfinite(shortest) and shortest > (1 + CLEARLY) * allowed:
-            name = problem.kernels.surfaces[event.hit]
+            name = problem.kernels.surfaces[problem.touch.surfaces[i]]
             sentences.append(
                 f"phase {i} -> {name!r}: the shortest time at full input is estimated at "
                 f"{shortest:.3g} s, the bounds allow {allowed:.3g} s"

@@ -20,6 +20,7 @@ from dmoc.program.elements import Structure
 from dmoc.program.laws.breakaway import BreakawayLaw
 from dmoc.program.laws.complementarity import ComplementarityLaw
 from dmoc.program.laws.contact import ContactLaw
+from dmoc.program.laws.crossing import CrossingLaw
 from dmoc.program.laws.ends import EndsLaw, Goal
 from dmoc.program.laws.force import ForceLaw
 from dmoc.program.laws.friction import FrictionLaw
@@ -74,6 +75,7 @@ class Laws:
     joint: JointLaw
     complementarity: ComplementarityLaw
     kink: KinkLaw
+    crossing: CrossingLaw
     equalities: tuple[Block, ...] = ()
     inequalities: tuple[Block, ...] = ()
     remembered: Remembered = field(default_factory=Remembered)
@@ -89,7 +91,8 @@ class Laws:
     def __iter__(self) -> Iterator[Law]:
         first = self.step, self.path, self.bound, self.quantity, self.velocity, self.peak
         last = self.joint, self.complementarity, self.force, self.liftoff, self.objective, self.kink
-        return iter((*first, self.impact, self.ends, *self.of_contacts, *last))
+        others = *self.of_contacts, *last, self.crossing
+        return iter((*first, self.impact, self.ends, *others))
 
     @property
     def of_contacts(self) -> tuple[Law, ...]:
@@ -173,7 +176,7 @@ def laws_of(
         ComplementarityLaw(
             lay, problem.friction, problem.restitution_values, problem.relaxation, scale
         ),
-        KinkLaw(problem, lay),
+        KinkLaw(problem, lay), CrossingLaw(lay, problem.model.nw),
     )  # fmt: skip
 
 

@@ -102,7 +102,9 @@ def before(gaps: tuple[float, ...], rates: tuple[float, ...]) -> Any:
 
 
 def event(surface: str = "", lands: tuple[str, ...] = (), rates: tuple[float, ...] = (0, 0)) -> Any:
-    return SimpleNamespace(surface=surface, lands=lands, rate_before=rates[0], rate_after=rates[1])
+    return SimpleNamespace(
+        surface=surface, lands=lands, rate_before=rates[0], rate_after=rates[1], switch=""
+    )
 
 
 STATE = np.zeros(1), np.zeros(1)

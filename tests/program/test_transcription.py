@@ -165,7 +165,8 @@ def test_unknowns_and_rows_are_found_under_their_names(nlp: Transcription) -> No
         assert names[lay.index_p_B[j]] == f"p_{q} at the start"
         assert names[lay.index_p_E[j]] == f"p_{q} at the goal"
         for i, surface in enumerate(nlp.problem.sequence):
-            kind = "event" if set(surface) & set("+-: ") else "collision"
+            switch = surface in nlp.problem.touch.contacts.switches
+            kind = "event" if switch or set(surface) & set("+-: ") else "collision"
             at = f"{kind} {i + 1} ({surface})"
             assert names[lay.impact.v_a[i, j]] == f"{q}_dot before {at}"
             assert names[lay.impact.v_c[i, j]] == f"{q}_dot after {at}"
