@@ -167,14 +167,14 @@ def _otherwise(p: EventPassage, slack: float) -> Iterator[str]:
     off = normal[p.hit] - p.law.normal[0, p.hit], tangential[p.rubs] - p.law.tangential[0, p.rubs]
     if max(map(abs, off)) > slack:
         yield (
-            f"by {IMPACT_LAWS[p.by].name} the hit of {c.surface} at {c.time:.4g} s goes {course}, "
-            f"not {c.course} as planned"
+            f"by {IMPACT_LAWS[p.impact.by].name} the hit of {c.surface} at {c.time:.4g} s goes "
+            f"{course}, not {c.course} as planned"
         )
 
 
 def _not_returned(p: EventPassage, sizes: Sizes) -> Iterator[str]:
     """A hit whose tangential rate after it is not that of its tangential restitution."""
-    if p.rubs is None or p.by != RETURNING or p.c.grazes:
+    if p.rubs is None or p.impact.by != RETURNING or p.c.grazes:
         return
     v = np.vstack([p.before.v[-1], p.after.v[0], p.law.velocity[0]])
     q, t = np.repeat(p.before.q[-1:], len(v), axis=0), np.full(len(v), p.c.time)

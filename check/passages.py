@@ -9,30 +9,15 @@ import numpy as np
 
 from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING
+from dmoc.check.impact_law import ImpactLaw, ImpactResult
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_mode import FREE, Mode, without_rails
 from dmoc.mechanics.model import Model
-from dmoc.motion.impact_laws import POISSON
 from dmoc.motion.trajectory import Collision, Phase
 from dmoc.simulation.contact_modes import Reaction, borne
 from dmoc.simulation.hit_coefficients import wrong_coefficient
-from dmoc.simulation.single_hit import single_hit
 
 PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
-
-
-@record(frozen=True, eq=False)
-class ImpactResult:
-    """Rows of velocities (n, nq) after an event, and the impulses of all surfaces (n, nc) and
-    tangents (n, nt); of the first row, where it is that of a hit with friction, its course and
-    contacts that should hold and do not."""
-
-    velocity: Array
-    normal: Array
-    tangential: Array
-    course: str = ""
-    unheld: tuple[str, ...] = ()
 
 
 @record(frozen=True, eq=False)
@@ -141,57 +126,15 @@ class EventPassage:
         jump = self.after.p[0] - self.before.p[-1] - change
         return model.with_joints(model.mass(q, t), jump, q, t) if model.nj else jump
 
+    @cached_property
+    def impact(self) -> ImpactLaw:
+        """The law of what happens."""
+        return ImpactLaw(self.model, self.restitution, self.mode, self.hit, self.rubs, self.lands)
+
     def after_law(self, q: Array, v: Array, late: Array | float = 0.0) -> ImpactResult:
         """Outcome of the impact law for states before the event, q and v of shape (n, nq), at times
         later by ``late``, shape (n,)."""
-        mode, t = self.mode, np.full(len(q), self.c.time) + late
-        model = self.model.in_impact_at(q, t)
-        if not mode.closed:
-            return ImpactResult(v, np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt)))
-        if self.rubs is not None and self.hit is not None:
-            return self._with_friction((self.hit, self.rubs), q, v, t)
-        held = conditions_of(model, mode)
-        wanted = -held.rates(model, q, v, t)
-        if self.hit is not None:
-            e = model.coefficients(self.restitution, q, v, t)
-            wanted[:, 0] *= 1 + e[:, self.hit]
-        change, lam = held.answers(model, q, t, wanted)
-        return ImpactResult(v + change, *held.spread(model, lam)[:2])
-
-    def _with_friction(
-        self, contact: tuple[int, int], q: Array, v: Array, t: Array
-    ) -> ImpactResult:
-        """Outcome of one hit with a tangential impulse, for q and v (n, nq) at times (n,):
-        ``contact`` are its surface and tangent."""
-        e = self.model.coefficients(self.restitution, q, v, t)[:, contact[0]]
-        e = np.zeros(len(q)) if self.lands else e
-        hits = [
-            single_hit(
-                self.model, contact, self.holding, (*state, float(time)), float(e_n), self.by
-            )
-            for *state, time, e_n in zip(q, v, t, e, strict=True)
-        ]
-        return ImpactResult(
-            np.array([h.velocity for h in hits]),
-            np.array([h.normal for h in hits]),
-            np.array([h.tangential for h in hits]),
-            hits[0].way.course,
-            hits[0].unheld,
-        )
-
-    @property
-    def by(self) -> str:
-        """The law of its impact; of a landing, which is compression alone, any that has stages."""
-        return POISSON if self.lands or self.hit is None else self.model.impact_laws[self.hit]
-
-    @property
-    def holding(self) -> Mode:
-        """The mode of the contacts that stay closed beside a hit with friction."""
-        mode, rough, stuck = self.mode, self.model.has_friction, self.mode.sticking
-        return mode.among(
-            (j for j in mode.closed if j != self.hit),
-            lambda k: k != self.rubs and bool(rough[k] or k not in stuck),
-        )
+        return self.impact.after(q, v, np.full(len(q), self.c.time) + late)
 
 
 def passage_of(
