@@ -27,6 +27,7 @@ LAYERS = (
     "inspection",
     "solving",
     "sequences",
+    "fitting",
     "export",
     "planning",
     "cli",

@@ -58,6 +58,10 @@ class SearchError(DmocError):
     """A search over sequences is stated wrongly, or its journal cannot be used."""
 
 
+class FitError(DmocError):
+    """A fit is stated wrongly, or its data do not fit it."""
+
+
 class SolutionFileError(DmocError):
     """A file cannot be read as a solution, or belongs to another model."""
 

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from dmoc.export.loaded_solver import load_solver as load_solver
     from dmoc.export.page import generate_page as generate_page
     from dmoc.export.solver import generate_solver as generate_solver
+    from dmoc.fitting.fit import fit as fit
+    from dmoc.fitting.fit import identifiable as identifiable
+    from dmoc.fitting.result import Fit as Fit
     from dmoc.inspection.system_derivation import derive as derive
     from dmoc.models.registry import build as build
     from dmoc.models.registry import load as load
@@ -67,6 +70,7 @@ _PLACES = {
     "Disc": "dmoc.symbolic.drawing",
     "Disturbance": "dmoc.control.disturbance",
     "DmocError": "dmoc.base.errors",
+    "Fit": "dmoc.fitting.result",
     "Link": "dmoc.symbolic.drawing",
     "MechanicalSystem": "dmoc.symbolic.system",
     "Planner": "dmoc.planning.planner",
@@ -93,9 +97,11 @@ _PLACES = {
     "peak": "dmoc.symbolic.objectives",
     "total": "dmoc.symbolic.objectives",
     "feedback": "dmoc.results.feedback",
+    "fit": "dmoc.fitting.fit",
     "generate_page": "dmoc.export.page",
     "generate_solver": "dmoc.export.solver",
     "load_solver": "dmoc.export.loaded_solver",
+    "identifiable": "dmoc.fitting.fit",
     "derive": "dmoc.inspection.system_derivation",
     "load": "dmoc.models.registry",
     "search": "dmoc.sequences.search",

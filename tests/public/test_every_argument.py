@@ -55,11 +55,11 @@ WRONG: tuple[Any, ...] = (
 # Arguments whose entries are wrong in turn too.
 LISTS = {
     *("durations", "periodic", "sequence", "problems", "via", "contacts", "ignored", "surfaces"),
-    *("events", "guess", "inputs", "coordinates", "steps", "motions"),
+    *("runs", "own", "sequences", "events", "guess", "inputs", "coordinates", "steps", "motions"),
 }
 MAPPINGS = {
     *("start", "goal", "bounds", "parameters", "restitution", "position", "velocity", "guess"),
-    "design",
+    *("design", "sigma"),
 }
 NAMES = {"bounds": "u", "parameters": "m", "restitution": "wall", "design": "wall"}
 PARTS = 4  # of all functions, for a processor each
@@ -107,6 +107,9 @@ def calls(
     carried = tmp_path_factory.mktemp("calls") / "carried"
     dmoc.generate_solver(problem, carried, guess=solution)
     quick: dict[str, Any] = {"seconds": 2.0}
+    t = np.linspace(0, 1, 12)
+    runs = {"t": t, "x": 0.4 * t**2 + 0.01 * np.sin(90 * t), "u": np.ones(12)}
+    fitted = {"problem": problem, "runs": runs, "parameters": {"m": (0.5, 2)}}
     functions: dict[str, dict[str, Any]] = {
         "solve": {"problem": problem, "method": "ipm", "starts": 1, "iterations": 20} | quick,
         "solve_many": {"problems": [problem]} | quick,
@@ -114,6 +117,8 @@ def calls(
         "search": {"problem": problem, "max_collisions": 0, "starts": 0} | quick,
         "simulate": {"kernels": block, "position": {"x": 0.0}, "step_size": 0.1, "steps": 3},
         "feedback": {"solution": solution},
+        "fit": fitted,
+        "identifiable": fitted,
         "Disturbance": {},
         "Planner": {"problem": problem, "solution": solution},
         "sensitivities": {"problem": problem, "solution": solution},
@@ -144,7 +149,7 @@ def calls(
         "Contact": {"surface": "wall", "at": (0, 0)},
     }  # fmt: skip
     # Made by functions alone; an error is given its text.
-    results = {"Batch", "Simulation", "Solution", "DmocError"}
+    results = {"Batch", "Fit", "Simulation", "Solution", "DmocError"}
     builders = {"planar", "spatial", "approach_speed", "sliding_speed", "final_time"}
     assert set(functions) | results | builders == set(dmoc.__all__)
     made = {name: (getattr(dmoc, name), accepted) for name, accepted in functions.items()}
@@ -164,14 +169,14 @@ def calls(
         "save": "a.npz", "load": "a.npz", "to_csv": "a.csv", "to_json": "a.json",
         "report": "a.html", "animate": "a.html", "t": 0.1, "phase": 0, "content": b"",
         "method": method, "model": method, "name": "a", "parameters": {M: 1.0},
-        "starts": 2, "elapsed": 0.1, "instances": [{}],
+        "starts": 2, "elapsed": 0.1, "instances": [{}], "run": runs,
     }  # fmt: skip
     objects = {
         "Solution": solution, "Simulation": moved, "Problem": problem, "system": system,
         "feedback": dmoc.feedback(solution),
         "Batch": dmoc.sweep(problem, {"m": [1.0, 2.0]}), "result": dmoc.search(problem, 0),
         "derivation": dmoc.derive(system), "state": solution.at(0.1),
-        "loaded": dmoc.load_solver(carried),
+        "loaded": dmoc.load_solver(carried), "fit": dmoc.fit(**fitted),
     }  # fmt: skip
     # Of a mapping, whose keys are Python's business, and what a simulation asks of a feedback.
     inherited = {"get", "fits", "span", "steer"}

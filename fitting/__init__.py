@@ -1,0 +1,1 @@
+"""dmoc.fit: parameters of a model from measured motions."""
