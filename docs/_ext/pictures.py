@@ -1,7 +1,7 @@
 """The pictures of the first pages: ``make pictures`` writes them into docs/pictures.
 
 The swing-up is what two commands of the README write; the others show a motion of an example at
-equal intervals of time, the later the stronger.
+equal intervals of time, the later the stronger.  The fit is that of its page.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -60,6 +61,17 @@ def main() -> None:
             subprocess.run([sys.executable, str(script), folder], check=True)
             solution = dmoc.Solution.load(Path(folder) / f"{strobe.name}.npz")
             draw(solution, strobe, FOLDER / f"{strobe.name}.png")
+    fit(FOLDER / "fit.png")
+
+
+def fit(path: Path) -> None:
+    """Write the picture of the first fit of its page."""
+    page = (ROOT / "docs" / "fit.md").read_text()
+    names: dict[str, Any] = {}
+    exec(page.partition("```python\n")[2].partition("```")[0], names)
+    content = io.BytesIO()
+    names["fit"].plot().savefig(content, dpi=DOTS // 2)
+    Image.open(content).convert("RGB").quantize(COLOURS).save(path, optimize=True)
 
 
 def draw(solution: dmoc.Solution, strobe: Strobe, path: Path) -> None:
