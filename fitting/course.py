@@ -18,6 +18,7 @@ from dmoc.base.records import record
 from dmoc.check.impact_law import ImpactLaw
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode
+from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.touch import Touch, friction_changes
 from dmoc.motion.friction import sticks
@@ -247,6 +248,13 @@ class Laws:
         before, after = self.touch.modes[i], self.touch.modes[i + 1]
         if event.impact:
             return lambda y, u, t: model.gaps(np.ascontiguousarray(y[:, :nq]), t)[:, event.surface]
+        if event.switch != NOWHERE:
+
+            def crossed(y: Array, u: Array, t: Array) -> Array:
+                q, v = (np.ascontiguousarray(part) for part in np.split(y, 2, axis=1))
+                return model.crossings(q, v, t)[:, event.switch]
+
+            return crossed
         changed = friction_changes(before, after)
         if event.leaves:
             return self._ending(before, event.leaves[0])

@@ -12,6 +12,7 @@ from dmoc.fitting.course import Arc, Course
 from dmoc.fitting.data import LINEAR
 from dmoc.fitting.experiment import Experiment
 from dmoc.mechanics.contact_mode import names_of
+from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.model_trajectory import motion_along
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
 from dmoc.results.solution import Solution
@@ -95,5 +96,6 @@ def _event(e: Experiment, course: Course, i: int, sides: tuple[Phase, Phase]) ->
         leaves=model.contacts.named(event.leaves), friction=changed,
         impulses={name: value for name, value in impulses.items() if value},
         tractions={name: value for name, value in tractions.items() if value},
+        switch="" if event.switch == NOWHERE else model.contacts.switches[event.switch],
         course=outcome.course if event.course is not None else "",
     )  # fmt: skip
