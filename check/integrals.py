@@ -4,7 +4,6 @@ the motion says of them, and the bounds of integrals."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 from math import isnan
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import Findings, infinite_where_none
+from dmoc.check.hits import planned_hits
 from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.check.path_limits import ALMOST_NOTHING, Excess
 from dmoc.check.quadrature import Integrals, Integrands, Place, integrals_along
@@ -101,25 +101,13 @@ def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) ->
 
 
 def _of_hits(motion: Motion, usual: bool = False) -> Array:
-    """What the planned hits add to the integrals, or ones with the largest of their impulses and
-    the sizes of velocities would, shape (events, terms)."""
-    model, trajectory = motion.model, motion.trajectory
-    count = len(trajectory.collisions)
-    if not (len(model.hit_sums) and count):
+    """What the planned hits add to the integrals, or usual ones would, shape (events, terms)."""
+    model = motion.model
+    if not (len(model.hit_sums) and motion.trajectory.collisions):
         return np.zeros((0, len(model.hit_sums)))
-    numbers, both = model.surface_numbers, list(pairwise(trajectory.phases))
-    lam, hit = np.zeros((count, model.nc)), []
-    for row, c in zip(lam, trajectory.collisions, strict=True):
-        struck = (c.surface, *(name for name in c.lands if name != c.surface)) if c.surface else ()
-        hit.append(tuple(numbers[name] for name in struck))
-        for name, impulse in {**dict.fromkeys(struck[:1], c.impulse), **c.impulses}.items():
-            row[numbers[name]] = impulse
-    q, v_a = (np.array([getattr(p, name)[-1] for p, _ in both]) for name in ("q", "v"))
-    v_c, t = np.array([p.v[0] for _, p in both]), np.array([c.time for c in trajectory.collisions])
-    if usual:
-        v_a = np.tile(motion.sizes.v, (count, 1))
-        v_c, lam = -v_a / 2, np.full_like(lam, lam.max())
-    return np.where(model.counting(hit), model.hit_terms(q, v_a, v_c, lam, t), 0.0)
+    hits = planned_hits(motion)
+    states = hits.usual(motion) if usual else hits.states
+    return np.where(model.counting(hits.surfaces), model.hit_terms(*states), 0.0)
 
 
 def _beside_running_cost(

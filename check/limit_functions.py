@@ -42,7 +42,7 @@ class LimitFunctions:
         kernels, bounds = motion.model.kernels, list[Bound]()
         rates = [velocity_name(q) for q in kernels.coordinates]
         for name, box in motion.trajectory.limits.items():
-            if name not in kernels.integrals:
+            if name not in (*kernels.integrals, *kernels.hit_quantities):
                 of = rates if name in rates else kernels.quantities
                 sides = [(s, e) for s, e in zip((1.0, -1.0), box, strict=True) if np.isfinite(e)]
                 bounds += [Bound(name, *side, name in rates, of.index(name)) for side in sides]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dmoc.base.records import record
 from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
 from dmoc.check.findings import Findings, infinite_where_none, largest, together
+from dmoc.check.hits import hit_excesses
 from dmoc.check.integrals import integral_errors
 from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.check.passages import PERTURBED
@@ -78,7 +79,8 @@ def step_errors(motion: Motion) -> StepErrors:
     peaks, of_peaks = peak_errors(motion, courses)
     totals, bounds = integral_errors(motion, courses, peaks)
     findings = together(Findings(worst), of_peaks, totals)
-    return StepErrors(findings, work, (*path_excess(motion, courses), *bounds))
+    excesses = *path_excess(motion, courses), *bounds, *hit_excesses(motion)
+    return StepErrors(findings, work, excesses)
 
 
 def _course(motion: Motion, piece: ModeSpan) -> IntegratedSteps:

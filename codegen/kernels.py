@@ -70,6 +70,8 @@ class Kernels(Shown):
             rows.append(("path constraints", ", ".join(m.path_constraints)))
         if self.quantities:
             rows.append(("quantities", _listed(self.quantities, m.units)))
+        if self.hit_quantities:
+            rows.append(("quantities of hits", _listed(self.hit_quantities, m.units)))
         values = (
             f"{name} = {'to be given' if value is None else format(value, 'g')}"
             for name, value in self.parameters.items()
@@ -134,6 +136,11 @@ class Kernels(Shown):
     @property
     def quantities(self) -> list[str]:
         return [row["name"] for row in self.quantity_rows]
+
+    @property
+    def hit_quantities(self) -> list[str]:
+        """Quantities that there are at hits alone."""
+        return list(self.manifest.hit_quantities)
 
     @property
     def has_forces(self) -> bool:

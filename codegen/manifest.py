@@ -83,6 +83,8 @@ class Manifest:
     rate_constraints: Sequence[str] = ()
     totals: Sequence[str] = ()
     hit_sums: Sequence[tuple[int, int, int]] = ()  # integral, surface, number of the hit or 0
+    hit_quantities: Mapping[str, Sequence[int]] = field(default_factory=dict)  # as in hit_sums
+    hit_peaks: Sequence[tuple[int, bool]] = ()
     switches: Sequence[str] = ()
     crossings: Sequence[FunctionFacts] = ()  # functions whose zeros are events, switches first
     priced: Sequence[str] = ()

@@ -9,14 +9,14 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.impulse_response import held_responses
 from dmoc.motion.friction import friction_word
 from dmoc.problem.problem import Problem
-from dmoc.program.force_values import quantity_inputs, with_forces
+from dmoc.program.force_values import with_forces
 from dmoc.program.hidden_values import hidden_values
 from dmoc.program.hit_stages import END, STOP, Passage
 from dmoc.program.laws.hit import RESTITUTIONS
 from dmoc.program.laws.restitution import Spent
 from dmoc.program.laws.tangential import returned
 from dmoc.program.layout import Layout
-from dmoc.program.totals import totals_at
+from dmoc.program.totals import peaks_at, totals_at
 
 
 def follows(lay: Layout) -> bool:
@@ -46,7 +46,7 @@ def with_hidden(problem: Problem, lay: Layout, x: Array) -> Array:
     if lay.index_totals.size or lay.index_peaks.size:
         x = x.copy()
         x[lay.index_totals] = totals_at(problem, lay, x)
-        x[lay.index_peaks] = problem.model.peaks(quantity_inputs(problem, lay, x))
+        x[lay.index_peaks] = peaks_at(problem, lay, x)
     x = with_forces(problem, lay, x)
     if not lay.index_s.size:
         return x

@@ -25,8 +25,9 @@ from dmoc.symbolic.event_sums import (
     DEPARTURE,
     IMPULSE,
     LOSS,
-    event_rows,
+    EventTerm,
     event_terms,
+    hit_quantities,
     references_in,
 )
 from dmoc.symbolic.kinks import split
@@ -116,15 +117,20 @@ def _families(system: MechanicalSystem, kernels: Kernels, values: Array) -> dict
         },
         "integral": lambda x: {"I_d": summed(x, lambda y: [*lifted.c(y), *ones])},
         "integrand": lambda x: {"c": plain.c(x)},
-        "hit_sum": _of_hits(system, f, plain),
+        "hit_sum": _of_hits(system, f, plain, ("I_c", event_terms(system))),
+        "hit_value": _of_hits(system, f, plain, ("z_c", hit_quantities(system))),
     }
 
 
-def _of_hits(system: MechanicalSystem, f: Continuous, plain: ReferenceValues) -> Function:
-    """What hits add to integrals, of (q, v_a, v_c, lam, t)."""
-    terms, rows, n = event_terms(system), event_rows(system), len(f.q)
+def _of_hits(
+    system: MechanicalSystem, f: Continuous, plain: ReferenceValues,
+    named: tuple[str, Sequence[EventTerm]],
+) -> Function:  # fmt: skip
+    """Values at hits of (q, v_a, v_c, lam, t), by the name of their output."""
+    (output, terms), surfaces, n = named, list(system.surfaces), len(f.q)
     idle, functions = [mp.mpf(0)] * plain.nu, []
-    for term, (_, j, _) in zip(terms, rows, strict=True):
+    for term in terms:
+        j = surfaces.index(term.surface)
         own = {a: sp.Dummy(real=True) for a in references_in(term.value)}
         kinds, value = [a.func.__name__ for a in own], term.value.xreplace(own)
         compiled = plain.function(f.rewritten(system, [value]), tuple(own.values()))
@@ -142,7 +148,7 @@ def _of_hits(system: MechanicalSystem, f: Continuous, plain: ReferenceValues) ->
         for j, kinds, compiled in functions:
             of = {IMPULSE: x[3 * n + j], APPROACH: before[j], DEPARTURE: -after[j], LOSS: lost}
             made += compiled(sides[0], [of[kind] for kind in kinds])
-        return {"I_c": made}
+        return {output: made}
 
     return values
 

@@ -177,13 +177,40 @@ class CostModel(BoundKernels):
     def counting(self, surfaces: Sequence[Sequence[int]]) -> NDArray[np.bool_]:
         """Which of these terms the events count, from the surfaces that each hits or lands, shape
         (events, terms)."""
-        counts = np.zeros((len(surfaces), len(self.hit_sums)), dtype=bool)
+        return self._counting(surfaces, self.hit_sums[:, 1:])
+
+    def _counting(
+        self, surfaces: Sequence[Sequence[int]], of: NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
+        """Which of some surfaces and numbers of hits, shape (terms, 2), each event is."""
+        counts = np.zeros((len(surfaces), len(of)), dtype=bool)
         so_far = np.zeros(self.nc, dtype=int)
         for row, hit in zip(counts, surfaces, strict=True):
             so_far[list(hit)] += 1
-            for i, (_, j, number) in enumerate(self.hit_sums):
+            for i, (j, number) in enumerate(of):
                 row[i] = j in hit and number in (0, so_far[j])
         return counts
+
+    @cached_property
+    def _hits_of_quantities(self) -> NDArray[np.intp]:
+        """The surface of each quantity of hits, and the number of the hit, 0 for all of them."""
+        rows = np.array(list(self.kernels.manifest.hit_quantities.values()), dtype=np.intp)
+        return np.asarray(rows.reshape(-1, 2))
+
+    def hit_quantities(self, q: Array, v_a: Array, v_c: Array, lam: Array, t: ArrayLike) -> Array:
+        """What the quantities of hits would be, from states as :meth:`hit_terms` has them, shape
+        (n, number)."""
+        return self._values("hit_value", len(self._hits_of_quantities), q, v_a, v_c, lam, t)
+
+    def hits_of_quantities(self, surfaces: Sequence[Sequence[int]]) -> NDArray[np.bool_]:
+        """Which quantities of hits the events have, from the surfaces that each hits or lands,
+        shape (events, number)."""
+        return self._counting(surfaces, self._hits_of_quantities)
+
+    @property
+    def hit_peaks_of(self) -> list[tuple[int, bool]]:
+        """Quantities of hits whose peaks the objective has, and whether of both signs."""
+        return [(int(j), bool(both)) for j, both in self.kernels.manifest.hit_peaks]
 
     @cached_property
     def peaks_of(self) -> list[tuple[int, bool]]:
@@ -192,9 +219,11 @@ class CostModel(BoundKernels):
 
     @cached_property
     def peak_names(self) -> list[str]:
-        """Names of the peaks."""
-        names = self.kernels.quantities
-        return [f"{'largest' if both else 'peak'} {names[j]}" for j, both in self.peaks_of]
+        """Names of the peaks, those of hits last."""
+        along, at_hits = self.kernels.quantities, self.kernels.hit_quantities
+        peaks = [(along[j], both) for j, both in self.peaks_of]
+        peaks += [(at_hits[j], both) for j, both in self.hit_peaks_of]
+        return [f"{'largest' if both else 'peak'} {name}" for name, both in peaks]
 
     def integrals(self, step: Sequence[Array]) -> Array:
         """Parts of the totals in each step, with its hidden unknowns behind x_k, shape (n,
@@ -207,8 +236,19 @@ class CostModel(BoundKernels):
         """The totals over steps, shape (number,)."""
         return np.asarray(self.integrals(step).sum(axis=0))
 
+    def hit_peaks(self, values: Array, there: NDArray[np.bool_]) -> Array:
+        """The peaks of quantities of hits, from values and where these are there, shape (events,
+        number) each; zero where none is."""
+        here = np.where(there, values, 0.0)
+        return np.array(
+            [
+                (np.abs(here) if both else here)[:, j].max(initial=0.0)
+                for j, both in self.hit_peaks_of
+            ]
+        )
+
     def peaks(self, step: Sequence[Array]) -> Array:
-        """The peaks over steps, at their points, shape (number,)."""
+        """The peaks over steps, at their points, shape (number,), without those of hits."""
         if not self.peaks_of:
             return np.zeros(0)
         z = self.path(step, "quantity").reshape(-1, self.nz)

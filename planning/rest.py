@@ -70,6 +70,9 @@ def _check(problem: Problem) -> None:
         "its objective or its bounds of integrals look at the whole motion": bool(
             problem.model.totals_of or problem.model.peaks_of or problem.model.has_objective
         ),
+        "it counts the hits of the whole motion in a bound": any(
+            number for _, number in problem.kernels.manifest.hit_quantities.values()
+        ),
         "its kernels run on NumPy, and a plan needs compiled ones": not problem.kernels.compiled,
     }
     for reason, stands in refused.items():

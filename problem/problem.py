@@ -208,7 +208,7 @@ class Problem(Shown):
         _ = self.relations, self.touch, self.via_bounds
         _ = self.design_bounds, self.parameter_values, self.restitution_values
         _ = self.input_bounds, self.coordinate_bounds, self.velocity_bounds, self.quantity_bounds
-        _ = self.final_time_bounds, self.duration_bounds
+        _ = self.final_time_bounds, self.duration_bounds, self.hit_quantity_bounds
         check_last_event(self)
         _ = self.start_bounds, self.goal_bounds, self.quantity_ranges, self.total_bounds
         check_ends(self)
@@ -395,6 +395,11 @@ class Problem(Shown):
     def quantity_bounds(self) -> Array:
         """Bounds of the quantities, shape (nz, 2)."""
         return boxes_of(self, self.kernels.quantities)
+
+    @cached_property
+    def hit_quantity_bounds(self) -> Array:
+        """Bounds of the quantities of hits, shape (number, 2)."""
+        return boxes_of(self, self.kernels.hit_quantities)
 
     @cached_property
     def final_time_bounds(self) -> Range:

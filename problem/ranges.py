@@ -195,9 +195,10 @@ def names_in(problem: Problem, field: str) -> tuple[list[str], str]:
     if field == "bounds":
         velocities = map(velocity_name, kernels.coordinates)
         names, kinds = [*kernels.inputs, *kernels.coordinates, *velocities], "input, coordinate"
-        if not kernels.quantities:
+        quantities = [*kernels.quantities, *kernels.hit_quantities]
+        if not quantities:
             return names, f"{kinds} or velocity"
-        return [*names, *kernels.quantities], f"{kinds}, velocity or quantity"
+        return [*names, *quantities], f"{kinds}, velocity or quantity"
     names = [*problem.states, *kernels.quantities]
     if field == "goal" and kernels.integrals:
         return [*names, *kernels.integrals], "state, quantity or integral"
@@ -215,8 +216,10 @@ def boxes_of(problem: Problem, names: Sequence[str]) -> Array:
 
 def limits_of(problem: Problem) -> dict[str, Range]:
     """Bounds of the velocities and quantities that have some, by name."""
-    names = [*map(velocity_name, problem.kernels.coordinates), *problem.kernels.quantities]
-    boxes = np.vstack([problem.velocity_bounds, problem.quantity_bounds])
+    kernels = problem.kernels
+    names = [*map(velocity_name, kernels.coordinates), *kernels.quantities, *kernels.hit_quantities]
+    own = problem.velocity_bounds, problem.quantity_bounds, problem.hit_quantity_bounds
+    boxes = np.vstack(own)
     return {
         name: (float(low), float(high))
         for name, (low, high) in zip(names, boxes, strict=True)

@@ -150,7 +150,8 @@ def loose_peaks(nlp: Transcription, x: Array) -> Array:
     the quantities; shape (peaks,)."""
     if not nlp.layout.index_peaks.size:
         return np.zeros(0)
-    return nlp.laws.peak.above(nlp.values(x)[1:])
+    laws, values = nlp.laws, nlp.values(x)[1:]
+    return np.concatenate([laws.peak.above(values), laws.hit_quantity.above(x, values)])
 
 
 def loose_totals(nlp: Transcription, x: Array) -> Array:

@@ -16,7 +16,7 @@ class Scale:
     gaps, their rates and impulses (nc,); sliding velocities and friction impulses (nt,); path
     constraints; quantities; totals and peaks of an objective; hidden unknowns; step sizes
     (phases,); rates and impulses of the constraints of the model (nj,); crossing functions (nw,);
-    design parameters."""
+    quantities of hits; design parameters."""
 
     time: float
     cost: float
@@ -39,6 +39,7 @@ class Scale:
     joint_rate: Array
     reaction: Array
     crossing: Array
+    hit_quantity: Array
     design: Array
 
     @classmethod
@@ -75,6 +76,7 @@ class Scale:
             nj,
             nj,
             np.ones(problem.model.nw),
+            np.ones(len(kernels.hit_quantities)),
             np.ones(len(problem.design)),
         )
 

@@ -21,7 +21,7 @@ from dmoc.program.hidden_values import lifted
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.structure_cache import MEMORY, MOST_REMEMBERED
-from dmoc.program.totals import of_hits, totals_at
+from dmoc.program.totals import hit_quantities, of_hits, peaks_at, totals_at
 
 # What hardly moves counts by this share of what it could do with the kinetic energy that others
 # have.
@@ -125,7 +125,8 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         local = _local(lay, sizes)
         cost = _cost(problem, lay, x, reached, (sizes, local, scale.v))
         scale = replace(scale, cost=cost / (MINIMUM_COST if minimum else FIRST_COST))
-        if not (scale.path.size or scale.quantity.size or scale.totals.size):
+        of_motion = scale.path, scale.quantity, scale.totals, scale.hit_quantity
+        if not any(sizes.size for sizes in of_motion):
             return scale
         step = lay.step_inputs(x)
         sized = _sized(lay, step, scale)
@@ -136,7 +137,9 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         quantity = _path(problem, along, local, "quantity")
         at = [j for j, _ in model.peaks_of]
         totals = _totals(problem, lay, x, (step, sized))
-        return replace(scale, path=path, quantity=quantity, peaks=quantity[at], totals=totals)
+        peaks = [quantity[at], scale.hit_quantity[[j for j, _ in model.hit_peaks_of]]]
+        peaks_of = np.concatenate(peaks)
+        return replace(scale, path=path, quantity=quantity, peaks=peaks_of, totals=totals)
 
 
 def _of_motion(problem: Problem, lay: Layout, x: Array, reached: Reached, minimum: bool) -> Scale:
@@ -157,8 +160,19 @@ def _of_motion(problem: Problem, lay: Layout, x: Array, reached: Reached, minimu
         energy / slide, np.ones(len(problem.kernels.manifest.path_rows)),
         np.ones(problem.model.nz), np.ones(lay.index_totals.size), np.ones(lay.index_peaks.size),
         _hidden(problem, lay, x, (*moving, size_u)), x[lay.index_h], joint_rate,
-        energy / joint_rate, _places(reached.crossing, states)[0], _designs(problem),
+        energy / joint_rate, _places(reached.crossing, states)[0],
+        _hit_quantities(problem, lay, x), _designs(problem),
     )  # fmt: skip
+
+
+def _hit_quantities(problem: Problem, lay: Layout, x: Array) -> Array:
+    """Sizes of the quantities of hits: of those of the motion x, or of what bounds them."""
+    values, there = hit_quantities(problem, lay, x)
+    bounds = problem.hit_quantity_bounds
+    size = np.abs(np.where(there, _finite(values, 0.0), 0.0)).max(axis=0, initial=0.0)
+    bounded = np.where(np.isfinite(bounds), np.abs(bounds), 0.0).max(axis=1, initial=0.0)
+    size = np.maximum(size, bounded)
+    return np.where(size > 0, size, 1.0)
 
 
 def _totals(
@@ -279,7 +293,7 @@ def cost_of(problem: Problem, lay: Layout, x: Array) -> float:
     chosen = lay.problem_at(problem, x)
     model, step = chosen.model, lifted(chosen, lay, lay.step_inputs(x))
     start, end = end_of(lay, x, 0), end_of(lay, x, -1)
-    shared = totals_at(chosen, lay, x), model.peaks(quantity_inputs(problem, lay, x))
+    shared = totals_at(chosen, lay, x), peaks_at(problem, lay, x)
     value = model.step_costs(step[:7]).sum() + model.lifted_costs(step).sum()
     value += model.terminal_cost(*end)
     return float(value + model.objective(*shared, start[:2], end[:2]))

@@ -9,6 +9,7 @@ from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Bools, Index
+from dmoc.program.force_values import quantity_inputs
 from dmoc.program.hidden_values import lifted
 from dmoc.program.layout import Layout
 
@@ -42,13 +43,34 @@ def totals_at(problem: Problem, lay: Layout, x: Array) -> Array:
     return totals
 
 
+def peaks_at(problem: Problem, lay: Layout, x: Array) -> Array:
+    """The peaks of quantities of unknowns x, those of hits last, shape (peaks,)."""
+    model = lay.problem_at(problem, x).model
+    along = model.peaks(quantity_inputs(problem, lay, x))
+    return np.append(along, model.hit_peaks(*hit_quantities(problem, lay, x)))
+
+
 def of_hits(problem: Problem, lay: Layout, x: Array) -> Array:
     """What the events add to the totals, shape (events, terms)."""
-    nodes, terms = lay.collision_nodes, len(problem.model.hit_sums)
-    if not (terms and len(nodes)):
-        return np.zeros((len(nodes), terms))
-    lam = impulses_at_events(lay)
-    at = x[lay.index_q[nodes]], x[lay.impact.v_a], x[lay.impact.v_c]
-    pushed = np.where(lam == NOWHERE, 0.0, x[lam])
-    values = problem.model.hit_terms(*at, pushed, lay.times(x)[nodes])
+    terms, events = len(problem.model.hit_sums), len(lay.collision_nodes)
+    if not (terms and events):
+        return np.zeros((events, terms))
+    values = problem.model.hit_terms(*_at_events(lay, x))
     return np.where(counted(problem, lay), values, 0.0)
+
+
+def hit_quantities(problem: Problem, lay: Layout, x: Array) -> tuple[Array, Bools]:
+    """The quantities of hits at the events, and which of them have some, shape (events, number)
+    each."""
+    model = lay.problem_at(problem, x).model
+    there = model.hits_of_quantities(surfaces_hit(lay.touch))
+    if not there.size:
+        return np.zeros(there.shape), there
+    return model.hit_quantities(*_at_events(lay, x)), there
+
+
+def _at_events(lay: Layout, x: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Places, velocities before and after, normal impulses and times of the events."""
+    nodes, lam = lay.collision_nodes, impulses_at_events(lay)
+    pushed = np.where(lam == NOWHERE, 0.0, x[lam])
+    return x[lay.index_q[nodes]], x[lay.impact.v_a], x[lay.impact.v_c], pushed, lay.times(x)[nodes]

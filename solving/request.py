@@ -72,7 +72,7 @@ def request_of(problem: Problem, keywords: Keywords) -> Request:
     compiled = problem.kernels.compiled
     rubs = bool(problem.open_hits) or any(problem.touch.courses)
     # On peaks the condensed slsqp often stalls after hundreds of iterations, ipm takes a dozen.
-    plain = tolerance is None and not (problem.held or rubs or problem.model.peaks_of)
+    plain = tolerance is None and not (problem.held or rubs or problem.model.peak_names)
     inputs = problem.nu * sum(problem.phase_steps)
     plain &= METHODS[DEFAULT].takes(inputs)
     method = METHODS[keywords.method or usual(DEFAULT if plain else REFINING, compiled)]

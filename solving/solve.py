@@ -10,11 +10,12 @@ from dmoc.base.progress import Listener, listener
 from dmoc.base.signatures import public
 from dmoc.base.tolerances import ITERATIONS, OPTIMALITY, VIOLATION
 from dmoc.problem.problem import Problem
-from dmoc.results.solution import Solution
+from dmoc.results.solution import Solution, saying
 from dmoc.solvers.outcome import Iteration
 from dmoc.solving.answer import answer_of
 from dmoc.solving.keywords import Keywords
 from dmoc.solving.mesh.one_mesh import interrupted
+from dmoc.solving.named_hits import check_hits, without_hits
 from dmoc.solving.open_hits import best_way, first_way
 from dmoc.solving.request import check_problem, request_of
 from dmoc.solving.starts import InitialGuess, loaded
@@ -140,13 +141,15 @@ def solved(
 ) -> Solution:
     """Solve a problem with keywords that were read, from a guess that was loaded."""
     request, reference = request_of(problem, keywords), keywords.reference
+    check_hits(problem)
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
     with listener(progress, "first guess") as tell:
         request = request.within(progress=tell)
         try:
-            if problem.open_hits:
-                return best_way(problem, guess, request)
-            return answer_of(problem, guess, request)
+            solve = best_way if problem.open_hits else answer_of
+            answer = solve(problem, guess, request)
+            never = without_hits(problem)
+            return saying(answer, never) if never else answer
         except KeyboardInterrupt:
             return interrupted(first_way(problem), guess, request)

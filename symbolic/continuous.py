@@ -122,7 +122,7 @@ class Continuous:
             tuple(rewrite(e) for e in system.constraints.values()),
             tuple(rewrite(e) for part in system.shapes for e in values_of(part)),
             tuple(rewrite(e) for e in system.coefficients_of_restitution),
-            tuple(rewrite(e) for e in system.quantities.values()),
+            tuple(rewrite(e) for e in system.quantities_along.values()),
             tuple(rewrite(e) for e in system.coefficients_of_tangential_restitution),
             tuple(rewrite(e) for e in system.integrands.values()),
             rewrite(R),

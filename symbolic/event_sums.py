@@ -1,7 +1,9 @@
-"""What hits add to the integrals of a model: impulses, approaches, departures and losses."""
+"""What hits add to the integrals of a model, and quantities that it has at hits alone: of impulses,
+approaches, departures and losses."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -38,8 +40,8 @@ def impulse(surface: str, hit: int | None = None) -> Any:
     surface : str
         One of the ``surfaces`` of the model.
     hit : int, optional
-        The number of the hit of this surface that counts alone, from 1 on; where a motion has
-        fewer, it adds nothing.
+        The number of the hit of this surface that counts alone, from 1 on.  Where a sequence of a
+        search has fewer, it adds nothing.
 
     Returns
     -------
@@ -155,9 +157,10 @@ def _reference(kind: str, surface: Any, hit: Any) -> Any:
 
 @dataclass(frozen=True)
 class EventTerm:
-    """What the hits of a surface add to an integral, all of them or the one of a number."""
+    """What the hits of a surface add to an integral, or a quantity is at them: at all of them or at
+    the one of a number."""
 
-    integral: str
+    name: str
     surface: str
     hit: int
     value: Any
@@ -179,26 +182,47 @@ def integrands_of(system: MechanicalSystem) -> dict[str, Any]:
 
 def event_terms(system: MechanicalSystem) -> list[EventTerm]:
     """What hits add to the integrals; raise ModelError for terms of several hits."""
-    terms = list[EventTerm]()
-    for name, value in system.integrals.items():
-        for term in sp.Add.make_args(value):
-            of = {(str(a.args[0]), int(a.args[1]) if a.args[1:] else EVERY): a
-                  for a in references_in(term)}  # fmt: skip
-            if len(of) > 1:
-                raise ModelError(
-                    f"integral {name!r} contains {shown(term)}, with hits of "
-                    f"{' and '.join(str(a) for a in of.values())}: expected those of one surface "
-                    "in each term of a sum, all or one number."
-                )
-            terms += [EventTerm(name, *at, term) for at in of]
-    return terms
+    return [
+        EventTerm(name, *at, term)
+        for name, value in system.integrals.items()
+        for term in sp.Add.make_args(value)
+        for at in _hits_in(term, f"integral {name!r}", "in each term of a sum")
+    ]
+
+
+def hit_quantities(system: MechanicalSystem) -> list[EventTerm]:
+    """The quantities that there are at hits alone; raise ModelError for those of several hits."""
+    return [
+        EventTerm(name, *at, value)
+        for name, value in system.quantities.items()
+        for at in _hits_in(value, f"quantity {name!r}", "in a quantity")
+    ]
+
+
+def quantities_along(system: MechanicalSystem) -> dict[str, Any]:
+    """The quantities that a motion has at any time."""
+    return {n: value for n, value in system.quantities.items() if not references_in(value)}
+
+
+def _hits_in(value: Any, what: str, where: str) -> list[tuple[str, int]]:
+    """The surface and the hits that an expression is about, if any."""
+    of = {(str(a.args[0]), int(a.args[1]) if a.args[1:] else EVERY): a
+          for a in references_in(value)}  # fmt: skip
+    if len(of) > 1:
+        raise ModelError(
+            f"{what} contains {shown(value)}, with hits of "
+            f"{' and '.join(str(a) for a in of.values())}: expected those of one surface "
+            f"{where}, all or one number."
+        )
+    return list(of)
 
 
 def check_event_terms(system: MechanicalSystem) -> None:
     """Refuse terms of hits of what is no surface, of several hits, and of what has no value at a
     hit."""
-    for term in event_terms(system):
-        what = f"integral {term.integral!r}"
+    named = [("integral", term) for term in event_terms(system)]
+    for kind, term in (*named, *(("quantity", term) for term in hit_quantities(system))):
+        what = f"{kind} {term.name!r}"
         if term.surface not in system.surfaces:
             raise ModelError(
                 f"{what} contains hits of {term.surface!r}, which is no surface: expected one of "
@@ -218,8 +242,14 @@ def check_event_terms(system: MechanicalSystem) -> None:
 def event_rows(system: MechanicalSystem) -> list[list[int]]:
     """The integral, the surface and the hit of each term, by numbers."""
     integrals, surfaces = list(system.integrals), _numbers(system)
-    return [[integrals.index(t.integral), surfaces[t.surface], t.hit]
+    return [[integrals.index(t.name), surfaces[t.surface], t.hit]
             for t in event_terms(system)]  # fmt: skip
+
+
+def hit_quantity_rows(system: MechanicalSystem) -> dict[str, list[int]]:
+    """The surface and the hit of each quantity of hits, by numbers."""
+    surfaces = _numbers(system)
+    return {t.name: [surfaces[t.surface], t.hit] for t in hit_quantities(system)}
 
 
 def _numbers(system: MechanicalSystem) -> dict[str, int]:
@@ -228,13 +258,27 @@ def _numbers(system: MechanicalSystem) -> dict[str, int]:
 
 
 def event_kernels(system: MechanicalSystem, plain: Continuous, f: Continuous) -> list[KernelSpec]:
-    """The kernel of what hits add to integrals."""
-    terms = event_terms(system)
-    if not terms:
-        return []
+    """The kernels of what hits add to integrals, and of the quantities at them."""
+    return [
+        kernel
+        for name, a, text, terms in (
+            ("hit_sum", "I_c", "What a hit adds to integrals", event_terms(system)),
+            ("hit_value", "z_c", "Quantities at a hit", hit_quantities(system)),
+        )
+        if terms
+        for kernel in _of_hits(system, plain, f, (name, a, text), terms)
+    ]
+
+
+def _of_hits(
+    system: MechanicalSystem, plain: Continuous, f: Continuous, names: tuple[str, str, str],
+    terms: Sequence[EventTerm],
+) -> list[KernelSpec]:  # fmt: skip
+    """A family of kernels of values at hits; its name, that of its output, and what it is."""
     graph, surfaces = f.L.graph, _numbers(system)
+    name, a, text = names
     q, _, _, t, par = state_inputs(f)
-    v_a, v_c = (Input.vector(graph, name, len(f.q)) for name in ("v_a", "v_c"))
+    v_a, v_c = (Input.vector(graph, own, len(f.q)) for own in ("v_a", "v_c"))
     lam = Input.vector(graph, "lam", len(f.g))
     before, after = (dict(zip(f.v, side.symbols, strict=True)) for side in (v_a, v_c))
     rates, M = gap_rates(f), mass_matrix(f)
@@ -247,11 +291,11 @@ def event_kernels(system: MechanicalSystem, plain: Continuous, f: Continuous) ->
             IMPULSE: lam.symbols[j], APPROACH: rates[j].subs(before),
             DEPARTURE: -rates[j].subs(after), LOSS: lost,
         }  # fmt: skip
-        own = {a: sp.Dummy(real=True) for a in references_in(term.value)}
+        own = {part: sp.Dummy(real=True) for part in references_in(term.value)}
         written = expanded(term.value, system.definitions).xreplace(own)
         (value,) = plain.rewritten(system, [written])
         nodes = {s: graph.symbol(s.name) for s in (*plain.q, plain.t, *plain.par)}
-        nodes |= {dummy: of_kind[a.func.__name__] for a, dummy in own.items()}
+        nodes |= {dummy: of_kind[part.func.__name__] for part, dummy in own.items()}
         values += to_nodes(graph, [value], nodes)
-    text = "What a hit adds to integrals, from velocities before and after it and its impulses."
-    return family("hit_sum", text, (q, v_a, v_c, lam, t), {"I_c": values}, par)
+    text = f"{text}, from velocities before and after it and its impulses."
+    return family(name, text, (q, v_a, v_c, lam, t), {a: values}, par)

@@ -41,7 +41,7 @@ from dmoc.symbolic.crossing_kernels import crossing_facts, crossing_kernels
 from dmoc.symbolic.design import SHOWN, check_design
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
-from dmoc.symbolic.event_sums import event_kernels, event_rows
+from dmoc.symbolic.event_sums import event_kernels, event_rows, hit_quantity_rows
 from dmoc.symbolic.graph import Graph, GraphNode, gradient, reverse
 from dmoc.symbolic.hidden_unknowns import hidden_facts, hidden_kernels, hidden_names
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
@@ -173,8 +173,9 @@ def _facts(
     in_forces = set().union(set(), *(e.free_symbols for row in input_matrix(f) for e in row))
     parts = split(system)
     without = [name for name in system.tangents if name not in system.friction]
-    more = {"without_friction": without, "quantities": quantity_rows(f, list(system.quantities))}
-    more["hit_sums"] = event_rows(system)
+    along = list(system.quantities_along)
+    more = {"without_friction": without, "quantities": quantity_rows(f, along)}
+    more |= {"hit_sums": event_rows(system), "hit_quantities": hit_quantity_rows(system)}
     more |= crossing_facts(system, f)
     more["static_friction"] = [n for n, e in system.friction.items() if isinstance(e, sp.Tuple)]
     more["varying_friction"] = path_rows(f, *varying(f, list(system.tangents)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from dmoc.base.signatures import public
 from dmoc.symbolic.continuous import Continuous
 from dmoc.symbolic.conversion import to_nodes
 from dmoc.symbolic.discrete import StepElement
+from dmoc.symbolic.event_sums import hit_quantities
 from dmoc.symbolic.expressions import atoms_of, expression_in, final_time, reference
 from dmoc.symbolic.hidden_unknowns import with_hidden
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
@@ -57,7 +58,7 @@ def total(name: str) -> Any:
 @public(ModelError)
 def peak(name: str) -> Any:
     """The largest value of a quantity along the motion, in an objective that does not fall
-    with it.
+    with it; of one of hits, such as :func:`dmoc.impulse`, the largest of them, and at least 0.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def peak(name: str) -> Any:
 @public(ModelError)
 def largest(name: str) -> Any:
     """The largest magnitude of a quantity along the motion, in an objective that does not fall
-    with it.
+    with it; of one of hits that of all of them.
 
     Parameters
     ----------
@@ -171,7 +172,8 @@ def at_end(expression: Any) -> Any:
 @dataclass(frozen=True)
 class Objective:
     """What an objective is made of: names of its integrals, with "final_time" for the final time;
-    its peaks, quantities and whether of both signs; expressions at the start and at the end."""
+    its peaks, quantities and whether of both signs, those of hits last; expressions at the start
+    and at the end."""
 
     value: Any
     totals: tuple[str, ...]
@@ -187,14 +189,16 @@ def objective_of(system: MechanicalSystem) -> Objective:
     for part in sorted(value.atoms(AppliedUndef), key=str):
         by_kind.setdefault(part.func.__name__, []).append(part)
     timed = [final_time.name] * value.has(final_time)
+    of_hits = {t.name for t in hit_quantities(system)}
+    peaks = [
+        (part.args[0].name, kind == LARGEST)
+        for kind in (PEAK, LARGEST)
+        for part in by_kind.get(kind, ())
+    ]
     return Objective(
         value,
         (*system.integrals, *timed),
-        tuple(
-            (part.args[0].name, kind == LARGEST)
-            for kind in (PEAK, LARGEST)
-            for part in by_kind.get(kind, ())
-        ),
+        tuple(sorted(peaks, key=lambda peak: peak[0] in of_hits)),
         tuple(by_kind.get(START, ())),
         tuple(by_kind.get(END, ())),
     )
@@ -261,13 +265,20 @@ def objective_facts(system: MechanicalSystem) -> dict[str, Any]:
         return any(part.has(v) for part in own for v in system.velocities)
 
     priced = [name for name in system.integrals if parts.value.has(total(name))]
+    of_hits = _numbered(parts.peaks, [t.name for t in hit_quantities(system)])
     return {
         "totals": list(parts.totals),
         "priced": priced,
-        "peaks": [[list(system.quantities).index(name), both] for name, both in parts.peaks],
+        "peaks": _numbered(parts.peaks, system.quantities_along),
         "objective": parts.value != 0,
         "objective_velocities": [rates(parts.starts), rates(parts.ends)],
-    }
+    } | ({"hit_peaks": of_hits} if of_hits else {})
+
+
+def _numbered(peaks: Sequence[tuple[str, bool]], names: Iterable[str]) -> list[list[Any]]:
+    """Those of some peaks whose quantities are among names, by the numbers of these."""
+    numbers = {name: i for i, name in enumerate(names)}
+    return [[numbers[name], both] for name, both in peaks if name in numbers]
 
 
 def objective_kernels(

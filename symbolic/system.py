@@ -19,7 +19,7 @@ from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.drawing import Part, with_normal
-from dmoc.symbolic.event_sums import integrands_of
+from dmoc.symbolic.event_sums import integrands_of, quantities_along
 from dmoc.symbolic.expressions import slack_of
 from dmoc.symbolic.system_checks import check_names, check_parts
 from dmoc.symbolic.system_fields import containers_of, entries_of
@@ -299,6 +299,11 @@ class MechanicalSystem(Shown):
             name: -slack_of(relation, f"surface {name!r}")
             for name, relation in self.surfaces.items()
         }
+
+    @property
+    def quantities_along(self) -> dict[str, Any]:
+        """Quantities that a motion has at any time: not those of its hits alone."""
+        return quantities_along(self)
 
     @property
     def integrands(self) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.crossings import check_switches
 from dmoc.symbolic.definitions import atoms_below, check_definitions, expanded, kinds_of
 from dmoc.symbolic.drawing import values_of
-from dmoc.symbolic.event_sums import check_event_terms, event_terms
+from dmoc.symbolic.event_sums import check_event_terms, event_terms, hit_quantities
 from dmoc.symbolic.expressions import (
     KINDS,
     approach_speed,
@@ -217,7 +217,8 @@ def _check_symbols(system: MechanicalSystem) -> None:
         "the sliding speed": {sliding_speed} if system.friction else set(),
         "forces": set(forces_of(system)),
     } | kinds_of(system)
-    of_hits = (atoms_of(term.value) for term in event_terms(system))
+    terms = *event_terms(system), *hit_quantities(system)
+    of_hits = (atoms_of(term.value) for term in terms)
     used: set[Any] = set(system.objective.free_symbols).union(*of_hits)
     for where, expression, allowed in _expressions(system):
         atoms = atoms_of(expression)
@@ -263,7 +264,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("the tangent of {!r}", system.tangents, PLACE),
         ("the friction of {!r}", system.friction, (*PLACE, "inputs", "the sliding speed")),
         ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),
-        ("quantity {!r}", system.quantities, (*KINDS, "forces")),
+        ("quantity {!r}", system.quantities_along, (*KINDS, "forces")),
         ("the tangential restitution of {!r}", system.tangential_restitution, ("parameters",)),
         ("integral {!r}", system.integrands, KINDS),
         ("switch {!r}", system.switches, STATE),
@@ -298,7 +299,7 @@ def _check_kinks(system: MechanicalSystem) -> None:
     check_smooth(system.terminal_cost, "the terminal cost", kinks=True)
     for name, place in system.constraints.items():
         check_smooth(place, f"constraint {name!r}", kinks=True)
-    for name, value in system.quantities.items():
+    for name, value in system.quantities_along.items():
         check_smooth(value, f"quantity {name!r}", kinks=True)
     for name, mu in system.friction.items():
         check_smooth(mu, f"the friction of {name!r}", kinks=True)

@@ -26,6 +26,7 @@ from dmoc.program.laws.force import ForceLaw
 from dmoc.program.laws.friction import FrictionLaw
 from dmoc.program.laws.held import HeldLaw
 from dmoc.program.laws.hit import HitLaw
+from dmoc.program.laws.hit_quantity import HitQuantityLaw
 from dmoc.program.laws.impact import ImpactLaw
 from dmoc.program.laws.joint import JointLaw
 from dmoc.program.laws.kink import KinkLaw
@@ -76,6 +77,7 @@ class Laws:
     complementarity: ComplementarityLaw
     kink: KinkLaw
     crossing: CrossingLaw
+    hit_quantity: HitQuantityLaw
     equalities: tuple[Block, ...] = ()
     inequalities: tuple[Block, ...] = ()
     remembered: Remembered = field(default_factory=Remembered)
@@ -91,7 +93,7 @@ class Laws:
     def __iter__(self) -> Iterator[Law]:
         first = self.step, self.path, self.bound, self.quantity, self.velocity, self.peak
         last = self.joint, self.complementarity, self.force, self.liftoff, self.objective, self.kink
-        others = *self.of_contacts, *last, self.crossing
+        others = *self.of_contacts, *last, self.crossing, self.hit_quantity
         return iter((*first, self.impact, self.ends, *others))
 
     @property
@@ -177,6 +179,7 @@ def laws_of(
             lay, problem.friction, problem.restitution_values, problem.relaxation, scale
         ),
         KinkLaw(problem, lay), CrossingLaw(lay, problem.model.nw),
+        HitQuantityLaw.of(problem, lay),
     )  # fmt: skip
 
 
@@ -205,7 +208,7 @@ def rows_follow_from(problem: Problem, lay: Layout, grazing: Index) -> Hashable 
     return (
         lay, model, statement, problem.restitution_values.tobytes(), grazing.tobytes(),
         problem.velocity_bounds.tobytes(), np.isfinite(problem.quantity_bounds).tobytes(),
-        problem.quantity_ranges.kinds,
+        problem.quantity_ranges.kinds, problem.hit_quantity_bounds.tobytes(),
     )  # fmt: skip
 
 

@@ -106,7 +106,7 @@ class PathLaw(Law):
         """The peaks of the objective above their quantities, and above the negative ones."""
         rows = tuple(problem.kernels.quantity_rows)
         sides = []
-        for (j, both), unknown in zip(problem.model.peaks_of, lay.index_peaks, strict=True):
+        for (j, both), unknown in zip(problem.model.peaks_of, lay.index_peaks, strict=False):
             there, unknowns = np.arange(len(rows)) == j, np.full(len(rows), unknown)
             for sign in (-1.0, 1.0)[: 1 + both]:
                 sides.append(Side(sign, there, np.zeros(len(rows)), unknowns))
@@ -271,13 +271,14 @@ class PathLaw(Law):
         ]
 
     def above(self, values: Array) -> Array:
-        """Differences of peaks and their quantities, shape (peaks,), from the values of all rows (c
-        | d)."""
+        """Differences of peaks along the motion and their quantities, shape (peaks,), from the
+        values of all rows (c | d)."""
         lowest = np.full(self.lay.size, np.inf)
         for side, rows, which in self._members:
             if side.unknowns is not None:
                 np.minimum.at(lowest, side.unknowns[which], values[rows])
-        return lowest[self.lay.index_peaks]
+        along = dict.fromkeys(int(s.unknowns.max()) for s in self.sides if s.unknowns is not None)
+        return lowest[list(along)]
 
     def constants(self) -> Iterator[tuple[int, float]]:
         for side, rows, which in self._members:

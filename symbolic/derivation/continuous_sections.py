@@ -29,7 +29,7 @@ from dmoc.symbolic.derivation.document import (
     upright,
 )
 from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
-from dmoc.symbolic.event_sums import event_terms
+from dmoc.symbolic.event_sums import event_terms, hit_quantities
 from dmoc.symbolic.expressions import sliding_speed
 from dmoc.symbolic.families import approach, first_root
 from dmoc.symbolic.graph import gradient
@@ -103,16 +103,22 @@ def continuous_sections(
 def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) -> Iterable[Section]:
     """Quantities, constraints, and friction."""
     if f.z:
-        named = zip(system.quantities, f.z, strict=True)
+        named = zip(system.quantities_along, f.z, strict=True)
         values = tuple(definition(own, f"z_{n}", f"z_{upright(n)}", z) for n, z in named)
         yield Section("Quantities", QUANTITIES + FORCES * has_forces(system), values)
+    if of_hits := hit_quantities(system):
+        told = (
+            f"{t.name} is {t.value} at {f'hit {t.hit}' if t.hit else 'each hit'} of {t.surface}."
+            for t in of_hits
+        )
+        yield Section("Quantities of hits", " ".join(told), ())
     if f.c:
         named = zip(system.integrals, f.c, strict=True)
         values = tuple(definition(own, f"I_{n}", f"I_{upright(n)}", c) for n, c in named)
         text = "Integrands over the motion."
         for term in event_terms(system):
             every = f"Hit {term.hit}" if term.hit else "Each hit"
-            text += f" {every} of {term.surface} adds {term.value} to {term.integral}."
+            text += f" {every} of {term.surface} adds {term.value} to {term.name}."
         yield Section("Integrals", text, values)
     if f.w:
         named = zip(crossings_of(system), f.w, strict=True)

@@ -110,7 +110,7 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
         ("phi", system.constraints, f.phi),
         ("c", system.constraints, f.phi),
         ("r", system.path_constraints, f.r),
-        ("z", system.quantities, f.z),
+        ("z", system.quantities_along, f.z),
         ("I", system.integrals, f.c),
     ):
         for name, value in zip(owners, values, strict=True):

@@ -33,7 +33,7 @@ CHANGES: dict[str, Any] = {
     "restitution": {"wall": C / 2}, "constraints": {"rod": X + Z - 3},
     "definitions": {dynamicsymbols("d"): X * Y}, "quantities": {"power": W * X.diff()},
     "tangential_restitution": {"wall": 0.3}, "integrals": {"work": W * X.diff()},
-    "objective": dmoc.total("work"), "impact_laws": {},
+    "objective": dmoc.total("work"), "impact_laws": {}, "switches": {"gate": X - 2},
 }  # fmt: skip
 SHOWN: dict[str, Any] = {"title": "Another", "drawing": [dmoc.Disc((X, Y), 0.1)]}
 
