@@ -3,7 +3,7 @@ little."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +34,7 @@ def arcs_of(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> list[Arc]:
     """Arcs of a motion on surfaces without a planned collision."""
     arcs, model = list[Arc](), nodes.model
     near = nodes.gaps >= -ON_ARC * sizes.gap
+    arcs += _round_ends(trajectory, nodes, sizes)
     if not near.any():
         return arcs
     hits = [
@@ -59,6 +60,21 @@ def arcs_of(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> list[Arc]:
                 size = gap_sizes(nodes.gap_slopes[own][k], sizes)[j]
                 arcs.append(Arc(int(j), t - h, t + h, depth * float(size)))
     return arcs
+
+
+def _round_ends(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> Iterator[Arc]:
+    """Steps in which a free motion comes round the end of a surface that its nodes do not enter."""
+    if not nodes.model.ends:
+        return
+    there, names = nodes.model.within(nodes.q, nodes.t) >= 0, nodes.model.kernels.surfaces
+    touched = {(n, c.time) for c in trajectory.collisions for n in (c.surface, *c.lands, *c.leaves)}
+    for i, phase in enumerate(trajectory.phases):
+        own = nodes.of_phase(i)
+        for k, j in zip(*np.nonzero(there[own][1:] != there[own][:-1]), strict=True):
+            begin, end = map(float, phase.t[k : k + 2])
+            if names[j] not in phase.closed and not touched & {(names[j], begin), (names[j], end)}:
+                size = gap_sizes(nodes.gap_slopes[own][k], sizes)[j]
+                yield Arc(int(j), begin, end, PENETRATION * float(size))
 
 
 def allowance(

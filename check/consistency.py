@@ -33,7 +33,7 @@ SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to th
 def plan_errors(motion: Motion) -> Findings:
     """Look at a motion without simulating it."""
     of_nodes = _times, _momenta, _positions, _balances, _disjoint, _singular
-    looks = *of_nodes, _off_surfaces, _off_switches
+    looks = *of_nodes, _off_surfaces, _off_switches, _off_ends
     sentences = tuple(sentence for look in looks for sentence in look(motion))
     return Findings({"excess of an input": _input_excess(motion)}, sentences)
 
@@ -159,6 +159,26 @@ def _off_switches(motion: Motion) -> Iterator[str]:
         rate = float(model.crossing_rates(q, v, a, t)[0, k])
         if not rate >= -DRIFT * size / motion.sizes.time:
             yield f"the switch {p.c.switch!r} falls with {-rate:.3g} at {_event(p.c)}"
+
+
+def _off_ends(motion: Motion) -> Iterator[str]:
+    """Surfaces that are hit or land beyond their ends, and contacts that slip off elsewhere than at
+    an end, or into their surface."""
+    model = motion.model
+    sizes, rates = motion.sizes.along(motion.nodes.within_slopes)
+    for p in motion.passages if model.ends else ():
+        c, way = p.c, model.within_rates(p.after.q[0], p.after.v[0], p.c.time)
+        within = model.within(c.position, c.time)
+        for name in dict.fromkeys((c.surface, *c.lands) if c.surface else ()):
+            j = model.surface_numbers[name]
+            if not within[j] >= -OFF_SURFACE * sizes[j]:
+                yield f"{name!r} is hit {-within[j]:.3g} beyond its end at {c.time:.4g} s"
+        for name in c.off:
+            j = model.surface_numbers[name]
+            if not (j in model.ends and abs(within[j]) <= OFF_SURFACE * sizes[j]):
+                yield f"{name!r} slips off at {c.time:.4g} s, {within[j]:.3g} before its end"
+            elif not way[j] <= DRIFT * rates[j]:
+                yield f"{name!r} slips off at {c.time:.4g} s on a way that comes back to it"
 
 
 def _input_excess(motion: Motion) -> float:

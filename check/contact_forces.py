@@ -94,6 +94,8 @@ def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
     rates = model.gap_rates(q, v, t)[0]
     for name in c.leaves:
         j = model.surface_numbers[name]
+        if name in c.off:
+            continue  # under its load
         if rates[j] < -DRIFT * motion.sizes.rate[j]:
             continue  # it opens with a velocity
         still_closed = replace(motion.modes[i + 1], closed=(*motion.modes[i + 1].closed, j))

@@ -195,6 +195,7 @@ def _approached(p: EventPassage, sizes: Sizes) -> Iterator[str]:
         if before[numbers[name]] < -TURNED:
             yield f"{name} is not approached where it is hit at {c.time:.4g} s"
     released = (p.hit,) if p.hit is not None and not p.lands else ()
-    for j in {*map(numbers.__getitem__, c.leaves), *released}:
+    leaving = (name for name in c.leaves if name not in c.off)
+    for j in {*map(numbers.__getitem__, leaving), *released}:
         if after[j] > TURNED:
             yield f"{p.model.kernels.surfaces[j]} is entered where it should open at {c.time:.4g} s"

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
+from dmoc.check.consistency import OFF
 from dmoc.check.contact_forces import BEARABLE, ON_TIME, TURNED
 from dmoc.check.findings import largest
 from dmoc.check.integrated_steps import IntegratedSteps
@@ -28,7 +29,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.motion.trajectory import GRAZING, Collision
 from dmoc.simulation.contact_modes import limits
-from dmoc.simulation.flow import FIRST, GAP_ERROR, LAST, PLACES, Steps, SurfaceContact
+from dmoc.simulation.flow import END_ERROR, FIRST, GAP_ERROR, LAST, PLACES, Steps, SurfaceContact
 from dmoc.simulation.roots import crossing
 
 LOCATED = 1e-6  # of a step
@@ -37,7 +38,8 @@ LOCATED = 1e-6  # of a step
 def planned_run(motion: Motion, parts: Segments, sizes: tuple[Array, ...]) -> WholeRun:
     """The run through the plan; ``sizes`` are those of contact forces, friction and joints."""
     # What errors of discretisation explain.
-    slack = BEARABLE * sizes[0], BEARABLE * sizes[1], TURNED * motion.sizes.slide
+    past = OFF * motion.sizes.along(motion.nodes.within_slopes)[0]
+    slack = BEARABLE * sizes[0], BEARABLE * sizes[1], TURNED * motion.sizes.slide, past
     met, ends = left(motion, parts, np.concatenate(slack))
     missed, early = list[Collision](), list[str]()
     free = [i for i in range(motion.stepped) if motion.trajectory.phases[i].free]
@@ -108,7 +110,7 @@ def _early(motion: Motion, i: int, c: SurfaceContact) -> str:
 class HeldSteps:
     """The steps of a phase in its mode, from the starts of its segments: the first of each step's
     segment (N,), the steps as they go, the positions that what sticks keeps, and what the mode
-    keeps above zero at both ends (2, N, nc + 2 nt)."""
+    keeps above zero at both ends (2, N, 2 nc + 2 nt)."""
 
     begins: NDArray[np.intp]
     course: IntegratedSteps
@@ -119,7 +121,8 @@ class HeldSteps:
 def left(motion: Motion, parts: Segments, slack: Array) -> tuple[list[SurfaceContact], list[str]]:
     """Contacts that are not planned and are met in phases with closed contacts or friction, and
     sentences about modes that end elsewhere than planned. ``slack`` are the contact forces,
-    friction and sliding velocities, shape (nc + 2 nt,), that errors of discretisation explain."""
+    friction, sliding velocities and ways past ends, shape (2 nc + 2 nt,), that errors of
+    discretisation explain."""
     met, sentences = list[SurfaceContact](), list[str]()
     for i in range(motion.stepped):
         if not motion.trajectory.phases[i].free:
@@ -141,7 +144,7 @@ def _held_steps(motion: Motion, parts: Segments, i: int) -> HeldSteps:
 
 
 def _kept_at_ends(motion: Motion, mode: Mode, course: IntegratedSteps) -> Array:
-    """Limits of a mode at both ends of steps, shape (2, n, nc + 2 nt), which it keeps above zero;
+    """Limits of a mode at both ends of steps, shape (2, n, 2 nc + 2 nt), which it keeps above zero;
     infinite for surfaces that are open."""
     steps, react = course.steps, motion.flow.integrator.reaction
     y, u = np.vstack([course.start, course.stop]), np.vstack([steps.u0, steps.u1])
@@ -156,7 +159,9 @@ def _met(motion: Motion, i: int, course: IntegratedSteps) -> Iterator[SurfaceCon
     and friction is simulated through its contacts elsewhere."""
     model, nq = motion.model, motion.model.nq
     times, path = between(motion, course, PLACES[1:])
-    gaps = model.gaps(path.reshape(-1, nq), times.ravel()).reshape(*times.shape, model.nc)
+    least = END_ERROR * motion.sizes.along(motion.nodes.within_slopes)[0]
+    gaps = model.barriers(path.reshape(-1, nq), times.ravel(), least)
+    gaps = gaps.reshape(*times.shape, model.nc)
     allowed = motion.flow.allowance(times.ravel()).reshape(gaps.shape)
     over = gaps > allowed + GAP_ERROR * motion.sizes.gap
     over[..., list(motion.modes[i].closed)] = False
@@ -179,7 +184,7 @@ def _jump(motion: Motion, y: Array, t: float, j: int) -> float:
 
 def passed_limits(motion: Motion, i: int, steps: HeldSteps, slack: Array) -> Iterator[str]:
     """Sentences, with times, about limits that end the mode of a phase elsewhere than planned;
-    ``slack`` as in :func:`left`, shape (nc + 2 nt,)."""
+    ``slack`` as in :func:`left`, shape (2 nc + 2 nt,)."""
     first: dict[int, float] = {}
     for k, j in zip(*np.nonzero((steps.kept < -slack).any(axis=0)), strict=True):
         time = _passing(motion, i, steps, (int(k), int(j)))
@@ -227,6 +232,9 @@ def _sentence(motion: Motion, i: int, j: int, time: float) -> str:
     if j < nc:
         name = model.kernels.surfaces[j]
         what, planned = f"lifts {name!r} off", c is not None and name in c.leaves
+    elif j >= nc + 2 * nt:
+        name = model.kernels.surfaces[j - nc - 2 * nt]
+        what, planned = f"slips off the end of {name!r}", c is not None and name in c.off
     else:
         name = model.kernels.tangents[(j - nc) % nt]
         what = f"lets {name!r} slide" if j < nc + nt else f"ends the sliding of {name!r}"

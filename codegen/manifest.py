@@ -78,6 +78,7 @@ class Manifest:
     impact_laws: Mapping[str, str] = field(default_factory=dict)
     without_friction: Sequence[str] = ()
     quantities: Sequence[FunctionFacts] = ()
+    within: Mapping[str, list[int]] = field(default_factory=dict)  # coordinates of the ends
     static_friction: Sequence[str] = ()
     varying_friction: Sequence[FunctionFacts] = ()
     rate_constraints: Sequence[str] = ()

@@ -38,6 +38,7 @@ class ReferenceFunctions:
         self.L, self.C, self.Phi = map(self._numbers, ([f.L], [f.C], [f.Phi]))
         self.g, self.r, self.c = map(self._numbers, (f.g, f.r, f.c))
         self.tau, self.e_t, self.w = map(self._numbers, (f.tau, f.e_t, f.w))
+        self.within = self._numbers(f.within)
         self.Q = self._forces()
         self._e = self._compiled(f.e, (*f.x, *f.x_dot, approach_speed))
         self.constant, self.varying = map(self._frictions, (False, True))

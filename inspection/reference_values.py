@@ -54,6 +54,9 @@ class ReferenceValues(ReferenceFunctions):
             "rate_work": lambda x: {"W_gamma": [self._work(x)]},
             "surface": lambda x: {"g": self.g(self._place(x))},
             "gap_rate": lambda x: {"gamma": self._rates(self.g, self._state(x))},
+            "within": lambda x: {"W": self._within(self._place(x))},
+            "within_rate": lambda x: {"omega": self._rates(self._within, self._state(x))},
+            "barrier": lambda x: {"B": self._behind(self._place(x))},
             "gap_work": self._gap_work,
             "rebound": self._rebound,
             "normal": lambda x: {"n": self._pushed(self.g, self.nc, x)},
@@ -97,6 +100,18 @@ class ReferenceValues(ReferenceFunctions):
         y, lam = self._place([*x[:n], x[-1]]), x[n : n + count]
         slopes = [self._slopes(values, y, i) for i in range(n)]
         return [mp.fsum(a * b for a, b in zip(s, lam, strict=True)) for s in slopes]
+
+    def _within(self, y: Vector) -> Vector:
+        """Functions W of all surfaces, 1 of those without ends."""
+        own, pairs = dict[int, Any](), zip(self._f.ends, self.within(y), strict=True)
+        for j, w in pairs:
+            own[j] = own[j] + w - mp.hypot(own[j], w) if j in own else w
+        return [own.get(j, mp.mpf(1)) for j in range(self.nc)]
+
+    def _behind(self, y: Vector) -> Vector:
+        """Functions B of all surfaces, the gaps of those without ends."""
+        pairs = enumerate(zip(self.g(y), self._within(y), strict=True))
+        return [g + w - mp.hypot(g, w) if j in self._f.ends else g for j, (g, w) in pairs]
 
     def _gap_work(self, x: Vector) -> dict[str, Vector]:
         """Works W_g of gaps from (q, lam, t)."""

@@ -18,6 +18,7 @@ from dmoc.mechanics.contacts import NOWHERE, Contacts
 MATRICES = {
     "R_D": "residual_jac",
     "g_D": "surface_jac",
+    "W_D": "within_jac",
     "gamma_D": "gap_rate_jac",
     "tau_D": "tangent_jac",
     "sigma_D": "slide_rate_jac",
@@ -78,10 +79,11 @@ class BoundKernels:
     @cached_property
     def contacts(self) -> Contacts:
         """Surfaces and tangents of the model."""
-        names, without = self.kernels, self.kernels.manifest.without_friction
+        names, facts = self.kernels, self.kernels.manifest
+        without, ended = tuple(facts.without_friction), tuple(facts.within)
         return Contacts(
-            tuple(names.surfaces), tuple(names.tangents), frictionless=tuple(without),
-            switches=tuple(self.kernels.manifest.switches),
+            tuple(names.surfaces), tuple(names.tangents), frictionless=without,
+            switches=tuple(facts.switches), ended=ended,
         )  # fmt: skip
 
     @property
@@ -111,6 +113,11 @@ class BoundKernels:
         if event.switch != NOWHERE:
             return self.kernels.manifest.crossings[event.switch]["coordinates"]
         return self.surface_coordinates[event.hit] if event.hit != NOWHERE else ()
+
+    @cached_property
+    def ends(self) -> dict[int, list[int]]:
+        """The surfaces that have ends, and the coordinates that these depend on."""
+        return {self.surface_numbers[n]: on for n, on in self.kernels.manifest.within.items()}
 
     @cached_property
     def tangent_coordinates(self) -> tuple[list[int], ...]:

@@ -169,6 +169,8 @@ class Event:
         which sliding stops.
     switch : int
         The crossing function that vanishes, or NOWHERE; then nothing else happens.
+    off : tuple of int
+        Surfaces of those that leave whose contact slips off an end, in the order of the model.
     """
 
     hit: int = NOWHERE
@@ -177,6 +179,7 @@ class Event:
     friction: tuple[tuple[int, int], ...] = ()
     course: Course | None = None
     switch: int = NOWHERE
+    off: tuple[int, ...] = ()
 
     @property
     def surface(self) -> int:

@@ -18,7 +18,7 @@ class Contacts:
     """What can touch in a model: its surfaces, and its tangents, of which those that are named like
     a surface belong to it and the others are rails; surfaces without restitution, those whose
     tangent has friction, surfaces with the laws of their hits, Poisson's where none is told, and
-    tangents without friction, which take part in hits alone; switches."""
+    tangents without friction, which take part in hits alone; switches; surfaces that have ends."""
 
     surfaces: tuple[str, ...]
     tangents: tuple[str, ...]
@@ -27,6 +27,7 @@ class Contacts:
     impact_laws: tuple[tuple[str, str], ...] = ()
     frictionless: tuple[str, ...] = ()
     switches: tuple[str, ...] = ()
+    ended: tuple[str, ...] = ()
 
     @cached_property
     def surface_numbers(self) -> dict[str, int]:

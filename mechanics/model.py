@@ -162,6 +162,34 @@ class Model(FrictionModel, CostModel):
         """Gaps g <= 0, shape (..., nc)."""
         return self._values("surface", self.nc, q, t)
 
+    def within(self, q: Array, t: ArrayLike = 0.0) -> Array:
+        """Functions W, which are not negative where surfaces that have ends are, and 1 of others,
+        shape (..., nc)."""
+        return self._at("within", q, t)[0] if self.ends else np.ones((*q.shape[:-1], self.nc))
+
+    def within_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
+        """Derivatives of W with respect to (q, t), shape (..., nc, nq + 1)."""
+        if not self.ends:
+            return np.zeros((*q.shape[:-1], self.nc, self.nq + 1))
+        return self._matrix("W_D", (self.nc, self.nq + 1), q, t)
+
+    def within_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
+        """Rates of W along a motion, shape (..., nc)."""
+        if not self.ends:
+            return np.zeros((*q.shape[:-1], self.nc))
+        return self._at("within_rate", q, v, t)[0]
+
+    @property
+    def barrier_kernel(self) -> str:
+        """The kernels of what is not positive before surfaces, and beside their ends."""
+        return "barrier" if self.ends else "surface"
+
+    def barriers(self, q: Array, t: ArrayLike = 0.0, least: Array | float = 0.0) -> Array:
+        """Gaps, shape (..., nc), of surfaces that are there, with more than the ``least`` W, shape
+        (nc,); minus infinity beyond their ends."""
+        gaps = self.gaps(q, t)
+        return np.where(self.within(q, t) > least, gaps, -np.inf) if self.ends else gaps
+
     def gap_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Derivatives of the gaps with respect to (q, t), shape (..., nc, nq + 1)."""
         return self._matrix("g_D", (self.nc, self.nq + 1), q, t)

@@ -11,6 +11,7 @@ from dmoc.mechanics.contacts import NOWHERE, Contacts
 from dmoc.mechanics.sequence_words import is_open, touch_along
 from dmoc.mechanics.touch import Touch
 from dmoc.motion.friction import FRICTION, SLIDING, rubbing_word, sticks, turned
+from dmoc.motion.trajectory import OFF
 
 
 def courses_of(name: str, contacts: Contacts) -> list[str]:
@@ -21,8 +22,9 @@ def courses_of(name: str, contacts: Contacts) -> list[str]:
 def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iterator[str]:
     """Words of what can happen in a mode to some surfaces and to what rubs: hits and landings of
     open surfaces, also those at which a rail changes its friction, hits at which a closed contact
-    slides back, and landings at which another contact leaves; contacts that leave; changes of
-    friction; and what two contacts, as the corners of a box, can only do together."""
+    slides back, and landings at which another contact leaves; contacts that leave, and
+    that slip off an end; changes of friction; and what two contacts, as the corners of a box, can
+    only do together."""
     closed, rubbing = names_of(contacts, mode)
     open_ones = [s for s in surfaces if s not in closed]
     turns = list(_turns(rubbing))
@@ -43,7 +45,8 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     for landing in landings:
         yield from (f"{landing} -{other}" for other in closed if other in surfaces)
     leaving = [f"-{name}" for name in closed if name in surfaces]
-    yield from (*leaving, *turns)
+    slipping = [f"{OFF}{name}" for name in closed if name in surfaces and name in contacts.ended]
+    yield from (*leaving, *slipping, *turns)
     yield from _together(leaving, {name: s for name, s in rubbing.items() if name in closed})
     for state in landing_states:
         both = [name for name in open_ones if not state or name in contacts.tangents]

@@ -14,6 +14,7 @@ A mode says which contacts are closed in a phase and how friction acts in it.  T
     +foot:slip+:stick, +foot:slip+:slip-
                     begins to slide in the first way, and stops or turns while it lands
     -foot           leaves
+    ~table          slips off an end of a surface that has ends, and leaves so
     foot:slip+      changes its friction; also foot:slip-, foot:stick
     +right -left    several at one event, separated by blanks
     gate            an expression of the model vanishes while it grows (its switch ``gate``)
@@ -41,7 +42,7 @@ from dmoc.motion.friction import (
     sticks,
     turned,
 )
-from dmoc.motion.trajectory import event_word
+from dmoc.motion.trajectory import OFF, SIGNS, event_word
 
 IN_SEQUENCE = "in the sequence"
 
@@ -54,13 +55,13 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
     ProblemError
         If a name is unknown, is said twice, or a friction is none.
     """
-    hits, lands, leaves, seen = list[str](), list[str](), list[str](), list[str]()
+    hits, lands, leaves, off, seen = (list[str]() for _ in range(5))
     friction, courses = dict[str, int](), dict[str, Course]()
     numbers = contacts.surface_numbers
     if (switch := _switch_in(word, contacts)) is not None:
         return Event(switch=switch)
     for part in word.split():
-        sign, rest = (part[0], part[1:]) if part[0] in "+-" else ("", part)
+        sign, rest = (part[0], part[1:]) if part[0] in SIGNS else ("", part)
         name, colon, course_words = rest.partition(":")
         if name in seen:
             raise ProblemError(f"{shown(word)} in the sequence names {name!r} twice: say it once.")
@@ -70,6 +71,11 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
             plain = contacts.switches if not (sign or colon) else ()
             what = "tangent" if colon and not sign else "surface or switch" if plain else "surface"
             check_known(part, (*names, *plain), what, IN_SEQUENCE)
+        if sign == OFF and name not in contacts.ended:
+            raise ProblemError(
+                f"{part!r} in the sequence slips off an end of {name!r}, which has none: say "
+                f"'-{name}', or where the surface is with `within` of the model."
+            )
         is_hit = not sign and name in numbers and numbers[name] not in closed
         if colon:
             if name in contacts.frictionless:
@@ -77,13 +83,15 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
                     f"{part!r} in the sequence: {name} has tangential restitution and no friction, "
                     f"so that there is no way to say; say {sign + name!r}, or give it friction."
                 )
-            course = _course(part, course_words, name in contacts.tangents and sign != "-")
+            course = _course(part, course_words, name in contacts.tangents and sign in ("", "+"))
             if is_hit or course.then is not None:
                 _check_course(part, name, course, (is_hit, sign == "+"), contacts)
                 courses[name] = course
             if not is_hit:
                 friction[name] = course.last
-        {"": hits if is_hit or not colon else [], "+": lands, "-": leaves}[sign].append(name)
+        {"": hits if is_hit or not colon else [], "+": lands}.get(sign, leaves).append(name)
+        if sign == OFF:
+            off.append(name)
     if not seen:
         check_known(word, contacts.surfaces, "surface", IN_SEQUENCE)
     if len(hits) > 1 or (hits and lands):
@@ -104,6 +112,7 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
         tuple(sorted(numbers[name] for name in leaves)),
         tuple((contacts.tangent_numbers[name], state) for name, state in friction.items()),
         next(iter(courses.values()), None),
+        off=tuple(sorted(numbers[name] for name in off)),
     )
 
 
@@ -303,4 +312,4 @@ def word_between(contacts: Contacts, before: Mode, after: Mode, event: Event | N
     rubs = {contacts.tangents[k]: s for k, s in friction_changes(before, after).items()}
     if not (hit or lands or leaves or rubs):
         return ""
-    return event_word(hit, lands, leaves, rubs, str(event.course or ""))
+    return event_word(hit, lands, leaves, rubs, str(event.course or ""), contacts.named(event.off))

@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 # A contact that changes no momentum by more than this share of its size grazes: the motion touches
 # a surface without colliding.
 GRAZING = 0.01
+# How words begin of what lands, leaves and slips off an end.
+OFF = "~"
+SIGNS = ("+", "-", OFF)
 FORCES = ("normal", "tangential", "reaction")  # kinds of forces along phases
 
 
@@ -166,6 +169,8 @@ class Collision:
         in one way.
     switch : str
         The switch of the model that passes zero here; empty where none does.  Nothing else happens.
+    off : tuple of str
+        Surfaces of those that leave whose contact slips off an end.
     """
 
     surface: str
@@ -185,6 +190,7 @@ class Collision:
     course: str = ""
     reactions: Mapping[str, float] = field(default_factory=dict)
     switch: str = ""
+    off: tuple[str, ...] = ()
 
     @property
     def hit(self) -> str:
@@ -195,7 +201,7 @@ class Collision:
     def word(self) -> str:
         """What happens, as a sequence says it: "wall", "+right -left", "rail:slip+"."""
         return self.switch or event_word(
-            self.hit, self.lands, self.leaves, self.friction, self.course
+            self.hit, self.lands, self.leaves, self.friction, self.course, self.off
         )
 
     def __repr__(self) -> str:
@@ -337,15 +343,16 @@ def event_word(
     leaves: Sequence[str],
     friction: Mapping[str, int],
     course: str = "",
+    off: Sequence[str] = (),
 ) -> str:
     """What happens at an event in the words of a sequence, the same for the same: what is hit,
     lands, leaves, and rubs otherwise from then on; ``course`` is that of the friction in the
-    impact."""
+    impact, ``off`` what of that which leaves slips off an end."""
     sliding = {name: rubbing_word("", s) for name, s in friction.items() if not sticks(s)}
     during = f":{course}" if course else ""
     words = [hit + during] if hit else []
     words += [f"+{name}{during or sliding.get(name, '')}" for name in lands]
-    words += [f"-{name}" for name in leaves]
+    words += [f"{OFF if name in off else '-'}{name}" for name in leaves]
     words += [rubbing_word(name, s) for name, s in friction.items() if name not in lands]
     return " ".join(words) or "no change"
 
@@ -354,7 +361,7 @@ def noun_of(words: Iterable[str], switches: Sequence[str] = ()) -> str:
     """Noun for the words of sequences, with the switches of the model: "collision" where all of
     them are hits, else "event"."""
     hits = all(
-        not word.startswith(("+", "-")) and not {":", " "} & set(word) and word not in switches
+        not word.startswith(SIGNS) and not {":", " "} & set(word) and word not in switches
         for word in words
     )
     return "collision" if hits else "event"

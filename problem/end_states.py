@@ -95,15 +95,16 @@ def _check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
     if not problem.kernels.surfaces or not fixed.any():
         return
     at = np.where(fixed, boundary.position[:, 0], 0.0)
-    gaps, sizes = problem.model.gaps(at), once(problem, _sizes_at_ends)
-    chosen = by_design(problem, "surface")  # where they are is up to the solver
+    model = problem.model
+    gaps, sizes = model.barriers(at), once(problem, _sizes_at_ends)
+    chosen = by_design(problem, model.barrier_kernel)  # where they are is up to the solver
     for j, surface in enumerate(problem.kernels.surfaces):
         if chosen[j] or surface in problem.ignored:
             continue
         if end == "goal" and j in problem.model.moving:
             continue
         closed = j in problem.touch.modes[0 if end == "start" else -1].closed
-        involved = problem.model.surface_coordinates[j]
+        involved = sorted({*model.surface_coordinates[j], *model.ends.get(j, ())})
         state = ", ".join(f"{problem.kernels.coordinates[i]}={at[i]:g}" for i in involved)
         near = (SAME if closed else ROUNDING) * sizes[j]
         if fixed[involved].all() and not gaps[j] <= near:
@@ -273,10 +274,16 @@ def _check_start_in_contact(problem: Problem) -> None:
     fixed = position[:, 0] == position[:, 1]
     v = fixed_velocity(problem.start_bounds, problem, q) if fixed.all() else None
     gaps, sizes, chosen = model.gaps(q), gap_sizes(problem, q), by_design(problem, "surface")
+    within, reach = model.within(q), np.abs(model.within_slopes(q)[:, :-1]) @ problem.reach
     for j in mode.closed:
         name = problem.kernels.surfaces[j]
         if chosen[j] or not fixed[model.surface_coordinates[j]].all():
             continue
+        if fixed[model.ends.get(j, [])].all() and not within[j] >= -KEPT * reach[j]:
+            raise ProblemError(
+                f"contact {name!r} is closed at the start, which is {-within[j]:g} beyond its end: "
+                "move the start onto it."
+            )
         if abs(gaps[j]) > SAME * sizes[j]:
             raise ProblemError(
                 f"contact {name!r} is closed at the start, which is {-gaps[j]:g} off it: move the "

@@ -114,6 +114,7 @@ def _collision(
         impulses["normal"], impulses["tangential"],
         "" if event.course is None else str(event.course), impulses["reaction"],
         contacts.switches[event.switch] if event.switch != NOWHERE else "",
+        contacts.named(event.off),
     )  # fmt: skip
 
 

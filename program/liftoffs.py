@@ -48,7 +48,9 @@ def liftoffs_of(problem: Problem) -> tuple[Liftoff, ...]:
         follows = problem.redundant[i]
         if not (follows.pressing or follows.rubbing):
             says = _say_when(problem, i)
-            found.append(Liftoff(i, tuple(j for j in event.leaves if says[j])))
+            under_load = event.off  # of an end, not where their forces vanish
+            leaving = (j for j in event.leaves if says[j] and j not in under_load)
+            found.append(Liftoff(i, tuple(leaving)))
     return tuple(one for one in found if one.surfaces)
 
 

@@ -16,7 +16,7 @@ class Scale:
     gaps, their rates and impulses (nc,); sliding velocities and friction impulses (nt,); path
     constraints; quantities; totals and peaks of an objective; hidden unknowns; step sizes
     (phases,); rates and impulses of the constraints of the model (nj,); crossing functions (nw,);
-    quantities of hits; design parameters."""
+    quantities of hits; design parameters; ends of surfaces and their rates (nc,)."""
 
     time: float
     cost: float
@@ -41,6 +41,8 @@ class Scale:
     crossing: Array
     hit_quantity: Array
     design: Array
+    within: Array
+    within_rate: Array
 
     @classmethod
     def none(cls, problem: Problem) -> Scale:
@@ -78,6 +80,8 @@ class Scale:
             np.ones(problem.model.nw),
             np.ones(len(kernels.hit_quantities)),
             np.ones(len(problem.design)),
+            nc,
+            nc,
         )
 
     def named(self, problem: Problem) -> dict[str, float]:

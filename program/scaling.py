@@ -63,6 +63,7 @@ class Reached:
     tangent: Array
     joint: Array
     crossing: Array
+    within: Array
     cost: float
     cost_slopes: Array
     cost_curvatures: Array
@@ -86,9 +87,12 @@ def _measured(problem: Problem, lay: Layout, x: Array) -> Reached:
     mass, F = model.equations(middle, rates, t=now)
     kinetic = _finite(np.einsum("ki,kij,kj->k", rates, mass, rates) / 2, 0.0).max(initial=0.0)
     places = (
-        slopes(q, t) for slopes in (model.gap_slopes, model.tangent_slopes, model.joint_slopes)
-    )
-    gap, tangent, joint = (np.abs(_finite(slopes, 0.0)).max(axis=0) for slopes in places)
+        slopes(q, t)
+        for slopes in (
+            model.gap_slopes, model.tangent_slopes, model.joint_slopes, model.within_slopes
+        )
+    )  # fmt: skip
+    gap, tangent, joint, within = (np.abs(_finite(slopes, 0.0)).max(axis=0) for slopes in places)
     by_input = np.abs(model.input_matrix(middle, rates, t=now)).max(axis=0) if problem.nu else None
     return Reached(
         float(lay.durations(x).sum()),
@@ -105,6 +109,7 @@ def _measured(problem: Problem, lay: Layout, x: Array) -> Reached:
         tangent,
         joint,
         np.abs(_finite(model.crossing_slopes(middle, rates, now), 0.0)).max(axis=0),
+        within,
         cost_of(problem, lay, x),
         np.abs(model.step_cost_slopes(step)),
         np.abs(model.step_cost_curvatures(step)),
@@ -161,7 +166,7 @@ def _of_motion(problem: Problem, lay: Layout, x: Array, reached: Reached, minimu
         np.ones(problem.model.nz), np.ones(lay.index_totals.size), np.ones(lay.index_peaks.size),
         _hidden(problem, lay, x, (*moving, size_u)), x[lay.index_h], joint_rate,
         energy / joint_rate, _places(reached.crossing, states)[0],
-        _hit_quantities(problem, lay, x), _designs(problem),
+        _hit_quantities(problem, lay, x), _designs(problem), *_places(reached.within, moving),
     )  # fmt: skip
 
 

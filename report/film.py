@@ -14,7 +14,7 @@ from typing import TypedDict
 import numpy as np
 
 from dmoc.motion.scene import Array, Scene
-from dmoc.motion.trajectory import Collision, Trajectory
+from dmoc.motion.trajectory import SIGNS, Collision, Trajectory
 from dmoc.report.curves import Panel, panels_of
 from dmoc.report.default_drawing import scene_for
 from dmoc.report.labels import short
@@ -152,7 +152,8 @@ def _contacts(event: Collision) -> list[str]:
 
 def _mark_in_words(event: Collision, name: str) -> str:
     """The part of an event's word about a contact, and its impulses."""
-    words = [w for w in event.word.split() if w.lstrip("+-").split(":")[0] == name] or [name]
+    signs = "".join(SIGNS)
+    words = [w for w in event.word.split() if w.lstrip(signs).split(":")[0] == name] or [name]
     return " ".join([*words, _in_words(event, name, False)]).strip()
 
 

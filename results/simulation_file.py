@@ -153,7 +153,7 @@ SIMULATION = Record(
     },
     _wrong,
 )
-FORMAT = 8  # of the files that are written and read
+FORMAT = 9  # of the files that are written and read
 FILE = ResultFile(
     "simulation",
     SIMULATION,

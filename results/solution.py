@@ -368,7 +368,7 @@ def _event(c: Collision) -> dict[str, Any]:
         "surface": c.surface or None,
         **_named(c, "time impulse rate_before rate_after grazes course"),
         **{name: array.tolist() for name, array in arrays.items()},
-        **{name: list(names) for name, names in _named(c, "lands leaves").items()},
+        **{name: list(names) for name, names in _named(c, "lands leaves off").items()},
         "friction": {name: friction_word(s) for name, s in c.friction.items()},
         "impulses": dict(c.impulses),
         "tractions": dict(c.tractions),

@@ -40,7 +40,7 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import UNREFINED, Status
 
-FORMAT = 23  # of the files that are written and read
+FORMAT = 24  # of the files that are written and read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 
 
@@ -183,6 +183,7 @@ COLLISION = Record(
         "course": Choice(COURSES),
         "reactions": Mapped(Number(), names=Name()),
         "switch": Either(Choice(("",)), Name()),
+        "off": Listed(Name()),
     },
 )
 SHAPE = Record(

@@ -16,7 +16,7 @@ cdef class Conditions:
     cdef bint ready  # for joints, and modes with contacts or friction
     cdef bint free  # nothing of the mode acts on the motion
     cdef ptrdiff_t nq, nu, nc, nt, nj, capacity
-    cdef Rows surface, tangent, gap_rate, slide_rate, bearing, holding
+    cdef Rows surface, within, tangent, gap_rate, slide_rate, bearing, holding
     cdef Rows gap_rate_jac, slide_rate_jac, joint, joint_rate, joint_rate_jac
     cdef double[::1] par, t, u
     cdef ptrdiff_t[::1] pivot  # of the masses at one state
@@ -28,10 +28,11 @@ cdef class Conditions:
     cdef ptrdiff_t[::1] gamma_row, gamma_column, sigma_row, sigma_column, phi_row, phi_column
     # Coefficients of friction of rows of states, of what slides and, where there are others, of
     # what sticks, and which of them vary; directions of sliding.
-    cdef bint static_too, slows
+    cdef bint static_too, slows, ended
+    cdef int[::1] sides
     cdef double[::1] mu, mu_s, varied, pressed, way, speed
     cdef ptrdiff_t[::1] varies
-    cdef double[::1] gamma_D, sigma_D, phi_D, g, tau, phi, C, B, along, bent, lam, change
+    cdef double[::1] gamma_D, sigma_D, phi_D, g, W, tau, phi, C, B, along, bent, lam, change
     cdef double[::1] responses, A, scaled, V, size, wanted, spare
     # Whether the conditions that were answered last say the same twice, and whether those of a row
     # contradict one another.
@@ -49,6 +50,9 @@ cdef class Conditions:
         self.contradicted = np.zeros(self.capacity, dtype=np.uint8)
         if self.nc:
             self.surface = Rows(kernels, "surface")
+        self.ended = kernels.has("within")
+        if self.ended:
+            self.within = Rows(kernels, "within")
 
     def _contacts(self):
         """Make what joints, and modes with contacts or friction, need."""
@@ -90,6 +94,7 @@ cdef class Conditions:
         self.sigma_D = _space(rows * self.sigma_row.shape[0])
         self.phi_D, self.phi = _space(rows * self.phi_row.shape[0]), _space(rows * self.nj)
         self.g, self.tau = _space(rows * self.nc), _space(rows * self.nt)
+        self.W, self.sides = np.ones(rows * self.nc), np.zeros(self.nc + 1, dtype=np.intc)
         self.lam = _space(rows * most)
         self.C, self.B, self.along = _space(most * nq), _space(most * nq), _space(self.nt * nq)
         self.responses = _space(2 * most * nq)

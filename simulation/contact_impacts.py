@@ -22,7 +22,7 @@ from dmoc.simulation.friction_at import check_impact
 from dmoc.simulation.hit_coefficients import hit_coefficients, several_by_law
 from dmoc.simulation.impact_course import Blow, blow_on
 from dmoc.simulation.impact_orders import undecided_of
-from dmoc.simulation.mode_choice import Place, Setting
+from dmoc.simulation.mode_choice import Place, Setting, there
 from dmoc.simulation.simultaneous_impacts import NOISE, simultaneous
 from dmoc.simulation.single_hit import SingleHit, single_hit
 
@@ -54,7 +54,7 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
     nq, surfaces = model.nq, model.kernels.surfaces
     q, v = at.y[:nq], at.y[nq : 2 * nq]
     rates = model.gap_rates(q, v, at.t)
-    on = [int(j) for j in np.flatnonzero(model.gaps(q, at.t) >= -at.small.gap)]
+    on = [int(j) for j in np.flatnonzero((model.gaps(q, at.t) >= -at.small.gap) & there(model, at))]
     if unknown := unknown_in_impacts(model, (model.rough[j] for j in on if j in model.rough)):
         raise SimulationError(
             f"{unknown}: there is one at t = {at.t:.6g} s; stop before it, or give the surface "
@@ -162,7 +162,7 @@ def dying(setting: Setting, place: Place, mode: Mode, before: Array) -> list[int
     comes to rest."""
     model, nq, t = setting.model, setting.model.nq, np.array([place.t])
     q, v = place.y[:nq], place.y[nq : 2 * nq]
-    on = np.flatnonzero(model.gaps(q, place.t) >= -place.small.gap)
+    on = np.flatnonzero((model.gaps(q, place.t) >= -place.small.gap) & there(model, place))
     slopes, rates = model.gap_slopes(q, place.t)[on, :-1], model.gap_rates(q, v, place.t)[on]
     across = np.sqrt(np.einsum("ji,ij->j", slopes, model.responses(q, slopes, place.t)))
     kept = (-rates / across).max() / (before[on] / across).max()
@@ -195,10 +195,8 @@ def _one_by_one(model: Model, at: Place, e: Array) -> Struck:
     q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
     normals, rates = model.gap_slopes(q, at.t)[:, :-1], model.gap_rates(q, v, at.t)
     changes = model.responses(q, normals, at.t)
-    small = at.small
-    impacts = simultaneous(
-        model.gaps(q, at.t), small.gap, rates, small.rate / NOISE, normals @ changes, e, 0.0
-    )
+    small, gaps = at.small, np.where(there(model, at), model.gaps(q, at.t), -np.inf)
+    impacts = simultaneous(gaps, small.gap, rates, small.rate / NOISE, normals @ changes, e, 0.0)
     if impacts is None:
         raise SimulationError(
             f"the impacts at t = {at.t:.6g} s come to no end: bodies that meet so cannot be "

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.records import record
 from dmoc.base.tolerances import DEPENDENT, SAME
@@ -32,6 +33,8 @@ from dmoc.mechanics.conditions import (
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 from dmoc.simulation.tolerances import Tolerances
+
+Bools = NDArray[np.bool_]
 
 # The share of the longest that each of the pushes is at least which are far from dependent.
 ALIKE = 1e-3
@@ -175,32 +178,46 @@ def _furthest_along(least: Array, slopes: Array) -> float:
 
 
 def limits(
-    model: Model, react: Callable[..., Reaction], mode: Mode, rows: tuple[Array, Array, Array]
-) -> Array:
-    """The limits :func:`kept` of a mode, shape (n, nc + 2 nt), at rows of states (n, 2 nq), inputs
-    (n, nu) and times (n,); ``react`` is the reaction of an integrator."""
+    model: Model, react: Callable[..., Reaction], mode: Mode, rows: tuple[Array, Array, Array],
+    beside: Bools | None = None,
+) -> Array:  # fmt: skip
+    """The limits :func:`kept` of a mode, shape (n, 2 nc + 2 nt), at rows of states (n, 2 nq),
+    inputs (n, nu) and times (n,); ``react`` is the reaction of an integrator, ``beside``
+    are the surfaces with ends that it is beside, shape (nc,), none where not said."""
     nq, (y, u, t) = model.nq, rows
     q, v = (np.ascontiguousarray(y[:, i * nq : (i + 1) * nq]) for i in (0, 1))
     reaction, model = react(mode, y, u, t), model.with_friction_at(q, v, u, t)
-    return kept(model, mode, borne(model, mode, reaction, q, t), q, v, t)
+    return kept(model, mode, borne(model, mode, reaction, q, t), (q, v, t), beside)
 
 
-def kept(model: Model, mode: Mode, reaction: Reaction, q: Array, v: Array, t: Array) -> Array:
-    """Numbers that a mode keeps from falling below zero at q and v (n, nq) and t (n,), shape (n, nc
-    + 2 nt); infinite where there is nothing to keep. They are minus the gap of an open surface or
-    the force of a closed one, the friction that tangents that stick can still bear, and sliding
-    velocities in their directions."""
-    least, closed, stuck = -model.gaps(q, t), list(mode.closed), list(mode.sticking)
+def kept(
+    model: Model,
+    mode: Mode,
+    reaction: Reaction,
+    at: tuple[Array, Array, Array],
+    beside: Bools | None,
+) -> Array:
+    """Numbers that a mode keeps from falling below zero at q and v (n, nq) and t (n,), shape (n, 2
+    nc + 2 nt); infinite where there is nothing to keep. They are minus the gap of an open surface
+    or the force of a closed one, the friction that tangents that stick can still bear, sliding
+    velocities in their directions, and how far closed surfaces with ends go on."""
+    (q, v, t), closed, stuck = at, list(mode.closed), list(mode.sticking)
+    least = -model.gaps(q, t)
+    if beside is not None and beside.any():  # these hold it back where it comes over them alone
+        least[:, beside] = -model.barriers(q, t)[:, beside]
     least[:, closed] = reaction.normal[:, closed]
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
     bears[:, stuck] = (model.bearing(reaction.normal) - np.abs(reaction.tangential))[:, stuck]
     for k, forward in conditions_of(model, mode).forward(model.slide_rates(q, v, t)).items():
         slides[:, k] = forward
-    return np.concatenate([least, bears, slides], axis=1)
+    ends = np.full_like(least, np.inf)
+    on = [j for j in closed if j in model.ends]
+    ends[:, on] = model.within(q, t)[:, on]
+    return np.concatenate([least, bears, slides, ends], axis=1)
 
 
 def slack(mode: Mode, small: Tolerances) -> Array:
-    """Sizes that count as zero of the limits of a mode, shape (nc + 2 nt,)."""
+    """Sizes that count as zero of the limits of a mode, shape (2 nc + 2 nt,)."""
     kept = small.gap.copy()
     kept[list(mode.closed)] = small.force[list(mode.closed)]
-    return np.concatenate([kept, small.hold, small.slide])
+    return np.concatenate([kept, small.hold, small.slide, small.within])

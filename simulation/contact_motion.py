@@ -27,7 +27,7 @@ from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_impacts import dying, struck
 from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.impact_orders import Undecided
-from dmoc.simulation.mode_choice import Hints, Place, Setting, check_driven, mode_at
+from dmoc.simulation.mode_choice import Hints, Place, Setting, check_driven, mode_at, there
 from dmoc.simulation.mode_flow import PLACES, ModeFlow
 from dmoc.simulation.tolerances import Magnitudes, magnitudes_at, tolerances
 
@@ -35,6 +35,8 @@ MOST_EVENTS, MOST_AT_ONCE = 1000, 50  # within one step, and at one moment of it
 MOST_OFTEN = 10  # hits of a step in the long run, beyond which steps resolve nothing
 MOMENT = 1e-4  # of a step: flights of bounces that do not die away are longer
 MOST_SHOWN = 3  # of the events that come to no end
+# Gaps that are met, in what is zero of them.
+BEHIND = 1e4
 SHORTEST = 1e-13  # share of a step that is not gone any more
 # Steps that are gone in compiled code between two looks for Ctrl-C.
 AT_ONCE = 256
@@ -159,6 +161,7 @@ def on_surfaces(setting: Setting, y: Array, t: float, share: float) -> Array:
     """A state moved onto the surfaces that it lies on up to a share of the sizes of their gaps."""
     model, q = setting.model, y[: setting.model.nq]
     near = np.abs(model.gaps(q, t)) <= share * model.gap_sizes(q, t)
+    near &= model.within(q, t) >= 0
     return _placed(setting, near, y, t)
 
 
@@ -255,6 +258,7 @@ def _resolved(
     hit = (model.gaps(q, place.t) >= -place.small.gap) & (
         model.gap_rates(q, v, place.t) > place.small.rate
     )
+    hit &= there(model, place)
     if not hit.any():
         return place, mode_at(setting, place, hints)
     check_driven(model, place, [int(j) for j in np.flatnonzero(hit)])
@@ -318,9 +322,25 @@ def _on_limit(setting: Setting, place: Place, mode: Mode, which: int) -> Array:
     model, nq = setting.model, setting.model.nq
     rates = model.gap_rates(place.y[:nq], place.y[nq : 2 * nq], place.t)
     met = which < model.nc and which not in mode.closed and rates[which] <= place.small.rate[which]
-    stopped = (which - model.nc - model.nt,) if which >= model.nc + model.nt else ()
+    met = met and bool(there(model, place)[which])
+    first = model.nc + model.nt
+    stopped = (which - first,) if first <= which < first + model.nt else ()
+    if which < model.nc and which not in mode.closed:
+        _check_beside(setting, place, which)
     closed = tuple(sorted({*mode.closed, which} if met else mode.closed))
     return _projected(setting, replace(mode.stopping(stopped), closed=closed), place)
+
+
+def _check_beside(setting: Setting, place: Place, j: int) -> None:
+    """Refuse a way that comes into a surface from beside its end."""
+    model, q = setting.model, place.y[: setting.model.nq]
+    behind = float(model.gaps(q, place.t)[j])
+    if j in model.ends and behind > BEHIND * place.small.gap[j]:
+        raise SimulationError(
+            f"the motion comes into surface {model.kernels.surfaces[j]!r} at t = {place.t:.6g} s "
+            f"from beside its end, {behind:.4g} behind it, where no law of impact holds: state "
+            "what is hit there as a surface of its own, or stop before it."
+        )
 
 
 def _projected(setting: Setting, mode: Mode, place: Place) -> Array:

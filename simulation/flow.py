@@ -29,12 +29,15 @@ from dmoc.simulation.sizes import Sizes
 # Gap that the integration's errors leave where it touches, and approach speed below which a contact
 # has no impact, as shares of the sizes of gap and rate.
 GAP_ERROR, RELEASED = 1e-9, 1e-7
+# Ways past an end that count as none, as shares of their size.
+END_ERROR = 1e-6
 # A surface that may hold a motion is at most so many times GAP_ERROR away.
 RESTING = 10
 # Where in a step crossings are looked for.
 PLACES = np.linspace(0.0, 1.0, 9)
 MOST_IMPACTS = 100  # within one step
 LOCATED = 1e-14  # share of the final time to which a crossing is located
+Bools = NDArray[np.bool_]
 FIRST, LAST = np.array([0]), np.array([1])  # the step of a list of one
 
 
@@ -202,7 +205,7 @@ class Flow:
         if not self.rests:
             return None
         q, v = y[: self.nq], y[self.nq :]
-        near = np.flatnonzero(np.abs(self.model.gaps(q, t)) <= self.near)
+        near = np.flatnonzero(np.abs(self.model.barriers(q, t)) <= self.near)
         if not len(near):
             return None
         pushed = self.model.gap_slopes(q, t)[:, :-1] @ self.model.acceleration(q, v, u, t)
@@ -213,6 +216,31 @@ class Flow:
                 return Mode((j,))
         return None
 
+    def _gaps_there(self, path: Array, times: Array) -> tuple[Array, Bools, Array]:
+        """Gaps along a way (n, nq) at times (n,), and the surfaces with ends that it begins beside,
+        behind their gaps, shape (nc,): these are minus infinity where the way is not over them.
+        Beside them is what is further past an end than the last, shape (nc,)."""
+        model, (q, v) = self.model, (path[0], (path[1] - path[0]) / (times[1] - times[0]))
+        gaps, beside = model.gaps(path, times), np.zeros(model.nc, dtype=bool)
+        if not model.ends:
+            return gaps, beside, np.zeros(model.nc)
+        past = END_ERROR * self.sizes.along(model.within_slopes(path, times))[0]
+        behind, error = gaps[0], GAP_ERROR * self.sizes.gap
+        within, way = model.within(q, times[0]), model.within_rates(q, v, times[0])
+        rates, slow = model.gap_rates(q, v, times[0]), RELEASED * self.sizes.rate
+        slips = (within <= past) & (way < 0) & (np.abs(rates) < slow)  # or it would be hit
+        near = (behind >= -error) & (rates > -slow)
+        beside = ((behind > error) & (within <= past)) | (near & ((within < -past) | slips))
+        gaps[:, beside] = model.barriers(path, times, past)[:, beside]
+        return gaps, beside, past
+
+    def _is_past(self, until: _Until, j: int, at: float, past: Array) -> bool:
+        """Whether a motion is beyond an end of a surface at a time."""
+        if j not in self.model.ends:
+            return False
+        y = until(at)[0] if at > until.t else until.y
+        return bool(self.model.within(y[: self.nq], at)[j] < -past[j])
+
     def _first_hit(
         self, until: _Until, y1: Array, ends: Array, t1: float
     ) -> tuple[float, int] | None:
@@ -222,14 +250,15 @@ class Flow:
         h = np.array([t1 - t])
         times = t + PLACES * h
         path = self.integrator.between(y[None], ends, y1[None], h, PLACES)[:, 0]
-        gaps = self.model.gaps(path, times) - self.allowance(times)
+        gaps, beside, past = self._gaps_there(path, times)
+        gaps = gaps - self.allowance(times)
         error, first = GAP_ERROR * self.sizes.gap, None
         beyond = np.flatnonzero((gaps > error).any(axis=0)).tolist()
         if not beyond:
             return None
 
         def gap(j: int, s: float) -> float:
-            return until.gap(j, s) - float(self.allowance(np.array([s]))[0, j])
+            return until.gap(j, s, bool(beside[j])) - float(self.allowance(np.array([s]))[0, j])
 
         for j in beyond:
             # What has entered a surface where it might, and leaves it, is met again only after it
@@ -256,7 +285,10 @@ class Flow:
                 ]
                 # Leaves the admissible set at once: the contact is where the step starts.
                 if not inside:
-                    return t if k <= 1 else float(times[k - 1]), j
+                    at = t if k <= 1 else float(times[k - 1])
+                    if self._is_past(until, j, at, past):
+                        continue
+                    return at, j
                 low = float(inside[-1])
             else:
                 low = float(times[k - 1])
@@ -268,6 +300,8 @@ class Flow:
             at = crossing(
                 partial(gap, j), (low, at_low), (high, at_high), LOCATED * self.sizes.time
             )
+            if self._is_past(until, j, at, past):
+                continue
             if first is None or at < first[0]:
                 first = at, j
         return first
@@ -291,7 +325,10 @@ class _Until:
         inputs = self.u, self.inputs(end)
         return y[0], self.flow.integrator.advance(y, FIRST, LAST, t, h, *inputs, self.mode)
 
-    def gap(self, j: int, end: float) -> float:
-        """The gap to a surface at a later time."""
+    def gap(self, j: int, end: float, beside: bool) -> float:
+        """The gap to a surface at a later time; of one that the motion begins beside, minus
+        infinity where it still is."""
+        if beside:
+            return float(self.flow.model.barriers(self(end)[0][: self.flow.nq], end)[j])
         u = self.u[0], self.inputs(end)[0]
         return self.flow.integrator.gap(self.y, self.t, end - self.t, *u, j, self.mode)

@@ -115,7 +115,8 @@ def simulate(
     run = _SimulationTask(model, u, h, every, control)
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
         _check_start(model, q, v, u[0])
-        if control or model.has_friction.any() or model.rubs_in_hits or model.nj:
+        held = model.has_friction.any() or model.rubs_in_hits or model.nj or model.ends
+        if control or held:
             states = run.recorded(q, model.momentum(q, v))
             journal = _through_contacts(run, e, q, v, 0, states)
         else:
@@ -295,7 +296,7 @@ def _check_start(model: Model, q: Array, v: Array, u: Array) -> None:
             "root or a logarithm of what has none; start elsewhere, or state forces that have a "
             "value there."
         )
-    gaps = model.gaps(q)
+    gaps = model.barriers(q)
     for name, gap, near in zip(model.kernels.surfaces, gaps, model.gap_rounding(q), strict=True):
         if gap > max(near, LEFT_OF_ZERO):
             raise SimulationError(

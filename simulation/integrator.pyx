@@ -160,6 +160,9 @@ cdef class Integrator(Method):
         if self.nc:
             results[0] = &self.g[0]
             self.surface.run(n, args, stride, results)
+        if self.ended:
+            results[0] = &self.W[0]
+            self.within.run(n, args, stride, results)
         if not self.free:
             self.slide(n, 2 * nq, y)
         self.slope(n, 2 * nq, y, &self.slopes[0])
@@ -168,12 +171,22 @@ cdef class Integrator(Method):
                 return False
             for j in range(self.nc):
                 p = self.closed_at[j]
-                if not (self.lam[i * self.m + p] if p >= 0 else -self.g[i * self.nc + j]) > 0:
+                if p >= 0 and not (self.lam[i * self.m + p] > 0 and self.W[i * self.nc + j] > 0):
+                    return False
+                if p < 0 and not self.stays_off(i, j, n == 1):
                     return False
             for j in range(self.nt):
                 if not self.margin(i, j) > 0:
                     return False
         return True
+
+    cdef bint stays_off(self, ptrdiff_t i, ptrdiff_t j, bint first) noexcept nogil:
+        """Whether row i is in front of surface j, or beside its end, as all rows from the ``first``
+        one on are."""
+        cdef int row = 1 if self.g[i * self.nc + j] < 0 else 0
+        row += 2 if self.W[i * self.nc + j] < 0 else 0
+        self.sides[j] = row if first else self.sides[j] & row
+        return self.sides[j] != 0
 
     # Without contacts -----------------------------------------------------------------------------
 
@@ -328,7 +341,7 @@ cdef class Integrator(Method):
         self, const double *y0, const double *ends, const double *y1, double t, double h,
         const double[::1] shares, double[::1] path, double[::1] moments, double[::1] gaps
     ) except -1 nogil:
-        """Gaps at shares of a step."""
+        """Gaps at shares of a step, wherever their surfaces end."""
         cdef const double *args[DMOC_MOST]
         cdef ptrdiff_t stride[DMOC_MOST]
         cdef double *results[DMOC_MOST]

@@ -15,6 +15,7 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.errors import SimulationError
 from dmoc.base.records import record
@@ -79,7 +80,15 @@ def touched(model: Model, at: Place) -> list[int]:
     q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
     near = np.abs(model.gaps(q, at.t)) <= at.small.gap
     still = np.abs(model.gap_rates(q, v, at.t)) <= at.small.rate
-    return [int(j) for j in np.flatnonzero(near & still)]
+    return [int(j) for j in np.flatnonzero(near & still & there(model, at))]
+
+
+def there(model: Model, at: Place) -> NDArray[np.bool_]:
+    """Surfaces that are where a state is, and does not slip off their ends, shape (nc,)."""
+    q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
+    within, rates = model.within(q, at.t), model.within_rates(q, v, at.t)
+    at_end = (np.abs(within) <= at.small.within) & (rates >= -at.small.outwards)
+    return np.asarray((within > at.small.within) | at_end)
 
 
 def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.errors import SimulationError
 from dmoc.base.records import record
@@ -14,7 +15,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.simulation.contact_modes import limits, slack
 from dmoc.simulation.friction_at import with_friction
-from dmoc.simulation.mode_choice import Place, Setting
+from dmoc.simulation.mode_choice import Place, Setting, there
 from dmoc.simulation.roots import crossing
 
 # Where in a way limits are looked at, and, where one falls at once, how near to its start.
@@ -47,6 +48,15 @@ class ModeFlow:
         """Tangential positions (1, nt) at the place, which what sticks keeps."""
         model, at = self.setting.model, self.place
         return model.tangents(at.y[None, : model.nq], np.array([at.t]))
+
+    @cached_property
+    def beside(self) -> NDArray[np.bool_]:
+        """Surfaces with ends that the place is beside, behind their gaps, shape (nc,)."""
+        model, at, nq = self.setting.model, self.place, self.setting.model.nq
+        q, v = at.y[:nq], at.y[nq : 2 * nq]
+        gaps, rates = model.gaps(q, at.t), model.gap_rates(q, v, at.t)
+        near = (gaps >= -at.small.gap) & (rates >= -at.small.rate)
+        return np.asarray(((gaps > at.small.gap) | near) & ~there(model, at))
 
     def until(self, end: float) -> tuple[Array, ModeEnd | None]:
         """The state at a time, and where the mode ends before it, if it does."""
@@ -82,7 +92,8 @@ class ModeFlow:
         setting = self.setting
         u = np.repeat(self.place.u[None], len(times), axis=0)
         with_friction(setting.model, rows, u, times, self.mode.closed)
-        return limits(setting.model, setting.integrator.reaction, self.mode, (rows, u, times))
+        react = setting.integrator.reaction
+        return limits(setting.model, react, self.mode, (rows, u, times), self.beside)
 
     def _first(self, end: float, rows: Array) -> ModeEnd | None:
         """Where a limit is passed first, None if there is none until the end.  ``rows`` are the

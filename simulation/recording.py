@@ -9,7 +9,7 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from dmoc.base.records import record
-from dmoc.base.tolerances import ROUNDING
+from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode, names_of
 from dmoc.mechanics.model import Model
@@ -68,7 +68,7 @@ def motion_of(run: Run) -> Trajectory:
         _phase(run, begin, end, m, near) for begin, end, m in zip(edges, ends, modes, strict=True)
     ]
     collisions = [
-        _collision(model, e, *ends) for e, ends in zip(events, pairwise(phases), strict=True)
+        _collision(run, e, *ends) for e, ends in zip(events, pairwise(phases), strict=True)
     ]
     phases, collisions = with_switches(model, phases, collisions)
     drawn = len(collisions) <= MOST_DRAWN
@@ -176,11 +176,13 @@ def _inputs(run: Run, t: Array) -> Array:
     return np.array(run.u[np.clip(k, 0, len(run.u) - 1)])
 
 
-def _collision(model: Model, event: _Moment, before: Phase, after: Phase) -> Collision:
+def _collision(run: Run, event: _Moment, before: Phase, after: Phase) -> Collision:
     """The event between two phases; hits at one moment are one, with the name of the first."""
-    kernels = model.kernels
+    model, kernels = run.model, run.model.kernels
     lands = tuple(name for name in after.closed if name not in before.closed)
     leaves = tuple(name for name in before.closed if name not in after.closed)
+    numbers, h = model.surface_numbers, run.step_size
+    off = tuple(name for name in leaves if _slips_off(model, event, numbers[name], h))
     changed = {n: s for n, s in after.rubbing.items() if before.rubbing.get(n) != s}
     stays = [*lands, *(name for name in before.closed if name in after.closed)]
     hit = [c for c in event.collisions if c.surface not in stays]
@@ -200,8 +202,18 @@ def _collision(model: Model, event: _Moment, before: Phase, after: Phase) -> Col
     return Collision(
         surface, event.t, event.before.q, impulses.get(surface, 0.0),
         event.before.p, event.after.p, *rates, lands=lands, leaves=leaves, friction=changed,
-        impulses=impulses, tractions=tractions, reactions=reactions,
+        impulses=impulses, tractions=tractions, reactions=reactions, off=off,
     )  # fmt: skip
+
+
+def _slips_off(model: Model, event: _Moment, j: int, h: float) -> bool:
+    """Whether a contact that leaves is at an end of its surface, on its way out, as far as steps of
+    the size h locate that."""
+    if j not in model.ends:
+        return False
+    q, v, t = event.before.q, event.after.v, event.t
+    rate = model.within_rates(q, v, t)[j]
+    return bool(rate < 0 and abs(model.within(q, t)[j]) <= SAME * h * -rate)
 
 
 def _joint_impulses(

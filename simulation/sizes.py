@@ -132,13 +132,18 @@ class Nodes:
 
     @cached_property
     def gaps(self) -> Array:
-        """Gaps at the nodes, shape (n, nc)."""
-        return self.model.gaps(self.q, self.t)
+        """Gaps at the nodes, shape (n, nc), minus infinity beyond the ends of surfaces."""
+        return self.model.barriers(self.q, self.t)
 
     @cached_property
     def gap_slopes(self) -> Array:
         """Slopes of the gaps at the nodes, shape (n, nc, nq + 1)."""
         return self.model.gap_slopes(self.q, self.t)
+
+    @cached_property
+    def within_slopes(self) -> Array:
+        """Slopes of the ends of surfaces at the nodes, shape (n, nc, nq + 1)."""
+        return self.model.within_slopes(self.q, self.t)
 
     @cached_property
     def tangent_slopes(self) -> Array:
@@ -234,7 +239,8 @@ def _room(trajectory: Trajectory, nodes: Nodes) -> float:
     ways = (high - low) * np.sqrt(nodes.inertia)
     if nodes.model.nc:
         slope = nodes.gap_slopes[0, :, :-1] / np.sqrt(nodes.inertia)
-        off = np.abs(nodes.gaps[0]) / np.sqrt((slope * slope).sum(axis=1))
+        gaps = nodes.model.gaps(nodes.q[:1], nodes.t[:1])[0]
+        off = np.abs(gaps) / np.sqrt((slope * slope).sum(axis=1))
         ways = np.concatenate([ways, off])
     ways = ways[(ways > 0) & (ways < np.inf)]
     return float(ways.min()) if len(ways) else 0.0
@@ -246,14 +252,18 @@ def penetration(
     """The largest positive gap of ``watched`` surfaces, shape (nc,), at positions q (n, nq) and
     times t (n,), relative to how far the motion's ranges move it by its slopes there. In a small
     obstacle these are far below the largest. It is infinite where a gap is not a number."""
-    gaps = model.gaps(q, t)[:, watched]
+    gaps = model.barriers(q, t)[:, watched]
     if np.isnan(gaps).any() or np.isnan(sizes.gap[watched]).any():
         return np.inf
     if not gaps.max(initial=0.0) > 0:
         return 0.0
     behind = np.flatnonzero((gaps > 0).any(axis=1))
     slopes = model.gap_slopes(q[behind], t[behind])
-    return float((gaps[behind] / gap_sizes(slopes, sizes)[:, watched]).max())
+    depth = gaps[behind] / gap_sizes(slopes, sizes)[:, watched]
+    if model.ends:  # the way out may lead past an end
+        place, _ = sizes.along(model.within_slopes(q[behind], t[behind]))
+        depth = np.minimum(depth, (model.within(q[behind], t[behind]) / place)[:, watched])
+    return float(depth.max())
 
 
 def gap_sizes(slopes: Array, sizes: Sizes) -> Array:

@@ -12,6 +12,9 @@ from dmoc.mechanics.model import Model
 
 # Shares of the sizes of gaps, of rates, and of accelerations.
 GAP, RATE, ACCELERATION = 1e-13, 1e-9, 1e-9
+# An end of a surface is reached within so many times what is zero of a gap: events are located to a
+# share of a step.
+END = 1e3
 # Of a time, by which a moment is known: long runs move on in what rounding leaves of it.
 MOMENT = 4 * float(np.finfo(float).eps)
 
@@ -37,6 +40,8 @@ class Tolerances:
     slide: Array  # of sliding velocities, their rates, and friction forces, (nt,)
     skid: Array
     hold: Array
+    within: Array  # of the ends of surfaces and their rates, (nc,)
+    outwards: Array
 
 
 def magnitudes_at(
@@ -60,12 +65,16 @@ def tolerances(model: Model, q: Array, t: float, h: float, largest: Magnitudes) 
     sizes = [part / mass for part in (largest.coordinate, largest.velocity, largest.acceleration)]
     size = np.concatenate(sizes[:2])
     small = []
-    for slopes in (model.gap_slopes(q, t), model.tangent_slopes(q, t)):
+    functions = model.gap_slopes, model.tangent_slopes, model.within_slopes
+    for slopes in (function(q, t) for function in functions):
         along, moving = np.abs(slopes[:, :-1]), np.abs(slopes[:, -1])
         rate = along @ sizes[1] + moving
         place = GAP * (along @ sizes[0] + moving * max(abs(t), h)) + MOMENT * abs(t) * rate
         bend = ACCELERATION * (along @ sizes[2] + moving / h)
         inertia = np.einsum("ji,ji->j", slopes[:, :-1], solved(M, slopes[:, :-1].T).T)
         small.append((place, RATE * rate, bend, bend / np.where(inertia > 0, inertia, 1.0)))
-    (gap, rate, bend, force), (_, slide, skid, hold) = small
-    return Tolerances(np.where(size > 0, size, 1.0), gap, rate, bend, force, slide, skid, hold)
+    (gap, rate, bend, force), (_, slide, skid, hold), (within, outwards, *_) = small
+    return Tolerances(
+        np.where(size > 0, size, 1.0), gap, rate, bend, force, slide, skid, hold,
+        END * within, outwards,
+    )  # fmt: skip

@@ -31,17 +31,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Continuous:
-    """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
-    gaps g_j, path constraints r_j, tangents tau_j, their friction mu_j and mu_s_j where they stick,
-    constraints phi_j, looks: the values of the drawing; coefficients of restitution e_j, of all
-    surfaces or none, and
-    of tangential restitution e_t, of all tangents or none; quantities z, integrands c; symbols x of
-    definitions with their rates x_dot and their values x_of, and the dissipation R of which Q lacks
-    the forces.  Nodes have neither.  Kernels have derivatives by the parameters ``design``, too.
-    Accelerations and forces y, where quantities contain forces.  Crossing functions w, whose zeros
-    are events.  Where cost or integrands are split at kinks: hidden unknowns s, their limits
-    l >= 0, and the terms C_s of the cost that contain
-    them."""
+    """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi, gaps
+    g_j, ``within`` >= 0 where surfaces with ends are, the surfaces ``ends`` of these, path
+    constraints r_j, tangents tau_j, their friction mu_j and mu_s_j where they stick, constraints
+    phi_j, looks: the values of the drawing; coefficients of restitution e_j, of all surfaces or
+    none, and of tangential restitution e_t, of all tangents or none; quantities z, integrands c;
+    symbols x of definitions with their rates x_dot and their values x_of, and the dissipation R of
+    which Q lacks the forces. Nodes have neither. Kernels have derivatives by the parameters
+    ``design``, too. Accelerations and forces y, where quantities contain forces. Crossing functions
+    w, whose zeros are events. Where cost or integrands are split at kinks: hidden unknowns s, their
+    limits l >= 0, and the terms C_s of the cost that contain them."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -73,6 +72,8 @@ class Continuous:
     l: tuple[Any, ...] = ()
     C_s: Any = sp.S.Zero
     w: tuple[Any, ...] = ()
+    within: tuple[Any, ...] = ()
+    ends: tuple[int, ...] = ()
 
     @classmethod
     def of(
@@ -132,6 +133,12 @@ class Continuous:
             y=tuple(y),
             mu_s=static,
             w=tuple(rewrite(e) for e in crossings_of(system).values()),
+            within=tuple(rewrite(e) for functions in system.inside.values() for e in functions),
+            ends=tuple(
+                j
+                for name, own in system.inside.items()
+                for j in [list(system.surfaces).index(name)] * len(own)
+            ),
         )
 
     def smooth(self, system: MechanicalSystem, hidden: Sequence[Any]) -> Continuous:
@@ -201,13 +208,14 @@ class Continuous:
         damping = gradient(made["R"], v)
         made["Q"] = tuple(force - slope for force, slope in zip(made["Q"], damping, strict=True))
         made["R"] = graph.zero
-        return Continuous(q, v, u, graph.symbol(self.t.name), par, **made, y=y, s=s)
+        t = graph.symbol(self.t.name)
+        return Continuous(q, v, u, t, par, **made, y=y, s=s, ends=self.ends)
 
 
 # The functions of a Continuous, which are one expression or several.
 FUNCTIONS = (
     "L", "Q", "C", "Phi", "g", "r", "tau", "mu", "mu_s", "phi", "looks", "e", "z", "e_t", "c", "R",
-    "l", "C_s", "w",
+    "l", "C_s", "w", "within",
 )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # The fields of a system that contain definitions, but for the drawing.
 EXPRESSIONS = (
     "lagrangian", "forces", "dissipation", "surfaces", "tangents", "cost", "terminal_cost",
-    "constraints", "path_constraints", "quantities", "integrals",
+    "constraints", "path_constraints", "quantities", "integrals", "within",
 )  # fmt: skip
 
 
@@ -105,6 +105,8 @@ def written_out(system: MechanicalSystem) -> MechanicalSystem:
     def each(values: Any) -> Any:
         if isinstance(values, Mapping):
             return {key: each(value) for key, value in values.items()}
+        if isinstance(values, tuple):
+            return tuple(map(each, values))
         return expanded(values, system.definitions)
 
     fields = {name: each(getattr(system, name)) for name in EXPRESSIONS}

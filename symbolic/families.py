@@ -41,6 +41,7 @@ from dmoc.symbolic.crossing_kernels import crossing_facts, crossing_kernels
 from dmoc.symbolic.design import SHOWN, check_design
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
+from dmoc.symbolic.end_kernels import coordinates_of_ends, end_kernels, ends_of
 from dmoc.symbolic.event_sums import event_kernels, event_rows, hit_quantity_rows
 from dmoc.symbolic.graph import Graph, GraphNode, gradient, reverse
 from dmoc.symbolic.hidden_unknowns import hidden_facts, hidden_kernels, hidden_names
@@ -112,6 +113,7 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
         *event_kernels(system, plain, f),
         *surface_kernels(f),
         *crossing_kernels(f),
+        *end_kernels(f),
         *rebound_kernels(f),
         *tangent_kernels(f, points),
         *tangential_kernels(f),
@@ -177,6 +179,7 @@ def _facts(
     more = {"without_friction": without, "quantities": quantity_rows(f, along)}
     more |= {"hit_sums": event_rows(system), "hit_quantities": hit_quantity_rows(system)}
     more |= crossing_facts(system, f)
+    more["within"] = coordinates_of_ends(system, f)
     more["static_friction"] = [n for n, e in system.friction.items() if isinstance(e, sp.Tuple)]
     more["varying_friction"] = path_rows(f, *varying(f, list(system.tangents)))
     more["rate_constraints"] = [
@@ -199,7 +202,9 @@ def _facts(
         "surfaces": list(system.surfaces),
         "surface_coordinates": _coordinates_in(f, system.surfaces, f.g),
         "moving_surfaces": [
-            name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols
+            name
+            for j, (name, g) in enumerate(zip(system.surfaces, f.g, strict=True))
+            if any(f.t in e.free_symbols for e in (g, *ends_of(f).get(j, ())))
         ],
         "path_constraints": list(system.path_constraints),
         "path_rows": path_rows(smooth, [name for name, _ in parts.rows], smooth.r),

@@ -21,6 +21,7 @@ from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.drawing import Part, with_normal
 from dmoc.symbolic.event_sums import integrands_of, quantities_along
 from dmoc.symbolic.expressions import slack_of
+from dmoc.symbolic.surface_ends import inside_of
 from dmoc.symbolic.system_checks import check_names, check_parts
 from dmoc.symbolic.system_fields import containers_of, entries_of
 
@@ -52,6 +53,10 @@ class MechanicalSystem(Shown):
         Unilateral constraints by name, as relations between expressions in q, and in t if they
         move: ``{"left": alpha >= a_min}``.  Each becomes a gap g(q, t) <= 0 whose gradient points
         out of the admissible set.
+    within : mapping of str to relation or relations, optional
+        Where surfaces that have ends are, as relations in q, t and parameters that hold there:
+        ``{"table": (x >= 0, x <= l)}``.  Elsewhere nothing is touched or passed, and a contact that
+        comes to an end slips off (equation :eq:`ends-of-surfaces` of the theory).
     tangents : mapping of str to Expr, optional
         Tangential positions tau(q, t) of what rubs, by name: ``{"floor": x}`` for the contact with
         the surface ``floor``, whose point slides with the velocity tau'; the time where the
@@ -188,6 +193,7 @@ class MechanicalSystem(Shown):
     integrals: Mapping[str, Any] = field(default_factory=dict)
     objective: Any = 0
     switches: Mapping[str, Any] = field(default_factory=dict)
+    within: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_name(self.name, "model")
@@ -306,6 +312,11 @@ class MechanicalSystem(Shown):
         return quantities_along(self)
 
     @property
+    def inside(self) -> dict[str, tuple[Any, ...]]:
+        """Functions w(q, t) >= 0 where a surface that has ends is, by its name."""
+        return inside_of(self)
+
+    @property
     def integrands(self) -> dict[str, Any]:
         """What of the integrals is integrated, by name: not what hits add to them."""
         return integrands_of(self)
@@ -361,6 +372,7 @@ class MechanicalSystem(Shown):
             *(f"e_{n}:{sp.srepr(e)}" for n, e in self.restitution.items()),
             *(f"e_t_{n}:{sp.srepr(e)}" for n, e in self.tangential_restitution.items()),
             *(f"law_{n}:{law}" for n, law in self.impact_laws.items()),
+            *(f"within_{n}:{sp.srepr(w)}" for n, w in self.inside.items()),
             *(f"{n}=0:{sp.srepr(c)}" for n, c in self.constraints.items()),
             *(f"{sp.srepr(x)}:={sp.srepr(e)}" for x, e in self.definitions.items()),
             *(f"z_{n}:{sp.srepr(e)}" for n, e in self.quantities.items()),

@@ -39,6 +39,7 @@ from dmoc.symbolic.restitution import (
     check_restitution,
     check_tangential_restitution,
 )
+from dmoc.symbolic.surface_ends import check_within
 from dmoc.symbolic.traversal import evaluated
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ def check_parts(system: MechanicalSystem) -> None:
     check_forces(system)
     check_event_terms(system)
     check_objective(system)
+    check_within(system)
     _check_friction(system)
     _check_symbols(system)
     _check_kinks(system)
@@ -256,9 +258,11 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
     yield "the cost", system.cost, KINDS
     yield "the dissipation", system.dissipation, STATE
     yield "the terminal cost", system.terminal_cost, STATE
+    ends = {name: sp.Tuple(*w) for name, w in system.inside.items()}
     for what, expressions, allowed in (
         ("the force on {}", {name_of(q): e for q, e in system.forces.items()}, KINDS),
         ("surface {!r}", system.gaps, PLACE),
+        ("an end of surface {!r}", ends, PLACE),
         ("path constraint {!r}", system.path_functions, KINDS),
         ("constraint {!r}", system.constraints, STATE),
         ("the tangent of {!r}", system.tangents, PLACE),

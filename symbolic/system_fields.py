@@ -15,6 +15,7 @@ from dmoc.base.errors import ModelError
 from dmoc.base.names import name_of
 from dmoc.symbolic.drawing import parts_in
 from dmoc.symbolic.expressions import expression_in, zero_of
+from dmoc.symbolic.surface_ends import joined
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -27,6 +28,7 @@ MAPPINGS = {  # with an example each
     "constraints": '{"rod": sp.Eq(x**2 + y**2, l**2)}',
     "forces": "{x: F}",
     "units": '{x: "m"}',
+    "within": '{"table": x >= 0}',
     "tangents": '{"floor": x}',
     "friction": '{"floor": 0.5}',
     "restitution": '{"wall": 0.8}',
@@ -43,7 +45,8 @@ def containers_of(system: MechanicalSystem) -> dict[str, Any]:
     """Lists and mappings, whatever their entries are."""
     read: dict[str, Any] = {n: _sequence(getattr(system, n), n) for n in SEQUENCES}
     read |= {n: mapping(getattr(system, n), n, example) for n, example in MAPPINGS.items()}
-    return read | {"path_constraints": _relations(read["path_constraints"])}
+    within = {name: joined(value) for name, value in read["within"].items()}
+    return read | {"path_constraints": _relations(read["path_constraints"]), "within": within}
 
 
 def entries_of(system: MechanicalSystem) -> dict[str, Any]:

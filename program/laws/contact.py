@@ -127,7 +127,8 @@ class ContactLaw(Law):
         touch, names = self.lay.touch, self.lay.touch.contacts.surfaces
         leaving = np.zeros_like(touch.beside)
         for i in np.flatnonzero(ends_motion(self.lay)):
-            leaving[i, list(touch.events[i].leaves)] = True
+            event = touch.events[i]
+            leaving[i, [j for j in event.leaves if j not in event.off]] = True
         self.opens = block(
             "opens",
             leaving,

@@ -37,6 +37,7 @@ from dmoc.program.laws.path import PathLaw
 from dmoc.program.laws.quantity import QuantityLaw
 from dmoc.program.laws.sliding import SlidingLaw
 from dmoc.program.laws.step import StepLaw
+from dmoc.program.laws.surface_ends import SurfaceEndsLaw
 from dmoc.program.laws.tangential import TangentialLaw
 from dmoc.program.laws.velocity import VelocityLaw
 from dmoc.program.layout import SHARED, Layout
@@ -78,6 +79,7 @@ class Laws:
     kink: KinkLaw
     crossing: CrossingLaw
     hit_quantity: HitQuantityLaw
+    surface_ends: SurfaceEndsLaw
     equalities: tuple[Block, ...] = ()
     inequalities: tuple[Block, ...] = ()
     remembered: Remembered = field(default_factory=Remembered)
@@ -93,7 +95,7 @@ class Laws:
     def __iter__(self) -> Iterator[Law]:
         first = self.step, self.path, self.bound, self.quantity, self.velocity, self.peak
         last = self.joint, self.complementarity, self.force, self.liftoff, self.objective, self.kink
-        others = *self.of_contacts, *last, self.crossing, self.hit_quantity
+        others = *self.of_contacts, *last, self.crossing, self.hit_quantity, self.surface_ends
         return iter((*first, self.impact, self.ends, *others))
 
     @property
@@ -179,7 +181,7 @@ def laws_of(
             lay, problem.friction, problem.restitution_values, problem.relaxation, scale
         ),
         KinkLaw(problem, lay), CrossingLaw(lay, problem.model.nw),
-        HitQuantityLaw.of(problem, lay),
+        HitQuantityLaw.of(problem, lay), SurfaceEndsLaw(problem, lay),
     )  # fmt: skip
 
 

@@ -170,8 +170,9 @@ class StepLaw(Law):
             keep[lay.ends[i] : lay.ends[i + 1] + 1, list(mode.closed)] = False
         for node, event in zip(lay.collision_nodes, lay.touch.events, strict=True):
             keep[node, list(event.lands)] = False
-        chosen = by_design(problem, "surface")
-        for j, on in enumerate(model.surface_coordinates):
+        chosen = by_design(problem, model.barrier_kernel)
+        for j, own in enumerate(model.surface_coordinates):
+            on = sorted({*own, *model.ends.get(j, ())})
             keep[0, j] &= bool(chosen[j] or free[0][on].any())
             keep[-1, j] &= j in model.moving or bool(chosen[j] or free[1][on].any())
         return keep
@@ -210,11 +211,12 @@ class StepLaw(Law):
         (passed,) = np.nonzero(lay.index_w[:, 0] != NOWHERE)
         velocity = lay.index_q[passed], lay.index_w[passed], places.times(passed)
         v_E = lay.index_v_E if len(lay.index_v_E) else np.full(lay.nq, NOWHERE)
+        gap = self.problem.model.barrier_kernel
         end = (lay.index_q[-1:], places.or_zero(v_E[None]), places.or_zero(lay.time_columns[-1:]))
         return [
             Term("step", places.step(np.arange(lay.total)), rows),
-            Term("surface", at, (self.gap.index,), -1.0),
-            Term("surface", within, (self.gap_inside.index,), -1.0),
+            Term(gap, at, (self.gap.index,), -1.0),
+            Term(gap, within, (self.gap_inside.index,), -1.0),
             Term("terminal_cost", end, (cost[:1],)),
             Term("momentum", velocity, (self.passing.index[passed],), -1.0),
             Term("momentum", velocity, (momentum[passed],)),

@@ -101,7 +101,16 @@ def continuous_sections(
 
 
 def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) -> Iterable[Section]:
-    """Quantities, constraints, and friction."""
+    """Ends of surfaces, quantities, constraints, and friction."""
+    if f.within:
+        names = [list(system.surfaces)[j] for j in f.ends]
+        numbered = [(n, names[:i].count(n) + 1) for i, n in enumerate(names)]
+        values = tuple(
+            definition(own, f"W_{n}_{k}", rf"W_{{{upright(n)},{k}}}", w)
+            for (n, k), w in zip(numbered, f.within, strict=True)
+        )
+        text = "W >= 0 where a surface is: elsewhere nothing is touched or passed."
+        yield Section("Ends of surfaces", text, values)
     if f.z:
         named = zip(system.quantities_along, f.z, strict=True)
         values = tuple(definition(own, f"z_{n}", f"z_{upright(n)}", z) for n, z in named)

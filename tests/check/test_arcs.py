@@ -22,8 +22,8 @@ def found(
     gaps = np.where(on, -0.5e-4, -2e-4) * np.array([2.0, 3.0])
     monkeypatch.setattr(arcs, "gap_sizes", lambda slopes, sizes: np.array([2.0, 3.0]))
     nodes: Any = SimpleNamespace(
-        gaps=gaps, model=SimpleNamespace(surface_numbers=names), of_phase=lambda i: slice(None),
-        gap_slopes=np.zeros((len(on), 2, 1)),
+        gaps=gaps, model=SimpleNamespace(surface_numbers=names, ends={}),
+        of_phase=lambda i: slice(None), gap_slopes=np.zeros((len(on), 2, 1)),
     )  # fmt: skip
     phase = SimpleNamespace(
         steps=len(on) - 1, t=np.arange(float(len(on))), step_size=1.0, closed=()

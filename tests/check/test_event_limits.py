@@ -52,7 +52,7 @@ def passage(
     c = {"surface": "", "impulse": 0.0, "time": 1.0, "grazes": False, "lands": (), "leaves": ()}
     q, v = np.array([[1.0], [2.0]]), np.array([[5.0], [0.0]])
     stated = {
-        "model": model, "c": SimpleNamespace(**c | {"course": ""} | dict(event or {})),
+        "model": model, "c": SimpleNamespace(**c | {"course": "", "off": ()} | dict(event or {})),
         "law": SimpleNamespace(**outcome), "planned": tuple(map(np.array, planned)),
         "before": SimpleNamespace(q=q, v=v, rubbing={}), "after": SimpleNamespace(q=q[::-1], v=v),
         "normals": np.eye(3)[:, :1], "mode": Mode(ON), "rates": np.array(rates),

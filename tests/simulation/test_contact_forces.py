@@ -138,19 +138,20 @@ def test_what_clamps_is_not_determined(table: Model) -> None:
 def test_what_modes_keep_above_zero(table: Model) -> None:
     """Gaps of what is open, forces of what is closed, the rest of a cone, the way it slides."""
     q, v = np.array([[0.5, 0.0]]), np.array([[-0.3, 0.0]])
+    endless = [np.inf] * 3  # no surface has ends
     reaction = Reaction(
         np.zeros((1, 2)), np.array([[0.0, 8.0, 0.0]]), np.array([[-0.5]]), np.zeros((1, 0))
     )
-    sticks = kept(table, Mode((1,), (0,)), reaction, q, v, ZERO)
-    np.testing.assert_allclose(sticks, [[2.5, 8.0, 1.0, 1.5, np.inf]])
+    sticks = kept(table, Mode((1,), (0,)), reaction, (q, v, ZERO), None)
+    np.testing.assert_allclose(sticks, [[2.5, 8.0, 1.0, 1.5, np.inf, *endless]])
     for s in (1, -1):
-        slides = kept(table, Mode((1,), (), ((0, s),)), reaction, q, v, ZERO)
-        np.testing.assert_allclose(slides, [[2.5, 8.0, 1.0, np.inf, -0.3 * s]])
+        slides = kept(table, Mode((1,), (), ((0, s),)), reaction, (q, v, ZERO), None)
+        np.testing.assert_allclose(slides, [[2.5, 8.0, 1.0, np.inf, -0.3 * s, *endless]])
     small: Any = SimpleNamespace(
         gap=np.array([1.0, 2.0, 3.0]), force=np.array([10.0, 20.0, 30.0]), hold=np.array([4.0]),
-        slide=np.array([5.0]),
+        slide=np.array([5.0]), within=np.array([6.0, 7.0, 8.0]),
     )  # fmt: skip
-    np.testing.assert_array_equal(slack(Mode((1,), (0,)), small), [1, 20, 3, 4, 5])
+    np.testing.assert_array_equal(slack(Mode((1,), (0,)), small), [1, 20, 3, 4, 5, 6, 7, 8])
     np.testing.assert_array_equal(small.gap, [1, 2, 3])
 
 
