@@ -64,6 +64,8 @@ class Kernels(Shown):
         ]
         if self.tangents:
             rows.append(("tangents", ", ".join(self.tangents)))
+        if m.switches:
+            rows.append(("switches", ", ".join(m.switches)))
         if self.joints:
             rows.append(("constraints", ", ".join(self.joints)))
         if m.path_constraints:

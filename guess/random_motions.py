@@ -253,7 +253,8 @@ def _points(
             points[:, i + 1] += away[:, i + 1]
             rates = (ends[1] - ends[0]) / times[:, -1:]
             state = points[on, i + 1], rates[on], times[on, i]
-            points[on, i + 1] = onto_switch(problem, *state, event.switch)
+            if on.any():
+                points[on, i + 1] = onto_switch(problem, *state, event.switch)
         if not event.impact:
             continue
         j = event.surface

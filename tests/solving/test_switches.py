@@ -13,6 +13,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError, SimulationError
+from dmoc.codegen.system_kernels import kernels_of
 from dmoc.motion.trajectory import Trajectory
 
 X, Y, U, W = dynamicsymbols("x y u w")
@@ -61,6 +62,17 @@ def test_the_price_of_a_gate_is_that_of_what_passes_it(through: dmoc.Problem) ->
     price = dmoc.sensitivities(moved, solution)["parameters"]["c"]
     costs = [dmoc.solve(moved.but(parameters={"c": 0.5 + d}), "ipm").cost for d in (1e-4, -1e-4)]
     assert price == pytest.approx((costs[0] - costs[1]) / 2e-4, rel=1e-5) and abs(price) > 1
+
+
+def test_a_gate_is_chosen_by_every_kind_of_start() -> None:
+    """With the gate free, x = 2 c = 2 at the half of the time costs nothing more: c = 1."""
+    kernels = kernels_of(particle(), 2, ("c",))
+    free = dmoc.Problem(
+        kernels, {"x": 0, "y": 0}, {"x": 2, "y": 0, **REST}, ["gate"], steps=10, final_time=2,
+        via=[{"y": 1}], design={"c": (0.5, 1.6)},
+    )  # fmt: skip
+    solution = dmoc.solve(free, "ipm")
+    assert solution.solved and solution.design["c"] == pytest.approx(1, abs=1e-6)
 
 
 def test_a_switch_of_the_velocity(through: dmoc.Problem) -> None:
