@@ -18,7 +18,8 @@ MOST_NAMED = 5
 
 def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -> tuple[str, ...]:
     """Notes on what limits the answer."""
-    noun = noun_of(word for n in nodes for word in n.sequence)
+    switches = tree.problem.touch.contacts.switches
+    noun = noun_of((word for n in nodes for word in n.sequence), switches)
     notes = []
     if stopped:
         waiting = _counted(tree.waiting, "known sequence")

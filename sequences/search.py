@@ -91,7 +91,8 @@ class SearchResult(Shown):
     @property
     def noun(self) -> str:
         """What the nodes are sequences of: "collision" where all words are hits, else "event"."""
-        return noun_of(word for n in self.nodes for word in n.sequence)
+        switches = self.problem.touch.contacts.switches
+        return noun_of((word for n in self.nodes for word in n.sequence), switches)
 
     @property
     def counts(self) -> dict[str, int]:
