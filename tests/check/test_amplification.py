@@ -100,7 +100,7 @@ def test_a_hit_of_a_wall_that_speeds_up_has_its_saltation_matrix() -> None:
     (hit,), v = solution.collisions, solution.phases[0].v[-1, 0]
     rate = 0.5 + 6 * hit.time - v
     expected = np.array([[-e, 0], [((1 + e) * (6 + g)) / rate, -e]])
-    passage = replace(motion.passages[0], unit=np.ones(2))
+    passage = replace(motion.passages[0], sizes=np.ones(2))
     np.testing.assert_allclose(passage.slope, expected, rtol=1e-5, atol=1e-7)
 
 

@@ -11,13 +11,13 @@ import pytest
 from dmoc.control.riccati import REACHED, reachable
 
 
-def reached_by(B: np.ndarray, transition: np.ndarray, unit: np.ndarray) -> np.ndarray:
+def reached_by(B: np.ndarray, transition: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """The projection of a motion of one interval that repeats."""
     phase: Any = SimpleNamespace(
         B=np.repeat(B[None, None], 2, axis=1), transitions=lambda: transition[None]
     )
-    weights: Any = SimpleNamespace(unit=unit, input_unit=np.ones(B.shape[1]))
-    return reachable([phase], [], np.eye(len(unit)), weights)
+    weights: Any = SimpleNamespace(sizes=sizes, input_sizes=np.ones(B.shape[1]))
+    return reachable([phase], [], np.eye(len(sizes)), weights)
 
 
 @pytest.mark.parametrize(("share", "rank"), [(5.0, 1), (30.0, 2)])
