@@ -92,7 +92,10 @@ def allowance(
     between[:, list(ignored)] = np.inf
 
     def allowed(t: Array) -> Array:
-        before, after = (between[np.searchsorted(bounds, t, side)] for side in ("left", "right"))
-        return np.maximum(before, after)
+        if not arcs:
+            return between.repeat(len(t), axis=0)
+        return np.maximum(
+            between[bounds.searchsorted(t, "left")], between[bounds.searchsorted(t, "right")]
+        )
 
     return allowed

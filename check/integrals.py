@@ -78,12 +78,13 @@ def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) ->
 
     along = integrals_along(courses, integrands)
     values, sizes = along.values.copy(), along.sizes.copy()
-    of_hits = _of_hits(motion)
-    np.add.at(values, model.hit_sums[:, 0], of_hits.sum(axis=0))
-    np.add.at(sizes, model.hit_sums[:, 0], np.abs(of_hits).sum(axis=0))
-    usual = np.nan_to_num(_of_hits(motion, usual=True), posinf=0.0, neginf=0.0)
-    least = ALMOST_NOTHING * np.abs(usual)
-    np.maximum.at(sizes, model.hit_sums[:, 0], least.max(axis=0, initial=0.0))
+    if len(model.hit_sums) and trajectory.collisions:
+        of_hits = _of_hits(motion)
+        np.add.at(values, model.hit_sums[:, 0], of_hits.sum(axis=0))
+        np.add.at(sizes, model.hit_sums[:, 0], np.abs(of_hits).sum(axis=0))
+        usual = np.nan_to_num(_of_hits(motion, usual=True), posinf=0.0, neginf=0.0)
+        least = ALMOST_NOTHING * np.abs(usual)
+        np.maximum.at(sizes, model.hit_sums[:, 0], least.max(axis=0, initial=0.0))
     claims = [trajectory.totals.get(n, float(v)) for n, v in zip(names, values, strict=False)]
     if has_cost:
         claims.append(trajectory.cost)
@@ -103,8 +104,6 @@ def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) ->
 def _of_hits(motion: Motion, usual: bool = False) -> Array:
     """What the planned hits add to the integrals, or usual ones would, shape (events, terms)."""
     model = motion.model
-    if not (len(model.hit_sums) and motion.trajectory.collisions):
-        return np.zeros((0, len(model.hit_sums)))
     hits = planned_hits(motion)
     states = hits.usual(motion) if usual else hits.states
     return np.where(model.counting(hits.surfaces), model.hit_terms(*states), 0.0)

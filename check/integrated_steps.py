@@ -42,14 +42,15 @@ class IntegratedSteps:
         """q, v, u and t at a share of every step, one for all or one for each, shape (n,): shapes
         (n, nq), (n, nq), (n, nu) and (n,)."""
         s = np.reshape(share, (-1, 1))
-        basis = _basis(np.broadcast_to(s[:, 0], len(self.steps)))
+        basis = basis_at(np.broadcast_to(s[:, 0], len(self.steps)))
         place, rate, _ = np.einsum("dnb,bnq->dnq", basis, self._data)
         u = self.steps.u0 + s * (self.steps.u1 - self.steps.u0)
         return place, rate / self.steps.h[:, None], u, self.steps.t + s[:, 0] * self.steps.h
 
-    def along(self, shares: Array) -> tuple[Array, Array, Array, Array]:
-        """q, v, u and t at some shares (m,) of all steps, shapes (m, n, ...)."""
-        place, rate, _ = np.tensordot(_basis(shares), self._data, 1)
+    def along(self, shares: Array, basis: Array) -> tuple[Array, Array, Array, Array]:
+        """q, v, u and t at some shares (m,) of all steps, shapes (m, n, ...); ``basis`` is that of
+        the shares, :func:`basis_at`."""
+        place, rate, _ = np.tensordot(basis, self._data, 1)
         u = self.steps.u0 + shares[:, None, None] * (self.steps.u1 - self.steps.u0)
         t = self.steps.t + shares[:, None] * self.steps.h
         return place, rate / self.steps.h[:, None], u, t
@@ -57,7 +58,7 @@ class IntegratedSteps:
     def halves(self) -> IntegratedSteps:
         """The first halves of the steps, and then the second ones."""
         whole, h, (q, v, u, t) = self.steps, self.steps.h / 2, self.at(0.5)
-        half = _basis(np.array([0.5]))[2]
+        half = basis_at(np.array([0.5]))[2]
         a = np.tensordot(half, self._data, 1)[0] / whole.h[:, None] ** 2
         middle, size = np.hstack([q, v]), 2 * q.shape[1]
         return IntegratedSteps(
@@ -83,7 +84,7 @@ class IntegratedSteps:
         )
 
 
-def _basis(s: Array) -> Array:
+def basis_at(s: Array) -> Array:
     """Factors of the data of both ends in positions and their first and second derivatives at
     shares (m,), shape (3, m, 6)."""
     powers = s[:, None] ** np.arange(6)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dmoc.base.discretisation import gauss
 from dmoc.base.records import record
 from dmoc.base.tolerances import TINY
-from dmoc.check.integrated_steps import IntegratedSteps
+from dmoc.check.integrated_steps import IntegratedSteps, basis_at
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.flow import Steps
 
@@ -36,6 +36,7 @@ TREND /= (TREND**2).sum()
 # may be 0/0.
 EDGES = np.array([1e-6, 1 - 1e-6])
 PLACES = np.concatenate([EDGES, _COARSE, _FINE])
+BASIS = basis_at(PLACES)
 # The finer rule, and its difference from the coarser one.
 RULES = np.array(
     [np.concatenate([0 * EDGES, sign * _COARSE_WEIGHTS, _FINE_WEIGHTS]) for sign in (0.0, -1.0)]
@@ -68,7 +69,7 @@ class _Look:
     @classmethod
     def at(cls, parts: IntegratedSteps, functions: Integrands) -> _Look:
         """Look at parts of steps."""
-        q, v, u, t = state = parts.along(PLACES)
+        q, v, u, t = state = parts.along(PLACES, BASIS)
         q_rows, v_rows, u_rows = (a.reshape(t.size, a.shape[2]) for a in (q, v, u))
         c = functions(q_rows, v_rows, u_rows, t.ravel())
         shape, h = (*t.shape, c.shape[1]), parts.steps.h[:, None]

@@ -250,6 +250,11 @@ def conditions_of(model: Model, mode: Mode, *, joints: bool = True) -> Condition
     return conditions_among(model.contacts, mode, model.nj if joints else 0)
 
 
+def number_of(model: Model, mode: Mode) -> int:
+    """How many conditions a mode has, joints among them."""
+    return len(mode.closed) + len(mode.sticking) + model.nj
+
+
 @lru_cache(maxsize=256)
 def conditions_among(contacts: Contacts, mode: Mode, joints: int) -> Conditions:
     """The conditions of a mode in a model with such contacts and a number of joints."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from math import nan
 
 import numpy as np
 
@@ -33,9 +34,9 @@ NO_EFFECT = 1e-3
 FEWEST = 4
 
 
-def trajectory(nlp: Transcription, x: Array, drawn: bool = True) -> Trajectory:
+def trajectory(nlp: Transcription, x: Array, whole: bool = True) -> Trajectory:
     """Return the motion of the scaled unknowns x, shape (n,): times, coordinates, momenta,
-    velocities, inputs, collisions, cost, and its scene if it is to be drawn."""
+    velocities, inputs, collisions and, of a whole one, cost, totals and scene."""
     nlp = nlp.designed(x)
     lay, problem = nlp.layout, nlp.problem
     momenta = nlp.momenta(x)
@@ -58,9 +59,9 @@ def trajectory(nlp: Transcription, x: Array, drawn: bool = True) -> Trajectory:
         bounds=(problem.input_bounds, problem.coordinate_bounds),
         ignored=problem.ignored,
         limits=problem.limits | problem.total_limits,
-        totals=_totals(nlp, x),
-        cost=cost_of(problem, lay, x),  # hidden unknowns at their kinks
-        drawn=drawn,
+        totals=_totals(nlp, x) if whole else None,
+        cost=cost_of(problem, lay, x) if whole else nan,  # hidden unknowns at their kinks
+        drawn=whole,
     )
 
 

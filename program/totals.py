@@ -38,6 +38,8 @@ def impulses_at_events(lay: Layout) -> Index:
 def totals_at(problem: Problem, lay: Layout, x: Array) -> Array:
     """The totals of unknowns x, shape (totals,)."""
     model = problem.model
+    if not model.totals_of:
+        return np.zeros(0)
     totals = model.totals(lifted(problem, lay, lay.step_inputs(x)))
     np.add.at(totals, model.hit_sums[:, 0], of_hits(problem, lay, x).sum(axis=0))
     return totals

@@ -5,6 +5,7 @@
 cdef double REGULAR = 1e-6, REDUNDANT = DEPENDENT**2
 # What conditions that can hold together leave of second derivatives, as a share of their terms.
 cdef double AGREEING = 1e-9
+NONE = object()  # where no mode has been entered
 cdef enum:
     SIDE_BY_SIDE = 16     # rows: what fits into a processor's cache
     SIDE_BY_SIDE_NUMPY = 256
@@ -12,7 +13,7 @@ cdef enum:
 
 cdef class Conditions:
     """What a mode demands of one model: closed gaps, what sticks, joints; for one thread."""
-    cdef object kernels, contacts
+    cdef object kernels, contacts, entered  # the mode whose conditions these are
     cdef bint ready  # for joints, and modes with contacts or friction
     cdef bint free  # nothing of the mode acts on the motion
     cdef ptrdiff_t nq, nu, nc, nt, nj, capacity
@@ -44,7 +45,7 @@ cdef class Conditions:
         self.nc, self.nt, self.nj = (
             len(names) for names in (kernels.surfaces, kernels.tangents, kernels.joints)
         )
-        self.kernels, self.par = kernels, np.append(par[0], 0.0)
+        self.kernels, self.par, self.entered = kernels, np.append(par[0], 0.0), NONE
         self.capacity = SIDE_BY_SIDE if kernels.compiled else SIDE_BY_SIDE_NUMPY
         self.t, self.pivot = _space(self.capacity), np.zeros(self.nq, dtype=np.intp)
         self.contradicted = np.zeros(self.capacity, dtype=np.uint8)
@@ -108,14 +109,16 @@ cdef class Conditions:
     def _enter(self, mode):
         """Go by the conditions of a mode, without one by those of free flight, and of joints."""
         cdef ptrdiff_t i, k
+        if mode is self.entered:
+            return
         self.m = self.closed = self.sticking = self.sliding = 0
-        self.free = True
+        self.free, self.entered = True, NONE
         if mode is None and not self.nj:
+            self.entered = None
             return
         if not self.ready:
             self._contacts()
-        mode = FREE if mode is None else mode
-        held = conditions_among(self.contacts, mode, self.nj)
+        held = conditions_among(self.contacts, FREE if mode is None else mode, self.nj)
         closed, sticking = held.places(GAPS), held.places(TANGENTS)
         self.m, self.sliding = len(held), len(held.drags)
         self.free = not (self.m or self.sliding)
@@ -126,6 +129,7 @@ cdef class Conditions:
                 places[k] = i
         for i, (k, way, pressed_by) in enumerate(held.drags):
             self.slides_at[k], self.way[i], self.presses[i] = i, way, pressed_by
+        self.entered = mode
 
     cdef int gradients(self, ptrdiff_t n, ptrdiff_t width, const double *y) except -1 nogil:
         """Evaluate what the conditions of n rows are made of."""

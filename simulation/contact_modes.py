@@ -28,6 +28,7 @@ from dmoc.mechanics.conditions import (
     Conditions,
     Forces,
     conditions_of,
+    number_of,
     sizes_by_mass,
 )
 from dmoc.mechanics.contact_mode import Mode
@@ -92,9 +93,9 @@ def borne(model: Model, mode: Mode, reaction: Reaction, q: Array, t: Array) -> R
     """A reaction of n rows whose forces are those with the same effect that stay furthest from
     pulling and from the edges of their cones, in rows whose smallest forces are not borne.
     Positions q have the shape (n, nq), times t (n,)."""
-    held = conditions_of(model, mode)
-    if len(held) < 2:
+    if number_of(model, mode) < 2:
         return reaction
+    held = conditions_of(model, mode)
     bad = np.flatnonzero(~(held.margins(model, reaction.forces) >= 0).all(axis=1))
     if not len(bad):
         return reaction

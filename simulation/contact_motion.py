@@ -197,7 +197,7 @@ def through_step(
         way = ModeFlow(setting, place, mode)
         gone = end - place.t <= SHORTEST * setting.h
         last, event = (place.y, None) if gone else way.until(end)
-        ahead = None
+        ahead, lasts = None, False
         if event and event.limit is None:
             ahead = _place(setting, way.state(event.broken), u, event.broken, largest)
         if event is None or event.time > place.t or not ahead:  # or it does not last
@@ -205,16 +205,16 @@ def through_step(
             if before is not None and (changed or len(journal.collisions) > struck_before):
                 after = node(setting, mode, place.y, u, place.t)
                 journal.marks.append(ModeChange(before, after, mode))
-            struck_before = len(journal.collisions)
-            before = node(setting, mode, way.state(event.time), u, event.time) if event else before
+            struck_before, lasts = len(journal.collisions), True
         if event is None:
             return last, mode
+        y = way.state(event.time)
+        before = node(setting, mode, y, u, event.time) if lasts else before
         modes.append(mode)
         times.append(event.time)
         often = MOST_EVENTS + MOST_OFTEN * end / setting.h
         if _crowded(times, setting.h) or len(journal.collisions) > often:
             break
-        y = way.state(event.time)
         largest = magnitudes_at(model, y, u, event.time, setting.h, largest)
         place = _place(setting, y, u, event.time, largest)
         if event.limit is not None:

@@ -24,6 +24,8 @@ def with_friction(model: Model, y: Array, u: Array, t: Array, on: Sequence[int])
         If that of a rail, or of a surface that is touched, is negative or not a number, or its
         static one is below the kinetic one with which it begins to slide.
     """
+    if not model.varying_friction:
+        return model
     q, v = (np.ascontiguousarray(part) for part in np.split(y[:, : 2 * model.nq], 2, axis=1))
     there = model.with_friction_at(q, v, u, t)
     _check_signs(there, q, t, on)
@@ -40,7 +42,8 @@ def with_friction(model: Model, y: Array, u: Array, t: Array, on: Sequence[int])
 
 def check_impact(model: Model, q: Array, t: float, on: Sequence[int]) -> None:
     """Refuse an impact on some surfaces whose friction is negative or not a number there."""
-    _check_signs(model.in_impact_at(q, t), q[None], np.array([t]), on)
+    if model.varying_friction:
+        _check_signs(model.in_impact_at(q, t), q[None], np.array([t]), on)
 
 
 def _rubbing(model: Model, on: Sequence[int]) -> list[int]:

@@ -190,10 +190,10 @@ def is_borne(
 ) -> bool:
     """Whether no contact pulls and all that sticks is held."""
     normal, tangential = forces
-    bears = model.bearing(normal).reshape(model.nt)
-    return bool((normal >= -small).all()) and all(
-        abs(tangential[k]) <= bears[k] + slack[k] for k in mode.sticking
-    )
+    if not (normal >= -small).all():
+        return False
+    bears = model.bearing(normal).reshape(model.nt) if mode.sticking else slack
+    return all(abs(tangential[k]) <= bears[k] + slack[k] for k in mode.sticking)
 
 
 def first_mode(

@@ -223,7 +223,7 @@ def _refined(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
 
 def _on(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
     """Solve on a mesh from a motion on another one."""
-    motion = trajectory(coarse.nlp, coarse.outcome.x, drawn=False)
+    motion = trajectory(coarse.nlp, coarse.outcome.x, whole=False)
     impulses = [c.impulse for c in motion.collisions]
     x = unknowns_along(mesh, pieces_of(motion), impulses)
     scale, before = scale_of(mesh, x, True), coarse.nlp.scale

@@ -31,7 +31,9 @@ def least(
         complete=lambda x, y: np.array([y[0], 2 * y[0]]), reduce=lambda x, rows, gone: reduced
     )
     parts = SimpleNamespace(kept=np.array([0]), eliminated=np.array([1]), kept_rows=np.array([1]))
-    descent: Any = SimpleNamespace(nlp=nlp, parts=parts, elimination=elimination, lengths=np.ones(2))
+    descent: Any = SimpleNamespace(
+        nlp=nlp, parts=parts, elimination=elimination, lengths=np.ones(2)
+    )
     tally: Any = SimpleNamespace(check_time=lambda: None, step=lambda x: None)
     x = _least_violation(descent, np.array([start, 2 * start]), tally)
     assert x[1] == pytest.approx(2 * x[0])
