@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dmoc.base.records import record
 from dmoc.check.impact_law import ImpactLaw
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import FREE, Mode
+from dmoc.mechanics.contact_mode import FREE, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.touch import Touch, friction_changes
@@ -136,7 +136,11 @@ class Laws:
     def impacts(self) -> tuple[ImpactLaw, ...]:
         """The laws of the events."""
         pairs = zip(self.touch.events, self.touch.modes[1:], strict=True)
-        return tuple(ImpactLaw.of(self.model, self.restitution, *pair) for pair in pairs)
+        return tuple(self.law_of(*pair) for pair in pairs)
+
+    def law_of(self, event: Event, after: Mode) -> ImpactLaw:
+        """The law of an event before a mode."""
+        return ImpactLaw.of(self.model, self.restitution, event, after)
 
     def follow(self, y: Array, mesh: Mesh, until: float) -> Course:
         """The motion from a state (2 nq,) until a time, and further, to the end of the mesh, where

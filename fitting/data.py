@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,9 @@ from dmoc.fitting.course import Mesh
 from dmoc.fitting.tables import EVENT, Columns, tables_of
 
 HELD, LINEAR = "held", "linear"
+# Ends of the names of columns of a table of hits.
+BEFORE, AFTER = " before", " after"
+SIDES = BEFORE, AFTER
 # Steps of a run at least, so that events between rare samples are seen; and how far it goes on, as
 # a share of its time, where an event that was measured comes later than the last sample.
 LEAST_STEPS, BEYOND = 128, 0.5
@@ -25,11 +29,12 @@ LEAST_STEPS, BEYOND = 128, 0.5
 @record(frozen=True, eq=False)
 class Samples:
     """What one sensor has measured: times (n,), values (n,) and standard deviations (n,), not a
-    number where they are to be estimated."""
+    number where they are to be estimated; and the rows of the table that they stand in."""
 
     t: Array
     y: Array
     sigma: Array
+    rows: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
 
 @record(frozen=True, eq=False)
@@ -43,7 +48,8 @@ class Signal:
 @record(frozen=True, eq=False)
 class Run:
     """A measured run: what sensors say, by the names of states and quantities; inputs by name; and
-    times of events, by their words."""
+    times of events, by their words.  Of a table of hits, the states before them (rows,) by name,
+    and what sensors say after."""
 
     name: str
     begin: float
@@ -53,6 +59,8 @@ class Run:
     form: str
     events: tuple[tuple[str, float], ...]
     sigma_events: float
+    before: Mapping[str, Array] = field(default_factory=dict)
+    rows: int = 0
 
     @property
     def count(self) -> int:
@@ -141,6 +149,8 @@ def _sigmas(sigma: Any, kernels: Kernels) -> dict[str, Any]:
 def _run_of(
     name: str, table: Columns, kernels: Kernels, sigma: Mapping[str, Any], form: str
 ) -> Run:
+    if any(column.endswith(SIDES) for column in table):
+        return _hits_of(name, table, kernels, sigma)
     aside = {value for value in sigma.values() if isinstance(value, str)}
     measured, others = sensed_names(kernels), _said_elsewhere(kernels)
     for column in table:
@@ -173,6 +183,43 @@ def _run_of(
     )  # fmt: skip
 
 
+def _hits_of(name: str, table: Columns, kernels: Kernels, sigma: Mapping[str, Any]) -> Run:
+    """A table of hits, a row each."""
+    states = [*kernels.coordinates, *map(velocity_name, kernels.coordinates)]
+    known = [f"{s}{BEFORE}" for s in states]
+    known += [f"{velocity_name(q)}{AFTER}" for q in kernels.coordinates]
+    aside = {value for value in sigma.values() if isinstance(value, str)}
+    for column in table:
+        if column not in aside:
+            check_known(column, [*known, "t"], "column", f"of {name}, a table of hits,", FitError)
+    count = len(next(iter(table.values())))
+    t = np.asarray(table.get("t", np.arange(1.0, count + 1)), dtype=float)
+    before = {
+        column.removesuffix(BEFORE): np.asarray(values, dtype=float)
+        for column, values in table.items()
+        if column.endswith(BEFORE)
+    }
+    for state, values in before.items():
+        if not np.isfinite(values).all():
+            k = int(np.argmin(np.isfinite(values)))
+            raise FitError(
+                f"{name} has no {state}{BEFORE} in row {k + 2}: expected the state before each hit."
+            )
+    sensors = {
+        column: _samples(name, column, t, table, sigma.get(column.removesuffix(AFTER)))
+        for column in table
+        if column.endswith(AFTER)
+    }
+    if not before or not any(len(s.y) for s in sensors.values()):
+        raise FitError(
+            f"{name} is a table of hits: expected columns such as '{states[-1]}{BEFORE}' and "
+            f"'{states[-1]}{AFTER}'."
+        )
+    return Run(
+        name, float(t.min()), float(t.max()) + 1.0, sensors, {}, HELD, (), np.nan, before, count
+    )
+
+
 def _said_elsewhere(kernels: Kernels) -> set[str]:
     """Columns of dmoc's own tables that are no measurements here."""
     forces = [("N_", kernels.surfaces), ("T_", kernels.tangents), ("R_", kernels.joints)]
@@ -200,7 +247,8 @@ def _times(name: str, table: Columns) -> Array:
 def _samples(name: str, column: str, t: Array, table: Columns, sigma: Any) -> Samples:
     values = np.asarray(table[column], dtype=float)
     there = np.isfinite(values)
-    return Samples(t[there], values[there], _deviations(name, column, table, sigma, there))
+    own = _deviations(name, column, table, sigma, there)
+    return Samples(t[there], values[there], own, np.flatnonzero(there))
 
 
 def _deviations(

@@ -17,6 +17,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.fitting.data import HELD, LINEAR, Run, runs_of
 from dmoc.fitting.estimation import estimated, pushed
 from dmoc.fitting.experiment import Experiment
+from dmoc.fitting.hits import experiment_of
 from dmoc.fitting.identification import identified
 from dmoc.fitting.noise import assumed_sigma
 from dmoc.fitting.outcome import check_starts, fit_of
@@ -60,7 +61,8 @@ def fit(
         A table with a column ``t`` in seconds, in order, and columns of coordinates, velocities
         (``x_dot``), momenta (``p_x``), quantities, and inputs, by name; NaN or nothing where
         nothing was measured.  A column ``event`` has words of the sequence at the times at which
-        they were seen.  The first row is where the motion begins.
+        they were seen.  The first row is where the motion begins.  A table of hits has columns
+        such as ``x_dot before`` and ``x_dot after``, a row for each hit of the sequence's one word.
     parameters : mapping
         Ranges (lower, upper) by name, None for no bound: parameters of the model; "e", the
         coefficient of restitution of all surfaces, or "e:floor" of one; "bias:y", "gain:y" and
@@ -240,7 +242,7 @@ def _stated(
     unknowns = parameters_of(problem, measured, parameters, own, start)
     words = _words(problem, measured, sequences)
     experiments = tuple(
-        Experiment(
+        experiment_of(
             problem, run, touch_of_words(problem, words[i]),
             tuple(p for p in unknowns if p.serves(i)), fixed_start(problem, measured, i, start),
         )
@@ -268,6 +270,9 @@ def _with_words(regression: Regression, sequences: Any) -> tuple[Regression, lis
         return regression, []
     made, notes = list[Experiment](), list[str]()
     for i, e in enumerate(regression.experiments):
+        if e.run.before:
+            made.append(e)
+            continue
         best, _ = best_words(regression, i)
         made.append(best)
         said = ", ".join(best.words) or "no event"

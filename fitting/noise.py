@@ -48,7 +48,8 @@ def first_sigma(regression: Regression) -> Array:
     estimates: dict[str, list[float]] = {}
     for e in regression.experiments:
         for name, s in e.run.sensors.items():
-            estimates.setdefault(name, []).append(first_noise(s))
+            noise = ASSUMED * float(np.std(s.y)) if e.run.before else first_noise(s)
+            estimates.setdefault(name, []).append(noise or ASSUMED)
         if e.run.events:
             estimates.setdefault("event", []).append(1e-3 * (e.run.end - e.run.begin))
     for name, values in estimates.items():

@@ -82,6 +82,7 @@ def fit_of(problem: Problem, estimate: Estimate, notes: Sequence[str]) -> Fit:
         motions=tuple(
             solution_of(e, made.course)
             for e, made in zip(regression.experiments, estimate.predictions, strict=True)
+            if made.course.arcs
         ),
         problem=with_values(problem, regression.parameters, x),
         estimate=estimate,
@@ -179,7 +180,8 @@ def _misfits(estimate: Estimate) -> Iterator[str]:
         for name, at in e.slices.items():
             rows = slice(begin + at.start, begin + at.stop)
             given = np.isfinite(regression.given_sigma[rows]).all()
-            if at.stop - at.start < FEWEST and not given:
+            few = at.stop - at.start < FEWEST or bool(e.run.before)
+            if few and not given:
                 continue
             size = np.abs(left[rows] / noise[rows])
             times = _rms(size, regression.loss)

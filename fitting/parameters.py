@@ -199,6 +199,8 @@ def starts_parameters(
 ) -> Iterator[Parameter]:
     """The free starts of a run."""
     run = runs[i]
+    if run.before:  # a table of hits has its states
+        return
     for name, value in starts_of(problem, runs, i, start).items():
         low, high = interval(value, f"start of {name}")
         if low == high:

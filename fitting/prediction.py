@@ -10,8 +10,8 @@ import numpy as np
 
 from dmoc.base.errors import FitError
 from dmoc.base.table import Shown, Table
-from dmoc.fitting.data import runs_of
-from dmoc.fitting.experiment import Experiment
+from dmoc.fitting.data import AFTER, runs_of
+from dmoc.fitting.hits import experiment_of
 from dmoc.fitting.motion import solution_of
 from dmoc.fitting.noise import first_sigma
 from dmoc.fitting.parameters import START, Parameter, fixed_start, starts_parameters
@@ -43,7 +43,8 @@ class Predicted(Shown):
         The values of all sensors, one after the other.
     start : mapping of str to float
         Free states at the begin, fitted to this run.
-    motion : Solution
+    motion : Solution or None
+        None of a table of hits.
     """
 
     rms: Mapping[str, float]
@@ -53,7 +54,7 @@ class Predicted(Shown):
     measured: Array
     predicted: Array
     start: Mapping[str, float]
-    motion: Solution = field(repr=False)
+    motion: Solution | None = field(repr=False)
 
     def __repr__(self) -> str:
         return f"<Predicted: {', '.join(f'{n} off by {x:.3g}' for n, x in self.rms.items())}>"
@@ -80,7 +81,7 @@ def predicted(fit: Fit, run: Any, start: Mapping[str, Any] | None) -> Predicted:
     sensed = [_kept(p, float(v)) for p, v in pairs if p.kind in ("bias", "gain", "delay") and
               p.run is None]  # fmt: skip
     free = starts_parameters(problem, runs, 0, start)
-    e = Experiment(
+    e = experiment_of(
         problem, runs[0], problem.touch, (*sensed, *free), fixed_start(problem, runs, 0, start)
     )
     regression = Regression((e,), e.parameters, estimate.regression.loss)
@@ -88,7 +89,7 @@ def predicted(fit: Fit, run: Any, start: Mapping[str, Any] | None) -> Predicted:
     for _ in range(ROUNDS if free else 1):
         if free:
             x, _ = regression.fitted(x, first_sigma(regression))
-        e = by_laws(e, x)
+        e = e if e.run.before else by_laws(e, x)
         regression = Regression((e,), e.parameters, regression.loss)
     made = regression.predict(x)
     if made is None:
@@ -102,7 +103,7 @@ def predicted(fit: Fit, run: Any, start: Mapping[str, Any] | None) -> Predicted:
         rms, {name: x / ranges[name] for name, x in rms.items()},
         e.words, e.times, e.measured, made[0].values,
         {p.of: float(v) for p, v in zip(e.parameters, x, strict=True) if p.kind == START},
-        solution_of(e, made[0].course),
+        solution_of(e, made[0].course) if made[0].course.arcs else None,
     )  # fmt: skip
 
 
@@ -113,4 +114,4 @@ def _kept(p: Parameter, value: float) -> Parameter:
 
 
 def _sigmas(fit: Fit) -> dict[str, float]:
-    return {s.sensor: s.sigma for s in fit.sensors if s.sigma > 0}
+    return {s.sensor.removesuffix(AFTER): s.sigma for s in fit.sensors if s.sigma > 0}

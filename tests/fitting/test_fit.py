@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import FitError
@@ -238,3 +240,35 @@ def test_a_track_that_the_word_does_not_fit_is_said_with_one_that_does(
     assert fit.status == "misfit"
     assert "run 1 does not fit: residuals of theta are" in fit.message
     assert "as wall, wall, wall would" in fit.message and "is behind wall at" in fit.message
+
+
+def test_a_table_of_hits_tells_the_laws_of_a_racket() -> None:
+    """A table-tennis ball on the racket 01 of G. Gossard et al. (arXiv 2604.11349), by the law that
+    they found for it, with noise: e = c0 + c1 v_z, and e_t = 0.704 of a hollow sphere."""
+    x, z, a = dynamicsymbols("x z a")
+    r, k, c0, c1, e_t = sp.symbols("r k c0 c1 e_t")
+    ball = dmoc.MechanicalSystem(
+        "table_tennis", [x, z, a],
+        (x.diff() ** 2 + z.diff() ** 2 + k * r**2 * a.diff() ** 2) / 2,
+        {r: 0.02, k: 2 / 3, c0: 1.0, c1: 0.0, e_t: 0.0}, surfaces={"racket": z >= r},
+        tangents={"racket": x - r * a}, tangential_restitution={"racket": e_t},
+        restitution={"racket": c0 - c1 * dmoc.approach_speed},
+    )  # fmt: skip
+    rng = np.random.default_rng(0)
+    v = np.stack([rng.uniform(-1, 1, 60), rng.uniform(-10, -4, 60), rng.uniform(-300, 300, 60)])
+    lost = -(1 + 0.704) * (v[0] - 0.02 * v[2]) / (1 + 1.5)
+    after = v[0] + lost, -(0.917 + 0.0217 * v[1]) * v[1], v[2] - lost * 1.5 / 0.02
+    noise = 0.05, 0.05, 1.0
+    names = "x_dot", "z_dot", "a_dot"
+    hits = {f"{name} before": row for name, row in zip(names, v, strict=True)}
+    for name, row, size in zip(names, after, noise, strict=True):
+        hits[f"{name} after"] = row + size * rng.normal(size=60)
+    kernels = dmoc.build(ball, backend="numpy")
+    problem = dmoc.Problem(kernels, start={"x": 0, "z": 1, "a": 0}, sequence=["racket"])
+    fit = dmoc.fit(problem, hits, {"c0": (0, 1), "c1": (0, 0.1), "e_t": (-1, 1)})
+    for name, truth in {"c0": 0.917, "c1": 0.0217, "e_t": 0.704}.items():
+        assert abs(fit[name] - truth) < 4 * fit.errors[name] < 0.1
+    assert [s.sigma for s in fit.sensors] == pytest.approx(noise, rel=0.3)
+    assert not fit.motions and fit.predict(hits).motion is None
+    with pytest.raises(FitError, match="is a table of hits, and its sequence has 0 events"):
+        dmoc.fit(problem.but(sequence=()), hits, {"e_t": (-1, 1)})
