@@ -23,6 +23,7 @@ class TemplateKind(StrEnum):
     contact = "contact"
     mechanism = "mechanism"
     smooth = "smooth"
+    fit = "fit"
 
 
 def new(
@@ -32,7 +33,7 @@ def new(
         option(
             help="A block that bounces off a wall; a block that rests and slides on a rough floor; "
             "a hammer with a constraint, a quantity, an objective and a design; a pendulum that "
-            "meets nothing."
+            "meets nothing; a block whose mass, wall and restitution are fitted to a run."
         ),
     ] = TemplateKind.collision,
     target: Annotated[Path, out_option("Folder of the file.", "DIR")] = Path(),

@@ -16,7 +16,7 @@ VALUES = ("", "nonsense", "-1", "nan", "1e999", "=", "l=", "l=1,l=2", "::", "ü;
 # What else a command needs before it looks at its options, or soon comes to its end with.
 BEFORE = {
     "simulate": ("--final-time", "0.1"), "sweep": ("--set", "g=9:10:2"),
-    "search": ("--max-collisions", "0"),
+    "search": ("--max-collisions", "0"), "fit": ("--parameter", "g=1:20"),
 }  # fmt: skip
 # They derive a model, which takes long, or write where they are told to.
 LEFT_OUT = {"derive", "generate", "build", "new"}

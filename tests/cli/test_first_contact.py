@@ -144,6 +144,7 @@ COSTS = {
     "contact": 2 / 3 * (6 * (0.3 * 9.81) ** 3) ** 0.5,  # slides for sqrt(6 d/(mu g))
     "mechanism": 2.58013,  # of the same hammer by its angle, without a constraint
     "smooth": None,
+    "fit": None,
 }
 
 

@@ -109,6 +109,11 @@ simulate bouncing_pendulum
     --final-time 1 --steps 0 | steps = 0
 simulate
     one.npz --final-time 1 | goes with a model
+fit cart_pendulum nothing.csv
+    --sigma x=0.1 | --parameter is missing: say what is fitted
+    --parameter m_p=1:2 | nothing.csv cannot be read
+    --parameter m_p | expected NAME=VALUE
+    --parameter m_p=1:2 --sigma x | --sigma x: expected NAME=VALUE or NAME=COLUMN
 export
     one.npz -o x.xlsx | .csv or .json
 """
