@@ -260,6 +260,10 @@ class Laws:
 
             return crossed
         changed = friction_changes(before, after)
+        if event.off:
+            return lambda y, u, t: (
+                -model.within(np.ascontiguousarray(y[:, :nq]), t)[:, event.off[0]]
+            )
         if event.leaves:
             return self._ending(before, event.leaves[0])
         k = next(iter(changed))

@@ -84,7 +84,7 @@ def fit_of(problem: Problem, estimate: Estimate, notes: Sequence[str]) -> Fit:
             for e, made in zip(regression.experiments, estimate.predictions, strict=True)
             if made.course.arcs
         ),
-        problem=with_values(problem, regression.parameters, x),
+        planned=with_values(problem, regression.parameters, x),
         estimate=estimate,
     )
 

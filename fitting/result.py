@@ -119,8 +119,8 @@ class Fit(Shown, Saved):
     degrees_of_freedom : int
     motions : tuple of Solution
         The motion of each run, checked; none in a fit from a file.
-    problem : Problem or None
-        The problem with the fitted values, to plan with; None in a fit from a file.
+    problem : Problem
+        The problem with the fitted values, to plan with; refused in a fit from a file.
 
     Examples
     --------
@@ -154,7 +154,7 @@ class Fit(Shown, Saved):
     residual: Array
     degrees_of_freedom: int
     motions: tuple[Solution, ...] = field(default=(), repr=False)
-    problem: Problem | None = field(default=None, repr=False)
+    planned: Problem | None = field(default=None, repr=False)
     estimate: Estimate | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
@@ -169,6 +169,11 @@ class Fit(Shown, Saved):
         names = [u.name for u in self.unknowns]
         check_known(name, names, "unknown", "of the fit", FitError)
         return self.unknowns[names.index(name)]
+
+    @property
+    def problem(self) -> Problem:
+        """The problem with the fitted values, to plan with."""
+        return living(self, "a problem to plan with")[1]
 
     @property
     def values(self) -> dict[str, float]:
@@ -310,8 +315,8 @@ def finite(value: Any) -> Any:
 
 def living(fit: Fit, what: str) -> tuple[Estimate, Problem]:
     """The estimate and the problem of a fit that has its runs."""
-    if fit.estimate is None or fit.problem is None:
+    if fit.estimate is None or fit.planned is None:
         raise FitError(
             f"a fit from a file has no runs, which {what} needs: fit them again with dmoc.fit."
         )
-    return fit.estimate, fit.problem
+    return fit.estimate, fit.planned

@@ -89,8 +89,8 @@ def passed(regression: Regression, x: Array) -> list[tuple[str, str, float]]:
         nq, course = e.problem.nq, own.course
         last = int(np.searchsorted(course.mesh.t, e.run.end, side="right"))
         for arc in course.arcs:
-            gaps = course.laws.model.gaps(np.ascontiguousarray(arc.y[:, :nq]), arc.t)
-            size = np.abs(gaps).max(axis=0) + 1e-300
+            gaps = course.laws.model.barriers(np.ascontiguousarray(arc.y[:, :nq]), arc.t)
+            size = np.abs(np.where(np.isfinite(gaps), gaps, 0.0)).max(axis=0) + 1e-300
             for j, name in enumerate(e.problem.kernels.surfaces):
                 over = gaps[:, j] > 1e-3 * size[j]
                 over &= arc.t <= course.mesh.t[min(last, len(course.mesh.t) - 1)]

@@ -58,7 +58,6 @@ def test_motions_are_checked_and_the_problem_has_the_values(fitted: dmoc.Fit) ->
     (motion,) = fitted.motions
     assert motion.solved and [c.word for c in motion.collisions] == THREE
     assert [c.time for c in motion.collisions] == pytest.approx(fitted.event_times["run 1"])
-    assert fitted.problem is not None
     assert fitted.problem.model.par[0].tolist()[2] == fitted["g"]
     assert fitted.problem.restitution_values.tolist() == [fitted["e"]]
 
