@@ -203,7 +203,8 @@ def rebound_problem() -> dmoc.Problem:
 
 def kinked_problem(order: int, controls: str | None, design: bool) -> dmoc.Problem:
     """Kinks in the cost, also of the time, and in integrals: one is bounded, one is priced, one is
-    to be large, and nothing holds the last one; a switch of the velocity before the hit."""
+    to be large, and nothing holds the last one; a switch of the velocity before the hit, and
+    quantities of this one that are bounded and priced."""
     x, u, t = *dynamicsymbols("x u"), dynamicsymbols._t
     m, c = sp.symbols("m c", positive=True)
     v = x.diff()
@@ -213,14 +214,15 @@ def kinked_problem(order: int, controls: str | None, design: bool) -> dmoc.Probl
         cost=u**2 + sp.Abs(u * v) * c + sp.Max(u - t, 0) ** 2,
         integrals={"fuel": sp.Max(c * u, v, x), "back": sp.Min(m * v, u), "work": sp.Abs(u * v),
                    "idle": sp.Abs(u) * x**2},
-        objective=dmoc.total("work") ** 2 - c * dmoc.total("back"),
+        objective=dmoc.total("work") ** 2 - c * dmoc.total("back") + dmoc.largest("blow") ** 2,
+        quantities={"lost": c * dmoc.loss("wall"), "blow": x * dmoc.impulse("wall") - t},
         switches={"rest": v, "fast": c * v**2 + sp.sin(m * x) * t - 1},
     )  # fmt: skip
     chosen = dict.fromkeys(("m", "c") if design else (), (0.2, 3))
     return dmoc.Problem(
         kernels_of(system, order, tuple(chosen)), start={"x": 0.0},
         goal={"x": 0.2, "fuel": (None, 3.0)}, sequence=["fast", "wall"], steps=3, final_time=1.0,
-        controls=controls, design=chosen,
+        bounds={"lost": (-1, 4)}, controls=controls, design=chosen,
     )  # fmt: skip
 
 
