@@ -95,8 +95,8 @@ class Motion:
         arcs = arcs_of(trajectory, nodes, sizes)
         run = Steps(nodes.t[nodes.starts], nodes.h, *nodes.inputs)
         begins = nodes.begins - np.arange(len(nodes.begins))
-        ignored = tuple(model.surface_numbers[name] for name in trajectory.ignored)
-        allowed = allowance(arcs, model.nc, ignored)
+        passed = tuple(model.surface_numbers[name] for name in trajectory.ignored)
+        allowed = allowance(arcs, model.nc, (*passed, *model.contacts.of_grips))
         flow = Flow(model, sizes, restitution, allowed, check_time)
         return cls(trajectory, model, nodes, sizes, flow, run, begins, modes, check_time)
 
@@ -195,9 +195,11 @@ class Motion:
 
     @cached_property
     def watched(self) -> NDArray[np.bool_]:
-        """Surfaces that are not ignored, shape (nc,)."""
+        """Surfaces that hold back a motion that comes to them, neither ignored nor places of grips,
+        shape (nc,)."""
         surfaces = self.model.kernels.surfaces
-        return np.array([name not in self.trajectory.ignored for name in surfaces], dtype=bool)
+        ignored = np.array([name in self.trajectory.ignored for name in surfaces], dtype=bool)
+        return ~(ignored | self.model.contacts.pull)
 
     @cached_property
     def has_modes(self) -> bool:

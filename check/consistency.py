@@ -137,7 +137,8 @@ def _off_surfaces(motion: Motion) -> Iterator[str]:
         for name in dict.fromkeys((c.surface, *c.lands) if c.surface else ()):
             j = motion.model.surface_numbers[name]
             gap = float(motion.model.gaps(c.position, c.time)[j])
-            if not abs(gap) <= OFF_SURFACE * motion.sizes.gap[j]:
+            floats = j in motion.model.contacts.floating
+            if not (floats or abs(gap) <= OFF_SURFACE * motion.sizes.gap[j]):
                 yield f"the {noun} with {name!r} is {gap:.3g} off it"
 
 

@@ -96,8 +96,8 @@ def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
         j = model.surface_numbers[name]
         if name in c.off:
             continue  # under its load
-        if rates[j] < -DRIFT * motion.sizes.rate[j]:
-            continue  # it opens with a velocity
+        if model.contacts.pull[j] or rates[j] < -DRIFT * motion.sizes.rate[j]:
+            continue  # it lets go whatever its force, or opens with a velocity
         still_closed = replace(motion.modes[i + 1], closed=(*motion.modes[i + 1].closed, j))
         y, u = np.hstack([q, v]), motion.steps[i + 1].u0[:1]
         force = motion.flow.integrator.reaction(still_closed, y, u, t).normal[0, j]
@@ -204,10 +204,15 @@ def _differences(
 def _off(motion: Motion, i: int) -> Iterator[str]:
     """Closed contacts off their surfaces and what sticks off its place, and their rates."""
     at, model, sizes, mode = motion.places[i], motion.model, motion.sizes, motion.modes[i]
-    slid = model.tangents(at.q, at.t)
+    slid, gaps, floating = (
+        model.tangents(at.q, at.t),
+        model.gaps(at.q, at.t),
+        model.contacts.floating,
+    )
+    gaps[:, floating] -= gaps[0, floating]
     for names, places, off, rates, size, rate in (
         (
-            model.kernels.surfaces, mode.closed, model.gaps(at.q, at.t),
+            model.kernels.surfaces, mode.closed, gaps,
             model.gap_rates(at.q, at.v, at.t), sizes.gap, sizes.rate,
         ),
         (
@@ -297,7 +302,7 @@ def _pulling(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[st
     for column, j in enumerate(motion.modes[i].closed):
         least = np.minimum(flow.normal[..., j].min(axis=0), at.normal[:, column])
         k = int(np.argmin(least))
-        if not least[k] >= -BEARABLE * size[j]:
+        if not (motion.model.contacts.pull[j] or least[k] >= -BEARABLE * size[j]):
             yield f"{surfaces[j]} would have to pull with {-least[k]:.4g} N at {at.t[k]:.4g} s"
 
 

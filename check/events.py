@@ -113,7 +113,7 @@ def _unbearable(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
     surfaces, tangents = model.kernels.surfaces, model.kernels.tangents
     for j, name in enumerate(surfaces):
         least = min(float(p.law.normal[0, j]), normal[j])
-        if least < -slack:
+        if least < -slack and not model.contacts.pull[j]:
             yield f"{name} would have to pull with an impulse of {-least:.4g} N s at {time:.4g} s"
         if j not in p.mode.closed and normal[j] > slack:
             yield f"{name} takes an impulse at {time:.4g} s without being hit or closed"
@@ -189,13 +189,13 @@ def _not_returned(p: EventPassage, sizes: Sizes) -> Iterator[str]:
 
 def _approached(p: EventPassage, sizes: Sizes) -> Iterator[str]:
     """Surfaces hit without being approached, and contacts that leave without opening."""
-    c, numbers = p.c, p.model.surface_numbers
+    c, numbers, grips = p.c, p.model.surface_numbers, p.model.contacts.pull
     before, after = p.rates[:2] / sizes.rate
     for name in dict.fromkeys((c.surface, *c.lands) if c.surface else ()):
-        if before[numbers[name]] < -TURNED:
+        if before[numbers[name]] < -TURNED and not grips[numbers[name]]:
             yield f"{name} is not approached where it is hit at {c.time:.4g} s"
     released = (p.hit,) if p.hit is not None and not p.lands else ()
     leaving = (name for name in c.leaves if name not in c.off)
     for j in {*map(numbers.__getitem__, leaving), *released}:
-        if after[j] > TURNED:
+        if after[j] > TURNED and not grips[j]:
             yield f"{p.model.kernels.surfaces[j]} is entered where it should open at {c.time:.4g} s"

@@ -75,7 +75,7 @@ def _missed(motion: Motion, i: int, planned: list[SurfaceContact]) -> list[Colli
         c
         for c in motion.trajectory.collisions[i : i + 1]
         if c.surface
-        and c.surface not in motion.trajectory.ignored
+        and motion.watched[motion.model.surface_numbers[c.surface]]
         and not c.grazes
         and not planned
         and not _softly(motion, i)

@@ -77,6 +77,8 @@ class Manifest:
     tangential_restitution: Mapping[str, str] = field(default_factory=dict)
     impact_laws: Mapping[str, str] = field(default_factory=dict)
     without_friction: Sequence[str] = ()
+    grips: Mapping[str, Sequence[str]] = field(default_factory=dict)  # names of their places
+    by_rate: Sequence[str] = ()  # those of them that are stated by their rates
     quantities: Sequence[FunctionFacts] = ()
     within: Mapping[str, list[int]] = field(default_factory=dict)  # coordinates of the ends
     static_friction: Sequence[str] = ()

@@ -251,5 +251,6 @@ def _held(nlp: Transcription, mode: Mode) -> Index:
     held = np.ones(nlp.problem.model.nc, dtype=np.intp)
     numbers = nlp.problem.touch.contacts.surface_numbers
     held[[numbers[name] for name in nlp.problem.ignored]] = 0
+    held[nlp.problem.touch.contacts.pull] = 0
     held[list(mode.closed)] = 2
     return held

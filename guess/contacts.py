@@ -171,4 +171,4 @@ def _balance(problem: Problem, lay: Layout, x: Array) -> None:
             pushed = impulses[beside, first : first + len(r.columns)]
             pushed = pushed * (share / whole[places[beside]])[:, None]
             first += len(r.columns)
-            x[r.unknowns] = pushed if r.functions.pulls else np.maximum(pushed, 0.0)
+            x[r.unknowns] = np.where(r.pulls, pushed, np.maximum(pushed, 0.0))

@@ -74,7 +74,8 @@ def folded_motions(
     with hits of ``mirrors``; those that stay beyond a surface are left out."""
     plain = problem.meshed(NODES)
     lay, names = Layout.of(plain), problem.kernels.surfaces
-    kept = [j for j, name in enumerate(names) if name not in problem.ignored]
+    grips = problem.touch.contacts.pull
+    kept = [j for j, name in enumerate(names) if name not in problem.ignored and not grips[j]]
     with np.errstate(all="ignore"):
         for x in random_motions(plain, [], natural_time(plain), numbers, seed, FEW_IN_TURN):
             own = lay.problem_at(problem, x)

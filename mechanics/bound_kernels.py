@@ -80,10 +80,12 @@ class BoundKernels:
     def contacts(self) -> Contacts:
         """Surfaces and tangents of the model."""
         names, facts = self.kernels, self.kernels.manifest
-        without, ended = tuple(facts.without_friction), tuple(facts.within)
         return Contacts(
-            tuple(names.surfaces), tuple(names.tangents), frictionless=without,
-            switches=tuple(facts.switches), ended=ended,
+            tuple(names.surfaces), tuple(names.tangents),
+            frictionless=tuple(facts.without_friction), switches=tuple(facts.switches),
+            ended=tuple(facts.within),
+            grips=tuple((grip, tuple(places)) for grip, places in facts.grips.items()),
+            by_rate=tuple(facts.by_rate),
         )  # fmt: skip
 
     @property

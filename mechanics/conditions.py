@@ -53,10 +53,6 @@ class Functions(NamedTuple):
         zero everywhere, and their slopes by q those of the rates by v.
     push : float
         A force lam pushes with push * lam * slope.
-    in_place : bool
-        A condition keeps its function at zero; otherwise where it is.
-    pulls : bool
-        Forces of both signs.
     """
 
     kind: str
@@ -66,22 +62,20 @@ class Functions(NamedTuple):
     bends: Callable[..., Array]
     placed: Callable[[Model], NDArray[np.bool_]]
     push: float
-    in_place: bool
-    pulls: bool
 
 
 GAPS = Functions(
     "normal", Model.gaps, Model.gap_slopes, Model.gap_rates, Model.gap_accelerations,
-    lambda model: np.ones(model.nc, dtype=bool), push=-1.0, in_place=True, pulls=False,
+    lambda model: np.ones(model.nc, dtype=bool), push=-1.0,
 )  # fmt: skip
 TANGENTS = Functions(
     "tangential", Model.tangents, Model.tangent_slopes, Model.slide_rates,
     Model.slide_accelerations, lambda model: np.ones(model.nt, dtype=bool),
-    push=1.0, in_place=False, pulls=True,
+    push=1.0,
 )  # fmt: skip
 JOINTS = Functions(
     "reaction", Model.joints, Model.joint_slopes, Model.joint_rates, Model.joint_accelerations,
-    lambda model: model.joints_in_place, push=1.0, in_place=True, pulls=True,
+    lambda model: model.joints_in_place, push=1.0,
 )  # fmt: skip
 
 
@@ -233,6 +227,7 @@ class Conditions:
         """Distances of forces from the edges of their cones, negative outside of them, shape (n,
         closed + 2 sticking): pushing forces, and the friction that is left in both directions."""
         closed, stuck = self.places(GAPS)[1], self.places(TANGENTS)[1]
+        closed = [j for j in closed if not model.contacts.pull[j]]
         holds, rubs = model.bearing(forces.normal)[:, stuck], forces.tangential[:, stuck]
         return np.concatenate([forces.normal[:, closed], holds - rubs, holds + rubs], axis=1)
 
@@ -245,9 +240,10 @@ ALL = GAPS, TANGENTS, JOINTS  # in the order of Forces
 
 
 def conditions_of(model: Model, mode: Mode, *, joints: bool = True) -> Conditions:
-    """The conditions of a mode: closed contacts, what sticks, and joints unless these are left
-    out."""
-    return conditions_among(model.contacts, mode, model.nj if joints else 0)
+    """The conditions of a mode: closed contacts, what sticks, joints, and grips that are closed in
+    the model whatever the mode is, unless these are left out."""
+    kept = (model.nj, model.gripped) if joints else (0, ())
+    return conditions_among(model.contacts, mode, *kept)
 
 
 def number_of(model: Model, mode: Mode) -> int:
@@ -256,13 +252,17 @@ def number_of(model: Model, mode: Mode) -> int:
 
 
 @lru_cache(maxsize=256)
-def conditions_among(contacts: Contacts, mode: Mode, joints: int) -> Conditions:
-    """The conditions of a mode in a model with such contacts and a number of joints."""
+def conditions_among(
+    contacts: Contacts, mode: Mode, joints: int, gripped: tuple[int, ...] = ()
+) -> Conditions:
+    """The conditions of a mode in a model with such contacts, a number of joints, and places of
+    grips that are closed beside those of the mode."""
     nc, nt = len(contacts.surfaces), len(contacts.tangents)
     if not {*mode.closed} <= {*range(nc)} or not {*mode.rubbing} <= {*range(nt)}:
         raise ValueError(f"expected some of {nc} surfaces and of {nt} tangents, got {mode}")
     conditions = (
         *(Condition(GAPS, j) for j in mode.closed),
+        *(Condition(GAPS, j) for j in gripped if j not in mode.closed),
         *(Condition(TANGENTS, k) for k in mode.sticking),
         *(Condition(JOINTS, i) for i in range(joints)),
     )

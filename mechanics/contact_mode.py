@@ -90,7 +90,8 @@ def names_of(contacts: Contacts, mode: Mode) -> tuple[tuple[str, ...], dict[str,
 
 def mode_in_words(contacts: Contacts, mode: Mode) -> str:
     """A mode as "left:stick rail:slip+"; "free" where nothing touches."""
-    return mode_word(*names_of(contacts, mode))
+    closed, rubbing = names_of(contacts, mode)
+    return mode_word(contacts.grasped(closed), rubbing)
 
 
 def without_rails(supports: tuple[int, ...], mode: Mode) -> Mode:

@@ -6,7 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON, ImpactLaw
+from dmoc.motion.trajectory import by_grip
 
 # The number of what there is not, and the surface of a tangent that belongs to none.
 NOWHERE = -1
@@ -18,7 +22,11 @@ class Contacts:
     """What can touch in a model: its surfaces, and its tangents, of which those that are named like
     a surface belong to it and the others are rails; surfaces without restitution, those whose
     tangent has friction, surfaces with the laws of their hits, Poisson's where none is told, and
-    tangents without friction, which take part in hits alone; switches; surfaces that have ends."""
+    tangents without friction, which take part in hits alone; switches; surfaces that have ends.
+
+    Behind the surfaces come the places of ``grips``: conditions that a sequence closes and opens,
+    whose forces have both signs, and which hold nothing back while they are open.  Those that are
+    stated ``by_rate`` close wherever they are."""
 
     surfaces: tuple[str, ...]
     tangents: tuple[str, ...]
@@ -28,6 +36,35 @@ class Contacts:
     frictionless: tuple[str, ...] = ()
     switches: tuple[str, ...] = ()
     ended: tuple[str, ...] = ()
+    grips: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    by_rate: tuple[str, ...] = ()
+
+    @cached_property
+    def of_grips(self) -> tuple[int, ...]:
+        """Numbers of the places of grips among the surfaces."""
+        return tuple(self.surface_numbers[name] for _, names in self.grips for name in names)
+
+    @cached_property
+    def pull(self) -> NDArray[np.bool_]:
+        """Surfaces whose forces have both signs, the places of grips, shape (nc,)."""
+        return np.isin(np.arange(len(self.surfaces)), self.of_grips)
+
+    @cached_property
+    def floating(self) -> tuple[int, ...]:
+        """Numbers of those that close wherever they are."""
+        return tuple(self.surface_numbers[name] for name in self.by_rate)
+
+    @property
+    def grip_names(self) -> tuple[str, ...]:
+        return tuple(name for name, _ in self.grips)
+
+    def places(self, name: str) -> tuple[str, ...]:
+        """The places of a grip; of a surface itself."""
+        return dict(self.grips).get(name, (name,))
+
+    def grasped(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Names of surfaces, with those of grips for all their places."""
+        return by_grip(tuple(names), dict(self.grips))
 
     @cached_property
     def surface_numbers(self) -> dict[str, int]:

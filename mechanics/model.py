@@ -17,6 +17,7 @@ quantities side by side.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -62,42 +63,42 @@ class Model(FrictionModel, CostModel):
     ) -> Array:
         """M^-1 F where the joints hold, shape (..., nq); not a number where M is singular."""
         M, F = self.equations(q, v, u, t)
-        if self.nj:
-            bent = self.joint_accelerations(q, np.zeros_like(q) if v is None else v, t)
+        if self.kept:
+            bent = self.kept_accelerations(q, np.zeros_like(q) if v is None else v, t)
             F = self.with_joints(M, F, q, t, bent)
         return solved(M, F)
 
     def with_joints(
         self, M: Array, F: Array, q: Array, t: ArrayLike = 0.0, bent: Array | None = None
     ) -> Array:
-        """Forces or impulses F with those of the joints beside them, F + J^T lam with
+        """Forces or impulses F with those of joints and closed grips beside them, F + J^T lam with
         J M^-1 (F + J^T lam) + bent = 0: one at each position (..., nq), or several (..., m, nq)."""
-        if not self.nj:
+        if not self.kept:
             return F
         rows = F if F.ndim > q.ndim else F[..., None, :]
-        J, lam = self.joint_slopes(q, t)[..., :-1], self.joint_forces(M, rows, q, t, bent)
+        J, lam = self.kept_slopes(q, t), self.joint_forces(M, rows, q, t, bent)
         return np.asarray((rows + lam @ J).reshape(F.shape))
 
     def joint_forces(
         self, M: Array, F: Array, q: Array, t: ArrayLike = 0.0, bent: Array | None = None
     ) -> Array:
-        """Forces lam of the joints, shape (..., m, nj), beside several forces F (..., m, nq) at
-        each position; the shortest where joints say the same twice."""
-        J = self.joint_slopes(q, t)[..., :-1]
+        """Forces lam of joints and closed grips, shape (..., m, kept), beside several forces F
+        (..., m, nq) at each position; the shortest where they say the same twice."""
+        J = self.kept_slopes(q, t)
         response = solved_transpose(M, J)
         missing, A = F @ response + (0.0 if bent is None else bent[..., None, :]), J @ response
-        if self.nj == 1:
+        if self.kept == 1:
             return -np.swapaxes(solved_transpose(A, missing), -1, -2)
         size = np.sqrt(np.maximum(np.diagonal(A, axis1=-2, axis2=-1), TINY))[..., None, :]
-        rows = missing.reshape(-1, self.nj)
+        rows = missing.reshape(-1, self.kept)
         A, size = (
             np.broadcast_to(a, shape)
             for a, shape in (
-                (A[..., None, :, :], (*missing.shape, self.nj)),
+                (A[..., None, :, :], (*missing.shape, self.kept)),
                 (size, missing.shape),
             )
         )
-        lam = multipliers(A.reshape(-1, self.nj, self.nj), size.reshape(rows.shape), rows)
+        lam = multipliers(A.reshape(-1, self.kept, self.kept), size.reshape(rows.shape), rows)
         return -lam.reshape(missing.shape)
 
     def responses(self, q: Array, B: Array, t: ArrayLike = 0.0) -> Array:
@@ -296,6 +297,37 @@ class Model(FrictionModel, CostModel):
     def joint_rounding(self, q: Array, t: float = 0.0) -> Array:
         """Largest phi of positions that fit the joints up to rounding, shape (nj,)."""
         return ROUNDING * self.joint_sizes(q, t)
+
+    # Joints, and grips that are closed ------------------------------------------------------------
+
+    gripped: tuple[int, ...] = ()
+
+    def gripping(self, gripped: tuple[int, ...]) -> Model:
+        """The same model with places of grips, by their numbers, that are closed whatever else
+        touches."""
+        there = copy(self)
+        there.__dict__["gripped"] = gripped
+        return there
+
+    @property
+    def kept(self) -> int:
+        """Number of joints and of places of closed grips."""
+        return self.nj + len(self.gripped)
+
+    def kept_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
+        """Slopes of joints and, against the gaps, of closed grips, shape (..., kept, nq)."""
+        J = self.joint_slopes(q, t)[..., :-1]
+        if not self.gripped:
+            return J
+        own = self.gap_slopes(q, t)[..., list(self.gripped), :-1]
+        return np.concatenate([J, -own], axis=-2) if self.nj else -own
+
+    def kept_accelerations(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
+        """Second derivatives of both along a motion without acceleration, shape (..., kept)."""
+        parts = [self.joint_accelerations(q, v, t)] if self.nj else []
+        if self.gripped:
+            parts.append(-self.gap_accelerations(q, v, t)[..., list(self.gripped)])
+        return np.concatenate(parts, axis=-1)
 
     # Drawing --------------------------------------------------------------------------------------
 

@@ -79,6 +79,7 @@ def motion_along(
         quantities=tuple(kernels.quantities),
         totals=dict(totals or {}),
         cost=cost,
+        grips=dict(kernels.manifest.grips),
     )
 
 

@@ -38,15 +38,23 @@ def restitution_row(kernels: Kernels, values: Any, error: ErrorKind = ProblemErr
     the law of the model says it.
 
     Given is one for all surfaces, or a mapping from surfaces; those that it leaves out have the
-    law of the model, which None stands for, and are elastic where that has none.
+    law of the model, which None stands for, and are elastic where that has none.  Grips close
+    plastically.
     """
     surfaces, laws = kernels.surfaces, kernels.manifest.restitution
     values = {} if values is None else values
+    plastic = {place for places in kernels.manifest.grips.values() for place in places}
     if not isinstance(values, Mapping):
-        return np.full(len(surfaces), _coefficient(values, "restitution", error))
-    named = by_name(values, "restitution", error)
+        e = _coefficient(values, "restitution", error)
+        values = dict.fromkeys([s for s in surfaces if s not in plastic], e)
+    named = by_name(values, "restitution", error) | dict.fromkeys(plastic, 0.0)
     for surface in named:
-        if surface not in surfaces:
+        if surface in kernels.manifest.grips and values.get(surface, 0.0) != 0:
+            raise error(
+                f"restitution of {surface!r} = {shown(values[surface])}: a grip closes without "
+                "rebound; leave it out."
+            )
+        if surface not in surfaces and surface not in kernels.manifest.grips:
             among = f"expected one of {', '.join(surfaces)}" if surfaces else "the model has none"
             raise error(f"restitution of {shown(surface)}: unknown surface, {among}.")
     coefficients = [

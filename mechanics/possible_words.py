@@ -25,7 +25,8 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     slides back, and landings at which another contact leaves; contacts that leave, and
     that slip off an end; changes of friction; and what two contacts, as the corners of a box, can
     only do together."""
-    closed, rubbing = names_of(contacts, mode)
+    (closed, rubbing), surfaces = names_of(contacts, mode), contacts.grasped(surfaces)
+    closed = contacts.grasped(closed)
     open_ones = [s for s in surfaces if s not in closed]
     turns = list(_turns(rubbing))
     of_rails = [turn for turn in turns if turn.split(":")[0] in contacts.rails]
@@ -65,6 +66,8 @@ def _together(leaving: Sequence[str], rubbing: Mapping[str, int]) -> Iterator[st
 def _hits(name: str, mode: Mode, contacts: Contacts) -> list[str]:
     """Words for a hit of an open surface.  A hit with friction while something is closed is left to
     the words of the user."""
+    if name in contacts.grip_names:
+        return []
     if name not in contacts.rough:
         return [name]
     return [] if mode.closed else courses_of(name, contacts)

@@ -15,6 +15,7 @@ A mode says which contacts are closed in a phase and how friction acts in it.  T
                     begins to slide in the first way, and stops or turns while it lands
     -foot           leaves
     ~table          slips off an end of a surface that has ends, and leaves so
+    +hand, -hand    a grip closes, in all its places at once, and lets go
     foot:slip+      changes its friction; also foot:slip-, foot:stick
     +right -left    several at one event, separated by blanks
     gate            an expression of the model vanishes while it grows (its switch ``gate``)
@@ -66,7 +67,7 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
         if name in seen:
             raise ProblemError(f"{shown(word)} in the sequence names {name!r} twice: say it once.")
         seen.append(name)
-        names = contacts.surfaces if sign or not colon else contacts.tangents
+        names = contacts.grasped(contacts.surfaces) if sign or not colon else contacts.tangents
         if name not in names:
             plain = contacts.switches if not (sign or colon) else ()
             what = "tangent" if colon and not sign else "surface or switch" if plain else "surface"
@@ -76,6 +77,14 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
                 f"{part!r} in the sequence slips off an end of {name!r}, which has none: say "
                 f"'-{name}', or where the surface is with `within` of the model."
             )
+        if name in contacts.grip_names:
+            if colon or not sign:
+                raise ProblemError(
+                    f"{part!r} in the sequence: {name} is a grip, which is not hit and does not "
+                    f"rub; say '+{name}' where it closes and '-{name}' where it lets go."
+                )
+            (lands if sign == "+" else leaves).extend(contacts.places(name))
+            continue
         is_hit = not sign and name in numbers and numbers[name] not in closed
         if colon:
             if name in contacts.frictionless:
@@ -93,7 +102,7 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
         if sign == OFF:
             off.append(name)
     if not seen:
-        check_known(word, contacts.surfaces, "surface", IN_SEQUENCE)
+        check_known(word, contacts.grasped(contacts.surfaces), "surface", IN_SEQUENCE)
     if len(hits) > 1 or (hits and lands):
         raise ProblemError(
             f"{word!r} in the sequence hits {' and '.join([*hits, *lands])} at once, whose outcome "
@@ -192,18 +201,19 @@ def mode_of(parts: Sequence[str], contacts: Contacts) -> Mode:
     closed, friction = list[str](), dict[str, int]()
     for text in parts:
         name, colon, state = text.partition(":")
-        check_known(name, (*contacts.surfaces, *contacts.rails), "contact", "in contacts")
+        among = contacts.grasped(contacts.surfaces)
+        check_known(name, (*among, *contacts.rails), "contact", "in contacts")
         if colon and (state not in FRICTION or name not in contacts.rubbing):
             raise ProblemError(
                 f"{text!r} in contacts: expected a contact with friction and stick, slip+ or slip-."
             )
         if name in closed or name in friction:
             raise ProblemError(f"contacts names {name!r} twice: say it once.")
-        if name in contacts.surfaces:
+        if name in among:
             closed.append(name)
         if colon:
             friction[name] = FRICTION[state]
-    on = [contacts.surface_numbers[name] for name in closed]
+    on = [contacts.surface_numbers[place] for name in closed for place in contacts.places(name)]
     return _mode(
         on, {contacts.tangent_numbers[name]: state for name, state in friction.items()}, contacts
     )
@@ -219,7 +229,8 @@ def parts_of(mode: Mode, contacts: Contacts) -> list[str]:
         word = rubbing_word(name, rubbing[k]) if slides else name
         if ":" in word or word not in contacts.rails:
             parts.append(word)
-    return [*(s for s in contacts.named(mode.closed) if s not in contacts.tangents), *parts]
+    closed = contacts.grasped(contacts.named(mode.closed))
+    return [*(s for s in closed if s not in contacts.tangents), *parts]
 
 
 def _mode(closed: Collection[int], friction: Mapping[int, int], contacts: Contacts) -> Mode:
@@ -244,12 +255,14 @@ def touch_along(start: Mode, words: Iterable[str], contacts: Contacts) -> Touch:
     for i, word in enumerate(words):
         before = modes[-1]
         event, at = event_of(word, contacts, before.closed), f"event {i + 1} ({word})"
-        for name in contacts.named(j for j in event.leaves if j not in before.closed):
+        opening = contacts.named(j for j in event.leaves if j not in before.closed)
+        for name in contacts.grasped(opening):
             raise ProblemError(
                 f"{at}: {name} leaves, but is not closed then: land it before ('+{name}'), or "
                 f"close it at the start (contacts=[{name!r}])."
             )
-        for name in contacts.named(j for j in before.closed if j in (event.hit, *event.lands)):
+        closing = contacts.named(j for j in before.closed if j in (event.hit, *event.lands))
+        for name in contacts.grasped(closing):
             raise ProblemError(f"{at}: {name} is closed already: let it leave before ('-{name}').")
         closed = {*before.closed, *event.lands} - {*event.leaves}
         left = {k for k, j in enumerate(contacts.supports) if j in event.leaves}
@@ -312,4 +325,5 @@ def word_between(contacts: Contacts, before: Mode, after: Mode, event: Event | N
     rubs = {contacts.tangents[k]: s for k, s in friction_changes(before, after).items()}
     if not (hit or lands or leaves or rubs):
         return ""
-    return event_word(hit, lands, leaves, rubs, str(event.course or ""), contacts.named(event.off))
+    own = contacts.grasped(lands), contacts.grasped(leaves)
+    return event_word(hit, *own, rubs, str(event.course or ""), contacts.named(event.off))

@@ -22,8 +22,9 @@ class LargestForce:
 
 def largest_forces(motion: Trajectory) -> list[LargestForce]:
     """The largest normal force and the largest friction of each contact, and the largest force of
-    each constraint, at its first time, along phases that have steps."""
+    each constraint and of each place of a grip, at its first time, along phases that have steps."""
     largest: dict[tuple[str, str], LargestForce] = {}
+    of_grips = {place for places in motion.grips.values() for place in places}
     for phase in motion.phases:
         if not phase.steps:
             continue
@@ -35,7 +36,8 @@ def largest_forces(motion: Trajectory) -> list[LargestForce]:
             )
             for name, row in zip(names, forces.T, strict=True)
         )  # fmt: skip
-        for kind, name, forces in rows:
+        for of, name, forces in rows:
+            kind = "R" if name in of_grips else of
             k = int(np.argmax(np.abs(forces)))
             force = LargestForce(name, kind, float(forces[k]), float(phase.t[k]))
             before = largest.get((name, kind))

@@ -171,6 +171,9 @@ class Collision:
         The switch of the model that passes zero here; empty where none does.  Nothing else happens.
     off : tuple of str
         Surfaces of those that leave whose contact slips off an end.
+    grips : mapping of str to tuple of str
+        Grips of the model with their places, which close and open together: ``lands``, ``leaves``
+        and ``impulses`` have these, words have the grips.
     """
 
     surface: str
@@ -191,6 +194,7 @@ class Collision:
     reactions: Mapping[str, float] = field(default_factory=dict)
     switch: str = ""
     off: tuple[str, ...] = ()
+    grips: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     @property
     def hit(self) -> str:
@@ -200,8 +204,9 @@ class Collision:
     @property
     def word(self) -> str:
         """What happens, as a sequence says it: "wall", "+right -left", "rail:slip+"."""
+        lands, leaves = (by_grip(names, self.grips) for names in (self.lands, self.leaves))
         return self.switch or event_word(
-            self.hit, self.lands, self.leaves, self.friction, self.course, self.off
+            self.hit, lands, leaves, self.friction, self.course, self.off
         )
 
     def __repr__(self) -> str:
@@ -245,6 +250,8 @@ class Trajectory:
         Names of the quantities of the model.
     tangential_restitution : mapping of str to float
         Coefficient e_t of each surface that has one.
+    grips : mapping of str to tuple of str
+        Grips of the model and their places, which stand among its surfaces.
     totals : mapping of str to float
         Integrals of the model over the motion, and the peaks that its objective has.
     cost : float
@@ -272,6 +279,7 @@ class Trajectory:
     tangential_restitution: Mapping[str, float] = field(default_factory=dict)
     totals: Mapping[str, float] = field(default_factory=dict)
     cost: float = math.nan
+    grips: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         events = "; ".join(map(str, self.collisions)) or "no event"
@@ -328,6 +336,12 @@ def last_inputs(phases: Sequence[Phase], form: InputForm) -> Array:
     """Inputs at the end of the last step of some phases, shape (nu,)."""
     last = [phase for phase in phases if phase.steps][-1]
     return np.asarray(last.u[form.starts(last.steps)[-1] + form.width])
+
+
+def by_grip(names: Sequence[str], grips: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """Names of surfaces, with the name of a grip for all its places."""
+    of_place = {place: grip for grip, places in grips.items() for place in places}
+    return tuple(dict.fromkeys(of_place.get(name, name) for name in names))
 
 
 def mode_word(closed: Sequence[str], rubbing: Mapping[str, int]) -> str:

@@ -99,7 +99,7 @@ def _check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
     gaps, sizes = model.barriers(at), once(problem, _sizes_at_ends)
     chosen = by_design(problem, model.barrier_kernel)  # where they are is up to the solver
     for j, surface in enumerate(problem.kernels.surfaces):
-        if chosen[j] or surface in problem.ignored:
+        if chosen[j] or surface in problem.ignored or problem.touch.contacts.pull[j]:
             continue
         if end == "goal" and j in problem.model.moving:
             continue

@@ -58,7 +58,12 @@ def _rows(p: Problem) -> Iterator[tuple[str, str]]:
     if p.kernels.surfaces:
         restitution = zip(p.kernels.surfaces, p.restitution_values, strict=True)
         laws = p.kernels.manifest.restitution
-        values = {name: laws[name] if np.isnan(e) else f"{e:g}" for name, e in restitution}
+        closing = {place for places in p.kernels.manifest.grips.values() for place in places}
+        values = {
+            name: laws[name] if np.isnan(e) else f"{e:g}"
+            for name, e in restitution
+            if name not in closing
+        }
         same = len(set(values.values())) == 1
         each = ", ".join(f"{name} {e}" for name, e in values.items())
         yield "restitution", next(iter(values.values())) if same else each

@@ -77,12 +77,15 @@ class ContactUnknowns:
         closed, rubbing = names_of(self.touch.contacts, mode)
         if closed:
             index, holds = self.P[rows][:, list(mode.closed)], np.ones(len(closed), dtype=bool)
-            yield PhaseReaction(GAPS, closed, mode.closed, index, holds)
+            on, floating = list(mode.closed), self.touch.contacts.floating
+            pulls, in_place = self.touch.contacts.pull[on], ~np.isin(on, floating)
+            yield PhaseReaction(GAPS, closed, mode.closed, index, holds, pulls, in_place)
         if rubbing:
             columns = tuple(mode.rubbing)
             sticks = np.isin(columns, mode.sticking)
             index = self.T[rows][:, list(columns)]
-            yield PhaseReaction(TANGENTS, tuple(rubbing), columns, index, sticks)
+            every, none = np.ones_like(sticks), np.zeros_like(sticks)
+            yield PhaseReaction(TANGENTS, tuple(rubbing), columns, index, sticks, every, none)
 
     def impulses(self, i: int) -> Iterator[EventImpulses]:
         """Impulses at event i beside lam: of other contacts, and of friction."""

@@ -116,6 +116,7 @@ def _collision(
         "" if event.course is None else str(event.course), impulses["reaction"],
         contacts.switches[event.switch] if event.switch != NOWHERE else "",
         contacts.named(event.off),
+        dict(contacts.grips),
     )  # fmt: skip
 
 

@@ -54,4 +54,4 @@ class JointUnknowns:
         if self.names:
             every, holds = tuple(range(len(self.names))), np.ones(len(self.names), dtype=bool)
             rows = self.R[self.stations.rows(i)]
-            yield PhaseReaction(JOINTS, self.names, every, rows, holds)
+            yield PhaseReaction(JOINTS, self.names, every, rows, holds, holds, holds)

@@ -47,7 +47,7 @@ def liftoffs_of(problem: Problem) -> tuple[Liftoff, ...]:
             continue
         follows = problem.redundant[i]
         if not (follows.pressing or follows.rubbing):
-            says = _say_when(problem, i)
+            says = _say_when(problem, i) & ~problem.touch.contacts.pull
             under_load = event.off  # of an end, not where their forces vanish
             leaving = (j for j in event.leaves if says[j] and j not in under_load)
             found.append(Liftoff(i, tuple(leaving)))

@@ -27,6 +27,7 @@ from dmoc.program.layout import Layout
 
 # So many states say whether a row holds for all.
 SAMPLES = 4
+Values = tuple[Array, Array]  # with their sizes
 NO_INDEX: Index = np.zeros(0, dtype=np.intp)
 
 
@@ -91,7 +92,7 @@ def _settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Sett
     places = np.array([_vanish(*_gaps(problem, at)) for at in nodes])
     rates = np.array([_vanish(*_gap_rates(problem, at)) for at in ends])
     slides = np.array([_keep(problem, touch, e, at) for e, at in zip((0, -1), ends, strict=True)])
-    stuck = _stuck(problem, lay, nodes)
+    stuck = _stuck([_tangents(problem, at) for at in nodes], touch.sticks)
     if problem.relations:
         back, end = _returned(problem, *ends), ends[1]
         closed, sticks = touch.is_closed[[0, -1]], touch.sticks[[0, -1]]
@@ -103,6 +104,9 @@ def _settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Sett
             _relate(rows, _alike(values(problem, back), values(problem, end)), last)
         same = _alike(_tangents(problem, back), _tangents(problem, end)).diagonal()
         stuck[lay.stepped - 1] |= same & touch.sticks.all(axis=0)
+    if floating := list(touch.contacts.floating):
+        kept = _stuck([_gaps(problem, at) for at in nodes], touch.is_closed)
+        places[0, floating], places[1:, floating] = True, kept[:, floating]
     if lay.ends_with_event:  # it has the place of the end
         places[-2] |= places[-1]
     return Settled(places, stuck, rates, slides, *_redundant(problem, touch))
@@ -261,15 +265,16 @@ def _relate(rows: Bools, alike: Bools, act: Bools) -> None:
     rows[-1] |= (alike & fixed[:, None]).any(axis=0)
 
 
-def _stuck(problem: Problem, lay: Layout, nodes: list[States]) -> Bools:
-    """Tangents that stick in a phase at whose end their place is fixed, and was fixed before, shape
-    (phases, nt)."""
-    values, sizes = zip(*(_tangents(problem, at) for at in nodes), strict=True)
-    stuck = np.zeros_like(lay.touch.sticks)
-    for j in range(problem.model.nt):
+def _stuck(nodes: list[Values], sticks: Bools) -> Bools:
+    """What sticks in a phase at whose end its place is fixed, and was fixed before: its values at
+    the ends of phases, (samples, n) each, and phases in which it ``sticks``, (phases, n); shape
+    (phases, n)."""
+    values, sizes = zip(*nodes, strict=True)
+    stuck = np.zeros_like(sticks)
+    for j in range(sticks.shape[1]):
         before = -1
         for i, x in enumerate(values):
-            if i and not lay.touch.sticks[i - 1, j]:
+            if i and not sticks[i - 1, j]:
                 before = -1
             bound = KEPT * np.maximum(sizes[i], sizes[before])[:, j]
             if not (np.abs(x[:, j] - x[0, j]) <= bound).all():
@@ -281,8 +286,6 @@ def _stuck(problem: Problem, lay: Layout, nodes: list[States]) -> Bools:
 
 
 # Values with their sizes --------------------------------------------------------------------------
-
-Values = tuple[Array, Array]
 
 
 def _gaps(problem: Problem, at: States) -> Values:

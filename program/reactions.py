@@ -31,6 +31,10 @@ class PhaseReaction:
         Impulses in the rows of :class:`~dmoc.program.stations.Stations`.
     holds : array of bool, shape (m,)
         Functions whose rates vanish; those of the others are of what slides.
+    pulls : array of bool, shape (m,)
+        Those whose impulses have both signs.
+    in_place : array of bool, shape (m,)
+        Those that are held at zero; the others where the phase begins.
     """
 
     functions: Functions
@@ -38,6 +42,8 @@ class PhaseReaction:
     columns: tuple[int, ...]
     unknowns: Index
     holds: Bools
+    pulls: Bools
+    in_place: Bools
 
     @property
     def kind(self) -> str:
@@ -60,7 +66,7 @@ class PhaseReaction:
         """Distances of positions q (n, nq) along the phase, at times t (n,), from where it holds
         them, shape (n, held)."""
         values = self.functions.values(model, q, t)[:, self.held]
-        return np.asarray(values if self.functions.in_place else values - values[:1])
+        return np.asarray(values - values[:1] * ~self.in_place[self.holds])
 
     def miss_slopes(self, model: Model, q: Array, t: Array) -> Array:
         """Slopes in q of the misses, zero for functions that have no place, shape (n, held, nq)."""

@@ -136,6 +136,7 @@ def simulate(
     inputs: ArrayLike | Callable[[float], ArrayLike] | None = None,
     parameters: Mapping[str, float] | None = None,
     restitution: float | Mapping[str, float] | None = None,
+    grips: Mapping[str, Any] | None = None,
     every: int = 1,
     model: Kernels | None = None,
     feedback: Steers | None = None,
@@ -180,6 +181,11 @@ def simulate(
         Values that replace the model's, or the solution's.
     restitution : float or mapping, optional
         Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic).
+    grips : mapping, optional
+        Pairs of times in seconds from and to which grips are closed, by name, None for the end:
+        ``{"hand": [(0.4, 1.2)]}``.  A grip with one place closes where this vanishes, from then on;
+        one with several, or with a rate alone, closes at that time, and moves what is within a
+        hundredth of their sizes there.  A solution has its own times.
     every : int, optional
         Record every so many steps.
     model : Kernels, optional
@@ -218,7 +224,8 @@ def simulate(
     >>> bool(abs(motion.energy - motion.energy[0]).max() < 1e-3)
     True
     """
-    keywords, names = locals(), ("position", "velocity", "inputs", "parameters", "restitution")
+    keywords = locals()
+    names = "position", "velocity", "inputs", "parameters", "restitution", "grips"
     changes = {name: keywords[name] for name in names if keywords[name] is not None}
     mesh = {"step_size": step_size, "steps": steps}
     alone = feedback is None and disturb is None

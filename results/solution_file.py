@@ -184,6 +184,7 @@ COLLISION = Record(
         "reactions": Mapped(Number(), names=Name()),
         "switch": Either(Choice(("",)), Name()),
         "off": Listed(Name()),
+        "grips": Mapped(Listed(Name()), names=Name()),
     },
 )
 SHAPE = Record(
@@ -228,6 +229,7 @@ TRAJECTORY = Record(
         "quantities": Listed(Name()),
         "totals": Mapped(Number(special=True)),
         "cost": Number(special=True),
+        "grips": Mapped(Listed(Name()), names=Name()),
     },
     _wrong_motion,
 )

@@ -97,9 +97,11 @@ def _stated(motion: Trajectory) -> Iterator[tuple[Cell, ...]]:
     ]
     limited = [f"{name}: {b[0]:g} to {b[1]:g}" for name, b in bounds if np.isfinite(b).any()]
     yield "bounds", ", ".join(limited) or "none"
+    of_grips = {place for places in motion.grips.values() for place in places}
     restitution = ", ".join(
         f"{name} by the model" if e is None else f"{name} {e:g}"
         for name, e in motion.restitution.items()
+        if name not in of_grips
     )
     yield "restitution", restitution or "no surfaces"
     for what in ("friction", "tangential restitution"):

@@ -187,6 +187,11 @@ def _nothing_proposed(problem: Problem) -> str:
             f"all are ({ignored}): relaxed motions would fall through them, which costs least; "
             "take strategy 'tree' with more starts (starts=64), or ignore less."
         )
+    if grips := problem.touch.contacts.grip_names:
+        return (
+            f"relaxed motions know no grips, and in this problem of {name!r} there is nothing else "
+            f"that closes ({', '.join(grips)}); take strategy 'tree', which closes them too."
+        )
     if not problem.ignored:
         return (
             f"nothing can touch in this problem of {name!r}: no surface can be met, and nothing "

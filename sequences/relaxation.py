@@ -93,7 +93,8 @@ class Relaxation:
             problem.model.has_friction,
         )
         lasts, e = bool(contacts.tangents) or not mode.free, problem.restitution_values
-        can = [contacts.surface_numbers[s] for s in settings.surfaces if s not in problem.ignored]
+        passed = *problem.ignored, *contacts.grip_names
+        can = [contacts.surface_numbers[s] for s in settings.surfaces if s not in passed]
         closing = tuple(j for j in can if lasts or e[j] == 0)  # a law is no number
         on = (RAIL, *closing)
         rubbing = tuple(k for k, j in enumerate(contacts.supports) if j in on and rubs[k])

@@ -16,7 +16,7 @@ from dmoc.mechanics.possible_words import possible_after, words_after
 from dmoc.mechanics.sequence_words import event_of, mode_of, word_between
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
-from dmoc.sequences.keywords import SearchKeywords
+from dmoc.sequences.keywords import PROPOSING, SearchKeywords
 from dmoc.solving.methods import METHODS
 
 # Share of the largest final time that a phase keeps, unless the search is told otherwise: bounces
@@ -38,7 +38,7 @@ class Settings(SearchKeywords):
 
 def surfaces_of(problem: Problem, names: Sequence[str] | None) -> tuple[str, ...]:
     """The surfaces that may be hit: all of the model, or some of them."""
-    surfaces = problem.kernels.surfaces
+    surfaces = problem.touch.contacts.grasped(problem.kernels.surfaces)
     if not surfaces and problem.kernels.tangents and names is None:
         return ()
     if not surfaces:
@@ -87,7 +87,9 @@ def _check_word(word: str, contacts: Contacts) -> None:
 
 def hits_alone(problem: Problem, settings: Settings) -> bool:
     """Whether every event is a hit, and every sequence of them one that a problem can have."""
-    return settings.events is None and not problem.lasting and not problem.kernels.tangents
+    grips = problem.touch.contacts.grips
+    every = settings.events is None and not problem.lasting
+    return every and not problem.kernels.tangents and not grips
 
 
 def children(problem: Problem, sequence: tuple[str, ...], settings: Settings) -> list[str]:
@@ -181,6 +183,14 @@ def _check_problem(problem: Problem, s: Settings) -> None:
         raise SearchError(
             f"shortest_phase = {s.shortest_phase:g} s: two phases of it do not fit into the final "
             f"time of at most {latest:g} s; make it shorter."
+        )
+    contacts = problem.touch.contacts
+    gripped = contacts.named(j for j in problem.touch.modes[0].closed if contacts.pull[j])
+    if gripped and s.strategy in PROPOSING:
+        raise SearchError(
+            f"strategy {s.strategy!r}: relaxed motions know no grips, and "
+            f"{' and '.join(contacts.grasped(gripped))} is closed at the start; take strategy "
+            "'tree'."
         )
     if problem.via is not None:
         raise SearchError(

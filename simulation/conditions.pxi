@@ -39,6 +39,10 @@ cdef class Conditions:
     # contradict one another.
     cdef bint dependent
     cdef unsigned char[::1] contradicted
+    # Surfaces that are places of grips, those of them that close wherever they are, and those that
+    # are closed in every mode.
+    cdef unsigned char[::1] pull, floats
+    cdef readonly tuple gripped
 
     def __init__(self, kernels, par):
         self.nq, self.nu = len(kernels.coordinates), len(kernels.inputs)
@@ -49,11 +53,22 @@ cdef class Conditions:
         self.capacity = SIDE_BY_SIDE if kernels.compiled else SIDE_BY_SIDE_NUMPY
         self.t, self.pivot = _space(self.capacity), np.zeros(self.nq, dtype=np.intp)
         self.contradicted = np.zeros(self.capacity, dtype=np.uint8)
+        self.gripped = ()
+        facts, surfaces = kernels.manifest, kernels.surfaces
+        places = {name for of_grip in facts.grips.values() for name in of_grip}
+        self.pull, self.floats = (
+            np.array([name in own for name in surfaces] or [False], dtype=np.uint8)
+            for own in (places, facts.by_rate)
+        )
         if self.nc:
             self.surface = Rows(kernels, "surface")
         self.ended = kernels.has("within")
         if self.ended:
             self.within = Rows(kernels, "within")
+
+    def grip(self, gripped):
+        """Keep places of grips closed in every mode, by their numbers."""
+        self.gripped, self.entered = tuple(gripped), NONE
 
     def _contacts(self):
         """Make what joints, and modes with contacts or friction, need."""
@@ -113,12 +128,13 @@ cdef class Conditions:
             return
         self.m = self.closed = self.sticking = self.sliding = 0
         self.free, self.entered = True, NONE
-        if mode is None and not self.nj:
+        if mode is None and not (self.nj or self.gripped):
             self.entered = None
             return
         if not self.ready:
             self._contacts()
-        held = conditions_among(self.contacts, FREE if mode is None else mode, self.nj)
+        own = FREE if mode is None else mode
+        held = conditions_among(self.contacts, own, self.nj, self.gripped)
         closed, sticking = held.places(GAPS), held.places(TANGENTS)
         self.m, self.sliding = len(held), len(held.drags)
         self.free = not (self.m or self.sliding)

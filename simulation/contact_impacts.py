@@ -68,7 +68,7 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
             raise SimulationError(_beside(model, j, on, at.t))
         return _alone(model, at, j, model.impact_laws[j], float(e[j]))
     rough = [j for j in on if j in model.rough]
-    carrying = bool((reaction.normal[0] > at.small.force).any())
+    carrying = bool((reaction.normal[0] > at.small.force)[on].any())
     names = ", ".join(repr(surfaces[j]) for j in on)
     if not rough and not carrying:
         by_law = [j for j in on if np.isnan(restitution[j])]

@@ -201,12 +201,14 @@ def kept(
     """Numbers that a mode keeps from falling below zero at q and v (n, nq) and t (n,), shape (n, 2
     nc + 2 nt); infinite where there is nothing to keep. They are minus the gap of an open surface
     or the force of a closed one, the friction that tangents that stick can still bear, sliding
-    velocities in their directions, and how far closed surfaces with ends go on."""
+    velocities in their directions, and how far closed surfaces with ends go on. What a grip holds
+    it keeps until it lets go."""
     (q, v, t), closed, stuck = at, list(mode.closed), list(mode.sticking)
     least = -model.gaps(q, t)
     if beside is not None and beside.any():  # these hold it back where it comes over them alone
         least[:, beside] = -model.barriers(q, t)[:, beside]
     least[:, closed] = reaction.normal[:, closed]
+    least[:, model.contacts.pull] = np.inf
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
     bears[:, stuck] = (model.bearing(reaction.normal) - np.abs(reaction.tangential))[:, stuck]
     for k, forward in conditions_of(model, mode).forward(model.slide_rates(q, v, t)).items():

@@ -10,7 +10,8 @@ code (:meth:`dmoc.simulation.integrator.Integrator.stay`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
@@ -26,6 +27,7 @@ from dmoc.motion.friction import friction_word
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_impacts import dying, struck
 from dmoc.simulation.contact_modes import borne
+from dmoc.simulation.grips import Grasp, closed_by
 from dmoc.simulation.impact_orders import Undecided
 from dmoc.simulation.mode_choice import Hints, Place, Setting, check_driven, mode_at, there
 from dmoc.simulation.mode_flow import PLACES, ModeFlow
@@ -103,17 +105,19 @@ class MotionRecord:
 
 
 def nodes(
-    setting: Setting, y: Array, u: Array, first: int, journal: MotionRecord
-) -> Iterator[ContactState]:
+    setting: Setting, y: Array, u: Array, first: int, journal: MotionRecord,
+    grasps: Sequence[Grasp] = (),
+) -> Iterator[ContactState]:  # fmt: skip
     """States at the end of the steps from ``first`` on, each with its inputs u (steps, nu)."""
-    largest, k = Magnitudes(), first
+    largest, k, ahead = Magnitudes(), first, deque(grasps)
     while k < len(u):
         t, end = k * setting.h, (k + 1) * setting.h
         largest = magnitudes_at(setting.model, y, u[k], t, setting.h, largest)
-        y, mode = through_step(setting, y, u[k], (t, end), (largest, journal))
+        setting, y, mode = through_grasps(setting, y, u[k], (t, end), (largest, journal), ahead)
         journal.last, k = node(setting, mode, y, u[k], end), k + 1
         yield journal.last
-        inputs, so_far = np.ascontiguousarray(u[k : k + AT_ONCE]), np.array(astuple(largest))
+        count = quiet_steps(setting, ahead, k, AT_ONCE)
+        inputs, so_far = np.ascontiguousarray(u[k : k + count]), np.array(astuple(largest))
         y = y.copy()
         rows = setting.integrator.stay(mode, y, inputs, setting.h, k, PLACES, so_far)
         largest = Magnitudes(*map(float, so_far))
@@ -122,10 +126,80 @@ def nodes(
             journal.last = ContactState(k * setting.h, state, normal, tangential)
             yield journal.last
         rests = not len(rows[0]) and _rests(setting, mode, journal.last, u[k - 1], largest)
-        while rests and k < len(u) and (u[k] == u[k - 1]).all():
+        while rests and not ahead and k < len(u) and (u[k] == u[k - 1]).all():
             k += 1
             journal.last = replace(journal.last, t=k * setting.h)
             yield journal.last
+
+
+def quiet_steps(setting: Setting, ahead: Sequence[Grasp], k: int, most: int) -> int:
+    """How many steps from step k on, at most ``most``, end before the next grasp."""
+    if not ahead:
+        return most
+    return min(most, max(0, int(ahead[0].ready / setting.h * (1 + ROUNDING)) - k))
+
+
+def through_grasps(
+    setting: Setting, y: Array, u: Array, span: tuple[float, float],
+    so_far: tuple[Magnitudes, MotionRecord], ahead: deque[Grasp],
+) -> tuple[Setting, Array, Mode]:  # fmt: skip
+    """As :func:`through_step`, through the grasps of the step, which are taken from those
+    ``ahead``; also the setting that is left."""
+    (largest, journal), (begin, end) = so_far, span
+    while ahead and ahead[0].ready < end - SHORTEST * setting.h:
+        time = _time_of(setting, y, u, (begin, end), largest, ahead[0])
+        if time is None:
+            break
+        grasp = ahead.popleft()
+        if time - begin > SHORTEST * setting.h:
+            y, mode = through_step(setting, y, u, (begin, time), so_far)
+            journal.last = node(setting, mode, y, u, time)
+        place = _place(setting, y, u, time, largest)
+        place, mode = _resolved(setting, place, (Mode(), Hints()), largest, journal)
+        before = place.y
+        setting, y, impulses = closed_by(setting, place, mode, grasp)
+        journal.collisions += _grasped(setting.model, time, (before, y), grasp, impulses)
+        begin = time
+    return setting, *through_step(setting, y, u, (begin, end), so_far)
+
+
+def _time_of(
+    setting: Setting, y: Array, u: Array, span: tuple[float, float], largest: Magnitudes,
+    grasp: Grasp,
+) -> float | None:  # fmt: skip
+    """When grips close or let go in a part of a step, if they do: at their time; one that waits for
+    its place where this vanishes, as a line between the ends of the part."""
+    (begin, end), model, nq = span, setting.model, setting.model.nq
+    if not grasp.waits(model.contacts.floating):
+        return max(grasp.time, begin) if grasp.time < end - SHORTEST * setting.h else None
+    (j,) = grasp.closes
+    begin = max(begin, grasp.ready)
+    free = MotionRecord(last=None)
+    if begin > span[0]:
+        y, _ = through_step(setting, y, u, (span[0], begin), (largest, free))
+    then, _ = through_step(setting, y, u, (begin, end), (largest, free))
+    before, after = (float(model.gaps(state[:nq], t)[j]) for state, t in ((y, begin), (then, end)))
+    if abs(before) <= model.gap_rounding(y[:nq], begin)[j] or before * after <= 0:
+        return begin + (end - begin) * (before / (before - after) if before != after else 0.0)
+    return None
+
+
+def _grasped(
+    model: Model, t: float, states: tuple[Array, Array], grasp: Grasp,
+    impulses: tuple[tuple[int, float], ...],
+) -> Iterator[Collision]:  # fmt: skip
+    """The event in which grips close, between two states (q | v)."""
+    if not grasp.closes:
+        return
+    nq, names = model.nq, model.kernels.surfaces
+    q = states[1][:nq].copy()
+    before, after = (model.momentum(q, y[nq : 2 * nq], t) for y in states)
+    of = {names[j]: impulse for j, impulse in impulses}
+    lands = model.contacts.named(grasp.closes)
+    yield Collision(
+        lands[0], t, q, of.get(lands[0], 0.0), before, after, lands=lands,
+        leaves=model.contacts.named(grasp.opens), impulses=of, grips=dict(model.contacts.grips),
+    )  # fmt: skip
 
 
 def _rests(setting: Setting, mode: Mode, at: ContactState, u: Array, largest: Magnitudes) -> bool:
@@ -161,7 +235,7 @@ def on_surfaces(setting: Setting, y: Array, t: float, share: float) -> Array:
     """A state moved onto the surfaces that it lies on up to a share of the sizes of their gaps."""
     model, q = setting.model, y[: setting.model.nq]
     near = np.abs(model.gaps(q, t)) <= share * model.gap_sizes(q, t)
-    near &= model.within(q, t) >= 0
+    near &= (model.within(q, t) >= 0) & ~model.contacts.pull
     return _placed(setting, near, y, t)
 
 
@@ -201,10 +275,10 @@ def through_step(
         if event and event.limit is None:
             ahead = _place(setting, way.state(event.broken), u, event.broken, largest)
         if event is None or event.time > place.t or not ahead:  # or it does not last
-            changed = journal.note(model, mode, place.t)
+            changed = journal.note(model, setting.whole(mode), place.t)
             if before is not None and (changed or len(journal.collisions) > struck_before):
                 after = node(setting, mode, place.y, u, place.t)
-                journal.marks.append(ModeChange(before, after, mode))
+                journal.marks.append(ModeChange(before, after, setting.whole(mode)))
             struck_before, lasts = len(journal.collisions), True
         if event is None:
             return last, mode

@@ -99,7 +99,8 @@ cdef class Dynamics(Conditions):
         self, ptrdiff_t n, ptrdiff_t width, double *y, ptrdiff_t turns
     ) except -1 nogil:
         """Move n rows at the times t to where closed gaps and joints are zero and what sticks is at
-        its place, and, in the third turn, to where none has a rate."""
+        its place, and, in the third turn, to where none has a rate; grips that close wherever they
+        are have rates alone."""
         cdef ptrdiff_t nq = self.nq, turn, i, j, c
         cdef double *state
         for turn in range(turns):  # Newton's method, from errors of integration
@@ -110,6 +111,8 @@ cdef class Dynamics(Conditions):
                 for j in range(self.nc):
                     if self.closed_at[j] >= 0:
                         self.wanted[self.closed_at[j]] = -self.g[i * self.nc + j]
+                        if turn < 2 and self.floats[j]:
+                            self.wanted[self.closed_at[j]] = 0.0
                 for j in range(self.nt):
                     if self.sticks_at[j] >= 0:
                         self.wanted[self.sticks_at[j]] = -self.tau[i * self.nt + j]

@@ -30,6 +30,7 @@ from dmoc.simulation.contact_motion import (
     on_surfaces,
     start,
 )
+from dmoc.simulation.grips import Grasp, grasps_of
 from dmoc.simulation.impact_orders import Undecided, notes_of, undecided_of
 from dmoc.simulation.mode_choice import Setting
 from dmoc.simulation.simultaneous_impacts import Lasting
@@ -83,6 +84,7 @@ def simulate(
     inputs: ArrayLike | Callable[[float], ArrayLike] | None = None,
     parameters: Mapping[str, float] | None = None,
     restitution: float | Mapping[str, float] | None = None,
+    grips: Mapping[str, Any] | Sequence[Grasp] | None = None,
     every: int = 1,
     control: Control | None = None,
 ) -> Run:
@@ -112,11 +114,11 @@ def simulate(
     u = _inputs(inputs, h, steps, nu) if control is None else np.zeros((steps, nu))
     e = restitution_row(kernels, restitution, SimulationError)
     check_coefficients(model, SimulationError)
-    run = _SimulationTask(model, u, h, every, control)
+    run = _SimulationTask(model, u, h, every, control, grasps_of(model, grips))
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
         _check_start(model, q, v, u[0])
         held = model.has_friction.any() or model.rubs_in_hits or model.nj or model.ends
-        if control or held:
+        if control or held or model.contacts.grips:
             states = run.recorded(q, model.momentum(q, v))
             journal = _through_contacts(run, e, q, v, 0, states)
         else:
@@ -179,13 +181,15 @@ class _Recorded:
 @record(frozen=True, eq=False)
 class _SimulationTask:
     """A model, inputs of all steps (steps, nu), the size of a step, how many go by between
-    recorded nodes, and what decides on the inputs on the way, if something does."""
+    recorded nodes, what decides on the inputs on the way, if something does, and when grips close
+    and let go."""
 
     model: Model
     u: Array
     h: float
     every: int
     control: Control | None = None
+    grasps: tuple[Grasp, ...] = ()
 
     def recorded(self, q: Array, p: Array) -> _Recorded:
         """Arrays for the nodes, of which the first one has the position q and the momenta p, shape
@@ -274,9 +278,9 @@ def _through_contacts(
     y = on_surfaces(setting, np.concatenate([q, v]), t, ROUNDING)
     journal.last = ContactState(t, y, np.zeros(run.model.nc), np.zeros(run.model.nt))
     ways = (
-        steered(setting, y, run.u, run.control, journal)
+        steered(setting, y, run.u, run.control, journal, run.grasps)
         if run.control
-        else nodes(setting, y, run.u, first, journal)
+        else nodes(setting, y, run.u, first, journal, run.grasps)
     )
     for k, at in enumerate(ways, start=first + 1):
         if k % run.every == 0:
@@ -297,6 +301,7 @@ def _check_start(model: Model, q: Array, v: Array, u: Array) -> None:
             "value there."
         )
     gaps = model.barriers(q)
+    gaps[model.contacts.pull] = 0.0
     for name, gap, near in zip(model.kernels.surfaces, gaps, model.gap_rounding(q), strict=True):
         if gap > max(near, LEFT_OF_ZERO):
             raise SimulationError(

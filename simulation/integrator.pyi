@@ -1,6 +1,6 @@
 """The continuous equations of motion, integrated row by row, compiled."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ class Integrator:
         coarse: bool = False,
         course: Array | None = None,
     ) -> Array: ...
+    def grip(self, gripped: Sequence[int]) -> None: ...
     def project(
         self, mode: Mode, y: Array, t: Array, anchors: Array, rates: bool = True
     ) -> None: ...

@@ -170,6 +170,8 @@ cdef class Integrator(Method):
             if self.m and self.contradicted[i]:
                 return False
             for j in range(self.nc):
+                if self.pull[j]:
+                    continue
                 p = self.closed_at[j]
                 if p >= 0 and not (self.lam[i * self.m + p] > 0 and self.W[i * self.nc + j] > 0):
                     return False

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -50,7 +50,14 @@ class Setting:
     def integrator(self) -> Integrator:
         """The integrator of the model, for motions of the size 1 and without a limit of time."""
         model = self.model
-        return Integrator(model.kernels, model.par, np.ones(2 * model.nq + 1), lambda: None)
+        made = Integrator(model.kernels, model.par, np.ones(2 * model.nq + 1), lambda: None)
+        made.grip(model.gripped)
+        return made
+
+    def whole(self, mode: Mode) -> Mode:
+        """A mode with the grips that are closed."""
+        gripped = self.model.gripped
+        return replace(mode, closed=(*mode.closed, *gripped)) if gripped else mode
 
 
 @record(frozen=True, eq=False)
@@ -76,7 +83,7 @@ Trial = Callable[[Mode, tuple[int, ...]], bool]
 
 
 def touched(model: Model, at: Place) -> list[int]:
-    """Surfaces that a state touches without a rate."""
+    """Surfaces that a state touches without a rate, which are no grips."""
     q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
     near = np.abs(model.gaps(q, at.t)) <= at.small.gap
     still = np.abs(model.gap_rates(q, v, at.t)) <= at.small.rate
@@ -84,11 +91,12 @@ def touched(model: Model, at: Place) -> list[int]:
 
 
 def there(model: Model, at: Place) -> NDArray[np.bool_]:
-    """Surfaces that are where a state is, and does not slip off their ends, shape (nc,)."""
+    """Surfaces that are where a state is, and does not slip off their ends, shape (nc,); no
+    grips."""
     q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
     within, rates = model.within(q, at.t), model.within_rates(q, v, at.t)
     at_end = (np.abs(within) <= at.small.within) & (rates >= -at.small.outwards)
-    return np.asarray((within > at.small.within) | at_end)
+    return np.asarray(((within > at.small.within) | at_end) & ~model.contacts.pull)
 
 
 def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
@@ -190,7 +198,7 @@ def is_borne(
 ) -> bool:
     """Whether no contact pulls and all that sticks is held."""
     normal, tangential = forces
-    if not (normal >= -small).all():
+    if not ((normal >= -small) | model.contacts.pull).all():
         return False
     bears = model.bearing(normal).reshape(model.nt) if mode.sticking else slack
     return all(abs(tangential[k]) <= bears[k] + slack[k] for k in mode.sticking)

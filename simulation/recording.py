@@ -190,9 +190,11 @@ def _collision(run: Run, event: _Moment, before: Phase, after: Phase) -> Collisi
     impulses = {c.surface: float(c.impulse) for c in event.collisions}
     tractions = {name: v for c in event.collisions for name, v in c.tractions.items()}
     q, t = np.array([event.before.q]), np.array([event.t])
-    reactions = dict(
-        zip(kernels.joints, _joint_impulses(model, event, impulses, tractions), strict=True)
-    )
+    still = [name for name in stays if name in model.contacts.named(model.contacts.of_grips)]
+    still = [name for name in still if name not in impulses]
+    of = _kept_impulses(model, event, still, (impulses, tractions))
+    reactions = dict(zip(kernels.joints, of, strict=False))
+    impulses |= dict(zip(still, of[len(kernels.joints) :] if impulses else (), strict=False))
     rates = (0.0, 0.0)
     if surface:
         j = model.surface_numbers[surface]
@@ -203,6 +205,7 @@ def _collision(run: Run, event: _Moment, before: Phase, after: Phase) -> Collisi
         surface, event.t, event.before.q, impulses.get(surface, 0.0),
         event.before.p, event.after.p, *rates, lands=lands, leaves=leaves, friction=changed,
         impulses=impulses, tractions=tractions, reactions=reactions, off=off,
+        grips=dict(model.contacts.grips),
     )  # fmt: skip
 
 
@@ -216,11 +219,15 @@ def _slips_off(model: Model, event: _Moment, j: int, h: float) -> bool:
     return bool(rate < 0 and abs(model.within(q, t)[j]) <= SAME * h * -rate)
 
 
-def _joint_impulses(
-    model: Model, event: _Moment, impulses: dict[str, float], tractions: dict[str, float]
-) -> list[float]:
-    """Impulses of the joints: what those of contacts leave of the change of the momentum."""
-    if not model.nj:
+def _kept_impulses(
+    model: Model, event: _Moment, grips: list[str],
+    of_contacts: tuple[dict[str, float], dict[str, float]],
+) -> list[float]:  # fmt: skip
+    """Impulses of the joints, and of grips that stay closed: what normal and tangential ones of
+    contacts leave of the change of the momentum."""
+    model = model.gripping(tuple(map(model.surface_numbers.__getitem__, grips)))
+    impulses, tractions = of_contacts
+    if not model.kept:
         return []
     q, t, rest = event.before.q, event.t, event.after.p - event.before.p
     normals, along = model.gap_slopes(q, t)[:, :-1], model.tangent_slopes(q, t)[:, :-1]

@@ -17,6 +17,7 @@ from dmoc.mechanics.model_values import by_name, parameter_row
 from dmoc.motion.trajectory import Array, Trajectory
 from dmoc.simulation.contact_motion import on_surfaces
 from dmoc.simulation.forward import MOST_STEPS
+from dmoc.simulation.grips import grasps_along
 from dmoc.simulation.mode_choice import Setting
 
 # Steps of a replay in the smallest step of its solution: its own error is then a sixteenth of that
@@ -48,6 +49,9 @@ def replay(
         "inputs": mean_inputs(motion, count),
         "restitution": plastic(motion),
     }
+    if motion.grips:
+        model = Model(kernels, parameter_row(kernels, parameters, SimulationError))
+        own["grips"] = grasps_along(model, motion)
     if "position" not in changes:
         own["position"] = _on_surfaces(kernels, parameters, motion.phases[0].q[0])
     mesh = {"step_size": motion.final_time / count, "steps": count}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import astuple
 from typing import Protocol
@@ -11,7 +12,14 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.motion.trajectory import Collision
-from dmoc.simulation.contact_motion import ContactState, MotionRecord, node, through_step
+from dmoc.simulation.contact_motion import (
+    ContactState,
+    MotionRecord,
+    node,
+    quiet_steps,
+    through_grasps,
+)
+from dmoc.simulation.grips import Grasp
 from dmoc.simulation.mode_choice import Setting
 from dmoc.simulation.tolerances import Magnitudes, magnitudes_at
 
@@ -34,28 +42,30 @@ class Control(Protocol):
 
 
 def steered(
-    setting: Setting, y: Array, u: Array, control: Control, journal: MotionRecord
-) -> Iterator[ContactState]:
+    setting: Setting, y: Array, u: Array, control: Control, journal: MotionRecord,
+    grasps: Sequence[Grasp] = (),
+) -> Iterator[ContactState]:  # fmt: skip
     """States at the end of steps with the inputs that a control decides on, which are written into
     u (steps, nu)."""
     largest, mode, h = Magnitudes(), FREE, setting.h
-    keeps = False
+    keeps, ahead = False, deque(grasps)
     for k in range(len(u)):
         before, count = y, len(journal.collisions)
         y = control.pushed(k, y)
         u[k] = control.input(k, y)
-        if keeps and y is before:
+        if keeps and y is before and quiet_steps(setting, ahead, k, 1):
             row, so_far = y.copy(), np.array(astuple(largest))
             rows = setting.integrator.stay(mode, row, u[k : k + 1], h, k, LOOKS, so_far)
             largest = Magnitudes(*map(float, so_far))
             if len(rows[0]):
                 y = rows[0][0]
                 journal.last = ContactState((k + 1) * h, y, rows[1][0], rows[2][0])
-                control.feel(k, (), mode)
+                control.feel(k, (), setting.whole(mode))
                 yield journal.last
                 continue
         largest = magnitudes_at(setting.model, y, u[k], k * h, h, largest)
-        y, mode = through_step(setting, y, u[k], (k * h, (k + 1) * h), (largest, journal))
+        span, record = (k * h, (k + 1) * h), (largest, journal)
+        setting, y, mode = through_grasps(setting, y, u[k], span, record, ahead)
         journal.last, keeps = node(setting, mode, y, u[k], (k + 1) * h), True
-        control.feel(k, journal.collisions[count:], mode)
+        control.feel(k, journal.collisions[count:], setting.whole(mode))
         yield journal.last

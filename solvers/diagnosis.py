@@ -130,7 +130,8 @@ def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[
     if ending.status is not Status.SOLVED:
         return ()
     lay, y = nlp.layout, nlp.physical(ending.x)
-    return tuple(text for name in nlp.kernels.surfaces for text in _pulls_of(name, lay, y))
+    one_way = nlp.layout.touch.contacts.named(np.flatnonzero(~nlp.layout.touch.contacts.pull))
+    return tuple(text for name in one_way for text in _pulls_of(name, lay, y))
 
 
 def _pulls_of(name: str, lay: Layout, y: Array) -> Iterator[str]:
@@ -141,7 +142,7 @@ def _pulls_of(name: str, lay: Layout, y: Array) -> Iterator[str]:
     for i in range(lay.stepped):
         rows = at.rows(i)
         for r in lay.reactions(i):
-            if not r.functions.pulls and name in r.names:
+            if r.kind == "normal" and name in r.names:
                 impulse = r.impulses(y)[:, r.names.index(name)]
                 force = impulse / (y[lay.index_h[i]] * at.share[rows])
                 k = int(np.argmin(force))

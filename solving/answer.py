@@ -88,7 +88,8 @@ def _proposing(answer: Solution, case: Case) -> Solution:
 
 def _may_touch(problem: Problem) -> bool:
     """Whether something may touch of which a problem without a sequence says nothing."""
-    open_ones = {*problem.kernels.surfaces} - {*problem.ignored}
+    grips = problem.touch.contacts.named(problem.touch.contacts.of_grips)
+    open_ones = {*problem.kernels.surfaces} - {*problem.ignored, *grips}
     return not problem.sequence and bool(open_ones or problem.model.has_friction.any())
 
 

@@ -11,6 +11,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from dmoc.base.errors import ModelError
 from dmoc.base.signatures import public
 from dmoc.symbolic.expressions import reference
+from dmoc.symbolic.grips import names_of_places
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -77,12 +78,13 @@ def traction(tangent: str) -> Any:
 @public(ModelError)
 def reaction(constraint: str) -> Any:
     """The force R of a constraint of the model, in a quantity: R grad phi acts on the coordinates,
-    R dc/dv of a constraint c of velocities.
+    R dc/dv of a constraint c of velocities; or that of a grip, zero while it is open.
 
     Parameters
     ----------
     constraint : str
-        One of the ``constraints`` of the model.
+        One of the ``constraints`` of the model, or the place of one of its ``grips``: ``"hand"``,
+        or ``"hand_1"`` where it has several.
 
     Returns
     -------
@@ -106,6 +108,7 @@ def forces_of(system: MechanicalSystem) -> dict[Any, str]:
     """The forces of all contacts, tangents and constraints, in the order of y, and their names."""
     kinds = (
         (normal, "N", system.surfaces),
+        (reaction, "N", [n for names in names_of_places(system.grips).values() for n in names]),
         (traction, "T", system.tangents),
         (reaction, "R", system.constraints),
     )

@@ -31,7 +31,7 @@ def check_design(system: MechanicalSystem, f: Continuous, names: Sequence[str]) 
                     f"design parameter {name} is in the tangential restitution of {tangent!r}, "
                     "which the program takes as a number: give it a value in parameters."
                 )
-        for surface, value in zip(system.surfaces, of["e"], strict=False):
+        for surface, value in zip(system.gaps, of["e"], strict=False):
             law = IMPACT_LAWS[law_of(surface, system.impact_laws, system.tangential_restitution)]
             if law.constant and s in value.free_symbols:
                 raise ModelError(

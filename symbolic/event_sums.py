@@ -223,10 +223,10 @@ def check_event_terms(system: MechanicalSystem) -> None:
     named = [("integral", term) for term in event_terms(system)]
     for kind, term in (*named, *(("quantity", term) for term in hit_quantities(system))):
         what = f"{kind} {term.name!r}"
-        if term.surface not in system.surfaces:
+        if term.surface not in system.gaps:
             raise ModelError(
                 f"{what} contains hits of {term.surface!r}, which is no surface: expected one of "
-                f"{', '.join(system.surfaces) or 'none, the model has no surfaces'}."
+                f"{', '.join(system.gaps) or 'none, the model has no surfaces'}."
             )
         check_smooth(term.value, what, kinks=True)
         places = {*system.coordinates, *system.parameters}
@@ -254,7 +254,7 @@ def hit_quantity_rows(system: MechanicalSystem) -> dict[str, list[int]]:
 
 def _numbers(system: MechanicalSystem) -> dict[str, int]:
     """The place of each surface in the model."""
-    return {name: j for j, name in enumerate(system.surfaces)}
+    return {name: j for j, name in enumerate(system.gaps)}
 
 
 def event_kernels(system: MechanicalSystem, plain: Continuous, f: Continuous) -> list[KernelSpec]:

@@ -44,6 +44,7 @@ from dmoc.symbolic.drawing import table_of_drawing, values_of
 from dmoc.symbolic.end_kernels import coordinates_of_ends, end_kernels, ends_of
 from dmoc.symbolic.event_sums import event_kernels, event_rows, hit_quantity_rows
 from dmoc.symbolic.graph import Graph, GraphNode, gradient, reverse
+from dmoc.symbolic.grips import names_of_places, rates_alone
 from dmoc.symbolic.hidden_unknowns import hidden_facts, hidden_kernels, hidden_names
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
 from dmoc.symbolic.kinks import split
@@ -180,6 +181,7 @@ def _facts(
     more |= {"hit_sums": event_rows(system), "hit_quantities": hit_quantity_rows(system)}
     more |= crossing_facts(system, f)
     more["within"] = coordinates_of_ends(system, f)
+    more["grips"], more["by_rate"] = names_of_places(system.grips), rates_alone(system)
     more["static_friction"] = [n for n, e in system.friction.items() if isinstance(e, sp.Tuple)]
     more["varying_friction"] = path_rows(f, *varying(f, list(system.tangents)))
     more["rate_constraints"] = [
@@ -199,11 +201,11 @@ def _facts(
         "coordinates": [name_of(q) for q in system.coordinates],
         "inputs": [name_of(u) for u in system.inputs],
         "units": dict(system.units),
-        "surfaces": list(system.surfaces),
-        "surface_coordinates": _coordinates_in(f, system.surfaces, f.g),
+        "surfaces": list(system.gaps),
+        "surface_coordinates": _coordinates_in(f, system.gaps, f.g),
         "moving_surfaces": [
             name
-            for j, (name, g) in enumerate(zip(system.surfaces, f.g, strict=True))
+            for j, (name, g) in enumerate(zip(system.gaps, f.g, strict=True))
             if any(f.t in e.free_symbols for e in (g, *ends_of(f).get(j, ())))
         ],
         "path_constraints": list(system.path_constraints),
@@ -291,7 +293,7 @@ def _step_kernels(
 
 def _supports(system: MechanicalSystem) -> list[int | None]:
     """The surfaces of the tangents, None of rails."""
-    numbers = {name: j for j, name in enumerate(system.surfaces)}
+    numbers = {name: j for j, name in enumerate(system.gaps)}
     return [numbers.get(name) for name in system.tangents]
 
 

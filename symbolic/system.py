@@ -21,6 +21,7 @@ from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.drawing import Part, with_normal
 from dmoc.symbolic.event_sums import integrands_of, quantities_along
 from dmoc.symbolic.expressions import slack_of
+from dmoc.symbolic.grips import functions_of_grips
 from dmoc.symbolic.surface_ends import inside_of
 from dmoc.symbolic.system_checks import check_names, check_parts
 from dmoc.symbolic.system_fields import containers_of, entries_of
@@ -57,6 +58,14 @@ class MechanicalSystem(Shown):
         Where surfaces that have ends are, as relations in q, t and parameters that hold there:
         ``{"table": (x >= 0, x <= l)}``.  Elsewhere nothing is touched or passed, and a contact that
         comes to an end slips off (equation :eq:`ends-of-surfaces` of the theory).
+    grips : mapping of str to Expr or sequence of Expr, optional
+        What holds both ways from an event to an event, by name: places phi(q, t) that vanish while
+        a hand, a latch or a knee holds, ``{"hand": (x_hand - x_bar, y_hand - y_bar), "knee": a}``,
+        or a rate alone, of a clutch: ``{"clutch": a.diff() - b.diff()}``.  ``"+hand"`` in a
+        sequence closes it, plastically, where its places vanish; ``"-hand"`` lets go, whatever its
+        force.  While it is open it holds nothing back.  Its forces R grad phi have both signs
+        (:func:`dmoc.reaction`, of a grip with several places of ``"hand_1"``, ``"hand_2"``, ...).
+        Equation :eq:`grips` of the theory.
     tangents : mapping of str to Expr, optional
         Tangential positions tau(q, t) of what rubs, by name: ``{"floor": x}`` for the contact with
         the surface ``floor``, whose point slides with the velocity tau'; the time where the
@@ -190,6 +199,7 @@ class MechanicalSystem(Shown):
     quantities: Mapping[str, Any] = field(default_factory=dict)
     tangential_restitution: Mapping[str, Any] = field(default_factory=dict)
     impact_laws: Mapping[str, str] = field(default_factory=dict)
+    grips: Mapping[str, Any] = field(default_factory=dict)
     integrals: Mapping[str, Any] = field(default_factory=dict)
     objective: Any = 0
     switches: Mapping[str, Any] = field(default_factory=dict)
@@ -300,11 +310,13 @@ class MechanicalSystem(Shown):
 
     @property
     def gaps(self) -> dict[str, Any]:
-        """Gap functions g(q) <= 0 by surface name."""
-        return {
+        """Gap functions g(q) <= 0 by surface name, and behind them those of the grips, -phi(q),
+        by the names of their places."""
+        surfaces = {
             name: -slack_of(relation, f"surface {name!r}")
             for name, relation in self.surfaces.items()
         }
+        return surfaces | {name: -place for name, place in functions_of_grips(self).items()}
 
     @property
     def quantities_along(self) -> dict[str, Any]:
@@ -326,7 +338,7 @@ class MechanicalSystem(Shown):
         """Coefficients of all surfaces, zero where none is stated; empty where the system states
         none."""
         stated = self.restitution
-        return tuple(stated.get(name, sp.S.Zero) for name in self.surfaces) if stated else ()
+        return tuple(stated.get(name, sp.S.Zero) for name in self.gaps) if stated else ()
 
     @property
     def coefficients_of_tangential_restitution(self) -> tuple[Any, ...]:
@@ -373,6 +385,7 @@ class MechanicalSystem(Shown):
             *(f"e_t_{n}:{sp.srepr(e)}" for n, e in self.tangential_restitution.items()),
             *(f"law_{n}:{law}" for n, law in self.impact_laws.items()),
             *(f"within_{n}:{sp.srepr(w)}" for n, w in self.inside.items()),
+            *(f"grip_{n}:{sp.srepr(sp.Tuple(*parts))}" for n, parts in self.grips.items()),
             *(f"{n}=0:{sp.srepr(c)}" for n, c in self.constraints.items()),
             *(f"{sp.srepr(x)}:={sp.srepr(e)}" for x, e in self.definitions.items()),
             *(f"z_{n}:{sp.srepr(e)}" for n, e in self.quantities.items()),

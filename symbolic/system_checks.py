@@ -31,6 +31,7 @@ from dmoc.symbolic.expressions import (
     unknown_symbol,
 )
 from dmoc.symbolic.graph import Graph, GraphNode, reverse
+from dmoc.symbolic.grips import check_grips
 from dmoc.symbolic.kinks import check_smooth, real_symbols, split
 from dmoc.symbolic.objectives import check_objective
 from dmoc.symbolic.rest import check_damping
@@ -64,6 +65,7 @@ def check_parts(system: MechanicalSystem) -> None:
     check_impact_laws(system)
     check_forces(system)
     check_event_terms(system)
+    check_grips(system)
     check_objective(system)
     check_within(system)
     _check_friction(system)
@@ -101,6 +103,7 @@ def check_names(system: MechanicalSystem) -> None:
         "switch": list(system.switches),
         "path constraint": list(system.path_constraints),
         "constraint": list(system.constraints),
+        "grip": list(system.grips),
         "tangent": [name for name in system.tangents if name not in system.surfaces],
     }
     for role, names in (symbols | labels).items():
@@ -261,10 +264,11 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
     ends = {name: sp.Tuple(*w) for name, w in system.inside.items()}
     for what, expressions, allowed in (
         ("the force on {}", {name_of(q): e for q, e in system.forces.items()}, KINDS),
-        ("surface {!r}", system.gaps, PLACE),
         ("an end of surface {!r}", ends, PLACE),
+        ("surface {!r}", {name: system.gaps[name] for name in system.surfaces}, PLACE),
         ("path constraint {!r}", system.path_functions, KINDS),
         ("constraint {!r}", system.constraints, STATE),
+        ("grip {!r}", {n: sp.Tuple(*parts) for n, parts in system.grips.items()}, STATE),
         ("the tangent of {!r}", system.tangents, PLACE),
         ("the friction of {!r}", system.friction, (*PLACE, "inputs", "the sliding speed")),
         ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),

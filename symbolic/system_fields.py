@@ -15,6 +15,7 @@ from dmoc.base.errors import ModelError
 from dmoc.base.names import name_of
 from dmoc.symbolic.drawing import parts_in
 from dmoc.symbolic.expressions import expression_in, zero_of
+from dmoc.symbolic.grips import grip_in
 from dmoc.symbolic.surface_ends import joined
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ MAPPINGS = {  # with an example each
     "restitution": '{"wall": 0.8}',
     "tangential_restitution": '{"floor": 0.5}',
     "impact_laws": '{"floor": "poisson"}',
+    "grips": '{"hand": (x - x_bar, y - y_bar)}',
     "definitions": "{x1: l * sp.sin(a)}",
     "quantities": '{"tip": x + l * sp.sin(a)}',
     "integrals": '{"effort": u**2}',
@@ -75,6 +77,7 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
         name: zero_of(equation, f"constraint {name!r}")
         for name, equation in system.constraints.items()
     }
+    read["grips"] = {name: grip_in(parts, name) for name, parts in system.grips.items()}
     kinds = ("quantities", "quantity"), ("integrals", "integral"), ("switches", "switch")
     for kind, what in kinds:
         read[kind] = {

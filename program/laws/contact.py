@@ -8,10 +8,13 @@ theory), but at the last one before a lift-off whose force says when
 
     momentum   ... - sum P_k grad g(q_k) = 0      also of arrival, departure
     closed     g(q_k) = 0                         at the nodes after the first one
+               g(q_k) - g(q_km1) = 0              of what closes wherever it is
     at rest    gamma(q_N, v-) = 0                 at the end of the phase
     lands      g(q_c) = 0                         of what lands beside the first one
     stays      gamma(q_c, v+) = 0                 after an impact, with impulses P_c
     opens      -gamma(q_c, v+) >= 0               of what leaves with an event that ends the motion
+
+Of grips P_k has both signs; they open whatever it is.
 
 This is the scheme RATTLE with the momenta of the step element.  Steps with nodes inside have an
 impulse of their own at each of their nodes, keep the places of all of them, and the rates at their
@@ -34,7 +37,7 @@ from dmoc.program.blocks import NOWHERE, Block, Index, Numbering
 from dmoc.program.interior import give_way
 from dmoc.program.laws.impact import ends_motion
 from dmoc.program.laws.law import AT_REST, Edge, Law, Pivot, key
-from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases
+from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases, later
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import Settled, settled
 from dmoc.program.scale import Scale
@@ -80,7 +83,8 @@ class ContactLaw(Law):
         ]
         give_way(problem, box, scale, held)
         if not self.pulling:
-            for index in (unknowns.P, unknowns.P_c):
+            one_way = ~lay.touch.contacts.pull
+            for index in (unknowns.P[:, one_way], unknowns.P_c[:, one_way]):
                 box[index[index != NOWHERE], 0] = 0.0
             for one in lay.liftoff.of:
                 last = lay.stations.rows(one.event).stop - 1
@@ -96,6 +100,7 @@ class ContactLaw(Law):
         closed, beside = touch.is_closed & ~self.settled.closed, ~self.settled.closed[1:]
         for i, event in enumerate(touch.events):
             landing[i, list(event.lands[1:])] = True
+        landing[:, list(touch.contacts.floating)] = False
         at_end = ends_motion(lay)[:, None]
         self.closed = block(
             "closed",
@@ -129,6 +134,7 @@ class ContactLaw(Law):
         for i in np.flatnonzero(ends_motion(self.lay)):
             event = touch.events[i]
             leaving[i, [j for j in event.leaves if j not in event.off]] = True
+        leaving[:, touch.contacts.pull] = False
         self.opens = block(
             "opens",
             leaving,
@@ -140,10 +146,13 @@ class ContactLaw(Law):
         lay, along, nodes = self.lay, self.along, self.lay.collision_nodes
         if lay.touch.free:
             return []
+        floating = self.closed.index.copy()
+        floating[:, ~np.isin(np.arange(places.nc), lay.touch.contacts.floating)] = NOWHERE
         terms = [
             *along.pushes("normal", lay.contact.P, -1.0, places, laws),
             *along.rests("gap_rate", self.at_rest.index, places),
             Term("surface", along.state(places), (self.closed.index,)),
+            Term("surface", along.state(places), (later(floating),), -1.0),
         ]
         if len(nodes):
             q, t, P_c = lay.index_q[nodes], places.times(nodes), places.or_zero(lay.contact.P_c)
@@ -159,6 +168,8 @@ class ContactLaw(Law):
         """Edges beyond which a contact leaves: there it does not press."""
         lay, rows = self.lay, self.lay.stations.rows(i)
         for j in lay.touch.modes[i].closed:
+            if lay.touch.contacts.pull[j]:
+                continue
             gives = lay.stations.by_step(self.closed.index[rows, j])
             name = lay.touch.contacts.surfaces[j]
             yield Edge(name, j, None, lay.contact.P[rows, j], gives, -1.0)

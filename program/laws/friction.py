@@ -59,7 +59,7 @@ from dmoc.program.interior import bound_once
 from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.impact import ends_motion
 from dmoc.program.laws.law import AT_REST, INPUT, Edge, Law, Pivot, key
-from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases
+from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases, later
 from dmoc.program.laws.sliding import SlidingLaw
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import Settled
@@ -225,13 +225,11 @@ class FrictionLaw(Law):
         q, t = along.state(places)
         stuck, site = self.stuck.index, at_stations(self.lay)
         slides = ("dragging", where_it_slides(self.lay)) if self.slows else ("bearing", site)
-        before = np.full_like(stuck, NOWHERE)
-        before[:-1] = stuck[1:]
         return [
             *along.pushes("traction", unknowns.T, 1.0, places, laws),
             *along.rests("slide_rate", self.stopped.index, places),
             Term("tangent", (q, t), (stuck,)),
-            Term("tangent", (q, t), (before,), -1.0),
+            Term("tangent", (q, t), (later(stuck),), -1.0),
             *self._at_events(places, laws.step.momentum.index),
             *terms_of(self.mu, self._sliding, slides[1], places, slides[0]),
             *terms_of(self.mu_s, self._sticking, site, places, self.static),

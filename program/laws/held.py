@@ -116,7 +116,7 @@ class HeldLaw(Law):
         stops = ~self.grazing[:, None]
         drags = (held.T_b[:, STOP] != NOWHERE) & stops
         grips = drags & self._sticks
-        presses = (held.P_b[:, STOP] != NOWHERE) & stops
+        presses = (held.P_b[:, STOP] != NOWHERE) & stops & ~names.pull
         for i, k in np.argwhere(grips).tolist():
             presses[i, names.supports[k]] = False  # its cone says more
 

@@ -132,6 +132,11 @@ class ImpactLaw(Law):
         return self.impact & (self.lay.touch.open is None)
 
     @property
+    def grasps(self) -> Bools:
+        """Events at which grips close and nothing else is hit or lands, shape (events,)."""
+        return self.impact & np.isin(self.surfaces, self.lay.touch.contacts.of_grips)
+
+    @property
     def plain(self) -> Bools:
         """Collisions whose law says what gamma is after them: plastic ones, grazes, landings, and
         all where it is stated in the rates."""
@@ -144,7 +149,8 @@ class ImpactLaw(Law):
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         lay = self.lay
-        box[lay.impact.lam] = np.stack([np.zeros(len(lay.impact.lam)), self.most_impulse], axis=1)
+        most = self.most_impulse
+        box[lay.impact.lam] = np.stack([np.where(self.grasps, -most, 0.0), most], axis=1)
         hits = np.flatnonzero(self.impact)
         at = lay.index_q[lay.collision_nodes[hits], None]
         give_way(problem, box, scale, zip(at, self.surfaces[hits].tolist(), strict=True))
@@ -189,7 +195,7 @@ class ImpactLaw(Law):
         )
         self.contact = block(
             "contact",
-            self.sure & ~self.settled[0],
+            self.sure & ~self.settled[0] & ~np.isin(hit, self.lay.touch.contacts.floating),
             lambda k: f"contact at {at[k]}",
             lambda s: sizes_of(s.gap, hit),
             missed=Missed(
@@ -209,7 +215,7 @@ class ImpactLaw(Law):
         at, hit, nodes = self.lay.impact.names, self.surfaces, self.lay.collision_nodes
         self.approach = block(
             "approach",
-            self.sure & ~self.grazing,
+            self.sure & ~self.grazing & ~self.grasps,
             lambda k: f"approach of {at[k]}",
             lambda s: sizes_of(s.rate, hit),
             nodes,

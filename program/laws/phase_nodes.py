@@ -109,8 +109,7 @@ class PhaseNodes:
         final state does. ``impulse`` and ``held`` have the shape (rows, size), ``rest`` (total + 1,
         size)."""
         at, d = self.at, self.lay.scheme.degree
-        following = np.full_like(held, NOWHERE)
-        following[:-1] = held[1:]
+        following = later(held)
         following[at.ends] = NOWHERE
         yield Pivot(impulse, following, key(at.place // d, CONTACT))
         (ends,) = np.nonzero(at.ends[: len(at.ends) - self._left_over])
@@ -137,6 +136,13 @@ class PhaseNodes:
         chosen = follows[1:] & (in_impacts != NOWHERE)
         at = np.broadcast_to(key(self.lay.collision_nodes, AT_REST)[:, None], chosen.shape)
         yield in_impacts[chosen], at[chosen]
+
+
+def later(rows: Index) -> Index:
+    """Rows of the next station at each one, NOWHERE at the last, shape (rows, size)."""
+    following = np.full_like(rows, NOWHERE)
+    following[:-1] = rows[1:]
+    return following
 
 
 def ends_of_phases(held: Bools, settled: Bools, more: Bools | None = None) -> Bools:

@@ -190,13 +190,14 @@ class StepLaw(Law):
         return np.repeat(keep, lay.inside, axis=0)
 
     def _ignored(self) -> Bools:
-        """Surfaces that the problem ignores."""
-        return np.isin(self.problem.kernels.surfaces, self.problem.ignored)
+        """Surfaces that the problem ignores, and the places of grips."""
+        ignored = np.isin(self.problem.kernels.surfaces, self.problem.ignored)
+        return np.asarray(ignored | self.lay.touch.contacts.pull)
 
     def _left(self) -> Iterator[tuple[int, list[int]]]:
         """Steps that begin where surfaces that are ignored are left, and these: the sequence names
         them, so that they are not passed there, as under load."""
-        ignored = np.flatnonzero(self._ignored())
+        ignored = np.flatnonzero(self._ignored() & ~self.lay.touch.contacts.pull)
         for step, event in zip(self.lay.collision_nodes, self.lay.touch.events, strict=True):
             if step < self.lay.total:
                 yield int(step), np.intersect1d(event.leaves, ignored).astype(int).tolist()

@@ -85,7 +85,7 @@ def continuous_sections(
     )
     if f.g:
         equations = []
-        for name, g in zip(system.surfaces, f.g, strict=True):
+        for name, g in zip(system.gaps, f.g, strict=True):
             tag = f"g_{upright(name)}"
             equations.append(definition(own, f"g_{name}", tag, g))
             slope = sp.Matrix([gradient(g, f.q)])
@@ -195,7 +195,7 @@ def minimal_time_section(
     a = [own.symbol(f"{q}_ddot_bar", "averaged") for q in f.q]
     half_way = {q: own.symbol(f"{q}_bar", "half-way") for q in f.q}
     equations = []
-    for name, g in zip(system.surfaces, f.g, strict=True):
+    for name, g in zip(system.gaps, f.g, strict=True):
         time = first_root(*approach(g, f, a, half_way))
         tag = rf"T_{{\min,{upright(name)}}}"
         equations.append(definition(own, f"T_min_{name}", tag, time))

@@ -114,7 +114,7 @@ def collision_sections(
     after = [own.symbol(f"r_minus_{n}", LEFT) for n in names]
     lam = own.symbol("lam", "impulse")
     equations = []
-    for name, g in zip(system.surfaces, f.g, strict=True):
+    for name, g in zip(system.gaps, f.g, strict=True):
         normal = gradient(g, f.q)
         tag = upright(name)
         momentum = sp.Matrix(
@@ -127,10 +127,10 @@ def collision_sections(
             equations.append(
                 Equation(f"0 (tangential momentum, {name})", f"0_{tag}", dot(t, total))
             )
-    impulses = [own.symbol(f"lam_{n}", "impulse") for n in system.surfaces]
+    impulses = [own.symbol(f"lam_{n}", "impulse") for n in system.gaps]
     equations.append(definition(own, "e_plus", "e^+", e.e_plus))
     equations.append(definition(own, "e_minus", "e^-", e.e_minus))
-    for name, e in zip(system.surfaces, f.e, strict=False):
+    for name, e in zip(system.gaps, f.e, strict=False):
         if name in system.restitution:
             equations.append(definition(own, f"e_{name}", f"e_{upright(name)}", e))
     moving, rate = impact_work(f, impulses)

@@ -78,6 +78,8 @@ def _facts(system: MechanicalSystem) -> Iterator[tuple[str, str]]:
         ),
     )
     yield "surfaces", ", ".join(system.surfaces)
+    if system.grips:
+        yield "grips", ", ".join(system.grips)
     if system.constraints:
         yield "constraints", ", ".join(system.constraints)
     if system.switches:
@@ -104,11 +106,11 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
         "phi": {*system.constraints} - of_rates, "c": of_rates,
     }  # fmt: skip
     for letter, owners, values in (
-        ("g", system.surfaces, f.g),
+        ("g", system.gaps, f.g),
         ("tau", system.tangents, f.tau),
         ("mu", system.tangents, f.mu),
         ("mu_s", system.tangents, f.mu_s),
-        ("e", system.surfaces if f.e else (), f.e),
+        ("e", system.gaps if f.e else (), f.e),
         ("e_t", system.tangents if f.e_t else (), f.e_t),
         ("phi", system.constraints, f.phi),
         ("c", system.constraints, f.phi),

@@ -114,7 +114,7 @@ class NamedStructure:
             self._named(f"g_{name}", places, [f"n_{name}_{q}" for q in (*n, "t")], by)
             for name, by in (
                 (name, [node.diff(s) for s in (*self.nodes.q, self.nodes.t)])
-                for name, node in zip(self.system.surfaces, g, strict=True)
+                for name, node in zip(self.system.gaps, g, strict=True)
             )
         ]
         at = dict(zip(arguments, (*f.q, *f.v, f.t), strict=True))
@@ -239,7 +239,7 @@ def _surface_section(s: NamedStructure) -> Iterator[Section]:
     if not s.f.g:
         return
     equations: list[Equation] = []
-    for name, g, node in zip(s.system.surfaces, s.f.g, s.nodes.g, strict=True):
+    for name, g, node in zip(s.system.gaps, s.f.g, s.nodes.g, strict=True):
         equations.append(definition(s.own, f"g_{name}", f"g_{upright(name)}", g))
         slopes = ((str(q), node.diff(q)) for q in (*s.nodes.q, s.nodes.t))
         by = {q: slope for q, slope in slopes if slope is not slope.graph.zero}

@@ -43,7 +43,7 @@ def passage(
     )  # fmt: skip
     model = SimpleNamespace(
         kernels=SimpleNamespace(surfaces=("floor", "wall", "roof"), tangents=("along", "above")),
-        contacts=Contacts(("floor", "wall", "roof"), ("floor", "roof")), nj=0,
+        contacts=Contacts(("floor", "wall", "roof"), ("floor", "roof")), nj=0, gripped=(),
         supports=(0, 2), surface_numbers={"floor": 0, "wall": 1, "roof": 2},
         responses=lambda q, n, t: n / q[0], in_impact_at=lambda q, t: there,
         with_friction_at=lambda q, t: there,

@@ -29,7 +29,7 @@ from dmoc.simulation.contact_modes import (
     slack,
 )
 from dmoc.simulation.contact_motion import MotionRecord, Stretch
-from dmoc.simulation.recording import _at_once, _inputs, _joint_impulses, _merged, _Moment, _Side
+from dmoc.simulation.recording import _at_once, _inputs, _kept_impulses, _merged, _Moment, _Side
 
 X, Y = dynamicsymbols("x y")
 MU, HIGH = sp.symbols("mu high")
@@ -203,7 +203,7 @@ def test_a_guide_takes_what_contacts_leave_of_an_impulse() -> None:
     assert change[0] == pytest.approx(change[1])
     sides = [_Side(q, p, p, ZERO, ZERO) for p in (np.zeros(2), change)]
     event = _Moment(time, *sides)
-    (made,) = _joint_impulses(model, event, {"wall": 3.0}, {"wall": 1.0})
+    (made,) = _kept_impulses(model, event, [], ({"wall": 3.0}, {"wall": 1.0}))
     slope = model.joint_slopes(q, time)[0, :-1]
     np.testing.assert_allclose(made * slope, size * guide, atol=1e-12)
 

@@ -34,7 +34,7 @@ CHANGES: dict[str, Any] = {
     "definitions": {dynamicsymbols("d"): X * Y}, "quantities": {"power": W * X.diff()},
     "tangential_restitution": {"wall": 0.3}, "integrals": {"work": W * X.diff()},
     "objective": dmoc.total("work"), "impact_laws": {}, "switches": {"gate": X - 2},
-    "within": {"wall": Y >= 0},
+    "within": {"wall": Y >= 0}, "grips": {"hand": Z - X},
 }  # fmt: skip
 SHOWN: dict[str, Any] = {"title": "Another", "drawing": [dmoc.Disc((X, Y), 0.1)]}
 
