@@ -15,6 +15,7 @@ import dmoc
 from dmoc.base.errors import ModelError, ProblemError, SimulationError
 from dmoc.codegen.system_kernels import kernels_of
 from dmoc.motion.trajectory import Trajectory
+from dmoc.program.minimal_times import WithMinimalTimes
 
 X, Y, U, W = dynamicsymbols("x y u w")
 C = sp.Symbol("c")
@@ -80,6 +81,14 @@ def test_a_switch_of_the_velocity(through: dmoc.Problem) -> None:
     solution = dmoc.solve(through.but(sequence=["fast"], via=None), "ipm")
     assert solution.verification.passed
     assert solution.collisions[0].time == pytest.approx(1 - 1 / sqrt(3), rel=1e-9)
+
+
+def test_minimal_times_are_those_to_surfaces(through: dmoc.Problem) -> None:
+    """The phase to a gate has none; the one from it to the wall has."""
+    bounds = {"u": (-9, 9), "w": (-30, 30)}
+    both = through.but(sequence=["gate", "wall"], via=None, bounds=bounds, minimal_times=True)
+    assert len(WithMinimalTimes(both).minimal_times) == 1
+    assert dmoc.solve(both, "slsqp", starts=1).solved
 
 
 def test_a_switch_is_passed_upwards_alone(through: dmoc.Problem) -> None:
