@@ -127,10 +127,11 @@ def _of_hits(
     named: tuple[str, Sequence[EventTerm]],
 ) -> Function:  # fmt: skip
     """Values at hits of (q, v_a, v_c, lam, t), by the name of their output."""
-    (output, terms), surfaces, n = named, list(system.surfaces), len(f.q)
+    (output, terms), n = named, len(f.q)
+    numbers = {name: j for j, name in enumerate(system.gaps)}
     idle, functions = [mp.mpf(0)] * plain.nu, []
     for term in terms:
-        j = surfaces.index(term.surface)
+        j = numbers[term.surface]
         own = {a: sp.Dummy(real=True) for a in references_in(term.value)}
         kinds, value = [a.func.__name__ for a in own], term.value.xreplace(own)
         compiled = plain.function(f.rewritten(system, [value]), tuple(own.values()))

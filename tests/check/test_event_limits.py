@@ -56,7 +56,8 @@ def passage(
         "law": SimpleNamespace(**outcome), "planned": tuple(map(np.array, planned)),
         "before": SimpleNamespace(q=q, v=v, rubbing={}), "after": SimpleNamespace(q=q[::-1], v=v),
         "normals": np.eye(3)[:, :1], "mode": Mode(ON), "rates": np.array(rates),
-        "rubs": None, "hit": None, "lands": False, "restitution": np.zeros(3), "by": "poisson",
+        "rubs": None, "hit": None, "lands": False, "restitution": np.zeros(3),
+        "impact": SimpleNamespace(by="poisson"),
     }  # fmt: skip
     return SimpleNamespace(**stated | fields)
 
