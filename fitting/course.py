@@ -29,6 +29,8 @@ from dmoc.simulation.roots import crossing
 
 # Steps that are integrated before it is looked whether an event has happened in them.
 AT_ONCE = 128
+# Doublings of a step that a phase goes back for an event that has happened before it.
+BACK = 7
 # Share of the time of a run to which events are located.
 LOCATED = 1e-15
 
@@ -56,7 +58,7 @@ class Mesh:
 
     def after(self, t: float) -> Mesh:
         """The steps from a time on, which is before the end."""
-        k = int(np.searchsorted(self.t, t, side="right")) - 1
+        k = max(int(np.searchsorted(self.t, t, side="right")) - 1, 0)
         first = self.inputs(np.array([t]))
         return Mesh(
             np.concatenate([[t], self.t[k + 1 :]]),
@@ -86,7 +88,8 @@ class Course:
 
     @cached_property
     def events(self) -> Array:
-        """Times of the events of the word; the end of the mesh of those that do not happen."""
+        """Times of the events of the word; the end of the mesh of those that do not happen. One
+        that comes sooner than the one before it shows that the word has them in a wrong order."""
         times = [arc.t[-1] for arc in self.arcs[:-1]]
         missing = len(self.laws.touch.events) - len(times)
         return np.array(times + [self.mesh.t[-1]] * missing)
@@ -98,7 +101,8 @@ class Course:
 
     def phases(self, t: Array) -> NDArray[np.intp]:
         """The phase of each time, that after an event at it, shape (n,)."""
-        return np.searchsorted(self.events[: len(self.arcs) - 1], t, side="right")
+        times = np.maximum.accumulate(self.events[: len(self.arcs) - 1])
+        return np.searchsorted(times, t, side="right")
 
     def states(self, t: Array, phase: NDArray[np.intp]) -> Array:
         """States (n, 2 nq) at times, each in a phase, whose flow goes on beyond its ends."""
@@ -109,7 +113,8 @@ class Course:
         return rows
 
     def _in_arc(self, arc: Arc, t: Array) -> Array:
-        k = np.clip(np.searchsorted(arc.t, t, side="right") - 1, 0, len(arc.t) - 1)
+        nodes = arc.t if arc.t[-1] > arc.t[0] else arc.t[:1]
+        k = np.clip(np.searchsorted(nodes, t, side="right") - 1, 0, len(nodes) - 1)
         rows, h = arc.y[k].copy(), t - arc.t[k]
         away = np.flatnonzero(h)
         if len(away):
@@ -227,8 +232,10 @@ class Laws:
         its event has to leave first."""
         u = np.vstack([part.u0[:1], part.u1])
         value = guard(arc.y, u, part.t)
-        if begins:
-            value[0] = -1.0 if abs(value[0]) <= np.abs(value).max() * 1e-9 else value[0]
+        if begins and abs(value[0]) <= np.abs(value).max() * 1e-9:
+            value[0] = -1.0
+        elif begins and value[0] > 0:
+            return self._sooner(guard, arc, part, float(value[0]))
         over = np.flatnonzero((value[:-1] < 0) & (value[1:] >= 0))
         if not len(over):
             return None
@@ -245,6 +252,29 @@ class Laws:
         size = LOCATED * max(abs(t), float(part.t[-1] - part.t[0]))
         s = crossing(gap, (0.0, float(value[k])), (h, float(value[k + 1])), size)
         return k, t + s, state(s)
+
+    def _sooner(
+        self, guard: Guard, arc: Arc, part: Mesh, value: float
+    ) -> tuple[int, float, Array] | None:
+        """An event that has happened before its phase begins: the phase goes back to it, so that
+        where two events happen nearly at once their order does not matter to a fit."""
+        t, y = part.t[:1], arc.y[:1]
+
+        def gap(s: float) -> float:
+            return float(
+                guard(self.moved(arc, y, t, np.array([s]), part), part.inputs(t + s), t + s)[0]
+            )
+
+        back = -float(part.t[1] - part.t[0])
+        for _ in range(BACK):
+            there = gap(back)
+            if there < 0:
+                s = crossing(
+                    gap, (back, there), (0.0, value), LOCATED * max(abs(float(t[0])), -back)
+                )
+                return 0, float(t[0]) + s, self.moved(arc, y, t, np.array([s]), part)
+            back *= 2
+        return None
 
     def _guard(self, i: int) -> Guard:
         """What says that an event happens."""

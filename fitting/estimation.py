@@ -14,7 +14,7 @@ from dmoc.fitting.experiment import Experiment, Prediction
 from dmoc.fitting.identification import Identification, identified
 from dmoc.fitting.noise import MOST_ROUNDS, SETTLED, first_sigma, sigma_left
 from dmoc.fitting.parameters import START, Parameter
-from dmoc.fitting.regression import HUBER, Regression
+from dmoc.fitting.regression import HUBER, MOST_ITERATIONS, Regression
 from dmoc.fitting.windows import from_windows
 
 # Mean squares of residuals, in standard deviations, up to which a motion fits what is measured.
@@ -110,15 +110,17 @@ def check_enough(regression: Regression) -> None:
         )
 
 
-def first_fit(regression: Regression, sigma: Array) -> tuple[Array, float]:
+def first_fit(
+    regression: Regression, sigma: Array, iterations: int = MOST_ITERATIONS
+) -> tuple[Array, float]:
     """Unknowns and cost of a fit of whole runs, from their first values, or where that does not
     lead to what is measured, from windows of the runs."""
     begin = scanned(regression, sigma)
-    x, cost = regression.fitted(begin, sigma)
+    x, cost = regression.fitted(begin, sigma, None, iterations)
     if not regression.square(x, sigma) <= FITS:
         better = from_windows(regression, begin)
         if better is not None:
-            other, less = regression.fitted(better, sigma)
+            other, less = regression.fitted(better, sigma, None, iterations)
             x, cost = (other, less) if less < cost else (x, cost)
     if not np.isfinite(cost):
         raise FitError(

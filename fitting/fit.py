@@ -24,8 +24,11 @@ from dmoc.fitting.outcome import check_starts, fit_of
 from dmoc.fitting.parameters import fixed_start, parameters_of
 from dmoc.fitting.regression import LOSSES, Regression
 from dmoc.fitting.result import Fit
-from dmoc.fitting.words import best_words, touch_of_words
+from dmoc.fitting.words import best_words, in_order, in_order_of_sight, touch_of_words
 from dmoc.problem.problem import Problem
+
+# Orders of events that are tried, one after the other.
+MOST_ORDERS = 3
 
 
 @public(FitError)
@@ -124,7 +127,13 @@ def fit(
         regression = _stated(problem, runs, parameters, start, sigma, own, inputs, loss, sequences)
         check_starts(regression)
         regression, notes = _with_words(regression, sequences)
-        return fit_of(problem, estimated(regression), notes)
+        made = estimated(regression)
+        for _ in range(MOST_ORDERS):
+            regression, told = in_order(made)
+            if not told:
+                break
+            made, notes = estimated(regression), [*notes, *told]
+        return fit_of(problem, made, notes)
 
 
 @public(FitError)
@@ -267,7 +276,7 @@ def _with_words(regression: Regression, sequences: Any) -> tuple[Regression, lis
     given = sequences is not None or any(e.problem.sequence for e in regression.experiments)
     surfaces = regression.experiments[0].problem.kernels.surfaces
     if given or not surfaces:
-        return regression, []
+        return _in_order_of_sight(regression)
     made, notes = list[Experiment](), list[str]()
     for i, e in enumerate(regression.experiments):
         if e.run.before:
@@ -277,4 +286,15 @@ def _with_words(regression: Regression, sequences: Any) -> tuple[Regression, lis
         made.append(best)
         said = ", ".join(best.words) or "no event"
         notes.append(f"no sequence is given: {said} fits {e.run.name} best")
+    return replace(regression, experiments=tuple(made)), notes
+
+
+def _in_order_of_sight(regression: Regression) -> tuple[Regression, list[str]]:
+    """Runs whose sensors show their hits in another order than their words, in that order."""
+    made, notes = list[Experiment](), list[str]()
+    for e, own in zip(regression.experiments, regression.own, strict=True):
+        free = e.run.before or not all(event.impact for event in e.touch.events)
+        made.append(e if free else in_order_of_sight(e, regression.first[own]))
+        if made[-1].words != e.words:
+            notes.append(f"{e.run.name} shows its hits as {', '.join(made[-1].words)}")
     return replace(regression, experiments=tuple(made)), notes

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from dmoc.base.errors import FitError
+from dmoc.base.names import unit_of
 from dmoc.codegen.kernels import Array
 from dmoc.fitting.course import Course
 from dmoc.fitting.estimation import Estimate
@@ -189,8 +190,10 @@ def _misfits(estimate: Estimate) -> Iterator[str]:
             if times > max(FAR, worst) and _rms(np.abs(left[rows]), regression.loss) > least:
                 k = int(np.argmax(size))
                 worst = times
+                unit = unit_of(name, e.problem.kernels.manifest.units)
+                sensor = f"{name} [{unit}]" if unit else name
                 words = (
-                    f"{e.run.name} does not fit: residuals of {name} are {times:.3g} times their "
+                    f"{e.run.name} does not fit: residuals of {sensor} are {times:.3g} times their "
                     f"noise, the largest {size[k]:.3g} times, at t = {e.times[at][k]:.4g} s"
                 )
         if words:

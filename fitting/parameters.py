@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyfit, polyval
 
 from dmoc.base.arguments import check_known, check_largest, interval, listed, names, shown
 from dmoc.base.errors import DmocError, FitError
@@ -25,6 +26,9 @@ E = "e"  # what coefficients of restitution are called where no parameter of the
 RIGHT = {BIAS: 0.0, GAIN: 1.0, DELAY: 0.0}
 # A restitution that nothing says begins in the middle of what it may be.
 SOMEWHERE = 0.5
+# Samples from which a state at the begin is read, and how far outliers among them are off, in
+# medians.
+FIRST, OUTLYING, ROUNDS = 9, 6.0, 20
 
 
 @record(frozen=True, eq=False)
@@ -239,16 +243,22 @@ def _polynomial(run: Run, name: str, t: float, last: float | None) -> tuple[floa
     stop = run.end if last is None else last
     here = s.t >= t
     few = here & (s.t <= min(t + span, stop))
-    if few.sum() < 6:
+    if few.sum() < FIRST:
         few = here & (s.t <= stop)
-        few[np.flatnonzero(few)[6:]] = False
+        few[np.flatnonzero(few)[FIRST:]] = False
     x, y = s.t[few] - t, s.y[few]
     if len(x) < 2:
         k = int(np.argmin(np.abs(s.t - t)))
         return float(s.y[k]), 0.0
     unit = max(float(np.abs(x).max()), 1e-300)
     degree = min(2, len(np.unique(x)) - 1)
-    fitted = np.polynomial.polynomial.polyfit(x / unit, y, degree)
+    fitted, weight = polyfit(x / unit, y, degree), np.ones(len(x))
+    for _ in range(ROUNDS if len(x) > FIRST / 2 else 0):  # the least sum of distances, and then
+        off = np.abs(y - polyval(x / unit, fitted))
+        weight = 1 / np.sqrt(np.maximum(off, 1e-6 * float(np.abs(y).max()) + 1e-300))
+        fitted = polyfit(x / unit, y, degree, w=weight)
+    near = off <= OUTLYING * np.median(off) if len(x) > FIRST / 2 else weight > 0
+    fitted = polyfit(x[near] / unit, y[near], degree)  # that of squares without outliers
     return float(fitted[0]), float(fitted[1]) / unit
 
 

@@ -142,14 +142,19 @@ def hits_seen(e: Experiment, x: Array) -> Array | None:
         return None
     if not e.touch.events:
         return np.zeros(0)
-    wanted = [event.surface for event in e.touch.events]
-    seen = peaks(e, x)
+    chosen, wanted = hits_of_word(e, x), [event.surface for event in e.touch.events]
+    return np.array([t for t, _ in chosen]) if [j for _, j in chosen] == wanted else None
+
+
+def hits_of_word(e: Experiment, x: Array) -> list[tuple[float, int]]:
+    """Times and surfaces of the hits that measured gaps show best, as many of each surface as the
+    word has, in their order."""
+    wanted, seen = [event.surface for event in e.touch.events], peaks(e, x)
     chosen = list[tuple[float, int]]()
     for j in dict.fromkeys(wanted):
         own = sorted((p for p in seen if p[1] == j), key=lambda p: -p[2])[: wanted.count(j)]
         chosen += [(time, j) for time, _, _ in own]
-    chosen.sort()
-    return np.array([t for t, _ in chosen]) if [j for _, j in chosen] == wanted else None
+    return sorted(chosen)
 
 
 def peaks(e: Experiment, x: Array) -> list[tuple[float, int, float]]:
@@ -158,7 +163,7 @@ def peaks(e: Experiment, x: Array) -> list[tuple[float, int, float]]:
     t, g = measured_gaps(e, x)
     found = []
     for j, gap in enumerate(g.T):
-        size = float(np.ptp(gap))
+        size = float(np.ptp(gap)) if len(t) > 2 else 0.0
         if size > 0:
             at, how = find_peaks(gap, prominence=PROMINENT * size, plateau_size=1)
             found += [
@@ -169,8 +174,15 @@ def peaks(e: Experiment, x: Array) -> list[tuple[float, int, float]]:
 
 
 def measured_gaps(e: Experiment, x: Array) -> tuple[Array, Array]:
-    """Times (n,) and gaps (n, nc) along the measured coordinates."""
-    sensors = [e.run.sensors[name] for name in e.problem.kernels.coordinates]
-    t = np.unique(np.concatenate([s.t for s in sensors]))
-    q = np.stack([np.interp(t, s.t, s.y) for s in sensors], axis=1)
-    return t, e.laws(x).model.gaps(q, t)
+    """Times (n,) and gaps (n, nc) along the measured coordinates; 0 of those that these do not
+    tell."""
+    names, model = e.problem.kernels.coordinates, e.laws(x).model
+    seen = {i: e.run.sensors[name] for i, name in enumerate(names) if name in e.run.sensors}
+    if not seen:
+        return np.zeros(0), np.zeros((0, model.nc))
+    t = np.unique(np.concatenate([s.t for s in seen.values()]))
+    q = np.zeros((len(t), len(names)))
+    for i, s in seen.items():
+        q[:, i] = np.interp(t, s.t, s.y)
+    told = [set(on) <= set(seen) for on in model.surface_coordinates]
+    return t, np.where(told, model.gaps(q, t), 0.0)

@@ -11,17 +11,18 @@ import numpy as np
 
 from dmoc.base.errors import DmocError, FitError
 from dmoc.codegen.kernels import Array
-from dmoc.fitting.estimation import FITS, check_enough, first_fit
+from dmoc.fitting.estimation import FITS, Estimate, check_enough, first_fit
 from dmoc.fitting.experiment import Experiment
 from dmoc.fitting.noise import first_sigma
 from dmoc.fitting.regression import Regression
-from dmoc.fitting.windows import measured_gaps, peaks
+from dmoc.fitting.windows import hits_of_word, measured_gaps, peaks
 from dmoc.mechanics.sequence_words import mode_of, touch_along
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.problem import Problem
 
 # Gaps, as shares of their range, by which hits are seen in what is measured; how near to zero.
-SEEN, NEAR = 0.1, 0.15
+SEEN, NEAR = 0.1, (0.15, 0.4)
+TRIED = 20  # iterations of a word
 MOST_CHANGES = 3  # events that are changed one after the other
 # A word is another one's better where its mean squares are so much less.
 BETTER = 0.9
@@ -57,7 +58,7 @@ def best_words(
             tried[words] = np.inf
             with suppress(DmocError):
                 one = replace(alone, experiments=(with_words(e, words),))
-                x, _ = first_fit(one, sigma)
+                x, _ = first_fit(one, sigma, TRIED)
                 tried[words] = one.square(x, sigma) if _reaches(one, x) else np.inf
         return tried[words]
 
@@ -65,7 +66,7 @@ def best_words(
     for _ in range(changes):
         if tell(best) <= FITS:
             break
-        other = min(_changed(e, best), key=tell, default=best)
+        other = min(_changed(e, best, alone.first), key=tell, default=best)
         if not tell(other) < BETTER * tell(best):
             break
         best = other
@@ -99,6 +100,22 @@ def passed(regression: Regression, x: Array) -> list[tuple[str, str, float]]:
     return found
 
 
+def in_order(made: Estimate) -> tuple[Regression, list[str]]:
+    """The runs with their events in the order in which they happen, and a sentence about each whose
+    word has another one."""
+    experiments, told = list(made.regression.experiments), list[str]()
+    for i, (e, own) in enumerate(zip(experiments, made.predictions, strict=True)):
+        times = own.course.events[: len(own.course.arcs) - 1]
+        order = [*np.argsort(times, kind="stable").tolist(), *range(len(times), len(e.words))]
+        if order == sorted(order):
+            continue
+        words = tuple(e.words[k] for k in order)
+        with suppress(FitError):
+            experiments[i] = with_words(e, words)
+            told.append(f"events of {e.run.name} happen in another order, {', '.join(words)}")
+    return replace(made.regression, experiments=tuple(experiments)), told
+
+
 def by_laws(e: Experiment, x: Array) -> Experiment:
     """The experiment with the hits that its motion has by the laws: those of its word that happen
     in the time of the run, and those on surfaces that it would pass else."""
@@ -124,26 +141,37 @@ def _first(e: Experiment, x: Array) -> Iterator[tuple[str, ...]]:
     yield e.words
     if e.run.events:
         yield tuple(word for word, _ in e.run.events)
-    if all(name in e.run.sensors for name in e.problem.kernels.coordinates):
-        yield _seen(e, x)
+    yield from (_seen(e, x, near) for near in NEAR)
+    yield by_laws(e, x).words
 
 
-def _seen(e: Experiment, x: Array) -> tuple[str, ...]:
-    """Hits where measured gaps are largest, near their surfaces."""
+def in_order_of_sight(e: Experiment, x: Array) -> Experiment:
+    """The experiment with its hits in the order in which measured gaps show them, where they show
+    as many of each surface."""
+    hits = sorted((time, e.problem.kernels.surfaces[j]) for time, j in hits_of_word(e, x))
+    words = tuple(name for _, name in hits)
+    return with_words(e, words) if sorted(words) == sorted(e.words) and words else e
+
+
+def _seen(e: Experiment, x: Array, near: float) -> tuple[str, ...]:
+    """Hits where measured gaps are largest, within a share of their range of their surfaces."""
     t, gaps = measured_gaps(e, x)
     hits = []
     for time, j, fall in peaks(e, x):
         size = float(np.ptp(gaps[:, j]))
-        if fall > SEEN and abs(float(np.interp(time, t, gaps[:, j]))) < NEAR * size:
+        if fall > SEEN and abs(float(np.interp(time, t, gaps[:, j]))) < near * size:
             hits.append((time, e.problem.kernels.surfaces[j]))
     return tuple(name for _, name in sorted(hits))[:LONGEST]
 
 
-def _changed(e: Experiment, words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-    """Words with one hit less or more."""
+def _changed(e: Experiment, words: tuple[str, ...], x: Array) -> Iterator[tuple[str, ...]]:
+    """Words with one hit less or more; where hits are seen, with more at the end alone."""
     for k in range(len(words)):
         yield words[:k] + words[k + 1 :]
     for name in e.problem.kernels.surfaces if len(words) < LONGEST else ():
         if name not in e.problem.ignored:
-            for k in range(len(words) + 1):
+            for k in range(
+                len(words) if words and any(words == _seen(e, x, near) for near in NEAR) else 0,
+                len(words) + 1,
+            ):
                 yield (*words[:k], name, *words[k:])
