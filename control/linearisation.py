@@ -282,7 +282,7 @@ def _sooner(motion: Motion, i: int, at: tuple[Array, Array, Array], f: Array) ->
     size = float(np.abs(slope) @ sizes) / motion.sizes.time
     if abs(rate) > GRAZES * size:
         return np.asarray(slope / rate)
-    if p.c.surface or p.c.switch:
+    if p.c.surface or p.c.switch or p.c.off:
         raise SimulationError(
             f"the event {p.c.word!r} at {p.c.time:.6g} s grazes: a small deviation decides whether "
             "it happens, so there is no linearised motion through it; take a motion that hits or "
@@ -312,6 +312,9 @@ def _ends(motion: Motion, i: int) -> Callable[[Array, Array, Array], Array] | No
     if p.c.switch:
         crossed = model.contacts.switches.index(p.c.switch)
         return lambda y, u, t: model.crossings(*parts(y), t)[:, [crossed]]
+    if p.c.off:
+        ended = model.surface_numbers[p.c.off[0]]
+        return lambda y, u, t: model.within(parts(y)[0], t)[:, [ended]]
     was, now = motion.modes[i].rubbing, motion.modes[i + 1].rubbing
     changed = [k for k, s in now.items() if was.get(k, s) != s]
     if len(changed) != 1:

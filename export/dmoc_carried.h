@@ -50,6 +50,7 @@ typedef struct {
 /* What positions and velocities keep: kernels, NULL for none, and sizes of their results. */
 typedef struct {
     const dmoc_entry *momentum, *surface, *gap_rate, *joint, *joint_rate, *tangent;
+    const dmoc_entry *barrier; /* of open surfaces: the same, or one that counts within their ends */
     int nq, nc, nj, nt, parameters;
     const int *chosen; /* [parameters] the unknowns that they are, or -1 */
     const double *gap, *rate, *joint_size, *joint_rate_size, *tangent_size, *slide_size;

@@ -91,12 +91,12 @@ static int inside(const dmoc_solver *s, int phase, int first, int last)
     carried_parameters(s, parameters);
     for (int k = first; k <= last; ++k) {
         const double *in[DMOC_MOST] = {s->physical + p->q + k*p->nq, s->times + k, parameters};
-        if (p->surface) {
-            carried_call(p->surface, in, result, NULL);
+        for (int closed = 0; closed < (p->surface ? 2 : 0); ++closed) {
+            if (!closed || p->barrier != p->surface)
+                carried_call(closed ? p->surface : p->barrier, in, result, NULL);
             for (int j = 0; j < p->nc; ++j) {
-                const int held = p->held[phase*p->nc + j];
-                const double g = held == 2 ? fabs(result[j]) : result[j];
-                if (held && !(g <= CARRIED_KEPT*p->gap[j]))
+                const double g = closed ? fabs(result[j]) : result[j];
+                if (p->held[phase*p->nc + j] == 1 + closed && !(g <= CARRIED_KEPT*p->gap[j]))
                     return 0;
             }
         }

@@ -199,7 +199,7 @@ static int entered(const node_of *at, int count)
     for (int j = 0; j < places->nc; ++j) {
         if (places->held[j] != 1)
             continue;
-        carried_call(places->surface, there, at->rates, NULL);
+        carried_call(places->barrier, there, at->rates, NULL);
         const double beyond = at->rates[j] + IN_FRONT*places->gap[j];
         if (!(beyond > 0))
             continue;

@@ -37,7 +37,15 @@ from dmoc.solvers.outcome import Duals
 
 # Of the kernels that a solver calls beside those of its passes.
 CHECKS = ("momentum", "surface", "gap_rate", "joint", "joint_rate", "tangent")
-OTHERS = ("dynamics", "joint_jac", "surface_jac", "tangent_jac", *KERNELS, *OF_PARAMETERS)
+OTHERS = (
+    "barrier",
+    "dynamics",
+    "joint_jac",
+    "surface_jac",
+    "tangent_jac",
+    *KERNELS,
+    *OF_PARAMETERS,
+)
 KKT = ("place", "start", "row", "first", "from_hess", "from_jac", "diagonal")
 LDL = ("first", "block", "row_start", "row", "part_start", "part", "target", "height")
 SIZES = ("n", "entries", "pivots", "chain", "blocks")
@@ -229,6 +237,7 @@ def _places(c: Constants, carried: CarriedProgram, entries: Mapping[str, str]) -
     touching, joined = bool(kernels.surfaces), bool(kernels.joints)
     there = zip(CHECKS, (True, touching, touching, joined, joined, model.nt > 0), strict=True)
     called = [entries[name] if is_there else "NULL" for name, is_there in there]
+    called.append(entries[model.barrier_kernel] if touching else "NULL")
     unknowns = dict(zip(problem.design, lay.index_design.tolist(), strict=True))
     chosen = np.array([unknowns.get(name, NOWHERE) for name in kernels.parameters])
     tangent, joint = (

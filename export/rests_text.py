@@ -26,6 +26,11 @@ def carried_rests(name: str, planner: Planner) -> tuple[list[CarriedProgram], li
             "a planner in C does not see when a switch is passed, which the sequence has: plan "
             "with dmoc.Planner, or generate the solver without a planner."
         )
+    if any(event.off for event in planner.problem.touch.events):
+        raise ProblemError(
+            "a planner in C does not see when a contact slips off an end, as the sequence says: "
+            "plan with dmoc.Planner, or generate the solver without a planner."
+        )
     rests, begins = list[CarriedProgram](), list[float]()
     for i, (begin, nlp, x, ended) in enumerate(planner.rests()):
         if ended.status is not Status.SOLVED:

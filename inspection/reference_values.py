@@ -115,7 +115,7 @@ class ReferenceValues(ReferenceFunctions):
 
     def _gap_work(self, x: Vector) -> dict[str, Vector]:
         """Works W_g of gaps from (q, lam, t)."""
-        gaps = self.g(self._place([*x[: self.nq], x[-1]]))
+        gaps = self._behind(self._place([*x[: self.nq], x[-1]]))
         return {"W_g": [a * b for a, b in zip(x[self.nq : -1], gaps, strict=True)]}
 
     def _rebound(self, x: Vector) -> dict[str, Vector]:

@@ -185,6 +185,11 @@ class Model(FrictionModel, CostModel):
         """The kernels of what is not positive before surfaces, and beside their ends."""
         return "barrier" if self.ends else "surface"
 
+    def covered_gaps(self, q: Array, t: ArrayLike = 0.0) -> Array:
+        """B <= 0, shape (..., nc): gaps, and of surfaces that have ends what is not positive beside
+        these too."""
+        return self._values("barrier", self.nc, q, t) if self.ends else self.gaps(q, t)
+
     def barriers(self, q: Array, t: ArrayLike = 0.0, least: Array | float = 0.0) -> Array:
         """Gaps, shape (..., nc), of surfaces that are there, with more than the ``least`` W, shape
         (nc,); minus infinity beyond their ends."""

@@ -152,10 +152,10 @@ def _along(problem: Problem, mode: Mode, q: Array, v: Array) -> Array:
 
 
 def arrival(problem: Problem, event: Collision | None, state: MeasuredState) -> float:
-    """Seconds until a state that goes on as it moves reaches the surface or the switch of an event;
-    endless where it does not."""
-    if event is not None and event.switch:
-        w, rate = _switch_at(problem, event, state)
+    """Seconds until a state that goes on as it moves reaches the surface, the switch or the end of
+    an event; endless where it does not."""
+    if event is not None and (event.switch or event.off):
+        w, rate = _passing(problem, event, state)
         return max(-w, 0.0) / rate if rate > 0 else np.inf
     if event is None or not (event.surface or event.lands):
         return np.inf
@@ -165,9 +165,13 @@ def arrival(problem: Problem, event: Collision | None, state: MeasuredState) -> 
     return max(-gap, 0.0) / rate if rate > 0 else np.inf
 
 
-def _switch_at(problem: Problem, event: Collision, state: MeasuredState) -> tuple[float, float]:
-    """The value of the switch of an event, and its rate without acceleration."""
+def _passing(problem: Problem, event: Collision, state: MeasuredState) -> tuple[float, float]:
+    """The value of the switch of an event, or how far past its end a contact is, and its rate
+    without acceleration."""
     model, (q, v) = problem.model, state
+    if event.off:
+        j = model.surface_numbers[event.off[0]]
+        return -float(model.within(q)[j]), -float(model.within_rates(q, v)[j])
     k = model.contacts.switches.index(event.switch)
     rate = model.crossing_rates(q, v, np.zeros_like(v))[k]
     return float(model.crossings(q, v)[k]), float(rate)
@@ -180,11 +184,11 @@ def is_over(
     the plan's time of it, at the end of a phase that ``lasts`` as long, and ``step`` seconds after
     the last state.
 
-    What is hit or lands is left or at rest, and is still near; a switch is not below zero; what
-    leaves, or rubs in another way, does so at its time.
+    What is hit or lands is left or at rest, and is still near; a switch is not below zero, and what
+    slips off is past its end; what leaves, or rubs in another way, does so at its time.
     """
-    if event.switch:
-        return late >= -EARLY * lasts and _switch_at(problem, event, state)[0] >= 0
+    if event.switch or event.off:
+        return late >= -EARLY * lasts and _passing(problem, event, state)[0] >= 0
     if not (event.surface or event.lands):
         return late >= 0
     if late < -EARLY * lasts:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -17,6 +17,7 @@ from dmoc.guess.transfer import Piece, times_of_inputs
 from dmoc.mechanics.contact_mode import Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL
 from dmoc.mechanics.sequence_words import word_between
+from dmoc.mechanics.touch import Bools
 from dmoc.motion.friction import states_of
 from dmoc.program.hit_stages import Passage
 from dmoc.program.transcription import Transcription
@@ -85,13 +86,15 @@ def sequence_in(relaxed: RelaxedMotion, fewest: int) -> Reading:
     modes = at_hits(cleaned(modes, fewest), list(hits))
     contacts, words, names = lay.touch.contacts, list[str](), list[str]()
     cuts, impulses = list[int](), list[float]()
+    ends = _at_ends(relaxed)
     for k in range(1, lay.total):
         before, after, event, impulse = modes[k - 1], modes[k], Event(), 0.0
         if hit := hits.get(k):
             impulse = hit.impulse
             if hit.surface not in after.closed or hit.surface in before.closed:
                 event = Event(hit=hit.surface, course=hit.course)
-        word = word_between(contacts, before, after, event)
+        off = [j for j in before.closed if j not in after.closed and ends[k, j]]
+        word = word_between(contacts, before, after, replace(event, off=tuple(off)))
         if word:
             words.append(word)
             cuts.append(k)
@@ -101,11 +104,22 @@ def sequence_in(relaxed: RelaxedMotion, fewest: int) -> Reading:
     return Reading(modes[0], tuple(words), motion)
 
 
+def _at_ends(relaxed: RelaxedMotion) -> Bools:
+    """Surfaces whose ends are passed outwards in the step before or after each node, shape (nodes,
+    nc)."""
+    lay, x = relaxed.nlp.layout, relaxed.x
+    model = lay.problem_at(relaxed.nlp.problem, x).model
+    W = model.within(x[lay.index_q], lay.times(x))
+    late = np.vstack([W[1:], W[-1:]])
+    ahead = late + np.minimum(late - W, 0.0)  # a node further, where the steps go on
+    return np.asarray(ahead < 0)
+
+
 def _hits(relaxed: RelaxedMotion) -> dict[int, Hit]:
     """The hits of the program, by their nodes, at which something is hit."""
     nlp, lay, x = relaxed.nlp, relaxed.nlp.layout, relaxed.x
     surfaces, t = lay.touch.surfaces, lay.times(x)
-    gaps = lay.problem_at(nlp.problem, x).model.gaps(x[lay.index_q], t)
+    gaps = lay.problem_at(nlp.problem, x).model.covered_gaps(x[lay.index_q], t)
     lam = x[lay.impact.lam]
     return {
         int(node): Hit(int(j), float(lam[i]), _course(relaxed, i))
@@ -161,7 +175,7 @@ def _modes(relaxed: RelaxedMotion) -> list[Mode]:
     q, t = x[lay.index_q], lay.times(x)
     P = np.where(lay.relaxed.P_r == NOWHERE, 0.0, x[lay.relaxed.P_r])[:-1] * steps
     T = np.where(lay.relaxed.T_r == NOWHERE, 0.0, x[lay.relaxed.T_r])[:-1] * steps
-    away = -model.gaps(q, t)[1:] * steps
+    away = -model.covered_gaps(q, t)[1:] * steps
     closed = P / s.lam > away / s.gap
     slid = np.diff(model.tangents(q, t), axis=0) * steps / (s.slide * s.time)
     bears = np.zeros_like(T)

@@ -78,7 +78,7 @@ class ModeFlow:
             raise SimulationError(
                 f"the motion cannot be followed over the step of {times[-1] - at.t:.4g} s at "
                 f"t = {at.t:.6g} s: reduce the step size, or stop before its mass matrix is "
-                "singular."
+                "singular, or what it lies on has a kink."
             )
         if not np.isfinite(y).all():
             raise SimulationError(

@@ -18,6 +18,7 @@ from dmoc.symbolic.continuous import (
     sum_of,
 )
 from dmoc.symbolic.discrete import StepElement
+from dmoc.symbolic.end_kernels import barriers
 from dmoc.symbolic.expressions import sliding_speed
 from dmoc.symbolic.graph import RELATION, GraphNode, gradient
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
@@ -57,7 +58,7 @@ def surface_kernels(f: Continuous) -> list[KernelSpec]:
             "gap_work",
             "Normal impulses times gaps of the surfaces, lam_j g_j.",
             (q, lam, t),
-            {"W_g": [a * b for a, b in zip(lam.symbols, f.g, strict=True)]},
+            {"W_g": [a * b for a, b in zip(lam.symbols, barriers(f), strict=True)]},
             par,
         ),
     ]

@@ -36,15 +36,27 @@ def end_kernels(f: Continuous) -> list[KernelSpec]:
         return []
     q, v, _, t, par = state_inputs(f)
     one = f.L.graph.one
-    own = {j: reduce(both_positive, functions) for j, functions in ends_of(f).items()}
+    own = _joined(f)
     places = [own.get(j, one) for j in range(len(f.g))]
-    behind = [both_positive(g, own[j]) if j in own else g for j, g in enumerate(f.g)]
     ways = {"omega": rates(f, places)}
     return [
         *family("within", "Ends of surfaces, W >= 0 where each is.", (q, t), {"W": places}, par),
         *family("within_rate", "Rates omega of the ends.", (q, v, t), ways, par),
-        *family("barrier", "Gaps that count within the ends, B <= 0.", (q, t), {"B": behind}, par),
+        *family(
+            "barrier", "Gaps that count within the ends, B <= 0.", (q, t), {"B": barriers(f)}, par
+        ),
     ]
+
+
+def _joined(f: Continuous) -> dict[int, GraphNode]:
+    """W of each surface that has ends."""
+    return {j: reduce(both_positive, functions) for j, functions in ends_of(f).items()}
+
+
+def barriers(f: Continuous) -> list[GraphNode]:
+    """B of all surfaces."""
+    own = _joined(f)
+    return [both_positive(g, own[j]) if j in own else g for j, g in enumerate(f.g)]
 
 
 def both_positive(a: GraphNode, b: GraphNode) -> GraphNode:
@@ -53,4 +65,5 @@ def both_positive(a: GraphNode, b: GraphNode) -> GraphNode:
     g = a.graph
     square = a * a + b * b
     far = g.make(RELATION, ">", (square, g.zero))
-    return a + b - g.choice([g.power(square, 0.5), far, g.zero])
+    safe = g.choice([square, far, g.one])  # no slope divides by zero where both are
+    return a + b - g.choice([g.power(safe, 0.5), far, g.zero])

@@ -40,7 +40,7 @@ from dmoc.symbolic.restitution import (
     check_restitution,
     check_tangential_restitution,
 )
-from dmoc.symbolic.surface_ends import check_within
+from dmoc.symbolic.surface_ends import check_jumps, check_within
 from dmoc.symbolic.traversal import evaluated
 
 if TYPE_CHECKING:
@@ -68,6 +68,7 @@ def check_parts(system: MechanicalSystem) -> None:
     check_grips(system)
     check_objective(system)
     check_within(system)
+    check_jumps(system)
     _check_friction(system)
     _check_symbols(system)
     _check_kinks(system)

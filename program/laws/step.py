@@ -16,12 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dmoc.base.names import momentum_name, unit_of, velocity_name
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import Event
 from dmoc.problem.design import by_design
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import (
@@ -132,7 +134,7 @@ class StepLaw(Law):
             "gap",
             self.gaps,
             lambda k, j: f"gap to {surfaces[j]} at node {k}",
-            lambda s: s.gap,
+            lambda s: np.where(self._at_nodes(self._beside), s.within, s.gap),
             nodes,
             missed=Missed(
                 words=lambda k, j: f"the motion passes {surfaces[j]} at node {k}", apart=1
@@ -143,7 +145,7 @@ class StepLaw(Law):
             "gap inside",
             self._gaps_inside(~moving | (self.lay.index_t_i.size > 0)),
             lambda k, j: f"gap to {surfaces[j]} inside step {k // inside}",
-            lambda s: s.gap,
+            lambda s: np.where(np.repeat(self._beside, inside, axis=0), s.within, s.gap),
             steps,
             counted=Counted(BoundKind.INSIDE, surfaces, steps),
         )
@@ -212,16 +214,40 @@ class StepLaw(Law):
         (passed,) = np.nonzero(lay.index_w[:, 0] != NOWHERE)
         velocity = lay.index_q[passed], lay.index_w[passed], places.times(passed)
         v_E = lay.index_v_E if len(lay.index_v_E) else np.full(lay.nq, NOWHERE)
-        gap = self.problem.model.barrier_kernel
         end = (lay.index_q[-1:], places.or_zero(v_E[None]), places.or_zero(lay.time_columns[-1:]))
         return [
             Term("step", places.step(np.arange(lay.total)), rows),
-            Term(gap, at, (self.gap.index,), -1.0),
-            Term(gap, within, (self.gap_inside.index,), -1.0),
+            *self._gap_terms(at, self.gap.index, self._at_nodes(self._beside)),
+            *self._gap_terms(
+                within, self.gap_inside.index, np.repeat(self._beside, lay.inside, axis=0)
+            ),
             Term("terminal_cost", end, (cost[:1],)),
             Term("momentum", velocity, (self.passing.index[passed],), -1.0),
             Term("momentum", velocity, (momentum[passed],)),
         ]
+
+    @cached_property
+    def _beside(self) -> Bools:
+        """Steps of phases that begin where a contact slips off an end and do not end on the same
+        surface, shape (total, nc): there it stays beside it, W <= 0."""
+        lay, touch = self.lay, self.lay.touch
+        beside = np.zeros((lay.total, self.problem.model.nc), dtype=bool)
+        ways = zip(touch.events, (*touch.events[1:], Event()), lay.ends[1:], strict=False)
+        for i, (event, then, begin) in enumerate(ways):
+            off = [j for j in event.off if j != then.hit and j not in then.lands]
+            beside[begin : lay.ends[i + 2], off] = True
+        return beside
+
+    def _at_nodes(self, of_steps: Bools) -> Bools:
+        """Values of nodes, shape (total + 1, nc), from those of the steps that come to them."""
+        return np.vstack([np.zeros_like(of_steps[:1]), of_steps])
+
+    def _gap_terms(self, at: tuple[Index, Index], rows: Index, beside: Bools) -> Iterator[Term]:
+        """What is not positive in front of surfaces, and beside their ends."""
+        kernel = self.problem.model.barrier_kernel
+        yield Term(kernel, at, (np.where(beside, NOWHERE, rows),), -1.0)
+        if beside.any():
+            yield Term("within", at, (np.where(beside, rows, NOWHERE),), -1.0)
 
     def entries(self, laws: Laws) -> list[Entries]:
         """Boundary momenta, and the clock."""

@@ -9,7 +9,8 @@ theory)::
     end         W(q_c) = 0                where a contact slips off
     outwards    -omega(q_c, v+) >= 0      there
 
-Elsewhere the gap is not bounded: the rows of :mod:`dmoc.program.laws.step` have B <= 0 instead.
+Elsewhere the gap is not bounded: the rows of :mod:`dmoc.program.laws.step` have B <= 0 instead, or
+W <= 0 where the contact has slipped off before.
 """
 
 from __future__ import annotations

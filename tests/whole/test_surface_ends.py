@@ -3,6 +3,7 @@ integration of its own."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,10 @@ from scipy.integrate import solve_ivp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ModelError, ProblemError, SimulationError
+from dmoc.check.checked_motion import Motion
+from dmoc.control.linearisation import _ends
 from dmoc.mechanics.possible_words import words_after
 
 X, Y, U, T = *dynamicsymbols("x y u"), dynamicsymbols._t
@@ -69,7 +73,7 @@ def test_what_is_pushed_off_with_the_least_effort(ball: dmoc.MechanicalSystem) -
     solution = dmoc.solve(problem, "ipm", starts=1)
     assert solution.status.value == "solved"
     assert solution.cost == pytest.approx(1.5 / (1.5 - FALL) ** 3, rel=2e-3)
-    never = dmoc.solve(problem.but(bounds={U: (-1, 0.1)}), "ipm", starts=1)
+    never = dmoc.solve(problem.but(bounds={U: (-1, -0.1)}), "ipm", starts=1)
     assert never.status.value == "infeasible"
     assert "misses the ends of 'table', which depend on x" in str(never)
 
@@ -180,6 +184,67 @@ def test_a_carton_tips_over_an_edge() -> None:
     assert (slips.time, slips.position[2]) == pytest.approx((t, z[1]), abs=1e-8)
     z, t = until(z, t, True)
     assert (leaves.time, leaves.position[2]) == pytest.approx((t, z[1]), abs=1e-8)
+
+
+def test_down_two_steps_with_the_least_effort(tmp_path: Path) -> None:
+    """All of the way is pushed, so that the last end alone decides: 3 d^2/(2 t^3)."""
+    stairs = dmoc.MechanicalSystem(
+        "stairs", [X, Y], (X.diff() ** 2 + Y.diff() ** 2) / 2 - 9.81 * Y, inputs=[U], forces={X: U},
+        surfaces={"top": Y >= 2, "middle": Y >= 1}, within={"top": X <= 0, "middle": X <= 1.5},
+        cost=U**2 / 2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        stairs, {X: -1, Y: 2, "x_dot": 0, "y_dot": 0}, {Y: 0}, contacts=["top"],
+        sequence=["~top", "+middle", "~middle"], steps=12, final_time=3,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.status.value == "solved"
+    assert solution.iterations < 20  # nodes come to the very corner, where kernels are numbers
+    assert solution.cost == pytest.approx(1.5 * 2.5**2 / (3 - FALL) ** 3, rel=1e-3)
+    solution.save(tmp_path / "stairs.npz")
+    assert dmoc.Solution.load(tmp_path / "stairs.npz").collisions[2].word == "~middle"
+
+
+def test_proposals_see_what_slips_off(ball: dmoc.MechanicalSystem) -> None:
+    there = dmoc.Problem(
+        ball, {X: -1, Y: 1, "x_dot": 0, "y_dot": 0}, {X: 0.5, Y: 0}, contacts=["table"], steps=12,
+        final_time=1.5, restitution=0,
+    )  # fmt: skip
+    found = dmoc.search(there, strategy="propose", starts=4)
+    assert found.best is not None
+    assert found.best.sequence == ("~table",)
+
+
+def test_a_slip_off_happens_earlier_where_the_motion_is_ahead(ball: dmoc.MechanicalSystem) -> None:
+    """The deviation of the time is that of the place over the speed."""
+    start = {X: -1, Y: 1, "x_dot": 2, "y_dot": 0}
+    problem = dmoc.Problem(
+        ball, start, {X: 1.2}, contacts=["table"], sequence=["~table"], steps=10, final_time=0.9
+    )
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    motion = Motion.of(solution.trajectory, problem.kernels, Deadline.after(None))
+    at = motion.trajectory.collisions[0]
+    function = _ends(motion, 0)
+    assert function is not None
+    y = np.concatenate([at.position, [2.0, 0.0]])[None] + np.array([[0.01, 0, 0, 0]])
+    assert function(y, np.zeros((1, 1)), np.array([at.time]))[0, 0] == pytest.approx(-0.01)
+
+
+@pytest.mark.parametrize(
+    ("ground", "jumps"),
+    [
+        (sp.Piecewise((1, X < 0), (0, True)), True),
+        (sp.Piecewise((0, X < 1), ((X - 1) / 2, True)), False),
+        (sp.Piecewise((0, X < 1), (X / 2, True)), True),
+    ],
+)
+def test_a_gap_of_pieces_does_not_jump(ground: Any, jumps: bool) -> None:
+    fields = [X, Y], X.diff() ** 2 + Y.diff() ** 2
+    if not jumps:
+        assert dmoc.MechanicalSystem("pieces", *fields, surfaces={"ground": ground <= Y}).gaps
+        return
+    with pytest.raises(ModelError, match="surface 'ground' jumps where x = "):
+        dmoc.MechanicalSystem("pieces", *fields, surfaces={"ground": ground <= Y})
 
 
 def test_words_of_ends(ball: dmoc.MechanicalSystem) -> None:
