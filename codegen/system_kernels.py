@@ -147,7 +147,7 @@ def with_momenta(model: Any, bounds: Mapping[str, Any]) -> tuple[Any, dict[str, 
     missing = [q for q in missing if bounded_momentum(q) not in model.quantities]
     if not missing:
         return model, named
-    from dmoc.symbolic.system import with_momenta as system_with_momenta
+    from dmoc.symbolic.path_constraints import with_momenta as system_with_momenta
 
     if not isinstance(model, Kernels):
         return system_with_momenta(model, missing), named

@@ -22,7 +22,7 @@ from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import Boundary
-from dmoc.program.arrays import ElementData, PassData, ProgramData
+from dmoc.program.arrays import ElementData, ProgramData, same_form
 from dmoc.program.blocks import Index
 from dmoc.program.bounds import limits
 from dmoc.program.layout import Layout
@@ -287,7 +287,7 @@ def _tried(
             moved = [_moved(nlp, base, tried, k) for k in (1.0, 2.0)]
         except (ProblemError, ValueError, FloatingPointError):
             continue
-        if not all(_same_form(base, other) for other in moved):
+        if not all(same_form(base, other) for other in moved):
             continue
         if _moves_unsaid(states, _states(tried.changed(nlp.problem, 1.0), nlp.layout)):
             continue
@@ -357,30 +357,6 @@ def _flat(data: ProgramData, fixed: Index) -> Array:
     arrays = [a.copy() for a in moved_arrays(data, _results(data))]
     arrays[0][fixed] = arrays[1][fixed] = 0.0
     return np.concatenate(arrays)
-
-
-def _same_form(a: ProgramData, b: ProgramData) -> bool:
-    """Whether two programs differ in what numbers move alone."""
-    if (a.n, a.m, a.equalities) != (b.n, b.m, b.equalities):
-        return False
-    if not np.array_equal(a.lower == a.upper, b.lower == b.upper):
-        return False
-    patterns = zip((*a.jacobian, *a.hessian), (*b.jacobian, *b.hessian), strict=True)
-    passes = ((a.values, b.values), (a.slopes, b.slopes), (a.curvatures, b.curvatures))
-    same = np.array_equal(a.sizes, b.sizes) and all(np.array_equal(x, y) for x, y in patterns)
-    return same and all(_same_pass(x, y) for x, y in passes)
-
-
-def _same_pass(a: PassData, b: PassData) -> bool:
-    if len(a.elements) != len(b.elements):
-        return False
-    pairs = [(a.rows, b.rows), (a.columns, b.columns)]
-    for x, y in zip(a.elements, b.elements, strict=True):
-        if x.kernel != y.kernel:
-            return False
-        groups = ((x.arguments, y.arguments), (x.slots, y.slots))
-        pairs += [pair for two in groups for pair in zip(*two, strict=True)]
-    return all(p is q or np.array_equal(p, q) for p, q in pairs)
 
 
 def _add_up(nlp: Transcription, base: ProgramData, numbers: Sequence[Number], fixed: Index) -> bool:

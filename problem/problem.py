@@ -36,15 +36,19 @@ from dmoc.problem.quantities import quantity_ranges_of, total_bounds_of, total_l
 from dmoc.problem.ranges import (
     Boundary,
     boundary_of,
-    boxes_of,
     check_last_event,
     check_size,
+    coordinate_bounds_of,
     duration,
     durations_of,
     ends_with_event,
+    hit_quantity_bounds_of,
+    input_bounds_of,
     limits_of,
     phase_steps_of,
+    quantity_bounds_of,
     steps_of,
+    velocity_bounds_of,
     via_of,
 )
 from dmoc.problem.reach import inertia_of, operating_inputs_of, reach_of, spread_of
@@ -337,6 +341,11 @@ class Problem(Shown):
     redundant = cached_property(redundant_of)
     via_bounds = cached_property(via_of)
     duration_bounds = cached_property(durations_of)
+    input_bounds = cached_property(input_bounds_of)
+    coordinate_bounds = cached_property(coordinate_bounds_of)
+    velocity_bounds = cached_property(velocity_bounds_of)
+    quantity_bounds = cached_property(quantity_bounds_of)
+    hit_quantity_bounds = cached_property(hit_quantity_bounds_of)
     limits = cached_property(limits_of)
     total_bounds = cached_property(total_bounds_of)
     total_limits = cached_property(total_limits_of)
@@ -375,31 +384,6 @@ class Problem(Shown):
     @cached_property
     def goal_bounds(self) -> Boundary:
         return boundary_of(self, "goal")
-
-    @cached_property
-    def input_bounds(self) -> Array:
-        """Bounds of the inputs, shape (nu, 2)."""
-        return boxes_of(self, self.kernels.inputs)
-
-    @cached_property
-    def coordinate_bounds(self) -> Array:
-        """Bounds of the coordinates, shape (nq, 2)."""
-        return boxes_of(self, self.kernels.coordinates)
-
-    @cached_property
-    def velocity_bounds(self) -> Array:
-        """Bounds of the velocities, shape (nq, 2)."""
-        return boxes_of(self, [velocity_name(q) for q in self.kernels.coordinates])
-
-    @cached_property
-    def quantity_bounds(self) -> Array:
-        """Bounds of the quantities, shape (nz, 2)."""
-        return boxes_of(self, self.kernels.quantities)
-
-    @cached_property
-    def hit_quantity_bounds(self) -> Array:
-        """Bounds of the quantities of hits, shape (number, 2)."""
-        return boxes_of(self, self.kernels.hit_quantities)
 
     @cached_property
     def final_time_bounds(self) -> Range:

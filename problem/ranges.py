@@ -214,6 +214,31 @@ def boxes_of(problem: Problem, names: Sequence[str]) -> Array:
     return np.array(boxes, dtype=float).reshape(len(names), 2)
 
 
+def input_bounds_of(problem: Problem) -> Array:
+    """Bounds of the inputs, shape (nu, 2)."""
+    return boxes_of(problem, problem.kernels.inputs)
+
+
+def coordinate_bounds_of(problem: Problem) -> Array:
+    """Bounds of the coordinates, shape (nq, 2)."""
+    return boxes_of(problem, problem.kernels.coordinates)
+
+
+def velocity_bounds_of(problem: Problem) -> Array:
+    """Bounds of the velocities, shape (nq, 2)."""
+    return boxes_of(problem, [velocity_name(q) for q in problem.kernels.coordinates])
+
+
+def quantity_bounds_of(problem: Problem) -> Array:
+    """Bounds of the quantities, shape (nz, 2)."""
+    return boxes_of(problem, problem.kernels.quantities)
+
+
+def hit_quantity_bounds_of(problem: Problem) -> Array:
+    """Bounds of the quantities of hits, shape (number, 2)."""
+    return boxes_of(problem, problem.kernels.hit_quantities)
+
+
 def limits_of(problem: Problem) -> dict[str, Range]:
     """Bounds of the velocities and quantities that have some, by name."""
     kernels = problem.kernels

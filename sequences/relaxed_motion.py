@@ -211,7 +211,6 @@ def cleaned(modes: Sequence[Mode], fewest: int = FEWEST) -> list[Mode]:
         beside = [r for r in runs if r[1] == a or r[0] == b]
         longest = max(beside, key=lambda r: r[1] - r[0])
         modes[a:b] = [modes[longest[0]]] * (b - a)
-    return modes
 
 
 def at_hits(modes: Sequence[Mode], nodes: Sequence[int]) -> list[Mode]:

@@ -8,7 +8,7 @@ before the parameters, ``hess`` an upper triangle of second derivatives of a wei
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -43,7 +43,7 @@ from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of_drawing, values_of
 from dmoc.symbolic.end_kernels import coordinates_of_ends, end_kernels, ends_of
 from dmoc.symbolic.event_sums import event_kernels, event_rows, hit_quantity_rows
-from dmoc.symbolic.graph import Graph, GraphNode, gradient, reverse
+from dmoc.symbolic.graph import Graph, gradient, reverse
 from dmoc.symbolic.grips import names_of_places, rates_alone
 from dmoc.symbolic.hidden_unknowns import hidden_facts, hidden_kernels, hidden_names
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
@@ -60,6 +60,7 @@ from dmoc.symbolic.path_constraints import (
 )
 from dmoc.symbolic.restitution import laws_in_words, rebound_kernels, tangential_kernels
 from dmoc.symbolic.scalar import Scalar
+from dmoc.symbolic.shortest_times import shortest_time_kernels
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 from dmoc.symbolic.traversal import operations
@@ -120,7 +121,7 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
         *tangential_kernels(f),
         *joint_kernels(f),
         *_terminal_kernels(f),
-        *_feasibility_kernels(f),
+        *shortest_time_kernels(f),
         *_drawing_kernels(f),
     ]
     return ModelSpec(
@@ -350,43 +351,6 @@ def _terminal_kernels(f: Continuous) -> list[KernelSpec]:
     return family("terminal_cost", "Terminal cost Phi.", (q, v, t), {"Phi": [f.Phi]}, par)
 
 
-def _feasibility_kernels(f: Continuous) -> list[KernelSpec]:
-    """Shortest time to a surface that stands still: first root of the quadratic g + g' t + g'' t^2
-    / 2, from the middle of a phase's first step.
-
-    ``a`` are the averaged accelerations at full input.  The state half a step after the phase's
-    start is (qm, v), so that h/2 is added to the root; the directions of g'' are taken half-way
-    between qm and the collision q_c.
-    """
-    if not f.g or any(f.t in g.free_symbols for g in f.g):
-        return []
-    e = step_element(f, 2, f.L.graph.symbol, float)
-    q_c, a = (Input.vector(f.L.graph, name, len(f.q)) for name in ("q_c", "a"))
-    half_way = {s: (s + c) / 2 for s, c in zip(f.q, q_c.symbols, strict=True)}
-    n = len(f.q)
-    times = [e.h / 2 + first_root(*approach(g, f, a.symbols, half_way)) for g in f.g]
-    inputs = (Input("q_k", e.q_k), Input("q_kp1", e.q_kp1), Input("h", (e.h,)), q_c, a)
-
-    def chain(partial: Callable[[Sequence[GraphNode]], list[GraphNode]]) -> list[GraphNode]:
-        own = (*q_c.symbols, *a.symbols)
-        slopes = partial((*e.symbols, *own))
-        of_step = e.chain(lambda symbols: slopes[: len(symbols)])
-        return [*of_step[: 2 * n], of_step[e.at_h], *slopes[-len(own) :]]
-
-    summary = "Shortest time to each surface at averaged full acceleration."
-    par = parameters(f)
-    return family(
-        "min_time",
-        summary,
-        inputs,
-        {"T_min": times},
-        par,
-        chain,
-        definitions=e.definitions,
-        second=False,
-    )
-
-
 def _drawing_kernels(f: Continuous) -> list[KernelSpec]:
     """The values of the drawing; nothing is differentiated by them."""
     if not f.looks:
@@ -394,18 +358,3 @@ def _drawing_kernels(f: Continuous) -> list[KernelSpec]:
     q, _, _, t, par = state_inputs(f)
     drawn = (Output.vector("shapes", f.looks),)
     return [KernelSpec("drawing", "Values of the shapes of the drawing.", (q, t, par), drawn)]
-
-
-def approach(
-    g: Any, f: Continuous, a: Sequence[Any], half_way: dict[Any, Any]
-) -> tuple[Any, Any, Any]:
-    """Return g, g' and g'' along the motion with velocity v and acceleration a."""
-    slope = gradient(g, f.q)
-    curvature = [dot(gradient(s, f.q), f.v) for s in slope]
-    return g, dot(slope, f.v), dot([s.subs(half_way) for s in slope], a) + dot(curvature, f.v)
-
-
-def first_root(g: Any, rate: Any, acceleration: Any) -> Any:
-    """First positive root of g + rate t + acceleration t^2 / 2 for g < 0; not a number, or not
-    positive, where there is none."""
-    return -2 * g / (rate + (rate**2 - 2 * g * acceleration) ** sp.S.Half)

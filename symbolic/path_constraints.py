@@ -1,5 +1,5 @@
 """Kernels of path constraints r(q, v, u, t) >= 0 and of quantities z(q, v, u, t): in a step, at its
-ends, at nodes, and at states of their own.
+ends, at nodes, and at states of their own; momenta as quantities.
 
 Where inputs have a value of their own at a node, a constraint on them stands there.  At order 2 the
 velocity at a node inside a phase is (q_kp1 - q_km1)/(2 h), right to h^2; at higher orders that of
@@ -11,16 +11,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
+from dmoc.base.names import bounded_momentum, momentum_name, name_of, unit_of
 from dmoc.symbolic.contact_forces import equations_of_forces, forces_input
 from dmoc.symbolic.continuous import Continuous, dot
+from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.discrete import StepElement, at_ends
 from dmoc.symbolic.graph import GraphNode
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs, with_more
 from dmoc.symbolic.spec import Input, KernelSpec, Output
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.system import MechanicalSystem
 
 
 def path_rows(
@@ -170,3 +175,16 @@ def _at_node(name: str, a: str, text: str, f: Continuous, par: Input) -> list[Ke
 def terms_of(r: Any) -> tuple[Any, ...]:
     """The terms of a sum, an expression of SymPy."""
     return tuple(sp.Add.make_args(r if r.is_Add else sp.expand(r)))
+
+
+def with_momenta(system: MechanicalSystem, coordinates: Sequence[str]) -> MechanicalSystem:
+    """The same system, whose quantities have the momenta dL/dq' of some coordinates."""
+    energies = expanded(system.lagrangian, system.definitions)
+    by_name = dict(zip(map(name_of, system.coordinates), system.velocities, strict=True))
+    momenta = {bounded_momentum(q): energies.diff(by_name[q]) for q in coordinates}
+    of_names = {name_of(q): unit for q, unit in system.units.items()}
+    units = {bounded_momentum(q): unit_of(momentum_name(q), of_names) for q in coordinates}
+    return replace(
+        system, quantities={**system.quantities, **momenta},
+        units={**system.units, **{name: unit for name, unit in units.items() if unit}},
+    )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
-from dmoc.base.names import bounded_momentum, check_name, momentum_name, name_of, unit_of
+from dmoc.base.names import check_name, name_of
 from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.symbolic.definitions import expanded
@@ -400,16 +400,3 @@ def check_system(system: Any) -> None:
     """Raise ModelError unless the argument of a function is a system."""
     if not isinstance(system, MechanicalSystem):
         raise ModelError(f"system = {shown(system)}: expected a MechanicalSystem.")
-
-
-def with_momenta(system: MechanicalSystem, coordinates: Sequence[str]) -> MechanicalSystem:
-    """The same system, whose quantities have the momenta dL/dq' of some coordinates."""
-    energies = expanded(system.lagrangian, system.definitions)
-    by_name = dict(zip(map(name_of, system.coordinates), system.velocities, strict=True))
-    momenta = {bounded_momentum(q): energies.diff(by_name[q]) for q in coordinates}
-    of_names = {name_of(q): unit for q, unit in system.units.items()}
-    units = {bounded_momentum(q): unit_of(momentum_name(q), of_names) for q in coordinates}
-    return replace(
-        system, quantities={**system.quantities, **momenta},
-        units={**system.units, **{name: unit for name, unit in units.items() if unit}},
-    )  # fmt: skip

@@ -3,20 +3,17 @@ sentence says what is not."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-import mpmath
 import sympy as sp
 from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import shown
-from dmoc.base.errors import GenerationError, ModelError
+from dmoc.base.errors import ModelError
 from dmoc.base.names import bounded_momentum, check_name, momentum_name, name_of, velocity_name
-from dmoc.base.tolerances import LARGEST_PARAMETER
 from dmoc.symbolic.contact_references import check_forces, forces_of
-from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.crossings import check_switches
 from dmoc.symbolic.definitions import atoms_below, check_definitions, expanded, kinds_of
 from dmoc.symbolic.drawing import values_of
@@ -30,9 +27,9 @@ from dmoc.symbolic.expressions import (
     sliding_speed,
     unknown_symbol,
 )
-from dmoc.symbolic.graph import Graph, GraphNode, reverse
 from dmoc.symbolic.grips import check_grips
 from dmoc.symbolic.kinks import check_smooth, real_symbols, split
+from dmoc.symbolic.mass_check import check_mass_matrix
 from dmoc.symbolic.objectives import check_objective
 from dmoc.symbolic.rest import check_damping
 from dmoc.symbolic.restitution import (
@@ -41,7 +38,6 @@ from dmoc.symbolic.restitution import (
     check_tangential_restitution,
 )
 from dmoc.symbolic.surface_ends import check_jumps, check_within
-from dmoc.symbolic.traversal import evaluated
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -53,8 +49,6 @@ DEFINED = {
     "coordinates": ("definitions of places",),
     "velocities": ("velocities of definitions", "definitions of velocities"),
 }
-
-DIGITS = 30  # in which it is seen whether a mass matrix is singular
 
 
 def check_parts(system: MechanicalSystem) -> None:
@@ -75,7 +69,7 @@ def check_parts(system: MechanicalSystem) -> None:
     check_switches(system)
     _check_rates(system)
     _check_momenta(system)
-    _check_mass_matrix(system)
+    check_mass_matrix(system)
     for what, kind, places in (
         ("surface", "a relation", system.gaps), ("constraint", "an equation", system.constraints),
     ):  # fmt: skip
@@ -330,91 +324,8 @@ def _check_rates(system: MechanicalSystem) -> None:
                 )
 
 
-def _check_mass_matrix(system: MechanicalSystem) -> None:
-    """Refuse masses that are singular, that depend on velocities or that no float takes."""
-    f, graph = readable(system), Graph()
-    parts = (f.L, *f.x_of)
-    constants = {c: graph.symbol(f"constant {i}") for i, c in enumerate(_constants(parts))}
-    with mpmath.workdps(DIGITS):
-        exact = {node: mpmath.mpf(c.evalf(DIGITS)) for c, node in constants.items()}
-    try:
-        (lagrangian,) = f.as_nodes([f.L], graph, constants)
-    except GenerationError:  # what has no numbers is refused when it is built
-        return
-    v = [graph.symbol(s.name) for s in f.v]
-    mass = [[p.diff(s) for s in v] for p in reverse(lagrangian, v)]
-    for q, row in zip(system.coordinates, mass, strict=True):
-        if all(entry is graph.zero for entry in row):
-            raise ModelError(
-                f"the kinetic energy does not contain the velocity of coordinate {name_of(q)}: "
-                "the mass matrix would be singular; give the coordinate inertia or remove it."
-            )
-    entries = [entry for row in mass for entry in row]
-    for entry in entries:
-        if entry is graph.zero or entry.free_symbols - set(exact):
-            continue
-        (value,) = evaluated([entry], exact, mpmath)
-        if not 1 / LARGEST_PARAMETER <= abs(value) <= LARGEST_PARAMETER:
-            raise ModelError(
-                f"the mass matrix of model {system.name!r} contains {mpmath.nstr(value, 6)}: "
-                "expected masses from 1e-100 to 1e100; use other units."
-            )
-    # What depends on velocities may have to be expanded to be seen not to.
-    if any(entry.free_symbols & set(v) for entry in entries) and any(
-        atoms_of(sp.expand(entry)) & set(system.velocities) for entry in system.mass_matrix
-    ):
-        raise ModelError(
-            "the kinetic energy is not quadratic in the velocities: the mass matrix depends on "
-            "them."
-        )
-    if _is_singular(mass, exact):
-        raise ModelError(
-            f"the mass matrix of model {system.name!r} is singular (its determinant is zero "
-            f"everywhere): the coordinates {_listed(system.coordinates)} are not independent, or "
-            "one lacks inertia."
-        )
-
-
 def _is_function_of_time(symbol: Any) -> bool:
     return isinstance(symbol, AppliedUndef) and symbol.args == (dynamicsymbols._t,)
-
-
-def _constants(expressions: Sequence[Any]) -> list[Any]:
-    """The constants of expressions that a float would round."""
-    constants: dict[Any, None] = {}
-    parts = sp.preorder_traversal(expressions)
-    for part in parts:
-        if isinstance(part, sp.Expr) and part.is_number:
-            parts.skip()
-            if not part.is_Integer and part.is_extended_real:
-                constants[part] = None
-    return list(constants)
-
-
-def _is_singular(mass: list[list[GraphNode]], constants: Mapping[GraphNode, Any]) -> bool:
-    """Tell whether M is singular at several fixed generic points, hence everywhere."""
-    entries = [entry for row in mass for entry in row]
-    symbols = entries[0].graph.symbols
-    for shift in (0.0, 1.7, 4.1):
-        with mpmath.workdps(DIGITS):
-            point = {
-                s: mpmath.mpf(0.4 + (0.618033988749895 * (i + 1) + shift) % 1.0)
-                for i, s in enumerate(symbols)
-            } | dict(constants)
-            matrix = mpmath.matrix(len(mass))
-            try:
-                values = evaluated(entries, point, mpmath)
-            except (TypeError, ZeroDivisionError):  # a condition, or a value, is not real there
-                return False
-            for k, value in enumerate(values):
-                matrix[k // len(mass), k % len(mass)] = value
-            # What is singular in one set of units is so in all of them.
-            scale = mpmath.fprod(abs(matrix[i, i]) for i in range(len(mass)))
-            scale = scale or max(map(abs, matrix)) ** len(mass)
-            determinant = abs(mpmath.det(matrix))
-            if mpmath.isfinite(determinant) and determinant > scale * 1e-20:
-                return False
-    return True
 
 
 def _check_distinct(roles: dict[str, list[str]]) -> None:

@@ -31,8 +31,8 @@ from dmoc.symbolic.derivation.document import (
 from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
 from dmoc.symbolic.event_sums import event_terms, hit_quantities
 from dmoc.symbolic.expressions import sliding_speed
-from dmoc.symbolic.families import approach, first_root
 from dmoc.symbolic.graph import gradient
+from dmoc.symbolic.shortest_times import approach, first_root
 from dmoc.symbolic.system import MechanicalSystem
 
 QUANTITIES = "z, which have names as states do."

@@ -21,7 +21,6 @@ from dmoc.export.numbers import (
     _in_short,
     _pool,
     _range,
-    _same_form,
     _with,
     moved_arrays,
     numbers_of,
@@ -29,6 +28,7 @@ from dmoc.export.numbers import (
 from dmoc.export.program_text import _held, _number_rows, _state, count_of, shape_of
 from dmoc.guess.automatic import initial_guesses
 from dmoc.mechanics.contact_mode import Mode
+from dmoc.program.arrays import same_form
 from dmoc.program.layout import Layout
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
@@ -107,13 +107,13 @@ def nlp(block: Kernels) -> Transcription:
 
 def test_programs_of_other_forms_differ(nlp: Transcription, block: Kernels) -> None:
     data = nlp.assembled.data
-    assert _same_form(data, data)
+    assert same_form(data, data)
     wider = there_and_back(block, steps=4, bounds={"u": (-80.0, 90.0)}, restitution=0.5)
-    assert _same_form(data, Transcription(wider, nlp.scale).assembled.data)
+    assert same_form(data, Transcription(wider, nlp.scale).assembled.data)
     freer = there_and_back(block, steps=4, bounds={"u": (-80.0, 90.0)}, start={"x": (0, 0.1)})
-    assert not _same_form(data, Transcription(freer, nlp.scale).assembled.data)
+    assert not same_form(data, Transcription(freer, nlp.scale).assembled.data)
     longer = there_and_back(block, steps=5, bounds={"u": (-80.0, 90.0)})
-    assert not _same_form(data, Transcription(longer, nlp.scale).assembled.data)
+    assert not same_form(data, Transcription(longer, nlp.scale).assembled.data)
 
 
 def test_bounds_of_an_input_move_the_bounds_of_its_unknowns(nlp: Transcription) -> None:

@@ -14,7 +14,7 @@ import dmoc
 from dmoc.models import catalogue
 from dmoc.symbolic.continuous import mass_matrix, readable, right_hand_side
 from dmoc.symbolic.discrete import StepElement, step_element
-from dmoc.symbolic.families import first_root
+from dmoc.symbolic.shortest_times import first_root
 
 T = dynamicsymbols._t
 
