@@ -111,7 +111,7 @@ class Experiment:
         model, e = Model(kernels, par), self.problem.restitution_values.copy()
         for p, value in sorted(values, key=lambda pair: bool(pair[0].of)):  # that of all first
             if p.kind == RESTITUTION:
-                e[model.surface_numbers[p.of] if p.of else slice(None)] = value
+                e[model.surface_numbers[p.of] if p.of else ~model.contacts.pull] = value
         return Laws(model, e, self.touch, self.sizes)
 
     @cached_property

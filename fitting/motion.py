@@ -21,6 +21,8 @@ from dmoc.solvers.outcome import Status
 from dmoc.solving.checked_solution import checked
 
 METHOD = "fit"
+# Share of a phase that is no step any more: what an event leaves of the one in which it happens.
+SHORTEST = 1e-9
 
 
 def solution_of(e: Experiment, course: Course) -> Solution:
@@ -48,6 +50,8 @@ def trajectory_of(e: Experiment, course: Course) -> Trajectory:
 
 
 def _phase(e: Experiment, course: Course, arc: Arc) -> Phase:
+    keep = np.append(arc.t[-1] - arc.t[:-1] > SHORTEST * (arc.t[-1] - arc.t[0]), True)
+    arc = Arc(arc.mode, arc.t[keep], arc.y[keep], arc.held)
     model, t = course.laws.model, arc.t
     q, v = (np.ascontiguousarray(part) for part in np.split(arc.y, 2, axis=1))
     middle = (t[:-1] + t[1:]) / 2

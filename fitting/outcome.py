@@ -122,9 +122,11 @@ def with_values(problem: Problem, parameters: Sequence[Parameter], x: Array) -> 
         changes["design"] = {n: r for n, r in problem.design.items() if n not in values}
     if e:
         stated = problem.restitution_values
-        names = problem.kernels.surfaces
+        pull = problem.model.contacts.pull
+        names = [n for n, held in zip(problem.kernels.surfaces, pull, strict=True) if not held]
         of_all = dict.fromkeys(names, e[""]) if "" in e else {}
-        known = {n: float(v) for n, v in zip(names, stated, strict=True) if np.isfinite(v)}
+        hit = zip(names, stated[~pull], strict=True)
+        known = {n: float(v) for n, v in hit if np.isfinite(v)}
         changes["restitution"] = {**known, **of_all, **{n: v for n, v in e.items() if n}}
     return problem.but(**changes)
 

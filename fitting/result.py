@@ -74,7 +74,8 @@ class SensorFit:
         Root mean square of the residuals, in standard deviations.
     runs_test, normality : float
         Probability of residuals with as many runs of signs, and of such a distribution, if they
-        are independent and normal; not a number for fewer than 20 values.
+        are independent and normal; not a number for fewer than 20 values, and where residuals are
+        less than a tenth of the noise that is said.
     """
 
     run: str

@@ -15,6 +15,8 @@ from dmoc.fitting.identification import identified
 
 # Values of a sensor from which on tests say anything.
 ENOUGH = 20
+# Root mean square, in standard deviations, of residuals that are none: the noise is said too large.
+BELOW = 0.1
 # Probability of a test below which it is told.
 UNLIKELY = 1e-3
 LEVEL = 0.95  # of intervals
@@ -40,9 +42,10 @@ def sensor_residuals(estimate: Estimate) -> Iterator[SensorResiduals]:
     for e in estimate.regression.experiments:
         for name, at in e.slices.items():
             own = left[begin + at.start : begin + at.stop]
-            several = len(own) >= ENOUGH
+            rms = float(np.sqrt(np.mean(own**2)))
+            several = len(own) >= ENOUGH and rms > BELOW
             yield SensorResiduals(
-                e.run.name, name, len(own), float(np.sqrt(np.mean(own**2))),
+                e.run.name, name, len(own), rms,
                 runs_test(own) if several else np.nan,
                 float(stats.normaltest(own).pvalue) if several and np.ptp(own) else np.nan,
             )  # fmt: skip

@@ -33,9 +33,18 @@ def touch_of_words(problem: Problem, words: Sequence[str]) -> Touch:
     """The modes and events of a word in the problem's contacts."""
     contacts = problem.touch.contacts
     try:
-        return touch_along(mode_of(problem.contacts, contacts), words, contacts)
+        touch = touch_along(mode_of(problem.contacts, contacts), words, contacts)
     except DmocError as error:
         raise FitError(str(error)) from None
+    grips = {*contacts.of_grips}
+    for word, event in zip(words, touch.events, strict=True):
+        if grips & {*event.lands, *event.leaves}:
+            raise FitError(
+                f"{word!r} in the sequence is a grip, which closes and opens when a plan says, and "
+                "a fit follows events that states bring about: cut the run there, with what is "
+                "closed in contacts."
+            )
+    return touch
 
 
 def with_words(e: Experiment, words: Sequence[str]) -> Experiment:
@@ -95,7 +104,8 @@ def passed(regression: Regression, x: Array) -> list[tuple[str, str, float]]:
             for j, name in enumerate(e.problem.kernels.surfaces):
                 over = gaps[:, j] > 1e-3 * size[j]
                 over &= arc.t <= course.mesh.t[min(last, len(course.mesh.t) - 1)]
-                if name not in ignored and j not in arc.mode.closed and over.any():
+                holds = name not in ignored and not course.laws.model.contacts.pull[j]
+                if holds and j not in arc.mode.closed and over.any():
                     found.append((e.run.name, name, float(arc.t[int(np.argmax(over))])))
     return found
 
