@@ -14,6 +14,7 @@ from dmoc.solvers.outcome import Status
 from dmoc.solving.case import Case, Critic, first_of
 from dmoc.solving.checked_solution import checked
 from dmoc.solving.indeterminacy import telling, undetermined
+from dmoc.solving.mesh.coarseness import telling_coarseness
 from dmoc.solving.mesh.confirmation import naming_steps
 from dmoc.solving.mesh.one_mesh import best_on_mesh, on_mesh_of, solved_from, solved_on_mesh
 from dmoc.solving.mesh.refinement import refined
@@ -137,6 +138,7 @@ CRITICS: tuple[Critic, ...] = (
     resumed,
     first_of(_within_time, bounded, ended, _refined),
     naming_steps,
+    telling_coarseness,
     _leaving_open,
     _sharing_forces,
     _exploring,

@@ -52,7 +52,7 @@ def naming_steps(answer: Solution, case: Case) -> Solution:
             break
         s = case.along(fine, coarse, verify=True)
         if s.minimum:
-            advice = f"take {_in_words(s.steps)}, with which it is confirmed and costs {s.cost:.6g}"
+            advice = f"take {in_words(s.steps)}, with which it is confirmed and costs {s.cost:.6g}"
             return _telling(answer, advice)
         if s.verification is None:  # not solved there, or not in time
             break
@@ -61,7 +61,7 @@ def naming_steps(answer: Solution, case: Case) -> Solution:
         coarse = s
     if not tried:
         return answer
-    return _telling(answer, f"{' or '.join(_in_words(s.steps) for s in tried)} are not enough")
+    return _telling(answer, f"{' or '.join(in_words(s.steps) for s in tried)} are not enough")
 
 
 def _telling(answer: Solution, advice: str) -> Solution:
@@ -79,7 +79,7 @@ def _order(coarse: Solution, fine: Solution) -> float:
     return log(before.excess / after.excess) / log(max(fine.steps) / max(coarse.steps))
 
 
-def _in_words(steps: Sequence[int]) -> str:
+def in_words(steps: Sequence[int]) -> str:
     if len(set(steps)) == 1:
         return f"{steps[0]} steps" + (" a phase" if len(steps) > 1 else "")
     return f"{list(steps)} steps"

@@ -1,0 +1,44 @@
+"""What the mesh that a problem states makes of the cost: one finer mesh is looked at."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from dmoc.problem.ranges import MOST_STEPS
+from dmoc.program.layout import Layout
+from dmoc.results.notes import Topic
+from dmoc.results.solution import Solution, saying
+from dmoc.solving.case import Case
+from dmoc.solving.mesh.confirmation import MOST_UNKNOWNS, in_words
+from dmoc.solving.mesh.error import changes
+
+# The finer mesh has so many times the steps; a cost that differs by a larger share is told.
+FINER, DIFFERS = 2, 0.1
+# Its iterations and its share of the time that is left: most motions take some ten iterations, and
+# what takes more would cost as much as many starts.
+ITERATIONS, SHARE = 100, 0.5
+
+
+def telling_coarseness(answer: Solution, case: Case) -> Solution:
+    """The answer on steps that are given; where its motion leads to a cost on a mesh twice as fine
+    that differs by more than a tenth, with a note on it.
+
+    One that is confirmed and comes from several starts is looked at: beside these, the finer mesh
+    takes next to nothing.
+    """
+    problem, request = case.problem, case.request
+    asked = request.verify and answer.starts and request.tolerance is None
+    if not (asked and answer.minimum):
+        return answer
+    fine = problem.meshed([FINER * n for n in answer.steps])
+    if max(fine.phase_steps) > MOST_STEPS or Layout.of(fine).size > MOST_UNKNOWNS:
+        return answer
+    options = case.of_mesh.options
+    most = min(options.iterations, ITERATIONS)
+    limits = case.of_mesh.within(iterations=most, deadline=options.deadline.share(SHARE))
+    finer = replace(case, of_mesh=limits).along(fine, answer)
+    if not finer.minimum or changes(answer, finer).cost <= DIFFERS:
+        return answer
+    costs = f"it costs {finer.cost:.6g} with {in_words(finer.steps)} instead of {answer.cost:.6g}"
+    advice = "more steps, or none stated, bring the cost nearer to that of the continuous motion"
+    return saying(answer, f"{costs}: {advice}", Topic.STEPS)

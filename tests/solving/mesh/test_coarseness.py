@@ -1,0 +1,38 @@
+"""A mesh that is given and too coarse for its cost is told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from answers import answer_of
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.results.notes import Topic
+
+
+def across(block: Kernels, steps: int | None) -> dmoc.Problem:
+    """1 kg goes 0.5 m in 1 s: the least integral of u^2 / 2 is 1.5 n^2 / (n^2 - 1) with n steps in
+    which u does not change."""
+    goal = {"x": 0.5, "x_dot": 0.0}
+    return dmoc.Problem(block, {"x": 0.0}, goal, steps=steps, final_time=1.0)
+
+
+def told(solution: dmoc.Solution) -> list[str]:
+    return [note.text for note in solution.notes if note.topic is Topic.STEPS]
+
+
+def test_a_cost_that_a_finer_mesh_changes_by_more_than_a_tenth_is_told(block: Kernels) -> None:
+    solution = answer_of(across(block, 2))
+    assert solution.cost == pytest.approx(2.0)
+    (text,) = told(solution)
+    assert text.startswith("it costs 1.6 with 4 steps instead of 2: ")
+    assert not told(answer_of(across(block, 4)))  # 1.5238 with 8 steps
+
+
+@pytest.mark.parametrize(
+    "options", [{"tolerance": 1e-3}, {"starts": 1}, {"verify": False}], ids=lambda o: str(*o)
+)
+def test_no_finer_mesh_is_looked_at_unasked(block: Kernels, options: dict[str, Any]) -> None:
+    assert not told(answer_of(across(block, 2), **options))
