@@ -66,7 +66,7 @@ class Functions(NamedTuple):
 
 GAPS = Functions(
     "normal", Model.gaps, Model.gap_slopes, Model.gap_rates, Model.gap_accelerations,
-    lambda model: np.ones(model.nc, dtype=bool), push=-1.0,
+    lambda model: ~np.isin(np.arange(model.nc), model.contacts.floating), push=-1.0,
 )  # fmt: skip
 TANGENTS = Functions(
     "tangential", Model.tangents, Model.tangent_slopes, Model.slide_rates,
@@ -152,8 +152,9 @@ class Conditions:
         return np.concatenate(rows, axis=-2) if rows else empty
 
     def values(self, model: Model, q: Array, t: Any) -> Array:
-        """Values of the functions, shape (..., m)."""
-        return _beside([f.values(model, q, t)[..., at] for f, at in self._groups], q)
+        """Values of the functions, zero where they have no place, shape (..., m)."""
+        values = _beside([f.values(model, q, t)[..., at] for f, at in self._groups], q)
+        return values * self.placed(model) if model.contacts.floating else values
 
     def rates(self, model: Model, q: Array, v: Array, t: Any) -> Array:
         """Rates along a motion, shape (..., m)."""

@@ -91,7 +91,8 @@ def consistent(problem: Problem, mode: Mode, state: MeasuredState) -> MeasuredSt
         np.clip(x, *box.T)
         for x, box in ((q, problem.coordinate_bounds), (v, problem.velocity_bounds))
     )
-    seen = [j for j, name in enumerate(model.contacts.surfaces) if name not in problem.ignored]
+    passed = *problem.ignored, *model.contacts.named(model.contacts.of_grips)
+    seen = [j for j, name in enumerate(model.contacts.surfaces) if name not in passed]
     joints = [Condition(JOINTS, i) for i in range(model.nj)]
     on, aside = list(mode.closed), np.zeros(model.nj + len(mode.closed))
     while True:

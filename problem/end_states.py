@@ -284,7 +284,8 @@ def _check_start_in_contact(problem: Problem) -> None:
                 f"contact {name!r} is closed at the start, which is {-within[j]:g} beyond its end: "
                 "move the start onto it."
             )
-        if abs(gaps[j]) > SAME * sizes[j]:
+        floats = j in problem.touch.contacts.floating
+        if not floats and abs(gaps[j]) > SAME * sizes[j]:
             raise ProblemError(
                 f"contact {name!r} is closed at the start, which is {-gaps[j]:g} off it: move the "
                 "start onto it, or leave a coordinate free."

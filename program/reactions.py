@@ -70,7 +70,7 @@ class PhaseReaction:
 
     def miss_slopes(self, model: Model, q: Array, t: Array) -> Array:
         """Slopes in q of the misses, zero for functions that have no place, shape (n, held, nq)."""
-        placed = self.functions.placed(model)[self.held]
+        placed = self.functions.placed(model)[self.held] | ~self.in_place[self.holds]
         return np.asarray(self.slopes(model, q, t)[:, self.holds] * placed[:, None])
 
     def rates(self, model: Model, q: Array, v: Array, t: Array) -> Array:

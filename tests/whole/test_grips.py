@@ -119,6 +119,7 @@ def test_a_clutch_closes_wherever_it_is(order: int) -> None:
 
     v = np.linspace(0, 2, 20001)
     assert solution.cost == pytest.approx(min(map(cost, v)), rel=1e-4)
+    assert solution.status == "solved"
     apart = solution.phases[1].q @ [1, -1]
     assert apart[0] > 0.1 and np.ptp(apart) < 1e-9
 
@@ -132,7 +133,44 @@ def test_a_clutch_of_flywheels_keeps_momentum_and_loses_energy(coupled: Kernels)
     assert motion.energy[0] - motion.energy[-1] == pytest.approx(1 * 3 * 4**2 / (2 * 4), rel=1e-12)
     (closes,) = motion.collisions
     assert (closes.time, closes.impulses["clutch"]) == pytest.approx((0.503, -3.0))
+    assert closes.momentum_after == pytest.approx([1.0, 3.0])
     assert [c.word for c in motion.trajectory.collisions] == ["+clutch", "-clutch"]
+
+
+def test_a_clutch_that_is_closed_at_both_ends_keeps_its_place(coupled: Kernels) -> None:
+    problem = dmoc.Problem(
+        coupled, start={"x": 0, "y": 0.3, **STILL}, goal={"x": 1, "y": 1.3, **STILL},
+        contacts=["clutch"], final_time=2, steps=20,
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    assert solution.status == "solved" and solution.cost == pytest.approx(6 * 4**2 / 2**3)
+
+
+def test_grips_close_together_one_of_them_wherever_it_is() -> None:
+    system = two_carts("geared", grips={"pin": X - 1, "gear": X.diff() - 2 * Y.diff()})
+    problem = dmoc.Problem(
+        system, start={"x": 0, "y": 0.2, "x_dot": 0}, goal={"x": 1}, sequence=["+pin +gear"],
+        final_time=2, steps=20,
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    assert solution.status == "solved"
+    assert solution.phases[1].v == pytest.approx(0, abs=1e-9)
+    assert solution.collisions[0].word == "+pin +gear"
+
+
+def test_what_is_let_go_under_load_falls() -> None:
+    """Its force, m g, depends on no input and never vanishes; it takes sqrt(2 d/g) to fall by d."""
+    system = dmoc.MechanicalSystem(
+        "dropped", [X, Y], (X.diff() ** 2 + Y.diff() ** 2) / 2 - 9.81 * Y, inputs=[U],
+        forces={X: U}, grips={"hook": Y}, cost=U**2 / 2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        system, start={"x": 0, "y": 0, **STILL}, goal={"x": 1, "y": -1}, sequence=["-hook"],
+        contacts=["hook"], final_time=2, steps=20,
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    assert solution.status == "solved"
+    assert solution.phases[1].duration == pytest.approx(np.sqrt(2 / 9.81), rel=1e-6)
 
 
 def test_a_plan_with_a_grip_is_simulated_and_held_by_a_feedback(caught: dmoc.Problem) -> None:
