@@ -216,11 +216,12 @@ class Flow:
                 return Mode((j,))
         return None
 
-    def _gaps_there(self, path: Array, times: Array) -> tuple[Array, Bools, Array]:
-        """Gaps along a way (n, nq) at times (n,), and the surfaces with ends that it begins beside,
-        behind their gaps, shape (nc,): these are minus infinity where the way is not over them.
-        Beside them is what is further past an end than the last, shape (nc,)."""
-        model, (q, v) = self.model, (path[0], (path[1] - path[0]) / (times[1] - times[0]))
+    def _gaps_there(self, v: Array, path: Array, times: Array) -> tuple[Array, Bools, Array]:
+        """Gaps along a way (n, nq) at times (n,) that begins with the velocity v (nq,), and the
+        surfaces with ends that it begins beside, behind their gaps, shape (nc,): these are minus
+        infinity where the way is not over them. Beside them is what is further past an end than
+        the last, shape (nc,)."""
+        model, q = self.model, path[0]
         gaps, beside = model.gaps(path, times), np.zeros(model.nc, dtype=bool)
         if not model.ends:
             return gaps, beside, np.zeros(model.nc)
@@ -250,7 +251,7 @@ class Flow:
         h = np.array([t1 - t])
         times = t + PLACES * h
         path = self.integrator.between(y[None], ends, y1[None], h, PLACES)[:, 0]
-        gaps, beside, past = self._gaps_there(path, times)
+        gaps, beside, past = self._gaps_there(y[self.nq :], path, times)
         gaps = gaps - self.allowance(times)
         error, first = GAP_ERROR * self.sizes.gap, None
         beyond = np.flatnonzero((gaps > error).any(axis=0)).tolist()

@@ -226,8 +226,13 @@ def test_a_slip_off_happens_earlier_where_the_motion_is_ahead(ball: dmoc.Mechani
     at = motion.trajectory.collisions[0]
     function = _ends(motion, 0)
     assert function is not None
-    y = np.concatenate([at.position, [2.0, 0.0]])[None] + np.array([[0.01, 0, 0, 0]])
-    assert function(y, np.zeros((1, 1)), np.array([at.time]))[0, 0] == pytest.approx(-0.01)
+    y = np.concatenate([at.position, [2.0, 0.0]])
+    ahead = y[None] + np.array([[0.01, 0, 0, 0]])
+    assert function(ahead, np.zeros((1, 1)), np.array([at.time]))[0, 0] == pytest.approx(-0.01)
+    motion.flow.allowance = lambda t: np.zeros((len(t), 2))
+    contacts: list[Any] = []  # from there on nothing is met
+    motion.flow.through_contacts(y, motion.steps[1], 0, contacts)
+    assert not contacts
 
 
 @pytest.mark.parametrize(
