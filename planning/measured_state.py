@@ -163,6 +163,8 @@ def arrival(problem: Problem, event: Collision | None, state: MeasuredState) -> 
     model, (q, v) = problem.model, state
     j = model.contacts.surface_numbers[event.surface or event.lands[0]]
     gap, rate = float(model.gaps(q)[j]), float(model.gap_rates(q, v)[j])
+    if gap > 0 and model.contacts.pull[j]:  # a grip is come to from both sides
+        gap, rate = -gap, -rate
     return max(-gap, 0.0) / rate if rate > 0 else np.inf
 
 

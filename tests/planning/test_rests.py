@@ -12,6 +12,7 @@ from systems import unit_mass
 
 import dmoc
 from dmoc.base.errors import ProblemError
+from dmoc.mechanics.contacts import Contacts
 from dmoc.planning.measured_state import arrival, is_over
 from dmoc.planning.rest import _check, check_recedes, planned
 
@@ -57,10 +58,13 @@ def test_problems_without_a_rest_of_their_kind_are_refused(
     changed: dict[str, Any], reason: str
 ) -> None:
     facts = {"explicit_time": False, "totals_of": [], "peaks_of": [], "has_objective": False}
-    facts |= {"compiled": True} | changed
+    facts |= {"compiled": True, "hit_quantities": {}} | changed
     problem: Any = SimpleNamespace(
         model=SimpleNamespace(**facts), explicit_time=facts["explicit_time"],
-        kernels=SimpleNamespace(name="one", compiled=facts["compiled"]),
+        kernels=SimpleNamespace(
+            name="one", compiled=facts["compiled"],
+            manifest=SimpleNamespace(hit_quantities=facts["hit_quantities"]),
+        ),
     )  # fmt: skip
     if reason:
         with pytest.raises(ProblemError, match=reason):
@@ -95,7 +99,7 @@ def test_later_phases_last_long_enough_for_a_horizon_that_recedes(
 def before(gaps: tuple[float, ...], rates: tuple[float, ...]) -> Any:
     """A problem whose state has some gaps to three surfaces, and their rates."""
     model = SimpleNamespace(
-        contacts=SimpleNamespace(surface_numbers={"left": 0, "floor": 1, "right": 2}),
+        contacts=Contacts(("left", "floor", "right", "hand"), (), grips=(("hand", ("hand",)),)),
         gaps=lambda q: np.array(gaps), gap_rates=lambda q, v: np.array(rates),
     )  # fmt: skip
     return SimpleNamespace(model=model)
@@ -103,7 +107,7 @@ def before(gaps: tuple[float, ...], rates: tuple[float, ...]) -> Any:
 
 def event(surface: str = "", lands: tuple[str, ...] = (), rates: tuple[float, ...] = (0, 0)) -> Any:
     return SimpleNamespace(
-        surface=surface, lands=lands, rate_before=rates[0], rate_after=rates[1], switch=""
+        surface=surface, lands=lands, rate_before=rates[0], rate_after=rates[1], switch="", off=()
     )
 
 
@@ -122,6 +126,8 @@ def test_a_state_arrives_at_the_first_surface_of_an_event(what: Any, seconds: fl
     """0.2 m away with 2 m/s, 1 m with 1 m/s, and one that is left."""
     problem = before((-0.2, -1.0, -1.0), (2.0, 1.0, -1.0))
     assert arrival(problem, what, STATE) == pytest.approx(seconds)
+    gripped = before((0, 0, 0, 0.3), (0, 0, 0, -0.5))
+    assert arrival(gripped, event("hand"), STATE) == pytest.approx(0.6)
     behind = before((0.1, 0.1, 0.1), (1.0, 1.0, 1.0))
     assert arrival(behind, event("left"), STATE) == 0.0
 
