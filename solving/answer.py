@@ -16,7 +16,7 @@ from dmoc.solving.checked_solution import checked
 from dmoc.solving.indeterminacy import telling, undetermined
 from dmoc.solving.mesh.coarseness import telling_coarseness
 from dmoc.solving.mesh.confirmation import naming_steps
-from dmoc.solving.mesh.one_mesh import best_on_mesh, on_mesh_of, solved_from, solved_on_mesh
+from dmoc.solving.mesh.one_mesh import answers_on_mesh, on_mesh_of, solved_from, solved_on_mesh
 from dmoc.solving.mesh.refinement import refined
 from dmoc.solving.request import Request
 from dmoc.solving.sliding_reversals import naming_turns
@@ -48,12 +48,23 @@ def best_answer(problem: Problem, guess: InitialGuess, request: Request) -> Solu
     if tolerance is not None:
         base = min(request.options.optimality, max(tolerance, BASE_OPTIMALITY))
         of_mesh = replace(request.within(optimality=base), verify=False)
-    best = best_on_mesh(problem, guess, of_mesh)
-    case = Case(problem, guess, request, of_mesh)
+    case, answer = Case(problem, guess, request, of_mesh), None
+    answers = answers_on_mesh(problem, guess, of_mesh)
+    best = next(answers)
     try:
-        return reduce(lambda answer, critic: critic(answer, case), CRITICS, best)
+        answer = _told(best, case)
+        for other in answers if request.lasts else ():
+            told = _told(other, case)
+            if told.minimum and not (answer.minimum and answer.cost < told.cost):
+                answer = told
+        return answer
     except KeyboardInterrupt:
-        return broken_off(best)
+        return broken_off(answer or best)
+
+
+def _told(best: Solution, case: Case) -> Solution:
+    """What all critics make of the best solution on the first mesh."""
+    return reduce(lambda answer, critic: critic(answer, case), CRITICS, best)
 
 
 def _leaving_open(answer: Solution, case: Case) -> Solution:

@@ -29,7 +29,8 @@ class Request:
     ``most`` are the starts that are tried at most where ``starts`` leaves their number open.
     ``tolerance`` is that of a refinement, None where the mesh of the problem is the only one; where
     finer meshes do not lead there, an error up to ``loose`` that the check confirms is a solution
-    too.  ``refining`` is the method of other meshes than that of the answer.
+    too.  ``refining`` is the method of other meshes than that of the answer.  ``lasts`` is whether
+    starts go on as long as there is time and better minima may not have been met.
     """
 
     method: Method
@@ -43,6 +44,7 @@ class Request:
     loose: float = LOOSE
     most: int | None = None
     refining: Method = METHODS[REFINING]
+    lasts: bool = False
 
     def within(self, **limits: Any) -> Request:
         """The same request with other options."""

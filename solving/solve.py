@@ -93,8 +93,10 @@ def solve(
         half of them are kept for it.
     seconds : float, optional
         Limit of the guess, the solve and the check together.  The starts have half of it, and nine
-        tenths as long as none has led to a motion; of hits whose course is not said, the courses
-        that are tried have half of it, in equal parts.
+        tenths as long as none has led to a motion.  Where these were not enough, further ones have
+        what is left after the answer, however many these are, but for the time that an answer
+        takes.  Of hits whose course is not said, the courses that are tried have half of it, in
+        equal parts.
     progress : callable, bool or "lines", optional
         Called with an Iteration (number, cost, violation) after every iteration.  True shows it in
         a line on a terminal or in a notebook, "lines" writes it to standard error every second.
@@ -133,14 +135,22 @@ def solve(
     :eq:`measures`.
     """
     check_problem(problem)
-    return solved(problem, read(Keywords, locals(), ProblemError), loaded(guess), progress)
+    keywords = read(Keywords, locals(), ProblemError)
+    return solved(problem, keywords, loaded(guess), progress, lasts=True)
 
 
 def solved(
-    problem: Problem, keywords: Keywords, guess: InitialGuess, progress: Listener[Iteration] = None
+    problem: Problem,
+    keywords: Keywords,
+    guess: InitialGuess,
+    progress: Listener[Iteration] = None,
+    *,
+    lasts: bool = False,
 ) -> Solution:
-    """Solve a problem with keywords that were read, from a guess that was loaded."""
+    """Solve a problem with keywords that were read, from a guess that was loaded; with a time limit
+    of its own, starts last until it is used or they are enough."""
     request, reference = request_of(problem, keywords), keywords.reference
+    request = replace(request, lasts=lasts and not problem.open_hits)
     check_hits(problem)
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))

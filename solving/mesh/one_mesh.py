@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from dmoc.base.deadline import Deadline
 from dmoc.codegen.kernels import Array
 from dmoc.guess.transfer import on_mesh
 from dmoc.problem.problem import Problem
@@ -17,25 +18,58 @@ from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import attempted
 from dmoc.solving.checked_solution import checked, solution_of
 from dmoc.solving.multistart.effort import Effort
-from dmoc.solving.multistart.exploration import coarse_of, explored
+from dmoc.solving.multistart.exploration import Exploration, coarse_of, continued, explored
 from dmoc.solving.programs import Programs
 from dmoc.solving.request import Request
 from dmoc.solving.starts import InitialGuess, starts_of
 
 GIVEN = "given"  # the name of a start that is a guess
+# What follows the starts may take so many times as long as before; more starts are worth their time
+# where they have such a share of what is left.
+MARGIN, WORTH = 2.0, 0.25
 # Starts that were not tried may lead to a motion.
 OUT_OF_STARTS = "the time limit was used up before a start led to a motion: raise it"
 
 
 def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     """Solve on one mesh, from the best of many starts or from a guess alone."""
+    return next(answers_on_mesh(problem, guess, request))
+
+
+def answers_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Iterator[Solution]:
+    """The solution on one mesh, and, if another one is asked for and there was no time for enough
+    starts, that after more of them: until what is left takes the time that it has taken between
+    the two, with a margin."""
     if request.starts == 1 or not problem.kernels.compiled:
-        return solved_on_mesh(problem, guess, request)
+        yield solved_on_mesh(problem, guess, request)
+        return
+    lasts = request.lasts and request.options.deadline.ends
     effort = Effort.of(request.starts, request.seed, request.ranks_checked, request.most)
+    effort = replace(effort, lasts=lasts)
     begin = time.perf_counter()
     points = on_coarse_mesh(problem, guess)
     exploration = explored(problem, effort, request.options, points)
-    spent = {"build": problem.kernels.seconds, "explore": time.perf_counter() - begin}
+    spent = time.perf_counter() - begin
+    yield _best_explored(problem, guess, request, exploration, spent)
+    deadline, now = request.options.deadline, time.perf_counter()
+    until = Deadline(deadline.at - MARGIN * (now - exploration.end))
+    more = None
+    if lasts and until.left > WORTH * deadline.left:
+        more = continued(exploration, request.options, until)
+    if more is not None:
+        spent += time.perf_counter() - now
+        yield _best_explored(problem, guess, request, more, spent)
+
+
+def _best_explored(
+    problem: Problem,
+    guess: InitialGuess,
+    request: Request,
+    exploration: Exploration,
+    seconds: float,
+) -> Solution:
+    """The solution from the best minimum of an exploration, which has taken some seconds."""
+    spent = {"build": problem.kernels.seconds, "explore": seconds}
     answer, i = _best_of(problem, exploration.solutions, request)
     if answer is None:
         answer = _without_start(problem, guess, request)

@@ -27,6 +27,7 @@ class Effort:
     kinds: Sequence[int] = IN_TURN  # of random motions
     beside: int = 16
     most: int = 300
+    lasts: bool = False  # once there is a motion, until the time is used, however many these are
     # No more are needed where all have led to one minimum; or where the best one was met so often,
     # so many starts on the average have met each, so many have met no cheaper one since, and at
     # most such a share of further starts is expected to meet a minimum not met so far: of all, and

@@ -7,6 +7,7 @@ is none.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -46,6 +47,8 @@ class Exploration:
     starts: tuple[Start, ...]
     unseen: float | None = None  # the estimated share of further starts that meet other minima
     late: bool = False  # the time was used up before any start led to a motion
+    rounds: Rounds | None = None  # that may go on
+    end: float = 0.0  # of its starts, on the performance counter
 
     @property
     def breaks_through(self) -> bool:
@@ -110,15 +113,31 @@ def _explored(
     points: Mapping[str, Array],
 ) -> Exploration:
     """The exploration of starts on a coarse mesh, with the times that they have."""
-    refinements, (starting, seeking) = Refinements(problem), latest
+    starting, seeking = latest
     within = replace(options, deadline=starting)
-    rounds = Rounds.begun(refinements, coarse, effort, within, seeking, points)
+    rounds = Rounds.begun(Refinements(problem), coarse, effort, within, seeking, points)
+    return _run(rounds, options)
+
+
+def _run(rounds: Rounds, options: Options) -> Exploration:
+    """Rounds as far as they go, and what they have led to."""
     rounds.run()
-    minima = rounds.minima
-    late = not minima and seeking.passed
+    minima, starting, end = rounds.minima, rounds.options.deadline, time.perf_counter()
+    late = not minima and rounds.seeking.passed
     unseen = unseen_share(met_by_cost(minima)[:, 0]) if minima else None
-    refined, left = ranked(refinements, minima, effort, options, starting)
-    return Exploration(tuple(refined), tuple(left), tuple(rounds.starts), unseen, late)
+    refined, left = ranked(rounds.refinements, minima, rounds.effort, options, starting)
+    return Exploration(tuple(refined), tuple(left), tuple(rounds.starts), unseen, late, rounds, end)
+
+
+def continued(before: Exploration, options: Options, until: Deadline) -> Exploration | None:
+    """An exploration that has led to motions, with further starts until a moment; None where those
+    that were tried are enough."""
+    rounds = before.rounds
+    if rounds is None or not (rounds.unfinished and rounds.minima):
+        return None
+    rounds.options = replace(rounds.options, deadline=until)
+    with np.errstate(all="ignore"):
+        return _run(rounds, replace(options, progress=None))
 
 
 def _finer(problem: Problem, coarse: Problem) -> list[int]:

@@ -28,6 +28,7 @@ MISSED = 0.05
 # Iterations of a start, where one that takes more never led to the best minimum; and where contacts
 # last or constraints hold: gaits take long.
 USUAL, LASTING = 60, 300
+ANY = 10**9  # more starts than there is time for
 # Waves beside minima get smaller by a factor where less than such a share of their solves end.
 FEW_END, NARROWER = 0.6, 0.5
 
@@ -61,6 +62,7 @@ class Rounds:
     beside: int = 0
     amplitude: float = 1.0  # of the waves beside minima
     unbeaten: int = 0  # starts since the best minimum was met first
+    unfinished: bool = False  # there was no time for all starts
 
     @classmethod
     def begun(
@@ -90,12 +92,14 @@ class Rounds:
 
     def run(self) -> None:
         """Try starts until there are enough, or no time for more."""
-        effort = self.effort
+        effort, self.unfinished = self.effort, False
         while self._round(*self._next()):
             enough = effort.suffices(self.minima, len(self.starts), self.unbeaten)
             if enough or not any(self._next()):
                 break
             self._refine_mesh()
+        else:
+            self.unfinished = True
         if not self.minima and effort.widens:
             later = replace(self.options, deadline=self.seeking)
             self.minima = tightened(self.coarse, self.natural, effort.seed, later)
@@ -104,7 +108,8 @@ class Rounds:
         """Numbers of random starts of the next round, and of starts beside the minima."""
         effort = self.effort
         if effort.total is None:
-            left = max(effort.most - self.random - self.beside, 0)
+            most = ANY if effort.lasts and self.minima else effort.most
+            left = max(most - self.random - self.beside, 0)
         else:
             left = max(effort.total - len(self.named) - len(self.starts), 0)
         if not self.starts:  # of a number that is given, half at least

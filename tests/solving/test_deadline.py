@@ -12,6 +12,7 @@ from typing import Any
 
 import block_and_wall
 import pytest
+from answers import answer_of
 from hit_problems import back
 from systems import unit_mass
 
@@ -150,6 +151,24 @@ def test_starts_go_on_until_one_leads_to_a_motion(
     ended = exploration.explored(block(5.0), Effort(), Options(deadline=Deadline.after(30.0)))
     assert len(ended.starts) == count == begun
     assert bool(ended.solutions) == (first is not None) and ended.late == (first is None)
+
+
+def test_the_time_that_is_left_after_an_answer_has_further_starts(
+    now: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each start takes 2 of 30 s, nothing else takes any; a batch has its limit in common."""
+    real = rounds.attempts_from
+
+    def slow(programs: Any, points: Any, options: Options) -> list[Attempt]:
+        some = points[: math.ceil(options.deadline.left / 2)]
+        now[0] += 2.0 * len(some)
+        return real(programs, some, replace(options, deadline=ENDLESS))
+
+    monkeypatch.setattr(rounds, "attempts_from", slow)
+    solution = answer_of(block(5.0), seconds=30.0, starts=20)
+    assert solution.starts == solution.agreeing_starts == 15
+    (in_batch,) = dmoc.solve_many([block(5.0)], seconds=30.0, keep=True, starts=20).solutions
+    assert in_batch is not None and in_batch.starts == 8
 
 
 def test_a_time_limit_is_told_where_it_is_used_up(

@@ -74,6 +74,8 @@ def test_there_are_no_more_than_the_most() -> None:
     assert found._next() == (0, 1)
     found._round(0, 1)
     assert found._next() == (0, 0)
+    found.effort = replace(found.effort, lasts=True)
+    assert found._next() == (2, 6)
     given = search(double_integrator(30), replace(EFFORT, total=3))
     assert given._next() == (2, 0)
 
