@@ -47,7 +47,9 @@ class Contacts:
     @cached_property
     def pull(self) -> NDArray[np.bool_]:
         """Surfaces whose forces have both signs, the places of grips, shape (nc,)."""
-        return np.isin(np.arange(len(self.surfaces)), self.of_grips)
+        pull = np.zeros(len(self.surfaces), dtype=bool)
+        pull[list(self.of_grips)] = True
+        return pull
 
     @cached_property
     def floating(self) -> tuple[int, ...]:

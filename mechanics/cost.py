@@ -184,6 +184,8 @@ class CostModel(BoundKernels):
     ) -> NDArray[np.bool_]:
         """Which of some surfaces and numbers of hits, shape (terms, 2), each event is."""
         counts = np.zeros((len(surfaces), len(of)), dtype=bool)
+        if not len(of):
+            return counts
         so_far = np.zeros(self.nc, dtype=int)
         for row, hit in zip(counts, surfaces, strict=True):
             so_far[list(hit)] += 1

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 # Structures that are remembered, and bytes of all together: a search goes to and fro between the
 # forms of some tens of sequences, and one of 20 000 unknowns takes up to 35 MB.
 MOST, MOST_BYTES = 32, 2**27
+# Motions of which is remembered what they reach: a few numbers each.
+MOST_MOTIONS = 64
 # Unknowns of a problem of which things are remembered.
 MOST_REMEMBERED = 20_000
 
@@ -32,8 +34,8 @@ T = TypeVar("T")
 class Recent(Generic[T]):
     """The objects asked for last, by keys from which each follows."""
 
-    def __init__(self) -> None:
-        self._lock = Lock()
+    def __init__(self, most: int = MOST) -> None:
+        self.most, self._lock = most, Lock()
         self._values: OrderedDict[Hashable, T] = OrderedDict()
 
     def of(self, key: Hashable | None, make: Callable[[], T]) -> T:
@@ -48,7 +50,7 @@ class Recent(Generic[T]):
         made = make()
         with self._lock:
             value = self._values.setdefault(key, made)
-            while len(self._values) > MOST:
+            while len(self._values) > self.most:
                 self._values.popitem(last=False)
         return value
 
@@ -110,7 +112,7 @@ class Memory:
         self.laws: Recent[Laws] = Recent()
         self.bounding: Recent[Laws] = Recent()
         # What motions reach: neighbours of a problem often begin with the same one.
-        self.reached: Recent[Reached] = Recent()
+        self.reached: Recent[Reached] = Recent(MOST_MOTIONS)
 
     def clear(self) -> None:
         for part in (self.structures, self.laws, self.bounding, self.reached):

@@ -215,7 +215,8 @@ def kept(
         slides[:, k] = forward
     ends = np.full_like(least, np.inf)
     on = [j for j in closed if j in model.ends]
-    ends[:, on] = model.within(q, t)[:, on]
+    if on:
+        ends[:, on] = model.within(q, t)[:, on]
     return np.concatenate([least, bears, slides, ends], axis=1)
 
 

@@ -93,6 +93,8 @@ def touched(model: Model, at: Place) -> list[int]:
 def there(model: Model, at: Place) -> NDArray[np.bool_]:
     """Surfaces that are where a state is, and does not slip off their ends, shape (nc,); no
     grips."""
+    if not model.ends:
+        return ~model.contacts.pull
     q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
     within, rates = model.within(q, at.t), model.within_rates(q, v, at.t)
     at_end = (np.abs(within) <= at.small.within) & (rates >= -at.small.outwards)

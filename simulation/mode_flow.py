@@ -53,6 +53,8 @@ class ModeFlow:
     def beside(self) -> NDArray[np.bool_]:
         """Surfaces with ends that the place is beside, behind their gaps, shape (nc,)."""
         model, at, nq = self.setting.model, self.place, self.setting.model.nq
+        if not (model.ends or model.contacts.pull.any()):
+            return np.zeros(model.nc, dtype=bool)
         q, v = at.y[:nq], at.y[nq : 2 * nq]
         gaps, rates = model.gaps(q, at.t), model.gap_rates(q, v, at.t)
         near = (gaps >= -at.small.gap) & (rates >= -at.small.rate)

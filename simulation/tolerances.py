@@ -65,7 +65,8 @@ def tolerances(model: Model, q: Array, t: float, h: float, largest: Magnitudes) 
     sizes = [part / mass for part in (largest.coordinate, largest.velocity, largest.acceleration)]
     size = np.concatenate(sizes[:2])
     small = []
-    functions = model.gap_slopes, model.tangent_slopes, model.within_slopes
+    functions = [model.gap_slopes, model.tangent_slopes]
+    functions += [model.within_slopes] if model.ends else []
     for slopes in (function(q, t) for function in functions):
         along, moving = np.abs(slopes[:, :-1]), np.abs(slopes[:, -1])
         rate = along @ sizes[1] + moving
@@ -73,6 +74,8 @@ def tolerances(model: Model, q: Array, t: float, h: float, largest: Magnitudes) 
         bend = ACCELERATION * (along @ sizes[2] + moving / h)
         inertia = np.einsum("ji,ji->j", slopes[:, :-1], solved(M, slopes[:, :-1].T).T)
         small.append((place, RATE * rate, bend, bend / np.where(inertia > 0, inertia, 1.0)))
+    if not model.ends:
+        small.append((np.zeros(model.nc),) * 4)
     (gap, rate, bend, force), (_, slide, skid, hold), (within, outwards, *_) = small
     return Tolerances(
         np.where(size > 0, size, 1.0), gap, rate, bend, force, slide, skid, hold,

@@ -173,7 +173,9 @@ def test_a_matrix_of_a_kernel_has_as_many_values_as_entries() -> None:
 
 
 def test_what_is_closed_or_ignored_is_told_apart() -> None:
-    contacts = SimpleNamespace(surface_numbers={"a": 0, "b": 1, "c": 2})
+    contacts = SimpleNamespace(
+        surface_numbers={"a": 0, "b": 1, "c": 2}, pull=np.zeros(3, dtype=bool)
+    )
     problem = SimpleNamespace(
         model=SimpleNamespace(nc=3), touch=SimpleNamespace(contacts=contacts), ignored=["c"]
     )
