@@ -210,9 +210,12 @@ def kept(
     least[:, closed] = reaction.normal[:, closed]
     least[:, model.contacts.pull] = np.inf
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
-    bears[:, stuck] = (model.bearing(reaction.normal) - np.abs(reaction.tangential))[:, stuck]
-    for k, forward in conditions_of(model, mode).forward(model.slide_rates(q, v, t)).items():
-        slides[:, k] = forward
+    if stuck:
+        bears[:, stuck] = (model.bearing(reaction.normal) - np.abs(reaction.tangential))[:, stuck]
+    if mode.sliding:
+        rates = model.slide_rates(q, v, t)
+        for k, forward in conditions_of(model, mode).forward(rates).items():
+            slides[:, k] = forward
     ends = np.full_like(least, np.inf)
     on = [j for j in closed if j in model.ends]
     if on:
