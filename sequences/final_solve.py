@@ -23,8 +23,7 @@ from dmoc.sequences.tree import Tree
 from dmoc.solvers.outcome import Status
 from dmoc.solving.answer import answer_of, best_answer
 from dmoc.solving.keywords import Keywords
-from dmoc.solving.mesh.one_mesh import GIVEN
-from dmoc.solving.request import request_of
+from dmoc.solving.request import GIVEN, request_of
 
 # Seconds that are worth beginning for.
 LEAST = 1e-3

@@ -18,6 +18,7 @@ from dmoc.solving.mesh.coarseness import telling_coarseness
 from dmoc.solving.mesh.confirmation import naming_steps
 from dmoc.solving.mesh.one_mesh import answers_on_mesh, on_mesh_of, solved_from, solved_on_mesh
 from dmoc.solving.mesh.refinement import refined
+from dmoc.solving.other_forms import in_other_form
 from dmoc.solving.request import Request
 from dmoc.solving.sliding_reversals import naming_turns
 from dmoc.solving.starts import InitialGuess
@@ -48,12 +49,19 @@ def best_answer(problem: Problem, guess: InitialGuess, request: Request) -> Solu
     if tolerance is not None:
         base = min(request.options.optimality, max(tolerance, BASE_OPTIMALITY))
         of_mesh = replace(request.within(optimality=base), verify=False)
-    case, answer = Case(problem, guess, request, of_mesh), None
+    case, answer, without = Case(problem, guess, request, of_mesh), None, ""
     answers = answers_on_mesh(problem, guess, of_mesh)
     best = next(answers)
+    if best is None:
+        if request.thorough and request.starts is None:
+            other, without = in_other_form(problem, request, best_answer)
+            if other is not None:
+                return other
+        best = next(filter(None, answers))
     try:
         answer = _told(best, case)
-        for other in answers if request.lasts else ():
+        answer = saying(answer, without) if without and not answer.minimum else answer
+        for other in filter(None, answers) if request.thorough else ():
             told = _told(other, case)
             if told.minimum and not (answer.minimum and answer.cost < told.cost):
                 answer = told

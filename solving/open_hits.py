@@ -24,10 +24,10 @@ from dmoc.program.layout import Layout
 from dmoc.results.solution import Solution, saying
 from dmoc.solvers.outcome import Status
 from dmoc.solving.answer import answer_of
-from dmoc.solving.mesh.one_mesh import GIVEN, on_coarse_mesh, solved_on_mesh
+from dmoc.solving.mesh.one_mesh import on_coarse_mesh, solved_on_mesh
 from dmoc.solving.multistart.effort import Effort
 from dmoc.solving.multistart.exploration import coarse_of, explored
-from dmoc.solving.request import Request
+from dmoc.solving.request import GIVEN, Request
 from dmoc.solving.starts import InitialGuess, starts_of
 
 # Courses of all hits together that are tried at most, and those that follow each other's motions

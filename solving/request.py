@@ -14,6 +14,7 @@ from dmoc.solvers.outcome import Options
 from dmoc.solving.keywords import Keywords
 from dmoc.solving.methods import DEFAULT, METHODS, REFINING, Method, ProgramForm, usual
 
+GIVEN = "given"  # the name of a start that is a guess
 # Tolerance where neither steps nor a tolerance are given.
 AUTOMATIC = 1e-3
 # The error up to which a motion that the check confirms is a solution where nobody has asked for a
@@ -29,8 +30,10 @@ class Request:
     ``most`` are the starts that are tried at most where ``starts`` leaves their number open.
     ``tolerance`` is that of a refinement, None where the mesh of the problem is the only one; where
     finer meshes do not lead there, an error up to ``loose`` that the check confirms is a solution
-    too.  ``refining`` is the method of other meshes than that of the answer.  ``lasts`` is whether
-    starts go on as long as there is time and better minima may not have been met.
+    too.  ``refining`` is the method of other meshes than that of the answer.  ``thorough`` is
+    whether starts go on as long as there is time and better minima may not have been met, and other
+    forms of the problem are tried where no start leads to a motion.  ``given`` names the start that
+    the guess is.
     """
 
     method: Method
@@ -44,7 +47,8 @@ class Request:
     loose: float = LOOSE
     most: int | None = None
     refining: Method = METHODS[REFINING]
-    lasts: bool = False
+    thorough: bool = False
+    given: str = GIVEN
 
     def within(self, **limits: Any) -> Request:
         """The same request with other options."""

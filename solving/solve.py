@@ -83,7 +83,10 @@ def solve(
         than five of these have met the best one, and where there is none with limits of the inputs
         that are tightened step by step.  1
         begins with the guess alone, as does a guess that is given and kernels without a compiler.
-        No better minimum than the answer was met; that none exists is not shown.
+        No better minimum than the answer was met; that none exists is not shown.  Where none leads
+        to a motion by default, in a third of the time if there is a limit, other forms are tried: a
+        last duration of 0 where the motion ends at rest after an event and no durations are stated;
+        order 2 with 60 steps where no steps are.  A note of the solution says so.
     seed : int
         Of the random motions: the same seed gives the same answer.
     optimality, violation : float
@@ -136,7 +139,7 @@ def solve(
     """
     check_problem(problem)
     keywords = read(Keywords, locals(), ProblemError)
-    return solved(problem, keywords, loaded(guess), progress, lasts=True)
+    return solved(problem, keywords, loaded(guess), progress, thorough=True)
 
 
 def solved(
@@ -145,12 +148,12 @@ def solved(
     guess: InitialGuess,
     progress: Listener[Iteration] = None,
     *,
-    lasts: bool = False,
+    thorough: bool = False,
 ) -> Solution:
-    """Solve a problem with keywords that were read, from a guess that was loaded; with a time limit
-    of its own, starts last until it is used or they are enough."""
+    """Solve a problem with keywords that were read, from a guess that was loaded; a thorough
+    solve uses the time limit to its end, and tries other forms where no start leads to a motion."""
     request, reference = request_of(problem, keywords), keywords.reference
-    request = replace(request, lasts=lasts and not problem.open_hits)
+    request = replace(request, thorough=thorough and not problem.open_hits)
     check_hits(problem)
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))

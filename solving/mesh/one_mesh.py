@@ -18,43 +18,59 @@ from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import attempted
 from dmoc.solving.checked_solution import checked, solution_of
 from dmoc.solving.multistart.effort import Effort
-from dmoc.solving.multistart.exploration import Exploration, coarse_of, continued, explored
+from dmoc.solving.multistart.exploration import (
+    SEEKING,
+    Exploration,
+    coarse_of,
+    continued,
+    explored,
+)
+from dmoc.solving.other_forms import other_forms
 from dmoc.solving.programs import Programs
-from dmoc.solving.request import Request
+from dmoc.solving.request import GIVEN, Request
 from dmoc.solving.starts import InitialGuess, starts_of
 
-GIVEN = "given"  # the name of a start that is a guess
 # What follows the starts may take so many times as long as before; more starts are worth their time
 # where they have such a share of what is left.
 MARGIN, WORTH = 2.0, 0.25
+# Share of the time after which other forms are tried where no start has led to a motion.
+BEFORE_OTHERS = 1 / 3
 # Starts that were not tried may lead to a motion.
 OUT_OF_STARTS = "the time limit was used up before a start led to a motion: raise it"
 
 
 def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     """Solve on one mesh, from the best of many starts or from a guess alone."""
-    return next(answers_on_mesh(problem, guess, request))
+    return next(filter(None, answers_on_mesh(problem, guess, request)))
 
 
-def answers_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Iterator[Solution]:
+def answers_on_mesh(
+    problem: Problem, guess: InitialGuess, request: Request
+) -> Iterator[Solution | None]:
     """The solution on one mesh, and, if another one is asked for and there was no time for enough
     starts, that after more of them: until what is left takes the time that it has taken between
-    the two, with a margin."""
+    the two, with a margin.  Where no start has led to a motion, None comes first."""
     if request.starts == 1 or not problem.kernels.compiled:
         yield solved_on_mesh(problem, guess, request)
         return
-    lasts = request.lasts and request.options.deadline.ends
+    lasts = request.thorough and request.options.deadline.ends
     effort = Effort.of(request.starts, request.seed, request.ranks_checked, request.most)
-    effort = replace(effort, lasts=lasts)
+    hurries = lasts and request.starts is None and other_forms(problem)
+    effort = replace(effort, lasts=lasts, share=BEFORE_OTHERS if hurries else None)
     begin = time.perf_counter()
-    points = on_coarse_mesh(problem, guess)
+    points = on_coarse_mesh(problem, guess, request.given)
     exploration = explored(problem, effort, request.options, points)
     spent = time.perf_counter() - begin
+    if not exploration.ranked:
+        yield None
+        if hurries:
+            until = request.options.deadline.share(SEEKING)
+            exploration = continued(exploration, request.options, until) or exploration
     yield _best_explored(problem, guess, request, exploration, spent)
     deadline, now = request.options.deadline, time.perf_counter()
     until = Deadline(deadline.at - MARGIN * (now - exploration.end))
     more = None
-    if lasts and until.left > WORTH * deadline.left:
+    if lasts and exploration.ranked and until.left > WORTH * deadline.left:
         more = continued(exploration, request.options, until)
     if more is not None:
         spent += time.perf_counter() - now
@@ -133,13 +149,13 @@ def _without_start(problem: Problem, guess: InitialGuess, request: Request) -> S
     return solved_on_mesh(problem, guess, request)
 
 
-def on_coarse_mesh(problem: Problem, guess: InitialGuess) -> dict[str, Array]:
-    """A guess that was given on the coarse mesh, by name."""
+def on_coarse_mesh(problem: Problem, guess: InitialGuess, name: str = GIVEN) -> dict[str, Array]:
+    """A guess that was given on the coarse mesh, by its name."""
     if guess is None:
         return {}
     with np.errstate(all="ignore"):
         x = starts_of(problem, guess).points[0]
-        return {GIVEN: on_mesh(coarse_of(problem), problem, x)}
+        return {name: on_mesh(coarse_of(problem), problem, x)}
 
 
 def on_mesh_of(problem: Problem, solution: Solution) -> bool:

@@ -41,6 +41,7 @@ class Effort:
     most_refined: int = 16
     settles: bool = True  # minima that are not confirmed are looked at on a finer mesh
     widens: bool = True  # limits of inputs, to tighten them, where no start leads to a motion
+    share: float | None = None  # of the time that all have; by default more where none leads on
     iterations: int | None = None  # of a start; by default as many as it seems to take
     guesses: int | None = None  # automatic ones that are tried at most
     total: int | None = None  # all starts, where their number is given

@@ -84,7 +84,8 @@ def explored(
     shape (n,). Where all minima go through what path constraints forbid, between the nodes of any
     mesh, they are looked for on a finer one. An interrupted solve raises KeyboardInterrupt."""
     options = replace(options, progress=None)
-    starting, seeking = (options.deadline.share(share) for share in (STARTING, SEEKING))
+    shares = (STARTING, SEEKING) if effort.share is None else (effort.share, effort.share)
+    starting, seeking = map(options.deadline.share, shares)
     mesh, points = coarse_of(problem), points or {}
     with np.errstate(all="ignore"):
         exploration = _explored(problem, mesh, effort, options, (starting, seeking), points)
@@ -130,12 +131,12 @@ def _run(rounds: Rounds, options: Options) -> Exploration:
 
 
 def continued(before: Exploration, options: Options, until: Deadline) -> Exploration | None:
-    """An exploration that has led to motions, with further starts until a moment; None where those
-    that were tried are enough."""
+    """An exploration with further starts until a moment; None where those that were tried are
+    enough."""
     rounds = before.rounds
-    if rounds is None or not (rounds.unfinished and rounds.minima):
+    if rounds is None or not rounds.unfinished:
         return None
-    rounds.options = replace(rounds.options, deadline=until)
+    rounds.options, rounds.seeking = replace(rounds.options, deadline=until), until
     with np.errstate(all="ignore"):
         return _run(rounds, replace(options, progress=None))
 
