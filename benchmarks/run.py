@@ -22,6 +22,7 @@ import campaign
 import evaluation_times
 import exported_solver
 import feedback
+import fits
 import invariance
 import ladder
 import linear_algebra
@@ -78,6 +79,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "batches": batches.compare,
         "carried": exported_solver.compare,
         "threads": exported_solver.batch,
+        "fits": fits.compare,
         "feedback": lambda quick: feedback.compare(quick, folder),
         "search": search_speed.compare,
         "twenty": lambda quick: twenty.compare(quick, folder),
