@@ -251,6 +251,15 @@ def saltation(motion: Motion, i: int, u: Array) -> Array:
     return np.asarray(projection(motion, motion.modes[i + 1], later, time)[0] @ S)
 
 
+def sooner(motion: Motion, i: int, u: Array) -> Array:
+    """Derivatives of the time by which event i comes sooner by the state before it, shape (n,),
+    with the inputs u (1, nu)."""
+    p = motion.passages[i]
+    before, time = np.concatenate([p.before.q[-1], p.before.v[-1]])[None], np.array([p.c.time])
+    f0 = state_rates(motion, motion.modes[i], before, u, time)[0]
+    return _sooner(motion, i, (before, u, time), f0)
+
+
 def inputs_at(motion: Motion, i: int) -> Array:
     """Inputs before and after event i, shape (2, nu): those of a feedback, which goes over from one
     to the other when it feels the event."""

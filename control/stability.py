@@ -17,6 +17,7 @@ from dmoc.control.linearisation import (
     linear_phase,
     projection,
     saltation,
+    sooner,
     state_rates,
     state_sizes,
     timed_inputs_at,
@@ -153,6 +154,7 @@ def stability(motion: Motion, periodic: Mapping[str, Mapping[str, float]]) -> St
     phases, parts = motion.trajectory.phases, list[Growth]()
     first = allowed(motion, 0, 0)
     whole = projection(motion, motion.modes[0], *_state(motion, 0, 0))[0]
+    ends = np.zeros(len(sizes))
     for i in range(motion.stepped):
         slope = np.eye(len(sizes))
         for transition in linear_phase(motion, i).transitions():
@@ -162,12 +164,15 @@ def stability(motion: Motion, periodic: Mapping[str, Mapping[str, float]]) -> St
         whole = slope @ whole
         if i < len(motion.trajectory.collisions):
             c = motion.trajectory.collisions[i]
-            slope = saltation(motion, i, timed_inputs_at(motion, i))
+            inputs = timed_inputs_at(motion, i)
+            slope = saltation(motion, i, inputs)
+            if i + 1 == motion.stepped:
+                ends = sooner(motion, i, inputs[:1]) @ whole
             parts.append(_growth(c.word, c.time, slope, allowed(motion, i, -1), sizes))
             whole = slope @ whole
     growth = _growth("the motion", phases[0].t[0], whole, first, sizes)
     made = Stability(states, sizes, tuple(parts), growth, whole)
-    return _repeated(motion, made, periodic) if periodic else made
+    return _repeated(motion, made, periodic, ends) if periodic else made
 
 
 def _state(motion: Motion, i: int, k: int) -> tuple[Array, Array]:
@@ -202,16 +207,22 @@ def _growth(name: str, time: float, slope: Array, basis: Array, sizes: Array) ->
 
 
 def _repeated(
-    motion: Motion, made: Stability, periodic: Mapping[str, Mapping[str, float]]
+    motion: Motion, made: Stability, periodic: Mapping[str, Mapping[str, float]], ends: Array
 ) -> Stability:
-    """The stability of a motion that repeats."""
+    """The stability of a motion that repeats; ``ends`` are the derivatives (n,) of the time by
+    which the event at its end comes sooner, if there is one, by the state at the start.
+
+    What follows that event is the next period, in the mode of the start: a grip that holds through
+    the event may be open there.
+    """
     again = back(motion, made.transition, periodic)
     if isinstance(again, str):
         return Stability(
             made.states, made.sizes, made.parts, made.whole, made.transition, notes=(again,)
         )
     sizes, n = made.sizes, len(made.sizes)
-    monodromy = again @ made.transition
+    last = state_rates(motion, motion.modes[-1], *_end(motion))[0]
+    monodromy = again @ made.transition + np.outer(_flow(motion) - again @ last, ends)
     basis = allowed(motion, 0, 0)
     scaled = monodromy / sizes[:, None] * sizes
     flow, notes = _flow(motion) / sizes, tuple[str, ...]()
@@ -241,6 +252,12 @@ def _flow(motion: Motion) -> Array:
     """The rate of the state at the start."""
     y, t = _state(motion, 0, 0)
     return np.asarray(state_rates(motion, motion.modes[0], y, motion.steps[0].u0[:1], t)[0])
+
+
+def _end(motion: Motion) -> tuple[Array, Array, Array]:
+    """State (1, 2 nq), inputs (1, nu) and time (1,) at the end."""
+    y, t = _state(motion, -1, -1)
+    return y, motion.steps[motion.stepped - 1].u1[-1:], t
 
 
 def depends_on_time(motion: Motion) -> bool:
