@@ -62,6 +62,7 @@ ORDER = (
     "finger_puck",
     "push_or_flick",
     "compass_gait",
+    "kneed_walker",
     "walker",
     "transport",
 )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import compass_gait
 import contact_problems
+import kneed_walker
 import numpy as np
 import pytest
 import two_discs
@@ -82,6 +83,17 @@ def test_the_multipliers_of_the_compass_gait_are_those_of_its_return_map() -> No
     made = solution.stability()
     assert made.multipliers[0] == approx(1, abs=1e-5)  # the floor is the same everywhere
     assert np.sort_complex(made.multipliers[1:]) == approx(np.sort_complex(eigenvalues), abs=2e-4)
+
+
+def test_a_knee_that_the_next_period_opens_has_the_multipliers_of_its_return_map() -> None:
+    """It holds through the last landing, so that the accelerations after that are not those with
+    which the period goes on.  The numbers are those of an event-driven integration with 1e-12."""
+    solution = dmoc.solve(kneed_walker.problem(20), "ipm", guess=kneed_walker.guess())
+    made = solution.stability()
+    pair = 0.35257374 + 0.55221146j
+    expected = np.array([1, pair, pair.conjugate(), 0.14382266, 0, 0])
+    assert np.sort_complex(made.multipliers) == approx(np.sort_complex(expected), abs=1e-5)
+    assert solution.cost == approx(0.564328166, abs=1e-6) and not made.notes
 
 
 def test_a_bouncer_that_repeats_keeps_the_square_of_its_restitution() -> None:
