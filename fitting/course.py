@@ -99,6 +99,11 @@ class Course:
         """Whether all events of the word happen."""
         return len(self.arcs) == len(self.laws.touch.modes)
 
+    @property
+    def regular(self) -> bool:
+        """Whether there are phases, and each has a duration."""
+        return bool(self.arcs) and all(arc.t[-1] > arc.t[0] for arc in self.arcs)
+
     def phases(self, t: Array) -> NDArray[np.intp]:
         """The phase of each time, that after an event at it, shape (n,)."""
         times = np.maximum.accumulate(self.events[: len(self.arcs) - 1])

@@ -11,7 +11,7 @@ from dmoc.base.errors import FitError
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.fitting.experiment import Experiment, Prediction
-from dmoc.fitting.identification import Identification, identified
+from dmoc.fitting.identification import Identification, identified, invariant
 from dmoc.fitting.noise import MOST_ROUNDS, SETTLED, first_sigma, sigma_left
 from dmoc.fitting.parameters import START, Parameter
 from dmoc.fitting.regression import HUBER, MOST_ITERATIONS, Regression
@@ -77,12 +77,12 @@ def _as_stated(
     x, predictions = at
     low, high = regression.bounds
     for direction in known.nothing:
-        part = direction != 0
+        part, entries = invariant(direction)
         if not (x[part] * regression.first[part] > 0).all():
             continue
         away = np.log(x[part] / regression.first[part])
         other = x.copy()
-        other[part] *= np.exp(-direction[part] * (direction[part] @ away) / (direction @ direction))
+        other[part] *= np.exp(-entries * (entries @ away) / (entries @ entries))
         made = (
             regression.predict(other, near)
             if (low <= other).all() and (other <= high).all()

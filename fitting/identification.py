@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
@@ -14,6 +15,8 @@ from dmoc.fitting.parameters import MODEL, RESTITUTION, Parameter
 # Singular values, as shares of the largest, of directions that nothing depends on; differences on
 # both sides leave errors of 1e-9.
 NOTHING = 1e-7
+# Share of its first size that an unknown has at least: one near zero is no smaller.
+SMALL = 1e-3
 # Entries of such a direction, as shares of its largest, that take part in it.
 PART = 0.02
 # Entries that are so close to a ratio of small whole numbers are one.
@@ -33,8 +36,7 @@ class Identification:
 def identified(J: Array, parameters: Sequence[Parameter], x: Array, pushed: bool) -> Identification:
     """What derivatives (n, unknowns) of residuals in standard deviations tell of unknowns with the
     values x; ``pushed`` says whether a force is measured."""
-    sizes = np.array([p.size for p in parameters], dtype=float)
-    size = np.where(x != 0, np.abs(x), sizes)
+    size = np.maximum(np.abs(x), SMALL * np.array([p.size for p in parameters]))
     _, s, V = np.linalg.svd(np.linalg.qr(J * size, mode="r"), full_matrices=True)
     s = np.append(s, np.zeros(len(V) - len(s)))
     known = s > NOTHING * max(float(s[0]), 1e-300)
@@ -84,6 +86,14 @@ def _sentence(direction: Array, parameters: Sequence[Parameter], x: Array, pushe
         return f"only ratios of {named} are determined{why}"
     terms = ", ".join(f"{p.name} by {n:+d} %" for p, n in zip(own, powers, strict=True))
     return f"{named} are not known apart: a change of {terms} changes nothing that is measured"
+
+
+def invariant(direction: Array) -> tuple[NDArray[np.intp], Array]:
+    """The unknowns that have part in a direction, by their numbers, and their entries, as small
+    whole numbers where they are some."""
+    part = np.flatnonzero(np.abs(direction) > PART * np.abs(direction).max())
+    powers = _powers(direction[part])
+    return part, direction[part] if powers is None else np.array(powers, dtype=float)
 
 
 def _powers(entries: Array) -> tuple[int, ...] | None:

@@ -60,7 +60,7 @@ def fit_of(problem: Problem, estimate: Estimate, notes: Sequence[str]) -> Fit:
     freedom = len(regression.measured) - len(x)
     unknowns = tuple(_unknowns(regression.parameters, x, covariance, freedom))
     said = [*notes, *misfits, *_passed(regression, x), *_correlated(correlated)]
-    said += [*estimate.identification.sentences, *_doubtful(unknowns)]
+    said += [*estimate.identification.sentences, *_doubtful(unknowns, regression)]
     return Fit(
         status=MISFIT if misfits else CONVERGED,
         message="; ".join(said),
@@ -83,7 +83,7 @@ def fit_of(problem: Problem, estimate: Estimate, notes: Sequence[str]) -> Fit:
         motions=tuple(
             solution_of(e, made.course)
             for e, made in zip(regression.experiments, estimate.predictions, strict=True)
-            if made.course.arcs
+            if made.course.regular
         ),
         planned=with_values(problem, regression.parameters, x),
         estimate=estimate,
@@ -236,9 +236,9 @@ def _correlated(rows: Sequence[SensorResiduals]) -> Iterator[str]:
         )
 
 
-def _doubtful(unknowns: Sequence[Estimated]) -> Iterator[str]:
-    for u in unknowns:
+def _doubtful(unknowns: Sequence[Estimated], regression: Regression) -> Iterator[str]:
+    for u, p in zip(unknowns, regression.parameters, strict=True):
         if u.at_bound:
             yield f"{u.name} is at its bound {u.value:.6g}"
-        elif np.isfinite(u.error) and u.error > HARDLY * abs(u.value) > 0 and "start" not in u.name:
+        elif np.isfinite(u.error) and u.error > HARDLY * max(abs(u.value), p.size):
             yield f"{u.name} is hardly known: {u.value:.3g} with a standard error of {u.error:.2g}"

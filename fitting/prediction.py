@@ -44,7 +44,7 @@ class Predicted(Shown):
     start : mapping of str to float
         Free states at the begin, fitted to this run.
     motion : Solution or None
-        None of a table of hits.
+        None of a table of hits, and where an event happens at the begin.
     """
 
     rms: Mapping[str, float]
@@ -103,7 +103,7 @@ def predicted(fit: Fit, run: Any, start: Mapping[str, Any] | None) -> Predicted:
         rms, {name: x / ranges[name] for name, x in rms.items()},
         e.words, e.times, e.measured, made[0].values,
         {p.of: float(v) for p, v in zip(e.parameters, x, strict=True) if p.kind == START},
-        solution_of(e, made[0].course) if made[0].course.arcs else None,
+        solution_of(e, made[0].course) if made[0].course.regular else None,
     )  # fmt: skip
 
 

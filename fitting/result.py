@@ -119,7 +119,8 @@ class Fit(Shown, Saved):
         standard deviations.
     degrees_of_freedom : int
     motions : tuple of Solution
-        The motion of each run, checked; none in a fit from a file.
+        The motion of each run, checked; none of a table of hits, of a run with an event at its
+        begin, and in a fit from a file.
     problem : Problem
         The problem with the fitted values, to plan with; refused in a fit from a file.
 

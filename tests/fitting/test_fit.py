@@ -308,3 +308,24 @@ def test_friction_that_gives_way_and_holds_again(floor: Any) -> None:
     slips, sticks = (c.time for c in motion.trajectory.collisions)
     assert fit.event_times["run 1"] == pytest.approx([slips, sticks], abs=1e-3)
     assert fit.motions[0].solved
+
+
+def test_ratios_that_are_known_keep_values_near_those_of_the_problem(
+    hanging: dmoc.Problem, swing: dict[str, np.ndarray]
+) -> None:
+    """Of a pendulum only l/g matters; both are then as near to what was stated as it allows."""
+    unknown = {"l": (0.5, 2), "g": (5, 20), "e": (0, 1)}
+    fit = dmoc.fit(hanging.but(parameters={"g": 9.0}), swing, unknown)
+    assert fit.undetermined == ("only l/g is determined",)
+    assert fit["g"] / fit["l"] == pytest.approx(9.81, rel=2e-3)
+    assert fit["g"] / 9 == pytest.approx(1 / fit["l"], rel=1e-3)
+    assert np.isinf(fit.errors["g"]) and fit.errors["e"] < 1e-3
+
+
+def test_an_event_at_the_begin_leaves_no_motion(
+    hanging: dmoc.Problem, swing: dict[str, np.ndarray]
+) -> None:
+    """A sensor whose sign is wrong."""
+    seen = {"t": swing["t"][:100], "theta": -swing["theta"][:100]}
+    fit = dmoc.fit(hanging.but(sequence=["wall"]), seen, {"g": (5, 20)})
+    assert fit.status == "misfit" and "run 1 does not fit" in fit.message
