@@ -70,7 +70,8 @@ def _texts(parameters: Sequence[Parameter], words: list[str]) -> dict[str, list[
         name, equals, value = word.partition("=") if word.startswith("--") else (word, "", "")
         parameter = options.get(name)
         if parameter is None and arguments and not word.startswith("-"):
-            parameter, value = arguments[0], word
+            free = (p for p in arguments if p.many or p.name not in texts)
+            parameter, value = next(free, arguments[-1]), word
         elif parameter is None or (equals and parameter.type is bool):
             return None
         elif parameter.type is bool:

@@ -22,7 +22,7 @@ FITS = 3.0
 # Free states that nothing measures begin at the best of these times their sizes, either way.
 TRIED = 2.0 ** np.arange(-5, 6)
 # Share to which predictions are the same.
-SAME = 1e-6
+ALIKE = 1e-6
 # Standard errors of the time of a hit within which a sample may be on either side of it.
 EITHER = 3.0
 
@@ -92,8 +92,8 @@ def _as_stated(
         if made is not None and np.allclose(
             np.concatenate([p.values for p in made]),
             values,
-            rtol=SAME,
-            atol=SAME * np.abs(values).max(),
+            rtol=ALIKE,
+            atol=ALIKE * np.abs(values).max(),
         ):
             x, predictions = other, made
     return x, predictions
