@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 AWAY = "keep the range of the design away from there"
 
 
+@np.errstate(all="ignore")  # what overflows is no number, and is judged as none
 def check_ends(problem: Problem) -> None:
     """Refuse ends of which nothing could come."""
     designs = {"": problem, **problem.design_ends}

@@ -52,6 +52,15 @@ def test_parameters_whose_squares_overflow_are_refused_wherever_they_are_changed
         sled(parameters={mu: size}, tangents={"rail": x}, friction={"rail": mu**2})
 
 
+def test_slopes_whose_squares_overflow_warn_of_nothing() -> None:
+    y = dynamicsymbols("y")
+    rates = {"tied": sp.Eq(1e300 * x.diff() - 1e300 * y.diff(), 0)}
+    kinetic = (x.diff() ** 2 + y.diff() ** 2) / 2
+    system = dmoc.MechanicalSystem("steep", [x, y], kinetic, constraints=rates)
+    kernels = dmoc.build(system, backend="numpy")
+    dmoc.Problem(kernels, {x: 0, y: 0}, {x: 1}, final_time=1)
+
+
 @pytest.mark.parametrize("octets", [memoryview(b"ab"), bytearray(b"ab"), b"ab"])
 @pytest.mark.parametrize("field", ["durations", "steps", "sequence", "contacts", "via"])
 def test_bytes_are_no_list(field: str, octets: Any) -> None:
