@@ -224,7 +224,9 @@ def _off(motion: Motion, i: int) -> Iterator[str]:
         for j in places:
             k = int(np.argmax(np.abs(off[:, j])))
             if not abs(off[k, j]) <= OFF * size[j]:
-                what = "is off its surface" if places is mode.closed else "has slipped"
+                surface = places is mode.closed
+                where = "place" if surface and model.contacts.pull[j] else "surface"
+                what = f"is off its {where}" if surface else "has slipped"
                 yield f"{names[j]!r} {what} by {off[k, j]:.3g} at {at.t[k]:.4g} s"
             k = int(np.argmax(np.abs(rates[:, j])))
             if not abs(rates[k, j]) <= DRIFT * rate[j]:

@@ -70,7 +70,8 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
         names = contacts.grasped(contacts.surfaces) if sign or not colon else contacts.tangents
         if name not in names:
             plain = contacts.switches if not (sign or colon) else ()
-            what = "tangent" if colon and not sign else "surface or switch" if plain else "surface"
+            kinds = ["surface", *["grip"] * bool(contacts.grips), *["switch"] * bool(plain)]
+            what = "tangent" if colon and not sign else " or ".join(kinds)
             check_known(part, (*names, *plain), what, IN_SEQUENCE)
         if sign == OFF and name not in contacts.ended:
             raise ProblemError(
@@ -257,13 +258,16 @@ def touch_along(start: Mode, words: Iterable[str], contacts: Contacts) -> Touch:
         event, at = event_of(word, contacts, before.closed), f"event {i + 1} ({word})"
         opening = contacts.named(j for j in event.leaves if j not in before.closed)
         for name in contacts.grasped(opening):
+            grip = name in contacts.grip_names
+            leaves, land = ("lets go", "close") if grip else ("leaves", "land")
             raise ProblemError(
-                f"{at}: {name} leaves, but is not closed then: land it before ('+{name}'), or "
+                f"{at}: {name} {leaves}, but is not closed then: {land} it before ('+{name}'), or "
                 f"close it at the start (contacts=[{name!r}])."
             )
         closing = contacts.named(j for j in before.closed if j in (event.hit, *event.lands))
         for name in contacts.grasped(closing):
-            raise ProblemError(f"{at}: {name} is closed already: let it leave before ('-{name}').")
+            go = "go" if name in contacts.grip_names else "leave"
+            raise ProblemError(f"{at}: {name} is closed already: let it {go} before ('-{name}').")
         closed = {*before.closed, *event.lands} - {*event.leaves}
         left = {k for k, j in enumerate(contacts.supports) if j in event.leaves}
         friction = {k: s for k, s in before.rubbing.items() if k not in left}

@@ -285,15 +285,18 @@ def _check_start_in_contact(problem: Problem) -> None:
                 f"contact {name!r} is closed at the start, which is {-within[j]:g} beyond its end: "
                 "move the start onto it."
             )
-        floats = j in problem.touch.contacts.floating
-        if not floats and abs(gaps[j]) > SAME * sizes[j]:
+        contacts = problem.touch.contacts
+        kind = "grip" if (grip := contacts.pull[j]) else "contact"
+        if j not in contacts.floating and abs(gaps[j]) > SAME * sizes[j]:
             raise ProblemError(
-                f"contact {name!r} is closed at the start, which is {-gaps[j]:g} off it: move the "
-                "start onto it, or leave a coordinate free."
+                f"{kind} {name!r} is closed at the start, which is {-gaps[j]:g} off "
+                f"{'its place' if grip else 'it'}: move the start onto it, or leave a coordinate "
+                "free."
             )
         if v is not None:
             rate, slope = float(model.gap_rates(q, v)[j]), model.gap_slopes(q)[j]
-            _check_rate(name, "leaves or enters it", rate, _kept(problem, slope, q, v))
+            moves = "moves it off its place" if grip else "leaves or enters it"
+            _check_rate(name, moves, rate, _kept(problem, slope, q, v), kind)
     if v is None:
         return
     rates = model.slide_rates(q, v)
@@ -331,7 +334,9 @@ def _check_breaking(problem: Problem, q: Array, k: int, word: str) -> None:
 
 def _what(problem: Problem, mode: Mode) -> str:
     """Words for the conditions that hold a phase."""
-    kinds = ("contacts", not mode.free), ("constraints", bool(problem.kernels.joints))
+    held = [problem.touch.contacts.pull[j] for j in mode.closed]
+    touched, joints = bool(mode.rubbing) or not all(held), bool(problem.kernels.joints)
+    kinds = ("contacts", touched), ("grips", any(held)), ("constraints", joints)
     return " and ".join(f"the {kind}" for kind, there in kinds if there)
 
 
@@ -344,11 +349,12 @@ def _kept(problem: Problem, slope: Array, q: Array, v: Array) -> float:
     return KEPT * made + SAME * sqrt(max(squares, 0.0))
 
 
-def _check_rate(name: str, what: str, rate: float, kept: float) -> None:
+def _check_rate(name: str, moves: str, rate: float, kept: float, kind: str = "contact") -> None:
     if abs(rate) > kept:
+        keeps = "along the contact, or say how it slides" if kind == "contact" else "that keeps it"
         raise ProblemError(
-            f"contact {name!r} is closed at the start, whose velocity {what} ({rate:g} per "
-            "second): give a velocity along the contact, or say how it slides."
+            f"{kind} {name!r} is closed at the start, whose velocity {moves} ({rate:g} per "
+            f"second): give a velocity {keeps}."
         )
 
 

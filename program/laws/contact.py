@@ -97,6 +97,8 @@ class ContactLaw(Law):
     def equations(self, block: Numbering) -> None:
         lay, touch, along = self.lay, self.lay.touch, self.along
         names, landing = touch.contacts.surfaces, np.zeros_like(touch.beside)
+        grips = touch.contacts.pull
+        kinds, lands = np.where(grips, "grip", "contact"), np.where(grips, "closing", "landing")
         closed, beside = touch.is_closed & ~self.settled.closed, ~self.settled.closed[1:]
         for i, event in enumerate(touch.events):
             landing[i, list(event.lands[1:])] = True
@@ -105,19 +107,19 @@ class ContactLaw(Law):
         self.closed = block(
             "closed",
             along.places(closed, self.settled.places),
-            lambda r, j: f"contact {names[j]} {along.at.label(r)}",
+            lambda r, j: f"{kinds[j]} {names[j]} {along.at.label(r)}",
             lambda s: along.in_a_step(s.rate, s),
         )
         self.at_rest = block(
             "at rest",
             along.rates(closed, ends_of_phases(closed, self.settled.rates)),
-            lambda k, j: f"rate of contact {names[j]} {end_of_phase(lay, k)}",
+            lambda k, j: f"rate of {kinds[j]} {names[j]} {end_of_phase(lay, k)}",
             lambda s: s.rate,
         )
         self.lands = block(
             "lands",
             landing & beside & ~(at_end & self.settled.places[-1]),
-            lambda i, j: f"landing of {names[j]} at event {i + 1}",
+            lambda i, j: f"{lands[j]} of {names[j]} at event {i + 1}",
             lambda s: s.gap,
         )
         self.stays = block(

@@ -193,13 +193,14 @@ class ImpactLaw(Law):
                 apart=0,
             ),
         )
+        events = np.where(self.lay.touch.contacts.pull, "event", "collision")
         self.contact = block(
             "contact",
             self.sure & ~self.settled[0] & ~np.isin(hit, self.lay.touch.contacts.floating),
             lambda k: f"contact at {at[k]}",
             lambda s: sizes_of(s.gap, hit),
             missed=Missed(
-                words=lambda k: f"collision {k + 1} misses {surfaces[hit[k]]!r}",
+                words=lambda k: f"{events[hit[k]]} {k + 1} misses {surfaces[hit[k]]!r}",
                 unit=lambda k: self._unit_of_gap(int(hit[k])),
                 apart=0,
             ),

@@ -19,6 +19,7 @@ from dmoc.codegen.kernels import Kernels
 X, Y, U = dynamicsymbols("x y u")
 M1, M2 = sp.symbols("m_1 m_2")
 STILL = {"x_dot": 0, "y_dot": 0}
+MOVING = {"x_dot": 1, "y_dot": 0}
 
 
 def two_carts(name: str, **fields: Any) -> dmoc.MechanicalSystem:
@@ -208,12 +209,17 @@ def test_a_generated_solver_has_grips(caught: dmoc.Problem, tmp_path: Path) -> N
     ("stated", "message"),
     [
         ({"sequence": ["hand"]}, "hand is a grip, which is not hit"),
-        ({"sequence": ["-hand"]}, "hand leaves, but is not closed then"),
-        ({"sequence": ["+hand", "+hand"]}, "hand is closed already"),
+        ({"sequence": ["-hand"]}, r"hand lets go, but is not closed then: close it before"),
+        ({"sequence": ["+hand", "+hand"]}, "hand is closed already: let it go"),
         (
             {"contacts": ["hand"], "sequence": []},
-            "contact 'hand' is closed at the start, which is -1 off it",
+            "grip 'hand' is closed at the start, which is -1 off its place: move the start onto",
         ),
+        (
+            {"contacts": ["hand"], "sequence": [], "start": {"x": 1, "y": 1, **MOVING}},
+            "whose velocity moves it off its place",
+        ),
+        ({"sequence": ["+hnd"]}, "unknown surface or grip '\\+hnd'"),
         ({"restitution": {"hand": 0.5}}, "a grip closes without rebound"),
     ],
 )
