@@ -29,6 +29,8 @@ from dmoc.simulation.roots import crossing
 
 # Steps that are integrated before it is looked whether an event has happened in them.
 AT_ONCE = 128
+# Share of a run that a motion goes on for after its last event.
+AFTER = 0.02
 # Doublings of a step that a phase goes back for an event that has happened before it.
 BACK = 7
 # Share of the time of a run to which events are located.
@@ -156,10 +158,10 @@ class Laws:
         """The motion from a state (2 nq,) until a time, and further, to the end of the mesh, where
         events of the word have not happened then."""
         t, arcs, modes = float(mesh.t[0]), list[Arc](), self.touch.modes
-        last = int(np.searchsorted(mesh.t, until, side="left"))
         for i, mode in enumerate(modes):
             more = i + 1 < len(modes)
-            arc = self._arc(i, mode, (t, y), mesh if more else _cut(mesh, last, t))
+            end = max(until, t + AFTER * (until - float(mesh.t[0])))
+            arc = self._arc(i, mode, (t, y), mesh if more else _cut(mesh, end))
             arcs.append(arc)
             if not more or arc.t[-1] >= mesh.t[-1]:
                 break
@@ -326,8 +328,7 @@ def _flow(mode: Mode) -> Mode | None:
     return None if mode == FREE else mode
 
 
-def _cut(mesh: Mesh, last: int, t: float) -> Mesh:
-    """The mesh until a node, or until the one behind a time where that is later."""
-    last = max(last, int(np.searchsorted(mesh.t, t, side="right")))
-    last = min(max(last, 1), len(mesh.u0))
+def _cut(mesh: Mesh, end: float) -> Mesh:
+    """The mesh until the first node that is not before a time."""
+    last = min(max(int(np.searchsorted(mesh.t, end, side="left")), 1), len(mesh.u0))
     return Mesh(mesh.t[: last + 1], mesh.u0[:last], mesh.u1[:last])

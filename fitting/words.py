@@ -3,7 +3,7 @@ and words with one event more or less."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -21,8 +21,10 @@ from dmoc.mechanics.touch import Touch
 from dmoc.problem.problem import Problem
 
 # Gaps, as shares of their range, by which hits are seen in what is measured; how near to zero.
-SEEN, NEAR = 0.1, (0.15, 0.4)
-TRIED = 20  # iterations of a word
+SEEN, NEAR = (0.1, 0.03), (0.15, 0.4)
+TRIED = 40  # iterations of a word
+# By how much a word is worse whose events do not all happen, or whose motion passes a surface.
+FAR = 1e6
 MOST_CHANGES = 3  # events that are changed one after the other
 # A word is another one's better where its mean squares are so much less.
 BETTER = 0.9
@@ -68,18 +70,30 @@ def best_words(
             with suppress(DmocError):
                 one = replace(alone, experiments=(with_words(e, words),))
                 x, _ = first_fit(one, sigma, TRIED)
-                tried[words] = one.square(x, sigma) if _reaches(one, x) else np.inf
+                tried[words] = one.square(x, sigma) * (1.0 if _reaches(one, x) else FAR)
         return tried[words]
 
-    best = min(_first(e, alone.first), key=tell)
+    best = _best(_first(e, alone.first), tell)
     for _ in range(changes):
         if tell(best) <= FITS:
             break
-        other = min(_changed(e, best, alone.first), key=tell, default=best)
+        other = _best((best, *_changed(e, best, alone.first)), tell)
         if not tell(other) < BETTER * tell(best):
             break
         best = other
     return with_words(e, best), tell(best)
+
+
+def _best(
+    words: Iterable[tuple[str, ...]], tell: Callable[[tuple[str, ...]], float]
+) -> tuple[str, ...]:
+    """The word that fits best, the first one that fits."""
+    best: tuple[str, ...] | None = None
+    for word in words:
+        best = word if best is None or tell(word) < tell(best) else best
+        if tell(best) <= FITS:
+            break
+    return best or ()
 
 
 def _reaches(regression: Regression, x: Array) -> bool:
@@ -147,12 +161,19 @@ def by_laws(e: Experiment, x: Array) -> Experiment:
 
 
 def _first(e: Experiment, x: Array) -> Iterator[tuple[str, ...]]:
-    """Words to begin with."""
-    yield e.words
+    """Words to begin with: those that sensors show, and without any those that the laws say."""
     if e.run.events:
         yield tuple(word for word, _ in e.run.events)
-    yield from (_seen(e, x, near) for near in NEAR)
-    yield by_laws(e, x).words
+    seen = _all_seen(e, x)
+    yield e.words
+    yield from seen
+    if not any(seen):
+        yield by_laws(e, x).words
+
+
+def _all_seen(e: Experiment, x: Array) -> list[tuple[str, ...]]:
+    """Hits as measured gaps show them, if less and less is taken for one."""
+    return [_seen(e, x, fall, near) for near in NEAR for fall in SEEN]
 
 
 def in_order_of_sight(e: Experiment, x: Array) -> Experiment:
@@ -163,13 +184,14 @@ def in_order_of_sight(e: Experiment, x: Array) -> Experiment:
     return with_words(e, words) if sorted(words) == sorted(e.words) and words else e
 
 
-def _seen(e: Experiment, x: Array, near: float) -> tuple[str, ...]:
-    """Hits where measured gaps are largest, within a share of their range of their surfaces."""
+def _seen(e: Experiment, x: Array, least: float, near: float) -> tuple[str, ...]:
+    """Hits where measured gaps are largest and fall on both sides, by a share of their range, and
+    are within another one of their surfaces."""
     t, gaps = measured_gaps(e, x)
     hits = []
     for time, j, fall in peaks(e, x):
         size = float(np.ptp(gaps[:, j]))
-        if fall > SEEN and abs(float(np.interp(time, t, gaps[:, j]))) < near * size:
+        if fall > least and abs(float(np.interp(time, t, gaps[:, j]))) < near * size:
             hits.append((time, e.problem.kernels.surfaces[j]))
     return tuple(name for _, name in sorted(hits))[:LONGEST]
 
@@ -181,7 +203,7 @@ def _changed(e: Experiment, words: tuple[str, ...], x: Array) -> Iterator[tuple[
     for name in e.problem.kernels.surfaces if len(words) < LONGEST else ():
         if name not in e.problem.ignored:
             for k in range(
-                len(words) if words and any(words == _seen(e, x, near) for near in NEAR) else 0,
+                len(words) if words and words in _all_seen(e, x) else 0,
                 len(words) + 1,
             ):
                 yield (*words[:k], name, *words[k:])
