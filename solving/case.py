@@ -10,7 +10,7 @@ from dmoc.base.records import record
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Status
-from dmoc.solving.mesh.one_mesh import best_on_mesh, solved_from
+from dmoc.solving.mesh.one_mesh import answers_on_mesh, best_on_mesh, solved_from
 from dmoc.solving.request import Request
 from dmoc.solving.starts import InitialGuess
 
@@ -35,7 +35,16 @@ class Case:
 
     def afresh(self, problem: Problem) -> Solution:
         """Another problem solved from few starts of its own."""
-        return _finished(best_on_mesh(problem, None, replace(self.request.compiled(), starts=FEW)))
+        return _finished(best_on_mesh(problem, None, self._few()))
+
+    def led(self, problem: Problem) -> Solution | None:
+        """Another problem solved from few starts of its own; None where none leads to a motion, of
+        which it is not asked what stands against it."""
+        solution = next(answers_on_mesh(problem, None, self._few()))
+        return solution and _finished(solution)
+
+    def _few(self) -> Request:
+        return replace(self.request.compiled(), starts=FEW, thorough=False)
 
 
 # Looks at an answer: the answer as it was, one of which more is said, or another one.

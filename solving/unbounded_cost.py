@@ -61,8 +61,8 @@ def in_time(answer: Solution, case: Case) -> Solution:
     if answer.status is not Status.INFEASIBLE or np.isfinite(high):
         return answer
     size = _first_time(case.problem, scale_of(case.problem, initial_guesses(case.problem)[0].x))
-    near = case.afresh(_in_time(case.problem, low, LIMITS[0] * size))
-    if not near.minimum:
+    near = case.led(_in_time(case.problem, low, LIMITS[0] * size))
+    if near is None or not near.minimum:
         return answer
     far = case.afresh(_in_time(case.problem, low, LIMITS[1] * size))
     if far.minimum and far.cost < near.cost / TWICE:

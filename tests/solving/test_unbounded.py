@@ -12,8 +12,10 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.codegen.kernels import Kernels
 from dmoc.solvers.outcome import Status
 from dmoc.solving import case
+from dmoc.solving.mesh import one_mesh
 from dmoc.solving.unbounded_cost import ended
 
 pytestmark = pytest.mark.slow
@@ -205,3 +207,22 @@ def test_what_runs_away_is_named_wherever_the_solve_was_lost() -> None:
     looked_at: Any = SimpleNamespace(problem=problem, afresh=partial(dmoc.solve, starts=16))
     told = ended(lost, looked_at)
     assert told.message.startswith("the cost has no minimum, it falls as final_time grows: -400")
+
+
+def test_what_no_limit_of_the_time_helps_is_diagnosed_once(
+    block: Kernels, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is pushed forwards alone, and to rest further on."""
+    count, without = [0], one_mesh._without_start
+
+    def counted(*arguments: Any) -> dmoc.Solution:
+        count[0] += 1
+        return without(*arguments)
+
+    monkeypatch.setattr(one_mesh, "_without_start", counted)
+    problem = dmoc.Problem(
+        block, {"x": 0}, {"x": 0.5, "x_dot": 0}, steps=20, bounds={"u": (0, 1)},
+        durations=[(None, None)],
+    )  # fmt: skip
+    assert dmoc.solve(problem, starts=4).status == "infeasible"
+    assert count == [1]
