@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TypeAlias
 
+from dmoc.base.errors import DmocError
 from dmoc.codegen.system_kernels import build, kernels_of
 from dmoc.problem.problem import Problem
 from dmoc.problem.statement import AUTOMATIC_ORDER, DEFAULT_ORDER
@@ -64,7 +65,11 @@ def in_other_form(
     on it, or None; and a sentence on the forms that led to none."""
     tried = list[str]()
     for words, made in other_forms(problem):
-        form, deadline = made(), request.options.deadline
+        deadline = request.options.deadline
+        try:
+            form = made()
+        except DmocError:  # there is no such form: its last event ends no motion, for instance
+            continue
         effort = Effort.of(FEW, request.seed, request.ranks_checked)
         options = replace(request.options, deadline=deadline.share(SHARE))
         motions = explored(form, effort, options).solutions

@@ -12,6 +12,7 @@ from systems import block_system
 
 import dmoc
 from dmoc.base.deadline import ENDLESS
+from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Kernels
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import Attempt
@@ -34,6 +35,20 @@ def test_an_end_at_rest_may_be_that_of_the_last_event(block: Kernels) -> None:
     assert solution.status == "solved" and solution.phases[-1].duration == 0
     assert solution.cost == pytest.approx((4 - math.sqrt(12)) / 8, rel=1e-6)
     assert "no start led to a motion: it has a last duration of 0" in solution.message
+
+
+def test_a_form_that_there_is_none_of_is_not_tried(
+    block: Kernels, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(self: dmoc.Problem, **changes: Any) -> dmoc.Problem:
+        if "durations" in changes:
+            raise ProblemError("no motion ends with such an event.")
+        return but(self, **changes)
+
+    but = dmoc.Problem.but
+    monkeypatch.setattr(dmoc.Problem, "but", refused)
+    solution = dmoc.solve(stopped(block))
+    assert solution.status == "infeasible" and "nor did" not in solution.message
 
 
 @pytest.mark.parametrize(
