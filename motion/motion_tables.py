@@ -75,16 +75,19 @@ def _quantities(phase: Phase, jumps: bool) -> Array:
 
 def units(motion: Trajectory) -> dict[str, str]:
     """Units of the columns, where they are known: the model gives those of coordinates and inputs,
-    times are in seconds and contact forces in newton."""
+    times are in seconds and contact forces in newton, but for those of grips."""
     names = {"t": "s"} | dict(motion.units)
     names |= {
         velocity_name(name): f"{motion.units[name]}/s"
         for name in motion.coordinates
         if name in motion.units
     }
-    places = Names.of(motion).places
+    own, grips = Names.of(motion), {name for of in motion.grips.values() for name in of}
+    contacts = {"normal": own.surfaces, "tangential": own.tangents}
     return names | {
-        name: "N" for name, (part, _) in places.items() if part in ("normal", "tangential")
+        name: "N"
+        for name, (part, i) in own.places.items()
+        if part in contacts and i is not None and contacts[part][i] not in grips
     }
 
 

@@ -52,10 +52,14 @@ class Panel:
     times: tuple[Array, ...]
     curves: tuple[Curve, ...]
     impulses: tuple[Mapping[str, float], ...] = ()
+    grips: frozenset[str] = frozenset()  # places among the contacts, whose units are not known
 
     @property
     def title(self) -> str:
-        return TITLES[self.quantity]
+        """What a panel shows: forces of grips are no normal forces."""
+        names = {curve.contact for curve in self.curves}
+        own = [TITLES[self.quantity]] if names - self.grips or not names else []
+        return " and ".join([*own, "forces of grips"] if names & self.grips else own)
 
     @property
     def axis(self) -> str:
@@ -152,15 +156,17 @@ def _forces(motion: Trajectory) -> Iterator[Panel]:
     """Normal forces and friction; where nothing else shows them, normal impulses beside those of
     friction."""
     phases, events = motion.phases, motion.collisions
+    grips = frozenset(place for places in motion.grips.values() for place in places)
     curves: dict[str, list[Curve]] = {"N": [], "T": []}
     for name, number in contacts_of(motion).items():
         for letter, own in curves.items():
             values = tuple(_force(phase, letter, name) for phase in phases)
             if any(part is not None for part in values):
                 limits = tuple(_limit(motion, phase, name) for phase in phases)
+                symbol = "R" if name in grips else letter
                 own.append(
                     Curve(
-                        f"{letter} {name}", with_index(letter, label_of(name)), number, values,
+                        f"{letter} {name}", with_index(symbol, label_of(name)), number, values,
                         limits=limits if letter == "T" else (), contact=name,
                     )
                 )  # fmt: skip
@@ -172,7 +178,8 @@ def _forces(motion: Trajectory) -> Iterator[Panel]:
     for letter, own in curves.items():
         if own:
             times = tuple(phase.t for phase in phases)
-            yield Panel(letter, "N", times, tuple(own), tuple(impulses[letter]))
+            unit = "" if grips & {curve.contact for curve in own} else "N"
+            yield Panel(letter, unit, times, tuple(own), tuple(impulses[letter]), grips)
 
 
 def _force(phase: Phase, letter: str, name: str) -> Array | None:

@@ -146,7 +146,7 @@ def _impulses(
             colour = style.stroke(numbers[name], 0)["color"]
             axes.plot(*place, "v", color=colour, ms=6, clip_on=False, transform=across)
             axes.annotate(
-                f"{value:.3g} N s".replace("-", "\N{MINUS SIGN}")
+                f"{value:.3g}{'' if name in panel.grips else ' N s'}".replace("-", "\N{MINUS SIGN}")
                 + ("" if name in drawn else f" of {name}"),
                 place,
                 xycoords=across,

@@ -15,6 +15,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError, SimulationError
 from dmoc.codegen.kernels import Kernels
+from dmoc.motion.motion_tables import columns, units
+from dmoc.report.curves import panels_of
 
 X, Y, U = dynamicsymbols("x y u")
 M1, M2 = sp.symbols("m_1 m_2")
@@ -76,6 +78,15 @@ def test_a_cart_that_is_met_and_brought_along_costs_what_cubics_cost(caught: dmo
     assert closes.impulses["hand"] == pytest.approx(-0.75 * v, rel=1e-3)  # x gets R grad(x - y)
     force = solution.phases[1].normal[:, 0]
     assert force.min() < 0 < force.max()
+
+
+def test_forces_of_grips_are_shown_as_no_normal_forces(caught: dmoc.Problem) -> None:
+    """Their places may be angles: a table has no unit for them."""
+    motion = dmoc.solve(caught, starts=1).trajectory
+    assert "N_hand" in columns(motion) and "N_hand" not in units(motion)
+    panel = panels_of(motion)[-1]
+    assert (panel.title, panel.unit) == ("forces of grips", "")
+    assert "R" in panel.curves[0].label.tex
 
 
 def test_the_force_of_a_grip_has_bounds_of_both_signs(caught: dmoc.Problem) -> None:
