@@ -188,12 +188,10 @@ def test_what_is_let_go_under_load_falls() -> None:
 def test_a_plan_with_a_grip_is_simulated_and_held_by_a_feedback(caught: dmoc.Problem) -> None:
     solution = dmoc.solve(caught)
     assert dmoc.simulate(solution).q[-1] == pytest.approx([2, 2], abs=1e-3)
-    held = dmoc.simulate(solution, feedback=dmoc.feedback(solution), disturb={"start": {"x": 0.02}})
-    assert held.q[-1] == pytest.approx([2, 2], abs=0.01)
-    planned = dmoc.simulate(
-        solution, feedback=dmoc.Planner(caught, solution), disturb={"start": {"x": 0.02}}
-    )
-    assert planned.q[-1] == pytest.approx([2, 2], abs=0.01)
+    disturbed = {"start": {"x": 0.02}, "sampling": 0.02}
+    for steers in (dmoc.feedback(solution), dmoc.Planner(caught, solution)):
+        held = dmoc.simulate(solution, feedback=steers, disturb=disturbed)
+        assert held.q[-1] == pytest.approx([2, 2], abs=0.02)
 
 
 def test_a_search_closes_and_opens_grips(caught: dmoc.Problem) -> None:
