@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import dmoc
 from dmoc.base.errors import ModelError, ProblemError, SimulationError
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.motion_tables import columns, units
+from dmoc.motion.trajectory import Phase
 from dmoc.report.curves import panels_of
 
 X, Y, U = dynamicsymbols("x y u")
@@ -200,12 +202,34 @@ def test_a_search_closes_and_opens_grips(caught: dmoc.Problem) -> None:
     assert verdicts == {(): "infeasible", ("+hand",): "optimal"}
 
 
-def test_a_wrong_force_of_a_grip_is_noticed(caught: dmoc.Problem) -> None:
-    solution = dmoc.solve(caught)
-    first, second = solution.phases
-    wrong = replace(second, normal=second.normal * 1.1)
-    verdict = dmoc.verify(replace(solution.trajectory, phases=(first, wrong)), caught.kernels)
-    assert not verdict.passed
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda a, b, e: ((a, replace(b, normal=1.1 * b.normal)), e), "error of a contact force"),
+        (lambda a, b, e: ((a, _beside(b)), e), "'hand' is off its place by 0.05"),
+        (lambda a, b, e: ((a, b), replace(e, impulses={"hand": -1.0})), "the law of impact"),
+        (lambda a, b, e: ((a, _opened(b)), replace(e, lands=())), "energy error"),
+    ],
+)
+def test_wrong_grips_are_noticed(
+    caught: dmoc.Problem, wrong: Callable[..., Any], message: str
+) -> None:
+    """A force that is another one, a place that is missed, an impulse that does not stop what it
+    has to, a hand that is said to be open while it holds."""
+    motion = dmoc.solve(caught, starts=1).trajectory
+    phases, event = wrong(*motion.phases, motion.collisions[0])
+    verdict = dmoc.verify(replace(motion, phases=phases, collisions=(event,)), caught.kernels)
+    assert not verdict.passed and message in verdict.message
+
+
+def _beside(phase: Phase) -> Phase:
+    off = np.array([0, 0.05])
+    return replace(phase, q=phase.q + off, q_inside=phase.q_inside + off)
+
+
+def _opened(phase: Phase) -> Phase:
+    none = {name: getattr(phase, name)[:, :0] for name in ("normal", "normal_inside")}
+    return replace(phase, closed=(), **none)
 
 
 def test_a_generated_solver_has_grips(caught: dmoc.Problem, tmp_path: Path) -> None:
