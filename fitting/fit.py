@@ -24,7 +24,7 @@ from dmoc.fitting.outcome import check_starts, fit_of
 from dmoc.fitting.parameters import fixed_start, parameters_of
 from dmoc.fitting.regression import LOSSES, Regression
 from dmoc.fitting.result import Fit
-from dmoc.fitting.words import best_words, in_order, in_order_of_sight, touch_of_words
+from dmoc.fitting.words import best_words, by_laws, in_order, in_order_of_sight, touch_of_words
 from dmoc.problem.problem import Problem
 
 # Orders of events that are tried, one after the other.
@@ -152,8 +152,8 @@ def identifiable(
     sensors see at the values of the problem.
 
     What runs have measured does not matter, only what and when; :func:`dmoc.simulate` makes runs of
-    a plan.  Sensors without a standard deviation are taken to be off by 1 % of their range, events
-    by 1 % of the time of the run.
+    a plan.  Without a sequence the hits are those that the laws say.  Sensors without a standard
+    deviation are taken to be off by 1 % of their range, events by 1 % of the time of the run.
 
     Parameters
     ----------
@@ -184,6 +184,10 @@ def identifiable(
         regression = _stated(
             problem, runs, parameters, start, sigma, own, inputs, "linear", sequences
         )
+        if sequences is None and not problem.sequence and problem.kernels.surfaces:
+            pairs = zip(regression.experiments, regression.own, strict=True)
+            made = (e if e.run.before else by_laws(e, regression.first[own]) for e, own in pairs)
+            regression = replace(regression, experiments=tuple(made))
         return _known_of(regression)
 
 

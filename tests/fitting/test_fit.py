@@ -329,3 +329,15 @@ def test_an_event_at_the_begin_leaves_no_motion(
     seen = {"t": swing["t"][:100], "theta": -swing["theta"][:100]}
     fit = dmoc.fit(hanging.but(sequence=["wall"]), seen, {"g": (5, 20)})
     assert fit.status == "misfit" and "run 1 does not fit" in fit.message
+
+
+def test_what_can_be_known_of_a_hit_that_the_laws_say(
+    hanging: dmoc.Problem, swing: dict[str, np.ndarray], fitted: dmoc.Fit
+) -> None:
+    """The errors to expect are those that the fit has then."""
+    start = {"theta": (0.5, 1.3), "theta_dot": (-1, 1)}
+    problem = hanging.but(sequence=(), start=start, parameters={"g": 9.81}, restitution=0.8)
+    known = dmoc.identifiable(problem, swing, {"g": (5, 20), "e": (0, 1)}, sigma={"theta": NOISE})
+    assert not known.undetermined
+    expected = dict(zip(known.names, known.errors, strict=True))
+    assert expected == pytest.approx(fitted.errors, rel=0.1)
