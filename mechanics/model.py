@@ -196,6 +196,10 @@ class Model(FrictionModel, CostModel):
         gaps = self.gaps(q, t)
         return np.where(self.within(q, t) > least, gaps, -np.inf) if self.ends else gaps
 
+    def within_rounding(self, q: Array, t: float = 0.0) -> Array:
+        """The W up to which a position lies at the ends of surfaces, shape (nc,)."""
+        return ROUNDING * np.abs(self.within_slopes(q, t)[:, :-1]) @ np.abs(q)
+
     def gap_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Derivatives of the gaps with respect to (q, t), shape (..., nc, nq + 1)."""
         return self._matrix("g_D", (self.nc, self.nq + 1), q, t)

@@ -97,7 +97,8 @@ def _check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
         return
     at = np.where(fixed, boundary.position[:, 0], 0.0)
     model = problem.model
-    gaps, sizes = model.barriers(at), once(problem, _sizes_at_ends)
+    gaps = model.barriers(at, 0.0, model.within_rounding(at))
+    sizes = once(problem, _sizes_at_ends)
     chosen = by_design(problem, model.barrier_kernel)  # where they are is up to the solver
     for j, surface in enumerate(problem.kernels.surfaces):
         if chosen[j] or surface in problem.ignored or problem.touch.contacts.pull[j]:
@@ -281,9 +282,10 @@ def _check_start_in_contact(problem: Problem) -> None:
         if chosen[j] or not fixed[model.surface_coordinates[j]].all():
             continue
         if fixed[model.ends.get(j, [])].all() and not within[j] >= -KEPT * reach[j]:
+            on = [f"{problem.kernels.coordinates[i]}={q[i]:g}" for i in model.ends[j]]
             raise ProblemError(
-                f"contact {name!r} is closed at the start, which is {-within[j]:g} beyond its end: "
-                "move the start onto it."
+                f"contact {name!r} is closed at the start ({', '.join(on)}), which is beyond "
+                "its end: move the start onto it."
             )
         contacts = problem.touch.contacts
         kind = "grip" if (grip := contacts.pull[j]) else "contact"

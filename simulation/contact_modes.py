@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dmoc.base.records import record
 from dmoc.base.tolerances import DEPENDENT, SAME
@@ -34,8 +33,6 @@ from dmoc.mechanics.conditions import (
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 from dmoc.simulation.tolerances import Tolerances
-
-Bools = NDArray[np.bool_]
 
 # The share of the longest that each of the pushes is at least which are far from dependent.
 ALIKE = 1e-3
@@ -180,15 +177,15 @@ def _furthest_along(least: Array, slopes: Array) -> float:
 
 def limits(
     model: Model, react: Callable[..., Reaction], mode: Mode, rows: tuple[Array, Array, Array],
-    beside: Bools | None = None,
+    past: Array | None = None,
 ) -> Array:  # fmt: skip
     """The limits :func:`kept` of a mode, shape (n, 2 nc + 2 nt), at rows of states (n, 2 nq),
-    inputs (n, nu) and times (n,); ``react`` is the reaction of an integrator, ``beside``
-    are the surfaces with ends that it is beside, shape (nc,), none where not said."""
+    inputs (n, nu) and times (n,); ``react`` is the reaction of an integrator, ``past`` the W up to
+    which a surface with ends is not there, shape (nc,), none where not said."""
     nq, (y, u, t) = model.nq, rows
     q, v = (np.ascontiguousarray(y[:, i * nq : (i + 1) * nq]) for i in (0, 1))
     reaction, model = react(mode, y, u, t), model.with_friction_at(q, v, u, t)
-    return kept(model, mode, borne(model, mode, reaction, q, t), (q, v, t), beside)
+    return kept(model, mode, borne(model, mode, reaction, q, t), (q, v, t), past)
 
 
 def kept(
@@ -196,7 +193,7 @@ def kept(
     mode: Mode,
     reaction: Reaction,
     at: tuple[Array, Array, Array],
-    beside: Bools | None,
+    past: Array | None,
 ) -> Array:
     """Numbers that a mode keeps from falling below zero at q and v (n, nq) and t (n,), shape (n, 2
     nc + 2 nt); infinite where there is nothing to keep. They are minus the gap of an open surface
@@ -204,9 +201,8 @@ def kept(
     velocities in their directions, and how far closed surfaces with ends go on. What a grip holds
     it keeps until it lets go."""
     (q, v, t), closed, stuck = at, list(mode.closed), list(mode.sticking)
-    least = -model.gaps(q, t)
-    if beside is not None and beside.any():  # these hold it back where it comes over them alone
-        least[:, beside] = -model.barriers(q, t)[:, beside]
+    # What the motion is beside holds it back where it comes over it alone.
+    least = -(model.gaps(q, t) if past is None else model.barriers(q, t, past))
     least[:, closed] = reaction.normal[:, closed]
     least[:, model.contacts.pull] = np.inf
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)

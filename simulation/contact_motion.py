@@ -29,7 +29,7 @@ from dmoc.simulation.contact_impacts import dying, struck
 from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.grips import Grasp, closed_by
 from dmoc.simulation.impact_orders import Undecided
-from dmoc.simulation.mode_choice import Hints, Place, Setting, check_driven, mode_at, there
+from dmoc.simulation.mode_choice import BEHIND, Hints, Place, Setting, check_driven, mode_at, there
 from dmoc.simulation.mode_flow import PLACES, ModeFlow
 from dmoc.simulation.tolerances import Magnitudes, magnitudes_at, tolerances
 
@@ -37,8 +37,6 @@ MOST_EVENTS, MOST_AT_ONCE = 1000, 50  # within one step, and at one moment of it
 MOST_OFTEN = 10  # hits of a step in the long run, beyond which steps resolve nothing
 MOMENT = 1e-4  # of a step: flights of bounces that do not die away are longer
 MOST_SHOWN = 3  # of the events that come to no end
-# Gaps that are met, in what is zero of them.
-BEHIND = 1e4
 SHORTEST = 1e-13  # share of a step that is not gone any more
 # Steps that are gone in compiled code between two looks for Ctrl-C.
 AT_ONCE = 256

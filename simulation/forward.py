@@ -300,7 +300,7 @@ def _check_start(model: Model, q: Array, v: Array, u: Array) -> None:
             "root or a logarithm of what has none; start elsewhere, or state forces that have a "
             "value there."
         )
-    gaps = model.barriers(q)
+    gaps = model.barriers(q, 0.0, model.within_rounding(q))
     gaps[model.contacts.pull] = 0.0
     for name, gap, near in zip(model.kernels.surfaces, gaps, model.gap_rounding(q), strict=True):
         if gap > max(near, LEFT_OF_ZERO):

@@ -34,6 +34,8 @@ from dmoc.simulation.tolerances import Tolerances
 
 # Combinations that may be tried for one choice.
 MOST_COMBINATIONS = 20_000
+# Gaps behind surfaces with ends up to which these are met, in what is zero of them.
+BEHIND = 1e4
 OPEN = 2  # beside the signs 0, 1 and -1 of friction: a contact that opens
 SMOOTH = 3  # a contact that is closed without friction
 
@@ -91,14 +93,16 @@ def touched(model: Model, at: Place) -> list[int]:
 
 
 def there(model: Model, at: Place) -> NDArray[np.bool_]:
-    """Surfaces that are where a state is, and does not slip off their ends, shape (nc,); no
-    grips."""
+    """Surfaces that are where a state is, and does not slip off their ends nor lie far behind
+    one that has ends, shape (nc,); no grips."""
     if not model.ends:
         return ~model.contacts.pull
     q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
     within, rates = model.within(q, at.t), model.within_rates(q, v, at.t)
     at_end = (np.abs(within) <= at.small.within) & (rates >= -at.small.outwards)
-    return np.asarray(((within > at.small.within) | at_end) & ~model.contacts.pull)
+    met = model.gaps(q, at.t) <= BEHIND * at.small.gap
+    met[[j for j in range(model.nc) if j not in model.ends]] = True
+    return np.asarray(((within > at.small.within) | at_end) & met & ~model.contacts.pull)
 
 
 def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dmoc.base.errors import SimulationError
 from dmoc.base.records import record
@@ -50,15 +49,17 @@ class ModeFlow:
         return model.tangents(at.y[None, : model.nq], np.array([at.t]))
 
     @cached_property
-    def beside(self) -> NDArray[np.bool_]:
-        """Surfaces with ends that the place is beside, behind their gaps, shape (nc,)."""
+    def past(self) -> Array | None:
+        """The W up to which surfaces are not there, shape (nc,): of those with ends that the place
+        is beside, behind their gaps, what is zero, and none of others."""
         model, at, nq = self.setting.model, self.place, self.setting.model.nq
-        if not (model.ends or model.contacts.pull.any()):
-            return np.zeros(model.nc, dtype=bool)
+        if not model.ends:
+            return None
         q, v = at.y[:nq], at.y[nq : 2 * nq]
         gaps, rates = model.gaps(q, at.t), model.gap_rates(q, v, at.t)
         near = (gaps >= -at.small.gap) & (rates >= -at.small.rate)
-        return np.asarray(((gaps > at.small.gap) | near) & ~there(model, at))
+        beside = ((gaps > at.small.gap) | near) & ~there(model, at)
+        return np.where(beside, at.small.within, -np.inf)
 
     def until(self, end: float) -> tuple[Array, ModeEnd | None]:
         """The state at a time, and where the mode ends before it, if it does."""
@@ -95,7 +96,7 @@ class ModeFlow:
         u = np.repeat(self.place.u[None], len(times), axis=0)
         with_friction(setting.model, rows, u, times, self.mode.closed)
         react = setting.integrator.reaction
-        return limits(setting.model, react, self.mode, (rows, u, times), self.beside)
+        return limits(setting.model, react, self.mode, (rows, u, times), self.past)
 
     def _first(self, end: float, rows: Array) -> ModeEnd | None:
         """Where a limit is passed first, None if there is none until the end.  ``rows`` are the

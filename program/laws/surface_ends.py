@@ -50,8 +50,8 @@ class SurfaceEndsLaw(Law):
 
     def _stands(self, free: list[Bools]) -> Bools:
         """Nodes at which a surface has to be there, shape (nodes, nc); ``free`` tells which
-        coordinates of the first and of the last one are not fixed: where all are, it was
-        checked."""
+        coordinates of the first and of the last one are not fixed: where all are, the start was
+        checked, and the goal is beyond an end or not."""
         lay, model = self.lay, self.problem.model
         there = np.zeros((lay.total + 1, model.nc), dtype=bool)
         for i, mode in enumerate(lay.touch.modes):
@@ -61,12 +61,13 @@ class SurfaceEndsLaw(Law):
         for node, event in zip(lay.collision_nodes, lay.touch.events, strict=True):
             there[node, list(event.off)] = False
         chosen = by_design(self.problem, "within") if model.ends else ()
+        beyond = np.zeros(model.nc, dtype=bool), model.within(self.problem.goal_position) < 0
         for j in range(model.nc):
             on = model.ends.get(j, [])
             there[:, j] &= j in model.ends
-            for node, open_there in zip((0, -1), free, strict=True):
+            for node, open_there, off in zip((0, -1), free, beyond, strict=True):
                 moves = bool(on and (chosen[j] or open_there[on].any() or j in model.moving))
-                there[node, j] &= moves
+                there[node, j] &= moves or off[j]
         return there
 
     @property

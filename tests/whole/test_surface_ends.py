@@ -104,6 +104,32 @@ def test_nothing_comes_into_a_surface_from_beside_it(ball: dmoc.MechanicalSystem
     assert words(under) == ["floor"]
 
 
+def test_the_corner_of_a_stair() -> None:
+    """Below the tread the riser is hit, at g t^2/2 below the way of the start, and beyond it the
+    tread alone, where the riser ends behind it; so does a last digit of what lies on the tread."""
+    (h, R), g = sp.symbols("h R"), 9.81
+    stair = dmoc.build(
+        dmoc.MechanicalSystem(
+            "stair", [X, Y], (X.diff() ** 2 + Y.diff() ** 2) / 2 - g * Y,
+            surfaces={"riser": X <= 1, "tread": h + R <= Y},
+            within={"riser": h >= Y - R, "tread": X >= 1}, parameters={h: 1 / 3, R: 0.21},
+        )
+    )  # fmt: skip
+    for up, surface in ((2.55, "riser"), (2.57, "tread")):
+        for e in (0.5, 0.0):
+            way = {"velocity": {X: 4, Y: up}, "step_size": 0.01, "steps": 40, "restitution": e}
+            run = dmoc.simulate(stair, {X: 0, Y: 0.21}, **way)
+            first = run.trajectory.collisions[0]
+            assert first.surface == surface
+            t = 0.25 if surface == "riser" else (up + np.sqrt(up**2 - 2 * g / 3)) / g
+            assert first.time == pytest.approx(t, abs=1e-12)
+            assert first.position == pytest.approx([4 * t, 0.21 + up * t - g * t**2 / 2], abs=1e-12)
+            assert dmoc.verify(run.trajectory, stair).passed
+    on = {X: 2, Y: np.nextafter(1 / 3 + 0.21, 0)}
+    assert words(dmoc.simulate(stair, on, {X: 1}, step_size=0.01, steps=10)) == []
+    dmoc.Problem(stair, {**on, "x_dot": 1, "y_dot": 0}, contacts=["tread"], steps=4)
+
+
 def test_ends_on_both_sides_and_ends_that_move() -> None:
     for v, at in ((-1, 0), (1, 1)):
         strip = table("strip", sp.And(X >= 0, X <= 1))
@@ -264,8 +290,10 @@ def test_words_of_ends(ball: dmoc.MechanicalSystem) -> None:
     ):
         with pytest.raises(ProblemError, match=text):
             problem.but(sequence=sequence)
-    with pytest.raises(ProblemError, match="closed at the start, which is"):
+    with pytest.raises(ProblemError, match=r"closed at the start \(x=0.5\), which is beyond"):
         problem.but(start={X: 0.5, Y: 1, "x_dot": 0, "y_dot": 0})
+    beyond = dmoc.solve(problem.but(goal={X: 0.5}, final_time=1), "ipm", starts=1)
+    assert beyond.status.value == "infeasible"
     problem.but(start={X: 0.5, Y: 0.5}, contacts=[])  # below the table, beside it
 
 
