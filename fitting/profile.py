@@ -29,7 +29,8 @@ class Profile(Shown):
     chi2 : array of shape (n,)
         Least sum of squares of the residuals, in standard deviations, above that of the fit.
     low, high : float
-        Where it is 3.84, the interval of 95 %; infinite where it does not come so high.
+        Where it is 3.84, the interval of 95 %; a bound, or infinite, where it does not come so
+        high.
     """
 
     name: str
@@ -65,8 +66,10 @@ def profile_of(fit: Fit, name: str, points: int) -> Profile:
             costs[i], x = _cost(fit, k, float(grid[i]), x)
     more = np.maximum(costs - least, 0.0)
     level = float(chi2.ppf(LEVEL, 1))
-    low = _where(grid[: middle + 1][::-1], more[: middle + 1][::-1], level, -np.inf)
-    return Profile(name, grid, more, low, _where(grid[middle:], more[middle:], level, np.inf))
+    ends = [x if x == bound else far for x, bound, far in
+            ((grid[0], p.low, -np.inf), (grid[-1], p.high, np.inf))]  # fmt: skip
+    low = _where(grid[: middle + 1][::-1], more[: middle + 1][::-1], level, ends[0])
+    return Profile(name, grid, more, low, _where(grid[middle:], more[middle:], level, ends[1]))
 
 
 def _cost(fit: Fit, k: int, value: float, x: Array) -> tuple[float, Array]:

@@ -341,3 +341,13 @@ def test_what_can_be_known_of_a_hit_that_the_laws_say(
     assert not known.undetermined
     expected = dict(zip(known.names, known.errors, strict=True))
     assert expected == pytest.approx(fitted.errors, rel=0.1)
+
+
+def test_the_interval_of_a_value_at_its_bound_ends_there(hanging: dmoc.Problem) -> None:
+    motion = dmoc.simulate(hanging.kernels, {"theta": 0.9}, step_size=0.001, steps=900, every=10)
+    noise = NOISE * np.random.default_rng(5).normal(size=len(motion.t))
+    seen = {"t": motion.t, "theta": motion.q[:, 0] + noise}
+    bouncing = hanging.but(start={"theta": 0.9}, sequence=["wall"])
+    fit = dmoc.fit(bouncing, seen, {"e": (0, 1)}, sigma={"theta": NOISE})
+    profile = fit.profile("e", 7)
+    assert fit["e"] > 0.998 and profile.high == 1 > profile.low > 0.99
