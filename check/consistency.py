@@ -32,10 +32,18 @@ SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to th
 
 def plan_errors(motion: Motion) -> Findings:
     """Look at a motion without simulating it."""
-    of_nodes = _times, _momenta, _positions, _balances, _disjoint, _singular
+    of_nodes = _recorded, _times, _momenta, _positions, _balances, _disjoint, _singular
     looks = *of_nodes, _off_surfaces, _off_switches, _off_ends
     sentences = tuple(sentence for look in looks for sentence in look(motion))
     return Findings({"excess of an input": _input_excess(motion)}, sentences)
+
+
+def _recorded(motion: Motion) -> Iterator[str]:
+    """Events that record two impulses of their surface."""
+    for c in motion.trajectory.collisions:
+        own = c.impulses.get(c.surface, c.impulse)
+        if not abs(c.impulse - own) <= JOINED * abs(own):
+            yield f"{_event(c)} has the impulse {c.impulse:.6g} and one of {own:.6g} of {c.surface}"
 
 
 def _times(motion: Motion) -> Iterator[str]:

@@ -63,7 +63,8 @@ class EventPassage:
         if self.inputs is not None:
             n, moving = self.slopes[self.model.surface_numbers[self.c.surface]], end[nq:]
             rate = float(n[:-1] @ moving + n[-1])
-            if self.c.grazes or not rate > 0:
+            closes = self.model.contacts.pull[self.model.surface_numbers[self.c.surface]]
+            if self.c.grazes or not (abs(rate) if closes else rate) > 0:
                 return y[:1], late[:1], a
             sides = (self.before.q[-1:], self.after.q[:1]), (self.before.v[-1:], self.after.v[:1])
             q, v = map(np.concatenate, sides)

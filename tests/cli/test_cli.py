@@ -49,7 +49,7 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
     assert set(summary["phases"][0]) == {"steps", "step_size", "duration", "mode"}
     keys = (
         "event surface time impulse position momentum_before momentum_after rate_before rate_after "
-        "grazes lands leaves friction impulses tractions course"
+        "grazes lands leaves off friction impulses tractions course"
     )
     assert set(summary["collisions"][0]) == set(keys.split())
     assert {"build", "guess", "solve"} <= set(summary["seconds"])

@@ -299,3 +299,11 @@ def test_a_hand_that_misses_its_bar_is_told() -> None:
         dmoc.simulate(
             system, {"x": 1, "y": 1}, step_size=0.1, steps=9, grips={"hand": [(0.5, None)]}
         )
+
+
+def test_an_impulse_that_is_recorded_otherwise_is_noticed(caught: dmoc.Problem) -> None:
+    solution = dmoc.solve(caught)
+    (closes,) = solution.collisions
+    wrong = replace(closes, impulse=1.1 * closes.impulse)
+    verdict = dmoc.verify(replace(solution.trajectory, collisions=(wrong,)), caught.kernels)
+    assert not verdict.passed and "has the impulse" in verdict.message
