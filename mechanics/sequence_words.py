@@ -129,7 +129,7 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
 def _switch_in(word: str, contacts: Contacts) -> int | None:
     """The number of a switch that is a word by itself; None for a word without one."""
     for part in word.split():
-        name = part.lstrip("+-").partition(":")[0]
+        name = part[part.startswith(SIGNS) :].partition(":")[0]
         if name in contacts.switches:
             if part != name:
                 raise ProblemError(

@@ -100,7 +100,8 @@ def consistent(problem: Problem, mode: Mode, state: MeasuredState) -> MeasuredSt
             kept = Conditions((*joints, *(Condition(GAPS, j) for j in on)), ())
             q = onto_places(model, kept, q, 0.0, problem.reach, aside)
             q = np.where(np.abs(q) <= LEFT_OF_ZERO * problem.reach, 0.0, q)
-        gaps, sizes = model.gaps(q), np.abs(model.gap_slopes(q)[:, :-1]) @ problem.reach
+        gaps = model.barriers(q, 0.0, model.within_rounding(q))
+        sizes = np.abs(model.gap_slopes(q)[:, :-1]) @ problem.reach
         entered = [j for j in seen if j not in on and gaps[j] > -IN_FRONT * sizes[j]]
         if not entered:
             _check_sliding(problem, mode, q, v)

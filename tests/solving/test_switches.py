@@ -104,6 +104,7 @@ def test_words_of_switches_that_are_none(through: dmoc.Problem) -> None:
         ("gate fast", "'gate fast' in the sequence has the switch 'gate' beside something else"),
         ("wall gate", "has the switch 'gate' beside something else"),
         ("+gate", r"'\+gate' in the sequence: gate is a switch, which nothing lands on"),
+        ("~gate", "'~gate' in the sequence: gate is a switch, which nothing lands on"),
         ("gat", r"unknown surface or switch 'gat' in the sequence: .*did you mean 'gate'"),
     ):
         with pytest.raises(ProblemError, match=told):

@@ -73,6 +73,9 @@ def test_what_is_pushed_off_with_the_least_effort(ball: dmoc.MechanicalSystem) -
     solution = dmoc.solve(problem, "ipm", starts=1)
     assert solution.status.value == "solved"
     assert solution.cost == pytest.approx(1.5 / (1.5 - FALL) ** 3, rel=2e-3)
+    falls = solution.phases[1]  # below the table's height, beside it
+    planner = dmoc.Planner(problem, solution)
+    assert planner.replan(float(falls.t[10]), (falls.q[10], falls.v[10])).new
     never = dmoc.solve(problem.but(bounds={U: (-1, -0.1)}), "ipm", starts=1)
     assert never.status.value == "infeasible"
     assert "misses the ends of 'table', which depend on x" in " ".join(str(never).split())
