@@ -9,6 +9,7 @@ import sympy as sp
 from sympy.core.function import AppliedUndef, UndefinedFunction
 from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, StrictLessThan
 from sympy.logic.boolalg import Boolean
+from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
@@ -208,6 +209,13 @@ REMEDIES = {
     ("friction", "velocities"): "; the magnitude of the rate of its tangent is dmoc.sliding_speed",
     ("", "forces"): "; forces of contacts and constraints stand in `quantities`",
 }
+# What names of dmoc's functions stand for, and where they belong.
+OF_HITS = "a number of hits: expected it in `integrals` or `quantities`"
+OF_MOTIONS = "a number of a whole motion: expected it in `objective`"
+REFERENCES = {
+    **dict.fromkeys(("impulse", "approach", "departure", "loss"), OF_HITS),
+    **dict.fromkeys(("total", "peak", "largest", "at_start", "at_end"), OF_MOTIONS),
+}
 
 
 def unknown_symbol(
@@ -245,6 +253,8 @@ def unknown_symbol(
             f"expected {only} alone."
         )
     foreign = isinstance(symbol, AppliedUndef) and isinstance(symbol.func, UndefinedFunction)
+    if foreign and symbol.func.__name__ in REFERENCES and symbol.args != (dynamicsymbols._t,):
+        return f"{where} contains dmoc.{symbol}, {REFERENCES[symbol.func.__name__]}."
     if foreign and kinds["definitions of places"] | kinds["definitions of velocities"]:
         return (
             f"{where} contains {symbol}, which is no coordinate, no input and no definition: "

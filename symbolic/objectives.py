@@ -15,8 +15,8 @@ from dmoc.base.signatures import public
 from dmoc.symbolic.continuous import Continuous
 from dmoc.symbolic.conversion import to_nodes
 from dmoc.symbolic.discrete import StepElement
-from dmoc.symbolic.event_sums import hit_quantities
-from dmoc.symbolic.expressions import atoms_of, expression_in, final_time, reference
+from dmoc.symbolic.event_sums import hit_quantities, references_in
+from dmoc.symbolic.expressions import OF_HITS, atoms_of, expression_in, final_time, reference
 from dmoc.symbolic.hidden_unknowns import with_hidden
 from dmoc.symbolic.kernel_family import family, parameters, state_inputs
 from dmoc.symbolic.kinks import check_smooth, split
@@ -229,6 +229,11 @@ def check_objective(system: MechanicalSystem) -> None:
                 )
     kinds = (*names_by_kind, START, END)
     references = {p for p in parts.value.atoms(AppliedUndef) if p.func.__name__ in kinds}
+    if hits := references_in(parts.value):
+        raise ModelError(
+            f"the objective contains dmoc.{hits[0]}, {OF_HITS}; price dmoc.total of such an "
+            "integral, or dmoc.peak of such a quantity."
+        )
     rest = parts.value.xreplace({p: sp.Dummy() for p in references})
     for atom in sorted(atoms_of(rest) - {*system.parameters, final_time}, key=str):
         if not isinstance(atom, sp.Dummy):

@@ -115,3 +115,11 @@ def test_hits_that_there_are_not(kernels: Kernels) -> None:
     both = {"both": dmoc.impulse("wall") + dmoc.impulse("left")}
     with pytest.raises(ModelError, match=r"quantity 'both' contains .* with hits of impulse"):
         replace(block(), quantities=both, objective=0, parameters={M: 1.0})
+    blow = dmoc.impulse("wall")
+    for text, fields in (
+        ("the cost contains dmoc.impulse\\(wall\\), a number of hits", {"cost": blow}),
+        ("price dmoc.total of such an integral", {"objective": blow}),
+        ("a number of a whole motion: expected it in `objective`", {"cost": dmoc.peak("blow")}),
+    ):
+        with pytest.raises(ModelError, match=text):
+            replace(block(), **fields)
