@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 ARROW = 0.22  # of the smaller side of the room: the largest contact force
 SHORT = 0.015  # of that side: the shortest arrow that is drawn
+NAMED = 0.055  # of that side: from the tip of an arrow to its name
 SHOWN = 0.18  # of the whole time, for which a hit is told
 WIDE, LINE = 5.2, 12  # points of a character of what is told, about, and of a line of it
 WEIGHT = 1.5  # of lines, which are finer in figures
@@ -130,9 +131,17 @@ def _force(axes: Axes, take: Take, arrow: Arrow, room: Room, style: Style) -> Dr
         along = np.array((nx, ny) if kind == "N" else (ny, -nx))
         tip = (x, y) + length * along
         shaft.set_positions((x, y), tip)
-        label.set_position(tip + np.sign(length) * 0.055 * side * along)
+        beyond = tip + np.sign(length) * NAMED * side * along
+        beside = tip + NAMED * side * np.array((along[1], -along[0]))
+        label.set_position(beyond if _shown(room, beyond) else beside)
 
     return draw
+
+
+def _shown(room: Room, place: Array) -> bool:
+    """Whether the name of a force is seen at a place."""
+    x, y = map(float, place)
+    return room.left < x < room.right and room.bottom < y < room.top
 
 
 def _beside(axes: Axes, mark: EventMark, room: Room, width: float) -> tuple[float, float]:

@@ -11,8 +11,9 @@ from films import TURN, motion
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from dmoc.report.animation import stage
 from dmoc.report.animation.page import film_room
-from dmoc.report.animation.stage import _banner_text, _beside, stage_of
+from dmoc.report.animation.stage import _banner_text, _beside, _force, stage_of
 from dmoc.report.film import Take
 from dmoc.report.places import Room
 from dmoc.report.style import LIGHT
@@ -28,6 +29,22 @@ def test_what_is_told_of_a_hit_stays_in_the_picture() -> None:
     canvas.draw()
     extent = words.get_window_extent()
     assert extent.x0 >= 0 and extent.x1 <= 640
+
+
+def test_the_name_of_a_force_stays_in_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stands beyond the tip of its arrow, and beside it where that is outside."""
+    monkeypatch.setattr(stage, "phase_at", lambda *_: 0)
+    monkeypatch.setattr(stage, "values_at", lambda _, t: np.array([0.5, t, 0.0, 1.0]))
+    panel = SimpleNamespace(
+        times=[np.array([0.0, 1.0])], curves=[SimpleNamespace(values=[np.ones(2)])]
+    )
+    shapes = [SimpleNamespace(start=0, size=4)]
+    take: Any = SimpleNamespace(panels=[panel], scene=SimpleNamespace(shapes=shapes), largest=1.0)
+    axes, arrow = Figure().add_axes((0, 0, 1, 1)), {"panel": 0, "curve": 0, "shape": 0, "kind": "N"}
+    draw = _force(axes, take, arrow, Room(0.0, 1.0, 0.0, 1.0), LIGHT)  # type: ignore[arg-type]
+    for height, place in ((0.5, (0.5, 0.775)), (0.75, (0.555, 0.97))):
+        draw(height)
+        assert axes.texts[0].get_position() == pytest.approx(place)
 
 
 @pytest.mark.parametrize(

@@ -217,9 +217,11 @@ function makeArrow({ panel, curve, shape, kind }) {
     const [x, y, nx, ny] = motion.shapes[shape].columns.map((k) => columns[k]);
     const [dx, dy] = kind === "N" ? [nx, -ny] : [ny, nx];
     const [ax, ay] = to(x, y);
-    const beyond = length + Math.sign(length) * 11;
+    const [tx, ty, named] = [ax + length * dx, ay + length * dy, Math.sign(length) * 11];
     set(line, { d: arrow([ax, ay], [length * dx, length * dy]) });
-    set(label, { x: ax + beyond * dx, y: ay + beyond * dy + 4 });
+    const [px, py] = [tx + named * dx, ty + named * dy];
+    const seen = px > 0 && px < view.width && py > 4 && py < view.height;
+    set(label, seen ? { x: px, y: py + 4 } : { x: tx - 11 * dy, y: ty + 11 * dx + 4 });
   };
   return { element, draw };
 }
