@@ -34,11 +34,11 @@ from dmoc.program.extraction import multiplier_vectors, named_multipliers, traje
 from dmoc.program.minimal_times import WithMinimalTimes
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
-from dmoc.simulation.contact_motion import ContactState as ContactState
-from dmoc.simulation.contact_motion import MotionRecord as MotionRecord
 from dmoc.simulation.contact_motion import node as node
 from dmoc.simulation.contact_motion import through_step as through_step
 from dmoc.simulation.mode_choice import Setting as Setting
+from dmoc.simulation.motion_record import ContactState as ContactState
+from dmoc.simulation.motion_record import MotionRecord as MotionRecord
 from dmoc.simulation.tolerances import Magnitudes as Magnitudes
 from dmoc.simulation.tolerances import magnitudes_at as magnitudes_at
 from dmoc.solvers import ipm

@@ -24,7 +24,7 @@ from dmoc.results.result_file import Saved
 from dmoc.results.solution import Solution
 from dmoc.results.solution_model import check_same_model, kernels_for
 from dmoc.simulation import forward
-from dmoc.simulation.contact_motion import Stretch
+from dmoc.simulation.motion_record import Stretch
 from dmoc.simulation.recording import motion_of
 from dmoc.simulation.replay import replay
 

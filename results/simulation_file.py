@@ -27,7 +27,7 @@ from dmoc.results.schema import (
 )
 from dmoc.results.simulation import Simulation
 from dmoc.results.solution_file import COLLISION, SIGN, TRAJECTORY
-from dmoc.simulation.contact_motion import Stretch
+from dmoc.simulation.motion_record import Stretch
 
 ROWS = ("t", "q", "p", "v", "u")
 # Forces, and the names whose columns they have.

@@ -20,19 +20,11 @@ from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import by_name, parameter_row, restitution_row
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_modes import names_without_effect
-from dmoc.simulation.contact_motion import (
-    ContactState,
-    ModeChange,
-    MotionRecord,
-    Stretch,
-    node,
-    nodes,
-    on_surfaces,
-    start,
-)
+from dmoc.simulation.contact_motion import node, nodes, on_surfaces, start
 from dmoc.simulation.grips import Grasp, grasps_of
 from dmoc.simulation.impact_orders import Undecided, notes_of, undecided_of
 from dmoc.simulation.mode_choice import Setting
+from dmoc.simulation.motion_record import ContactState, ModeChange, MotionRecord, Stretch
 from dmoc.simulation.simultaneous_impacts import Lasting
 from dmoc.simulation.steered import Control, steered
 from dmoc.simulation.stepper import Stepper

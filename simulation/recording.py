@@ -16,9 +16,9 @@ from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_trajectory import motion_along
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
 from dmoc.simulation.contact_modes import borne
-from dmoc.simulation.contact_motion import ContactState
 from dmoc.simulation.forward import Run
 from dmoc.simulation.mode_choice import Setting
+from dmoc.simulation.motion_record import ContactState
 from dmoc.simulation.switches import with_switches
 
 SIDES = ("before", "after")

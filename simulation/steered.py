@@ -12,15 +12,10 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.motion.trajectory import Collision
-from dmoc.simulation.contact_motion import (
-    ContactState,
-    MotionRecord,
-    node,
-    quiet_steps,
-    through_grasps,
-)
+from dmoc.simulation.contact_motion import node, quiet_steps, through_grasps
 from dmoc.simulation.grips import Grasp
 from dmoc.simulation.mode_choice import Setting
+from dmoc.simulation.motion_record import ContactState, MotionRecord
 from dmoc.simulation.tolerances import Magnitudes, magnitudes_at
 
 # Where in a step limits are looked at, beside its start: steps of a control are short.

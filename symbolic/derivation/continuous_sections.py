@@ -83,21 +83,34 @@ def continuous_sections(
     yield Section(
         "Equations of motion", f"M q'' = dL/dq - (d2L/dq'dq) q'{partial} + Q.", tuple(motion)
     )
-    if f.g:
-        equations = []
-        for name, g in zip(system.gaps, f.g, strict=True):
+    yield from gap_sections(system, f, own)
+    yield from held_sections(system, f, own)
+
+
+def gap_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) -> Iterable[Section]:
+    """Gaps of surfaces, and of the places of grips behind them."""
+    surfaces = len(system.surfaces)
+    gaps = list(zip(system.gaps, f.g, strict=True))
+    for title, text, of in (
+        (
+            "Unilateral constraints", "g <= 0; the gradient points out of the admissible set.",
+            gaps[:surfaces],
+        ),
+        (
+            "Grips", "g = -phi; g = 0 while it is closed, with forces of both signs, and anything "
+            "while it is open.", gaps[surfaces:],
+        ),
+    ):  # fmt: skip
+        equations = list[Equation]()
+        for name, g in of:
             tag = f"g_{upright(name)}"
             equations.append(definition(own, f"g_{name}", tag, g))
             slope = sp.Matrix([gradient(g, f.q)])
             equations.append(Equation(f"grad g_{name}", rf"\nabla {tag}", slope))
             if g.has(f.t):
                 equations.append(Equation(f"dg_{name}/dt", rf"\partial_t {tag}", g.diff(f.t)))
-        yield Section(
-            "Unilateral constraints",
-            "g <= 0; the gradient points out of the admissible set.",
-            tuple(equations),
-        )
-    yield from held_sections(system, f, own)
+        if equations:
+            yield Section(title, text, tuple(equations))
 
 
 def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) -> Iterable[Section]:

@@ -28,7 +28,7 @@ from dmoc.simulation.contact_modes import (
     nearest,
     slack,
 )
-from dmoc.simulation.contact_motion import MotionRecord, Stretch
+from dmoc.simulation.motion_record import MotionRecord, Stretch
 from dmoc.simulation.recording import _at_once, _inputs, _kept_impulses, _merged, _Moment, _Side
 
 X, Y = dynamicsymbols("x y")

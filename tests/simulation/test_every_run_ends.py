@@ -13,10 +13,11 @@ from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.simulation import contact_motion
-from dmoc.simulation.contact_motion import MotionRecord, through_step
+from dmoc.simulation.contact_motion import through_step
 from dmoc.simulation.impact_laws.course import Coefficients
 from dmoc.simulation.impact_laws.poisson import impulses
 from dmoc.simulation.mode_choice import Setting
+from dmoc.simulation.motion_record import MotionRecord
 from dmoc.simulation.tolerances import Magnitudes, magnitudes_at
 
 T = dynamicsymbols._t

@@ -307,3 +307,14 @@ def test_an_impulse_that_is_recorded_otherwise_is_noticed(caught: dmoc.Problem) 
     wrong = replace(closes, impulse=1.1 * closes.impulse)
     verdict = dmoc.verify(replace(solution.trajectory, collisions=(wrong,)), caught.kernels)
     assert not verdict.passed and "has the impulse" in verdict.message
+
+
+def test_a_derivation_shows_grips_by_themselves() -> None:
+    system = two_carts("shown", grips={"hand": X - Y}, surfaces={"wall": Y <= 2})
+    sections = {section.title: section for section in dmoc.derive(system).sections}
+    surfaces, grips = (
+        [equation.name for equation in sections[title].equations]
+        for title in ("Unilateral constraints", "Grips")
+    )
+    assert not any("hand" in text for text in surfaces)
+    assert any("hand" in text for text in grips) and not any("wall" in text for text in grips)
