@@ -170,8 +170,8 @@ def test_a_foot_that_leaves_late_and_trembles_has_not_landed() -> None:
     foot = model.contacts.surfaces[0]
     nothing, disturbed = np.zeros(2), read_disturbance(None, ("x",), 3.0)
     events = [
-        SimpleNamespace(surface="", lands=(), leaves=(foot,), friction={}),
-        SimpleNamespace(surface=foot, lands=(foot,), leaves=(), friction={}),
+        SimpleNamespace(surface="", lands=(), leaves=(foot,), friction={}, switch=""),
+        SimpleNamespace(surface=foot, lands=(foot,), leaves=(), friction={}, switch=""),
     ]
     control = Controller(model, 0.01, disturbed, nothing, Expects(tuple(events)))  # type: ignore[arg-type]
     closed, touch = Mode((0,)), [SimpleNamespace(surface=foot)]

@@ -370,20 +370,22 @@ def test_the_time_limit_covers_guess_solve_and_check(reads: list[int]) -> None:
     """Each part hears of the limit: what a solve still does then does not grow with the problem."""
     small, problem = (there_and_back(dmoc.build(block_system()), steps=n) for n in (20, 2000))
 
-    def heard(seconds: float, problem: dmoc.Problem = problem) -> tuple[dmoc.Solution, float]:
+    def heard(
+        seconds: float, problem: dmoc.Problem = problem, starts: int | None = None
+    ) -> tuple[dmoc.Solution, float]:
         reads[0] = 0
-        solution = dmoc.solve(problem, "ipm", seconds=seconds)
+        solution = dmoc.solve(problem, "ipm", seconds=seconds, starts=starts)
         assert solution.status == "time_limit"
         return solution, reads[0] - seconds
 
     def reads_of(verify: bool) -> int:
         reads[0] = 0
-        assert dmoc.solve(problem, "ipm", seconds=10_000, verify=verify).solved
+        assert dmoc.solve(problem, "ipm", seconds=10_000, verify=verify, starts=1).solved
         return reads[0]
 
     within_the_check = (reads_of(verify=False) + reads_of(verify=True)) // 2
     (_, least), (unsolved, late), (unchecked, later) = (
-        heard(5, small), heard(5), heard(within_the_check)
+        heard(5, small), heard(5), heard(within_the_check, starts=1)
     )  # fmt: skip
     assert late <= least and later <= least
     assert unsolved.iterations == 0 < unchecked.iterations
