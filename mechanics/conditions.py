@@ -248,8 +248,8 @@ def conditions_of(model: Model, mode: Mode, *, joints: bool = True) -> Condition
 
 
 def number_of(model: Model, mode: Mode) -> int:
-    """How many conditions a mode has, joints among them."""
-    return len(mode.closed) + len(mode.sticking) + model.nj
+    """How many conditions a mode has, joints and grips that are closed beside it among them."""
+    return len(conditions_of(model, mode))
 
 
 @lru_cache(maxsize=256)

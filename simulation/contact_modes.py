@@ -208,9 +208,9 @@ def kept(
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
     if stuck:
         bears[:, stuck] = (model.bearing(reaction.normal) - np.abs(reaction.tangential))[:, stuck]
-    if mode.sliding:
-        rates = model.slide_rates(q, v, t)
-        for k, forward in conditions_of(model, mode).forward(rates).items():
+    held = conditions_of(model, mode)
+    if held.drags:
+        for k, forward in held.forward(model.slide_rates(q, v, t)).items():
             slides[:, k] = forward
     ends = np.full_like(least, np.inf)
     on = [j for j in closed if j in model.ends]

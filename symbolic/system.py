@@ -246,8 +246,7 @@ class MechanicalSystem(Shown):
         loads, and constraints, as ``constraint_1``, ``constraint_2``, ..., those of velocities
         last.
 
-        ``fields`` are those of MechanicalSystem beside them: inputs, surfaces, cost, ...;
-        ``forces`` are added to the loads.
+        ``fields`` are those of MechanicalSystem beside them; ``forces`` are added to the loads.
 
         Raises
         ------
@@ -267,8 +266,7 @@ class MechanicalSystem(Shown):
         joints, loads, actuators, and constraints, as ``constraint_1``, ..., those of velocities
         last.
 
-        Generalised speeds may appear in ``fields`` (inputs, surfaces, cost, ...); they become
-        velocities.
+        Generalised speeds in ``fields`` (inputs, surfaces, ...) become velocities.
 
         Raises
         ------
