@@ -26,6 +26,7 @@ LAYERS = (
     "results",
     "inspection",
     "solving",
+    "proving",
     "sequences",
     "fitting",
     "export",
@@ -173,7 +174,7 @@ setup(
         "dmoc.report.animation": ["player/*"],
         **{
             f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pxi", "*.pyi", "*.c", "*.h"]
-            for layer in ("guess", "mechanics", "program", "solvers", "simulation")
+            for layer in ("guess", "mechanics", "program", "proving", "solvers", "simulation")
         },
         **{f"dmoc.generated.{model}": ["*.c", "*.h", "manifest.json"] for model in models},
     },

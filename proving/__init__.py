@@ -1,0 +1,1 @@
+"""What is proved of answers, with rounding errors counted."""
