@@ -77,7 +77,7 @@ def momenta_of(nlp: Transcription) -> PassData:
     """The pass that finds the momenta of steps at the nodes of all phases: of the first node of a
     phase at the start of its first step, of others at the end of the step before."""
     lay, data, kernels = nlp.layout, nlp.assembled.data, nlp.kernels
-    first = data.n + data.m + 2
+    first = data.first_parameter
     parts = [np.where(at == NOWHERE, first - 1, at) for at in lay.split(lay.index_step)]
     parameters = np.where(
         _chosen(nlp) == NOWHERE, first + np.arange(nlp.par.shape[1]), _chosen(nlp)

@@ -1,9 +1,10 @@
 """Which numbers of a problem a solver of its own takes at run time, and which entries of the
 program each moves.
 
-A problem that differs in one number has a program that differs in some entries.  A number is taken
-where these are bounds, constants, linear coefficients and factors of elements that it moves in
-proportion, or its place among the parameters; others stay those of the day of export.
+A problem that differs in one number has the same structure and other
+:class:`~dmoc.program.elements.Numbers`, by which some entries of its program differ.  A number is
+taken where it moves these in proportion, or its place among the parameters; others stay those of
+the day of export.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import Boundary
-from dmoc.program.arrays import ElementData, ProgramData, same_form
+from dmoc.program.arrays import ElementData, ProgramData
 from dmoc.program.blocks import Index
 from dmoc.program.bounds import limits
+from dmoc.program.elements import Numbers, assembled
 from dmoc.program.layout import Layout
 from dmoc.program.transcription import Transcription
 
@@ -180,7 +182,7 @@ def passes_of(data: ProgramData) -> list[tuple[ElementData, ...]]:
 
 def numbers_of(nlp: Transcription) -> SolverNumbers:
     """Try all numbers of the problem of a program."""
-    problem, base = nlp.problem, nlp.assembled.data
+    problem, base = nlp.problem, nlp.numbers
     states = _states(problem, nlp.layout)
     none = np.zeros(0, dtype=np.intp)
     fixed = np.concatenate([none, *(s.momenta for s in states if s is not None)])
@@ -195,7 +197,8 @@ def numbers_of(nlp: Transcription) -> SolverNumbers:
     if not _add_up(nlp, base, taken, fixed):
         kept += [n.name for n in taken if n.pool != NOT_ONE and len(n.entries)]
         taken = [n for n in taken if n.pool == NOT_ONE or not len(n.entries)]
-    return _in_short(base, SolverNumbers(tuple(taken), tuple(kept), states, tuple(_results(base))))
+    data = nlp.assembled.data
+    return _in_short(data, SolverNumbers(tuple(taken), tuple(kept), states, tuple(_results(data))))
 
 
 def _in_short(data: ProgramData, numbers: SolverNumbers) -> SolverNumbers:
@@ -278,20 +281,20 @@ def _state(problem: Problem, lay: Layout, end: str) -> FixedState | None:
 
 
 def _tried(
-    nlp: Transcription, base: ProgramData, number: Number, fixed: Index, states: States
+    nlp: Transcription, base: Numbers, number: Number, fixed: Index, states: States
 ) -> Number | None:
     """A number with what it moves; None where it moves something else, or not in proportion."""
     for way in (1.0, -1.0):
         tried = replace(number, way=way)
         try:
-            moved = [_moved(nlp, base, tried, k) for k in (1.0, 2.0)]
+            moved = [other for k in (1.0, 2.0) if (other := _moved(nlp, base, tried, k))]
         except (ProblemError, ValueError, FloatingPointError):
             continue
-        if not all(same_form(base, other) for other in moved):
+        if len(moved) < 2:
             continue
         if _moves_unsaid(states, _states(tried.changed(nlp.problem, 1.0), nlp.layout)):
             continue
-        before, *after = (_flat(data, fixed) for data in (base, *moved))
+        before, *after = (_flat(nlp, other, fixed) for other in (base, *moved))
         if any((np.isfinite(a) != np.isfinite(before)).any() for a in after):
             continue
         with np.errstate(invalid="ignore"):
@@ -299,11 +302,8 @@ def _tried(
         error = PROPORTIONAL * np.abs(one) + 1e-13 * np.abs(np.nan_to_num(before, posinf=0.0))
         if not (np.abs(two - 2 * one) <= error + 1e-300).all():
             continue
-        pool = _pool(base, moved[0], number)
-        if pool is None:
-            continue
         at = np.flatnonzero(one)
-        return replace(tried, pool=pool, entries=at, slopes=one[at] / tried.change)
+        return replace(tried, entries=at, slopes=one[at] / tried.change)
     return None
 
 
@@ -319,49 +319,48 @@ def _moves_unsaid(states: States, moved: States) -> bool:
     return False
 
 
-def _pool(base: ProgramData, moved: ProgramData, number: Number) -> int | None:
-    """Where a parameter stands in the pool; NOT_ONE for another number, None if more differs."""
-    at = np.flatnonzero(base.pool != moved.pool)
-    first = base.n + base.m + 2
-    expected = [first + number.pool] if number.pool != NOT_ONE else []
-    if at.tolist() != expected:
-        return None
-    return expected[0] if expected else NOT_ONE
-
-
-def _moved(nlp: Transcription, base: ProgramData, number: Number, steps: float) -> ProgramData:
-    """The program with a number changed by some steps.
+def _moved(nlp: Transcription, base: Numbers, number: Number, steps: float) -> Numbers | None:
+    """The numbers of the program with one changed by some steps; None where more differs.
 
     A state at an end is bounds alone.  Where constraints hold it, one number of it fits them with
     others only: until these are changed, too, the program has rows for what does not fit.  The rows
     are those of states that fit; a solver sees whether they do.
     """
     problem = number.changed(nlp.problem, steps)
-    moved = _data(nlp, problem)
-    states = number.path[0] in ENDS and number.path[-1] in problem.states
-    if moved.m == base.m or not states or Layout.of(problem).size != base.n:
-        return moved
-    bounds = limits(problem, nlp.layout, nlp.laws, nlp.scale, ())
-    lower, upper = (bound / nlp.sizes for bound in bounds)
-    return replace(base, lower=lower, upper=upper)
+    other = _stating(nlp, problem)
+    at_end = number.path[0] in ENDS and number.path[-1] in problem.states
+    if at_end and other.n == nlp.n and (other.n_eq + other.n_in) != (nlp.n_eq + nlp.n_in):
+        bounds = limits(problem, nlp.layout, nlp.laws, nlp.scale, ())
+        lower, upper = (bound / nlp.sizes for bound in bounds)
+        return replace(base, lower=lower, upper=upper)
+    return _numbers(nlp, other)
 
 
-def _data(nlp: Transcription, problem: Problem) -> ProgramData:
+def _stating(nlp: Transcription, problem: Problem) -> Transcription:
     """The program of another problem in the same sizes."""
     with np.errstate(all="ignore"):
-        return Transcription(problem, nlp.scale).assembled.data
+        return Transcription(problem, nlp.scale)
 
 
-def _flat(data: ProgramData, fixed: Index) -> Array:
+def _numbers(nlp: Transcription, other: Transcription) -> Numbers | None:
+    """What a program differs in from that of a solver; None where its form is another one."""
+    with np.errstate(all="ignore"):
+        same = other.structure.form.digest == nlp.structure.form.digest
+        same = same and np.array_equal(other.row_sizes, nlp.row_sizes)
+        return other.numbers if same else None
+
+
+def _flat(nlp: Transcription, numbers: Numbers, fixed: Index) -> Array:
     """The arrays that numbers move, without the momenta that follow from states."""
+    data = assembled(nlp.structure, numbers).data
     arrays = [a.copy() for a in moved_arrays(data, _results(data))]
     arrays[0][fixed] = arrays[1][fixed] = 0.0
     return np.concatenate(arrays)
 
 
-def _add_up(nlp: Transcription, base: ProgramData, numbers: Sequence[Number], fixed: Index) -> bool:
+def _add_up(nlp: Transcription, base: Numbers, numbers: Sequence[Number], fixed: Index) -> bool:
     """Whether what the numbers move adds up where all are changed together."""
-    problem, expected = nlp.problem, _flat(base, fixed)
+    problem, expected = nlp.problem, _flat(nlp, base, fixed)
     held = bool(problem.held)  # then states fit together or not at all
     for number in numbers:
         if held and number.path[0] in ENDS:
@@ -369,9 +368,10 @@ def _add_up(nlp: Transcription, base: ProgramData, numbers: Sequence[Number], fi
         problem = number.changed(problem, 1.0)
         expected[number.entries] += number.slopes * number.change
     try:
-        combined = _flat(_data(nlp, problem), fixed)
+        combined = _numbers(nlp, _stating(nlp, problem))
     except (ProblemError, ValueError):
         return False
-    if combined.shape != expected.shape:
+    if combined is None:
         return False
-    return bool(np.isclose(combined, expected, rtol=TOGETHER, atol=TOGETHER).all())
+    moved = _flat(nlp, combined, fixed)
+    return bool(np.isclose(moved, expected, rtol=TOGETHER, atol=TOGETHER).all())

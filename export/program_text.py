@@ -20,6 +20,7 @@ from dmoc.export.motion_text import (
 from dmoc.export.numbers import (
     ENDS,
     KINDS,
+    NOT_ONE,
     SIDES,
     FixedState,
     Number,
@@ -200,7 +201,8 @@ def _number_rows(nlp: Transcription, numbers: SolverNumbers) -> tuple[list[str],
             changes.append(initial(array, entry - int(ends[array]), literal(slope)))
         count = len(changes) - first
         fit = *limits, KINDS.index(n.kind)
-        rows.append(initial(f'"{n.name}"', literal(n.value), n.pool, first, count, *fit))
+        pool = n.pool if n.pool == NOT_ONE else n.pool + nlp.assembled.data.first_parameter
+        rows.append(initial(f'"{n.name}"', literal(n.value), pool, first, count, *fit))
     return rows, changes
 
 

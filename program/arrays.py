@@ -94,6 +94,11 @@ class ProgramData:
     def m(self) -> int:
         return len(self.values.constant) - 1
 
+    @property
+    def first_parameter(self) -> int:
+        """Where the parameters begin in the pool."""
+        return self.n + self.m + 2
+
 
 def strided(at: Positions) -> tuple[int, int] | None:
     """Position of the first row and distance of the rows, if rows are consecutive and evenly apart.
@@ -110,27 +115,3 @@ def strided(at: Positions) -> tuple[int, int] | None:
         return None
     straight = first + stride * np.arange(rows)[:, None] + np.arange(size)
     return (first, stride) if (at == straight).all() else None
-
-
-def same_form(a: ProgramData, b: ProgramData) -> bool:
-    """Whether two programs differ in what numbers move alone."""
-    if (a.n, a.m, a.equalities) != (b.n, b.m, b.equalities):
-        return False
-    if not np.array_equal(a.lower == a.upper, b.lower == b.upper):
-        return False
-    patterns = zip((*a.jacobian, *a.hessian), (*b.jacobian, *b.hessian), strict=True)
-    passes = ((a.values, b.values), (a.slopes, b.slopes), (a.curvatures, b.curvatures))
-    same = np.array_equal(a.sizes, b.sizes) and all(np.array_equal(x, y) for x, y in patterns)
-    return same and all(_same_pass(x, y) for x, y in passes)
-
-
-def _same_pass(a: PassData, b: PassData) -> bool:
-    if len(a.elements) != len(b.elements):
-        return False
-    pairs = [(a.rows, b.rows), (a.columns, b.columns)]
-    for x, y in zip(a.elements, b.elements, strict=True):
-        if x.kernel != y.kernel:
-            return False
-        groups = ((x.arguments, y.arguments), (x.slots, y.slots))
-        pairs += [pair for two in groups for pair in zip(*two, strict=True)]
-    return all(p is q or np.array_equal(p, q) for p, q in pairs)

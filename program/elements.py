@@ -2,7 +2,8 @@
 units.
 
 What says where results go, :class:`Structure`, is the same for all problems of one form and is made
-once; :func:`assembled` puts the numbers of one problem into it.
+once; :func:`assembled` puts the numbers of one problem into it, :class:`Numbers`, which are all
+that such problems differ in.
 
 Every term is a kernel family: ``name`` for values, ``name_jac`` and ``name_hess`` for derivatives
 with respect to all its arguments.  The columns of a derivative are the arguments' positions in the
@@ -13,13 +14,13 @@ columns for them behind those of the arguments.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import field
 from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array, Kernels
@@ -31,11 +32,10 @@ from dmoc.program.terms import Term
 
 @record(frozen=True, eq=False)
 class Linear:
-    """The linear part of (c | d): factors * x[columns] added to rows."""
+    """The linear part of (c | d): coefficients * x[columns] added to rows."""
 
     rows: Index
     columns: Index
-    factors: Array
 
 
 T = TypeVar("T")
@@ -45,15 +45,32 @@ MOST_ANALYSES = 8
 
 @record(frozen=True, eq=False)
 class Form:
-    """Everything that determines the structure of a program."""
+    """Everything that determines the structure of a program, and what methods find about it."""
 
     kernels: Kernels
     parameters: Index  # (npar,): the unknowns that they are, or NOWHERE
-    terms: Sequence[Term]
+    terms: Sequence[Term]  # with the places of their factors among those of all
     linear: Linear
-    n: int  # numbers of unknowns, of rows (c | d), and of rows c
+    blocks: Sequence[tuple[str, Index]]  # names and places of the unknowns and of the rows
+    n: int  # numbers of unknowns, of rows (c | d), of rows c, and of factors
     m: int
     equalities: int
+    factors: int
+
+    @cached_property
+    def digest(self) -> bytes:
+        """A digest of all that it holds."""
+        names: list[Any] = [*self.kernels.identity]
+        names += [self.kernels.design, self.n, self.m, self.equalities]
+        arrays: list[Any] = [self.parameters, self.linear.rows, self.linear.columns]
+        for name, index in self.blocks:
+            names.append(name)
+            arrays.append(index)
+        for term in self.terms:
+            names.append(term.kernel)
+            arrays += (*term.arguments, *term.rows, np.asarray(term.factor))
+        head = repr((names, [a.shape for a in arrays])).encode()
+        return hashlib.sha256(b"".join([head, *[a.tobytes() for a in arrays]])).digest()
 
 
 @record(frozen=True, eq=False)
@@ -63,6 +80,8 @@ class Numbers:
     parameters: Array  # (npar,)
     shares: Array  # of a step, which terms may take as arguments
     constants: Array  # of all rows, (m,)
+    coefficients: Array  # of the linear part
+    factors: Array  # of the terms, those of one after those of another
     lower: Array  # bounds of the scaled unknowns, (n,)
     upper: Array
     sizes: Array  # sizes of the unknowns, (n,)
@@ -73,24 +92,24 @@ class Numbers:
 @record(frozen=True, eq=False)
 class _Part:
     """Results of a term that are added somewhere, in the shapes of the kernel's outputs: positions
-    in (f | c | d) or rows of the Hessian, unknowns, and factors without units."""
+    in (f | c | d) or rows of the Hessian, unknowns, and places of factors (:func:`_doubled`)."""
 
     kernel: str
     arguments: tuple[Index, ...]
     rows: tuple[Index, ...]
     columns: tuple[Index, ...]
-    factors: tuple[Array, ...]
+    factors: tuple[Index, ...]
 
 
 @record(frozen=True, eq=False)
 class _Elements:
     """The elements of a pass, and what their factors are made of: left[rows] * right[columns] *
-    factors, those of one result after those of another."""
+    doubled[factors], those of one result after those of another."""
 
     places: tuple[ElementPlaces, ...]
     rows: Index
     columns: Index
-    factors: Array
+    factors: Index
 
     @classmethod
     def of(cls, parts: Sequence[_Part], slots: Sequence[Index]) -> _Elements:
@@ -100,18 +119,25 @@ class _Elements:
                 ElementPlaces(p.kernel, p.arguments, tuple(next(remaining) for _ in p.rows))
                 for p in parts
             ),
-            _flat([r for p in parts for r in p.rows], np.intp),
-            _flat([c for p in parts for c in p.columns], np.intp),
-            _flat([f for p in parts for f in p.factors], np.float64),
+            _flat([r for p in parts for r in p.rows]),
+            _flat([c for p in parts for c in p.columns]),
+            _flat([f for p in parts for f in p.factors]),
         )
 
-    def filled(self, left: Array, right: Array) -> tuple[tuple[ElementPlaces, ...], Array]:
+    def filled(
+        self, left: Array, right: Array, doubled: Array
+    ) -> tuple[tuple[ElementPlaces, ...], Array]:
         """The elements of one problem, and their factors."""
-        return self.places, left[self.rows] * right[self.columns] * self.factors
+        return self.places, left[self.rows] * right[self.columns] * doubled[self.factors]
 
 
-def _flat(arrays: Sequence[NDArray[Any]], dtype: type) -> NDArray[Any]:
-    return np.concatenate([np.zeros(0, dtype), *(a.ravel() for a in arrays)])
+def _flat(arrays: Sequence[Index]) -> Index:
+    return np.concatenate([np.zeros(0, np.intp), *(a.ravel() for a in arrays)])
+
+
+def _doubled(factors: Array) -> Array:
+    """The factors of terms, shape (factors,), and behind them twice each."""
+    return np.concatenate([factors, 2 * factors])
 
 
 @record(frozen=True, eq=False)
@@ -198,18 +224,19 @@ def assembled(structure: Structure, numbers: Numbers) -> Assembled:
     form, none = structure.form, np.zeros(0, dtype=np.intp)
     n, m, at = form.n, form.m, form.linear
     inverse = 1 / np.concatenate([[numbers.cost_size], numbers.row_sizes])  # of (f | c | d)
-    linear, ones = at.factors * inverse[structure.linear_rows], np.ones(1)
+    linear, ones = numbers.coefficients * inverse[structure.linear_rows], np.ones(1)
+    factors = _doubled(numbers.factors)
     values = PassData(
         np.concatenate([[0.0], numbers.constants * inverse[1:]]),
         structure.linear_rows,
         at.columns,
         linear,
-        *structure.values.filled(inverse, ones),
+        *structure.values.filled(inverse, ones, factors),
     )
     constant = np.zeros(n + structure.jacobian.size)
     constant[n + structure.linear_slots] = linear * numbers.sizes[at.columns]
-    slopes = structure.slopes.filled(inverse, numbers.sizes)
-    curvatures = structure.curvatures.filled(numbers.sizes, numbers.sizes)
+    slopes = structure.slopes.filled(inverse, numbers.sizes, factors)
+    curvatures = structure.curvatures.filled(numbers.sizes, numbers.sizes, factors)
     zeros = np.zeros(structure.hessian.size)
     data = ProgramData(
         equalities=form.equalities,
@@ -305,8 +332,8 @@ def _curvatures(form: Form, term: Term, unknowns: Index, multipliers: Index) -> 
     if not len(i):
         return None
     a, b = unknowns[:, i], unknowns[:, j]
-    twice = np.where((a == b) & (i != j), 2.0, 1.0)
+    twice = form.factors * ((a == b) & (i != j))
     arguments = (*_arguments(form, term), *(multipliers[r] for r in term.rows))
     # The smaller of both is NOWHERE where one of them is.
     rows, columns = np.minimum(a, b), np.maximum(a, b)
-    return _Part(kernel, arguments, (rows,), (columns,), (twice * term.factor,))
+    return _Part(kernel, arguments, (rows,), (columns,), (twice + term.factor,))

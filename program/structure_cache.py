@@ -3,16 +3,12 @@ they follow from."""
 
 from __future__ import annotations
 
-import hashlib
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import fields, is_dataclass
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-import numpy as np
-
-from dmoc.program.blocks import Block
 from dmoc.program.elements import Form, Structure, structure_of
 
 if TYPE_CHECKING:
@@ -68,9 +64,9 @@ class Structures:
         # Bytes, with the number of things that methods had added when they were counted.
         self._counted: dict[bytes, tuple[int, int]] = {}
 
-    def of(self, form: Form, blocks: Iterable[Block]) -> Structure:
-        """The structure of a form whose unknowns and rows stand in some blocks."""
-        key = digest(form, blocks)
+    def of(self, form: Form) -> Structure:
+        """The structure of a form."""
+        key = form.digest
         with self._lock:
             structure = self._structures.get(key)
             if structure is not None:
@@ -120,22 +116,6 @@ class Memory:
 
 
 MEMORY = Memory()
-
-
-def digest(form: Form, blocks: Iterable[Block]) -> bytes:
-    """A digest of all that a structure, and what methods find about it, follows from."""
-    linear = form.linear
-    names: list[Any] = [*form.kernels.identity]
-    names += [form.kernels.design, form.n, form.m, form.equalities]
-    arrays: list[Any] = [form.parameters, linear.rows, linear.columns, linear.factors]
-    for block in blocks:
-        names.append(block.name)
-        arrays.append(block.index)
-    for term in form.terms:
-        names.append(term.kernel)
-        arrays += (*term.arguments, *term.rows, np.asarray(term.factor))
-    head = repr((names, [a.shape for a in arrays])).encode()
-    return hashlib.sha256(b"".join([head, *[a.tobytes() for a in arrays]])).digest()
 
 
 def bytes_of(value: Any, counted: set[int]) -> int:

@@ -8,7 +8,8 @@ those below the number of unknowns are the unknowns that the term depends on.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,12 +38,13 @@ class Term:
         For each result, the rows of (c | d) that its components enter; COST for the cost, NOWHERE
         for none.
     factor : float or array of shape (n, 1)
+        In a form, where it stands among the factors of all (:func:`apart`).
     """
 
     kernel: str
     arguments: tuple[Index, ...]
     rows: tuple[Index, ...]
-    factor: Array | float = 1.0
+    factor: Array | Index | float = 1.0
 
     @property
     def enters(self) -> bool:
@@ -106,6 +108,18 @@ def shares_of(scheme: Discretisation) -> Array:
     polynomials at their nodes, and signs."""
     slopes = scheme.slopes_of_nodes, PARABOLA
     return np.concatenate([scheme.nodes, [0.5], *map(np.ravel, slopes), [-1.0, 0.0, 1.0]])
+
+
+def apart(terms: Sequence[Term]) -> tuple[list[Term], Array]:
+    """Terms with the places of their factors in the place of these, and the factors of all."""
+    factors = [np.asarray(term.factor, dtype=float) for term in terms]
+    ends = np.cumsum([0, *(f.size for f in factors)])
+    places = (
+        np.arange(end - f.size, end).reshape(f.shape)
+        for f, end in zip(factors, ends[1:], strict=True)
+    )
+    placed = [replace(term, factor=at) for term, at in zip(terms, places, strict=True)]
+    return placed, np.concatenate([f.ravel() for f in factors])
 
 
 def like(rows: Index) -> Index:

@@ -36,7 +36,7 @@ from dmoc.program.laws.laws import Laws, laws_of, rows_follow_from
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.structure_cache import MEMORY, MOST_REMEMBERED
-from dmoc.program.terms import Places, shares_of
+from dmoc.program.terms import Places, apart, shares_of
 
 
 class Transcription(Evaluator):
@@ -104,43 +104,59 @@ class Transcription(Evaluator):
             [b.sizes(self.scale) for b in (*self.equalities, *self.inequalities) if b.count]
         )
 
-    @cached_property
+    @property
     def structure(self) -> Structure:
         """The structure that the program shares with those of all problems of its form."""
-        if self.n > MOST_REMEMBERED:
-            return structure_of(self._form())
-        remembered = self.laws.remembered
-        structure = remembered.structure() if remembered.structure else None
-        if structure is None:
-            blocks = self.layout.unknowns, self.laws.equalities, self.laws.inequalities
-            structure = MEMORY.structures.of(self._form(), chain.from_iterable(blocks))
-            remembered.structure = weakref.ref(structure)
-        return structure
+        return self._parts[0]
 
-    def assemble(self) -> Assembled:
+    @property
+    def numbers(self) -> Numbers:
+        """All that the programs of one structure differ in."""
         m = self.laws.n_eq + self.laws.n_in
         constants = np.zeros(m)
         for law in self.laws:
             for row, constant in law.constants():
                 constants[row] = constant
-        numbers = Numbers(
-            self.par[0], shares_of(self.layout.scheme), constants, self.lower, self.upper,
-            self.sizes, self.row_sizes[:m], self.scale.cost,
+        return Numbers(
+            self.par[0], shares_of(self.layout.scheme), constants, *self._parts[1], self.lower,
+            self.upper, self.sizes, self.row_sizes[:m], self.scale.cost,
         )  # fmt: skip
-        return assembled(self.structure, numbers)
 
-    def _form(self) -> Form:
+    def assemble(self) -> Assembled:
+        return assembled(self.structure, self.numbers)
+
+    @cached_property
+    def _parts(self) -> tuple[Structure, tuple[Array, Array]]:
+        """The structure, and the coefficients and factors of the laws."""
+        if self.n > MOST_REMEMBERED:
+            form, numbers = self._form()
+            return structure_of(form), numbers
+        remembered = self.laws.remembered
+        structure = remembered.structure() if remembered.structure else None
+        if structure is None:
+            form, remembered.numbers = self._form()
+            structure = MEMORY.structures.of(form)
+            remembered.structure = weakref.ref(structure)
+        return structure, remembered.numbers
+
+    def _form(self) -> tuple[Form, tuple[Array, Array]]:
+        """The form of the program, and the coefficients and factors of the laws."""
         laws, kernels, m = self.laws, self.kernels, self.laws.n_eq + self.laws.n_in
         entries = chain.from_iterable(law.entries(laws) for law in laws)
-        linear = Linear(*(np.concatenate(part) for part in zip(*entries, strict=True)))
+        *at, coefficients = (np.concatenate(part) for part in zip(*entries, strict=True))
         places = Places(
             self.layout, self.n + m + 1, len(kernels.surfaces), self.n + m + 2 + self.par.shape[1]
         )
         terms = chain.from_iterable(law.terms(places, laws) for law in laws)
-        entering = [term for term in terms if kernels.has(term.kernel) and term.enters]
+        entering, factors = apart([t for t in terms if kernels.has(t.kernel) and t.enters])
         unknowns = dict(zip(self.problem.design, self.layout.index_design.tolist(), strict=True))
         chosen = np.array([unknowns.get(name, NOWHERE) for name in kernels.parameters], np.intp)
-        return Form(kernels, chosen, entering, linear, self.n, m, laws.n_eq)
+        blocks = chain(self.layout.unknowns, laws.equalities, laws.inequalities)
+        form = Form(
+            kernels, chosen, entering, Linear(*at), [(b.name, b.index) for b in blocks], self.n, m,
+            laws.n_eq, len(factors),
+        )  # fmt: skip
+        return form, (coefficients, factors)
 
     @property
     def equalities(self) -> Sequence[Block]:

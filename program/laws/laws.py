@@ -47,9 +47,11 @@ from dmoc.program.totals import counted
 
 
 class Remembered:
-    """The structure that follows from some laws, as long as somebody keeps it."""
+    """The structure that follows from some laws, as long as somebody keeps it, and the numbers in
+    their terms and entries: factors and coefficients."""
 
     structure: weakref.ref[Structure] | None = None
+    numbers: tuple[Array, Array]
 
 
 @dataclass(eq=False)

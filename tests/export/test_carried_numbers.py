@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,7 +20,7 @@ from dmoc.export.numbers import (
     SolverNumbers,
     _flat,
     _in_short,
-    _pool,
+    _numbers,
     _range,
     _with,
     moved_arrays,
@@ -28,7 +29,6 @@ from dmoc.export.numbers import (
 from dmoc.export.program_text import _held, _number_rows, _state, count_of, shape_of
 from dmoc.guess.automatic import initial_guesses
 from dmoc.mechanics.contact_mode import Mode
-from dmoc.program.arrays import same_form
 from dmoc.program.layout import Layout
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
@@ -71,32 +71,13 @@ def test_momenta_that_follow_from_states_are_no_numbers(
     arrays = [np.arange(1.0, 5.0), np.arange(11.0, 15.0), np.arange(21.0, 27.0)]
     monkeypatch.setattr(numbers, "moved_arrays", lambda data, results: arrays)
     monkeypatch.setattr(numbers, "_results", lambda data: None)
-    data: Any = None
-    lower, upper, others = np.split(_flat(data, np.array(fixed, np.intp)), [4, 8])
+    monkeypatch.setattr(numbers, "assembled", lambda structure, numbers: SimpleNamespace(data=None))
+    nlp: Any = SimpleNamespace(structure=None)
+    lower, upper, others = np.split(_flat(nlp, nlp, np.array(fixed, np.intp)), [4, 8])
     kept = ~np.isin(np.arange(4), fixed)
     np.testing.assert_array_equal(lower, arrays[0] * kept)
     np.testing.assert_array_equal(upper, arrays[1] * kept)
     np.testing.assert_array_equal(others, arrays[2])
-
-
-@pytest.mark.parametrize(
-    ("place", "moves", "pool"),
-    [
-        (1, [8], 8),  # behind three unknowns, two rows, and two more, stands the second parameter
-        (1, [7], None),
-        (1, [8, 9], None),
-        (1, [], None),
-        (NOT_ONE, [], NOT_ONE),
-        (NOT_ONE, [8], None),
-    ],
-)
-def test_a_parameter_moves_its_own_place_of_the_pool(
-    place: int, moves: list[int], pool: int | None
-) -> None:
-    base: Any = SimpleNamespace(n=3, m=2, pool=np.arange(10.0))
-    moved: Any = SimpleNamespace(n=3, m=2, pool=np.arange(10.0))
-    moved.pool[moves] += 0.5
-    assert _pool(base, moved, Number(("parameters", "m"), 1.0, pool=place)) == pool
 
 
 @pytest.fixture(scope="module")
@@ -105,15 +86,31 @@ def nlp(block: Kernels) -> Transcription:
     return Transcription(problem, scale_of(problem, initial_guesses(problem)[0].x))
 
 
-def test_programs_of_other_forms_differ(nlp: Transcription, block: Kernels) -> None:
-    data = nlp.assembled.data
-    assert same_form(data, data)
-    wider = there_and_back(block, steps=4, bounds={"u": (-80.0, 90.0)}, restitution=0.5)
-    assert same_form(data, Transcription(wider, nlp.scale).assembled.data)
-    freer = there_and_back(block, steps=4, bounds={"u": (-80.0, 90.0)}, start={"x": (0, 0.1)})
-    assert not same_form(data, Transcription(freer, nlp.scale).assembled.data)
-    longer = there_and_back(block, steps=5, bounds={"u": (-80.0, 90.0)})
-    assert not same_form(data, Transcription(longer, nlp.scale).assembled.data)
+def test_programs_of_other_forms_differ_in_more_than_numbers(
+    nlp: Transcription, block: Kernels
+) -> None:
+    def apart(scale: Any = nlp.scale, **fields: Any) -> Any:
+        stated = {"steps": 4, "bounds": {"u": (-80.0, 90.0)}, "restitution": 0.5} | fields
+        return _numbers(nlp, Transcription(there_and_back(block, **stated), scale))
+
+    wider, base = apart(), nlp.numbers
+    assert (wider.lower != base.lower).any() and (wider.upper == base.upper).all()
+    for changed, name in (
+        ({"restitution": 0.4}, "factors"),
+        ({"parameters": {"m": 3.0}}, "parameters"),
+    ):
+        assert (getattr(apart(**changed), name) != getattr(base, name)).any()
+    assert apart(steps=5) is None and apart(start={"x": (0, 0.1)}) is None
+    assert apart(replace(nlp.scale, p=2 * nlp.scale.p)) is None
+
+
+def test_a_parameter_has_its_place_behind_unknowns_rows_and_two_more(nlp: Transcription) -> None:
+    numbers = numbers_of(nlp)
+    (mass,) = (i for i, n in enumerate(numbers.taken) if n.name == "parameters.m")
+    at = list(nlp.kernels.parameters).index("m") + nlp.n + nlp.n_eq + nlp.n_in + 2
+    rows, _ = _number_rows(nlp, numbers)
+    assert f", {at}, " in rows[mass]
+    assert {n.pool for n in numbers.taken if n.path[0] != "parameters"} == {NOT_ONE}
 
 
 def test_bounds_of_an_input_move_the_bounds_of_its_unknowns(nlp: Transcription) -> None:
