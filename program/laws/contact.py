@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.touch import Touch
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Index, Numbering
 from dmoc.program.interior import give_way
@@ -188,3 +189,26 @@ class ContactLaw(Law):
         if not self.lay.touch.free:
             unknowns = self.lay.contact
             yield from self.along.loose(unknowns.P, unknowns.P_c, self.settled.closed)
+
+
+@dataclass(eq=False)
+class LawAtContacts(Law):
+    """A law of what touches or rubs at the contacts of the law ``contact``."""
+
+    contact: ContactLaw
+
+    @property
+    def lay(self) -> Layout:
+        return self.contact.lay
+
+    @property
+    def touch(self) -> Touch:
+        return self.lay.touch
+
+    @property
+    def along(self) -> PhaseNodes:
+        return self.contact.along
+
+    @property
+    def settled(self) -> Settled:
+        return self.contact.settled

@@ -30,7 +30,6 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contacts import RAIL
-from dmoc.mechanics.touch import Touch
 from dmoc.motion.friction import SLIDING, STICK, sticks
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import (
@@ -56,13 +55,11 @@ from dmoc.program.coefficients import (
 )
 from dmoc.program.hit_stages import STOP
 from dmoc.program.interior import bound_once
-from dmoc.program.laws.contact import ContactLaw
+from dmoc.program.laws.contact import LawAtContacts
 from dmoc.program.laws.impact import ends_motion
-from dmoc.program.laws.law import AT_REST, INPUT, Edge, Law, Pivot, key
-from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase, ends_of_phases, later
+from dmoc.program.laws.law import AT_REST, INPUT, Edge, Pivot, key
+from dmoc.program.laws.phase_nodes import end_of_phase, ends_of_phases, later
 from dmoc.program.laws.sliding import SlidingLaw
-from dmoc.program.layout import Layout
-from dmoc.program.presolve import Settled
 from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
 
@@ -71,7 +68,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(eq=False)
-class FrictionLaw(Law):
+class FrictionLaw(LawAtContacts):
     """Law of the friction of contacts and rails along the phases of a problem.
 
     Attributes
@@ -91,7 +88,6 @@ class FrictionLaw(Law):
         Whether some friction depends on the sliding speed.
     """
 
-    contact: ContactLaw
     direction: SlidingLaw
     mu: Array
     mu_s: Array
@@ -104,22 +100,6 @@ class FrictionLaw(Law):
     slides: Block = field(init=False)
     cone: Block = field(init=False)
     cone_of_impact: Block = field(init=False)
-
-    @property
-    def lay(self) -> Layout:
-        return self.contact.lay
-
-    @property
-    def touch(self) -> Touch:
-        return self.lay.touch
-
-    @property
-    def along(self) -> PhaseNodes:
-        return self.contact.along
-
-    @property
-    def settled(self) -> Settled:
-        return self.contact.settled
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         lay, touch, unknowns = self.lay, self.touch, self.lay.contact

@@ -30,9 +30,8 @@ from dmoc.mechanics.contacts import RAIL
 from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Index, Numbering, two_sided
 from dmoc.program.coefficients import AFTER, Product, against, at_events, entries_of, terms_of
 from dmoc.program.hit_stages import MOMENTS, STOP, HeldUnknowns, moment
-from dmoc.program.laws.contact import ContactLaw
-from dmoc.program.laws.law import COLLISION, Law, Pivot, key
-from dmoc.program.layout import Layout
+from dmoc.program.laws.contact import LawAtContacts
+from dmoc.program.laws.law import COLLISION, Pivot, key
 from dmoc.program.terms import Places, Term, forward
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ PARTS = ("until", "after")
 
 
 @dataclass(eq=False)
-class HeldLaw(Law):
+class HeldLaw(LawAtContacts):
     """What holds during the impacts with friction of a problem.
 
     Attributes
@@ -55,7 +54,6 @@ class HeldLaw(Law):
         Constraints that follow from others.
     """
 
-    contact: ContactLaw
     mu: Array
     grazing: Bools
     following: Bools
@@ -66,10 +64,6 @@ class HeldLaw(Law):
     presses: Block = field(init=False)
     grips: Block = field(init=False)
     slides_on: Block = field(init=False)
-
-    @property
-    def lay(self) -> Layout:
-        return self.contact.lay
 
     @property
     def unknowns(self) -> HeldUnknowns:

@@ -20,14 +20,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dmoc.mechanics.touch import Touch
 from dmoc.motion.friction import friction_word
 from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Numbering, two_sided
 from dmoc.program.bound_kinds import BoundKind
-from dmoc.program.laws.contact import ContactLaw
+from dmoc.program.laws.contact import LawAtContacts
 from dmoc.program.laws.impact import ends_motion
-from dmoc.program.laws.law import Law
-from dmoc.program.layout import Layout
 from dmoc.program.terms import Places, Term, forward
 
 if TYPE_CHECKING:
@@ -35,23 +32,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(eq=False)
-class SlidingLaw(Law):
+class SlidingLaw(LawAtContacts):
     """Law of the direction of tangents that slide along phases, at the contacts of the law
     ``contact``."""
 
-    contact: ContactLaw
     in_steps: Block = field(init=False)
     at_nodes: Block = field(init=False)
     at_ends: Block = field(init=False)
     in_impacts: Block = field(init=False)
-
-    @property
-    def lay(self) -> Layout:
-        return self.contact.lay
-
-    @property
-    def touch(self) -> Touch:
-        return self.lay.touch
 
     # Rows -----------------------------------------------------------------------------------------
 
