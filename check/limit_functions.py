@@ -3,18 +3,26 @@ constraints as they were stated, and the bounds of its velocities and quantities
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.names import velocity_name
 from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
+from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.codegen.kernels import Array
 from dmoc.codegen.manifest import FunctionFacts
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
+from dmoc.simulation.flow import PLACES
+
+Bools = NDArray[np.bool_]
+# States (k, d) of steps in a mode, from those (places, n, d) at places of them.
+Between = Callable[[Mode, IntegratedSteps, Array], Array]
 
 
 @record(frozen=True, eq=False)
@@ -97,6 +105,31 @@ class LimitFunctions:
             r = self.motion.flow.integrator.reaction(mode, np.hstack([q, v]), u, t)
             parts.append(np.hstack([r.acceleration, r.normal, r.tangential, r.joint]))
         return np.hstack(parts)
+
+    def visited(
+        self, courses: Sequence[IntegratedSteps], between: Between | None = None
+    ) -> tuple[Array, Bools, Bools]:
+        """States (n, d) of the motion at the places that steps are looked at, and those (k, d) that
+        ``between`` finds from them; which of them are quadrature points, and which is the one after
+        an event that ends it."""
+        motion, parts, at_points = self.motion, list[Array](), list[Bools]()
+        places = (*PLACES, *DISCRETISATIONS[motion.trajectory.order].places)
+        is_point = np.isin(places, places[len(PLACES) :])
+        for piece, course in zip(motion.pieces, courses, strict=True):
+            states = [self.states(piece.mode, *course.at(share)) for share in places]
+            parts += states
+            at_points.append(np.repeat(is_point, len(course.steps)))
+            if between is not None:
+                parts.append(between(piece.mode, course, np.array(states[: len(PLACES)])))
+                at_points.append(np.zeros(len(parts[-1]), dtype=bool))
+        on_steps = sum(map(len, parts))
+        for phase, mode in zip(motion.trajectory.phases, motion.modes, strict=True):
+            if not phase.steps:
+                u = motion.trajectory.last_inputs[None]
+                parts.append(self.states(mode, phase.q, phase.v, u, phase.t))
+        whole = np.concatenate(parts)
+        after = np.arange(len(whole)) >= on_steps
+        return whole, np.append(np.concatenate(at_points), after[on_steps:]), after
 
     def split(self, states: Array) -> tuple[Array, Array, Array, Array, Array]:
         """q, v, u, t and y of states (n, d), with n rows each."""

@@ -4,25 +4,20 @@ quantities: at the nodes and between them, on the path that is integrated from e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING
 from dmoc.check.checked_motion import Motion
 from dmoc.check.depth import dips, distances
 from dmoc.check.integrated_steps import IntegratedSteps
-from dmoc.check.limit_functions import LimitFunctions
+from dmoc.check.limit_functions import Bools, LimitFunctions
 from dmoc.codegen.kernels import Array
 from dmoc.codegen.manifest import FunctionFacts
 from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.contact_mode import Mode
-from dmoc.simulation.flow import PLACES
-
-Bools = NDArray[np.bool_]
 
 # Share of the largest terms of a constraint by which it counts at least, where they all vanish.
 LEAST_SIZE = 0.02
@@ -86,30 +81,14 @@ class _Path:
 
     limits: LimitFunctions
     states: Array
-    at_points: NDArray[np.bool_]
-    after: NDArray[np.bool_]
+    at_points: Bools
+    after: Bools
     values: Array
 
     @classmethod
     def of(cls, limits: LimitFunctions, courses: Sequence[IntegratedSteps]) -> _Path:
-        motion = limits.motion
-        points, pieces = DISCRETISATIONS[motion.trajectory.order].places, motion.pieces
-        parts, at_points = list[Array](), list[NDArray[np.bool_]]()
-        for piece, course in zip(pieces, courses, strict=True):
-            places = [limits.states(piece.mode, *course.at(s)) for s in (*PLACES, *points)]
-            low = _dips(limits, piece.mode, course, np.array(places[: len(PLACES)]))
-            parts += [*places, low]
-            at_points += [np.full(len(course.steps), bool(s in points)) for s in (*PLACES, *points)]
-            at_points.append(np.zeros(len(low), dtype=bool))
-        on_steps = sum(map(len, parts))
-        for phase, mode in zip(motion.trajectory.phases, motion.modes, strict=True):
-            if not phase.steps:
-                u = motion.trajectory.last_inputs[None]
-                parts.append(limits.states(mode, phase.q, phase.v, u, phase.t))
-        states = np.concatenate(parts)
-        after = np.arange(len(states)) >= on_steps
-        along = np.append(np.concatenate(at_points), after[on_steps:])
-        return cls(limits, states, along, after, limits.values(states))
+        states, at_points, after = limits.visited(courses, partial(_dips, limits))
+        return cls(limits, states, at_points, after, limits.values(states))
 
     @cached_property
     def t(self) -> Array:

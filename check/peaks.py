@@ -7,15 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import Findings, infinite_where_none
 from dmoc.check.hits import hit_peaks
 from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.check.limit_functions import LimitFunctions
-from dmoc.check.path_limits import ALMOST_NOTHING, Bools, counted
+from dmoc.check.path_limits import ALMOST_NOTHING, counted
 from dmoc.codegen.kernels import Array
-from dmoc.simulation.flow import PLACES
 
 PEAK = "error of a peak"
 
@@ -29,7 +27,7 @@ def peak_errors(motion: Motion, courses: Sequence[IntegratedSteps]) -> tuple[Arr
     if not model.peaks_of:
         return at_hits, _findings(of_hits)
     functions = LimitFunctions.of(motion)
-    states, at_points, after = _states(motion, functions, courses)
+    states, at_points, after = functions.visited(courses)
     values, rows = model.quantities(*functions.split(states)), model.kernels.quantity_rows
     slopes = np.abs(model.quantity_slopes(*functions.split(states)))
     moved = np.nan_to_num(slopes @ functions.sizes(states), posinf=0.0).max(axis=0)
@@ -50,23 +48,3 @@ def _findings(errors: dict[float, str]) -> Findings:
     """The largest of the errors, with its sentence."""
     worst = max(errors, default=0.0)
     return Findings({PEAK: worst}, (), {PEAK: errors[worst]} if errors else {})
-
-
-def _states(
-    motion: Motion, functions: LimitFunctions, courses: Sequence[IntegratedSteps]
-) -> tuple[Array, Bools, Bools]:
-    """States (n, d) of a motion, which of them are quadrature points, and which is the one after an
-    event that ends it."""
-    points, parts, at_points = DISCRETISATIONS[motion.trajectory.order].places, [], []
-    for piece, course in zip(motion.pieces, courses, strict=True):
-        for share in (*PLACES, *points):
-            parts.append(functions.states(piece.mode, *course.at(share)))
-            at_points.append(np.full(len(course.steps), bool(share in points)))
-    on_steps = sum(map(len, parts))
-    for phase, mode in zip(motion.trajectory.phases, motion.modes, strict=True):
-        if not phase.steps:
-            u = motion.trajectory.last_inputs[None]
-            parts.append(functions.states(mode, phase.q, phase.v, u, phase.t))
-    states = np.concatenate(parts)
-    after = np.arange(len(states)) >= on_steps
-    return states, np.append(np.concatenate(at_points), after[on_steps:]), after
