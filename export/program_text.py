@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.export.constants import Constants, initial, literal
-from dmoc.export.laws_text import KERNELS, OF_PARAMETERS, laws_text, together_text
 from dmoc.export.motion_text import (
     derived_tables,
     momenta_of,
@@ -28,6 +28,7 @@ from dmoc.export.numbers import (
     moved_arrays,
     passes_of,
 )
+from dmoc.mechanics.algebra import is_positive
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.problem.reach import rate_sizes
 from dmoc.program.arrays import ElementData, PassData, ProgramData, strided
@@ -36,6 +37,9 @@ from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt_layout import KKTLayout
 from dmoc.solvers.outcome import Duals
 
+# Kernels of coefficients that depend on the motion, and of what they depend on.
+KERNELS = ("rebound", "bearing", "holding", "slide_rate")
+OF_PARAMETERS = ("friction", "tangential")
 # Of the kernels that a solver calls beside those of its passes.
 CHECKS = ("momentum", "surface", "gap_rate", "joint", "joint_rate", "tangent")
 OTHERS = (
@@ -265,3 +269,32 @@ def _held(nlp: Transcription, mode: Mode) -> Index:
     held[nlp.problem.touch.contacts.pull] = 0
     held[list(mode.closed)] = 2
     return held
+
+
+def together_text(c: Constants, nlp: Transcription, entries: Mapping[str, str]) -> str:
+    """What parameters must be together."""
+    model, varies = nlp.problem.model, _varies(nlp)
+    kinds = np.where(varies, 0, 1 + model.paired)
+    mass = is_positive(model.mass(nlp.problem.start_position))
+    friction, tangential = (entries.get(name, "NULL") for name in OF_PARAMETERS)
+    return initial(int(mass), len(kinds), friction, c.array("int", kinds), tangential)
+
+
+def laws_text(c: Constants, nlp: Transcription, entries: Mapping[str, str]) -> str:
+    """Which coefficients of the laws of the model depend on the motion."""
+    touch, model, varies = nlp.problem.touch, nlp.problem.model, _varies(nlp)
+    hit = np.full(nlp.layout.phases, NOWHERE)
+    for i, event in enumerate(touch.events):
+        if event.hit != NOWHERE and np.isnan(nlp.problem.restitution_values[event.hit]):
+            hit[i] = event.hit
+    rubs = np.where(touch.rubs & varies, 1 + model.paired, 0)
+    struck = np.zeros_like(rubs)
+    struck[: len(touch.events)] = (touch.rubs_in_impact | touch.passes) & varies
+    arrays = (c.array("int", a) for a in (hit, rubs, struck))
+    return initial(*(entries.get(name, "NULL") for name in KERNELS), *arrays)
+
+
+def _varies(nlp: Transcription) -> NDArray[np.bool_]:
+    """The tangents whose friction depends on the motion, shape (nt,)."""
+    rows = nlp.kernels.manifest.varying_friction
+    return np.isin(nlp.kernels.tangents, [row["name"] for row in rows])

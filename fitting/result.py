@@ -201,7 +201,7 @@ class Fit(Shown, Saved):
 
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""
-        from dmoc.fitting.fit_table import table_of_fit
+        from dmoc.fitting.fit_report import table_of_fit
 
         return table_of_fit(self)
 

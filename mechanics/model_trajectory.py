@@ -1,8 +1,9 @@
-"""A motion of a model, with all that the model says of it."""
+"""A motion of a model, with all that the model says of it, and its scene: the drawing of the model
+along its phases."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import nan
 
@@ -13,9 +14,9 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_forces import accelerations_and_forces
 from dmoc.mechanics.contact_mode import mode_by_names
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.model_scene import scene_of
 from dmoc.motion.friction import sticks
 from dmoc.motion.impact_laws import RETURNING
+from dmoc.motion.scene import Scene, resampled, shapes_in
 from dmoc.motion.states import PARTS, positions
 from dmoc.motion.trajectory import Collision, Phase, Trajectory, last_inputs
 
@@ -122,3 +123,20 @@ def _coefficients(model: Model, phase: Phase, form: InputForm, last: Array) -> A
         kinds[not sticks(s)][:, model.tangent_numbers[name]] for name, s in phase.rubbing.items()
     ]
     return np.array(columns).reshape(len(columns), len(phase.t)).T.copy()
+
+
+def scene_of(model: Model, phases: Iterable[tuple[Array, Array, Array]]) -> Scene | None:
+    """The scene of phases, each given as times, positions and velocities at its nodes.
+
+    None where the model has no drawing, or the drawing is nowhere: velocities at a singular mass
+    matrix are not numbers, nor is the root of a negative length.
+    """
+    shapes = shapes_in(model.kernels.manifest.drawing)
+    if not shapes:
+        return None
+    with np.errstate(all="ignore"):
+        ways = [resampled(*phase) for phase in phases]
+        values = tuple([model.drawing(q, t) for t, q in ways])
+    if not all(np.isfinite(part).all() for part in values):
+        return None
+    return Scene(shapes, tuple([t for t, _ in ways]), values)

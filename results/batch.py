@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,9 +18,8 @@ from numpy.typing import NDArray
 from dmoc.base.errors import MissingExtraError, ProblemError
 from dmoc.base.files import write_whole
 from dmoc.base.signatures import public
-from dmoc.base.table import Shown, Table
+from dmoc.base.table import Shown, Table, toned
 from dmoc.motion.trajectory import Array, noun_of
-from dmoc.results.batch_table import column_of, counted, table_of_batch
 from dmoc.results.result_file import Saved
 from dmoc.solvers.outcome import Status
 
@@ -36,6 +36,13 @@ STATUSES = (*map(str, Status), REFUSED, FAILED, NOT_TRIED)
 # What the simulation says of a motion; nothing where it was not asked.
 CHECKS = ("passed", "failed", "")
 APART = ","  # between events, as in the option of a sequence
+# Rows and different messages that are shown; the file has all.
+MOST_ROWS, MOST_NOTES = 40, 5
+TONES = {"solved": "good", "grazes": "fair", "not_verified": "doubtful", "not_tried": "dim"}
+# Columns of results; a parameter of such a name has a column that says what it is.
+RESULTS = re.compile(
+    r"status|cost|final_time|collisions|iterations|check|seconds|message|(time|impulse)_[0-9]+"
+)
 
 
 @public(ProblemError)
@@ -220,3 +227,40 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         return "" if np.isnan(value) else repr(float(value))
     return str(value)
+
+
+def table_of_batch(batch: Batch) -> Table:
+    """Table of the problems of a batch and their results, one row for each."""
+    times = [f"{batch.noun} {i + 1} [s]" for i in range(batch.collision_times.shape[1])]
+    rows = []
+    for i, status in enumerate(batch.status[:MOST_ROWS]):
+        numbers = [batch.cost[i], batch.final_time[i]]
+        numbers += [*(values[i] for values in batch.design.values()), *batch.collision_times[i]]
+        rows.append(
+            (
+                *(f"{values[i]:.6g}" for values in batch.varied.values()),
+                toned(status, TONES.get(status, "bad")),
+                *("" if n != n else f"{n:.6g}" for n in numbers),
+                f"{batch.iterations[i]:.0f}",
+            )
+        )
+    more = len(batch) - MOST_ROWS
+    notes = [f"... and {more} more: --out FILE, or save(), has all of them"] if more > 0 else []
+    unsolved = [m for m, good in zip(batch.message, batch.solved, strict=True) if not good]
+    notes += [f"note: {message}" for message in list(dict.fromkeys(unsolved))[:MOST_NOTES]]
+    rate = batch.tried / max(batch.total_seconds, 1e-9)
+    notes.append(f"{counted(batch)}; in {batch.total_seconds:.1f} s ({rate:.1f} a second)")
+    chosen = [f"chosen {name}" for name in batch.design]
+    varied = map(column_of, batch.varied)
+    head = (*varied, "status", "cost", "end [s]", *chosen, *times, "iterations")
+    return Table(tuple(rows), head, tuple(notes))
+
+
+def counted(batch: Batch) -> str:
+    """The numbers of rows with each status, in words."""
+    return ", ".join(f"{n} {status}" for status, n in batch.counts.items())
+
+
+def column_of(name: str) -> str:
+    """Name of the column of a swept value in a table."""
+    return f"parameter {name}" if RESULTS.fullmatch(name) else name

@@ -1,10 +1,13 @@
 """Rounds of starts on a coarse mesh, and the minima that they lead to: random motions, and motions
-beside the minima that were met before."""
+beside the minima that were met before; where no start leads to one, motions within limits of the
+inputs by way of wider ones."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from dmoc.base.deadline import Deadline
 from dmoc.codegen.kernels import Array
@@ -16,10 +19,9 @@ from dmoc.program.scaling import scale_of
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import Attempt
 from dmoc.solving.multistart.effort import Effort
-from dmoc.solving.multistart.minima import Basin, cost_of, joined
+from dmoc.solving.multistart.minima import Basin, cost_of, gathered, joined
 from dmoc.solving.multistart.parallel import attempts_from, free_threads
 from dmoc.solving.multistart.ranking import RANKING, Refinements
-from dmoc.solving.multistart.tightening import tightened
 from dmoc.solving.programs import Programs
 
 # The coarse mesh is taken twice as fine, up to the ranking mesh, while the cost of its best minimum
@@ -31,6 +33,10 @@ USUAL, LASTING = 60, 300
 ANY = 10**9  # more starts than there is time for
 # Waves beside minima get smaller by a factor where less than such a share of their solves end.
 FEW_END, NARROWER = 0.6, 0.5
+# Limits of inputs are widened by the first factor and tightened by the others, with so many starts,
+# of which so many minima are followed.
+WIDER = (4.0, 2.8, 2.0, 1.6, 1.3, 1.12, 1.0)
+WIDE_STARTS, FOLLOWED = 32, 8
 
 
 @dataclass(frozen=True)
@@ -191,3 +197,32 @@ def _attempts(
 def _start(name: str, attempt: Attempt) -> Start:
     solved = attempt.status is Status.SOLVED
     return Start(name, attempt.status, cost_of(attempt) if solved else None)
+
+
+def tightened(coarse: Problem, natural: float, seed: int, options: Options) -> list[Basin]:
+    """Minima that are left when wide limits of the inputs are tightened step by step."""
+    if not np.isfinite(coarse.input_bounds).any():
+        return []
+    wide = _widened(coarse, WIDER[0])
+    points = [g.x for g in initial_guesses(wide, options.deadline)]
+    scale = scale_of(wide, points[0])
+    points += list(random_motions(wide, points, natural, range(WIDE_STARTS), seed))
+    minima = list[Basin]()
+    for factor in WIDER:
+        narrower = _widened(coarse, factor)
+        minima = gathered([], attempts_from(Programs(narrower, scale), points, options))
+        points = [b.motion for b in minima[:FOLLOWED]]
+        if not points:
+            break
+    return minima
+
+
+def _widened(problem: Problem, factor: float) -> Problem:
+    """The problem with wider limits of its inputs."""
+    low, high = problem.input_bounds.T
+    sizes = [np.where(np.isfinite(limit), np.abs(limit), 0.0) for limit in (low, high)]
+    width = np.where(np.isfinite(high - low), (high - low) / 2, np.maximum(*sizes))
+    more = (factor - 1) * width
+    names = problem.kernels.inputs
+    boxes = dict(zip(names, zip(low - more, high + more, strict=True), strict=True))
+    return problem.but(bounds={**problem.bounds, **boxes})

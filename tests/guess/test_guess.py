@@ -15,8 +15,7 @@ from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.tracker import WINDOW
 from dmoc.mechanics.model import Model
 from dmoc.models.registry import find
-from dmoc.program.collision_times import minimal_time
-from dmoc.program.minimal_times import WithMinimalTimes, phase_minimal_time
+from dmoc.program.minimal_times import WithMinimalTimes, minimal_time, phase_minimal_time
 from dmoc.program.transcription import Transcription
 
 L, G, M_P, M_C = 0.5, 10.0, 1.0, 1.0

@@ -10,7 +10,7 @@ import pytest
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.model_scene import scene_of
+from dmoc.mechanics.model_trajectory import scene_of
 from dmoc.motion.scene import FINE, FINEST, Scene, Shape, resampled, wrong_scene
 
 

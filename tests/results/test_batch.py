@@ -17,8 +17,8 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import MissingExtraError, OutputError, SolutionFileError
+from dmoc.results.batch import table_of_batch
 from dmoc.results.batch_file import BATCH, FILE
-from dmoc.results.batch_table import table_of_batch
 from dmoc.results.result_file import content_of, result_in
 
 
