@@ -4,13 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 from contact_problems import against_wall_on_floor, pushers, rimless
 from hit_problems import back
 
 import dmoc
+from dmoc.motion.friction import STICK
 from dmoc.program.laws.law import Law
+from dmoc.program.laws.tangential import returned
 from dmoc.program.transcription import Transcription
+
+
+@pytest.mark.parametrize(
+    ("mu", "tangential", "friction"),
+    [(1.0, -4 / 7, STICK), (0.39, -4 / 7, STICK), (0.36, -0.54, 1), (0.2, -0.3, 1)],
+)
+def test_a_hit_that_returns_sticks_up_to_its_cone_of_friction(
+    mu: float, tangential: float, friction: int
+) -> None:
+    """A disc that meets a floor at rates -1 and 2 with e = 1/2, e_t = 0: impulses 3/2 and -4/7,
+    which friction of 8/21 holds."""
+    hit = returned(np.array([-1.0, 2.0]), np.diag([1.0, 3.5]), mu, 0.5, 0.0)
+    assert hit.impulses == pytest.approx([1.5, tangential]) and hit.friction == friction
 
 
 def counts(law: Law) -> dict[str, int]:
