@@ -1,5 +1,5 @@
-"""The integrals and the cost of a motion, along the paths that are integrated from each node: what
-the motion says of them, and the bounds of integrals."""
+"""The integrals, the cost and the peaks of a motion, along the paths that are integrated from each
+node: what the motion says of them, and the bounds of integrals."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ import numpy as np
 from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import Findings, infinite_where_none
-from dmoc.check.hits import planned_hits
+from dmoc.check.hits import hit_peaks, planned_hits
 from dmoc.check.integrated_steps import IntegratedSteps
-from dmoc.check.path_limits import ALMOST_NOTHING, Excess
+from dmoc.check.limit_functions import LimitFunctions
+from dmoc.check.path_limits import ALMOST_NOTHING, Excess, counted
 from dmoc.check.quadrature import Integrals, Integrands, Place, integrals_along
 from dmoc.codegen.kernels import Array
 
@@ -24,7 +25,7 @@ NUDGE = 1e-3
 PLACED, MOST = 0.01, 0.9
 # Errors below this share of the magnitude need no look at how little that is.
 SMALL = 1e-6
-INTEGRAL, COST = "error of an integral", "error of the cost"
+INTEGRAL, COST, PEAK = "error of an integral", "error of the cost", "error of a peak"
 
 
 @record(frozen=True, eq=False)
@@ -191,3 +192,35 @@ def _excesses(motion: Motion, totals: _Totals) -> Iterator[Excess]:
         if excess > 0:
             what = f"the bound of {name} ({value:.6g})"
             yield Excess(excess, excess, what, motion.trajectory.final_time)
+
+
+def peak_errors(motion: Motion, courses: Sequence[IntegratedSteps]) -> tuple[Array, Findings]:
+    """The peaks of quantities, and the errors of those that the motion says, relative to the
+    largest magnitude.  Between quadrature points, where quantities vary more, they count as path
+    constraints do."""
+    model, totals = motion.model, motion.trajectory.totals
+    at_hits, of_hits = hit_peaks(motion)
+    if not model.peaks_of:
+        return at_hits, _findings(of_hits)
+    functions = LimitFunctions.of(motion)
+    states, at_points, after = functions.visited(courses)
+    values, rows = model.quantities(*functions.split(states)), model.kernels.quantity_rows
+    slopes = np.abs(model.quantity_slopes(*functions.split(states)))
+    moved = np.nan_to_num(slopes @ functions.sizes(states), posinf=0.0).max(axis=0)
+    peaks, errors = np.zeros(len(model.peaks_of)), dict[float, str]()
+    for k, ((j, both), name) in enumerate(zip(model.peaks_of, model.peak_names, strict=False)):
+        z, counts = values[:, j], counted(motion, [rows[j]], at_points, after)[:, 0]
+        row = infinite_where_none(np.abs(z) if both else z)
+        peaks[k] = row[counts == 1].max()
+        claim = totals.get(name, float(peaks[k]))
+        above = float((counts * (row - claim))[counts > 0].max())
+        size = max(np.abs(z).max(), abs(claim), ALMOST_NOTHING * moved[j])
+        error = max(claim - peaks[k], above) / (size or 1.0)
+        errors[float(error)] = f"{name} is {peaks[k]:.6g} along the motion, not {claim:.6g}"
+    return np.append(peaks, at_hits), _findings(errors | of_hits)
+
+
+def _findings(errors: dict[float, str]) -> Findings:
+    """The largest of the errors, with its sentence."""
+    worst = max(errors, default=0.0)
+    return Findings({PEAK: worst}, (), {PEAK: errors[worst]} if errors else {})

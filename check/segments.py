@@ -13,11 +13,10 @@ from dmoc.base.records import record
 from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
 from dmoc.check.findings import Findings, infinite_where_none, largest, together
 from dmoc.check.hits import hit_excesses
-from dmoc.check.integrals import integral_errors
+from dmoc.check.integrals import integral_errors, peak_errors
 from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.check.passages import PERTURBED
 from dmoc.check.path_limits import Excess, path_excess
-from dmoc.check.peaks import peak_errors
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.contact_mode import FREE, Mode

@@ -15,9 +15,8 @@ from dmoc.solvers.outcome import Iteration
 from dmoc.solving.answer import answer_of
 from dmoc.solving.keywords import Keywords
 from dmoc.solving.mesh.one_mesh import interrupted
-from dmoc.solving.named_hits import check_hits, without_hits
 from dmoc.solving.open_hits import best_way, first_way
-from dmoc.solving.request import check_problem, request_of
+from dmoc.solving.request import check_hits, check_problem, request_of, without_hits
 from dmoc.solving.starts import InitialGuess, loaded
 
 
