@@ -46,54 +46,44 @@ class Recent(Generic[T]):
         made = make()
         with self._lock:
             value = self._values.setdefault(key, made)
-            while len(self._values) > self.most:
-                self._values.popitem(last=False)
+            self._values.move_to_end(key)
+            self._forget()
         return value
 
     def clear(self) -> None:
         with self._lock:
             self._values.clear()
 
+    def _forget(self) -> None:
+        """Leave out those that were not asked for the longest, until the others have room."""
+        while len(self._values) > self.most:
+            self._values.popitem(last=False)
 
-class Structures:
-    """The structures that were asked for last."""
+
+class Structures(Recent[Structure]):
+    """The structures that were asked for last; what methods have added to them counts, too."""
 
     def __init__(self) -> None:
-        self._lock = Lock()
-        self._structures: OrderedDict[bytes, Structure] = OrderedDict()
+        super().__init__()
         # Bytes, with the number of things that methods had added when they were counted.
-        self._counted: dict[bytes, tuple[int, int]] = {}
+        self._counted: dict[Hashable, tuple[int, int]] = {}
 
-    def of(self, form: Form) -> Structure:
+    def of_form(self, form: Form) -> Structure:
         """The structure of a form."""
-        key = form.digest
-        with self._lock:
-            structure = self._structures.get(key)
-            if structure is not None:
-                self._structures.move_to_end(key)
-                return structure
-        made = structure_of(form)
-        with self._lock:
-            structure = self._structures.setdefault(key, made)
-            self._structures.move_to_end(key)
-            self._forget()
-        return structure
+        return self.of(form.digest, lambda: structure_of(form))
 
     def clear(self) -> None:
-        with self._lock:
-            self._structures.clear()
-            self._counted.clear()
+        super().clear()
+        self._counted.clear()
 
     def _forget(self) -> None:
-        """Leave out those that were not asked for the longest, until the others have room; what
-        methods have added to them in the meantime counts."""
-        for key, structure in self._structures.items():
+        for key, structure in self._values.items():
             added = structure.additions
             if self._counted.get(key, (0, -1))[1] != added:
                 self._counted[key] = bytes_of(structure, set()), added
         total = sum(size for size, _ in self._counted.values())
-        while len(self._structures) > 1 and (len(self._structures) > MOST or total > MOST_BYTES):
-            oldest, _ = self._structures.popitem(last=False)
+        while len(self._values) > 1 and (len(self._values) > self.most or total > MOST_BYTES):
+            oldest, _ = self._values.popitem(last=False)
             total -= self._counted.pop(oldest)[0]
 
 

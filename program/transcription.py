@@ -135,7 +135,7 @@ class Transcription(Evaluator):
         structure = remembered.structure() if remembered.structure else None
         if structure is None:
             form, remembered.numbers = self._form()
-            structure = MEMORY.structures.of(form)
+            structure = MEMORY.structures.of_form(form)
             remembered.structure = weakref.ref(structure)
         return structure, remembered.numbers
 

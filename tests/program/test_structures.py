@@ -226,7 +226,7 @@ def test_whatever_a_form_holds_is_part_of_its_key(small: dmoc.Problem) -> None:
 def test_structures_are_forgotten_by_their_bytes(
     small: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    structures = MEMORY.structures._structures
+    structures = MEMORY.structures._values
     first = Transcription(small)
     kkt_layout(first)
     one = bytes_of(first.structure, set())
