@@ -47,42 +47,18 @@ class Scale:
     @classmethod
     def none(cls, problem: Problem) -> Scale:
         """Everything counts in its own unit."""
-        kernels = problem.kernels
-        nq, nu, nc = (
-            np.ones(len(names)) for names in (kernels.coordinates, kernels.inputs, kernels.surfaces)
-        )
-        path, s = np.ones(len(kernels.manifest.path_rows)), np.ones(len(kernels.manifest.hidden))
-        quantity = np.ones(len(kernels.quantities))
-        totals, peaks = (np.ones(len(a)) for a in (problem.model.totals_of, problem.model.peaks_of))
-        nt, h = np.ones(len(kernels.tangents)), np.ones(problem.phases)
-        nj = np.ones(len(kernels.joints))
-        return cls(
-            1.0,
-            1.0,
-            1.0,
-            nq,
-            nq,
-            nq,
-            nu,
-            nc,
-            nc,
-            nc,
-            nt,
-            nt,
-            path,
-            quantity,
-            totals,
-            peaks,
-            s,
-            h,
-            nj,
-            nj,
-            np.ones(problem.model.nw),
-            np.ones(len(kernels.hit_quantities)),
-            np.ones(len(problem.design)),
-            nc,
-            nc,
-        )
+        kernels, model = problem.kernels, problem.model
+        nq, nc, nt, nj = len(kernels.coordinates), model.nc, model.nt, model.nj
+        counts = {
+            "q": nq, "v": nq, "p": nq, "u": len(kernels.inputs), "gap": nc, "rate": nc, "lam": nc,
+            "slide": nt, "friction": nt, "path": len(kernels.manifest.path_rows),
+            "quantity": len(kernels.quantities), "totals": len(model.totals_of),
+            "peaks": len(model.peaks_of), "s": len(kernels.manifest.hidden), "h": problem.phases,
+            "joint_rate": nj, "reaction": nj, "crossing": model.nw,
+            "hit_quantity": len(kernels.hit_quantities), "design": len(problem.design),
+            "within": nc, "within_rate": nc,
+        }  # fmt: skip
+        return cls(1.0, 1.0, 1.0, **{name: np.ones(count) for name, count in counts.items()})
 
     def named(self, problem: Problem) -> dict[str, float]:
         """Sizes by name, as results show them."""
