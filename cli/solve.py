@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from dmoc.models.registry import Reference
     from dmoc.problem.problem import Problem
     from dmoc.program.cost_derivatives import Sensitivities
+    from dmoc.proving.certificate import Certificate
 
 
 def solve(
@@ -44,6 +45,13 @@ def solve(
             help="Derivatives of the optimal cost with respect to what the problem is given.",
         ),
     ] = False,
+    certify: Annotated[
+        bool,
+        option(
+            "--certify",
+            help="Prove that a strict local minimum of the program lies near the solution.",
+        ),
+    ] = False,
     target: Annotated[
         Path | None, out_option("Write solution.npz (and the figure) into this folder.", "DIR")
     ] = None,
@@ -52,6 +60,7 @@ def solve(
 ) -> None:
     """Solve an optimal control problem and check the solution by simulation."""
     from dmoc.models import registry
+    from dmoc.proving.certify import certify as certified
     from dmoc.solving.sensitivity import sensitivities as differentiated
     from dmoc.solving.solve import solve as solved
 
@@ -64,6 +73,7 @@ def solve(
     solution = solved(problem, guess=first_motion, progress=True, **passed_on(keywords))
     files: list[Path] = []
     derivatives: list[Sensitivities] = []
+    certificates: list[Certificate] = []
 
     def save() -> None:
         if target is not None:
@@ -73,6 +83,16 @@ def solve(
         if sensitivities and solution.converged:
             derivatives.append(differentiated(problem, solution))
 
+    def prove() -> None:
+        if certify:
+            certificates.append(certified(problem, solution))
+
+    def told() -> dict[str, Any]:
+        more: dict[str, Any] = {"sensitivities": derivatives[0]} if derivatives else {}
+        if certificates:
+            more["certificate"] = certificates[0].to_dict()
+        return solution.to_dict() | more
+
     def tell() -> None:
         if not quiet:
             print_table(solution.summary(), out)
@@ -80,14 +100,15 @@ def solve(
                 out.print(f"Help: dmoc explain {solution.status}", style="dim")
             for slopes in derivatives:
                 _print_sensitivities(slopes)
+            for certificate in certificates:
+                print_table(certificate.summary(), out)
             written(*files)
 
     in_turn(
         save,
         differentiate,
-        lambda: emit(
-            solution.to_dict() | ({"sensitivities": derivatives[0]} if derivatives else {}), json_
-        ),
+        prove,
+        lambda: emit(told(), json_),
         tell,
         lambda: draw(target and target / "solution.png", solution.plot, quiet, dark),
     )

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from dmoc.models.registry import load as load
     from dmoc.planning.planner import Planner as Planner
     from dmoc.problem.problem import Problem as Problem
+    from dmoc.proving.certify import certify as certify
     from dmoc.report.animation import animate as animate
     from dmoc.results.batch import Batch as Batch
     from dmoc.results.feedback import feedback as feedback
@@ -96,6 +97,7 @@ _PLACES = {
     "traction": "dmoc.symbolic.contact_references",
     "peak": "dmoc.symbolic.objectives",
     "total": "dmoc.symbolic.objectives",
+    "certify": "dmoc.proving.certify",
     "feedback": "dmoc.results.feedback",
     "fit": "dmoc.fitting.fit",
     "generate_page": "dmoc.export.page",

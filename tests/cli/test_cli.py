@@ -65,17 +65,20 @@ def test_laws_order_and_tolerance_are_options(run: Run, file: Model) -> None:
         f"solve {model} --start y=1 --goal y=1,y_dot=0 --sequence floor --final-time 1 --set g=0"
     )
     code, out, err = run(
-        f"{block} --restitution 0.8 --order 4 --steps 8 --tolerance 1e-6 --sensitivities --json -"
+        f"{block} --restitution 0.8 --order 4 --steps 8 --tolerance 1e-6 --sensitivities --certify "
+        "--json -"
     )
     assert code == 0, err
     summary = json.loads(out)
     assert summary["cost"] == pytest.approx(24.58630915, rel=1e-6)
     assert summary["error_estimate"] <= 1e-6 and len(summary["meshes"]) >= 2
     assert summary["sensitivities"]["restitution"]["floor"] == pytest.approx(-6.45, rel=1e-3)
+    low, high = summary["certificate"]["cost"]
+    assert summary["certificate"]["proved"] and low < summary["cost"] + 1e-9 < high + 2e-9
     code, out, _ = run(
-        f"{block} --restitution floor=0 --method ipm --order 4 --sensitivities --out soft"
+        f"{block} --restitution floor=0 --method ipm --order 4 --sensitivities --certify --out soft"
     )
-    assert code == 0 and "50.95" in out and "restitution" in out
+    assert code == 0 and "50.95" in out and "restitution" in out and "certificate" in out
     code, out, _ = run(f"verify soft/solution.npz --model {model}")
     assert code == 0 and "passed" in out
     assert run(f"{block} --restitution 0.1 --method ipm --guess soft/solution.npz")[0] == 0

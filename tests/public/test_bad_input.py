@@ -208,11 +208,15 @@ def solve_cases() -> Iterator[Case]:
     def derived(solution: Any, **problem: Any) -> Call:
         return lambda _, plain: dmoc.sensitivities(problem.get("problem", plain), solution)
 
+    def certified(solution: Any) -> Call:
+        return lambda _, plain: dmoc.certify(plain, solution)
+
     yield from of("problem", *NO_PROBLEMS, block_system())
     yield Case("problem", lambda kernels, _: dmoc.solve(kernels), ProblemError, "problem")  # type: ignore[arg-type]
     for value in NO_PROBLEMS:
         yield Case("problem", derived(value, problem=value), ProblemError, "problem")
         yield Case("solution", derived(value), ProblemError, "solution")
+        yield Case("solution", certified(value), ProblemError, "solution")
     yield from of("tolerance optimality violation seconds", *NO_NUMBERS, 0, -1.0)
     yield from of("optimality violation form", None)
     yield from of("iterations", 0, None)

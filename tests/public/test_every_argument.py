@@ -122,6 +122,7 @@ def calls(
         "Disturbance": {},
         "Planner": {"problem": problem, "solution": solution},
         "sensitivities": {"problem": problem, "solution": solution},
+        "certify": {"problem": problem, "solution": solution},
         "generate_solver": {"problem": problem, "folder": "carried", "guess": solution},
         "load_solver": {"folder": "nowhere"},
         "generate_page": {"problem": problem, "path": "page.html", "guess": solution},

@@ -63,6 +63,7 @@ def varied(problem: dmoc.Problem, solution: dmoc.Solution) -> None:
     assert_type(batch.solutions, tuple[dmoc.Solution | None, ...])
     assert_type(dmoc.solve_many([problem], guess=solution), dmoc.Batch)
     assert_type(dmoc.sensitivities(problem, solution)["final_time"], float)
+    assert_type(dmoc.certify(problem, solution).proved, bool)
 
 
 def simulated(solution: dmoc.Solution, kernels: Kernels) -> None:

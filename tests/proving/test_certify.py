@@ -1,0 +1,182 @@
+"""Certificates: minima with closed forms lie in them, and what fails is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import mpmath as mp
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+from systems import block_system, there_and_back, unit_mass
+
+import dmoc
+from dmoc.base.errors import ProblemError
+from dmoc.base.table import plain
+from dmoc.codegen.kernels import Kernels
+from dmoc.proving.certificate import Certificate
+from dmoc.solvers.outcome import Status
+
+X, U = dynamicsymbols("x u")
+
+
+def stated(kernels: Kernels, **fields: Any) -> dmoc.Problem:
+    """From rest at 0 to rest at 1 in six steps, unless fields say otherwise."""
+    plain = {"start": {"x": 0.0}, "goal": {"x": 1.0, "x_dot": 0.0}, "steps": 6, "final_time": 1.0}
+    return dmoc.Problem(kernels, **(plain | fields))
+
+
+def certified(problem: dmoc.Problem) -> tuple[dmoc.Solution, Certificate]:
+    solution = dmoc.solve(problem, starts=1)
+    return solution, dmoc.certify(problem, solution)
+
+
+@pytest.fixture(scope="module")
+def mass() -> Kernels:
+    """A unit mass that is pushed along a line, dearer where it is far from 0."""
+    k = sp.Symbol("k")
+    cost = U**2 / 2 - k * X**2
+    return dmoc.build(unit_mass("certified_mass", cost=cost, parameters={k: 0.0}))
+
+
+def fails(certificate: Certificate) -> str:
+    assert not certificate.proved and certificate.cost is None and certificate.radius == np.inf
+    (sentence,) = certificate.fails
+    return sentence
+
+
+def test_a_closed_form_lies_in_the_certificate(mass: Kernels) -> None:
+    """From rest to rest by the midpoint rule in N steps: 6 N^2 / (N^2 - 1)."""
+    problem = stated(mass)
+    solution, certificate = certified(problem)
+    assert certificate.proved and certificate.cost is not None
+    low, high = certificate.cost
+    assert low < 6 * 36 / 35 < high < low + 1e-12
+    assert certificate.radius < 1e-11 and certificate.active == 0
+    assert certificate.unknowns == 5 + 6 + 1  # places, forces, step size
+    # How far an answer is from the minimum is in its radius.
+    k = int(np.flatnonzero(solution.unknowns == solution.phases[0].q[3, 0])[0])
+    moved = solution.unknowns.copy()
+    moved[k] += 1e-6
+    other = dmoc.certify(problem, replace(solution, unknowns=moved))
+    assert other.proved and 1e-6 <= other.radius < 1e-4
+
+
+def wall_cost(speed: Any, duration: Any) -> Any:
+    """What it takes a unit mass from rest at 0 to a wall at 1, which it hits with a speed and
+    leaves with 0.8 of it, and back to rest at 0 within 1 s."""
+    total = mp.mpf(0)
+    for way, before, after, t in (
+        (1, mp.mpf(0), speed, duration), (-1, -mp.mpf(0.8) * speed, mp.mpf(0), 1 - duration),
+    ):  # fmt: skip
+        a, b = before - way / t, after - way / t
+        total += 2 * (a * a + a * b + b * b) / t
+    return total
+
+
+def test_a_hit_with_restitution_has_its_exact_cost_in_the_certificate() -> None:
+    """Steps of order 6 whose forces vary within them have the cubic motions of the exact optimum,
+    of which speed and duration are found with thirty digits."""
+    problem = there_and_back(
+        dmoc.build(block_system(), order=6), restitution=0.8, steps=3, controls="stages"
+    )
+    _, certificate = certified(problem)
+    with mp.workdps(30):
+        slopes = [lambda *z, n=n: mp.diff(wall_cost, z, n) for n in ((1, 0), (0, 1))]
+        exact = wall_cost(*mp.findroot(lambda *z: [f(*z) for f in slopes], (3.3, 0.48)))
+        assert mp.almosteq(exact, mp.mpf("24.58630915"), abs_eps=5e-9)
+        assert certificate.proved and certificate.cost is not None
+        low, high = certificate.cost
+        assert mp.mpf(low) < exact < mp.mpf(high) < mp.mpf(low) + 1e-10
+
+
+def test_the_answer_of_the_source_is_certified(seed: dmoc.Problem, solution: dmoc.Solution) -> None:
+    certificate = dmoc.certify(seed, solution)
+    assert certificate.proved and certificate.cost is not None
+    low, high = certificate.cost
+    assert low <= solution.cost + 1e-7 and solution.cost - 1e-7 <= high < low + 1e-6
+    assert certificate.active == 1  # final time <= 1 s
+    assert certificate.radius < 1e-6 and certificate.slack > 1e-3
+    shown = {plain(row[0]): plain(row[1]) for row in certificate.summary().rows}
+    assert shown["certificate"].startswith("passed: a strict local minimum of the discrete program")
+    assert shown["cost"] == f"in [{low:.15g}, {high:.15g}]"
+    data = certificate.to_dict()
+    assert data["proved"] and data["cost"] == (low, high) and data["fails"] == ()
+
+
+def test_a_continuum_of_minima_is_named(mass: Kernels) -> None:
+    """Nobody has to move, however long it takes."""
+    _, certificate = certified(stated(mass, goal={"x": 0.0, "x_dot": 0.0}, final_time=(0.5, 1.0)))
+    assert fails(certificate) == (
+        "the cost does not change in second order with step size of phase 0: a continuum of minima "
+        "may go through this answer, and none of them is strict."
+    )
+
+
+def test_a_saddle_is_named(mass: Kernels) -> None:
+    """To stay is a minimum where the cost of being elsewhere falls slowly, a saddle where it falls
+    fast: the least of the integral of x''^2 / x^2 is that of a beam clamped at both ends, 4.730041
+    to the power of four, twice the limit of k."""
+    problem = stated(mass, goal={"x": 0.0, "x_dot": 0.0}, steps=20)
+    stays = dmoc.solve(problem, starts=1)
+    limit = 4.730041**4 / 2
+    assert dmoc.certify(problem.but(parameters={"k": 0.85 * limit}), stays).proved
+    assert fails(dmoc.certify(problem.but(parameters={"k": 1.15 * limit}), stays)) == (
+        "the cost falls along a direction that the active constraints allow: the answer is a "
+        "saddle, and no minimum."
+    )
+
+
+def test_a_bound_that_may_hold_or_not_is_named(mass: Kernels) -> None:
+    """Thrown up with speed 1, a mass comes back with that speed after a second: at half time it
+    is at 1/4, where a bound touches it without a force."""
+    there = stated(mass, start={"x": 0.0, "x_dot": 1.0}, goal={"x": 0.0, "x_dot": -1.0})
+    _, certificate = certified(there.but(bounds={"x": (None, 0.25)}))
+    assert fails(certificate).startswith("whether the bound of x at node 3 ")
+    assert " is open: its " in fails(certificate)
+    for limit, active in ((0.2, True), (0.26, False)):
+        _, clear = certified(there.but(bounds={"x": (None, limit)}))
+        assert clear.proved and (clear.active > 0) is active
+
+
+def test_an_equation_that_follows_from_others_is_left_out() -> None:
+    """Nothing pushes along x, so that the speed at the end is that of the start."""
+    y = dynamicsymbols("y")
+    kinetic = (X.diff() ** 2 + y.diff() ** 2) / 2
+    drifting = dmoc.MechanicalSystem("drifting", [X, y], kinetic, {}, [U], {y: U}, cost=U**2 / 2)
+    start = {"x": 0.0, "y": 0.0, "x_dot": 1.0, "y_dot": 0.0}
+    goal = {"x_dot": 1.0, "y": 1.0, "y_dot": 0.0}
+    _, certificate = certified(stated(dmoc.build(drifting), start=start, goal=goal))
+    assert certificate.proved and certificate.left_out == ("p_x at the goal",)
+    assert certificate.cost is not None and certificate.cost[0] < 6 * 36 / 35 < certificate.cost[1]
+
+
+def test_forces_that_are_shared_stay_as_they_are() -> None:
+    """Of a rail that two constraints state the program knows one force alone."""
+    y = dynamicsymbols("y")
+    railed = dmoc.MechanicalSystem(
+        "railed_twice", [X, y], (X.diff() ** 2 + y.diff() ** 2) / 2 - y, {}, [U], {X: U},
+        constraints={"one": y, "two": 2 * y}, cost=U**2 / 2,
+    )  # fmt: skip
+    start, goal = {"x": 0.0, "y": 0.0, "x_dot": 0.0, "y_dot": 0.0}, {"x": 1.0, "x_dot": 0.0}
+    _, certificate = certified(stated(dmoc.build(railed), start=start, goal=goal))
+    assert certificate.proved and certificate.held == ("impulse of constraint two (7)",)
+    assert "as they are" in {row[0] for row in certificate.summary().rows}
+
+
+def test_what_did_not_converge_is_not_certified(mass: Kernels) -> None:
+    problem = stated(mass)
+    solution = replace(dmoc.solve(problem, starts=1), status=Status.STALLED)
+    sentence = "the solver did not converge: its status is 'stalled'."
+    assert fails(dmoc.certify(problem, solution)) == sentence
+
+
+def test_a_solution_of_another_problem_is_refused(mass: Kernels) -> None:
+    problem = stated(mass)
+    solution = dmoc.solve(problem, starts=1)
+    with pytest.raises(ProblemError, match="no minimum of this problem"):
+        dmoc.certify(problem.but(goal={"x": 2.0, "x_dot": 0.0}), solution)
+    with pytest.raises(ProblemError, match="expected the Solution of the problem"):
+        dmoc.certify(problem, problem)  # type: ignore[arg-type]
