@@ -16,8 +16,11 @@ import dmoc
 from dmoc.base.errors import ProblemError
 from dmoc.base.table import plain
 from dmoc.codegen.kernels import Kernels
+from dmoc.proving.active_set import sharpened
 from dmoc.proving.certificate import Certificate
+from dmoc.proving.proof import Near
 from dmoc.solvers.outcome import Status
+from dmoc.solving.programs import at_solution
 
 X, U = dynamicsymbols("x u")
 
@@ -164,6 +167,20 @@ def test_forces_that_are_shared_stay_as_they_are() -> None:
     _, certificate = certified(stated(dmoc.build(railed), start=start, goal=goal))
     assert certificate.proved and certificate.held == ("impulse of constraint two (7)",)
     assert "as they are" in {row[0] for row in certificate.summary().rows}
+
+
+def test_the_bounds_hold_for_every_motion_within_the_radii(mass: Kernels) -> None:
+    """The best motion for another cost has the same constraints; its cost lies within the bounds
+    that hold as far away from the minimum."""
+    problem = stated(mass)
+    solution, other = (dmoc.solve(problem.but(parameters={"k": k}), starts=1) for k in (0.0, 50.0))
+    nlp, duals = at_solution(problem, solution)
+    x, z = nlp.scaled(solution.unknowns), nlp.scaled(other.unknowns)
+    point = sharpened(nlp, x, duals)
+    exact = point.system.enclosed(point.x, point.y, np.zeros(point.system.size))
+    apart = np.concatenate([np.abs(z - point.x), np.zeros(len(point.y))])[point.system.order]
+    low, high = Near(nlp, point, exact, apart * (1 + 1e-9) + 1e-12).cost
+    assert low < solution.cost < solution.cost + 1e-2 < nlp.cost(z) * nlp.scale.cost <= high
 
 
 def test_what_did_not_converge_is_not_certified(mass: Kernels) -> None:

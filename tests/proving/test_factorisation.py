@@ -10,7 +10,7 @@ import scipy.sparse
 
 from dmoc.codegen.kernels import Array
 from dmoc.proving.enclosure import Inverse, radii
-from dmoc.proving.factorisation import SignedFactors
+from dmoc.proving.factorisation import SignedFactors, _without
 
 
 def banded(seed: int, size: int, off: float = 0.0) -> Array:
@@ -59,6 +59,15 @@ def test_signs_are_those_of_the_eigenvalues(seed: int, size: int) -> None:
     assert A @ factors.solve(right) == pytest.approx(right, abs=1e-9)
     off = np.linalg.norm((product(factors) - A).astype(float), 2)
     assert 1e-16 < off <= factors.error  # as far as it is said to be at most
+
+
+def test_what_is_subtracted_has_its_rounding_error() -> None:
+    rng = np.random.default_rng(4)
+    lam, T, rest = rng.uniform(1, 2, 30), rng.normal(size=(30, 5)), rng.normal(size=(5, 5))
+    left, error = _without(rest, lam, T, np.ones(30, dtype=bool))
+    digits = T.astype(np.longdouble)
+    off = rest - digits.T @ (digits / lam[:, None].astype(np.longdouble)) - left
+    assert 1e-16 < np.linalg.norm(off.astype(float), 2) <= error < 1e-11
 
 
 def test_a_singular_matrix_has_no_signs() -> None:
