@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.impulse_response import held_responses
+from dmoc.mechanics.contact_forces import held_responses
 from dmoc.motion.friction import friction_word
 from dmoc.problem.problem import Problem
 from dmoc.program.force_values import with_forces

@@ -14,8 +14,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import is_positive, solved
 from dmoc.mechanics.coefficients import check_coefficients
 from dmoc.mechanics.conditions import conditions_of
+from dmoc.mechanics.contact_forces import unknown_in_impacts
 from dmoc.mechanics.contacts import RAIL
-from dmoc.mechanics.impulse_response import unknown_in_impacts
 from dmoc.motion.friction import rubbing_word, sticks, turned
 from dmoc.problem.derived import once
 from dmoc.problem.design import by_design, moves_by_design

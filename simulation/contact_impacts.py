@@ -13,8 +13,8 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.conditions import conditions_of
+from dmoc.mechanics.contact_forces import unknown_in_impacts
 from dmoc.mechanics.contact_mode import FREE, Mode
-from dmoc.mechanics.impulse_response import unknown_in_impacts
 from dmoc.mechanics.model import Model
 from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON
 from dmoc.simulation.contact_modes import Reaction

@@ -9,8 +9,8 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.conditions import conditions_of
+from dmoc.mechanics.contact_forces import held_responses
 from dmoc.mechanics.contact_mode import Mode
-from dmoc.mechanics.impulse_response import held_responses
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import Reaction, borne
 from dmoc.simulation.impact_laws.course import Coefficients, Impulses

@@ -17,7 +17,6 @@ from sympy.physics.mechanics import dynamicsymbols
 from dmoc.base.names import name_of, velocity_name
 from dmoc.symbolic.contact_references import forces_of
 from dmoc.symbolic.conversion import plain_nodes, to_nodes
-from dmoc.symbolic.crossings import crossings_of
 from dmoc.symbolic.definitions import rate_of, rate_symbol, symbols_of
 from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.expressions import approach_speed, atoms_of, coefficients_of, sliding_speed
@@ -132,7 +131,7 @@ class Continuous:
             tuple(rewrite(e) for e in system.definitions.values()),
             y=tuple(y),
             mu_s=static,
-            w=tuple(rewrite(e) for e in crossings_of(system).values()),
+            w=tuple(rewrite(e) for e in system.switches.values()),
             within=tuple(rewrite(e) for functions in system.inside.values() for e in functions),
             ends=tuple(
                 j

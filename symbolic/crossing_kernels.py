@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from dmoc.symbolic.continuous import Continuous, dot
-from dmoc.symbolic.crossings import crossings_of
 from dmoc.symbolic.graph import gradient
 from dmoc.symbolic.kernel_family import family, state_inputs
 from dmoc.symbolic.path_constraints import path_rows
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 
 def crossing_facts(system: MechanicalSystem, f: Continuous) -> dict[str, Any]:
     """The names of the switches, and what each crossing function depends on."""
-    rows = path_rows(f, list(crossings_of(system)), f.w)
+    rows = path_rows(f, list(system.switches), f.w)
     return {"switches": list(system.switches), "crossings": rows}
 
 

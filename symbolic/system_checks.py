@@ -14,7 +14,6 @@ from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
 from dmoc.base.names import bounded_momentum, check_name, momentum_name, name_of, velocity_name
 from dmoc.symbolic.contact_references import check_forces, forces_of
-from dmoc.symbolic.crossings import check_switches
 from dmoc.symbolic.definitions import atoms_below, check_definitions, expanded, kinds_of
 from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.event_sums import check_event_terms, event_terms, hit_quantities
@@ -343,3 +342,15 @@ def _check_distinct(roles: dict[str, list[str]]) -> None:
 
 def _listed(symbols: Sequence[Any]) -> str:
     return ", ".join(name_of(s) for s in symbols)
+
+
+def check_switches(system: MechanicalSystem) -> None:
+    """Refuse switches that do not change along a motion, and functions that jump."""
+    moving = {*system.coordinates, *system.velocities, dynamicsymbols._t}
+    for name, w in system.switches.items():
+        check_smooth(w, f"switch {name!r}", kinks=True)
+        if not atoms_below(w, system.definitions) & moving:
+            raise ModelError(
+                f"switch {name!r} contains no coordinate, no velocity and no time: expected an "
+                "expression that vanishes at its event, such as x - 1."
+            )

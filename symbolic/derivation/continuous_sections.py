@@ -19,7 +19,6 @@ from dmoc.symbolic.continuous import (
     momenta,
     right_hand_side,
 )
-from dmoc.symbolic.crossings import crossings_of
 from dmoc.symbolic.derivation.document import (
     Equation,
     Section,
@@ -143,7 +142,7 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
             text += f" {every} of {term.surface} adds {term.value} to {term.name}."
         yield Section("Integrals", text, values)
     if f.w:
-        named = zip(crossings_of(system), f.w, strict=True)
+        named = zip(system.switches, f.w, strict=True)
         values = tuple(definition(own, f"w_{n}", f"w_{upright(n)}", w) for n, w in named)
         yield Section("Switches", "Events where w = 0 and dw/dt >= 0.", values)
     if system.objective != 0:

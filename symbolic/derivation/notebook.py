@@ -12,7 +12,6 @@ import sympy as sp
 from dmoc.base.names import name_of
 from dmoc.base.table import Table, html_of
 from dmoc.symbolic.continuous import Continuous, keeps_rate, readable
-from dmoc.symbolic.crossings import crossings_of
 from dmoc.symbolic.derivation import mathml
 from dmoc.symbolic.derivation.symbols import latex_symbol
 
@@ -117,7 +116,7 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
         ("r", system.path_constraints, f.r),
         ("z", system.quantities_along, f.z),
         ("I", system.integrals, f.c),
-        ("w", crossings_of(system), f.w),
+        ("w", system.switches, f.w),
     ):
         for name, value in zip(owners, values, strict=True):
             if name in laws.get(letter, owners):
