@@ -171,6 +171,12 @@ def test_what_varies_too_fast_is_left() -> None:
     assert along.left[0] > 0.02 * along.sizes[0] and not along.has_pole.any()
 
 
+def test_what_the_quadrature_leaves_is_an_error_of_the_cost() -> None:
+    """A cost said to be nothing is off by all of its magnitude, and by what is left of that."""
+    motion, kernels = rest_to_rest(cost=sp.sin(1e9 * x) ** 2)
+    assert dmoc.verify(replace(motion, cost=0.0), kernels).cost_error > 1.02
+
+
 def test_no_motion_through_a_pole_is_solved() -> None:
     """The cost of every motion through x = 0 is infinite."""
     problem = across(u**2 + sp.Rational(1, 1000) / x**2)
