@@ -132,7 +132,7 @@ def _solved(nlp: Transcription, active: ActiveSet, shared: Bools, x: Array, y: A
     lower, upper = nlp.limits
     fixed = nlp.lower >= nlp.upper
     held = np.where(active.upper, upper, np.where(active.lower | fixed, lower, np.nan))
-    held = np.where(shared, x * nlp.sizes, held)
+    held = np.where(shared, np.clip(x * nlp.sizes, lower, upper), held)
     x = np.where(active.upper, nlp.upper, np.where(active.lower | fixed, nlp.lower, x))
     y, system = np.where(active.rows, y, 0.0), OptimalitySystem(nlp, held, active.rows)
     for _ in range(STEPS):

@@ -222,7 +222,7 @@ class BallFunctions:
     def arctan2(y: Operand, x: Operand) -> Ball:
         a, b = Ball.of(y), Ball.of(x)
         off = np.hypot(a.r, b.r) * ENLARGED
-        apart = below(np.hypot(a.m, b.m) - off)  # from the origin
+        apart = below(below(np.hypot(a.m, b.m)) - off)  # from the origin
         jumps = (b.low <= 0) & (a.low <= 0) & (a.high >= 0)
         r = np.where((apart > 0) & ~jumps, off / apart, np.inf)
         return Ball.rounded(np.arctan2(a.m, b.m), r, OF_FUNCTIONS)

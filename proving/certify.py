@@ -16,6 +16,7 @@ from dmoc.proving.certificate import Certificate
 from dmoc.proving.names import listed
 from dmoc.proving.proof import proof
 from dmoc.results.solution import Solution
+from dmoc.solvers.blas import ONE_THREAD
 from dmoc.solvers.outcome import Duals
 from dmoc.solving.programs import at_solution
 from dmoc.solving.request import check_problem
@@ -70,13 +71,17 @@ def certify(problem: Problem, solution: Solution) -> Certificate:
         return Certificate((sentence,), seconds=time.perf_counter() - begin)
     check_minimum(problem, solution)
     nlp, duals = at_solution(problem, solution)
-    x = nlp.scaled(solution.unknowns)
+    with ONE_THREAD:
+        certificate = _certificate(nlp, nlp.scaled(solution.unknowns), duals)
+    return replace(certificate, seconds=time.perf_counter() - begin)
+
+
+def _certificate(nlp: Transcription, x: Array, duals: Duals) -> Certificate:
+    """What is proved of scaled unknowns, shape (n,)."""
     point = sharpened(nlp, x, duals)
     if point.away(x) <= ELSEWHERE:
-        certificate = proof(nlp, x, point)
-    else:
-        certificate = Certificate((_elsewhere(nlp, x, duals),))
-    return replace(certificate, seconds=time.perf_counter() - begin)
+        return proof(nlp, x, point)
+    return Certificate((_elsewhere(nlp, x, duals),))
 
 
 def _elsewhere(nlp: Transcription, x: Array, duals: Duals) -> str:

@@ -135,6 +135,7 @@ def _without(rest: Array, lam: Array, T: Array, gone: Bools) -> tuple[Array, flo
     out, stay = T[gone], T[~gone]
     scaled = out / lam[gone, None]
     left = rest - out.T @ scaled
+    left = np.triu(left) + np.triu(left, 1).T  # rounding errors need not be symmetric
     lost = lost_of(len(out)) * (np.abs(out).T @ np.abs(scaled)) + ROUNDED * np.abs(left)
     return np.block([[np.diag(lam[~gone]), stay], [stay.T, left]]), norm(lost)
 

@@ -97,7 +97,8 @@ class OptimalitySystem:
             rows, slopes, hess = balls.values(pool), balls.slopes(pool), balls.curvatures(pool)
             slope = Sum(nlp.n)
             slope.add(np.arange(nlp.n), slopes[: nlp.n])
-            slope.add(self.entry_columns, slopes[nlp.n :] * multipliers[self.entry_rows])
+            at = np.flatnonzero(self.rows[self.entry_rows])
+            slope.add(self.entry_columns[at], slopes[nlp.n + at] * multipliers[self.entry_rows[at]])
         return Values(rows, slope.result, hess, slopes[nlp.n :])
 
     def equations(self, values: Values) -> Array:

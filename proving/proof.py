@@ -15,7 +15,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import Index
 from dmoc.program.transcription import Transcription
 from dmoc.proving.active_set import Point, may_hold, shared_forces, without
-from dmoc.proving.balls import Ball
+from dmoc.proving.balls import ENLARGED, Ball
 from dmoc.proving.certificate import Certificate
 from dmoc.proving.enclosure import Inverse, radii
 from dmoc.proving.factorisation import SignedFactors, lost_of
@@ -63,7 +63,10 @@ class Trial:
 
         def variation(r: Array) -> Matrix:
             around = system.enclosed(point.x, point.y, d * r)
-            return whole(scaled(system.upper(around.hess.r, around.jac.r), d))
+            pairs = ((around.hess, self.exact.hess), (around.jac, self.exact.jac))
+            # Where a condition is open, a middle is that of another case.
+            off = (np.abs(a.m - b.m) * ENLARGED + a.r for a, b in pairs)
+            return whole(scaled(system.upper(*off), d)) * ENLARGED
 
         with np.errstate(all="ignore"):  # what is singular has no numbers
             self.factors = SignedFactors(K)

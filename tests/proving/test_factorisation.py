@@ -63,7 +63,7 @@ def test_signs_are_those_of_the_eigenvalues(seed: int, size: int) -> None:
 
 def test_what_is_subtracted_has_its_rounding_error() -> None:
     rng = np.random.default_rng(4)
-    lam, T, rest = rng.uniform(1, 2, 30), rng.normal(size=(30, 5)), rng.normal(size=(5, 5))
+    lam, T, rest = rng.uniform(1, 2, 30), rng.normal(size=(30, 5)), np.diag(rng.normal(size=5))
     left, error = _without(rest, lam, T, np.ones(30, dtype=bool))
     digits = T.astype(np.longdouble)
     off = rest - digits.T @ (digits / lam[:, None].astype(np.longdouble)) - left
