@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 from dmoc.symbolic.arrangement import with_common_factors
 from dmoc.symbolic.graph import PRODUCT, RESULT, GraphNode
@@ -46,8 +47,7 @@ class Schedule:
         """How often a node is read; one that is several results is stored at once, where they are
         few."""
         uses = Counter(self.results if len(self.results) > MANY else dict.fromkeys(self.results, 1))
-        for node in self.order:
-            uses.update(self.operands(node))
+        uses.update(chain.from_iterable(map(self.operands, self.order)))
         return uses
 
     @cached_property

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from heapq import heapify, heappop, heappush
+from itertools import chain
 
 from dmoc.symbolic.graph import PRODUCT, SUM, GraphNode
 from dmoc.symbolic.pairs import Part, with_shared_sums
@@ -42,8 +43,7 @@ def with_common_factors(results: Sequence[GraphNode]) -> list[GraphNode]:
     needs."""
     nodes = reached(results)
     uses = Counter(results)
-    for node in nodes:
-        uses.update(node.children)
+    uses.update(chain.from_iterable(node.children for node in nodes))
     new: dict[GraphNode, GraphNode] = {}
     for node in nodes:
         if node.kind != SUM or len(node.parts) < 2:

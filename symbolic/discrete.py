@@ -337,7 +337,7 @@ def _point(
     b: Any = 0,
 ) -> QuadraturePoint:  # fmt: skip
     """The place c of a step of nodes."""
-    phi, slope = (tuple(exact(s) for s in shape_functions(nodes, c, d)) for d in (0, 1))
+    phi, slope = (tuple(exact(s) for s in shape_functions(tuple(nodes), c, d)) for d in (0, 1))
     return QuadraturePoint(exact(c), exact(b), phi, slope, start, end)
 
 

@@ -182,13 +182,14 @@ def zero_of(equation: Any, what: str) -> Any:
 def atoms_of(expression: Any) -> set[Any]:
     """Symbols, functions of time and their derivatives in an expression; a derivative hides what
     it contains."""
-    derivatives = expression.atoms(sp.Derivative)
-    bare = expression.xreplace({d: sp.Dummy() for d in derivatives})
-    functions = bare.atoms(AppliedUndef)
-    bare = bare.xreplace({f: sp.Dummy() for f in functions})
-    return set(
-        derivatives | functions | {s for s in bare.free_symbols if not isinstance(s, sp.Dummy)}
-    )
+    atoms, waiting = set[Any](), [expression]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, (sp.Derivative, AppliedUndef, sp.Symbol)):
+            atoms.add(part)
+        else:
+            waiting += part.args
+    return {atom for atom in atoms if not isinstance(atom, sp.Dummy)}
 
 
 def coefficients_of(friction: Any) -> tuple[Any, Any]:

@@ -14,6 +14,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dmoc.base.errors import GenerationError
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 Operand: TypeAlias = "GraphNode | float"
 
 NUMBER, SYMBOL, SUM, PRODUCT, CALL, CHOICE, RELATION, JUNCTION, RESULT = range(9)
+NUMBER_OF = attrgetter("number")
 
 
 class GraphNode:
@@ -202,12 +204,12 @@ class Graph:
                 coefficient *= factor
             merged[node] = merged.get(node, 0.0) + coefficient
         constant += _cancel(merged)
-        parts = sorted(((n, c) for n, c in merged.items() if c), key=_number)
+        parts = _parts(merged)
         if not parts:
             return self.node(constant)
         if len(parts) == 1:
             alone = not constant and parts[0][1] == 1
-            return parts[0][0] if alone else self.make(SUM, constant + 0.0, tuple(parts))
+            return parts[0][0] if alone else self.make(SUM, constant + 0.0, parts)
         first = parts[0][1]  # a sum and its multiple share what they have in common
         alike = all(abs(c) == abs(first) for _, c in parts)
         alike = alike and is_normal(constant / first)
@@ -235,7 +237,7 @@ class Graph:
                 waiting += [(n, other * e) for n, other in node.parts]
             else:
                 merged[node] = merged.get(node, 0) + e
-        parts = tuple(sorted(((n, e) for n, e in merged.items() if e), key=_number))
+        parts = _parts(merged)
         if not parts or not coefficient:
             return self.node(coefficient)
         plain = len(parts) == 1 and parts[0][1] == 1
@@ -316,8 +318,10 @@ def _cancel(terms: dict[GraphNode, float]) -> float:
     return constant
 
 
-def _number(part: tuple[GraphNode, float]) -> int:
-    return part[0].number
+def _parts(merged: Mapping[GraphNode, float]) -> tuple[tuple[GraphNode, float], ...]:
+    """Nodes and their weights but for those without any, in the order of the nodes."""
+    nodes = sorted(merged, key=NUMBER_OF) if len(merged) > 1 else merged
+    return tuple([(n, c) for n in nodes if (c := merged[n])])
 
 
 def _power(base: float, exponent: float) -> float:
@@ -359,7 +363,7 @@ def _below(root: GraphNode, bits: int, done: Callable[[GraphNode], bool]) -> lis
         if node.symbols & bits and node not in open_nodes and not done(node):
             open_nodes.add(node)
             waiting += node.children
-    return sorted(open_nodes, key=lambda n: n.number)
+    return sorted(open_nodes, key=NUMBER_OF)
 
 
 def reverse(expression: GraphNode, symbols: Sequence[GraphNode]) -> list[GraphNode]:

@@ -32,6 +32,7 @@ KINKS = (*SPLIT, *JUMPS, sp.Piecewise)
 SMOOTH = "use a smooth function, such as sqrt(x**2 + e**2) for abs(x) or tanh(x/e) for sign(x)"
 
 
+MADE = "_split"  # the attribute in which a system keeps its split
 COST = ""  # what hidden unknowns of the cost belong to, in the place of an integral
 # What abs and Max must do where they can be split.
 COST_SIDES = "raise a cost, Min must lower it"
@@ -95,8 +96,15 @@ class Split:
 
 
 def split(system: MechanicalSystem) -> Split:
-    """Split the cost, integrals and path constraints of a system; raise ModelError for what cannot
-    be split."""
+    """Split the cost, integrals and path constraints of a system, which is done once; raise
+    ModelError for what cannot be split."""
+    if MADE not in vars(system):
+        vars(system)[MADE] = _split(system)
+    made: Split = vars(system)[MADE]
+    return made
+
+
+def _split(system: MechanicalSystem) -> Split:
     real, back = real_symbols(system)
     signs: dict[Any, int] = {}
     of_cost = _Lifted(COST, _Place("the cost", COST_SIDES), signs, 0)
@@ -305,7 +313,8 @@ def real_symbols(system: MechanicalSystem) -> tuple[dict[Any, Any], dict[Any, An
     places = (*system.coordinates, *system.definitions)
     symbols = (*places, *system.inputs, dynamicsymbols._t)
     table = {s: sp.Dummy(str(s.func if s.args else s), real=True) for s in symbols}
-    table |= {q.diff(dynamicsymbols._t): sp.Dummy(f"{q.func}'", real=True) for q in places}
+    rates = (*system.velocities, *(x.diff(dynamicsymbols._t) for x in system.definitions))
+    table |= {v: sp.Dummy(f"{q.func}'", real=True) for q, v in zip(places, rates, strict=True)}
     for s in system.parameters:
         sign = next((name for name in SIGNS if getattr(s, f"is_{name}")), None)
         table[s] = sp.Dummy(s.name, real=True, **({sign: True} if sign else {}))

@@ -10,9 +10,12 @@ from typing import Any
 from dmoc.symbolic.graph import CALL, JUNCTION, NUMBER, PRODUCT, RELATION, SUM, SYMBOL, GraphNode
 
 
+CHILDREN_OF = operator.attrgetter("children")
+
+
 def reached(results: Iterable[GraphNode]) -> list[GraphNode]:
     """Nodes that results are made of, parts first."""
-    return in_order(results, lambda n: n.children)
+    return in_order(results, CHILDREN_OF)
 
 
 def operations(results: Iterable[GraphNode]) -> int:
@@ -39,8 +42,12 @@ def in_order(
             order.append(waiting.pop())
         elif node not in seen:
             seen.add(node)
-            waiting += (node, None)
-            waiting += [n for n in reversed(operands(node)) if n not in seen]
+            own = operands(node)
+            if own:
+                waiting += (node, None)
+                waiting += [n for n in own[::-1] if n not in seen]
+            else:
+                order.append(node)
     return order
 
 
