@@ -9,7 +9,6 @@ from typing import Any
 
 from dmoc.symbolic.graph import CALL, JUNCTION, NUMBER, PRODUCT, RELATION, SUM, SYMBOL, GraphNode
 
-
 CHILDREN_OF = operator.attrgetter("children")
 
 
