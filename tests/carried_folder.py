@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
 
 from c_objects import SANITIZED, WARNINGS, object_of
 
+from dmoc.codegen import compiler
 from dmoc.codegen.compiler import HEADERS
 from dmoc.export.solver import PARTS, PLANNER
 
@@ -22,18 +24,42 @@ def run(*command: str, folder: Path, stdin: str = "") -> subprocess.CompletedPro
     )
 
 
+def parts() -> dict[Path, tuple[str, ...]]:
+    """The files that all solvers and planners have, by their folders."""
+    places = {**PARTS, "dmoc.export": (*PARTS["dmoc.export"], *PLANNER)}
+    return {Path(str(resources.files(package))): (*names,) for package, names in places.items()}
+
+
 @cache
 def shared(flags: tuple[str, ...], without: str = "") -> list[str]:
     """The objects that all solvers and planners have, without those of a source."""
-    places = {**PARTS, "dmoc.export": (*PARTS["dmoc.export"], *PLANNER)}
-    parts = {Path(str(resources.files(package))): names for package, names in places.items()}
-    flags = (*WARNINGS, *flags, *(f"-I{folder}" for folder in (*parts, HEADERS)))
-    sources = [folder / name for folder, names in parts.items() for name in names]
+    sources = [folder / name for folder, names in parts().items() for name in names]
     return [
-        object_of(source, *flags)
+        shared_object(source, *WARNINGS, *flags)
         for source in sources
         if source.suffix == ".c" and source.name != without
     ]
+
+
+@cache
+def shared_object(source: Path, *flags: str, gcc: str = "gcc") -> str:
+    """The object of a source that all solvers and planners have."""
+    return object_of(source, *flags, *(f"-I{folder}" for folder in (*parts(), HEADERS)), gcc=gcc)
+
+
+def compile_library(
+    folder: Path, command: list[str], target: str, others: Sequence[str] = ()
+) -> None:
+    """What dmoc's function of this name does, with objects for what all solvers have."""
+    flags = [flag for flag in compiler.FLAGS if flag != "-shared"]
+    own = {name: place / name for place, names in parts().items() for name in names}
+    files = [
+        shared_object(own[name], *flags, gcc=command[0])
+        if name in own and (folder / name).read_text() == own[name].read_text()
+        else name
+        for name in others
+    ]
+    compiler.compile_library(folder, command, target, files)
 
 
 def compiled(folder: Path, main: str = "main.c", *flags: str) -> str:

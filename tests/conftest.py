@@ -9,18 +9,21 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import carried_folder
 import gaits
 import motions
 import pytest
 from hypothesis import HealthCheck, settings
-from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.figure import Figure
 from systems import block_system, landing_system, puck_system
 
 import dmoc
 from dmoc.codegen import compiler
 from dmoc.codegen.kernels import Kernels
+from dmoc.export import library
 from dmoc.models.registry import find
 from dmoc.report import canvas
+from dmoc.solving.multistart import parallel
 from dmoc.solving.multistart.effort import Effort
 
 # However slow a machine is, its tests are the same.
@@ -83,6 +86,15 @@ def flags(as_users: bool) -> Iterator[tuple[str, ...]]:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def parts_of_solvers(as_users: bool, flags: tuple[str, ...]) -> Iterator[None]:
+    """Compile once what all solvers in C have in common, with the flags of the tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not as_users:
+            patch.setattr(library, "compile_library", carried_folder.compile_library)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def effort(as_users: bool) -> Iterator[Callable[..., Effort]]:
     """Explore from half of the starts that users have where a test names no number: a
     known answer that they meet is met by all; the effort of users is handed on."""
@@ -97,16 +109,27 @@ def effort(as_users: bool) -> Iterator[Callable[..., Effort]]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def coarse_figures(as_users: bool) -> Iterator[Callable[..., None]]:
-    """Draw figures with few pixels, and axes where they are at first, which takes a quarter of what
-    it takes users; their layout is handed on."""
-    users = ConstrainedLayoutEngine.execute
+def threads(as_users: bool) -> Iterator[int]:
+    """Solve from several starts in one thread where the tests run in as many processes as there are
+    processors; the largest number of threads that users have is handed on."""
+    users = parallel.MOST_THREADS
+    with pytest.MonkeyPatch.context() as patch:
+        if "PYTEST_XDIST_WORKER" in os.environ and not as_users:
+            patch.setattr(parallel, "MOST_THREADS", 1)
+        yield users
+
+
+@pytest.fixture(scope="session", autouse=True)
+def coarse_figures(as_users: bool) -> Iterator[Callable[..., object]]:
+    """Draw figures once, with few pixels and axes where they are at first, which takes less than
+    half of what it takes users; their layout is handed on."""
+    users = Figure.get_layout_engine
     if as_users:
         yield users
         return
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(canvas, "DPI", 60)
-        patch.setattr(ConstrainedLayoutEngine, "execute", lambda *_: None)
+        patch.setattr(Figure, "get_layout_engine", lambda _: None)
         yield users
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.figure import Figure
 
 
 @pytest.fixture(autouse=True)
-def laid_out(coarse_figures: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ConstrainedLayoutEngine, "execute", coarse_figures)
+def laid_out(coarse_figures: Callable[..., object], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Figure, "get_layout_engine", coarse_figures)

@@ -22,13 +22,14 @@ from searches import outline, suicidal
 
 import dmoc
 from dmoc.models.registry import find
-from dmoc.sequences import node_solve
+from dmoc.sequences import node_solve, relaxation
 from dmoc.sequences.nodes import Verdict
 from dmoc.sequences.search import Progress, SearchResult
 from dmoc.solvers.diagnosis import Diagnosis
 from dmoc.solvers.outcome import Status
+from dmoc.solving.multistart import parallel
 from dmoc.solving.multistart.exploration import Exploration, Start
-from dmoc.solving.multistart.parallel import MOST_THREADS, free_threads
+from dmoc.solving.multistart.parallel import free_threads
 from dmoc.solving.request import Request
 
 pytestmark = pytest.mark.slow
@@ -67,13 +68,28 @@ def test_verdicts_and_costs_of_the_seed_do_not_depend_on_the_workers(
 
 
 @pytest.mark.parametrize("way", ["spawn", "forkserver"])
-def test_starts_of_a_node_take_threads_where_no_other_worker_has_them(way: str) -> None:
-    assert free_threads() == min(len(os.sched_getaffinity(0)), MOST_THREADS)
-    with ThreadPoolExecutor(1) as threads:
-        assert threads.submit(free_threads).result() == 1
+def test_starts_of_a_node_take_threads_where_no_other_worker_has_them(
+    way: str, threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(parallel, "MOST_THREADS", threads)
+    assert free_threads() == min(len(os.sched_getaffinity(0)), threads)
+    with ThreadPoolExecutor(1) as other:
+        assert other.submit(free_threads).result() == 1
     processes = multiprocessing.get_context(way)
     with ProcessPoolExecutor(1, mp_context=processes) as pool:
         assert pool.submit(free_threads).result() == 1
+
+
+@pytest.mark.parametrize("strategy", ["tree", "propose"])
+def test_what_is_found_does_not_depend_on_the_threads(
+    weak: dmoc.Problem, strategy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    strong, results = weak.but(steps=8, bounds={"u": (-20, 20)}), []
+    for count in (1, 3):
+        for module in (parallel, relaxation):
+            monkeypatch.setattr(module, "free_threads", lambda count=count: count)
+        results.append(outline(dmoc.search(strong, 1, strategy=strategy)))
+    assert results[0] == results[1] != []
 
 
 def test_a_worker_that_dies_costs_an_attempt(table: dmoc.Problem, pair: SearchResult) -> None:
