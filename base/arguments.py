@@ -53,6 +53,11 @@ def _is_masked(value: Any) -> bool:
     return bool(np.any(getattr(value, "_mask", False)))
 
 
+def is_row(value: Any) -> bool:
+    """Whether a value is a list, a tuple or an array with one axis."""
+    return isinstance(value, (tuple, list)) or (isinstance(value, np.ndarray) and value.ndim == 1)
+
+
 def is_zero(value: Any) -> bool:
     """Whether a value is the number zero."""
     return is_number(value) and _float(value) == 0
@@ -159,8 +164,7 @@ def limits(value: Any, what: str, expected: str) -> Range:
     """Read a pair with None for no bound, or None for free."""
     if value is None:
         return -math.inf, math.inf
-    row = isinstance(value, (tuple, list)) or (isinstance(value, np.ndarray) and value.ndim == 1)
-    if not row or len(value) != 2:
+    if not is_row(value) or len(value) != 2:
         raise ProblemError(f"{what} = {shown(value)}: {expected}.")
     low, high = _bound(value[0], what, -math.inf), _bound(value[1], what, math.inf)
     if low > high:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sized
+from collections.abc import Callable, Iterator, Sequence, Sized
+from dataclasses import replace
 from functools import cached_property
 from itertools import groupby, pairwise
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +23,14 @@ from dmoc.mechanics.coefficients import check_coefficients
 from dmoc.mechanics.contact_mode import Mode, mode_by_names
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.model_values import parameter_row, restitution_row
+from dmoc.mechanics.model_values import parameter_rows, restitution_row
+from dmoc.mechanics.phase_models import PhaseModels, check_geometry
 from dmoc.motion.trajectory import Phase, Trajectory
 from dmoc.simulation.flow import Flow, Steps
 from dmoc.simulation.sizes import Nodes, Sizes, inertia_along, nodes_of, sizes_of
 
 SEGMENTS = 10  # of a phase
+T = TypeVar("T")
 
 
 class OutOfTimeError(SimulationError):
@@ -61,11 +64,12 @@ class PlannedNodes(NamedTuple):
 
 @record(frozen=True, eq=False)
 class Motion:
-    """A motion, its model with its parameters, its nodes and sizes, its steps, the places of the
-    first step of each phase and of the end, its phases as modes, and the flow it is compared
-    with."""
+    """A motion, its models with the parameters of the phases, its nodes and sizes, its steps, the
+    places of the first step of each phase and of the end, its phases as modes, and the flow it is
+    compared with: where parameters change, model and flow are those of one phase, ``own``."""
 
     trajectory: Trajectory
+    models: PhaseModels
     model: Model
     nodes: Nodes
     sizes: Sizes
@@ -74,6 +78,7 @@ class Motion:
     begins: NDArray[np.intp]
     modes: tuple[Mode, ...]
     check_time: Callable[[], None]
+    own: int | None = None
 
     @classmethod
     def of(cls, trajectory: Trajectory, kernels: Kernels, deadline: Deadline) -> Motion:
@@ -87,10 +92,13 @@ class Motion:
 
         _check_shapes(trajectory)
         restitution = restitution_row(kernels, trajectory.restitution, SimulationError)
-        model = Model(kernels, parameter_row(kernels, trajectory.parameters, SimulationError))
+        stated = kernels, trajectory.parameters, len(trajectory.phases), SimulationError
+        models = PhaseModels(kernels, parameter_rows(*stated))
+        check_geometry(models, SimulationError)
+        model = models[0]
         check_coefficients(model, SimulationError)
         modes = tuple(_mode_of(phase, model) for phase in trajectory.phases)
-        nodes = nodes_of(trajectory, model)
+        nodes = nodes_of(trajectory, models)
         sizes = sizes_of(trajectory, nodes)
         arcs = arcs_of(trajectory, nodes, sizes)
         run = Steps(nodes.t[nodes.starts], nodes.h, *nodes.inputs)
@@ -98,7 +106,38 @@ class Motion:
         passed = tuple(model.surface_numbers[name] for name in trajectory.ignored)
         allowed = allowance(arcs, model.nc, (*passed, *model.contacts.of_grips))
         flow = Flow(model, sizes, restitution, allowed, check_time)
-        return cls(trajectory, model, nodes, sizes, flow, run, begins, modes, check_time)
+        return cls(trajectory, models, model, nodes, sizes, flow, run, begins, modes, check_time)
+
+    def within(self, i: int) -> Motion:
+        """The motion with the model and the flow of phase i."""
+        return self._each[i] if self.models.change else self
+
+    @cached_property
+    def _each(self) -> tuple[Motion, ...]:
+        flow, models = self.flow, [self.models[i] for i in range(len(self.modes))]
+        flows = [
+            Flow(model, self.sizes, flow.restitution, flow.allowance, self.check_time)
+            for model in models
+        ]
+        every = enumerate(zip(models, flows, strict=True))
+        return tuple(replace(self, model=model, flow=f, own=i) for i, (model, f) in every)
+
+    def by_values(self, courses: Sequence[T]) -> Iterator[tuple[Motion, Sequence[T]]]:
+        """The parts of the motion that have the same parameters, with what belongs to their pieces:
+        nothing of a last phase that has no steps."""
+        if not self.models.change:
+            yield self, courses
+            return
+        for piece, course in zip(self.pieces, courses, strict=True):
+            yield self.within(piece.numbers[0]), [course]
+        if self.stepped < len(self.modes):
+            yield self.within(-1), []
+
+    @property
+    def last_node(self) -> Iterator[tuple[Mode, Phase]]:
+        """The mode and the last phase where this has no steps, of a part where it is its own."""
+        if self.stepped < len(self.modes) and self.own in (None, self.stepped):
+            yield self.modes[-1], self.trajectory.phases[-1]
 
     def steps_of(self, i: int) -> slice:
         """The places of the steps of a phase."""
@@ -122,7 +161,7 @@ class Motion:
         nodes = self.nodes
         if not self.model.nu:
             return np.zeros(0)
-        B = self.model.input_matrix(nodes.q, nodes.v, t=nodes.t)
+        B = nodes.model.input_matrix(nodes.q, nodes.v, t=nodes.t)
         inertia = inertia_along(nodes, np.swapaxes(B, 1, 2))
         return np.asarray(self.sizes.acceleration / np.sqrt(inertia))
 
@@ -138,8 +177,8 @@ class Motion:
             for k, c in zip(ends, self.trajectory.collisions, strict=True)
         ]
         return tuple(
-            passage_of(self.model, restitution, *part, own, (sizes, u))
-            for part, own, u in zip(joined, self.modes[1:], inputs, strict=True)
+            passage_of((self.models[i], self.models[i + 1]), restitution, *part, own, (sizes, u))
+            for i, (part, own, u) in enumerate(zip(joined, self.modes[1:], inputs, strict=True))
         )
 
     @cached_property
@@ -162,7 +201,7 @@ class Motion:
             inputs[:, a] = steps.inputs(share)
         u = inputs.reshape(len(t), self.model.nu)
         before, after = self.trajectory.input_sides(phase)
-        v = self.model.velocity(q, phase.p_inside.reshape(-1, nq), t) if len(q) else q
+        v = self.models[i].velocity(q, phase.p_inside.reshape(-1, nq), t) if len(q) else q
 
         def forces(kind: str, names: Sized) -> Array:
             if not names:
@@ -203,13 +242,14 @@ class Motion:
 
     @cached_property
     def has_modes(self) -> bool:
-        """Whether contacts last or something rubs, or should: rails do always, and surfaces with
-        friction where they are hit."""
+        """Whether phases go on as they are planned: contacts last or something rubs, or should, as
+        rails do always and surfaces with friction where they are hit, or parameters change."""
         trajectory, model = self.trajectory, self.model
         events = [c for c in trajectory.collisions if not c.switch]
         hit = {model.surface_numbers[c.surface] for c in events if c.surface}
         return (
-            not all(phase.free for phase in trajectory.phases)
+            self.models.change
+            or not all(phase.free for phase in trajectory.phases)
             or any(
                 c.lands or c.leaves or not (c.surface or c.switch) for c in trajectory.collisions
             )
@@ -227,9 +267,12 @@ class Motion:
 
     @cached_property
     def pieces(self) -> tuple[ModeSpan, ...]:
-        """The phases that have steps, those one after the other in the same mode together."""
-        together = groupby(range(self.stepped), key=self.modes.__getitem__)
-        return tuple(self._piece(mode, list(numbers)) for mode, numbers in together)
+        """The phases that have steps, those one after the other in the same mode and with the same
+        parameters together; of a phase of its own, this one."""
+        phases = range(self.stepped) if self.own is None else [self.own][: self.own < self.stepped]
+        change = self.models.change
+        together = groupby(phases, key=lambda i: (self.modes[i], change and i))
+        return tuple(self._piece(mode, list(numbers)) for (mode, _), numbers in together)
 
     def _piece(self, mode: Mode, numbers: list[int]) -> ModeSpan:
         places = slice(int(self.begins[numbers[0]]), int(self.begins[numbers[-1] + 1]))

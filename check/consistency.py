@@ -153,7 +153,7 @@ def _off_surfaces(motion: Motion) -> Iterator[str]:
 def _off_switches(motion: Motion) -> Iterator[str]:
     """Switches that do not vanish at their event, or that do not grow up to it."""
     model, names = motion.model, motion.model.contacts.switches
-    for mode, p in zip(motion.modes, motion.passages, strict=False):
+    for i, (mode, p) in enumerate(zip(motion.modes, motion.passages, strict=False)):
         if not p.c.switch:
             continue
         check_known(p.c.switch, names, "switch", error=SimulationError)
@@ -164,7 +164,7 @@ def _off_switches(motion: Motion) -> Iterator[str]:
         if not abs(value) <= OFF_SURFACE * size:
             yield f"the switch {p.c.switch!r} is {value:.3g} at {_event(p.c)}, not zero"
         u = motion.trajectory.input_sides(p.before)[0][-1:]
-        a = motion.flow.integrator.reaction(mode, np.hstack([q, v]), u, t).acceleration
+        a = motion.within(i).flow.integrator.reaction(mode, np.hstack([q, v]), u, t).acceleration
         rate = float(model.crossing_rates(q, v, a, t)[0, k])
         if not rate >= -DRIFT * size / motion.sizes.time:
             yield f"the switch {p.c.switch!r} falls with {-rate:.3g} at {_event(p.c)}"

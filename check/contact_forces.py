@@ -63,26 +63,27 @@ def force_errors(motion: Motion) -> tuple[Findings, tuple[Array, Array, Array]]:
     if not (motion.has_modes or model.nj):
         none = np.zeros(model.nc), np.zeros(model.nt), np.zeros(0)
         return Findings({FORCE: 0.0, REACTION: 0.0}), none
-    flows = [forces(motion, i) for i in range(motion.stepped)]
+    flows = [forces(motion.within(i), i) for i in range(motion.stepped)]
     normal, tangential, joint = _sizes(motion, flows)
     worst, sentences = {FORCE: 0.0, REACTION: 0.0}, left_out(motion)
     for i, (mode, flow) in enumerate(zip(motion.modes, flows, strict=False)):
-        for name, error in _differences(motion, i, flow, (normal, tangential, joint)):
+        own = motion.within(i)
+        for name, error in _differences(own, i, flow, (normal, tangential, joint)):
             worst[name] = max(worst[name], error)
         if mode == FREE:
             continue
-        sentences += _off(motion, i)
-        sentences += _negative(motion, i)
-        sentences += _reversed(motion, i)
-        sentences += _paradoxes(motion, i)
-        sentences += _pulling(motion, i, flow, normal)
-        sentences += _slipping(motion, i, flow, tangential)
-        sentences += _turning(motion, i)
+        sentences += _off(own, i)
+        sentences += _negative(own, i)
+        sentences += _reversed(own, i)
+        sentences += _paradoxes(own, i)
+        sentences += _pulling(own, i, flow, normal)
+        sentences += _slipping(own, i, flow, tangential)
+        sentences += _turning(own, i)
     # What leaves or begins to slide would not, with the inputs after the event, kept as it was.
     for i in range(motion.stepped - 1):
-        sentences += _pressed(motion, i, normal)
+        sentences += _pressed(motion.within(i + 1), i, normal)
     for i in range(motion.stepped):
-        sentences += _gripped(motion, i, tangential)
+        sentences += _gripped(motion.within(i), i, tangential)
     return Findings(worst, tuple(sentences)), (normal, tangential, joint)
 
 

@@ -72,7 +72,7 @@ def _impact_errors(p: EventPassage, sizes: Sizes) -> tuple[float, float]:
 def _contact_errors(p: EventPassage, sizes: Sizes) -> tuple[float, float]:
     """Errors of the rates after a hit or a landing relative to the largest of them, and errors of
     the momentum after an event and of its planned impulses, relative to the largest momenta."""
-    off = p.after.p[0] - p.model.momentum(p.before.q[-1], p.law.velocity[0], p.c.time)
+    off = p.after.p[0] - p.models[1].momentum(p.before.q[-1], p.law.velocity[0], p.c.time)
     share, closed = float(np.abs([off, p.missing] / sizes.p).max()), list(p.mode.closed)
     if not closed:
         return 0.0, share

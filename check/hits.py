@@ -56,8 +56,9 @@ def hit_peaks(motion: Motion) -> tuple[Array, dict[float, str]]:
         return np.zeros(len(names)), {}
     hits = planned_hits(motion)
     there = model.hits_of_quantities(hits.surfaces)
-    peaks = model.hit_peaks(model.hit_quantities(*hits.states), there)
-    usual = model.hit_peaks(model.hit_quantities(*hits.usual(motion)), there)
+    at_events = motion.models.along(np.arange(len(there)))
+    peaks = model.hit_peaks(at_events.hit_quantities(*hits.states), there)
+    usual = model.hit_peaks(at_events.hit_quantities(*hits.usual(motion)), there)
     errors = dict[float, str]()
     for name, value, size in zip(names, infinite_where_none(peaks).tolist(), usual, strict=True):
         claim = claims.get(name, value)
@@ -74,7 +75,8 @@ def hit_excesses(motion: Motion) -> Iterator[Excess]:
     if not (names and motion.trajectory.collisions):
         return
     hits = planned_hits(motion)
-    there, values = model.hits_of_quantities(hits.surfaces), model.hit_quantities(*hits.states)
+    there = model.hits_of_quantities(hits.surfaces)
+    values = motion.models.along(np.arange(len(there))).hit_quantities(*hits.states)
     for name in names:
         j, (low, high) = model.kernels.hit_quantities.index(name), limits[name]
         for i in np.flatnonzero(there[:, j]).tolist():

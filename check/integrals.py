@@ -13,9 +13,9 @@ from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import Findings, infinite_where_none
 from dmoc.check.hits import hit_peaks, planned_hits
 from dmoc.check.integrated_steps import IntegratedSteps
-from dmoc.check.limit_functions import LimitFunctions
+from dmoc.check.limit_functions import Bools, LimitFunctions
 from dmoc.check.path_limits import ALMOST_NOTHING, Excess, counted
-from dmoc.check.quadrature import Integrals, Integrands, Place, integrals_along
+from dmoc.check.quadrature import Integrals, Integrands, Place, integrals_along, together
 from dmoc.codegen.kernels import Array
 
 # Change of totals and peaks, in their sizes, that shows how much of an objective they make.
@@ -70,14 +70,8 @@ def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) ->
     """The integrals and the cost of a motion."""
     model, trajectory = motion.model, motion.trajectory
     names, has_cost = tuple(model.kernels.integrals), _has_cost(motion)
-
-    def integrands(*state: Array) -> Array:
-        if not has_cost:
-            return model.integrands(*state)
-        cost = model.running_cost(*state)[:, None]
-        return np.hstack([model.integrands(*state), cost]) if names else cost
-
-    along = integrals_along(courses, integrands)
+    parts = [(part, own) for part, own in motion.by_values(courses) if own]
+    along = together([integrals_along(own, _integrands(part)) for part, own in parts])
     values, sizes = along.values.copy(), along.sizes.copy()
     if len(model.hit_sums) and trajectory.collisions:
         of_hits = _of_hits(motion)
@@ -95,11 +89,25 @@ def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) ->
         sizes[-1] += size
     off = np.abs(values - claims) + along.left
     if trajectory.limits or not (off <= SMALL * sizes).all():
-        sizes = np.maximum(sizes, _least(motion, courses, integrands))
+        of_parts = [_least(part, own, _integrands(part)) for part, own in parts]
+        sizes = np.maximum(sizes, np.max(of_parts, axis=0))
     sizes = np.where(sizes > 0, sizes, 1.0)
     errors = np.where(along.undefined | along.has_pole, np.inf, infinite_where_none(off / sizes))
     what = (*map(repr, names), "the cost")
     return _Totals(what, along, values, np.array(claims), sizes, errors)
+
+
+def _integrands(motion: Motion) -> Integrands:
+    """The integrands of the integrals and, if it says one, behind them that of the cost."""
+    model, has_cost = motion.model, _has_cost(motion)
+
+    def integrands(*state: Array) -> Array:
+        if not has_cost:
+            return model.integrands(*state)
+        cost = model.running_cost(*state)[:, None]
+        return np.hstack([model.integrands(*state), cost]) if model.kernels.integrals else cost
+
+    return integrands
 
 
 def _of_hits(motion: Motion, usual: bool = False) -> Array:
@@ -107,7 +115,8 @@ def _of_hits(motion: Motion, usual: bool = False) -> Array:
     model = motion.model
     hits = planned_hits(motion)
     states = hits.usual(motion) if usual else hits.states
-    return np.where(model.counting(hits.surfaces), model.hit_terms(*states), 0.0)
+    at_events = motion.models.along(np.arange(len(hits.surfaces)))
+    return np.where(model.counting(hits.surfaces), at_events.hit_terms(*states), 0.0)
 
 
 def _beside_running_cost(
@@ -119,7 +128,7 @@ def _beside_running_cost(
     if not (model.has_objective or model.has_terminal_cost):
         return 0.0, 0.0
     start, end = (first.q[:1], first.v[:1]), (last.q[-1:], last.v[-1:])
-    terminal = float(model.terminal_cost(*end, last.t[-1:])[0])
+    terminal = float(motion.models[-1].terminal_cost(*end, last.t[-1:])[0])
     values, sizes = (
         np.append(np.append(part, motion.sizes.time)[: len(model.totals_of)], of_peaks)
         for part, of_peaks in zip(integrals, (peaks, np.abs(peaks)), strict=True)
@@ -202,11 +211,9 @@ def peak_errors(motion: Motion, courses: Sequence[IntegratedSteps]) -> tuple[Arr
     at_hits, of_hits = hit_peaks(motion)
     if not model.peaks_of:
         return at_hits, _findings(of_hits)
-    functions = LimitFunctions.of(motion)
-    states, at_points, after = functions.visited(courses)
-    values, rows = model.quantities(*functions.split(states)), model.kernels.quantity_rows
-    slopes = np.abs(model.quantity_slopes(*functions.split(states)))
-    moved = np.nan_to_num(slopes @ functions.sizes(states), posinf=0.0).max(axis=0)
+    parts = [_visited(*part) for part in motion.by_values(courses)]
+    values, at_points, after = (np.concatenate(part) for part in list(zip(*parts, strict=True))[:3])
+    moved, rows = np.max([part[3] for part in parts], axis=0), model.kernels.quantity_rows
     peaks, errors = np.zeros(len(model.peaks_of)), dict[float, str]()
     for k, ((j, both), name) in enumerate(zip(model.peaks_of, model.peak_names, strict=False)):
         z, counts = values[:, j], counted(motion, [rows[j]], at_points, after)[:, 0]
@@ -218,6 +225,19 @@ def peak_errors(motion: Motion, courses: Sequence[IntegratedSteps]) -> tuple[Arr
         error = max(claim - peaks[k], above) / (size or 1.0)
         errors[float(error)] = f"{name} is {peaks[k]:.6g} along the motion, not {claim:.6g}"
     return np.append(peaks, at_hits), _findings(errors | of_hits)
+
+
+def _visited(
+    motion: Motion, courses: Sequence[IntegratedSteps]
+) -> tuple[Array, Bools, Bools, Array]:
+    """Quantities (n, nz) at the states that a motion visits, which of these are quadrature points
+    and which come after an event that ends it, and what sizes of all that a state consists of move
+    quantities by, shape (nz,)."""
+    functions, model = LimitFunctions.of(motion), motion.model
+    states, at_points, after = functions.visited(courses)
+    slopes = np.abs(model.quantity_slopes(*functions.split(states)))
+    moved = np.nan_to_num(slopes @ functions.sizes(states), posinf=0.0).max(axis=0)
+    return model.quantities(*functions.split(states)), at_points, after, moved
 
 
 def _findings(errors: dict[float, str]) -> Findings:

@@ -112,7 +112,7 @@ class LimitFunctions:
         """States (n, d) of the motion at the places that steps are looked at, and those (k, d) that
         ``between`` finds from them; which of them are quadrature points, and which is the one after
         an event that ends it."""
-        motion, parts, at_points = self.motion, list[Array](), list[Bools]()
+        motion, parts, at_points = self.motion, list[Array](), [np.zeros(0, dtype=bool)]
         places = (*PLACES, *DISCRETISATIONS[motion.trajectory.order].places)
         is_point = np.isin(places, places[len(PLACES) :])
         for piece, course in zip(motion.pieces, courses, strict=True):
@@ -123,10 +123,9 @@ class LimitFunctions:
                 parts.append(between(piece.mode, course, np.array(states[: len(PLACES)])))
                 at_points.append(np.zeros(len(parts[-1]), dtype=bool))
         on_steps = sum(map(len, parts))
-        for phase, mode in zip(motion.trajectory.phases, motion.modes, strict=True):
-            if not phase.steps:
-                u = motion.trajectory.last_inputs[None]
-                parts.append(self.states(mode, phase.q, phase.v, u, phase.t))
+        for mode, phase in motion.last_node:
+            u = motion.trajectory.last_inputs[None]
+            parts.append(self.states(mode, phase.q, phase.v, u, phase.t))
         whole = np.concatenate(parts)
         after = np.arange(len(whole)) >= on_steps
         return whole, np.append(np.concatenate(at_points), after[on_steps:]), after

@@ -24,7 +24,7 @@ PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
 class EventPassage:
     """What joins two phases."""
 
-    model: Model
+    models: tuple[Model, Model]  # of the phases before and after it
     restitution: Array  # (nc,), not a number where the law of the model says it
     c: Collision  # what is planned
     before: Phase
@@ -40,6 +40,11 @@ class EventPassage:
     rubs: int | None = None
     lands: bool = False  # the surface that is hit stays closed
     wrong: str = ""  # what of the plan does not fit together
+
+    @property
+    def model(self) -> Model:
+        """The model of the event: that of the phase before it."""
+        return self.models[0]
 
     @cached_property
     def planned(self) -> tuple[Array, Array]:
@@ -120,11 +125,13 @@ class EventPassage:
 
     @cached_property
     def missing(self) -> Array:
-        """Change of the momentum that the planned impulses do not explain, nor joints, (nq,)."""
+        """Change of the momentum that the planned impulses do not explain, nor joints, nor what
+        other parameters make of it at the velocities after it, (nq,)."""
         q, t, model = self.before.q[-1], self.c.time, self.model
         normal, tangential = self.planned
         change = tangential @ model.tangent_slopes(q, t)[:, :-1] - normal @ self.normals
-        jump = self.after.p[0] - self.before.p[-1] - change
+        by = [there.momentum(q, self.after.v[0], t) for there in self.models]
+        jump = self.after.p[0] - self.before.p[-1] - change - (by[1] - by[0])
         return model.with_joints(model.mass(q, t), jump, q, t) if model.nj else jump
 
     @cached_property
@@ -139,7 +146,7 @@ class EventPassage:
 
 
 def passage_of(
-    model: Model,
+    models: tuple[Model, Model],
     restitution: Array,
     c: Collision,
     phases: tuple[Phase, Phase],
@@ -148,8 +155,8 @@ def passage_of(
 ) -> EventPassage:
     """The event between two phases, the later one in its mode ``own``; ``around`` are sizes of
     states and the inputs on both sides, as :class:`EventPassage` has them."""
-    before, after = phases
-    parts = model, restitution, c, before, after, *around
+    (before, after), model = phases, models[0]
+    parts = models, restitution, c, before, after, *around
     stay = [name for name in before.closed if name not in c.leaves]
     when, expected = f"at {c.time:.4g} s", {*stay, *c.lands}
     if expected != set(after.closed):

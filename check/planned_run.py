@@ -62,11 +62,12 @@ def _terminal_error(motion: Motion) -> float:
     for i, (phase, mode) in enumerate(zip(phases, motion.modes, strict=True)):
         y, anchors = put(motion, mode, y, phase.t[:1])
         if phase.steps:
-            motion.flow.advance(y, motion.steps[i], FIRST, np.array([phase.steps]), mode, anchors)
+            flow = motion.within(i).flow
+            flow.advance(y, motion.steps[i], FIRST, np.array([phase.steps]), mode, anchors)
         if i + 1 < len(phases):
             q, v = (np.ascontiguousarray(a) for a in np.split(y, [nq], axis=1))
             y = np.hstack([q, motion.passages[i].after_law(q, v).velocity])
-    return largest(motion.errors(y, phase.t[-1:], phase.q[-1:], phase.p[-1:]))
+    return largest(motion.within(i).errors(y, phase.t[-1:], phase.q[-1:], phase.p[-1:]))
 
 
 def _missed(motion: Motion, i: int, planned: list[SurfaceContact]) -> list[Collision]:
@@ -126,9 +127,10 @@ def left(motion: Motion, parts: Segments, slack: Array) -> tuple[list[SurfaceCon
     met, sentences = list[SurfaceContact](), list[str]()
     for i in range(motion.stepped):
         if not motion.trajectory.phases[i].free:
-            steps = _held_steps(motion, parts, i)
-            met += _met(motion, i, steps.course)
-            sentences += passed_limits(motion, i, steps, slack)
+            own = motion.within(i)
+            steps = _held_steps(own, parts, i)
+            met += _met(own, i, steps.course)
+            sentences += passed_limits(own, i, steps, slack)
     return met, sentences
 
 

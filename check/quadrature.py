@@ -142,6 +142,22 @@ def integrals_along(courses: Sequence[IntegratedSteps], functions: Integrands) -
     return Integrals(sums[0], sums[1], left, undefined, has_pole, looks)
 
 
+def together(parts: Sequence[Integrals]) -> Integrals:
+    """The integrals along all parts of a motion; each is the hardest where it leaves most."""
+    first, *others = parts
+    if not others:
+        return first
+    values, sizes, left = (
+        np.sum([getattr(p, name) for p in parts], axis=0) for name in ("values", "sizes", "left")
+    )
+    undefined, has_pole = (
+        np.any([getattr(p, name) for p in parts], axis=0) for name in ("undefined", "has_pole")
+    )
+    bad = [np.where(p.undefined | p.has_pole, np.inf, p.left) for p in parts]
+    looks = [parts[int(k)].looks[j] for j, k in enumerate(np.argmax(bad, axis=0))]
+    return Integrals(values, sizes, left, undefined, has_pole, looks)
+
+
 def joined(courses: Sequence[IntegratedSteps]) -> IntegratedSteps:
     """The steps of several modes, one after the other."""
     if len(courses) == 1:

@@ -112,7 +112,7 @@ def contacts_of_phases(
         for k, last in zip(stops[own].tolist(), parts.last[own].tolist(), strict=True):
             strikes = last == len(motion.steps[i]) and i < len(motion.trajectory.collisions)
             if k < last or strikes:
-                contacts += _met_in_segment(motion, parts, i, (k, last))
+                contacts += _met_in_segment(motion.within(i), parts, i, (k, last))
         yield contacts
 
 

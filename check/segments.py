@@ -4,6 +4,7 @@ starts."""
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -70,15 +71,17 @@ class StepErrors:
 
 def step_errors(motion: Motion) -> StepErrors:
     """Integrate every step from its first node."""
-    courses = [_course(motion, piece) for piece in motion.pieces]
-    parts = [_errors_on(motion, p, c) for p, c in zip(motion.pieces, courses, strict=True)]
+    pieces = [(motion.within(piece.numbers[0]), piece) for piece in motion.pieces]
+    courses = [_course(*part) for part in pieces]
+    parts = [_errors_on(*part, course) for part, course in zip(pieces, courses, strict=True)]
     measured = [part.findings.measured for part in parts]
     worst = {name: max(errors[name] for errors in measured) for name in measured[0]}
     work = tuple(work for part in parts for work in part.work)
     peaks, of_peaks = peak_errors(motion, courses)
     totals, bounds = integral_errors(motion, courses, peaks)
     findings = together(Findings(worst), of_peaks, totals)
-    excesses = *path_excess(motion, courses), *bounds, *hit_excesses(motion)
+    of_path = (path_excess(*part) for part in motion.by_values(courses))
+    excesses = *chain.from_iterable(of_path), *bounds, *hit_excesses(motion)
     return StepErrors(findings, work, excesses)
 
 
@@ -183,7 +186,8 @@ class Segments:
 
 def segments(motion: Motion) -> Segments:
     """The segments of all phases, in their order."""
-    parts = zip(*(_segments_of(motion, piece) for piece in motion.pieces), strict=True)
+    pieces = ((motion.within(piece.numbers[0]), piece) for piece in motion.pieces)
+    parts = zip(*(_segments_of(*part) for part in pieces), strict=True)
     phase, first, last, error, slope, defect, anchors, course = map(np.concatenate, parts)
     m = 2 * motion.model.nq
     start, ends, stop = (course[:, k * m : (k + 1) * m].copy() for k in range(3))

@@ -19,7 +19,8 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.control.disturbance import Disturbed, read_disturbance
 from dmoc.mechanics.contact_mode import Mode, names_of
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.model_values import parameter_row
+from dmoc.mechanics.model_values import parameter_rows
+from dmoc.mechanics.phase_models import PhaseModels, check_one_for_all
 from dmoc.motion.trajectory import Collision, Trajectory
 from dmoc.simulation.forward import vector
 from dmoc.simulation.replay import moved, replay, replay_steps
@@ -199,7 +200,10 @@ def controlled(
     disturbed = read_disturbance(disturb, states, motion.final_time)
     count = replay_steps(motion, disturbed.sampling, None)
     stated = replay(motion, kernels, changes, None, count)
-    there = Model(kernels, parameter_row(kernels, stated["parameters"], SimulationError))
+    values = parameter_rows(kernels, stated["parameters"], None, SimulationError)
+    models = PhaseModels(kernels, values)
+    check_one_for_all(models, "feedback and disturb go with one model", SimulationError)
+    there = models[0]
     if disturbed.start.any():
         names = motion.coordinates
         at = vector(stated["position"], names, "position")

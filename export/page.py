@@ -23,6 +23,7 @@ from dmoc.codegen.compiler import packaged
 from dmoc.export.numbers import Number
 from dmoc.export.program_text import CarriedProgram
 from dmoc.export.solver import solver_files
+from dmoc.mechanics.phase_models import check_one_for_all
 from dmoc.motion.scene import FINE, shapes_in
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE
@@ -97,6 +98,7 @@ def generate_page(
     swing_up.html
     """
     check_problem(problem)
+    check_one_for_all(problem.models, "a page has one set of parameters", ProblemError)
     target = path_of(path)
     if target.suffix.lower() != ".html":
         raise OutputError(f"{place(target)} is no page: end it in .html.")

@@ -25,6 +25,7 @@ from dmoc.fitting.parameters import fixed_start, parameters_of
 from dmoc.fitting.regression import LOSSES, Regression
 from dmoc.fitting.result import Fit
 from dmoc.fitting.words import best_words, by_laws, in_order, in_order_of_sight, touch_of_words
+from dmoc.mechanics.phase_models import check_one_for_all
 from dmoc.problem.problem import Problem
 
 # Orders of events that are tried, one after the other.
@@ -249,6 +250,7 @@ def _stated(
     """The runs and unknowns as a problem of least squares."""
     if not isinstance(problem, Problem):
         raise FitError(f"problem = {shown(problem)}: expected a dmoc.Problem.")
+    check_one_for_all(problem.models, "a fit has one set of parameters", FitError)
     choice(inputs, "inputs", (HELD, LINEAR), FitError)
     choice(loss, "loss", LOSSES, FitError)
     measured = runs_of(runs, problem.kernels, sigma, inputs)

@@ -14,6 +14,7 @@ from dmoc.fitting.experiment import Experiment
 from dmoc.mechanics.contact_mode import names_of
 from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.model_trajectory import motion_along
+from dmoc.mechanics.phase_models import PhaseModels
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
 from dmoc.results.solution import Solution
 from dmoc.simulation.contact_modes import borne
@@ -43,7 +44,8 @@ def trajectory_of(e: Experiment, course: Course) -> Trajectory:
     phases = [_phase(e, course, arc) for arc in course.arcs]
     events = [_event(e, course, i, pair) for i, pair in enumerate(pairwise(phases))]
     made = motion_along(
-        model, phases, events, laws.restitution, ignored=e.problem.ignored,
+        PhaseModels(model.kernels, model.par), phases, events, laws.restitution,
+        ignored=e.problem.ignored,
         controls="linear" if e.run.form == LINEAR else "constant",
     )  # fmt: skip
     return replace(made, order=2)

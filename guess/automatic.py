@@ -266,7 +266,7 @@ def _unknowns(problem: Problem, lay: Layout, plan: Waypoints, motion: March) -> 
         (0, lay.index_p_B, lay.index_v_B, motion.v_B),
         (-1, lay.index_p_E, lay.index_v_E, motion.v_E),
     ):
-        x[index_p] = problem.model.momentum(motion.q[node], v, times[node])
+        x[index_p] = problem.models[node].momentum(motion.q[node], v, times[node])
         if len(index_v):
             x[index_v] = v
     return with_hidden(problem, lay, through_hits(problem, lay, x))

@@ -41,12 +41,12 @@ def standing(problem: Problem, natural: float) -> Array:
         lay.total, -1
     )
     lay.put_times(x)
-    for boundary, q, mean, index_p, index_v in (
-        (problem.start_bounds, points[0], speeds[0], lay.index_p_B, lay.index_v_B),
-        (problem.goal_bounds, points[-1], speeds[-1], lay.index_p_E, lay.index_v_E),
+    for boundary, k, index_p, index_v in (
+        (problem.start_bounds, 0, lay.index_p_B, lay.index_v_B),
+        (problem.goal_bounds, -1, lay.index_p_E, lay.index_v_E),
     ):
-        at = end_velocity(problem, boundary, q, mean)
-        x[index_p] = problem.model.momentum(q, at)
+        at = end_velocity(problem, boundary, points[k], speeds[k])
+        x[index_p] = problem.models[k].momentum(points[k], at)
         if len(index_v):
             x[index_v] = at
     return in_contact(problem, acting(problem, x))
@@ -139,7 +139,7 @@ def _balance(problem: Problem, lay: Layout, x: Array) -> None:
     """Impulses along phases that leave the least imbalance of the momenta, and of the equations
     inside steps."""
     model, t, at = problem.model, lay.place_times(x), lay.stations
-    starts, ends, inside = model.step_balance(lay.step_inputs(x))
+    starts, ends, inside = lay.model_of_steps(problem).step_balance(lay.step_inputs(x))
     left = np.full((len(lay.index_places), lay.nq), np.nan)
     left[:: lay.scheme.degree][1:-1] = ends[:-1] - starts[1:]
     left[:-1].reshape(lay.total, -1, lay.nq)[:, 1:] = inside
@@ -150,7 +150,7 @@ def _balance(problem: Problem, lay: Layout, x: Array) -> None:
         places = np.arange(len(t))[lay.places_of_phase(i)][1:-1]
         missing, now = left[places], t[places]
         q = np.ascontiguousarray(x[lay.index_places[places]])
-        mass = model.mass(q, now)
+        mass = problem.models[i].mass(q, now)
         G = np.concatenate([-r.functions.push * r.slopes(model, q, now) for r in reactions], axis=1)
         response = [solved(mass, np.ascontiguousarray(G[:, m])) for m in range(G.shape[1])]
         A = G @ np.stack(response, axis=2)

@@ -148,7 +148,7 @@ def _driven(problem: Problem, t: Array, q: Array) -> Piece:
     """Positions with the rates and the inputs that they need."""
     middle, rate = (t[:-1] + t[1:]) / 2, np.diff(q, axis=0) / np.diff(t)[:, None]
     a = np.gradient(rate, middle, axis=0) if len(middle) > 1 else np.zeros_like(rate)
-    u = inputs_for(problem, (q[:-1] + q[1:]) / 2, rate, a, middle)
+    u = inputs_for(problem, problem.model, (q[:-1] + q[1:]) / 2, rate, a, middle)
     v, u = np.gradient(q, t, axis=0), np.clip(u, *problem.input_bounds.T)
     design = dict(zip(problem.design, problem.design_values.tolist(), strict=True))
     return Piece(t, q, v, middle, u, parameters=design)

@@ -7,6 +7,7 @@ import numpy as np
 from dmoc.base.records import record
 from dmoc.base.tolerances import KEPT, SAME
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Model
 from dmoc.problem.problem import Problem
 from dmoc.problem.reach import enter_linearly, slopes_by_inputs
 from dmoc.program.layout import Layout
@@ -19,14 +20,15 @@ ITERATIONS, DAMPING, FASTER = 60, 1e-2, 10.0
 WEAK, TOWARDS = 1e-2, 0.1
 
 
-def inputs_for(problem: Problem, q: Array, v: Array, a: Array, t: Array) -> Array:
-    """Inputs that come closest to accelerations, shape (n, nu); 0 where nothing can be said."""
+def inputs_for(problem: Problem, model: Model, q: Array, v: Array, a: Array, t: Array) -> Array:
+    """Inputs that come closest to accelerations, shape (n, nu), by the ``model`` of their phases; 0
+    where nothing can be said."""
     if not problem.nu:
         return np.zeros((len(q), 0))
     if problem.operating_inputs.any():
-        return _everywhere_acting(_Balance.of(problem, q, v, a, t))
-    M, F = problem.model.equations(q, v, t=t)
-    B = problem.model.input_matrix(q, v, t=t) / np.sqrt(problem.inertia)[:, None]
+        return _everywhere_acting(_Balance.of(problem, model, q, v, a, t))
+    M, F = model.equations(q, v, t=t)
+    B = model.input_matrix(q, v, t=t) / np.sqrt(problem.inertia)[:, None]
     missing = (np.einsum("kij,kj->ki", M, a) - F) / np.sqrt(problem.inertia)
     good = np.isfinite(B).all(axis=(1, 2)) & np.isfinite(missing).all(axis=1)
     u = np.zeros((len(q), problem.nu))
@@ -54,7 +56,8 @@ def acting(problem: Problem, x: Array, rng: np.random.Generator | None = None) -
         if not silent.any():
             return x
         x = x.copy()
-        u = inputs_for(problem, *state, _accelerations(problem, lay, state[1], t), t)
+        model = lay.model_of_steps(problem)
+        u = inputs_for(problem, model, *state, _accelerations(problem, lay, state[1], t), t)
         own = slopes_by_inputs(problem, *state, u, t)
         u = np.where((own <= SAME * others).all(axis=0), around, u)[lay.step_of_input]
         if rng is not None:
@@ -88,20 +91,21 @@ class _Balance:
     inputs have to come closest to there, by the roots of the inertias."""
 
     problem: Problem
+    model: Model
     q: Array
     v: Array
     t: Array
     wanted: Array
 
     @classmethod
-    def of(cls, problem: Problem, q: Array, v: Array, a: Array, t: Array) -> _Balance:
-        wanted = np.einsum("kij,kj->ki", problem.model.mass(q, t), a) / np.sqrt(problem.inertia)
-        return cls(problem, q, v, t, np.where(np.isfinite(wanted), wanted, 0.0))
+    def of(cls, problem: Problem, model: Model, q: Array, v: Array, a: Array, t: Array) -> _Balance:
+        wanted = np.einsum("kij,kj->ki", model.mass(q, t), a) / np.sqrt(problem.inertia)
+        return cls(problem, model, q, v, t, np.where(np.isfinite(wanted), wanted, 0.0))
 
     def missing(self, u: Array) -> Array:
         """Wanted forces less those at inputs u, shape (n, nu), by the roots of the inertias, shape
         (n, nq)."""
-        F = self.problem.model.equations(self.q, self.v, u, self.t)[1]
+        F = self.model.equations(self.q, self.v, u, self.t)[1]
         return np.asarray(self.wanted - F / np.sqrt(self.problem.inertia))
 
     def closest(self, u: Array) -> tuple[Array, Array]:
@@ -110,7 +114,7 @@ class _Balance:
         root, (low, high) = np.sqrt(self.problem.inertia), self.problem.input_bounds.T
         missing, damping = self.missing(u), np.full(len(u), DAMPING)
         for _ in range(ITERATIONS):
-            B = self.problem.model.input_matrix(self.q, self.v, u, self.t) / root[:, None]
+            B = self.model.input_matrix(self.q, self.v, u, self.t) / root[:, None]
             B = np.where(np.isfinite(B), B, 0.0)
             length = np.sqrt((B * B).sum(axis=1, keepdims=True))
             B /= np.where(length > 0, length, 1.0)

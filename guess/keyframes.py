@@ -233,7 +233,7 @@ def _completed(problem: Problem, lay: Layout, x: Array) -> Array:
     for node, v, index_p, index_v in (
         (0, rates[0], lay.index_p_B, lay.index_v_B), (-1, last, lay.index_p_E, lay.index_v_E),
     ):  # fmt: skip
-        x[index_p] = problem.model.momentum(q[node], v, t[node])
+        x[index_p] = problem.models[node].momentum(q[node], v, t[node])
         if len(index_v):
             x[index_v] = v
     return in_contact(problem, x)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Model
 from dmoc.problem.problem import Problem
 from dmoc.program.force_values import quantity_inputs
 from dmoc.program.layout import Layout
@@ -23,10 +24,10 @@ def largest_excess(problem: Problem, lay: Layout, x: Array) -> float:
     rates = np.diff(x[lay.index_q], axis=0) / step[4]
     values, boxes = [rates, x[lay.index_totals]], [problem.velocity_bounds, problem.total_bounds]
     if problem.kernels.quantities:
-        z = problem.model.path(quantity_inputs(problem, lay, x), "quantity")
+        z = lay.model_of_steps(problem).path(quantity_inputs(problem, lay, x), "quantity")
         values.append(z.reshape(-1, problem.model.nz))
         boxes.append(problem.quantity_bounds)
-    most = _path_excess(problem, step, rates)
+    most = _path_excess(problem, lay.model_of_steps(problem), step, rates)
     for value, (low, high) in zip(values, (box.T for box in boxes), strict=True):
         over = np.maximum(low - value, value - high)
         limit = np.where(low - value > value - high, low, high)
@@ -35,7 +36,7 @@ def largest_excess(problem: Problem, lay: Layout, x: Array) -> float:
     return most
 
 
-def _path_excess(problem: Problem, step: list[Array], rates: Array) -> float:
+def _path_excess(problem: Problem, model: Model, step: list[Array], rates: Array) -> float:
     """Excess of the path constraints on velocities or inputs, beside their values at rest without
     inputs: those of |u| <= 5 are |u| and 5."""
     rows = _limiting_rows(problem)
@@ -43,8 +44,8 @@ def _path_excess(problem: Problem, step: list[Array], rates: Array) -> float:
         return 0.0
     q_k, q_kp1, u_k, u_kp1, h, t_k, _ = step
     q, u, t = (q_k + q_kp1) / 2, (u_k + u_kp1) / 2, (t_k + h / 2)[:, 0]
-    kept = problem.model.path_at(q, rates, u, t)[:, rows]
-    idle = problem.model.path_at(q, np.zeros_like(q), np.zeros_like(u), t)[:, rows]
+    kept = model.path_at(q, rates, u, t)[:, rows]
+    idle = model.path_at(q, np.zeros_like(q), np.zeros_like(u), t)[:, rows]
     return _largest(-kept, np.abs(kept - idle) + np.abs(idle))
 
 

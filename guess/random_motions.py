@@ -364,11 +364,11 @@ def _unknowns(problem: Problem, lay: Layout, drawn: _Drawn) -> Array:
     x[:, lay.index_u] = _inputs(problem, lay, drawn, begin)
     x[:, lay.impact.lam] = drawn.lam
     x[:, lay.impact.v_a], x[:, lay.impact.v_c] = drawn.v_last[:, :-1], drawn.v_first[:, 1:]
-    for q, v, t, index_p, index_v in (
-        (drawn.points[:, 0], drawn.v_first[:, 0], begin[:, 0], lay.index_p_B, lay.index_v_B),
-        (drawn.points[:, -1], drawn.v_last[:, -1], begin[:, -1], lay.index_p_E, lay.index_v_E),
+    for k, v, index_p, index_v in (
+        (0, drawn.v_first[:, 0], lay.index_p_B, lay.index_v_B),
+        (-1, drawn.v_last[:, -1], lay.index_p_E, lay.index_v_E),
     ):
-        x[:, index_p] = problem.model.momentum(q, v, t)
+        x[:, index_p] = problem.models[k].momentum(drawn.points[:, k], v, begin[:, k])
         if len(index_v):
             x[:, index_v] = v
     return x
@@ -386,7 +386,7 @@ def _inputs(problem: Problem, lay: Layout, drawn: _Drawn, begin: Array) -> Array
             middle = (np.arange(n) + 0.5) / n
             q, v, a = _along(driven, i, middle, 2).reshape(3, -1, lay.nq)
             t = begin[drawn.driven, i, None] + driven.durations[:, i, None] * middle
-            own = inputs_for(problem, q, v, a, t.reshape(-1))
+            own = inputs_for(problem, problem.models[i], q, v, a, t.reshape(-1))
             inputs.append(own.reshape(-1, n, nu))
         u[drawn.driven] = np.concatenate(inputs, axis=1)[:, steps]
     return np.clip(u, *problem.input_bounds.T)

@@ -37,7 +37,8 @@ cdef class Marcher(Equations):
     Work arrays belong to the object: each thread takes its own.
     """
     cdef Call running_cost, slopes
-    cdef double[:, ::1] u_end, cost_now, slope_entries
+    cdef double[:, ::1] u_end, cost_now, slope_entries, par
+    cdef const double[:, ::1] of_phases
     cdef const ptrdiff_t[::1] slope_row, slope_column
     cdef double[::1] low, high, size, reaches, restitution
     cdef object model
@@ -50,7 +51,8 @@ cdef class Marcher(Equations):
     cdef double impulse
 
     def __init__(self, problem):
-        kernels, par = problem.kernels, problem.parameter_values
+        kernels, par = problem.kernels, problem.parameter_values[:1].copy()
+        self.par, self.of_phases = par, problem.parameter_values
         super().__init__(kernels, par, problem.inertia, problem.operating_inputs)
         cdef int nq = self.nq, nu = self.nu
         q, t, u_end, cost = map(np.asarray, (self.q, self.t, _block(nu), _block(1)))
@@ -201,6 +203,9 @@ cdef class Marcher(Equations):
         self.cost, self.excess, self.free_steps = 0.0, 0.0, 0
         for i in range(phases):
             h = durations[i] / steps[i]
+            if i < self.of_phases.shape[0]:
+                memcpy(&self.par[0, 0], &self.of_phases[i, 0],
+                       self.par.shape[1] * sizeof(double))
             was_free, since = False, 0
             self.aim(&positions[i + 1, 0], &velocities[i + 1, 0], durations[i])
             for k in range(steps[i]):

@@ -93,8 +93,9 @@ class Tracker:
         h = np.repeat(plan.durations / np.maximum(steps, 1), steps)
         middle, rates = (q[:-1] + q[1:]) / 2, np.diff(q, axis=0) / h[:, None]
         t = np.cumsum(h) - h / 2
-        u = inputs_for(self.problem, middle, rates, a, t)
-        reached = self.problem.model.acceleration(middle, rates, u, t)
+        model = self.problem.models.along(np.repeat(np.arange(len(steps)), steps))
+        u = inputs_for(self.problem, model, middle, rates, a, t)
+        reached = model.acceleration(middle, rates, u, t)
         reach = self.problem.reach
         missing = (np.abs(reached - a) / reach).max(initial=0.0)
         size = (np.abs(reached) / reach).max(initial=0.0) + (np.abs(a) / reach).max(initial=0.0)

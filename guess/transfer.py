@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Piece:
     t_u: Array
     u: Array
     forces: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict)
 
     def followed_by(self, other: Piece) -> Piece:
         """Two pieces between which nothing happens as one, without forces."""
@@ -134,7 +135,7 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
         (pieces[-1], -1, lay.index_p_E, lay.index_v_E),
     )
     for piece, k, index_p, index_v in ends:
-        x[index_p] = problem.model.momentum(piece.q[k], piece.v[k], piece.t[k])
+        x[index_p] = problem.models[k].momentum(piece.q[k], piece.v[k], piece.t[k])
         if len(index_v):
             x[index_v] = piece.v[k]
     return with_hidden(problem, lay, through_hits(problem, lay, x))

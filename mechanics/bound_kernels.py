@@ -56,6 +56,11 @@ class BoundKernels:
     kernels: Kernels
     par: Array
 
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameter values by name."""
+        return dict(zip(self.kernels.parameters, self.par[0].tolist(), strict=True))
+
     @cached_property
     def nq(self) -> int:
         """Number of coordinates."""

@@ -14,6 +14,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_forces import accelerations_and_forces
 from dmoc.mechanics.contact_mode import mode_by_names
 from dmoc.mechanics.model import Model
+from dmoc.mechanics.phase_models import PhaseModels
 from dmoc.motion.friction import sticks
 from dmoc.motion.impact_laws import RETURNING
 from dmoc.motion.scene import Scene, resampled, shapes_in
@@ -22,7 +23,7 @@ from dmoc.motion.trajectory import Collision, Phase, Trajectory, last_inputs
 
 
 def motion_along(
-    model: Model,
+    models: PhaseModels,
     phases: Sequence[Phase],
     collisions: Sequence[Collision],
     restitution: Array,
@@ -39,10 +40,13 @@ def motion_along(
     a number where the law of the model says it. ``bounds`` are those of inputs and coordinates,
     shapes (nu, 2) and (nq, 2), ``limits`` those of velocities by name; without them there are
     none."""
-    kernels, form = model.kernels, FORMS[controls]
+    model, kernels, form = models[0], models.kernels, FORMS[controls]
     if kernels.quantities:
         last = last_inputs(phases, form)
-        phases = [replace(p, quantities=_quantities(model, p, form, last)) for p in phases]
+        phases = [
+            replace(p, quantities=_quantities(models[i], p, form, last))
+            for i, p in enumerate(phases)
+        ]
     if model.varying_friction or model.paired.any():
         last = last_inputs(phases, form)
         phases = [replace(p, coefficients=_coefficients(model, p, form, last)) for p in phases]
@@ -53,7 +57,7 @@ def motion_along(
         fingerprint=kernels.manifest.fingerprint,
         coordinates=tuple(kernels.coordinates),
         inputs=tuple(kernels.inputs),
-        parameters=dict(zip(kernels.parameters, model.par[0].tolist(), strict=True)),
+        parameters=models.values,
         phases=tuple(phases),
         collisions=tuple(collisions),
         controls=controls,
@@ -75,7 +79,7 @@ def motion_along(
             if model.impact_laws[j] == RETURNING
         },
         units=dict(kernels.manifest.units),
-        scene=scene_of(model, [(p.t, p.q, p.v) for p in phases]) if drawn else None,
+        scene=scene_of(models, [(p.t, p.q, p.v) for p in phases]) if drawn else None,
         limits=dict(limits or {}),
         quantities=tuple(kernels.quantities),
         totals=dict(totals or {}),
@@ -125,18 +129,18 @@ def _coefficients(model: Model, phase: Phase, form: InputForm, last: Array) -> A
     return np.array(columns).reshape(len(columns), len(phase.t)).T.copy()
 
 
-def scene_of(model: Model, phases: Iterable[tuple[Array, Array, Array]]) -> Scene | None:
+def scene_of(models: PhaseModels, phases: Iterable[tuple[Array, Array, Array]]) -> Scene | None:
     """The scene of phases, each given as times, positions and velocities at its nodes.
 
     None where the model has no drawing, or the drawing is nowhere: velocities at a singular mass
     matrix are not numbers, nor is the root of a negative length.
     """
-    shapes = shapes_in(model.kernels.manifest.drawing)
+    shapes = shapes_in(models.kernels.manifest.drawing)
     if not shapes:
         return None
     with np.errstate(all="ignore"):
         ways = [resampled(*phase) for phase in phases]
-        values = tuple([model.drawing(q, t) for t, q in ways])
+        values = tuple([models[i].drawing(q, t) for i, (t, q) in enumerate(ways)])
     if not all(np.isfinite(part).all() for part in values):
         return None
     return Scene(shapes, tuple([t for t, _ in ways]), values)

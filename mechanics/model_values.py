@@ -3,15 +3,47 @@ coefficients of restitution."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from dmoc.base.arguments import ErrorKind, check_known, check_magnitude, is_number, number, shown
+from dmoc.base.arguments import (
+    ErrorKind,
+    check_known,
+    check_magnitude,
+    is_number,
+    is_row,
+    number,
+    shown,
+)
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import name_of
 from dmoc.codegen.kernels import Array, Kernels
+
+# A parameter's value, or one for each phase.
+ParameterValue: TypeAlias = float | Sequence[float] | Array
+
+
+def parameter_rows(
+    kernels: Kernels, changes: Mapping[Any, Any], phases: int | None, error: ErrorKind
+) -> Array:
+    """Parameter values in the model's order by phase, shape (phases, npar), or one row that all
+    phases have: the model's own, some of them changed, to a number or to one for each phase. Where
+    None says that nobody knows how many phases there are, the longest list does."""
+    stated = by_name(changes, "parameters", error)
+    lists = {n: list(x) for n, x in stated.items() if is_row(x)}
+    if phases is None:
+        phases = max((len(x) for x in lists.values()), default=1)
+    for name, values in lists.items():
+        if len(values) != phases:
+            several = f"a number, or one for each of the {phases} phases, not {len(values)}"
+            raise error(
+                f"parameter {name} = {shown(stated[name])}: expected "
+                f"{several if phases > 1 else 'a number, as there is one phase'}."
+            )
+    each = [{n: x[i] for n, x in lists.items()} for i in range(phases if lists else 1)]
+    return np.concatenate([parameter_row(kernels, {**stated, **own}, error) for own in each])
 
 
 def parameter_row(
@@ -31,6 +63,13 @@ def parameter_row(
                 f"parameter {name} of model {kernels.name!r} has no value: set it ({name}=...)."
             )
     return np.array([list(values.values())], dtype=float)
+
+
+def parameter_in_words(value: Any) -> str:
+    """The value of a parameter, or its values by phase."""
+    if is_row(value):
+        return ", then ".join(f"{float(x):g}" for x in value)
+    return f"{float(value):g}"
 
 
 def restitution_row(kernels: Kernels, values: Any, error: ErrorKind = ProblemError) -> Array:

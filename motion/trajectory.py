@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -225,7 +226,8 @@ class Trajectory:
     model, fingerprint : str
         Name and digest of the model.
     coordinates, inputs : tuples of str
-    parameters : mapping of str to float
+    parameters : mapping of str to float or tuple of float
+        A tuple has a value for each phase.
     phases : tuple of Phase
     collisions : tuple of Collision
         One between any two phases.
@@ -262,7 +264,7 @@ class Trajectory:
     fingerprint: str
     coordinates: tuple[str, ...]
     inputs: tuple[str, ...]
-    parameters: Mapping[str, float]
+    parameters: Mapping[str, Any]
     phases: tuple[Phase, ...]
     collisions: tuple[Collision, ...]
     controls: str

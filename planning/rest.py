@@ -66,6 +66,7 @@ def _start(names: Sequence[str], state: MeasuredState) -> dict[str, float]:
 def _check(problem: Problem) -> None:
     """Refuse problems whose rest is none of the same kind."""
     refused = {
+        "its parameters have a value for each phase": problem.models.change,
         "its model depends on the time, which begins with each plan": problem.explicit_time,
         "its objective or its bounds of integrals look at the whole motion": bool(
             problem.model.totals_of or problem.model.peaks_of or problem.model.has_objective

@@ -69,7 +69,7 @@ def relaxed(
     }  # fmt: skip
     other = like(
         unread(problem, fields), touch=touch, open_hits={}, by_rates=True, relaxation=eps,
-        model=problem.model,
+        models=problem.models,
     )  # fmt: skip
     pushed = [bool(row.get("forces")) for row in problem.kernels.quantity_rows]
     if any(pushed):

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.base.arguments import Range, interval
+from dmoc.base.arguments import Range, interval, is_row
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.model_values import by_name, parameter_row
+from dmoc.mechanics.model_values import by_name, parameter_rows
 from dmoc.problem.derived import like
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 SAMPLES = 3
 # What depends on the values of design parameters, beside these.
 OF_DESIGN = {
-    "parameter_values", "model", "redundant", "start_position", "goal_position", "inertia", "reach",
-    "spread", "end_speeds",
+    "parameter_values", "models", "redundant", "start_position", "goal_position", "inertia",
+    "reach", "spread", "end_speeds",
 }  # fmt: skip
 
 
@@ -43,9 +43,11 @@ def check_design(problem: Problem) -> None:
                 f"parameter {name} is given in parameters and in design: give it once; a design "
                 "of one number keeps it."
             )
-    if problem.design and problem.minimal_times:
+    change = any(is_row(value) for value in problem.parameters.values())
+    if problem.minimal_times and (problem.design or change):
+        what = "a design" if problem.design else "parameters that change by phase"
         raise ProblemError(
-            "minimal_times are estimated at fixed parameters: leave them out with a design."
+            f"minimal_times are estimated at fixed parameters: leave them out with {what}."
         )
 
 
@@ -83,9 +85,11 @@ def first_design(problem: Problem) -> Array:
 
 
 def parameter_values_of(problem: Problem) -> Array:
-    """Parameter values in the model's order, those of its design among them, shape (1, npar)."""
+    """Parameter values in the model's order, those of its design among them, shape (1, npar), or
+    with a row for each phase (phases, npar) where some change."""
     chosen = dict(zip(problem.design, problem.design_values.tolist(), strict=True))
-    return parameter_row(problem.kernels, {**chosen, **problem.parameters})
+    stated = {**chosen, **problem.parameters}
+    return parameter_rows(problem.kernels, stated, problem.phases, ProblemError)
 
 
 def at_bounds(problem: Problem) -> dict[str, Problem]:
@@ -127,7 +131,7 @@ def designed(problem: Problem, values: Array) -> Problem:
     return like(problem, OF_DESIGN, design_values=np.array(values, dtype=float))
 
 
-def designed_as(problem: Problem, parameters: Mapping[str, float]) -> Problem:
+def designed_as(problem: Problem, parameters: Mapping[str, Any]) -> Problem:
     """The same problem with its design as near to parameters by name as its ranges allow."""
     pairs = zip(problem.design, problem.design_values, strict=True)
     values = [parameters.get(*own) for own in pairs]

@@ -16,9 +16,12 @@ from dmoc.mechanics.coefficients import check_coefficients
 from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_forces import unknown_in_impacts
 from dmoc.mechanics.contacts import RAIL
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.phase_models import ENDS
 from dmoc.motion.friction import rubbing_word, sticks, turned
 from dmoc.problem.derived import once
 from dmoc.problem.design import by_design, moves_by_design
+from dmoc.problem.ranges import fixed_velocity
 from dmoc.problem.reach import gap_sizes, rate_sizes
 
 # An input without a bound, where the sign of friction is looked at.
@@ -42,22 +45,24 @@ def check_ends(problem: Problem) -> None:
     """Refuse ends of which nothing could come."""
     designs = {"": problem, **problem.design_ends}
     for where, at in designs.items():
-        _check_kinks(at)
-        _check_mass_matrix(at, where)
+        for i, model in enumerate(at.models.different):
+            own = f" in phase {i}" if at.models.change else ""
+            _check_kinks(model)
+            _check_mass_matrix(model, at.start_position, where, own)
     _check_admissible(problem, "start", problem.start_bounds)
     _check_admissible(problem, "goal", problem.goal_bounds)
     _check_contacts(problem)
 
 
-def _check_mass_matrix(problem: Problem, where: str = "") -> None:
+def _check_mass_matrix(model: Model, start: Array, where: str, own: str) -> None:
     """Refuse a start at which the equations of motion are not finite or their mass matrix is none;
-    ``where`` says for which design."""
-    mass, force = problem.model.equations(problem.start_position)
-    values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
+    ``where`` says for which design, ``own`` in which phase."""
+    mass, force = model.equations(start)
+    values = model.values
     suspects = [
-        f"{n}={values[n]:g}" for n in problem.kernels.manifest.mass_parameters if values[n] <= 0
+        f"{n}={values[n]:g}" for n in model.kernels.manifest.mass_parameters if values[n] <= 0
     ]
-    cause = where or (f" ({', '.join(suspects)})" if suspects else "")
+    cause = where or own + (f" ({', '.join(suspects)})" if suspects else "")
     if not (np.isfinite(mass).all() and np.isfinite(force).all()):
         raise ProblemError(
             f"the equations of motion are not finite at the start{cause}: "
@@ -75,10 +80,10 @@ def _check_mass_matrix(problem: Problem, where: str = "") -> None:
         )
 
 
-def _check_kinks(problem: Problem) -> None:
+def _check_kinks(model: Model) -> None:
     """Refuse parameters for which the functions in the place of kinks are others."""
-    values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
-    for name, sign in problem.kernels.manifest.kink_signs.items():
+    values = model.values
+    for name, sign in model.kernels.manifest.kink_signs.items():
         if sign * values[name] < 0:
             expected = "positive" if sign > 0 else "negative"
             raise ProblemError(
@@ -139,7 +144,8 @@ def _check_path(problem: Problem, end: str, boundary: Boundary) -> None:
     v = None if moves else fixed_velocity(boundary, problem, q)
     t = 0.0 if end == "start" else _fixed_end_time(problem)
     at = q, np.zeros(problem.nq) if v is None else v, np.zeros(problem.nu), t or 0.0
-    kept, sizes = problem.model.path_at(*at), problem.model.path_terms(*at)
+    model = problem.models[ENDS[end]]
+    kept, sizes = model.path_at(*at), model.path_terms(*at)
     for row, value, size in zip(rows, kept, sizes, strict=True):
         unknown = row["inputs"] or (row["velocities"] and v is None) or row["name"] in chosen
         unknown |= row["time"] and t is None
@@ -168,16 +174,6 @@ def _check_leaving(problem: Problem, q: Array, j: int, state: str) -> None:
             f"it (the gap changes by {rate:g} per second): give a velocity that leaves it, or "
             "leave the velocity free."
         )
-
-
-def fixed_velocity(boundary: Boundary, problem: Problem, q: Array) -> Array | None:
-    """The velocity at an end where it is fixed, by itself or by momenta."""
-    velocity, momentum = boundary.velocity, boundary.momentum
-    if (velocity[:, 0] == velocity[:, 1]).all():
-        return velocity[:, 0]
-    if not (momentum[:, 0] == momentum[:, 1]).all():
-        return None
-    return problem.model.velocity(q, momentum[:, 0])
 
 
 def end_speeds_of(problem: Problem) -> Array:

@@ -16,6 +16,8 @@ from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.model import Model
+from dmoc.mechanics.model_values import ParameterValue
+from dmoc.mechanics.phase_models import PhaseModels, check_geometry
 from dmoc.problem.contacts import (
     open_hits_of,
     redundant_of,
@@ -102,7 +104,9 @@ class Problem(Shown):
         Bounds (lower, upper) of inputs, coordinates, velocities and quantities by name, at all
         times; None for no bound.
     parameters : mapping, optional
-        Parameter values that replace the model's.
+        Parameter values that replace the model's: a number, or one for each phase.  At an event the
+        values are those of the phase that it ends; positions and velocities stay as they are where
+        values change behind it, and what leaves takes its momentum with it.
     controls : {"constant", "linear", "stages"}, optional
         Inputs constant in each step, linear between nodes, or linear in each step with values of
         its own at both ends.  Kernels of order 2 take "constant" (default) or "linear" (default
@@ -172,7 +176,7 @@ class Problem(Shown):
     final_time: Interval = (None, None)
     durations: Sequence[Interval] | None = None
     bounds: Mapping[Any, Any] = field(default_factory=dict)
-    parameters: Mapping[Any, float] = field(default_factory=dict)
+    parameters: Mapping[Any, ParameterValue] = field(default_factory=dict)
     controls: str | None = None
     restitution: float | Mapping[str, float] | None = None
     periodic: Sequence[str] | Mapping[Any, Any] = ()
@@ -195,7 +199,7 @@ class Problem(Shown):
             final_time: Interval = ...,
             durations: Sequence[Interval] | None = ...,
             bounds: Mapping[Any, Any] = ...,
-            parameters: Mapping[Any, float] = ...,
+            parameters: Mapping[Any, ParameterValue] = ...,
             controls: str | None = ...,
             restitution: float | Mapping[str, float] | None = ...,
             periodic: Sequence[str] | Mapping[Any, Any] = ...,
@@ -213,6 +217,7 @@ class Problem(Shown):
         _ = self.design_bounds, self.parameter_values, self.restitution_values
         _ = self.input_bounds, self.coordinate_bounds, self.velocity_bounds, self.quantity_bounds
         _ = self.final_time_bounds, self.duration_bounds, self.hit_quantity_bounds
+        check_geometry(self.models, ProblemError)
         check_last_event(self)
         _ = self.start_bounds, self.goal_bounds, self.quantity_ranges, self.total_bounds
         check_ends(self)
@@ -373,9 +378,14 @@ class Problem(Shown):
         return unchosen(self, self.model.static_friction, "holding")
 
     @cached_property
+    def models(self) -> PhaseModels:
+        """The model with its parameter values in each phase."""
+        return PhaseModels(self.kernels, self.parameter_values)
+
+    @property
     def model(self) -> Model:
-        """The model with its parameter values."""
-        return Model(self.kernels, self.parameter_values)
+        """The model at the start; what does not change by phase is that of all phases."""
+        return self.models[0]
 
     @cached_property
     def start_bounds(self) -> Boundary:

@@ -14,9 +14,10 @@ from dmoc.base.arguments import Range, interval, shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.phase_models import ENDS
 from dmoc.mechanics.projection import onto
 from dmoc.problem.design import by_design, moves_by_design
-from dmoc.problem.end_states import fixed_velocity
+from dmoc.problem.ranges import fixed_velocity
 
 if TYPE_CHECKING:
     from dmoc.problem.problem import Problem
@@ -81,7 +82,7 @@ def _left(problem: Problem, end: str, ranges: Array) -> Array:
     """The ranges that are left to be kept where a fixed start or goal does not decide the
     quantities, shape (nz, 2); the others are known, and checked."""
     rows, boundary = problem.kernels.quantity_rows, getattr(problem, f"{end}_bounds")
-    q, model = boundary.position[:, 0], problem.model
+    q, model = boundary.position[:, 0], problem.models[ENDS[end]]
     if not rows or (q != boundary.position[:, 1]).any():
         return ranges
     v = fixed_velocity(boundary, problem, q)
@@ -122,7 +123,7 @@ def onto_quantities(problem: Problem, end: str, q: Array) -> Array:
     """Positions (n, nq) near rows (n, nq) that have the quantities of places at the "start" or at
     the "goal"; the rows as they are where that leads to none. They are found by Newton steps along
     coordinates that are not fixed, which cost by their inertias."""
-    rows = problem.kernels.quantity_rows
+    rows, model = problem.kernels.quantity_rows, problem.models[ENDS[end]]
     own = getattr(problem.quantity_ranges, end)
     on = [
         j for j, row in enumerate(rows)
@@ -133,7 +134,7 @@ def onto_quantities(problem: Problem, end: str, q: Array) -> Array:
     none = np.zeros((len(q), problem.nu))
     # Those that depend on a time that is open say nothing of the place.
     with np.errstate(all="ignore"):
-        values = problem.model.quantities(q, np.zeros_like(q), none, t)
+        values = model.quantities(q, np.zeros_like(q), none, t)
         timed = np.asarray(np.isnan(values).all(axis=0))
     on = [j for j in on if not timed[j]]
     low, high = getattr(problem, f"{end}_bounds").position.T
@@ -141,16 +142,16 @@ def onto_quantities(problem: Problem, end: str, q: Array) -> Array:
     low, high = np.maximum(low, below), np.minimum(high, above)
     if not on or (low == high).all():
         return q
-    light = 1 / np.sqrt(np.abs(np.diagonal(problem.model.mass(q[0]))))
+    light = 1 / np.sqrt(np.abs(np.diagonal(model.mass(q[0]))))
 
     def missing(at: Array) -> tuple[Array, NDArray[np.bool_]]:
         """What positions miss, and which of them nothing that is more than rounding errors."""
-        z = problem.model.quantities(at, np.zeros_like(at), none, t)[:, on]
+        z = model.quantities(at, np.zeros_like(at), none, t)[:, on]
         off = z - np.clip(z, *own[on].T)
         return off, (np.abs(off) <= KEPT * (1 + np.abs(z))).all(axis=1)
 
     def conditions(at: Array) -> tuple[Array, Array]:
-        J = problem.model.quantity_slopes(at, np.zeros_like(at), none, t)[:, on, : problem.nq]
+        J = model.quantity_slopes(at, np.zeros_like(at), none, t)[:, on, : problem.nq]
         return missing(at)[0], np.where(np.isfinite(J), J, 0.0)  # where a quantity is not defined
 
     with np.errstate(all="ignore"):

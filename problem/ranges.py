@@ -24,6 +24,7 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.names import bounded_momentum, momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
+from dmoc.mechanics.phase_models import ENDS
 from dmoc.problem.dependent import following_rates, places_follow
 from dmoc.problem.design import samples
 
@@ -320,8 +321,9 @@ def _as_momenta(problem: Problem, boundary: Boundary, at_start: bool) -> Boundar
     if not fixed and velocity.any():
         return boundary
     at = midpoints(boundary.position, np.zeros(problem.nq))
-    momentum = problem.model.momentum(at, velocity[:, 0])
-    others = [p.model.momentum(at, velocity[:, 0]) for p in samples(problem)]
+    end = ENDS["start" if at_start else "goal"]
+    momentum = problem.models[end].momentum(at, velocity[:, 0])
+    others = [p.models[end].momentum(at, velocity[:, 0]) for p in samples(problem)]
     if problem.design and not (np.array(others) == momentum).all():
         return boundary
     if not np.isfinite(momentum).all() or (not fixed and momentum.any()):
@@ -331,6 +333,17 @@ def _as_momenta(problem: Problem, boundary: Boundary, at_start: bool) -> Boundar
         np.repeat(momentum[:, None], 2, axis=1),
     )
     return Boundary(boundary.position, free, fixed_momentum, by_velocity=True)
+
+
+def fixed_velocity(boundary: Boundary, problem: Problem, q: Array) -> Array | None:
+    """The velocity at an end where it is fixed, by itself or by momenta."""
+    velocity, momentum = boundary.velocity, boundary.momentum
+    if (velocity[:, 0] == velocity[:, 1]).all():
+        return velocity[:, 0]
+    if not (momentum[:, 0] == momentum[:, 1]).all():
+        return None
+    model = problem.models[-1 if boundary is problem.goal_bounds else 0]
+    return model.velocity(q, momentum[:, 0])
 
 
 def midpoints(bounds: Array, default: Array) -> Array:

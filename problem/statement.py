@@ -13,7 +13,7 @@ from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import ProblemError
 from dmoc.base.table import Table
 from dmoc.codegen.system_kernels import kernels_of, with_momenta
-from dmoc.mechanics.model_values import by_name
+from dmoc.mechanics.model_values import by_name, parameter_in_words
 from dmoc.problem.design import check_design, design_of
 from dmoc.problem.ranges import check_size, steps_of
 from dmoc.problem.relations import periodic_of
@@ -53,7 +53,8 @@ def _rows(p: Problem) -> Iterator[tuple[str, str]]:
             "ends with its event" if high == 0 else _range(low, high, " s") or "free",
         )
     yield "bounds", ", ".join(f"{name}: {_said(value)}" for name, value in p.bounds.items())
-    yield "parameters", ", ".join(f"{name} = {value:g}" for name, value in p.parameters.items())
+    stated = (f"{n} = {parameter_in_words(value)}" for n, value in p.parameters.items())
+    yield "parameters", ", ".join(stated)
     yield "design", ", ".join(f"{name}: {_said(value)}" for name, value in p.design.items())
     if p.kernels.surfaces:
         restitution = zip(p.kernels.surfaces, p.restitution_values, strict=True)

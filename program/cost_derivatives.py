@@ -18,6 +18,7 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.records import record
 from dmoc.base.tolerances import TINY
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model_values import ParameterValue
 from dmoc.motion.impact_laws import IMPACT_LAWS
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Index
@@ -39,7 +40,7 @@ class Sensitivities(TypedDict):
 
     Attributes
     ----------
-    parameters : by parameter
+    parameters : by parameter; a list for one that has a value for each phase
     restitution : by surface that is hit, with respect to its coefficient e, where that is a number
     surfaces : by surface, with respect to moving it outwards by one unit of its gap
     final_time : with respect to the final time or its active bound; 0 where it is free
@@ -49,7 +50,7 @@ class Sensitivities(TypedDict):
         the bound, as "F <="
     """
 
-    parameters: dict[str, float]
+    parameters: dict[str, float | list[float]]
     restitution: dict[str, float]
     surfaces: dict[str, float]
     final_time: float
@@ -69,8 +70,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     z = np.where(nlp.lower == nlp.upper, slope, z)
     named = {**multipliers, "bounds": z}
     problem = nlp.layout.problem_at(problem, x)
-    values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
-
+    values = problem.models.values
     at = _AtMinimum(problem, nlp, x, named)
     contacts = problem.model.contacts
     stated = contacts.named(np.flatnonzero(~np.isnan(problem.restitution_values)))
@@ -106,13 +106,17 @@ class _AtMinimum:
         (count,) each."""
         return _lagrangian(problem, {**self.multipliers, **multipliers}, self.x)
 
-    def parameter(self, values: Mapping[str, float], name: str) -> float:
-        """Derivative by a parameter; ``values`` are those of all parameters."""
-        value = values[name]
-        step = CHANGE * (abs(value) or 1.0)
-        changed = ({**values, name: value + k * step} for k, _ in DIFFERENCE)
-        parts = [self.lagrangian(self.problem.unchecked(parameters=p)) for p in changed]
-        return float(np.dot(parts, [c for _, c in DIFFERENCE]) / step)
+    def parameter(self, values: Mapping[str, ParameterValue], name: str) -> float | list[float]:
+        """Derivative by a parameter, or by its value in each phase; ``values`` are those of all
+        parameters."""
+        value = np.array(values[name], dtype=float)
+        slopes = []
+        for own in np.eye(value.size).reshape(value.size, *value.shape):
+            step = CHANGE * (abs(float((own * value).sum())) or 1.0)
+            changed = ({**values, name: value + k * step * own} for k, _ in DIFFERENCE)
+            parts = [self.lagrangian(self.problem.unchecked(parameters=p)) for p in changed]
+            slopes.append(float(np.dot(parts, [c for _, c in DIFFERENCE]) / step))
+        return slopes if value.ndim else slopes[0]
 
     def coefficient(self, stated: Sequence[str], surface: str) -> float:
         """Derivative by a coefficient of restitution: L is linear in e > 0, or quadratic; the law
@@ -205,7 +209,7 @@ def _ends(nlp: Transcription, x: Array, z: Array, node: int) -> dict[str, float]
         (momentum_name, p, z[p]),
     ]
     if boundary.by_velocity:
-        model, t = lay.problem_at(nlp.problem, x).model, lay.times(x)[node]
+        model, t = lay.problem_at(nlp.problem, x).models[node], lay.times(x)[node]
         slopes = model.momentum_slopes(x[q], model.velocity(x[q], x[p], t), t)
         by_q, by_v = z[p] @ slopes[:, : lay.nq], z[p] @ slopes[:, lay.nq : 2 * lay.nq]
         states = [(str, q, z[q] + by_q), (velocity_name, p, by_v)]

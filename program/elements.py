@@ -69,6 +69,7 @@ class Form:
         for term in self.terms:
             names.append(term.kernel)
             arrays += (*term.arguments, *term.rows, np.asarray(term.factor))
+            arrays += () if term.phase is None else (term.phase,)
         head = repr((names, [a.shape for a in arrays])).encode()
         return hashlib.sha256(b"".join([head, *[a.tobytes() for a in arrays]])).digest()
 
@@ -77,7 +78,7 @@ class Form:
 class Numbers:
     """The numbers of one problem."""
 
-    parameters: Array  # (npar,)
+    parameters: Array  # (npar,), those of one phase after the other where they change
     shares: Array  # of a step, which terms may take as arguments
     constants: Array  # of all rows, (m,)
     coefficients: Array  # of the linear part
@@ -256,9 +257,10 @@ def assembled(structure: Structure, numbers: Numbers) -> Assembled:
 def _arguments(form: Form, term: Term) -> tuple[Index, ...]:
     """Positions of the arguments in the pool, and of the parameters."""
     first, chosen = form.n + form.m + 2, form.parameters != NOWHERE
-    at = np.where(chosen, form.parameters, np.arange(first, first + len(chosen)))
+    phase = np.zeros(1, dtype=np.intp) if term.phase is None else term.phase
+    own = first + phase[:, None] * len(chosen) + np.arange(len(chosen))
     n = len(term.rows[0])
-    arguments = (*term.arguments, at[None])
+    arguments = (*term.arguments, np.where(chosen, form.parameters, own))
     return tuple(
         a if len(a) == n or _consecutive(a[0]) else np.repeat(a, n, axis=0) for a in arguments
     )

@@ -51,7 +51,7 @@ def trajectory(nlp: Transcription, x: Array, whole: bool = True) -> Trajectory:
     joined = enumerate(pairwise(phases))
     collisions = [_collision(nlp, x, i, both, largest) for i, both in joined]
     return motion_along(
-        problem.model,
+        problem.models,
         phases,
         collisions,
         problem.restitution_values,
@@ -69,7 +69,7 @@ def _phase(
     nlp: Transcription, x: Array, i: int, begin: float, momenta: tuple[Array, Array]
 ) -> Phase:
     """A phase that has steps; ``momenta`` are those at the starts and ends of all steps."""
-    lay, model, mode = nlp.layout, nlp.problem.model, nlp.layout.touch.modes[i]
+    lay, model, mode = nlp.layout, nlp.problem.models[i], nlp.layout.touch.modes[i]
     first, last = int(lay.ends[i]), int(lay.ends[i + 1])
     t = begin + x[lay.index_h[i]] * np.arange(last - first + 1)
     q = np.ascontiguousarray(x[lay.index_q[first : last + 1]])
@@ -77,7 +77,7 @@ def _phase(
     p = np.vstack([p_start[first : first + 1], p_end[first:last]])
     p = _as_held(nlp, i, (q, p + _pushed(nlp, x, i, q, t), t))
     v, u = model.velocity(q, p, t), x[lay.index_u]
-    inside = _inside(nlp, t, q, v, x[lay.index_q_i[first:last]])
+    inside = _inside(nlp, i, t, q, v, x[lay.index_q_i[first:last]])
     of_nodes, of_inside = _forces(lay, x, i)
     if nlp.problem.redundant[i]:
         u_k, u_kp1 = (u[rows[first:last]] for rows in (lay.row_u_k, lay.row_u_kp1))
@@ -123,7 +123,7 @@ def _collision(
 def _after_event(nlp: Transcription, x: Array, end: float, u: Array) -> Phase:
     """The phase of one node after the event that ends the motion, whose last inputs are u (1, nu):
     its contacts have no impulses, but forces by its state."""
-    lay, model, mode = nlp.layout, nlp.problem.model, nlp.layout.touch.modes[-1]
+    lay, model, mode = nlp.layout, nlp.problem.models[-1], nlp.layout.touch.modes[-1]
     q, p, t = x[lay.index_q[-1:]], x[lay.index_p_E[None]], np.array([end])
     v = model.velocity(q, p, t)
     y = accelerations_and_forces(model, mode, (q, v, u, t))
@@ -169,8 +169,10 @@ def loose_totals(nlp: Transcription, x: Array) -> Array:
     return np.asarray(off / nlp.scale.totals)
 
 
-def _inside(nlp: Transcription, t: Array, q: Array, v: Array, q_i: Array) -> tuple[Array, Array]:
-    """Coordinates and momenta at the nodes inside the steps of a phase, with q and v at the nodes
+def _inside(
+    nlp: Transcription, i: int, t: Array, q: Array, v: Array, q_i: Array
+) -> tuple[Array, Array]:
+    """Coordinates and momenta at the nodes inside the steps of phase i, with q and v at the nodes
     between them."""
     scheme, h = nlp.layout.scheme, np.diff(t)[:, None]
     flat = np.ascontiguousarray(q_i.reshape(-1, q.shape[1]))
@@ -184,7 +186,7 @@ def _inside(nlp: Transcription, t: Array, q: Array, v: Array, q_i: Array) -> tup
     rates = np.einsum("ia,kaj->kij", slopes, data) / h[:, None]
     rows = np.ascontiguousarray(rates.reshape(flat.shape))
     times = scheme.within(t[:-1], t[1:]).ravel()
-    return flat, nlp.problem.model.momentum(flat, rows, times)
+    return flat, nlp.problem.models[i].momentum(flat, rows, times)
 
 
 def _forces(lay: Layout, x: Array, i: int) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -228,7 +230,7 @@ def _pushed(nlp: Transcription, x: Array, i: int, q: Array, t: Array) -> Array:
 def _as_held(nlp: Transcription, i: int, states: tuple[Array, Array, Array]) -> Array:
     """Momenta of phase i at the states (q, p, t) of its nodes, moved the shortest way, measured by
     the masses, to where what is held has no rates."""
-    model, (q, p, t) = nlp.problem.model, states
+    model, (q, p, t) = nlp.problem.models[i], states
     holding = [r for r in nlp.layout.reactions(i) if r.held]
     if not holding:
         return p
@@ -271,7 +273,7 @@ def _shared_in_impact(
         np.array([[impulses[kind].get(name, 0.0) for name in of]])
         for kind, of in zip(FORCES, names, strict=True)
     ]
-    rubbing, there = problem.model.in_impact_at(*at), (at[0][None], np.array(at[1:]))
+    rubbing, there = problem.models[i].in_impact_at(*at), (at[0][None], np.array(at[1:]))
     same = shared(rubbing, mode, there, Forces(*every))
     return {
         kind: {n: x for n, x in zip(of, row[0].tolist(), strict=True) if n in impulses[kind]}

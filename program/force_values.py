@@ -36,7 +36,7 @@ def _with_liftoffs(problem: Problem, lay: Layout, x: Array) -> Array:
         node, index = lay.collision_nodes[event], lay.liftoff.y_lift_off[event]
         q, v, u = lay.index_q[node], lay.impact.v_a[event], lay.index_u[lay.row_u_kp1[node - 1]]
         state = x[q][None], x[v][None], x[u][None], t[[node]]
-        (y,) = accelerations_and_forces(problem.model, lay.touch.modes[event], state)
+        (y,) = accelerations_and_forces(problem.models[event], lay.touch.modes[event], state)
         there = index != NOWHERE
         x[index[there]] = np.where(np.isfinite(y), y, 0.0)[there]
     return x
@@ -56,7 +56,7 @@ def quantity_inputs(problem: Problem, lay: Layout, x: Array) -> list[Array]:
 
 def _forces(problem: Problem, lay: Layout, x: Array, step: Index, share: Array) -> Array:
     """Accelerations and forces at shares of steps, shape (n, ny); zero where they are none."""
-    t, d, model = lay.place_times(x), lay.scheme.degree, problem.model
+    t, d = lay.place_times(x), lay.scheme.degree
     y = np.zeros((len(step), lay.force.count))
     u = x[lay.index_u]
     first, last = u[lay.row_u_k[step]], u[lay.row_u_kp1[step]]
@@ -71,7 +71,7 @@ def _forces(problem: Problem, lay: Layout, x: Array, step: Index, share: Array) 
         begin = t[d * step[at]]
         now = begin + share[at] * (t[d * (step[at] + 1)] - begin)
         state = _between(now, times, q), _between(now, times, v), inputs[at], now
-        y[at] = accelerations_and_forces(model, mode, state)
+        y[at] = accelerations_and_forces(problem.models[i], mode, state)
     return np.where(np.isfinite(y), y, 0.0)
 
 

@@ -15,7 +15,7 @@ def hidden_values(problem: Problem, lay: Layout, step: Sequence[Array]) -> Array
     """Values of the hidden unknowns in steps (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of shape (total,
     size), shape (total, values in a step)."""
     q_k, q_kp1, u_k, u_kp1, h, t_k, q_i = step
-    scheme, n = lay.scheme, len(q_k)
+    scheme, n, model = lay.scheme, len(q_k), lay.model_of_steps(problem)
     powers, c = np.arange(scheme.degree + 1), scheme.places[:, None]
     shapes = c**powers @ scheme.shapes.T
     slopes = powers * c ** np.maximum(powers - 1, 0) @ scheme.shapes.T
@@ -26,7 +26,7 @@ def hidden_values(problem: Problem, lay: Layout, step: Sequence[Array]) -> Array
     if scheme.points == 1:
         places = [(0, side) for side in ((0.0, 1.0) if lay.form.width else (0.0,))]
     values = [
-        problem.model.hidden(
+        model.hidden(
             q[i], rates[i] / h, u_k + share * (u_kp1 - u_k), (t_k + scheme.places[i] * h)[:, 0]
         )
         for i, share in places

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property, lru_cache
 from itertools import accumulate
 
@@ -13,6 +13,7 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.codegen.manifest import FunctionFacts
+from dmoc.mechanics.model import Model
 from dmoc.problem.derived import once
 from dmoc.problem.design import designed, moves_by_design
 from dmoc.problem.problem import Problem
@@ -96,6 +97,10 @@ class Layout(Unknowns):
         """A problem with the design of the unknowns x, shape (n,)."""
         return designed(problem, x[self.index_design])
 
+    def model_of_steps(self, problem: Problem) -> Model:
+        """The model of a problem with rows of parameters for all steps."""
+        return problem.models.along(self.phase_of_step)
+
     def zeros(self, problem: Problem) -> Array:
         """Unknowns that are zero, but for the design, which is that of a problem; shape (n,)."""
         x = np.zeros(self.size)
@@ -142,6 +147,43 @@ class Layout(Unknowns):
     def phase_of_step(self) -> Index:
         """Phase of each step, shape (total,)."""
         return np.repeat(np.arange(self.phases), self.steps)
+
+    @cached_property
+    def phase_of_unknown(self) -> Index:
+        """The phase that each unknown belongs to, shape (n,): what is at an event, to the one that
+        it ends, what is behind it, to the next one. That of places and times of events, which both
+        have, is i - phases, and -2 phases that of what belongs to none."""
+        phase = np.full(self.size + 1, -2 * self.phases)  # NOWHERE is the last
+        steps, events = self.phase_of_step, np.arange(self.phases - 1)
+        nodes = np.append(steps, self.phases - 1)
+        nodes[self.collision_nodes] = events - self.phases
+        impact, hit, held, at = self.impact, self.hit, self.held, self.stations.phase
+        along = (
+            (self.index_h, np.arange(self.stepped)), (self.index_q, nodes), (self.index_t, nodes),
+            (self.index_w, nodes), (self.index_u, steps[self.step_of_input]),
+            (self.index_q_i, steps), (self.index_s, steps), (self.index_t_i, steps),
+            (self.index_v_B, np.zeros(len(self.index_v_B), np.intp)),
+            (self.index_v_E, np.full(len(self.index_v_E), self.phases - 1)),
+            (self.contact.P, at), (self.contact.T, at), (self.joint.R, at),
+            (self.force.y, steps[self.force.step]),
+            (self.force.y_ends, np.array([0, self.phases - 1])), (impact.v_c, events + 1),
+        )  # fmt: skip
+        at_events = (
+            impact.lam, impact.v_a, self.contact.P_c, self.contact.T_c, self.joint.R_c, hit.v_h,
+            hit.P_h, hit.T_h, held.P_b, held.T_b, held.R_b, self.liftoff.y_lift_off,
+        )  # fmt: skip
+        for index, of_rows in (*along, *((index, events) for index in at_events)):
+            if index.size:
+                phase[index] = of_rows.reshape(-1, *[1] * (index.ndim - 1))
+        return phase[:-1]
+
+    def phase_of_rows(self, arguments: Sequence[Index], count: int) -> Index:
+        """The phase of each of so many rows of a term that depend on some unknowns, shape (count,):
+        what belongs to one says it, at an event the phase that it ends does."""
+        phases, every = self.phases, np.append(self.phase_of_unknown, -2 * self.phases)
+        rows = [every[np.minimum(a, self.size)].max(axis=1) for a in arguments if a.shape[1]]
+        latest = np.max([np.broadcast_to(row, count) for row in rows], axis=0)
+        return np.where(latest < -phases, 0, np.where(latest < 0, latest + phases, latest))
 
     @cached_property
     def ends(self) -> Index:

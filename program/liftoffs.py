@@ -57,7 +57,7 @@ def liftoffs_of(problem: Problem) -> tuple[Liftoff, ...]:
 def _say_when(problem: Problem, phase: int) -> Bools:
     """Surfaces whose normal forces in a phase change with no input, shape (nc,); not those that
     never press."""
-    model, mode, latest = problem.model, problem.touch.modes[phase], latest_time(problem)
+    model, mode, latest = problem.models[phase], problem.touch.modes[phase], latest_time(problem)
     reach, count = problem.reach, model.nu + 1
     closed = conditions_of(model, Mode(mode.closed))
     held = places_held(model, closed, problem.start_position, reach, latest)

@@ -17,6 +17,7 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.records import record
 from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Model
 from dmoc.mechanics.redundancy import redundancy
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.design import samples
@@ -197,7 +198,8 @@ def _states(problem: Problem, lay: Layout, limits: tuple[Array, Array], i: int) 
     at_end = (lay.index_p_B, lay.index_v_B) if first else (lay.index_p_E, lay.index_v_E)
     p, v = at_end if first or last else (NO_INDEX, NO_INDEX)
     if len(p) and (limits[0][p] == limits[1][p]).all():
-        return States(q, problem.model.velocity(q, np.tile(limits[0][p], (SAMPLES, 1)), t), t)
+        model = problem.models[0 if first else -1]
+        return States(q, model.velocity(q, np.tile(limits[0][p], (SAMPLES, 1)), t), t)
     fast = problem.reach / late
     return States(q, drawn(v, 0.0, fast) if len(v) else fast * rng.standard_normal(q.shape), t)
 
@@ -224,12 +226,12 @@ def _gaps_returned(
 
 def _returned(problem: Problem, start: States, end: States) -> States:
     """The states at the start that end as ``end``; what is not periodic is that of ``start``."""
-    model, names = problem.model, problem.kernels.coordinates
+    model, names = problem.models[0], problem.kernels.coordinates
     quantities = problem.kernels.quantities
     fixed = [r for r in problem.relations if r.fixed and not {r.end, *r.starts} & {*quantities}]
     if not fixed:
         return start
-    begun, ended = _by_name(problem, start), _by_name(problem, end)
+    begun, ended = _by_name(model, start), _by_name(problem.models[-1], end)
     of = list(dict.fromkeys(name for r in fixed for name in r.starts))
     factors = np.array([[dict(r.terms).get(name, 0.0) for name in of] for r in fixed])
     wanted = np.transpose([ended[r.end] - r.low for r in fixed])
@@ -247,9 +249,9 @@ def _returned(problem: Problem, start: States, end: States) -> States:
     return States(q, v, start.t)
 
 
-def _by_name(problem: Problem, at: States) -> dict[str, Array]:
+def _by_name(model: Model, at: States) -> dict[str, Array]:
     """Samples of all states by name, shape (samples,) each."""
-    names, momenta = problem.kernels.coordinates, problem.model.momentum(at.q, at.v, at.t)
+    names, momenta = model.kernels.coordinates, model.momentum(at.q, at.v, at.t)
     values: dict[str, Array] = {}
     for naming, columns in ((str, at.q), (velocity_name, at.v), (momentum_name, momenta)):
         values |= dict(zip(map(naming, names), columns.T, strict=True))

@@ -15,6 +15,7 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import BALANCED, ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
+from dmoc.program.blocks import Index
 from dmoc.program.force_unknowns import sizes as pushing
 from dmoc.program.force_values import quantity_inputs
 from dmoc.program.hidden_values import lifted
@@ -80,7 +81,8 @@ def _reached(problem: Problem, lay: Layout, x: Array) -> Reached:
 
 
 def _measured(problem: Problem, lay: Layout, x: Array) -> Reached:
-    model, h, step = problem.model, x[lay.index_h], lay.step_inputs(x)
+    models, h, step = problem.models, x[lay.index_h], lay.step_inputs(x)
+    model = lay.model_of_steps(problem)
     q, t = x[lay.index_q], lay.times(x)
     rates = (q[1:] - q[:-1]) / h[lay.phase_of_step][:, None]
     middle, now = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
@@ -89,7 +91,8 @@ def _measured(problem: Problem, lay: Layout, x: Array) -> Reached:
     places = (
         slopes(q, t)
         for slopes in (
-            model.gap_slopes, model.tangent_slopes, model.joint_slopes, model.within_slopes
+            models[0].gap_slopes, models[0].tangent_slopes, models[0].joint_slopes,
+            models[0].within_slopes,
         )
     )  # fmt: skip
     gap, tangent, joint, within = (np.abs(_finite(slopes, 0.0)).max(axis=0) for slopes in places)
@@ -113,7 +116,7 @@ def _measured(problem: Problem, lay: Layout, x: Array) -> Reached:
         cost_of(problem, lay, x),
         np.abs(model.step_cost_slopes(step)),
         np.abs(model.step_cost_curvatures(step)),
-        np.abs(model.terminal_cost_slopes(*end_of(lay, x, -1))),
+        np.abs(models[-1].terminal_cost_slopes(*end_of(lay, x, -1))),
     )
 
 
@@ -186,7 +189,7 @@ def _totals(
     """Sizes of the totals: of what bounds them, or of what all steps add to them without their
     signs, with the hits of the motion x, in it and in one whose velocities and inputs are of their
     sizes."""
-    model = problem.model
+    model = lay.model_of_steps(problem)
     both = (lifted(problem, lay, step) for step in steps)
     parts = [np.abs(_finite(model.integrals(s), 0.0)).sum(axis=0) for s in both]
     hits = np.abs(_finite(of_hits(problem, lay, x), 0.0)).sum(axis=0)
@@ -269,8 +272,9 @@ def _hidden(
     v, u = (q[1:] - q[:-1]) / h[lay.phase_of_step][:, None], x[lay.index_u[lay.row_u_k]]
     q, t = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
     size_q, size_v, time, size_u = sizes
-    values = _finite(np.abs(problem.model.hidden(q, v, u, t)), 0.0).max(axis=0)
-    slopes = np.abs(_finite(problem.model.hidden_slopes(q, v, u, t), 0.0)).max(axis=0)
+    model = lay.model_of_steps(problem)
+    values = _finite(np.abs(model.hidden(q, v, u, t)), 0.0).max(axis=0)
+    slopes = np.abs(_finite(model.hidden_slopes(q, v, u, t), 0.0)).max(axis=0)
     size = np.maximum(values, slopes @ np.concatenate([size_q, size_v, size_u, [time]]))
     return np.where(size > 0, size, 1.0)
 
@@ -296,12 +300,13 @@ def end_of(lay: Layout, x: Array, node: int) -> tuple[Array, Array, Array]:
 def cost_of(problem: Problem, lay: Layout, x: Array) -> float:
     """The cost of unknowns x, shape (n,), with the objective."""
     chosen = lay.problem_at(problem, x)
-    model, step = chosen.model, lifted(chosen, lay, lay.step_inputs(x))
+    models, step = chosen.models, lifted(chosen, lay, lay.step_inputs(x))
+    model = lay.model_of_steps(chosen)
     start, end = end_of(lay, x, 0), end_of(lay, x, -1)
     shared = totals_at(chosen, lay, x), peaks_at(problem, lay, x)
     value = model.step_costs(step[:7]).sum() + model.lifted_costs(step).sum()
-    value += model.terminal_cost(*end)
-    return float(value + model.objective(*shared, start[:2], end[:2]))
+    value += models[-1].terminal_cost(*end)
+    return float(value + models[0].objective(*shared, start[:2], end[:2]))
 
 
 def _cost(
@@ -314,7 +319,8 @@ def _cost(
     bend = (reached.cost_curvatures * local**2).sum() / 2
     if problem.model.ns:
         every, step = np.hstack([local, sizes[lay.hidden_of_kernels]]), lay.step_inputs(x)
-        slopes = problem.model.lifted_cost_slopes(lifted(problem, lay, step))
+        model = lay.model_of_steps(problem)
+        slopes = model.lifted_cost_slopes(lifted(problem, lay, step))
         slope += np.abs(slopes * every).sum()
     around = np.concatenate([sizes[lay.index_q[-1]], speeds, [reached.time]])
     slope += (reached.end_slopes * around).sum()
@@ -337,13 +343,14 @@ def _path(problem: Problem, steps: tuple[list[Array], ...], local: Array, kind: 
     count = len(kernels.quantities if kind == "quantity" else kernels.manifest.path_rows)
     if not count:
         return np.ones(0)
-    changes = _finite(np.abs(problem.model.path_slopes(steps[0], kind) * local[:, None]), 0.0)
+    model = Layout.of(problem).model_of_steps(problem)
+    changes = _finite(np.abs(model.path_slopes(steps[0], kind) * local[:, None]), 0.0)
     size = changes.max(axis=(0, 2)).reshape(-1, count).max(axis=0)
     if kind == "path":
         at_limits = _at_limits(problem, steps[0], local, count)
         size = np.where(at_limits > 0, at_limits, size)
     for step in steps:
-        at = _finite(np.abs(problem.model.path(step, kind)), 0.0).max(axis=0)
+        at = _finite(np.abs(model.path(step, kind)), 0.0).max(axis=0)
         size = np.where(size > 0, size, at.reshape(-1, count).max(axis=0))
     return np.where(size > 0, size, 1.0)
 
@@ -352,13 +359,14 @@ def _at_limits(problem: Problem, step: list[Array], local: Array, count: int) ->
     """The largest changes of path constraints (count,) by unknowns of their sizes where each is
     met, near the step that is closest to there; zero where that is farther away than these sizes.
     A violation divided by them is a distance."""
-    model, rows = problem.model, np.arange(count)
+    phases, rows = Layout.of(problem).phase_of_step, np.arange(count)
 
-    def looked_at(step: list[Array], local: Array) -> tuple[Array, Array]:
+    def looked_at(phases: Index, step: list[Array], local: Array) -> tuple[Array, Array]:
         """Values and changes of all constraints at their places."""
+        model = problem.models.along(phases)
         return model.path(step), model.path_slopes(step) * local[:, None]
 
-    values, changes = looked_at(step, local)
+    values, changes = looked_at(phases, step, local)
     far = np.abs(values) / np.sqrt((changes * changes).sum(axis=2))
     far = _finite(far, np.inf).reshape(-1, count)
     places = values.shape[1] // count
@@ -368,7 +376,7 @@ def _at_limits(problem: Problem, step: list[Array], local: Array, count: int) ->
     ends = np.cumsum([part.shape[1] for part in step])[:-1]
     for _ in range(NEWTON):
         state = np.split(begin + moved * size, ends, axis=1)
-        values, changes = looked_at(state, size)
+        values, changes = looked_at(phases[nearest], state, size)
         value, change = values[rows, column], changes[rows, column]
         moved = moved - (value / (change * change).sum(axis=1))[:, None] * change
     most = np.abs(change).max(axis=1)

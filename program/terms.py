@@ -39,12 +39,22 @@ class Term:
         for none.
     factor : float or array of shape (n, 1)
         In a form, where it stands among the factors of all (:func:`apart`).
+    phase : array of int, shape (n,) or (1,)
+        The phase whose parameters each row takes; without any it follows from the arguments
+        (:meth:`~dmoc.program.layout.Layout.phase_of_rows`) where parameters change.
     """
 
     kernel: str
     arguments: tuple[Index, ...]
     rows: tuple[Index, ...]
     factor: Array | Index | float = 1.0
+    phase: Index | None = None
+
+    def in_phases(self, lay: Layout) -> Term:
+        """The same term with its phases."""
+        if self.phase is not None:
+            return self
+        return replace(self, phase=lay.phase_of_rows(self.arguments, len(self.rows[0])))
 
     @property
     def enters(self) -> bool:
@@ -55,12 +65,20 @@ class Term:
 @record(frozen=True, eq=False)
 class Places:
     """Positions of arguments in the pool; ``zero`` is that of a zero, ``nc`` the number of
-    surfaces, ``constants`` the position of the first of the shares of a step."""
+    surfaces, ``constants`` the position of the first of the shares of a step, and ``change`` says
+    that parameters have a value for each phase."""
 
     lay: Layout
     zero: int
     nc: int
     constants: int
+    change: bool
+
+    @property
+    def of_events(self) -> Index | None:
+        """The phases whose parameters events have, those that they end, shape (events,); None where
+        all phases have the same."""
+        return np.arange(self.lay.phases - 1) if self.change else None
 
     def number(self, shares: Array) -> Index:
         """Positions in the pool of numbers of any shape (...) that are among those of

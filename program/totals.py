@@ -40,14 +40,15 @@ def totals_at(problem: Problem, lay: Layout, x: Array) -> Array:
     model = problem.model
     if not model.totals_of:
         return np.zeros(0)
-    totals = model.totals(lifted(problem, lay, lay.step_inputs(x)))
+    along = lay.model_of_steps(problem)
+    totals = along.totals(lifted(problem, lay, lay.step_inputs(x)))
     np.add.at(totals, model.hit_sums[:, 0], of_hits(problem, lay, x).sum(axis=0))
     return totals
 
 
 def peaks_at(problem: Problem, lay: Layout, x: Array) -> Array:
     """The peaks of quantities of unknowns x, those of hits last, shape (peaks,)."""
-    model = lay.problem_at(problem, x).model
+    model = lay.model_of_steps(lay.problem_at(problem, x))
     along = model.peaks(quantity_inputs(problem, lay, x))
     return np.append(along, model.hit_peaks(*hit_quantities(problem, lay, x)))
 
@@ -57,14 +58,14 @@ def of_hits(problem: Problem, lay: Layout, x: Array) -> Array:
     terms, events = len(problem.model.hit_sums), len(lay.collision_nodes)
     if not (terms and events):
         return np.zeros((events, terms))
-    values = problem.model.hit_terms(*_at_events(lay, x))
+    values = problem.models.along(np.arange(events)).hit_terms(*_at_events(lay, x))
     return np.where(counted(problem, lay), values, 0.0)
 
 
 def hit_quantities(problem: Problem, lay: Layout, x: Array) -> tuple[Array, Bools]:
     """The quantities of hits at the events, and which of them have some, shape (events, number)
     each."""
-    model = lay.problem_at(problem, x).model
+    model = lay.problem_at(problem, x).models.along(np.arange(len(lay.touch.events)))
     there = model.hits_of_quantities(surfaces_hit(lay.touch))
     if not there.size:
         return np.zeros(there.shape), there

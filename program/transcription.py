@@ -118,7 +118,7 @@ class Transcription(Evaluator):
             for row, constant in law.constants():
                 constants[row] = constant
         return Numbers(
-            self.par[0], shares_of(self.layout.scheme), constants, *self._parts[1], self.lower,
+            self.par.ravel(), shares_of(self.layout.scheme), constants, *self._parts[1], self.lower,
             self.upper, self.sizes, self.row_sizes[:m], self.scale.cost,
         )  # fmt: skip
 
@@ -145,10 +145,17 @@ class Transcription(Evaluator):
         entries = chain.from_iterable(law.entries(laws) for law in laws)
         *at, coefficients = (np.concatenate(part) for part in zip(*entries, strict=True))
         places = Places(
-            self.layout, self.n + m + 1, len(kernels.surfaces), self.n + m + 2 + self.par.shape[1]
+            self.layout,
+            self.n + m + 1,
+            len(kernels.surfaces),
+            self.n + m + 2 + self.par.size,
+            self.problem.models.change,
         )
         terms = chain.from_iterable(law.terms(places, laws) for law in laws)
-        entering, factors = apart([t for t in terms if kernels.has(t.kernel) and t.enters])
+        entering = [t for t in terms if kernels.has(t.kernel) and t.enters]
+        if self.problem.models.change:
+            entering = [term.in_phases(self.layout) for term in entering]
+        entering, factors = apart(entering)
         unknowns = dict(zip(self.problem.design, self.layout.index_design.tolist(), strict=True))
         chosen = np.array([unknowns.get(name, NOWHERE) for name in kernels.parameters], np.intp)
         blocks = chain(self.layout.unknowns, laws.equalities, laws.inequalities)
@@ -199,7 +206,7 @@ class Transcription(Evaluator):
         """Return p at the start and at the end of every step in units of the problem, shape
         (total, nq) each."""
         y = self.physical(x)
-        model = self.layout.problem_at(self.problem, y).model
+        model = self.layout.model_of_steps(self.layout.problem_at(self.problem, y))
         return model.step_momenta(self.layout.step_inputs(y))
 
     def relaxed_by(self, eps: float) -> Self:

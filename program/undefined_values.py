@@ -18,7 +18,9 @@ def singular_at(nlp: Transcription, x: Array) -> float | None:
     nlp, y = nlp.designed(x), nlp.physical(x)
     q, t = y[nlp.layout.index_q], nlp.layout.times(y)
     root = 1 / np.sqrt(np.abs(nlp.problem.inertia))
-    scaled = nlp.problem.model.mass(q, t) * root[:, None] * root
+    phases = np.append(nlp.layout.phase_of_step, nlp.layout.phases - 1)
+    mass = nlp.problem.models.along(phases).mass(q, t)
+    scaled = mass * root[:, None] * root
     good = np.array(np.isfinite(scaled).all(axis=(1, 2)))
     good[good] = np.linalg.eigvalsh(scaled[good])[:, 0] > SINGULAR
     return None if good.all() else float(t[int(np.argmin(good))])

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dmoc.base.arguments import is_row
 from dmoc.base.discretisation import DISCRETISATIONS, FORMS, ORDERS
 from dmoc.base.tolerances import SAME
 from dmoc.check.verdict import Verification
@@ -69,6 +70,9 @@ def _wrong_motion(motion: Trajectory) -> str | None:
         for inside in (phase.q_inside, phase.p_inside):
             if inside.size and inside.shape != nodes:
                 return f"phase {i} has {len(inside)} nodes inside {phase.steps} steps"
+    for name, value in motion.parameters.items():
+        if is_row(value) and len(value) != len(motion.phases):
+            return f"parameter {name} has {len(value)} values for {len(motion.phases)} phases"
     if motion.scene is not None and len(motion.scene.times) != len(motion.phases):
         return f"the motion has {len(motion.phases)} phases, its scene {len(motion.scene.times)}"
     return _wrong_joints(motion)
@@ -212,7 +216,7 @@ TRAJECTORY = Record(
         "fingerprint": Text(),
         "coordinates": Listed(Name(), "nq"),
         "inputs": Listed(Name(), "nu"),
-        "parameters": Mapped(Number(), names=Name()),
+        "parameters": Mapped(Either(Listed(Number()), Number()), names=Name()),
         "phases": Listed(PHASE),
         "collisions": Listed(COLLISION),
         "controls": Choice(tuple(FORMS)),

@@ -10,6 +10,7 @@ from dmoc.base.deadline import Deadline
 from dmoc.base.errors import DmocError, ModelError, SimulationError, SolutionFileError
 from dmoc.check.checked_motion import Motion
 from dmoc.codegen.kernels import Kernels
+from dmoc.mechanics.phase_models import check_one_for_all
 from dmoc.motion.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -64,7 +65,9 @@ def linearised(solution: Solution, kernels: Kernels | None, what: str) -> Motion
             f"the status of the solution is {str(solution.status)!r}: {what} is that of a motion; "
             "solve until the solver converges."
         )
-    return Motion.of(solution.trajectory, kernels, Deadline.after(None))
+    motion = Motion.of(solution.trajectory, kernels, Deadline.after(None))
+    check_one_for_all(motion.models, f"{what} is that of a motion of one model", SimulationError)
+    return motion
 
 
 def check_names(motion: Trajectory, kernels: Kernels) -> None:

@@ -18,6 +18,7 @@ from dmoc.base.errors import ModelError, OutputError, SimulationError
 from dmoc.base.html import page, picture, section
 from dmoc.base.table import Cell, Table, html_of, plain
 from dmoc.base.tolerances import ROUNDING
+from dmoc.mechanics.model_values import parameter_in_words
 from dmoc.motion.trajectory import Array, Trajectory, impulses_in_words
 from dmoc.report.canvas import new_figure
 from dmoc.report.rounding import without_rounding
@@ -89,7 +90,8 @@ def _stated(motion: Trajectory) -> Iterator[tuple[Cell, ...]]:
     q, v = (_clean(np.vstack([getattr(p, name) for p in motion.phases])) for name in "qv")
     yield "start", _state(motion, q[0], v[0])
     yield "end", _state(motion, q[-1], v[-1])
-    yield "parameters", ", ".join(f"{name} = {x:g}" for name, x in motion.parameters.items())
+    values = (f"{n} = {parameter_in_words(x)}" for n, x in motion.parameters.items())
+    yield "parameters", ", ".join(values)
     bounds = [
         *zip(motion.inputs, motion.input_bounds, strict=True),
         *zip(motion.coordinates, motion.coordinate_bounds, strict=True),

@@ -12,6 +12,7 @@ from dmoc.base.arguments import shown
 from dmoc.base.errors import ProblemError, SearchError
 from dmoc.base.options import read
 from dmoc.mechanics.contacts import Contacts
+from dmoc.mechanics.phase_models import check_one_for_all
 from dmoc.mechanics.possible_words import possible_after, words_after
 from dmoc.mechanics.sequence_words import event_of, mode_of, word_between
 from dmoc.problem.problem import Problem
@@ -158,6 +159,8 @@ def settings_of(problem: Problem, keywords: Mapping[str, Any]) -> Settings:
 
 def _check_problem(problem: Problem, s: Settings) -> None:
     """The deepest sequences must be problems too, and ones that the method can solve."""
+    why = "sequences differ in the number of their phases"
+    check_one_for_all(problem.models, why, SearchError)
     method = METHODS[s.method]
     method.require(problem.kernels.backend, SearchError)
     if not isinstance(problem.steps, int):

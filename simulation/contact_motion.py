@@ -11,14 +11,13 @@ code (:meth:`dmoc.simulation.integrator.Integrator.stay`).
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
-from dataclasses import astuple, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.base.errors import SimulationError
-from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode, names_of
 from dmoc.mechanics.model import Model
@@ -29,7 +28,7 @@ from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.grips import Grasp, closed_by
 from dmoc.simulation.impact_orders import Undecided
 from dmoc.simulation.mode_choice import BEHIND, Hints, Place, Setting, check_driven, mode_at, there
-from dmoc.simulation.mode_flow import PLACES, ModeFlow
+from dmoc.simulation.mode_flow import ModeFlow
 from dmoc.simulation.motion_record import ContactState, ModeChange, MotionRecord
 from dmoc.simulation.tolerances import Magnitudes, magnitudes_at, tolerances
 
@@ -38,43 +37,6 @@ MOST_OFTEN = 10  # hits of a step in the long run, beyond which steps resolve no
 MOMENT = 1e-4  # of a step: flights of bounces that do not die away are longer
 MOST_SHOWN = 3  # of the events that come to no end
 SHORTEST = 1e-13  # share of a step that is not gone any more
-# Steps that are gone in compiled code between two looks for Ctrl-C.
-AT_ONCE = 256
-
-
-def nodes(
-    setting: Setting, y: Array, u: Array, first: int, journal: MotionRecord,
-    grasps: Sequence[Grasp] = (),
-) -> Iterator[ContactState]:  # fmt: skip
-    """States at the end of the steps from ``first`` on, each with its inputs u (steps, nu)."""
-    largest, k, ahead = Magnitudes(), first, deque(grasps)
-    while k < len(u):
-        t, end = k * setting.h, (k + 1) * setting.h
-        largest = magnitudes_at(setting.model, y, u[k], t, setting.h, largest)
-        setting, y, mode = through_grasps(setting, y, u[k], (t, end), (largest, journal), ahead)
-        journal.last, k = node(setting, mode, y, u[k], end), k + 1
-        yield journal.last
-        count = quiet_steps(setting, ahead, k, AT_ONCE)
-        inputs, so_far = np.ascontiguousarray(u[k : k + count]), np.array(astuple(largest))
-        y = y.copy()
-        rows = setting.integrator.stay(mode, y, inputs, setting.h, k, PLACES, so_far)
-        largest = Magnitudes(*map(float, so_far))
-        for state, normal, tangential in zip(*rows, strict=True):
-            k += 1
-            journal.last = ContactState(k * setting.h, state, normal, tangential)
-            yield journal.last
-        rests = not len(rows[0]) and _rests(setting, mode, journal.last, u[k - 1], largest)
-        while rests and not ahead and k < len(u) and (u[k] == u[k - 1]).all():
-            k += 1
-            journal.last = replace(journal.last, t=k * setting.h)
-            yield journal.last
-
-
-def quiet_steps(setting: Setting, ahead: Sequence[Grasp], k: int, most: int) -> int:
-    """How many steps from step k on, at most ``most``, end before the next grasp."""
-    if not ahead:
-        return most
-    return min(most, max(0, int(ahead[0].ready / setting.h * (1 + ROUNDING)) - k))
 
 
 def through_grasps(
@@ -138,19 +100,6 @@ def _grasped(
         lands[0], t, q, of.get(lands[0], 0.0), before, after, lands=lands,
         leaves=model.contacts.named(grasp.opens), impulses=of, grips=dict(model.contacts.grips),
     )  # fmt: skip
-
-
-def _rests(setting: Setting, mode: Mode, at: ContactState, u: Array, largest: Magnitudes) -> bool:
-    """Whether a state goes on for ever under its inputs: nothing moves or is accelerated, and
-    nothing depends on the time."""
-    model, nq = setting.model, setting.model.nq
-    if model.kernels.manifest.explicit_time:
-        return False
-    times, mass = np.array([at.t]), np.sqrt(np.diagonal(model.mass(at.y[:nq], at.t)))
-    acceleration = setting.integrator.reaction(mode, at.y[None], u[None], times).acceleration[0]
-    moved = np.abs(mass * at.y[nq : 2 * nq]), np.abs(mass * acceleration)
-    most = largest.velocity, largest.acceleration
-    return all(bool((m <= ROUNDING * size).all()) for m, size in zip(moved, most, strict=True))
 
 
 def node(setting: Setting, mode: Mode, y: Array, u: Array, t: float) -> ContactState:

@@ -17,14 +17,21 @@ from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.coefficients import check_coefficients
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.model_values import by_name, parameter_row, restitution_row
+from dmoc.mechanics.model_values import (
+    ParameterValue,
+    by_name,
+    parameter_rows,
+    restitution_row,
+)
+from dmoc.mechanics.phase_models import PhaseModels, check_geometry
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_modes import names_without_effect
-from dmoc.simulation.contact_motion import node, nodes, on_surfaces, start
+from dmoc.simulation.contact_motion import node, on_surfaces, start
+from dmoc.simulation.given_inputs import nodes
 from dmoc.simulation.grips import Grasp, grasps_of
 from dmoc.simulation.impact_orders import Undecided, notes_of, undecided_of
 from dmoc.simulation.mode_choice import Setting
-from dmoc.simulation.motion_record import ContactState, ModeChange, MotionRecord, Stretch
+from dmoc.simulation.motion_record import ContactState, ModeChange, MotionRecord, Stretch, phases_at
 from dmoc.simulation.simultaneous_impacts import Lasting
 from dmoc.simulation.steered import Control, steered
 from dmoc.simulation.stepper import Stepper
@@ -61,9 +68,19 @@ class Run:
     notes: tuple[str, ...]
     # Impacts and changes of the mode, where contacts last or something rubs.
     marks: tuple[ModeChange, ...]
-    model: Model
+    models: PhaseModels
+    changes: Array  # times of events behind which parameters are others
     restitution: Array
     step_size: float
+
+    @property
+    def model(self) -> Model:
+        """The model at the start; what does not change by phase is that of all phases."""
+        return self.models[0]
+
+    def model_of(self, t: float, after: bool) -> Model:
+        """The model before or after what happens at a time."""
+        return self.models[min(int(phases_at(self.changes, t, after)), len(self.models.par) - 1)]
 
 
 def simulate(
@@ -74,7 +91,7 @@ def simulate(
     step_size: float | None,
     steps: int | None,
     inputs: ArrayLike | Callable[[float], ArrayLike] | None = None,
-    parameters: Mapping[str, float] | None = None,
+    parameters: Mapping[str, ParameterValue] | None = None,
     restitution: float | Mapping[str, float] | None = None,
     grips: Mapping[str, Any] | Sequence[Grasp] | None = None,
     every: int = 1,
@@ -96,9 +113,10 @@ def simulate(
     if not h * steps < np.inf:
         raise SimulationError(f"step_size = {h:g}: {SECONDS}.")
     _check_room(steps, every, nq, len(kernels.surfaces) + len(kernels.tangents))
-    model = Model(
-        kernels, parameter_row(kernels, {} if parameters is None else parameters, SimulationError)
-    )
+    stated = {} if parameters is None else parameters
+    models = PhaseModels(kernels, parameter_rows(kernels, stated, None, SimulationError))
+    check_geometry(models, SimulationError)
+    model = models[0]
     names = kernels.coordinates
     q = vector(position, names, "position")
     rates = [velocity_name(name) for name in names]
@@ -106,31 +124,32 @@ def simulate(
     u = _inputs(inputs, h, steps, nu) if control is None else np.zeros((steps, nu))
     e = restitution_row(kernels, restitution, SimulationError)
     check_coefficients(model, SimulationError)
-    run = _SimulationTask(model, u, h, every, control, grasps_of(model, grips))
+    run = _SimulationTask(models, u, h, every, control, grasps_of(model, grips))
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
         _check_start(model, q, v, u[0])
         held = model.has_friction.any() or model.rubs_in_hits or model.nj or model.ends
-        if control or held or model.contacts.grips:
+        if control or held or model.contacts.grips or models.change:
             states = run.recorded(q, model.momentum(q, v))
             journal = _through_contacts(run, e, q, v, 0, states)
         else:
             states, journal = _from_impact_to_impact(run, e, q, model.momentum(q, v))
-        velocities = model.velocity(states.q, states.p, states.t)
+        there = journal.model_at(models, states.t)
+        velocities = there.velocity(states.q, states.p, states.t)
         if not np.isfinite(velocities).all():
             raise SimulationError(
                 "the mass matrix is singular where the motion ends: check the parameters, and stop "
                 "before it."
             )
-        energy = model.energy(states.q, velocities, states.t)
+        energy = there.energy(states.q, velocities, states.t)
     journal.note(model, None, h * steps)
     return Run(
         states.t, states.q, velocities, states.p, energy, u,
-        tuple(_with_rates(model, journal.collisions)),
+        tuple(_with_rates(models, journal)),
         tuple(s for s in journal.stretches if s.friction is None),
         tuple(s for s in journal.stretches if s.friction is not None),
         states.normal, states.tangential,
         (*_notes(model, journal.marks), *notes_of(model, journal.undecided)),
-        tuple(journal.marks), model, e, h,
+        tuple(journal.marks), models, np.array(journal.changes), e, h,
     )  # fmt: skip
 
 
@@ -172,16 +191,21 @@ class _Recorded:
 
 @record(frozen=True, eq=False)
 class _SimulationTask:
-    """A model, inputs of all steps (steps, nu), the size of a step, how many go by between
-    recorded nodes, what decides on the inputs on the way, if something does, and when grips close
-    and let go."""
+    """The model of each phase, inputs of all steps (steps, nu), the size of a step, how many go by
+    between recorded nodes, what decides on the inputs on the way, if something does, and when grips
+    close and let go."""
 
-    model: Model
+    models: PhaseModels
     u: Array
     h: float
     every: int
     control: Control | None = None
     grasps: tuple[Grasp, ...] = ()
+
+    @property
+    def model(self) -> Model:
+        """The model at the start."""
+        return self.models[0]
 
     def recorded(self, q: Array, p: Array) -> _Recorded:
         """Arrays for the nodes, of which the first one has the position q and the momenta p, shape
@@ -249,10 +273,12 @@ def _undecided(model: Model, stepper: Stepper, steps: int) -> Iterator[Undecided
             yield undecided_of(model, (q, model.velocity(q, p, t), t), impacts)
 
 
-def _with_rates(model: Model, collisions: list[Collision]) -> Iterator[Collision]:
+def _with_rates(models: PhaseModels, journal: MotionRecord) -> Iterator[Collision]:
     """The collisions with the rates of their gaps on both sides."""
+    collisions = journal.collisions
     if not collisions:
         return
+    model = journal.model_at(models, np.array([c.time for c in collisions]), after=False)
     q, t = np.array([c.position for c in collisions]), np.array([c.time for c in collisions])
     sides = [c.momentum_before for c in collisions], [c.momentum_after for c in collisions]
     before, after = (model.gap_rates(q, model.velocity(q, np.array(p), t), t) for p in sides)
@@ -265,7 +291,7 @@ def _through_contacts(
     run: _SimulationTask, e: Array, q: Array, v: Array, first: int, states: _Recorded
 ) -> MotionRecord:
     """The motion from the step ``first`` on by the continuous equations of its modes."""
-    setting, journal = Setting(run.model, e, run.h), MotionRecord()
+    setting, journal = Setting(run.model, e, run.h, run.models.different[1:]), MotionRecord()
     t = first * run.h
     y = on_surfaces(setting, np.concatenate([q, v]), t, ROUNDING)
     journal.last = ContactState(t, y, np.zeros(run.model.nc), np.zeros(run.model.nt))
@@ -276,7 +302,8 @@ def _through_contacts(
     )
     for k, at in enumerate(ways, start=first + 1):
         if k % run.every == 0:
-            states.put(k // run.every, run.model, at)
+            times = np.array([at.t])
+            states.put(k // run.every, journal.model_at(run.models, times), at)
     if first % run.every == 0:
         mode = start(setting, y, run.u[first], t)
         states.put(first // run.every, run.model, node(setting, mode, y, run.u[first], t))

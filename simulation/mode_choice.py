@@ -42,11 +42,20 @@ SMOOTH = 3  # a contact that is closed without friction
 
 @record(frozen=True, eq=False)
 class Setting:
-    """The setting of a simulation: model, coefficients of restitution (nc,), step size."""
+    """The setting of a simulation: model, coefficients of restitution (nc,), step size, the models
+    of the phases to come where parameters change, and since when they are what they are."""
 
     model: Model
     restitution: Array
     h: float
+    later: tuple[Model, ...] = ()
+    since: float = 0.0
+
+    def following(self, time: float) -> Setting:
+        """The setting of the next phase, which begins at a time."""
+        model, *later = self.later
+        model = model.gripping(self.model.gripped)
+        return replace(self, model=model, later=tuple(later), since=time)
 
     @cached_property
     def integrator(self) -> Integrator:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.contact_mode import FREE, Mode, names_of
 from dmoc.mechanics.model import Model
+from dmoc.mechanics.phase_models import PhaseModels
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.impact_orders import Undecided
 
@@ -35,26 +41,49 @@ class ContactState:
 
 @dataclass(frozen=True)
 class ModeChange:
-    """A moment with impacts or another mode after it: the states on both sides, with the forces
-    there, and the mode that begins."""
+    """A moment with impacts or another mode after it, or at which a switch ends a phase: the states
+    on both sides, with the forces there, the mode that begins, and the switch."""
 
     before: ContactState
     after: ContactState
     mode: Mode
+    switch: str = ""
 
 
 @dataclass(eq=False)
 class MotionRecord:
     """What happens on the way: collisions, moments between two modes, those at which the order of
-    impacts decides, and the stretches of contact and friction, of which some go on; ``last`` is the
-    state that was reached."""
+    impacts decides, the stretches of contact and friction, of which some go on, and the times of
+    events behind which parameters are others; ``last`` is the state that was reached."""
 
     collisions: list[Collision] = field(default_factory=list)
     stretches: list[Stretch] = field(default_factory=list)
     going: dict[tuple[str, int | None], float] = field(default_factory=dict)
     marks: list[ModeChange] = field(default_factory=list)
     undecided: list[Undecided] = field(default_factory=list)
+    changes: list[float] = field(default_factory=list)
     last: ContactState | None = None
+
+    def copied(self) -> MotionRecord:
+        """A record that begins as this one, and goes on by itself."""
+        own = {name: copy(value) for name, value in vars(self).items()}
+        return MotionRecord(**own)
+
+    def enter(
+        self, event: tuple[float, str], before: ContactState, after: ContactState, mode: Mode
+    ) -> None:
+        """A phase begins behind an event, by its time and its switch, with other parameters: the
+        states before and after the change, and the mode."""
+        time, switch = event
+        self.changes.append(time)
+        self.last = after
+        if switch:
+            self.marks.append(ModeChange(before, after, mode, switch))
+
+    def model_at(self, models: PhaseModels, t: Array, after: bool = True) -> Model:
+        """The model with rows of parameters at times (n,), before or after what happens there."""
+        phases = phases_at(np.array(self.changes), t, after)
+        return models.along(np.minimum(phases, len(models.par) - 1))
 
     def note(self, model: Model, mode: Mode | None, t: float) -> bool:
         """A mode begins, or, without one, the simulation ends; return whether it is another
@@ -70,3 +99,8 @@ class MotionRecord:
         for key in now:
             self.going.setdefault(key, t)
         return changed
+
+
+def phases_at(changes: Array, t: ArrayLike, after: bool) -> Index:
+    """How many changes there were at times, shape (...), before or after what happens there."""
+    return np.searchsorted(changes, t, "right" if after else "left")

@@ -14,6 +14,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode, names_of
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_trajectory import motion_along
+from dmoc.mechanics.phase_models import PhaseModels
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
 from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.forward import Run
@@ -40,13 +41,15 @@ class _Side:
 
 @dataclass(frozen=True)
 class _Moment:
-    """A moment between two phases: its sides, and the mode and the collisions there."""
+    """A moment between two phases: its sides, and the mode, the collisions and the switch
+    there."""
 
     t: float
     before: _Side
     after: _Side
     mode: Mode = field(default_factory=Mode)
     collisions: tuple[Collision, ...] = ()
+    switch: str = ""
 
 
 def motion_of(run: Run) -> Trajectory:
@@ -70,9 +73,14 @@ def motion_of(run: Run) -> Trajectory:
     collisions = [
         _collision(run, e, *ends) for e, ends in zip(events, pairwise(phases), strict=True)
     ]
-    phases, collisions = with_switches(model, phases, collisions)
+    own = [run.model_of(float(phase.t[0]), after=True) for phase in phases]
+    phases, collisions = with_switches(own, phases, collisions)
     drawn = len(collisions) <= MOST_DRAWN
-    return motion_along(model, phases, collisions, run.restitution, drawn=drawn)
+    rows = [run.model_of(float(phase.t[0]), after=True).par for phase in phases]
+    par = np.concatenate(rows) if run.models.change else run.models.par
+    return motion_along(
+        PhaseModels(model.kernels, par), phases, collisions, run.restitution, drawn=drawn
+    )
 
 
 def _events(run: Run) -> Iterator[_Moment]:
@@ -92,7 +100,9 @@ def _events(run: Run) -> Iterator[_Moment]:
     for mark in run.marks:
         time = mark.after.t
         here = tuple(c for c in run.collisions if c.time == time)
-        yield _Moment(time, _side(model, mark.before), _side(model, mark.after), mark.mode, here)
+        models = run.model_of(time, after=False), run.model_of(time, after=True)
+        sides = _side(models[0], mark.before), _side(models[1], mark.after)
+        yield _Moment(time, *sides, mark.mode, here, mark.switch)
 
 
 def _side(model: Model, at: ContactState) -> _Side:
@@ -122,10 +132,11 @@ def _merged(events: list[_Moment]) -> _Moment:
     """Events of one moment as one: from before the first to after the last."""
     hits = tuple(dict.fromkeys(id(c) for e in events for c in e.collisions))
     collisions = {id(c): c for e in events for c in e.collisions}
-    last = events[-1]
+    last, switch = events[-1], "".join(e.switch for e in events[:1])
     return replace(
-        events[0], after=last.after, mode=last.mode, collisions=tuple(collisions[i] for i in hits)
-    )
+        events[0], after=last.after, mode=last.mode, switch=switch,
+        collisions=tuple(collisions[i] for i in hits),
+    )  # fmt: skip
 
 
 def _phase(
@@ -164,10 +175,11 @@ def _joint_forces(run: Run, mode: Mode, y: Array, u: Array, t: Array) -> Array:
     """Forces of the joints at nodes, beside those of contacts."""
     if not run.model.nj:
         return np.zeros((0, 0))
-    integrator = Setting(run.model, run.restitution, run.step_size).integrator
+    model = run.model_of(float(t[0]), after=True)
+    integrator = Setting(model, run.restitution, run.step_size).integrator
     reaction = integrator.reaction(mode, y, u, t)
     q, v = (np.ascontiguousarray(part) for part in np.split(y, 2, axis=1))
-    return borne(run.model.with_friction_at(q, v, u, t), mode, reaction, q, t).joint
+    return borne(model.with_friction_at(q, v, u, t), mode, reaction, q, t).joint
 
 
 def _inputs(run: Run, t: Array) -> Array:
@@ -178,7 +190,7 @@ def _inputs(run: Run, t: Array) -> Array:
 
 def _collision(run: Run, event: _Moment, before: Phase, after: Phase) -> Collision:
     """The event between two phases; hits at one moment are one, with the name of the first."""
-    model, kernels = run.model, run.model.kernels
+    model, kernels = run.model_of(event.t, after=False), run.model.kernels
     lands = tuple(name for name in after.closed if name not in before.closed)
     leaves = tuple(name for name in before.closed if name not in after.closed)
     numbers, h = model.surface_numbers, run.step_size
@@ -204,7 +216,7 @@ def _collision(run: Run, event: _Moment, before: Phase, after: Phase) -> Collisi
     return Collision(
         surface, event.t, event.before.q, impulses.get(surface, 0.0),
         event.before.p, event.after.p, *rates, lands=lands, leaves=leaves, friction=changed,
-        impulses=impulses, tractions=tractions, reactions=reactions, off=off,
+        impulses=impulses, tractions=tractions, reactions=reactions, off=off, switch=event.switch,
         grips=dict(model.contacts.grips),
     )  # fmt: skip
 
@@ -229,7 +241,8 @@ def _kept_impulses(
     impulses, tractions = of_contacts
     if not model.kept:
         return []
-    q, t, rest = event.before.q, event.t, event.after.p - event.before.p
+    q, t = event.before.q, event.t
+    rest = model.momentum(q, event.after.v, t) - event.before.p
     normals, along = model.gap_slopes(q, t)[:, :-1], model.tangent_slopes(q, t)[:, :-1]
     for name, impulse in impulses.items():
         rest = rest + impulse * normals[model.surface_numbers[name]]

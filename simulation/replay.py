@@ -13,7 +13,7 @@ from dmoc.base.tolerances import KEPT, ROUNDING, SAME
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.contact_mode import mode_by_names
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.model_values import by_name, parameter_row
+from dmoc.mechanics.model_values import by_name, parameter_rows
 from dmoc.motion.trajectory import Array, Trajectory
 from dmoc.simulation.contact_motion import on_surfaces
 from dmoc.simulation.forward import MOST_STEPS
@@ -50,7 +50,8 @@ def replay(
         "restitution": plastic(motion),
     }
     if motion.grips:
-        model = Model(kernels, parameter_row(kernels, parameters, SimulationError))
+        values = parameter_rows(kernels, parameters, None, SimulationError)
+        model = Model(kernels, values[:1])
         own["grips"] = grasps_along(model, motion)
     if "position" not in changes:
         own["position"] = _on_surfaces(kernels, parameters, motion.phases[0].q[0])
@@ -81,9 +82,9 @@ def _start_velocity(motion: Trajectory) -> Array:
     return np.where(np.abs(v) > ROUNDING * fastest, v, 0.0)
 
 
-def _on_surfaces(kernels: Kernels, parameters: Mapping[str, float], q: Array) -> Array:
+def _on_surfaces(kernels: Kernels, parameters: Mapping[str, Any], q: Array) -> Array:
     """A start that lies on surfaces up to the solver's tolerance, moved onto them."""
-    model = Model(kernels, parameter_row(kernels, parameters, SimulationError))
+    model = Model(kernels, parameter_rows(kernels, parameters, None, SimulationError)[:1])
     setting = Setting(model, np.zeros(model.nc), 1.0)
     return on_surfaces(setting, np.concatenate([q, 0 * q]), 0.0, KEPT)[: model.nq]
 

@@ -20,6 +20,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import largest_form, most_of, solved_transpose
 from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.model import Model
+from dmoc.mechanics.phase_models import PhaseModels
 from dmoc.motion.trajectory import Trajectory
 
 # A coordinate counts by at least this share of the speed that the kinetic energy could give it,
@@ -155,9 +156,10 @@ class Nodes:
         return slice(int(self.begins[i]), int(self.begins[i + 1]))
 
 
-def nodes_of(trajectory: Trajectory, model: Model) -> Nodes:
-    """All nodes of a motion."""
+def nodes_of(trajectory: Trajectory, models: PhaseModels) -> Nodes:
+    """All nodes of a motion, with the parameters of their phases."""
     phases = trajectory.phases
+    model = models.along(np.repeat(np.arange(len(phases)), [len(phase.t) for phase in phases]))
     q, v, p, t = (np.concatenate([getattr(phase, name) for phase in phases]) for name in "qvpt")
     begins = np.array([0, *accumulate(len(phase.t) for phase in phases)])
     goes_on = np.ones(len(t), dtype=bool)

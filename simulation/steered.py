@@ -12,10 +12,12 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.motion.trajectory import Collision
-from dmoc.simulation.contact_motion import node, quiet_steps, through_grasps
+from dmoc.simulation.contact_motion import node
+from dmoc.simulation.given_inputs import quiet_steps
 from dmoc.simulation.grips import Grasp
 from dmoc.simulation.mode_choice import Setting
 from dmoc.simulation.motion_record import ContactState, MotionRecord
+from dmoc.simulation.phase_changes import through_changes
 from dmoc.simulation.tolerances import Magnitudes, magnitudes_at
 
 # Where in a step limits are looked at, beside its start: steps of a control are short.
@@ -60,7 +62,7 @@ def steered(
                 continue
         largest = magnitudes_at(setting.model, y, u[k], k * h, h, largest)
         span, record = (k * h, (k + 1) * h), (largest, journal)
-        setting, y, mode = through_grasps(setting, y, u[k], span, record, ahead)
+        setting, y, mode = through_changes(setting, y, u[k], span, record, ahead)
         journal.last, keeps = node(setting, mode, y, u[k], (k + 1) * h), True
         control.feel(k, journal.collisions[count:], setting.whole(mode))
         yield journal.last

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import FORCES, Collision, Phase
@@ -22,14 +23,15 @@ LOCATED = 1e-12
 
 
 def with_switches(
-    model: Model, phases: Sequence[Phase], collisions: Sequence[Collision]
+    models: Sequence[Model], phases: Sequence[Phase], collisions: Sequence[Collision]
 ) -> tuple[list[Phase], list[Collision]]:
-    """Phases with constant inputs and the events between them, with those of switches."""
+    """Phases with constant inputs, each with its model, and the events between them, with those of
+    switches."""
     parts, events = list[Phase](), list[Collision]()
-    for phase, event in zip(phases, (*collisions, None), strict=True):
+    for model, phase, event in zip(models, phases, (*collisions, None), strict=True):
         rest = phase
         for time, switch in _crossings(model, phase):
-            if rest.t[0] < time < rest.t[-1]:
+            if rest.t[0] < time < rest.t[-1] and not _is_known(phase, time, collisions):
                 before, rest = _split(model, rest, time)
                 parts.append(before)
                 p = rest.p[0]
@@ -38,6 +40,12 @@ def with_switches(
         parts.append(rest)
         events += [event] if event else []
     return parts, events
+
+
+def _is_known(phase: Phase, time: float, events: Sequence[Collision]) -> bool:
+    """Whether a time is that of a switch which has ended or begins a phase."""
+    near = SAME * phase.duration
+    return any(event.switch and abs(event.time - time) <= near for event in events)
 
 
 def _crossings(model: Model, phase: Phase) -> list[tuple[float, int]]:

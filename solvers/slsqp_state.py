@@ -92,9 +92,8 @@ class Descent:
         lengths[lay.impact.lam] = np.maximum(np.abs(x[lay.impact.lam]), 1.0) / 3
         if lay.nu:
             q_k, _, u, _, h, t_k, _ = lay.step_inputs(nlp.physical(x))
-            curvature = nlp.designed(x).problem.model.running_cost_curvatures(
-                q_k, None, u[:, : lay.nu], t_k[:, 0]
-            )
+            model = lay.model_of_steps(nlp.designed(x).problem)
+            curvature = model.running_cost_curvatures(q_k, None, u[:, : lay.nu], t_k[:, 0])
             curvature = h * curvature * nlp.scale.u**2 / nlp.scale.cost
             box = nlp.problem.input_bounds / nlp.scale.u[:, None]
             width = np.where(np.isfinite(box[:, 1] - box[:, 0]), box[:, 1] - box[:, 0], 1.0) / 4

@@ -26,7 +26,8 @@ def naming_turns(answer: Solution, case: Case) -> Solution:
     if answer.status is not Status.INFEASIBLE:
         return answer
     for words in islice(_turned(problem), MOST_TRIED):
-        if words == problem.sequence or deadline.passed:
+        longer = problem.models.change and len(words) != len(problem.sequence)
+        if longer or words == problem.sequence or deadline.passed:
             continue
         other = problem.but(sequence=words)
         tried = case.afresh(other.meshed([min(n, STEPS) for n in other.phase_steps]))

@@ -284,3 +284,17 @@ def program_of(form: str, pendulum: Kernels, puck: Kernels) -> Transcription:
     if "4" in form:
         return Transcription(small(dmoc.load("cart_pendulum", order=4), None))
     return Transcription(puck_problem(puck) if form == "puck" else small(pendulum, form))
+
+
+def point(nlp: Transcription, rng: np.random.Generator) -> np.ndarray:
+    x = rng.normal(size=nlp.n) * 0.3
+    lay = nlp.layout
+    x[lay.index_h] = rng.uniform(0.05, 0.08, lay.stepped)
+    x[lay.impact.lam] = rng.uniform(1, 2, lay.phases - 1)
+    x[lay.index_q[:, 0]] = np.linspace(0.45, 1.2, lay.total + 1)
+    x[lay.index_design] = rng.uniform(0.4, 1.0, len(lay.index_design))
+    return x
+
+
+def differences(f: object, x: np.ndarray, step: float = 1e-6) -> np.ndarray:
+    return np.array([(f(x + step * d) - f(x - step * d)) / (2 * step) for d in np.eye(len(x))]).T  # type: ignore[operator]

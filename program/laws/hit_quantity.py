@@ -89,14 +89,14 @@ class HitQuantityLaw(Law):
         lam = places.or_zero(impulses_at_events(lay))
         at = lay.index_q[nodes], lay.impact.v_a, lay.impact.v_c, lam, places.times(nodes)
         terms = [
-            Term("hit_value", at, (self.within.index[..., side],), sign)
+            Term("hit_value", at, (self.within.index[..., side],), sign, places.of_events)
             for side, sign in enumerate((1.0, -1.0))
         ]
         for k, (j, _) in enumerate(self.problem.model.hit_peaks_of):
             for side, sign in enumerate((-1.0, 1.0)):
                 rows = np.full(self.there.shape, NOWHERE)
                 rows[:, j] = self.peak.index[:, k, side]
-                terms.append(Term("hit_value", at, (rows,), sign))
+                terms.append(Term("hit_value", at, (rows,), sign, places.of_events))
         return terms
 
     def entries(self, laws: Laws) -> list[Entries]:

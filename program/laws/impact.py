@@ -18,10 +18,17 @@ with the unknown velocities v_a before and v_c after the collision, and W_t, W_g
 :func:`dmoc.symbolic.continuous.impact_work`. The energies are those of the two steps beside the
 collision, which tell little of the rates where one of them is long and the other one short, and
 leave out the impulses of contacts that last and of constraints: beside these the law is stated in
-the rates, and where the model states e by the rate before. So it is where something moves that the
-collision does not touch, whose inputs would buy restitution by the energy of their steps. A
-surface that lands obeys the law with e = 0; an event without an impact has arrival and departure
-alone. Of a hit with friction the row energy is that of :mod:`dmoc.program.laws.hit`.
+the rates, and where the model states e by the rate before, or parameters change at the event. So
+it is where something moves that the collision does not touch, whose inputs would buy restitution by
+the energy of their steps. A surface that lands obeys the law with e = 0; an event without an impact
+has arrival and departure alone. Of a hit with friction the row energy is that of
+:mod:`dmoc.program.laws.hit`.
+
+An event obeys its law with the parameters of the phase that it ends. Where those of the next one
+are others, velocities and positions stay, and the momentum has one term more::
+
+    momentum    r_plus(before) + r_minus(after) + p_after(q_c, v_c) - p_before(q_c, v_c)
+                = lam grad g(q_c)
 """
 
 from __future__ import annotations
@@ -114,6 +121,7 @@ class ImpactLaw(Law):
         last = ends_motion(lay)
         stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough | by_law | whole | last
         stated |= _moves_apart(problem, lay.touch.surfaces)
+        stated |= changes_of(problem)
         return cls(problem, lay, e, by_law, grazes, landing, stated, rough)
 
     @property
@@ -256,6 +264,7 @@ class ImpactLaw(Law):
             Term("step", after, (self.departure.index[later], *no_after)),
             Term("momentum", (q, lay.impact.v_a, t), (self.arrival.index,), -1.0),
             Term("momentum", (q, lay.impact.v_c, t), (self.departure.index,)),
+            *self._carried_away(q, t, momentum[nodes]),
         ]
         plain = np.where(self.plain & ~self.rough, self.energy.index, NOWHERE)
         for v, rows, sign in (
@@ -271,6 +280,15 @@ class ImpactLaw(Law):
             before = q[own], lay.impact.v_a[own], none, t[own] if lay.timed else t
             terms.append(Term("rebound", before, (rows, like(rows), like(rows[:, :1]))))
         return terms
+
+    def _carried_away(self, q: Index, t: Index, momentum: Index) -> Iterator[Term]:
+        """The change of the momentum at events behind which parameters are others, at the same
+        velocities: by the values after it, less that by those before."""
+        changed = np.flatnonzero(changes_of(self.problem))
+        if changed.size:
+            at = q[changed], self.lay.impact.v_c[changed], t[changed] if self.lay.timed else t
+            for phase, sign in ((changed + 1, 1.0), (changed, -1.0)):
+                yield Term("momentum", at, (momentum[changed],), sign, phase)
 
     def entries(self, laws: Laws) -> list[Entries]:
         """The momentum after an event that ends the motion."""
@@ -298,6 +316,11 @@ def _moves_apart(problem: Problem, surfaces: Index) -> Bools:
     meanwhile."""
     apart = problem.model.moves_apart
     return np.array([j != NOWHERE and apart[j] and problem.nu > 0 for j in surfaces], dtype=bool)
+
+
+def changes_of(problem: Problem) -> Bools:
+    """Events behind which parameters have other values, shape (events,)."""
+    return problem.models.changes(len(problem.touch.events))
 
 
 def ends_motion(lay: Layout) -> Bools:

@@ -27,7 +27,7 @@ from dmoc.program.laws.friction import FrictionLaw
 from dmoc.program.laws.held import HeldLaw
 from dmoc.program.laws.hit import HitLaw
 from dmoc.program.laws.hit_quantity import HitQuantityLaw
-from dmoc.program.laws.impact import ImpactLaw
+from dmoc.program.laws.impact import ImpactLaw, changes_of
 from dmoc.program.laws.joint import JointLaw
 from dmoc.program.laws.kink import KinkLaw
 from dmoc.program.laws.law import Law
@@ -213,6 +213,7 @@ def rows_follow_from(problem: Problem, lay: Layout, grazing: Index) -> Hashable 
         lay, model, statement, problem.restitution_values.tobytes(), grazing.tobytes(),
         problem.velocity_bounds.tobytes(), np.isfinite(problem.quantity_bounds).tobytes(),
         problem.quantity_ranges.kinds, problem.hit_quantity_bounds.tobytes(),
+        changes_of(problem).tobytes(),
     )  # fmt: skip
 
 

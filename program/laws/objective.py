@@ -79,4 +79,4 @@ class ObjectiveLaw(Law):
         rows = np.where(self.counts, self.total.numbers[self.totals_of_hits], NOWHERE)
         lam = places.or_zero(impulses_at_events(lay))
         at = lay.index_q[nodes], lay.impact.v_a, lay.impact.v_c, lam, places.times(nodes)
-        return [Term("hit_sum", at, (rows,), -1.0)]
+        return [Term("hit_sum", at, (rows,), -1.0, places.of_events)]

@@ -13,8 +13,8 @@ import pytest
 from systems import landing_system
 
 import dmoc
-from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row
+from dmoc.mechanics.phase_models import PhaseModels
 from dmoc.motion.trajectory import Trajectory
 from dmoc.simulation.sizes import nodes_of, sizes_of
 
@@ -101,7 +101,7 @@ def test_errors_do_not_hide_in_what_is_far_away(far: float) -> None:
         motion, parameters=par, coordinate_bounds=np.array([[-far, 2 + far]]),
         input_bounds=np.array([[-1e3 * far, 1e3 * far]]),
     )  # fmt: skip
-    sizes = sizes_of(motion, nodes_of(motion, Model(kernels, parameter_row(kernels, par))))
+    sizes = sizes_of(motion, nodes_of(motion, PhaseModels(kernels, parameter_row(kernels, par))))
     (phase,) = motion.phases
     assert sizes.q[0] == np.ptp(phase.q) and sizes.p[0] == np.abs(phase.p).max()
     assert dmoc.verify(motion, kernels).passed

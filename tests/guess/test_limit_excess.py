@@ -33,4 +33,4 @@ def test_an_excess_is_a_share_of_limit_and_value(
     q, u, rates = np.full((3, 1), 9.0), np.zeros((3, 1)), np.zeros((3, 1))
     u[at], rates[at] = force, rate
     step = [q, q, u, u, np.ones((3, 1)), np.zeros((3, 1)), np.zeros((3, 1))]
-    assert _path_excess(problem, step, rates) == pytest.approx(excess)
+    assert _path_excess(problem, problem.model, step, rates) == pytest.approx(excess)

@@ -9,8 +9,8 @@ import pytest
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_trajectory import scene_of
+from dmoc.mechanics.phase_models import PhaseModels
 from dmoc.motion.scene import FINE, FINEST, Scene, Shape, resampled, wrong_scene
 
 
@@ -63,16 +63,16 @@ def test_a_solution_has_the_scene_of_its_motion(solution: dmoc.Solution) -> None
 
 def test_a_model_without_a_drawing_has_no_scene(block: Kernels) -> None:
     t = np.linspace(0.0, 1.0, 3)
-    model = Model(block, np.array([[1.0, 1.0]]))
-    assert scene_of(model, [(t, t[:, None], np.ones((3, 1)))]) is None
+    models = PhaseModels(block, np.array([[1.0, 1.0]]))
+    assert scene_of(models, [(t, t[:, None], np.ones((3, 1)))]) is None
 
 
 def test_a_drawing_that_is_nowhere_is_no_scene() -> None:
     kernels = dmoc.load("bouncing_pendulum")
-    model = Model(kernels, np.array([[1.0, 1.0, 9.81, 0.0]]))
+    models = PhaseModels(kernels, np.array([[1.0, 1.0, 9.81, 0.0]]))
     t, q = np.linspace(0.0, 1.0, 3), np.ones((3, 1))
-    assert scene_of(model, [(t, q, q)]) is not None
-    assert scene_of(model, [(t, q, q * np.nan)]) is None
+    assert scene_of(models, [(t, q, q)]) is not None
+    assert scene_of(models, [(t, q, q * np.nan)]) is None
 
 
 @pytest.mark.parametrize("every", [1, 7])

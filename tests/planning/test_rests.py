@@ -60,7 +60,8 @@ def test_problems_without_a_rest_of_their_kind_are_refused(
     facts = {"explicit_time": False, "totals_of": [], "peaks_of": [], "has_objective": False}
     facts |= {"compiled": True, "hit_quantities": {}} | changed
     problem: Any = SimpleNamespace(
-        model=SimpleNamespace(**facts), explicit_time=facts["explicit_time"],
+        model=SimpleNamespace(**facts), models=SimpleNamespace(change=False),
+        explicit_time=facts["explicit_time"],
         kernels=SimpleNamespace(
             name="one", compiled=facts["compiled"],
             manifest=SimpleNamespace(hit_quantities=facts["hit_quantities"]),

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from every_constraint import driven_problem, ending, program_of, small
+from every_constraint import differences, driven_problem, ending, point, program_of, small
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
@@ -14,21 +14,6 @@ from dmoc.program.blocks import GOAL, LAW, Numbering
 from dmoc.program.extraction import multiplier_vectors, named_multipliers, trajectory
 from dmoc.program.layout import Layout
 from dmoc.program.transcription import Transcription
-
-
-def point(nlp: Transcription, rng: np.random.Generator) -> np.ndarray:
-    x = rng.normal(size=nlp.n) * 0.3
-    lay = nlp.layout
-    x[lay.index_h] = rng.uniform(0.05, 0.08, lay.stepped)
-    x[lay.impact.lam] = rng.uniform(1, 2, lay.phases - 1)
-    x[lay.index_q[:, 0]] = np.linspace(0.45, 1.2, lay.total + 1)
-    x[lay.index_design] = rng.uniform(0.4, 1.0, len(lay.index_design))
-    return x
-
-
-def differences(f: object, x: np.ndarray, step: float = 1e-6) -> np.ndarray:
-    return np.array([(f(x + step * d) - f(x - step * d)) / (2 * step) for d in np.eye(len(x))]).T  # type: ignore[operator]
-
 
 # Forms that take longer to build, or differ from others in their last event.
 MORE = (

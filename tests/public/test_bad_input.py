@@ -161,7 +161,9 @@ def problem_cases() -> Iterator[Case]:
     yield from of(mappings, *NO_MAPPINGS)
     yield from of("start", *NO_NAMES, names="unknown", put=lambda name: {"x": 0.0, name: 1.0})
     yield from of(mappings[6:], *NO_NAMES, names="unknown", put=lambda name: {name: 1.0})
-    yield from entries("parameters", "m", (*NO_NUMBERS, None), "parameter m")
+    alone = [v for v in NO_NUMBERS if not isinstance(v, (list, tuple)) and np.ndim(v) != 1]
+    rows = (), [1.0, 2.0], (NAN,), np.array([[1.0]]), np.array([INF])  # the problem has one phase
+    yield from entries("parameters", "m", (*alone, *rows, None), "parameter m")
     no_shares = (-0.1, 1.1, -1, 2)
     yield from of("restitution", *NO_NUMBERS, *no_shares)
     yield from entries("restitution", "wall", (*NO_NUMBERS, *no_shares), "restitution of 'wall'")

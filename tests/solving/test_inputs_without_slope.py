@@ -169,7 +169,7 @@ def test_inverse_dynamics_find_inputs_of_forces_that_are_not_linear() -> None:
     problem = pushed(U * sp.Abs(U), U**4)
     a = np.array([[4.0], [-9.0], [0.25], [0.0]])
     rest = np.zeros((4, 1))
-    u = inputs_for(problem, rest, rest, a, np.zeros(4))
+    u = inputs_for(problem, problem.model, rest, rest, a, np.zeros(4))
     assert u[:3, 0] == pytest.approx([2.0, -3.0, 0.5], rel=1e-6)
     assert u[3, 0] == pytest.approx(-0.3, rel=1e-3)
 
