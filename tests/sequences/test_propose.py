@@ -6,7 +6,6 @@ from __future__ import annotations
 import re
 from math import pi, sqrt
 
-import hops
 import push_or_flick
 import pytest
 import several_contacts
@@ -120,17 +119,6 @@ def test_a_block_that_may_be_pushed_or_hit_is_hit_twice() -> None:
     result = dmoc.search(push_or_flick.problem(), 2, strategy="propose")
     assert result.best is not None and result.best.sequence == ("pad rail:slip+", "pad")
     assert result.best.cost == pytest.approx(3.342, abs=1e-3)
-
-
-def test_neighbours_of_the_best_say_how_many_hops_cost_least() -> None:
-    """Six cost 25.898, five and seven more, as the tree of all numbers of hops says: 27.076 and
-    26.135.  From this seed no relaxed motion has seven."""
-    result = dmoc.search(hops.problem(), max_collisions=7, strategy="propose", seed=3)
-    costs = {len(n.sequence): n.cost for n in result.nodes if n.cost is not None}
-    assert result.best is not None and len(result.best.sequence) == 6
-    assert costs[6] == pytest.approx(25.898, abs=0.01)
-    assert costs[5] == pytest.approx(27.076, abs=0.01)
-    assert costs[7] == pytest.approx(26.135, abs=0.01)
 
 
 def leg(seconds: float) -> dmoc.Problem:

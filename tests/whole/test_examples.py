@@ -16,8 +16,9 @@ import dmoc
 pytestmark = pytest.mark.slow
 
 NAMES = list(examples())
-# What searches find: numbers of hops as their tree says, hits of a block as relaxed motions say,
-# and the free motion to the puck's mirror image.
+# What searches find: numbers of hops as their tree says, of which no relaxed motion has seven (the
+# best one's neighbour), hits of a block as relaxed motions say, and the free motion to the puck's
+# mirror image.
 COSTS = {
     "hops": {"5 hops": 27.076, "6 hops": 25.898, "7 hops": 26.135},
     "push_or_flick": {"pad rail:slip+, then pad rail:slip+": 3.342, "pad rail:slip+": 3.454},
