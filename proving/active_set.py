@@ -3,6 +3,7 @@ them, as floating point has it."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import Bools
 from dmoc.program.transcription import Transcription
+from dmoc.proving.dependence import Null
 from dmoc.proving.factorisation import SignedFactors
 from dmoc.proving.names import bound_name, row_name
 from dmoc.proving.optimality_system import OptimalitySystem, balanced, scaled
@@ -19,6 +21,7 @@ from dmoc.solvers.outcome import Duals
 # A constraint holds a motion if its multiplier is so many times its distance, and above this.
 CLEARLY, NOISE = 100.0, 1e-9
 ROUNDS = 12  # in which constraints join or leave
+MOST_LEFT_OUT = 12  # rows that follow from others
 # Steps of Newton's method, and the largest change of an unknown, in its size, that is rounding; one
 # that leads elsewhere.
 STEPS, STILL, ELSEWHERE = 8, 1e-14, 1e-2
@@ -29,16 +32,24 @@ WRONG = 1e-10  # a multiplier or a distance of the wrong sign, as far as that is
 
 @record(frozen=True, eq=False)
 class ActiveSet:
-    """Masks of the unknowns at their lower and at their upper bounds, shape (n,), and of the rows
-    (c | d) that hold with equality, shape (m,)."""
+    """Masks of the unknowns at their lower and at their upper bounds, shape (n,), of the rows
+    (c | d) that hold with equality, and of those that do as well, but follow from others, shape
+    (m,)."""
 
     lower: Bools
     upper: Bools
     rows: Bools
+    left_out: Bools
 
     def same(self, other: ActiveSet) -> bool:
+        """Whether the same constraints hold."""
         pairs = ((self.lower, other.lower), (self.upper, other.upper), (self.rows, other.rows))
         return all(np.array_equal(a, b) for a, b in pairs)
+
+    def without(self, row: int) -> ActiveSet:
+        """The set where a row follows from others."""
+        at = np.arange(len(self.rows)) == row
+        return replace(self, rows=self.rows & ~at, left_out=self.left_out | at)
 
     @property
     def count(self) -> int:
@@ -68,7 +79,8 @@ def first_set(nlp: Transcription, x: Array, duals: Duals) -> ActiveSet:
 
     lower, upper = holds(duals.z, x - nlp.lower), holds(-duals.z, nlp.upper - x)
     rows = holds(duals.w, nlp.inequality(x)) & may_hold(nlp)[nlp.n_eq :]
-    return ActiveSet(free & lower, free & upper, np.concatenate([every, rows]))
+    rows = np.concatenate([every, rows])
+    return ActiveSet(free & lower, free & upper, rows, np.zeros(len(rows), dtype=bool))
 
 
 def doubtful(nlp: Transcription, x: Array, duals: Duals) -> list[str]:
@@ -109,42 +121,78 @@ def sharpened(nlp: Transcription, x: Array, duals: Duals) -> Point:
     """The point near x, shape (n,), where the optimality conditions hold: constraints whose
     multipliers have the wrong sign there leave, those that are violated join.  Shared forces stay
     what they are."""
-    active, y, shared = first_set(nlp, x, duals), duals.rows, shared_forces(nlp)
+    active, y = first_set(nlp, x, duals), duals.rows
     for _ in range(ROUNDS):
-        point = _solved(nlp, active, shared, x, y)
-        following = _corrected(nlp, point)
-        if following.same(active):
+        point = _solved(_independent(nlp, active, x, y))
+        near = point.away(x) <= ELSEWHERE
+        following = _corrected(nlp, point) if near else _blocked(nlp, point, x)
+        if following.same(point.active):
             break
         active = following
     return point
 
 
-def without(nlp: Transcription, point: Point, row: int) -> Point:
-    """The point where a row, which follows from others, is left out."""
-    rows = point.active.rows.copy()
-    rows[row] = False
-    active = ActiveSet(point.active.lower, point.active.upper, rows)
-    return _solved(nlp, active, shared_forces(nlp), point.x, point.y)
-
-
-def _solved(nlp: Transcription, active: ActiveSet, shared: Bools, x: Array, y: Array) -> Point:
-    """Newton's method with some constraints."""
+def posed(nlp: Transcription, active: ActiveSet, x: Array, y: Array) -> Point:
+    """Scaled unknowns, shape (n,), and multipliers, shape (m,), with some constraints."""
     lower, upper = nlp.limits
-    fixed = nlp.lower >= nlp.upper
-    held = np.where(active.upper, upper, np.where(active.lower | fixed, lower, np.nan))
+    low, shared = active.lower | (nlp.lower >= nlp.upper), shared_forces(nlp)
+    held = np.where(active.upper, upper, np.where(low, lower, np.nan))
     held = np.where(shared, np.clip(x * nlp.sizes, lower, upper), held)
-    x = np.where(active.upper, nlp.upper, np.where(active.lower | fixed, nlp.lower, x))
-    y, system = np.where(active.rows, y, 0.0), OptimalitySystem(nlp, held, active.rows)
-    for _ in range(STEPS):
-        F, K = system.at(x, y)
-        d = balanced(K)
-        with np.errstate(all="ignore"):
-            step = d * SignedFactors(scaled(K, d)).solve((d * F)[:, None])[:, 0]
-        of_x, of_y = system.parts(step)
-        x, y, moved = x - of_x, y - of_y, float(np.abs(of_x).max(initial=0.0))
-        if not STILL < moved <= 1:
+    x = np.where(active.upper, nlp.upper, np.where(low, nlp.lower, x))
+    system = OptimalitySystem(nlp, held, active.rows)
+    return Point(system, active, x, np.where(active.rows, y, 0.0))
+
+
+def _independent(nlp: Transcription, active: ActiveSet, x: Array, y: Array) -> Point:
+    """A point with the constraints that do not follow from others."""
+    for _ in range(MOST_LEFT_OUT):
+        point = posed(nlp, active, x, y)
+        row = Null(point.system, _step(point)[0]).follows(y)
+        if row is None:
             break
-    return Point(system, active, x, y)
+        active = active.without(row)
+    return posed(nlp, active, x, y)
+
+
+def _step(point: Point) -> tuple[SignedFactors, Array]:
+    """The factors of K at a point, and the step of Newton's method."""
+    F, K = point.system.at(point.x, point.y)
+    d = balanced(K)
+    with np.errstate(all="ignore"):
+        factors = SignedFactors(scaled(K, d))
+        return factors, d * factors.solve((d * F)[:, None])[:, 0]
+
+
+def _solved(point: Point) -> Point:
+    """Newton's method from a point."""
+    for _ in range(STEPS):
+        _, step = _step(point)
+        if not np.isfinite(step).all():
+            break
+        of_x, of_y = point.system.parts(step)
+        point = point._replace(x=point.x - of_x, y=point.y - of_y)
+        if not STILL < np.abs(of_x).max(initial=0.0) <= 1:
+            break
+    return point
+
+
+def _blocked(nlp: Transcription, point: Point, x: Array) -> ActiveSet:
+    """The constraints of a point that is far from x, shape (n,), and the one that is met first on
+    the way there, if any is."""
+    active, n = point.active, nlp.n
+    idle = ~active.rows & ~active.left_out & may_hold(nlp)
+    with np.errstate(all="ignore"):
+        before = np.concatenate([x - nlp.lower, nlp.upper - x, nlp.values(x)[1:]])
+        after = [point.x - nlp.lower, nlp.upper - point.x, nlp.values(point.x)[1:]]
+        shares = before / (before - np.concatenate(after))
+    may = np.concatenate([point.system.free, point.system.free, idle])
+    shares = np.where(may & (shares >= 0), shares, np.inf)
+    first = int(np.argmin(shares))
+    joins = (np.arange(len(shares)) == first) & (shares < 1)
+    lower, upper, rows = np.split(joins, [n, 2 * n])
+    return replace(
+        active, lower=active.lower | lower, upper=active.upper | upper, rows=active.rows | rows
+    )
 
 
 def _corrected(nlp: Transcription, point: Point) -> ActiveSet:
@@ -153,6 +201,7 @@ def _corrected(nlp: Transcription, point: Point) -> ActiveSet:
     slope, free = nlp.lagrangian_gradient(x, y[:e], -y[e:]), point.system.free
     lower = active.lower & (slope > -WRONG) | free & (x < nlp.lower - WRONG)
     upper = active.upper & (slope < WRONG) | free & (x > nlp.upper + WRONG)
-    rows = active.rows & (y < WRONG) | ~active.rows & may_hold(nlp) & (nlp.values(x)[1:] < -WRONG)
-    rows[:e] = True
-    return ActiveSet(lower, upper, rows)
+    missed = ~active.rows & ~active.left_out & may_hold(nlp) & (nlp.values(x)[1:] < -WRONG)
+    rows = active.rows & (y < WRONG) | missed
+    rows[:e] = active.rows[:e]
+    return replace(active, lower=lower, upper=upper, rows=rows)

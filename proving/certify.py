@@ -11,10 +11,10 @@ from dmoc.base.signatures import public
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.transcription import Transcription
-from dmoc.proving.active_set import ELSEWHERE, doubtful, sharpened
+from dmoc.proving.active_set import ELSEWHERE, doubtful, first_set, posed, sharpened
 from dmoc.proving.certificate import Certificate
 from dmoc.proving.names import listed
-from dmoc.proving.proof import proof
+from dmoc.proving.proof import Trial, proof
 from dmoc.results.solution import Solution
 from dmoc.solvers.blas import ONE_THREAD
 from dmoc.solvers.outcome import Duals
@@ -85,10 +85,12 @@ def _certificate(nlp: Transcription, x: Array, duals: Duals) -> Certificate:
 
 
 def _elsewhere(nlp: Transcription, x: Array, duals: Duals) -> str:
-    """Why Newton's method leaves an answer: constraints that may hold it or not."""
+    """Why Newton's method leaves an answer: what the constraints that hold it leave open, or
+    constraints that may hold it or not."""
+    point = posed(nlp, first_set(nlp, x, duals), x, duals.rows)
     names = doubtful(nlp, x, duals)
     doubt = f" It may be open whether {listed(names)} holds." if names else ""
-    return (
+    return Trial(point).singular or (
         "with the constraints that hold this answer, Newton's method leads to no solution of the "
         f"optimality conditions near it.{doubt}"
     )

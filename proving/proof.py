@@ -5,7 +5,7 @@ for active are, and the others are not."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import cached_property, partial
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -14,39 +14,35 @@ from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import Index
 from dmoc.program.transcription import Transcription
-from dmoc.proving.active_set import Point, may_hold, shared_forces, without
+from dmoc.proving.active_set import Point, may_hold, shared_forces
 from dmoc.proving.balls import ENLARGED, Ball
 from dmoc.proving.certificate import Certificate
+from dmoc.proving.dependence import Null
 from dmoc.proving.enclosure import Inverse, radii
 from dmoc.proving.factorisation import SignedFactors, lost_of
-from dmoc.proving.names import MOST_NAMED, bound_name, counted, listed, row_name
+from dmoc.proving.names import MOST_NAMED, bound_name, counted, row_name
 from dmoc.proving.optimality_system import Matrix, Values, balanced, scaled, whole
 
 # Balls of some constraints, what names them, and their numbers.
 Part: TypeAlias = tuple[Ball, Callable[[int], str], Index]
-MOST_LEFT_OUT = 3  # of equations that follow from others
-# A matrix whose rows have the size 1 is singular for rounding errors below this, so many inverse
-# iterations tell; what has this share of the largest part takes part, and below the last one none.
-SINGULAR, ITERATIONS, TAKES_PART, NO_PART = 1e-9, 3, 0.3, 1e-6
+KEPT = 1e-8  # of a row that was left out
 
 
 def proof(nlp: Transcription, answer: Array, point: Point) -> Certificate:
     """What is proved of an answer, shape (n,), at a point near it."""
-    left_out: list[str] = []
-    while (trial := Trial(point)).radii is None:
-        row = trial.follows(nlp)
-        if row is None or len(left_out) == MOST_LEFT_OUT:
-            return Certificate((trial.not_regular(nlp),))
-        left_out.append(row_name(nlp, row))
-        point = without(nlp, point, row)
+    trial = Trial(point)
+    if trial.radii is None:
+        return Certificate((trial.not_regular,))
     near = Near(nlp, point, trial.exact, trial.radii)
     fails = [*trial.no_minimum(), *near.undecided()]
     if fails:
         return Certificate(tuple(fails))
-    active = point.active.count - int(point.active.rows[: nlp.n_eq].sum())
+    active = point.active
+    left_out = tuple(row_name(nlp, i) for i in np.flatnonzero(active.left_out).tolist())
     return Certificate(
-        (), near.cost, near.radius(answer), int(point.system.free.sum()), active, near.slack,
-        counted(nlp, shared_forces(nlp)), tuple(left_out),
+        (), near.cost, near.radius(answer), int(point.system.free.sum()),
+        active.count - int(active.rows[: nlp.n_eq].sum()), near.slack,
+        counted(nlp, shared_forces(nlp)), left_out,
     )  # fmt: skip
 
 
@@ -87,47 +83,17 @@ class Trial:
                 "is a saddle, and no minimum."
             )
 
-    @cached_property
-    def _null(self) -> tuple[Array, Array]:
-        """Shares of unknowns and of rows in what K makes nothing of; zeros where it is regular."""
-        v, least = np.random.default_rng(0).normal(size=(self.system.size, 1)), np.inf
-        with np.errstate(all="ignore"):
-            for _ in range(ITERATIONS):
-                v = self.factors.solve(v / np.linalg.norm(v))
-                least = 1 / float(np.linalg.norm(v))
-        known = least < SINGULAR and np.isfinite(v).all()
-        return self.system.parts(np.abs(v[:, 0]) / np.abs(v).max() if known else 0 * v[:, 0])
+    @property
+    def singular(self) -> str:
+        """What is singular, nothing where nothing is."""
+        return Null(self.system, self.factors).sentence
 
-    def follows(self, nlp: Transcription) -> int | None:
-        """An equation that follows from others, where equations alone depend on each other: the
-        one of the fewest of its kind."""
-        of_x, of_y = self._null
-        others = max(of_x.max(), of_y[nlp.n_eq :].max(initial=0.0))
-        if others > NO_PART * of_y.max():
-            return None
-        kinds = ((len(b.numbers), b.numbers[of_y[b.numbers] > NO_PART]) for b in nlp.equalities)
-        of_kind = min((k for k in kinds if len(k[1])), key=lambda k: k[0], default=None)
-        return None if of_kind is None else int(max(of_kind[1], key=lambda i: of_y[i]))
-
-    def not_regular(self, nlp: Transcription) -> str:
+    @property
+    def not_regular(self) -> str:
         """Why no solution is enclosed."""
-        of_x, of_y = self._null
-        if not max(of_x.max(), of_y.max()) > 0:
-            return (
-                "no distance was found within which the optimality conditions are sure to have a "
-                "solution: rounding errors are too large for it."
-            )
-        if of_x.max() >= of_y.max():
-            names = nlp.layout.names()
-            moved = [names[i] for i in np.argsort(-of_x) if of_x[i] > TAKES_PART]
-            return (
-                f"the cost does not change in second order with {listed(moved)}: a continuum of "
-                "minima may go through this answer, and none of them is strict."
-            )
-        rows = [row_name(nlp, i) for i in np.argsort(-of_y)[:MOST_NAMED] if of_y[i] > TAKES_PART]
-        return (
-            f"active constraints depend on each other: {listed(rows)}. Their multipliers are not "
-            "determined."
+        return self.singular or (
+            "no distance was found within which the optimality conditions are sure to have a "
+            "solution: rounding errors are too large for it."
         )
 
 
@@ -183,6 +149,12 @@ class Near:
             f"whether {name} is kept is open: its distance lies in {_range(ball)}."
             for ball, name in _open(self._idle())
         ]
+        out = np.flatnonzero(self.point.active.left_out)
+        sentences += [
+            f"{row_name(self.nlp, i)}, which was left out, is missed by {missed:.1e}."
+            for i, missed in zip(out.tolist(), self.around.rows[1 + out].most, strict=True)
+            if not missed <= KEPT
+        ]
         more = len(sentences) - MOST_NAMED
         return sentences[:MOST_NAMED] + [f"and {more} more of this kind."] * (more > 0)
 
@@ -203,8 +175,7 @@ class Near:
             at = np.flatnonzero(free & np.isfinite(limit))
             apart = (self.x[at] - Ball(limit[at], np.abs(limit[at]) * 2.0**-52)) * sign
             yield apart, partial(bound_name, nlp), at
-        at = np.flatnonzero(~active.rows & may_hold(nlp))
-        at = at[at >= nlp.n_eq]  # equations that were left out follow from others
+        at = np.flatnonzero(~active.rows & ~active.left_out & may_hold(nlp))
         yield self.around.rows[1 + at], partial(row_name, nlp), at
 
 

@@ -16,10 +16,10 @@ import dmoc
 from dmoc.base.errors import ProblemError
 from dmoc.base.table import plain
 from dmoc.codegen.kernels import Kernels
-from dmoc.proving.active_set import sharpened
+from dmoc.proving.active_set import first_set, sharpened
 from dmoc.proving.certificate import Certificate
-from dmoc.proving.proof import Near
-from dmoc.solvers.outcome import Status
+from dmoc.proving.proof import Near, proof
+from dmoc.solvers.outcome import Duals, Status
 from dmoc.solving.programs import at_solution
 
 X, U = dynamicsymbols("x u")
@@ -154,6 +154,20 @@ def test_an_equation_that_follows_from_others_is_left_out() -> None:
     _, certificate = certified(stated(dmoc.build(drifting), start=start, goal=goal))
     assert certificate.proved and certificate.left_out == ("p_x at the goal",)
     assert certificate.cost is not None and certificate.cost[0] < 6 * 36 / 35 < certificate.cost[1]
+
+
+def test_constraints_that_hold_are_found_without_their_multipliers(mass: Kernels) -> None:
+    """A bound below the top of a throw holds; one that is a little higher does not, whatever a
+    solver says."""
+    there = stated(mass, start={"x": 0.0, "x_dot": 1.0}, goal={"x": 0.0, "x_dot": -1.0})
+    for limit, said, holds in ((0.2, 0.0, True), (0.25 + 1e-7, -1e-3, False)):
+        problem = there.but(bounds={"x": (-1.0, limit)})
+        nlp, duals = at_solution(problem, solution := dmoc.solve(problem, starts=1))
+        x, z = nlp.scaled(solution.unknowns), np.zeros(nlp.n)
+        z[nlp.layout.index_q[3]] = said
+        assert first_set(nlp, x, Duals(duals.y, duals.w, z)).upper.any() == bool(said)
+        point = sharpened(nlp, x, Duals(duals.y, duals.w, z))
+        assert point.active.upper.any() == holds and proof(nlp, x, point).proved
 
 
 def test_forces_that_are_shared_stay_as_they_are() -> None:
