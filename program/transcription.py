@@ -131,13 +131,15 @@ class Transcription(Evaluator):
         if self.n > MOST_REMEMBERED:
             form, numbers = self._form()
             return structure_of(form), numbers
-        remembered = self.laws.remembered
+        remembered, key = self.laws.remembered, self.laws.impact.e.tobytes()
         structure = remembered.structure() if remembered.structure else None
-        if structure is None:
-            form, remembered.numbers = self._form()
-            structure = MEMORY.structures.of_form(form)
-            remembered.structure = weakref.ref(structure)
-        return structure, remembered.numbers
+        last = remembered.numbers
+        if structure is not None and last is not None and last[0] == key:
+            return structure, last[1]
+        form, numbers = self._form()
+        structure = structure or MEMORY.structures.of_form(form)
+        remembered.structure, remembered.numbers = weakref.ref(structure), (key, numbers)
+        return structure, numbers
 
     def _form(self) -> tuple[Form, tuple[Array, Array]]:
         """The form of the program, and the coefficients and factors of the laws."""

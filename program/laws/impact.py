@@ -34,6 +34,7 @@ are others, velocities and positions stay, and the momentum has one term more::
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -111,9 +112,7 @@ class ImpactLaw(Law):
         count, passages = len(lay.touch.surfaces), lay.hit.passages
         grazes = mask_of(count, grazing)
         landing = np.array([bool(event.lands) for event in problem.touch.events], dtype=bool)
-        e = np.where(grazes | landing, 0.0, restitution_of(problem, lay.touch.surfaces))
-        by_law = np.isnan(e)
-        e = np.where(by_law, 1.0, e)
+        e, by_law = _coefficients(problem, lay, grazes | landing)
         joined = bool(problem.kernels.joints)
         lasts = np.array([joined or not mode.free for mode in problem.touch.modes], dtype=bool)
         rough = mask_of(count, [p.event for p in passages if not (p.lands or p.whole)])
@@ -123,6 +122,17 @@ class ImpactLaw(Law):
         stated |= _moves_apart(problem, lay.touch.surfaces)
         stated |= changes_of(problem)
         return cls(problem, lay, e, by_law, grazes, landing, stated, rough)
+
+    def stating(self, problem: Problem) -> ImpactLaw:
+        """The same rows with the coefficients of another problem, which are zero where these
+        are."""
+        values = problem.restitution_values
+        if np.array_equal(values, self.problem.restitution_values, equal_nan=True):
+            return self
+        other = copy(self)
+        other.problem = problem
+        other.e, _ = _coefficients(problem, self.lay, self.grazing | self.landing)
+        return other
 
     @property
     def surfaces(self) -> Index:
@@ -326,6 +336,13 @@ def changes_of(problem: Problem) -> Bools:
 def ends_motion(lay: Layout) -> Bools:
     """Mask of the event that ends the motion, shape (events,)."""
     return np.asarray(lay.collision_nodes == lay.total)
+
+
+def _coefficients(problem: Problem, lay: Layout, plastic: Bools) -> tuple[Array, Bools]:
+    """Coefficients of restitution of events, zero for ``plastic`` ones, 1 where the law of the
+    model says them, and where it does."""
+    e = np.where(plastic, 0.0, restitution_of(problem, lay.touch.surfaces))
+    return np.where(np.isnan(e), 1.0, e), np.isnan(e)
 
 
 def restitution_of(problem: Problem, surfaces: Index) -> Array:

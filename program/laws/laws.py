@@ -47,11 +47,11 @@ from dmoc.program.totals import counted
 
 
 class Remembered:
-    """The structure that follows from some laws, as long as somebody keeps it, and the numbers in
-    their terms and entries: factors and coefficients."""
+    """The structure that follows from some laws, as long as somebody keeps it, and the last
+    numbers of their entries and terms, coefficients and factors, with what these follow from."""
 
     structure: weakref.ref[Structure] | None = None
-    numbers: tuple[Array, Array]
+    numbers: tuple[bytes, tuple[Array, Array]] | None = None
 
 
 @dataclass(eq=False)
@@ -110,8 +110,10 @@ class Laws:
         return self.contact, *rubbing, self.hit, self.tangential, self.held
 
     def stating(self, problem: Problem) -> Laws:
-        """The same rows with the numbers that another problem has for both ends, in names and
-        constants."""
+        """The same rows with the numbers that another problem has for its hits and both ends, in
+        names, constants and factors."""
+        if (impact := self.impact.stating(problem)) is not self.impact:
+            self = replace(self, impact=impact)
         if problem.kernels.quantities:
             bound, quantity = self.bound.bounding(problem), self.quantity.stating(problem)
             self = replace(self, bound=bound, quantity=quantity)
@@ -199,8 +201,9 @@ def _again(
 
 def rows_follow_from(problem: Problem, lay: Layout, grazing: Index) -> Hashable | None:
     """All that rows, terms and entries of a program follow from, beside which unknowns are fixed:
-    problems that differ in other numbers share them.  None where they follow from more, as where
-    fixed values settle rows of contacts and constraints."""
+    problems that differ in other numbers share them, and have coefficients of restitution of their
+    own.  None where they follow from more, as where fixed values settle rows of contacts and
+    constraints."""
     held = lay.touch.open or problem.kernels.joints
     if not _is_untouched(lay) or held or lay.ends_with_event:
         return None
@@ -210,7 +213,7 @@ def rows_follow_from(problem: Problem, lay: Layout, grazing: Index) -> Hashable 
     ends = low == high, 0 < low < high, low < high < np.inf, *(r.kind for r in problem.relations)
     statement = ends, tuple(problem.ignored), problem.by_rates
     return (
-        lay, model, statement, problem.restitution_values.tobytes(), grazing.tobytes(),
+        lay, model, statement, np.isnan(problem.restitution_values).tobytes(), grazing.tobytes(),
         problem.velocity_bounds.tobytes(), np.isfinite(problem.quantity_bounds).tobytes(),
         problem.quantity_ranges.kinds, problem.hit_quantity_bounds.tobytes(),
         changes_of(problem).tobytes(),
