@@ -206,6 +206,14 @@ def test_a_fixed_state_names_its_numbers() -> None:
     assert _state(c, None, taken) == "{0, NULL, NULL, NULL}"
 
 
+def test_a_phase_after_the_last_event_has_no_duration(block: Kernels) -> None:
+    problem = there_and_back(block, goal={}, final_time=None, durations=[(0.2, 0.9), 0])
+    stated = [n.name for n in numbers._stated(problem, (None, None))]
+    assert [name for name in stated if name.startswith("durations")] == [
+        "durations.0.low", "durations.0.high",
+    ]  # fmt: skip
+
+
 def test_each_number_has_its_kind() -> None:
     """What a solver in C refuses follows from it; the earliest of two times may be none."""
     kinds = {
