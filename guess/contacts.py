@@ -15,7 +15,7 @@ from dmoc.problem.contacts import event_point
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import midpoints
 from dmoc.program.blocks import NOWHERE
-from dmoc.program.force_values import with_forces
+from dmoc.program.implied_values import with_forces
 from dmoc.program.layout import Layout
 
 

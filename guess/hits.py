@@ -9,9 +9,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_forces import held_responses
 from dmoc.motion.friction import friction_word
 from dmoc.problem.problem import Problem
-from dmoc.program.force_values import with_forces
-from dmoc.program.hidden_values import hidden_values
 from dmoc.program.hit_stages import END, STOP, Passage
+from dmoc.program.implied_values import hidden_values, with_forces
 from dmoc.program.laws.hit import RESTITUTIONS
 from dmoc.program.laws.restitution import Spent
 from dmoc.program.laws.tangential import returned

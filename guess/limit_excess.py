@@ -8,7 +8,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
 from dmoc.problem.problem import Problem
-from dmoc.program.force_values import quantity_inputs
+from dmoc.program.implied_values import quantity_inputs
 from dmoc.program.layout import Layout
 
 

@@ -17,8 +17,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Index
 from dmoc.program.force_unknowns import sizes as pushing
-from dmoc.program.force_values import quantity_inputs
-from dmoc.program.hidden_values import lifted
+from dmoc.program.implied_values import lifted, quantity_inputs
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.structure_cache import MEMORY, MOST_REMEMBERED

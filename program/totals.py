@@ -9,8 +9,7 @@ from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Bools, Index
-from dmoc.program.force_values import quantity_inputs
-from dmoc.program.hidden_values import lifted
+from dmoc.program.implied_values import lifted, quantity_inputs
 from dmoc.program.layout import Layout
 
 
