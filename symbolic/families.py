@@ -96,7 +96,7 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
     chosen = tuple(f.par[names.index(name)] for name in design)
     f, smooth = (replace(g, design=chosen) for g in (f, smooth))
     terms = [terms_of(r) for r in plain.r]
-    points = DISCRETISATIONS[order].degree
+    points, fingerprint = DISCRETISATIONS[order].degree, model_fingerprint(system, order)
     kernels = [
         *_step_kernels(
             system,
@@ -126,9 +126,10 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
     ]
     return ModelSpec(
         system.name,
-        model_fingerprint(system, order),
-        _facts(system, f, smooth, order, [len(own) for own in terms])
-        | ({"key": model_key(system, order, design), "design": list(design)} if design else {}),
+        fingerprint,
+        {"format": FORMAT, "key": _key(system, fingerprint, design), "order": order}
+        | _facts(system, f, smooth, [len(own) for own in terms])
+        | ({"design": list(design)} if design else {}),
         tuple(kernels),
     )
 
@@ -149,8 +150,11 @@ def model_key(system: MechanicalSystem, order: int = 2, design: Sequence[str] = 
     fingerprint, and of the title and the drawing, which the manifest holds, and of the names of
     parameters that derivatives are by."""
     check_system(system)
-    order = known_order(order)
-    lines = [str(FORMAT), model_fingerprint(system, order), _title(system)]
+    return _key(system, model_fingerprint(system, known_order(order)), design)
+
+
+def _key(system: MechanicalSystem, fingerprint: str, design: Sequence[str]) -> str:
+    lines = [str(FORMAT), fingerprint, _title(system)]
     for (kind, name, *_), part in zip(table_of_drawing(system.drawing), system.shapes, strict=True):
         lines += [f"{kind} {name}", *map(sp.srepr, values_of(part))]
     lines += [f"design {name}" for name in design]
@@ -171,7 +175,7 @@ def _title(system: MechanicalSystem) -> str:
 
 
 def _facts(
-    system: MechanicalSystem, f: Continuous, smooth: Continuous, order: int, terms: list[int]
+    system: MechanicalSystem, f: Continuous, smooth: Continuous, terms: list[int]
 ) -> dict[str, Any]:
     in_mass = set().union(*(e.free_symbols for row in mass_matrix(f) for e in row))
     in_forces = set().union(set(), *(e.free_symbols for row in input_matrix(f) for e in row))
@@ -189,9 +193,6 @@ def _facts(
         name for name, c in zip(system.constraints, f.phi, strict=True) if keeps_rate(f, c)
     ]
     facts = {
-        "format": FORMAT,
-        "key": model_key(system, order),
-        "order": order,
         "explicit_time": any(
             f.t in e.free_symbols
             for name in FUNCTIONS
