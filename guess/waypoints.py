@@ -181,7 +181,8 @@ def end_velocity(problem: Problem, boundary: Boundary, q: Array, default: Array)
 def _by_momentum(problem: Problem, boundary: Boundary, q: Array) -> Array | None:
     if not np.isfinite(boundary.momentum).all():
         return None
-    return problem.model.velocity(q, midpoints(boundary.momentum, np.zeros(problem.nq)))
+    model = problem.models[-1 if boundary is problem.goal_bounds else 0]
+    return model.velocity(q, midpoints(boundary.momentum, np.zeros(problem.nq)))
 
 
 def _by_velocity(boundary: Boundary, default: Array) -> Array:

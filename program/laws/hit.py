@@ -111,7 +111,7 @@ class HitLaw(Law):
         names, e = tuple(problem.kernels.coordinates), restitution_of(problem, lay.touch.surfaces)
         for p in lay.hit.passages:
             if IMPACT_LAWS[p.law].constant:
-                e[p.event] = _constant(problem, p.surface)
+                e[p.event] = _constant(problem, p.event, p.surface)
         return cls(lay, names, problem.friction, e, impact.grazing)
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
@@ -338,7 +338,7 @@ class HitLaw(Law):
                 yield Pivot(T_c, self.halts.index[i, [AFTER]], after)
 
 
-def _constant(problem: Problem, surface: int) -> float:
-    """The coefficient of restitution of a surface, in which no state is."""
+def _constant(problem: Problem, event: int, surface: int) -> float:
+    """The coefficient of restitution of a surface at an event, in which no state is."""
     nowhere, values = np.zeros(problem.nq), problem.restitution_values
-    return float(problem.model.coefficients(values, nowhere, nowhere, 0.0)[surface])
+    return float(problem.models[event].coefficients(values, nowhere, nowhere, 0.0)[surface])
