@@ -96,7 +96,8 @@ class Motion:
         models = PhaseModels(kernels, parameter_rows(*stated))
         check_geometry(models, SimulationError)
         model = models[0]
-        check_coefficients(model, SimulationError)
+        for there in models.different:
+            check_coefficients(there, SimulationError)
         modes = tuple(_mode_of(phase, model) for phase in trajectory.phases)
         nodes = nodes_of(trajectory, models)
         sizes = sizes_of(trajectory, nodes)
@@ -225,7 +226,7 @@ class Motion:
         return tuple(map(self._rubbing, range(self.stepped)))
 
     def _rubbing(self, i: int) -> Model:
-        at, model = self.places[i], self.model
+        at, model = self.places[i], self.models[i]
         sides = [model.with_friction_at(at.q, at.v, u, at.t) for u in at.inputs]
         shape = 2, len(at.t), model.nt
         kinds = ([s.friction for s in sides], [s.static_friction for s in sides])

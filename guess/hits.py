@@ -77,7 +77,8 @@ def jams(problem: Problem, x: Array) -> tuple[str, ...]:
 
 def friction_of(problem: Problem, p: Passage, q: Array, t: float) -> float:
     """The coefficient of friction of an impact at a position, shape (nq,)."""
-    return float(problem.model.with_friction_at(q, t=t).hit_friction[p.tangent])
+    there = problem.models[p.event].with_friction_at(q, t=t)
+    return float(there.hit_friction[p.tangent])
 
 
 def response(problem: Problem, p: Passage, q: Array, t: float) -> Array:

@@ -47,9 +47,13 @@ def motion_along(
             replace(p, quantities=_quantities(models[i], p, form, last))
             for i, p in enumerate(phases)
         ]
-    if model.varying_friction or model.paired.any():
+    mu = np.array([m.friction for m in models.different])
+    if model.varying_friction or model.paired.any() or np.ptp(mu, axis=0).any():
         last = last_inputs(phases, form)
-        phases = [replace(p, coefficients=_coefficients(model, p, form, last)) for p in phases]
+        phases = [
+            replace(p, coefficients=_coefficients(models[i], p, form, last))
+            for i, p in enumerate(phases)
+        ]
     free = tuple(np.tile([-np.inf, np.inf], (n, 1)) for n in (model.nu, model.nq))
     input_bounds, coordinate_bounds = bounds or free
     return Trajectory(
@@ -70,8 +74,8 @@ def motion_along(
         order=kernels.manifest.order,
         ignored=tuple(ignored),
         friction={
-            name: None if np.isnan(mu) else float(mu)
-            for name, mu in zip(kernels.tangents, model.friction, strict=True)
+            name: None if np.isnan(of).any() or np.ptp(of) else float(of[0])
+            for name, of in zip(kernels.tangents, mu.T, strict=True)
         },
         tangential_restitution={
             kernels.surfaces[j]: float(model.tangential_restitution[k])

@@ -27,9 +27,6 @@ IN_ALL_PHASES = {
     "joint": "the constraints",
     "joint_rate": "the constraints",
     "crossing": "the switches",
-    "friction": "friction",
-    "bearing": "friction",
-    "holding": "friction",
     "tangential": "the tangential restitution",
     "objective": "the objective",
 }
@@ -74,6 +71,14 @@ class PhaseModels:
         """The model of rows of states in some phases, shape (n,)."""
         return Model(self.kernels, self.par[phases]) if self.change else self[0]
 
+    def friction(self, phases: int) -> tuple[Array, Array]:
+        """Coefficients of friction and static ones in so many phases, shape (phases, nt) each."""
+        there = [self[i] for i in range(phases)]
+        return (
+            np.array([model.friction for model in there]),
+            np.array([model.static_friction for model in there]),
+        )
+
     @property
     def values(self) -> dict[str, float | tuple[float, ...]]:
         """Values by name: a number, or one for each phase of those that change."""
@@ -95,6 +100,7 @@ def check_geometry(models: PhaseModels, error: ErrorKind) -> None:
     on them: gaps would jump at events, and nothing would say where a contact is."""
     if not models.change:
         return
+    _check_friction(models, error)
     for kernel, what in IN_ALL_PHASES.items():
         for name in models.changing if models.kernels.has(kernel) else ():
             if _depends(models, kernel, name):
@@ -103,6 +109,16 @@ def check_geometry(models: PhaseModels, error: ErrorKind) -> None:
                     "expected one value for all phases; model what changes by an expression of the "
                     "coordinates, or by another parameter."
                 )
+
+
+def _check_friction(models: PhaseModels, error: ErrorKind) -> None:
+    """Refuse friction that is zero in some phases alone: words say whether something rubs."""
+    rubs = np.array([model.has_friction for model in models.different])
+    for k in np.flatnonzero(rubs.any(axis=0) & ~rubs.all(axis=0)).tolist():
+        raise error(
+            f"the friction of {models.kernels.tangents[k]!r} is zero in some phases and not in "
+            "others: expected some in all of them; a small one counts for little."
+        )
 
 
 def _depends(models: PhaseModels, kernel: str, name: str) -> bool:

@@ -189,7 +189,8 @@ def end_speeds_of(problem: Problem) -> Array:
 def _check_contacts(problem: Problem) -> None:
     """Refuse what contacts that last cannot be: redundant, with a negative friction, or closed at a
     start that is off them."""
-    check_coefficients(problem.model, ProblemError)
+    for i, model in enumerate(problem.models.different):
+        check_coefficients(model, ProblemError, f" in phase {i}" if problem.models.change else "")
     for where, at in problem.design_ends.items():
         check_coefficients(at.model, ProblemError, where.rstrip(","), AWAY)
     _check_varying_friction(problem)

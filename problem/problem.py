@@ -368,14 +368,13 @@ class Problem(Shown):
 
     @property
     def friction(self) -> Array:
-        """Coefficients of friction, shape (nt,); not a number where they vary or are chosen."""
-        return unchosen(self, self.model.friction, "bearing")
+        """Coefficients of friction, (phases, nt); not numbers where they vary or are chosen."""
+        return unchosen(self, self.models.friction(self.phases)[0], "bearing")
 
     @property
     def static_friction(self) -> Array:
-        """Static coefficients of friction, shape (nt,); not a number where they vary or are
-        chosen."""
-        return unchosen(self, self.model.static_friction, "holding")
+        """Static coefficients of friction, as ``friction``."""
+        return unchosen(self, self.models.friction(self.phases)[1], "holding")
 
     @cached_property
     def models(self) -> PhaseModels:

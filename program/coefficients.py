@@ -46,21 +46,22 @@ Site = Callable[[Index, Places], tuple[Index, ...]]
 
 
 def entries_of(mu: Array, products: Iterable[Product]) -> Iterator[Entries]:
-    """Entries of the products whose coefficient in mu, shape (nt,), is a number."""
+    """Entries of the products whose coefficients are numbers; ``mu`` are those at all places of
+    products, shape (places, nt)."""
     for p in products:
-        if not np.isnan(mu[p.tangent]):
-            p = p.there
-            yield p.rows, p.unknowns, mu[p.tangent] * p.factors
+        if len((p := p.there).rows) and not np.isnan(mu[p.at, p.tangent]).any():
+            yield p.rows, p.unknowns, mu[p.at, p.tangent] * p.factors
 
 
 def terms_of(
     mu: Array, products: Iterable[Product], site: Site, places: Places, kernel: str = "bearing"
 ) -> Iterator[Term]:
-    """Terms of the products whose coefficient in mu, shape (nt,), is not a number, as it varies
-    along the motion; ``kernel`` is that of sliding or of sticking tangents."""
+    """Terms of the products whose coefficients in ``mu``, as :func:`entries_of` has them, are no
+    numbers, as they vary along the motion; ``kernel`` is that of sliding or of sticking
+    tangents."""
     for p in products:
-        if np.isnan(mu[p.tangent]) and len((p := p.there).rows):
-            pressed = np.full((len(p.rows), len(mu)), places.zero)
+        if len((p := p.there).rows) and np.isnan(mu[p.at, p.tangent]).any():
+            pressed = np.full((len(p.rows), mu.shape[1]), places.zero)
             rows = np.full_like(pressed, NOWHERE)
             pressed[:, p.tangent], rows[:, p.tangent] = p.unknowns, p.rows
             *state, t = site(p.at, places)

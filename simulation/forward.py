@@ -123,7 +123,8 @@ def simulate(
     v = np.zeros(nq) if velocity is None else vector(velocity, names, "velocity", rates)
     u = _inputs(inputs, h, steps, nu) if control is None else np.zeros((steps, nu))
     e = restitution_row(kernels, restitution, SimulationError)
-    check_coefficients(model, SimulationError)
+    for there in models.different:
+        check_coefficients(there, SimulationError)
     run = _SimulationTask(models, u, h, every, control, grasps_of(model, grips))
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
         _check_start(model, q, v, u[0])

@@ -53,7 +53,8 @@ class BreakawayLaw(Law):
         law = self.friction
         if not self.breaks.count:
             return []
-        return [*terms_of(law.mu_s, self._holding, at_stations(law.lay), places, law.static)]
+        mu_s, site = law.along_phases(law.mu_s), at_stations(law.lay)
+        return [*terms_of(mu_s, self._holding, site, places, law.static)]
 
     def entries(self, laws: Laws) -> list[Entries]:
         if not self.breaks.count:
@@ -67,7 +68,7 @@ class BreakawayLaw(Law):
         for side, sign in ((lay.row_u_kp1[nodes - 1], 1.0), (after, -1.0)):
             u = lay.index_u[side][there]
             entries.append((self.goes_on.index[there], u, np.full(len(u), sign)))
-        return [*entries, *entries_of(law.mu_s, self._holding)]
+        return [*entries, *entries_of(law.along_phases(law.mu_s), self._holding)]
 
     @property
     def _holding(self) -> Iterator[Product]:

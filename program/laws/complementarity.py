@@ -196,7 +196,7 @@ class ComplementarityLaw(Law):
             Term("surface", (lay.index_q[:1], t[:1]), (self.closed.index,)),
             Term("gap_work", (lay.index_q[late], P, t_late), (self.pressing.index,)),
             *self._slides(places, T),
-            *terms_of(self.mu, self._holding, at_nodes(lay), places),
+            *terms_of(self._at_nodes, self._holding, at_nodes(lay), places),
             *self._hits(places),
         ]
 
@@ -250,6 +250,11 @@ class ComplementarityLaw(Law):
                 for limit, factor in self._pressed(t):
                     yield Product(t, at, self.cone.index[:, t, side], limit, factor)
 
+    @property
+    def _at_nodes(self) -> Array:
+        """Coefficients at the nodes, shape (total + 1, nt)."""
+        return np.broadcast_to(self.mu, (self.lay.total + 1, len(self.mu)))
+
     def _pressed(self, t: int) -> Iterator[tuple[Index, Array]]:
         """Unknowns that press a tangent at the nodes, and their factors, shape (total + 1,)
         each."""
@@ -282,7 +287,7 @@ class ComplementarityLaw(Law):
                 at = rows != NOWHERE
                 T = self.lay.relaxed.T_r[at, t]
                 entries.append((rows[at], T, np.full(int(at.sum()), sign)))
-        return [*entries, *entries_of(self.mu, self._holding)]
+        return [*entries, *entries_of(self._at_nodes, self._holding)]
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
         """Impulses belong to their nodes, as inputs do."""

@@ -77,10 +77,10 @@ class FrictionLaw(LawAtContacts):
         The law of the contacts at which it rubs.
     direction : SlidingLaw
         The law of what slides there.
-    mu : array, shape (nt,)
+    mu : array, shape (phases, nt)
         Coefficients of friction of surfaces, largest forces of rails; not a number where they
         vary.
-    mu_s : array, shape (nt,)
+    mu_s : array, shape (phases, nt)
         Coefficients or largest forces of static friction, as those of ``mu``.
     paired : array of bool, shape (nt,)
         Tangents whose static friction differs from that of sliding.
@@ -108,7 +108,7 @@ class FrictionLaw(LawAtContacts):
         bound_once(problem, lay, box)
         smooth = touch.sticks & (self.mu_s == 0)  # they hold nothing
         box[unknowns.T[self.along.along(smooth)]] = 0.0
-        smooth = touch.sticks[1:] & (self.mu == 0)
+        smooth = touch.sticks[1:] & (self.in_impacts == 0)
         box[unknowns.T_c[smooth & touch.rubs_in_impact]] = 0.0
 
     # Rows -----------------------------------------------------------------------------------------
@@ -168,7 +168,7 @@ class FrictionLaw(LawAtContacts):
         )
         self.cone_of_impact = block(
             "cone of an impact",
-            two_sided(touch.drags & touch.sticks[1:] & (self.mu != 0) & ~stops),
+            two_sided(touch.drags & touch.sticks[1:] & (self.in_impacts != 0) & ~stops),
             lambda i, j, _: f"friction cone of {names[j]} at event {i + 1}",
             lambda s: s.friction[:, None],
         )
@@ -178,6 +178,15 @@ class FrictionLaw(LawAtContacts):
         """Tangents that stick with friction, shape (phases, nt): without friction the cone has no
         interior, and bounds say T = 0."""
         return np.asarray(self.touch.sticks & (self.mu_s != 0))
+
+    def along_phases(self, mu: Array) -> Array:
+        """Coefficients of phases at the stations, shape (rows, nt)."""
+        return np.asarray(mu[self.along.at.phase])
+
+    @property
+    def in_impacts(self) -> Array:
+        """Coefficients at events, those of the phases that they end, shape (events, nt)."""
+        return self.mu[:-1]
 
     @property
     def static(self) -> str:
@@ -211,9 +220,9 @@ class FrictionLaw(LawAtContacts):
             Term("tangent", (q, t), (stuck,)),
             Term("tangent", (q, t), (later(stuck),), -1.0),
             *self._at_events(places, laws.step.momentum.index),
-            *terms_of(self.mu, self._sliding, slides[1], places, slides[0]),
-            *terms_of(self.mu_s, self._sticking, site, places, self.static),
-            *terms_of(self.mu, self._in_impacts, at_events(self.lay), places),
+            *terms_of(self.along_phases(self.mu), self._sliding, slides[1], places, slides[0]),
+            *terms_of(self.along_phases(self.mu_s), self._sticking, site, places, self.static),
+            *terms_of(self.in_impacts, self._in_impacts, at_events(self.lay), places),
         ]
 
     def _at_events(self, places: Places, momentum: Index) -> Iterator[Term]:
@@ -240,8 +249,12 @@ class FrictionLaw(LawAtContacts):
             for rows, sign in ((slides, 1.0), (cone[..., 0], -1.0), (cone[..., 1], 1.0)):
                 there = rows != NOWHERE
                 of_T.append((rows[there], T[there], np.full(int(there.sum()), sign)))
-        kinetic = *self._sliding, *self._in_impacts
-        return [*of_T, *entries_of(self.mu, kinetic), *entries_of(self.mu_s, self._sticking)]
+        return [
+            *of_T,
+            *entries_of(self.along_phases(self.mu), self._sliding),
+            *entries_of(self.in_impacts, self._in_impacts),
+            *entries_of(self.along_phases(self.mu_s), self._sticking),
+        ]
 
     @property
     def _sliding(self) -> Iterator[Product]:

@@ -47,7 +47,7 @@ class HeldLaw(LawAtContacts):
     Attributes
     ----------
     contact : ContactLaw
-    mu : array, shape (nt,)
+    mu : array, shape (events, nt)
     grazing : array of bool, shape (events,)
         Hits that graze their surface.
     following : array of bool, shape (phases, nj)

@@ -86,7 +86,7 @@ class HitLaw(Law):
     lay : Layout
     names : tuple of str
         Coordinates.
-    mu : array, shape (nt,)
+    mu : array, shape (events, nt)
     e : array, shape (events,)
         Coefficients of restitution, not a number where they vary with the rate before the hit.
     grazing : array of bool, shape (events,)
@@ -112,7 +112,7 @@ class HitLaw(Law):
         for p in lay.hit.passages:
             if IMPACT_LAWS[p.law].constant:
                 e[p.event] = _constant(problem, p.event, p.surface)
-        return cls(lay, names, problem.friction, e, impact.grazing)
+        return cls(lay, names, problem.friction[:-1], e, impact.grazing)
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         P_h = self.lay.hit.P_h
@@ -235,7 +235,7 @@ class HitLaw(Law):
         q, t = lay.index_q[nodes], places.times(nodes)
         hit, rubbed = lay.hit.hit, lay.hit.rubbed
         P = places.or_zero(in_columns(lay.hit.P_h, hit, places.nc))
-        T = places.or_zero(in_columns(lay.hit.T_h, rubbed, len(self.mu)))
+        T = places.or_zero(in_columns(lay.hit.T_h, rubbed, self.mu.shape[1]))
         terms = []
         if lay.touch.free:  # else the law of contacts that last adds them all
             traction = places.or_zero(lay.contact.T_c)
@@ -259,12 +259,14 @@ class HitLaw(Law):
             terms += law.terms(self, [p for p in self.passages if p.law == name], places)
         sides = [lay.impact.v_a, *np.moveaxis(v_h, 1, 0), lay.impact.v_c]
         for v, rows in zip(sides, self.halts.index.T, strict=True):
-            terms.append(Term("slide_rate", (q, v, t), (in_columns(rows, rubbed, len(self.mu)),)))
+            terms.append(
+                Term("slide_rate", (q, v, t), (in_columns(rows, rubbed, self.mu.shape[1]),))
+            )
         states = np.zeros((len(nodes), 2))
         for p in self.passages:
             states[p.event] = p.friction[0], p.friction[-1]
         for side, v in enumerate((lay.impact.v_a, lay.impact.v_c)):
-            rows = in_columns(self.heads.index[:, side], rubbed, len(self.mu))
+            rows = in_columns(self.heads.index[:, side], rubbed, self.mu.shape[1])
             terms += forward(lay, nodes, v, states[:, side, None], rows, places)
         return [*terms, *terms_of(self.mu, self._holding, at_events(lay), places)]
 

@@ -162,9 +162,9 @@ def laws_of(
         sliding = SlidingLaw(contact)
         friction = FrictionLaw(contact, sliding, mu, mu_s, model.paired, model.slows)
         hit = HitLaw.of(problem, lay, impact)
-        in_hits = np.where(np.isinf(model.hit_friction), np.inf, mu)
+        in_hits = np.where(np.isinf(model.hit_friction), np.inf, mu[:-1])
         returning = TangentialLaw(lay, in_hits, model.tangential_restitution, impact.grazing)
-        held = HeldLaw(contact, mu, impact.grazing, following_joints(problem))
+        held = HeldLaw(contact, mu[:-1], impact.grazing, following_joints(problem))
         rubbing = friction, sliding, BreakawayLaw(friction)
         of_contacts = contact, *rubbing, hit, returning, held
     return Laws(
@@ -182,7 +182,7 @@ def laws_of(
             tuple(problem.kernels.manifest.rate_constraints),
         ),
         ComplementarityLaw(
-            lay, problem.friction, problem.restitution_values, problem.relaxation, scale
+            lay, problem.friction[0], problem.restitution_values, problem.relaxation, scale
         ),
         KinkLaw(problem, lay), CrossingLaw(lay, problem.model.nw),
         HitQuantityLaw.of(problem, lay), SurfaceEndsLaw(problem, lay),
@@ -231,15 +231,15 @@ def _untouched(
 ) -> tuple[ContactLaw, FrictionLaw, SlidingLaw, BreakawayLaw, HitLaw, TangentialLaw, HeldLaw]:
     """Laws of contacts where there are none: their blocks have no members, so that all programs of
     a layout share them."""
-    mu, events = np.zeros(len(lay.touch.contacts.tangents)), len(lay.touch.surfaces)
+    mu, events = np.zeros((lay.phases, len(lay.touch.contacts.tangents))), len(lay.touch.surfaces)
     contact = ContactLaw(lay, False)
     contact.settled, sliding = Settled.nothing(lay), SlidingLaw(contact)
-    friction = FrictionLaw(contact, sliding, mu, mu, mu > 0, False)
+    friction = FrictionLaw(contact, sliding, mu, mu, mu[0] > 0, False)
     grazing = np.zeros(events, dtype=bool)
-    hit = HitLaw(lay, (), mu, np.zeros(events), grazing)
+    hit = HitLaw(lay, (), mu[:-1], np.zeros(events), grazing)
     none = np.zeros((lay.phases, len(lay.joint.names)), dtype=bool)
-    held = HeldLaw(contact, mu, grazing, none)
-    returning = TangentialLaw(lay, mu, mu, grazing)
+    held = HeldLaw(contact, mu[:-1], grazing, none)
+    returning = TangentialLaw(lay, mu[:-1], mu[0], grazing)
     breakaway = BreakawayLaw(friction)
     laws = contact, friction, sliding, breakaway, hit, returning, held
     for law in laws:

@@ -92,8 +92,10 @@ class TangentialLaw(Law):
     Attributes
     ----------
     lay : Layout
-    mu, e_t : array, shape (nt,)
-        Friction in hits, without end where there is no limit, and tangential restitution.
+    mu : array, shape (events, nt)
+        Friction in hits, without end where there is no limit.
+    e_t : array, shape (nt,)
+        Tangential restitution.
     grazing : array of bool, shape (events,)
         Hits that graze their surface.
     """
@@ -150,7 +152,7 @@ class TangentialLaw(Law):
     def inequalities(self, block: Numbering) -> None:
         """The last axis of ``holds`` are the two sides of the cone."""
         rubbed, tangents = self.lay.hit.rubbed, self.lay.touch.contacts.tangents
-        limited = [p for p in self.passages if self.mu[p.tangent] != np.inf]
+        limited = [p for p in self.passages if self.mu[p.event, p.tangent] != np.inf]
         holds = self._mask(p for p in limited if sticks(p.friction[-1])) & ~self.grazing
         slides = self._mask(p for p in limited if not sticks(p.friction[-1]))
         self.holds = block(
@@ -174,7 +176,7 @@ class TangentialLaw(Law):
         lay, nodes = self.lay, self.lay.collision_nodes
         at = lay.index_q[nodes], places.or_zero(lay.hit.v_h[:, END]), places.times(nodes)
         gap = in_columns(self.stops.index[:, GAP], lay.hit.hit, places.nc)
-        slide = in_columns(self.stops.index[:, SLIDE], lay.hit.rubbed, len(self.mu))
+        slide = in_columns(self.stops.index[:, SLIDE], lay.hit.rubbed, self.mu.shape[1])
         rubs = terms_of(self.mu, self._holding, at_events(lay), places)
         return [Term("gap_rate", at, (gap,)), Term("slide_rate", at, (slide,)), *rubs]
 
@@ -203,7 +205,7 @@ class TangentialLaw(Law):
         """Friction mu lam, in the rows of hits that it limits."""
         for p in self.passages:
             i, s = p.event, float(p.friction[-1])
-            if self.mu[p.tangent] == np.inf:
+            if self.mu[i, p.tangent] == np.inf:
                 continue
             slides = self.returns.index[i] if s and not self.grazing[i] else NOWHERE
             rows = np.array([slides, *self.holds.index[i], self.slides.index[i]])

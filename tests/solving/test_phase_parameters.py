@@ -186,6 +186,75 @@ def test_a_car_with_a_turbo_takes_forty_thirds() -> None:
     assert [p.duration for p in solution.phases] == pytest.approx([2, 28 / 3, 2], rel=1e-5)
 
 
+# Friction -----------------------------------------------------------------------------------------
+
+Y, A = dynamicsymbols("y a")
+MU, J, E = sp.symbols("mu j e")
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_block_slides_from_asphalt_onto_ice(order: int) -> None:
+    """With 3 m/s over half a metre with mu = 0.5, and to rest with mu = 0.1: 0.2 s and 2 s. Three
+    times the mass on the ice has three times the friction."""
+    lagrangian = M * (V**2 + Y.diff() ** 2) / 2 - 10 * M * Y
+    floor = {"surfaces": {"floor": Y >= 0}, "tangents": {"floor": X}, "friction": {"floor": MU}}
+    system = dmoc.MechanicalSystem(
+        "slide", [X, Y], lagrangian, {M: 1, MU: 0.5}, switches={"ice": X - HALF}, **floor
+    )
+    values = {"mu": [0.5, 0.1], "m": [1, 3]}
+    problem = dmoc.Problem(
+        dmoc.build(system, order=order), {X: 0, Y: 0, V: 3}, {V: 0}, ["ice"], steps=4,
+        contacts=["floor:slip+"], parameters=values,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    asphalt, ice = solution.phases
+    assert solution.verification.passed
+    assert (asphalt.duration, ice.duration) == pytest.approx((0.2, 2), rel=1e-9)
+    assert ice.q[-1, 0] == pytest.approx(2.5, rel=1e-9)
+    assert asphalt.tangential[0, 0] == pytest.approx(-5, rel=1e-9)
+    assert ice.tangential[0, 0] == pytest.approx(-3, rel=1e-9)
+    assert solution.trajectory.friction == {"floor": None}
+    assert solution.trajectory.friction_limits(ice)[0, 0] == pytest.approx(3, rel=1e-9)
+    motion = dmoc.simulate(
+        problem.kernels, {"x": 0, "y": 0}, {"x": 3}, step_size=0.05, steps=50, parameters=values
+    )
+    times = [c.time for c in motion.trajectory.collisions]
+    assert times == pytest.approx([0.2, 2.2], rel=1e-9)
+    assert motion.q[-1, 0] == pytest.approx(2.5, rel=1e-9)
+    with pytest.raises(DmocError, match="the friction of 'floor' is zero in some phases"):
+        problem.but(parameters={MU: [0.5, 0]})
+    with pytest.raises(DmocError, match="the friction of 'floor' is -1 in phase 1"):
+        problem.but(parameters={MU: [0.5, -1]})
+
+
+def test_hits_with_friction_have_the_laws_of_their_phase() -> None:
+    """A ball that slides in both hits: the rates of the gap turn by e, and the traction is mu of
+    the impulse, which is (1 + e) m times the rate before."""
+    system = dmoc.MechanicalSystem(
+        "ball", [X, Y, A], M * (V**2 + Y.diff() ** 2) / 2 + J * A.diff() ** 2 / 2 - 10 * M * Y,
+        {M: 1, J: 0.4, MU: 0.02, E: 0.9}, surfaces={"floor": Y >= 0}, tangents={"floor": X + A},
+        friction={"floor": MU}, restitution={"floor": E},
+    )  # fmt: skip
+    values = {"mu": [0.02, 0.01, 0.3], "e": [0.9, 0.5, 0.3], "m": [1, 2, 1]}
+    first, second = sqrt(20), 0.9 * sqrt(20)
+    problem = dmoc.Problem(
+        system, {X: 0, Y: 1, A: 0, "x_dot": 1}, {}, ["floor:slip+"] * 2, steps=6, final_time=1.5,
+        parameters=values,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    motion = dmoc.simulate(
+        problem.kernels, {"y": 1}, {"x": 1}, step_size=0.05, steps=30, parameters=values
+    )
+    assert solution.verification.passed
+    for events in (solution.collisions, motion.trajectory.collisions):
+        for c, rate, e, m, mu in zip(
+            events, (first, second), values["e"], values["m"], values["mu"], strict=False
+        ):
+            assert (c.rate_before, c.rate_after) == pytest.approx((rate, -e * rate), rel=1e-8)
+            assert c.impulse == pytest.approx((1 + e) * m * rate, rel=1e-8)
+            assert c.tractions["floor"] == pytest.approx(-mu * c.impulse, rel=1e-8)
+
+
 # Hits ---------------------------------------------------------------------------------------------
 
 
