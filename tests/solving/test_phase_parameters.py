@@ -227,13 +227,14 @@ def test_a_block_slides_from_asphalt_onto_ice(order: int) -> None:
         problem.but(parameters={MU: [0.5, -1]})
 
 
-def test_hits_with_friction_have_the_laws_of_their_phase() -> None:
+@pytest.mark.parametrize("laws", [{}, {"floor": "stronge"}])
+def test_hits_with_friction_have_the_laws_of_their_phase(laws: dict[str, str]) -> None:
     """A ball that slides in both hits: the rates of the gap turn by e, and the traction is mu of
     the impulse, which is (1 + e) m times the rate before."""
     system = dmoc.MechanicalSystem(
         "ball", [X, Y, A], M * (V**2 + Y.diff() ** 2) / 2 + J * A.diff() ** 2 / 2 - 10 * M * Y,
         {M: 1, J: 0.4, MU: 0.02, E: 0.9}, surfaces={"floor": Y >= 0}, tangents={"floor": X + A},
-        friction={"floor": MU}, restitution={"floor": E},
+        friction={"floor": MU}, restitution={"floor": E}, impact_laws=laws,
     )  # fmt: skip
     values = {"mu": [0.02, 0.01, 0.3], "e": [0.9, 0.5, 0.3], "m": [1, 2, 1]}
     first, second = sqrt(20), 0.9 * sqrt(20)
