@@ -52,7 +52,7 @@ def course_at(problem: Problem, p: Passage, state: tuple[Array, Array, float]) -
     if not (np.isfinite(A).all() and np.isfinite(rates).all()):
         return None
     q, _, t = state
-    model = problem.model.with_friction_at(q, t=t)
+    model = problem.models[p.event].with_friction_at(q, t=t)
     e = float(model.coefficients(problem.restitution_values, *state)[p.surface])
     mu, e_t = float(model.hit_friction[p.tangent]), float(model.tangential_restitution[p.tangent])
     return (

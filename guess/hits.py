@@ -85,7 +85,7 @@ def response(problem: Problem, p: Passage, q: Array, t: float) -> Array:
     """The matrix A = D M^-1 D^T of the directions of an impact at q, shape (nq,): what impulses
     along them change the rates of separation and of sliding by, shape (2, 2)."""
     D = _directions(problem, p, q, t)
-    return np.asarray(D @ held_responses(problem.model, p.holding, q, D, t)[0])
+    return np.asarray(D @ held_responses(problem.models[p.event], p.holding, q, D, t)[0])
 
 
 def rates_and_response(
@@ -109,7 +109,7 @@ def _directions(problem: Problem, p: Passage, q: Array, t: float) -> Array:
 
 def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None:
     """Put the impulses of one impact, the velocities within it and the one after it into x."""
-    model, i = problem.model, p.event
+    model, i = problem.models[p.event], p.event
     q, v = x[lay.index_q[lay.collision_nodes[i]]], x[lay.impact.v_a[i]]
     D = _directions(problem, p, q, t)
     pushed, normal, tangential = held_responses(model, p.holding, q, D, t)

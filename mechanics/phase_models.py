@@ -105,8 +105,8 @@ def check_geometry(models: PhaseModels, error: ErrorKind) -> None:
         for name in models.changing if models.kernels.has(kernel) else ():
             if _depends(models, kernel, name):
                 raise error(
-                    f"parameter {name} has a value for each phase, and {what} depend on it: "
-                    "expected one value for all phases; model what changes by an expression of the "
+                    f"parameter {name} has a value for each phase, and is part of {what}: expected "
+                    "one value for all phases; model what changes by an expression of the "
                     "coordinates, or by another parameter."
                 )
 

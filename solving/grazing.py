@@ -77,7 +77,7 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
     slope = nlp.lagrangian_gradient(x, duals.y, duals.w) / nlp.sizes
     y, j = nlp.physical(x), int(lay.touch.surfaces[i])
     q, t = y[lay.index_q[lay.collision_nodes[i]]], float(lay.times(y)[lay.collision_nodes[i]])
-    model, v = nlp.problem.model, y[lay.impact.v_a[i]]
+    model, v = nlp.problem.models[i], y[lay.impact.v_a[i]]
     e = float(model.coefficients(nlp.problem.restitution_values, q, v, t)[j])
     by_impulse = float(slope[lay.impact.lam[i]])
     size = float(nlp.scale.rate[j])

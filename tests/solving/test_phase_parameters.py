@@ -350,9 +350,9 @@ def test_one_phase_has_one_value(spring: dmoc.Problem) -> None:
 
 def test_places_are_those_of_all_phases() -> None:
     walled = built("walled", {M: 1, D: 1}, 2, surfaces={"wall": X <= D})
-    with pytest.raises(DmocError, match=r"parameter d has a value .* the gaps to surfaces depend"):
+    with pytest.raises(DmocError, match=r"parameter d has a value .* part of the gaps to surfaces"):
         dmoc.Problem(walled, {X: 0, V: 1}, {}, ["wall"], parameters={D: [1, 2]})
-    with pytest.raises(DmocError, match=r"parameter d has a value .* the gaps to surfaces depend"):
+    with pytest.raises(DmocError, match=r"parameter d has a value .* part of the gaps to surfaces"):
         dmoc.simulate(walled, {"x": 0}, step_size=0.1, steps=2, parameters={"d": [1, 2]})
 
 
