@@ -14,8 +14,10 @@ from dmoc.proving.names import MOST_NAMED, listed, row_name
 from dmoc.proving.optimality_system import OptimalitySystem
 
 # A matrix whose rows have the size 1 is singular for rounding errors below this, so many inverse
-# iterations tell; what has this share of the largest part takes part, and below the last one none.
-SINGULAR, ITERATIONS, TAKES_PART, NO_PART = 1e-9, 3, 0.3, 1e-6
+# iterations tell.  What has the first one of these shares of the largest part is named, the second
+# one may be left out, and below the last one it takes no part.
+SINGULAR, ITERATIONS = 1e-9, 3
+TAKES_PART, MAY_GO, NO_PART = 0.3, 0.03, 1e-6
 
 
 class Null:
@@ -45,7 +47,8 @@ class Null:
         if takes_part[e:].any():
             among = inequalities if len(inequalities) else np.flatnonzero(takes_part[e:]) + e
             return int(among[np.argmin(np.abs(y[among]))])
-        kinds = (b.numbers for b in self.nlp.equalities if takes_part[b.numbers].any())
+        may_go = self.rows > MAY_GO * self.rows.max()
+        kinds = (b.numbers for b in self.nlp.equalities if may_go[b.numbers].any())
         fewest = min(kinds, key=len)
         return int(fewest[np.argmax(self.rows[fewest])])
 
