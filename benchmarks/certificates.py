@@ -80,7 +80,7 @@ def main() -> None:
         "\n".join(remarks),
     )
     text = f"# Certificates\n\n{filled(machine())}\n\n{section.markdown()}\n"
-    write_whole(REPORT, text)
+    write_whole(REPORT, text.encode())
 
 
 if __name__ == "__main__":
