@@ -18,7 +18,7 @@ from systems import landing_system
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.results.simulation import Simulation
-from dmoc.simulation import contact_motion
+from dmoc.simulation import contact_motion, given_inputs
 from dmoc.simulation.contact_modes import _furthest_along
 
 pytestmark = pytest.mark.slow
@@ -172,8 +172,8 @@ def test_the_motion_is_that_of_single_steps(
     kernels: Callable[[str], Kernels], name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = simulated(kernels(name), name)
-    monkeypatch.setattr(contact_motion, "AT_ONCE", 0)
-    monkeypatch.setattr(contact_motion, "_rests", lambda *_: False)
+    monkeypatch.setattr(given_inputs, "AT_ONCE", 0)
+    monkeypatch.setattr(given_inputs, "_rests", lambda *_: False)
     single = simulated(kernels(name), name)
     size = np.abs(single.q).max()
     assert run.q == pytest.approx(single.q, abs=1e-9 * size)
