@@ -34,7 +34,7 @@ def parameter_rows(
     stated = by_name(changes, "parameters", error)
     lists = {n: list(x) for n, x in stated.items() if is_row(x)}
     if phases is None:
-        phases = max((len(x) for x in lists.values()), default=1)
+        phases = max((len(x) for x in lists.values()), default=1) or 1
     for name, values in lists.items():
         if len(values) != phases:
             several = f"a number, or one for each of the {phases} phases, not {len(values)}"

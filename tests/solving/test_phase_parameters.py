@@ -346,6 +346,8 @@ def test_wrong_values_of_phases_are_refused(
 def test_one_phase_has_one_value(spring: dmoc.Problem) -> None:
     with pytest.raises(DmocError, match=r"\[10, 50\]: expected a number, as there is one phase"):
         spring.but(sequence=[])
+    with pytest.raises(DmocError, match=r"k = \[\]: expected a number, as there is one phase"):
+        dmoc.simulate(spring.kernels, {"x": 1}, step_size=0.1, steps=1, parameters={"k": []})
 
 
 def test_places_are_those_of_all_phases() -> None:
