@@ -8,8 +8,6 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from difflib import get_close_matches
-from functools import partial
-from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -199,20 +197,21 @@ class LoadedSolver:
             for name, value in self._read(entry):
                 values[k, self._names.index(name)] = value
         ends = Ends(len(entries), self._row)
-        rooms: SimpleQueue[Array] = SimpleQueue()
-        for _ in range(many):
-            rooms.put(self._room())
+        # Threads take shares as soon as they are free: Ctrl-C must not meet the main one while it
+        # hands them out, with a lock of the pool.
+        shares = iter(range(0, len(entries), TOGETHER))
 
-        def solved(first: int) -> None:
-            room, count = rooms.get(), min(TOGETHER, len(entries) - first)
-            self._c.dmoc_loaded_many(
-                address(room), self._bytes, address(values[first:]), count, most, until,
-                ctypes.byref(self._stop), *ends.at(first),
-            )  # fmt: skip
-            rooms.put(room)
+        def solved() -> None:
+            room = self._room()
+            for first in shares:
+                count = min(TOGETHER, len(entries) - first)
+                self._c.dmoc_loaded_many(
+                    address(room), self._bytes, address(values[first:]), count, most, until,
+                    ctypes.byref(self._stop), *ends.at(first),
+                )  # fmt: skip
 
         with ThreadPoolExecutor(many) as pool:
-            self._run(pool, [partial(solved, k) for k in range(0, len(entries), TOGETHER)])
+            self._run(pool, [solved] * many)
         return [self._end(ends, k, values[k]) for k in range(len(entries))]
 
     def _run(self, pool: ThreadPoolExecutor, tasks: Sequence[Callable[[], None]]) -> None:

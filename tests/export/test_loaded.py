@@ -13,7 +13,6 @@ import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -169,21 +168,20 @@ def test_an_interrupt_keeps_what_is_done(
 ) -> None:
     main, shares, done = threading.main_thread().ident, itertools.count(1), threading.Event()
     assert main is not None
+    at = loaded_solver.Ends.at
     signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in jobs of the background
 
-    class Rooms(SimpleQueue[Any]):
-        """What threads take and give back with each share."""
-
-        def put(self, *room: Any) -> None:
-            super().put(*room)
-            if next(shares) > 2 + 2:
-                done.set()
+    def counted(ends: loaded_solver.Ends, first: int) -> Any:
+        """The place of a share, which a thread asks for when it begins with it."""
+        if next(shares) > 2 + 2:
+            done.set()
+        return at(ends, first)
 
     def interrupts() -> None:
         done.wait(60)
         signal.pthread_kill(main, signal.SIGINT)
 
-    monkeypatch.setattr(loaded_solver, "SimpleQueue", Rooms)
+    monkeypatch.setattr(loaded_solver.Ends, "at", counted)
     other = threading.Thread(target=interrupts)
     other.start()
     ends = block.solve_many([{"final_time": 1 + k / 20_000} for k in range(20_000)], threads=2)
