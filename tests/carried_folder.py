@@ -50,11 +50,14 @@ def shared_object(source: Path, *flags: str, gcc: str = "gcc") -> str:
 def compile_library(
     folder: Path, command: list[str], target: str, others: Sequence[str] = ()
 ) -> None:
-    """What dmoc's function of this name does, with objects for what all solvers have."""
+    """What dmoc's function of this name does, with objects for what all solvers have, where the
+    compiler's command is one word."""
+    gcc, *more = compiler.compiler()
     flags = [flag for flag in compiler.FLAGS if flag != "-shared"]
-    own = {name: place / name for place, names in parts().items() for name in names}
+    places = {} if more else parts()
+    own = {name: place / name for place, names in places.items() for name in names}
     files = [
-        shared_object(own[name], *flags, gcc=command[0])
+        shared_object(own[name], *flags, gcc=gcc)
         if name in own and (folder / name).read_text() == own[name].read_text()
         else name
         for name in others
