@@ -22,6 +22,9 @@ from dmoc.solving.programs import at_solution
 from dmoc.solving.request import check_problem
 from dmoc.solving.sensitivity import as_solved, check_minimum
 
+# Unknowns and equations: a certificate keeps two matrices of so many rows and columns, a gigabyte.
+MOST = 9000
+
 
 @public(ProblemError)
 def certify(problem: Problem, solution: Solution) -> Certificate:
@@ -78,6 +81,9 @@ def certify(problem: Problem, solution: Solution) -> Certificate:
 
 def _certificate(nlp: Transcription, x: Array, duals: Duals) -> Certificate:
     """What is proved of scaled unknowns, shape (n,)."""
+    size = nlp.n + nlp.n_eq
+    if size > MOST:
+        return Certificate((f"the program has {size} unknowns and equations, more than {MOST}.",))
     point = sharpened(nlp, x, duals)
     if point.away(x) <= ELSEWHERE:
         return proof(nlp, x, point)

@@ -197,6 +197,15 @@ def test_the_bounds_hold_for_every_motion_within_the_radii(mass: Kernels) -> Non
     assert low < solution.cost < solution.cost + 1e-2 < nlp.cost(z) * nlp.scale.cost <= high
 
 
+def test_a_program_that_is_too_large_is_named(
+    mass: Kernels, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = stated(mass)
+    solution = dmoc.solve(problem, starts=1)
+    monkeypatch.setattr("dmoc.proving.certify.MOST", 20)
+    assert fails(dmoc.certify(problem, solution)).endswith("unknowns and equations, more than 20.")
+
+
 def test_what_did_not_converge_is_not_certified(mass: Kernels) -> None:
     problem = stated(mass)
     solution = replace(dmoc.solve(problem, starts=1), status=Status.STALLED)
