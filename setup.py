@@ -114,6 +114,13 @@ extensions += [
         extra_compile_args=FLAGS,
     ),
     Extension(
+        "dmoc.proving.branch",
+        ["proving/branch.pyx", *sorted(map(str, Path("proving").glob("*.c")))],
+        depends=sorted(map(str, Path("proving").glob("*.h"))),
+        include_dirs=["proving"],
+        extra_compile_args=SOLVER_FLAGS,
+    ),
+    Extension(
         "dmoc.solvers.compiled",
         [
             "solvers/compiled.pyx",

@@ -45,7 +45,7 @@ def limits(
     """Lower and upper bounds of x, shape (n,) each; ``goals`` are constraints and bound nothing."""
     box = np.tile((-np.inf, np.inf), (lay.size, 1))
     box[lay.index_h] = np.maximum(
-        lay.step_sizes(_durations(problem).T).T, SMALLEST_STEP * scale.time
+        lay.step_sizes(shortest_durations(problem).T).T, SMALLEST_STEP * scale.time
     )
     box[lay.index_q] = problem.coordinate_bounds
     box[lay.index_u] = problem.input_bounds
@@ -80,8 +80,9 @@ def _narrow(box: Array, index: Index, bounds: Array) -> None:
     box[index, 1] = np.minimum(box[index, 1], bounds[:, 1])
 
 
-def _durations(problem: Problem) -> Array:
-    """Bounds of the durations of the phases; a bound that was given counts."""
+def shortest_durations(problem: Problem) -> Array:
+    """Bounds of the durations of the phases, shape (phases, 2): the shortest that programs know,
+    unless a bound was given."""
     latest = problem.final_time_bounds[1]
     shortest = SHORTEST_PHASE * latest if len(problem.sequence) and np.isfinite(latest) else 0.0
     low, high = problem.duration_bounds.T

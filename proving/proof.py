@@ -25,7 +25,7 @@ from dmoc.proving.optimality_system import Matrix, Values, balanced, scaled, who
 
 # Balls of some constraints, what names them, and their numbers.
 Part: TypeAlias = tuple[Ball, Callable[[int], str], Index]
-KEPT = 1e-8  # of a row that was left out
+NEARLY_KEPT = 1e-8  # of a row that was left out
 
 
 def proof(nlp: Transcription, answer: Array, point: Point) -> Certificate:
@@ -153,7 +153,7 @@ class Near:
         sentences += [
             f"{row_name(self.nlp, i)}, which was left out, is missed by {missed:.1e}."
             for i, missed in zip(out.tolist(), self.around.rows[1 + out].most, strict=True)
-            if not missed <= KEPT
+            if not missed <= NEARLY_KEPT
         ]
         more = len(sentences) - MOST_NAMED
         return sentences[:MOST_NAMED] + [f"and {more} more of this kind."] * (more > 0)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from dmoc.planning.planner import Planner as Planner
     from dmoc.problem.problem import Problem as Problem
     from dmoc.proving.certify import certify as certify
+    from dmoc.proving.prove import prove as prove
     from dmoc.report.animation import animate as animate
     from dmoc.results.batch import Batch as Batch
     from dmoc.results.feedback import feedback as feedback
@@ -98,6 +99,7 @@ _PLACES = {
     "peak": "dmoc.symbolic.objectives",
     "total": "dmoc.symbolic.objectives",
     "certify": "dmoc.proving.certify",
+    "prove": "dmoc.proving.prove",
     "feedback": "dmoc.results.feedback",
     "fit": "dmoc.fitting.fit",
     "generate_page": "dmoc.export.page",

@@ -123,6 +123,7 @@ def calls(
         "Planner": {"problem": problem, "solution": solution},
         "sensitivities": {"problem": problem, "solution": solution},
         "certify": {"problem": problem, "solution": solution},
+        "prove": {"problem": problem},
         "generate_solver": {"problem": problem, "folder": "carried", "guess": solution},
         "load_solver": {"folder": "nowhere"},
         "generate_page": {"problem": problem, "path": "page.html", "guess": solution},

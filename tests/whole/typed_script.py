@@ -64,6 +64,7 @@ def varied(problem: dmoc.Problem, solution: dmoc.Solution) -> None:
     assert_type(dmoc.solve_many([problem], guess=solution), dmoc.Batch)
     assert_type(dmoc.sensitivities(problem, solution)["final_time"], float)
     assert_type(dmoc.certify(problem, solution).proved, bool)
+    assert_type(dmoc.prove(problem).bound, float)
 
 
 def simulated(solution: dmoc.Solution, kernels: Kernels) -> None:

@@ -1,0 +1,29 @@
+/* A lower bound of the cost over a box of durations. */
+#ifndef DMOC_BOX_H
+#define DMOC_BOX_H
+
+#include "centre.h"
+#include "steps_cache.h"
+
+typedef struct {
+    const Problem *problem;
+    Cache cache;
+    double aim;                 /* a cost below which nothing is of interest */
+    double best, at[MOST_PHASES]; /* the least cost that was met, and its durations */
+    long boxes;                 /* that were looked at */
+    Centre centre;
+    Value values[MOST_PHASES];  /* memory for values */
+    void *memory;
+} Engine;
+
+/* Memory for bounds of a problem; 0, or 1 where there is none. */
+int engine_begin(Engine *engine, const Problem *problem);
+void engine_end(Engine *engine);
+
+/* A number that no motion with durations in a box costs less than; infinity where there are none.
+ * ``multipliers`` are those of a larger box, and become those of this one; ``widths`` say by which
+ * duration the box ought to be divided. Beyond ``enough`` a bound may be as it is. */
+double box_bound(Engine *engine, const double *low, const double *high, double enough,
+                 double *multipliers, double *widths);
+
+#endif

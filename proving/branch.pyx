@@ -1,0 +1,171 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, binding=False
+"""Branch and bound over the durations of a problem that is linear between its events."""
+from libc.math cimport INFINITY
+from libc.stddef cimport size_t
+from libc.string cimport memcpy
+
+import numpy as np
+
+
+cdef extern from "tree.h" nogil:
+    enum: MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS
+    int PROVED, GOING_ON, NO_MEMORY
+    ctypedef struct Phase:
+        int r, na, nb, steps, paths
+        const double *P
+        const double *R
+        const double *c
+        double c_0
+        const double *lower
+        const double *upper
+        const double *path
+        const double *most
+    ctypedef struct Rows:
+        int rows, columns
+        const double *A
+        const double *b
+        const double *b_t
+    ctypedef struct Event:
+        Rows after, zero, most
+    ctypedef struct Problem:
+        int phases
+        const Phase *phase
+        const Event *event
+        Rows goal_zero, goal_most
+        const double *start_low
+        const double *start_high
+        const double *shortest
+        const double *longest
+        double earliest, latest, scale
+    ctypedef struct Engine:
+        double best
+        double *at
+        long boxes
+    ctypedef struct Tree:
+        Engine engine
+        double shed
+        size_t count, width
+        double *waiting
+    int tree_begin(Tree *, const Problem *, double, double, double, double)
+    void tree_end(Tree *)
+    int tree_push(Tree *, const double *)
+    int tree_run(Tree *, long)
+    double tree_bound(const Tree *)
+
+
+# What the arrays of the engine have room for: phases, inputs of a step, numbers of a state,
+# multipliers.
+LIMITS = MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS
+
+
+cdef class Branch:
+    """Boxes of durations of a LinearProblem, and a bound of the cost of each.
+
+    ``best`` is the cost of a motion that is known, infinite where there is none; without one,
+    motions that cost ``limit`` or more are of no interest.  ``gap`` is relative to the least cost,
+    and ``least_gap`` what it is at least.
+    """
+    cdef Tree tree
+    cdef Problem problem
+    cdef Phase phases[MOST_PHASES]
+    cdef Event events[MOST_PHASES]
+    cdef list held
+    cdef bint begun
+
+    def __init__(self, linear, double best, double limit, double gap, double least_gap, double scale):
+        cdef Py_ssize_t i
+        self.held = []
+        for i, phase in enumerate(linear.phases):
+            self.phases[i] = Phase(
+                phase.size, phase.P.shape[1] - phase.size, len(phase.c), phase.steps, len(phase.most),
+                self._numbers(phase.P), self._numbers(phase.R), self._numbers(phase.c), phase.c_0,
+                self._numbers(phase.lower), self._numbers(phase.upper), self._numbers(phase.paths),
+                self._numbers(phase.most),
+            )
+        for i, event in enumerate(linear.events):
+            self.events[i] = Event(
+                self._rows(event.after), self._rows(event.zero), self._rows(event.most)
+            )
+        earliest, latest = linear.final_time
+        self.problem = Problem(
+            len(linear.phases), &self.phases[0], &self.events[0], self._rows(linear.goal_zero),
+            self._rows(linear.goal_most), self._numbers(linear.start[0]), self._numbers(linear.start[1]),
+            self._numbers(linear.durations[:, 0]),
+            self._numbers(linear.durations[:, 1]), earliest, latest, scale,
+        )
+        self.begun = True
+        if tree_begin(&self.tree, &self.problem, best, limit, gap, least_gap):
+            raise MemoryError
+
+    def __dealloc__(self):
+        if self.begun:
+            tree_end(&self.tree)
+
+    cdef const double *_numbers(self, values) except NULL:
+        """Numbers that stay where they are as long as this does."""
+        cdef double[::1] kept
+        array = np.ascontiguousarray(values, dtype=float).ravel()
+        kept = array if array.size else np.zeros(1)
+        self.held.append(kept)
+        return &kept[0]
+
+    cdef Rows _rows(self, rows) except *:
+        m, n = rows.A.shape
+        return Rows(m, n, self._numbers(rows.A), self._numbers(rows.b), self._numbers(rows.b_t))
+
+    def run(self, long boxes):
+        """Look at so many boxes more; whether some are left that matter."""
+        cdef int ending
+        with nogil:
+            ending = tree_run(&self.tree, boxes)
+        if ending == NO_MEMORY:
+            raise MemoryError
+        return ending == GOING_ON
+
+    @property
+    def bound(self):
+        """No motion costs less."""
+        return tree_bound(&self.tree)
+
+    @property
+    def best(self):
+        """The least cost that was met."""
+        return self.tree.engine.best
+
+    @property
+    def durations(self):
+        """Durations at which that was, shape (phases,); zeros where ``best`` was given."""
+        return np.array([self.tree.engine.at[i] for i in range(self.problem.phases)])
+
+    @property
+    def boxes(self):
+        """How many boxes were looked at."""
+        return self.tree.engine.boxes
+
+    @property
+    def waiting(self):
+        """How many wait."""
+        return self.tree.count
+
+    def state(self):
+        """What is left to do: boxes that wait, shape (boxes, width), and (least bound of those that
+        were left, least cost, boxes, durations), shape (3 + phases,)."""
+        waiting = np.empty((self.tree.count, self.tree.width))
+        cdef double[:, ::1] to = waiting
+        if self.tree.count:
+            memcpy(&to[0, 0], self.tree.waiting, self.tree.count * self.tree.width * sizeof(double))
+        return waiting, np.array([self.tree.shed, self.best, self.boxes, *self.durations])
+
+    def restore(self, waiting, numbers):
+        """Go on where another one has stopped."""
+        cdef Py_ssize_t i
+        cdef const double[:, ::1] boxes = np.ascontiguousarray(waiting)
+        self.tree.count = 0
+        for i in range(boxes.shape[0]):
+            if tree_push(&self.tree, &boxes[i, 0]):
+                raise MemoryError
+        self.tree.shed, self.tree.engine.boxes = numbers[0], <long>numbers[2]
+        if numbers[1] < self.best:
+            self.tree.engine.best = numbers[1]
+            for i in range(self.problem.phases):
+                self.tree.engine.at[i] = numbers[3 + i]

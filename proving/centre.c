@@ -1,0 +1,590 @@
+/* The best multipliers at given durations: the dual is concave and piecewise quadratic, and its
+ * maximum is found by Newton's method with the signs that multipliers must have. */
+#include "centre.h"
+
+#include <string.h>
+
+#define MOST_ITERATIONS 60
+#define WIDTH (MOST_MULTIPLIERS + 1)
+/* How much a step may raise the dual, beside its value. */
+#define FARTHEST 1e3
+/* Curvature of costs that have none while multipliers are sought, relative to the cost. */
+#define SMOOTHING 1e-3
+
+int centre_number(const Problem *p, int count, Centre *c)
+{
+    int n = 0;
+    memset(c->may_be_negative, 0, sizeof c->may_be_negative);
+    int total = p->goal_zero.rows + p->goal_most.rows + count;
+    for (int i = 0; i + 1 < p->phases; i++)
+        total += p->event[i].zero.rows + p->event[i].most.rows;
+    if (total > MOST_MULTIPLIERS)
+        return 1;
+    for (int j = 0; j < p->goal_zero.rows; j++)
+        c->may_be_negative[n++] = 1;
+    n += p->goal_most.rows;
+    for (int i = 0; i + 1 < p->phases; i++) {
+        c->first_event[i] = n;
+        for (int j = 0; j < p->event[i].zero.rows; j++)
+            c->may_be_negative[n++] = 1;
+        n += p->event[i].most.rows;
+    }
+    c->first_priced = n;
+    c->multipliers = n + count;
+    return 0;
+}
+
+/* costates += multiplier row of functions A z + b, which are numbered from ``first``. */
+static void add_rows(const Rows *rows, int first, double *L)
+{
+    for (int i = 0; i < rows->rows; i++)
+        for (int z = 0; z < rows->columns; z++)
+            L[z * WIDTH + first + i] += rows->A[i * rows->columns + z];
+}
+
+/* The costates of each phase as functions of the multipliers and 1, and by one duration where
+ * ``by`` is not negative. */
+static void costates_of(const Problem *p, const Steps *const *steps, const Centre *c, int by, int i,
+                        const double *later, const double *later_slope, double *L)
+{
+    const int n = c->multipliers, s = 2 * p->phase[i].r;
+    memset(L, 0, sizeof(double) * MOST_COSTATE * WIDTH);
+    if (i == p->phases - 1) {
+        if (by < 0) {
+            add_rows(&p->goal_zero, 0, L);
+            add_rows(&p->goal_most, p->goal_zero.rows, L);
+        }
+    } else {
+        const Event *e = p->event + i;
+        const int s_after = e->after.rows, d = steps[i + 1]->d;
+        double start[MOST_STATE * WIDTH];
+        for (int z = 0; z < s_after; z++)
+            for (int j = 0; j <= n; j++) {
+                double sum = 0;
+                for (int k = 0; k < d; k++) {
+                    const line at = steps[i + 1]->start[z * d + k];
+                    if (by < 0)
+                        sum += interval_mid(at.v0) * later[k * WIDTH + j];
+                    else
+                        sum += interval_mid(at.v0) * later_slope[k * WIDTH + j] +
+                               (by == i + 1 ? interval_mid(at.d0) * later[k * WIDTH + j] : 0);
+                }
+                start[z * WIDTH + j] = sum;
+            }
+        for (int z = 0; z < s; z++)
+            for (int j = 0; j <= n; j++)
+                for (int k = 0; k < s_after; k++)
+                    L[z * WIDTH + j] += e->after.A[k * s + z] * start[k * WIDTH + j];
+        if (by < 0) {
+            add_rows(&e->zero, c->first_event[i], L);
+            add_rows(&e->most, c->first_event[i] + e->zero.rows, L);
+        }
+    }
+    if (by < 0) {
+        for (int k = 0; k < steps[i]->priced; k++)
+            L[(s + k) * WIDTH + c->first_priced + steps[i]->which[k]] = 1;
+        L[(steps[i]->d - 1) * WIDTH + n] = 1;
+    }
+}
+
+/* Constants of the dual in the multipliers, (multipliers + 1,). */
+static void constants_of(const Problem *p, const double *t, const Steps *const *steps, const Centre *c,
+                         double *constant)
+{
+    double time = 0;
+    memset(constant, 0, sizeof(double) * WIDTH);
+    for (int i = 0; i < p->phases; i++) {
+        time += t[i];
+        const double *L = COSTATES(c, i);
+        for (int k = 0; k < steps[i]->d; k++)
+            for (int j = 0; j <= c->multipliers; j++)
+                constant[j] += interval_mid(steps[i]->without.linear[k].v0) * L[k * WIDTH + j];
+        const int last = i == p->phases - 1;
+        const Rows *zero = last ? &p->goal_zero : &p->event[i].zero;
+        const Rows *most = last ? &p->goal_most : &p->event[i].most;
+        const int first = last ? 0 : c->first_event[i];
+        for (int k = 0; k < zero->rows; k++)
+            constant[first + k] += zero->b[k] + zero->b_t[k] * time;
+        for (int k = 0; k < most->rows; k++)
+            constant[first + zero->rows + k] += most->b[k] + most->b_t[k] * time;
+    }
+}
+
+/* The inverse of a positive definite matrix (n, n). */
+static void inverse_of(int n, const double *H, double *inverse)
+{
+    double A[MOST_INPUTS * MOST_INPUTS];
+    memcpy(A, H, sizeof(double) * n * n);
+    for (int i = 0; i < n * n; i++)
+        inverse[i] = i % (n + 1) == 0;
+    for (int k = 0; k < n; k++) {
+        const double pivot = 1 / A[k * n + k];
+        for (int j = 0; j < n; j++)
+            A[k * n + j] *= pivot, inverse[k * n + j] *= pivot;
+        for (int i = 0; i < n; i++) {
+            const double factor = A[i * n + k];
+            for (int j = 0; j < n && i != k; j++) {
+                A[i * n + j] -= factor * A[k * n + j];
+                inverse[i * n + j] -= factor * inverse[k * n + j];
+            }
+        }
+    }
+}
+
+/* Least of u H u/2 + y u within bounds; the free inputs as a mask. */
+static unsigned least_inputs(int n, const double *H, const double *inverse, const double *y,
+                             const double *lower, const double *upper, double *u)
+{
+    int within = 1;
+    for (int i = 0; i < n; i++) {
+        double sum = 0;
+        for (int j = 0; j < n; j++)
+            sum -= inverse[i * n + j] * y[j];
+        u[i] = sum;
+        within &= sum > lower[i] && sum < upper[i];
+    }
+    if (within)
+        return (1u << n) - 1;
+    for (int i = 0; i < n; i++)
+        u[i] = u[i] < lower[i] ? lower[i] : u[i] > upper[i] ? upper[i] : u[i];
+    for (int round = 0; round < 200 && n > 1; round++) {
+        double moved = 0, size = 0;
+        for (int i = 0; i < n; i++) {
+            double slope = y[i];
+            for (int j = 0; j < n; j++)
+                slope += i == j ? 0 : H[i * n + j] * u[j];
+            double next = -slope / H[i * n + i];
+            next = next < lower[i] ? lower[i] : next > upper[i] ? upper[i] : next;
+            const double change = fabs(next - u[i]);
+            moved = change > moved ? change : moved;
+            size = fabs(next) > size ? fabs(next) : size;
+            u[i] = next;
+        }
+        if (moved <= 1e-15 * size)
+            break;
+    }
+    unsigned mask = 0;
+    for (int i = 0; i < n; i++)
+        mask |= (unsigned)(u[i] > lower[i] && u[i] < upper[i]) << i;
+    return mask;
+}
+
+/* Solve the symmetric positive system A x = b of the rows that are free, with a little more on its
+ * diagonal where it needs it; A is used up. */
+static void solve_free(int n, double *A, const double *b, const unsigned char *is_free, double *x)
+{
+    int at[MOST_MULTIPLIERS], k = 0;
+    for (int i = 0; i < n; i++) {
+        x[i] = 0;
+        if (is_free[i])
+            at[k++] = i;
+    }
+    double L[MOST_MULTIPLIERS * MOST_MULTIPLIERS], z[MOST_MULTIPLIERS];
+    for (int i = 0; i < k; i++)
+        for (int j = 0; j <= i; j++) {
+            const double diagonal = A[at[i] * n + at[i]];
+            double sum = A[at[i] * n + at[j]] + (i == j ? 1e-13 * diagonal : 0);
+            for (int l = 0; l < j; l++)
+                sum -= L[i * k + l] * L[j * k + l];
+            if (i == j)
+                L[i * k + i] = sqrt(sum > 1e-12 * diagonal ? sum : 1e-12 * diagonal + 1e-300);
+            else
+                L[i * k + j] = sum / L[j * k + j];
+        }
+    for (int i = 0; i < k; i++) {
+        double sum = b[at[i]];
+        for (int l = 0; l < i; l++)
+            sum -= L[i * k + l] * z[l];
+        z[i] = sum / L[i * k + i];
+    }
+    for (int i = k - 1; i >= 0; i--) {
+        double sum = z[i];
+        for (int l = i + 1; l < k; l++)
+            sum -= L[l * k + i] * x[at[l]];
+        x[at[i]] = sum / L[i * k + i];
+    }
+}
+
+/* The dual at multipliers m, its gradient and minus its second derivatives where they are asked
+ * for. */
+static double dual_at(const Problem *p, const Steps *const *steps, const double *constant, Centre *c,
+                      const double *m, double *gradient, double *H)
+{
+    const int n = c->multipliers;
+    double value = constant[n], *u = c->inputs;
+    const double *row = c->rows;
+    for (int j = 0; j < n; j++)
+        value += constant[j] * m[j];
+    if (gradient)
+        memcpy(gradient, constant, sizeof(double) * n);
+    if (H)
+        memset(H, 0, sizeof(double) * n * n);
+    for (int i = 0; i < p->phases; i++) {
+        const Phase *ph = p->phase + i;
+        const int nb = ph->nb;
+        const double h = interval_mid(steps[i]->h.v0);
+        double R[MOST_INPUTS * MOST_INPUTS], inverse[MOST_INPUTS * MOST_INPUTS], y[MOST_INPUTS];
+        for (int a = 0; a < nb * nb; a++)
+            R[a] = h * ph->R[a];
+        for (int a = 0; a < nb; a++) {
+            const double width = ph->upper[a] - ph->lower[a];
+            if (!(R[a * nb + a] > 0))
+                R[a * nb + a] = h * SMOOTHING * p->scale / (p->latest * width * width);
+        }
+        inverse_of(nb, R, inverse);
+        for (int k = 0; k < ph->steps; k++, u += nb, row += nb * WIDTH) {
+            for (int a = 0; a < nb; a++) {
+                y[a] = row[a * WIDTH + n];
+                for (int j = 0; j < n; j++)
+                    y[a] += row[a * WIDTH + j] * m[j];
+            }
+            const unsigned mask = least_inputs(nb, R, inverse, y, ph->lower, ph->upper, u);
+            for (int a = 0; a < nb; a++) {
+                double curved = 0;
+                for (int b = 0; b < nb; b++)
+                    curved += R[a * nb + b] * u[b];
+                value += u[a] * (y[a] + curved / 2);
+                for (int j = 0; j < n && gradient; j++)
+                    gradient[j] += row[a * WIDTH + j] * u[a];
+            }
+            if (!H || !mask)
+                continue;
+            /* rows of the free inputs times the inverse of their part of R, by elimination */
+            double A[MOST_INPUTS * MOST_INPUTS], B[MOST_INPUTS * WIDTH];
+            for (int a = 0; a < nb; a++) {
+                const int on = mask >> a & 1;
+                for (int b = 0; b < nb; b++)
+                    A[a * nb + b] = on && mask >> b & 1 ? R[a * nb + b] : a == b;
+                for (int j = 0; j < n; j++)
+                    B[a * WIDTH + j] = on ? row[a * WIDTH + j] : 0;
+            }
+            /* L D L^T of A: H += B^T A^-1 B */
+            for (int a = 0; a < nb; a++) {
+                for (int b = a + 1; b < nb; b++) {
+                    const double factor = A[b * nb + a] / A[a * nb + a];
+                    if (factor == 0)
+                        continue;
+                    for (int g = a; g < nb; g++)
+                        A[b * nb + g] -= factor * A[a * nb + g];
+                    for (int j = 0; j < n; j++)
+                        B[b * WIDTH + j] -= factor * B[a * WIDTH + j];
+                }
+                for (int j = 0; j < n; j++) {
+                    const double share = B[a * WIDTH + j] / A[a * nb + a];
+                    for (int l = 0; l <= j && share != 0; l++)
+                        H[j * n + l] += share * B[a * WIDTH + l];
+                }
+            }
+        }
+    }
+    /* A start within a range is an input that costs nothing. */
+    for (int z = 0; z < 2 * p->phase[0].r; z++, row += WIDTH, u++) {
+        const double reach = (p->start_high[z] - p->start_low[z]) / 2;
+        if (!(reach > 0))
+            continue;
+        const double R = SMOOTHING * p->scale / (reach * reach), inverse = 1 / R, low = -reach;
+        double y = row[n];
+        for (int j = 0; j < n; j++)
+            y += row[j] * m[j];
+        const unsigned mask = least_inputs(1, &R, &inverse, &y, &low, &reach, u);
+        value += *u * (y + R * *u / 2);
+        for (int j = 0; j < n && gradient; j++)
+            gradient[j] += row[j] * *u;
+        for (int j = 0; j < n && H && mask; j++)
+            for (int l = 0; l <= j; l++)
+                H[j * n + l] += row[j] * row[l] / R;
+    }
+    for (int j = 0; j < n && H; j++)
+        for (int l = 0; l < j; l++)
+            H[l * n + j] = H[j * n + l];
+    return value;
+}
+
+/* What the multipliers make of the inputs of all steps. */
+static void rows_of(const Problem *p, const Steps *const *steps, Centre *c)
+{
+    double *row = c->rows;
+    for (int i = 0; i < p->phases; i++) {
+        const int d = steps[i]->d, count = p->phase[i].steps * p->phase[i].nb;
+        const double *L = COSTATES(c, i);
+        for (int k = 0; k < count; k++, row += WIDTH) {
+            memset(row, 0, sizeof(double) * (c->multipliers + 1));
+            for (int a = 0; a < d; a++) {
+                const double at = interval_mid(steps[i]->response[k * d + a].v0);
+                for (int j = 0; j <= c->multipliers && at != 0; j++)
+                    row[j] += at * L[a * WIDTH + j];
+            }
+        }
+    }
+    const int s = 2 * p->phase[0].r, d = steps[0]->d;
+    for (int z = 0; z < s; z++, row += WIDTH) {
+        memset(row, 0, sizeof(double) * (c->multipliers + 1));
+        for (int a = 0; a < d; a++)
+            for (int j = 0; j <= c->multipliers; j++)
+                row[j] += interval_mid(steps[0]->start[z * d + a].v0) * COSTATES(c, 0)[a * WIDTH + j];
+    }
+}
+
+/* Choices for the bounds: what is at its bound and kept there. */
+static void choose(const Problem *p, Centre *c)
+{
+    const double *u = c->inputs;
+    Choice *choice = c->choices;
+    for (int i = 0; i < p->phases; i++) {
+        const Phase *ph = p->phase + i;
+        for (int k = 0; k < ph->steps * ph->nb; k++, u++, choice++) {
+            const int a = k % ph->nb;
+            const int flat = !(ph->R[a * ph->nb + a] > 0);
+            choice->kind = *u <= ph->lower[a] ? AT_LOWER : *u >= ph->upper[a] ? AT_UPPER : FREE;
+            if (flat && choice->kind == FREE)
+                choice->kind = AT_LOWER; /* no bound of it can be left out: a chord follows */
+            choice->price = choice->offset = 0;
+        }
+    }
+}
+
+/* Multipliers no larger than is enough, on the way to zero: large ones make poor bounds of large
+ * boxes. The dual is nearly a parabola there. */
+static void shrink(const Problem *p, const Steps *const *steps, const double *constant, double enough,
+                   Centre *c)
+{
+    const int n = c->multipliers;
+    double gradient[MOST_MULTIPLIERS], next[MOST_MULTIPLIERS] = {0};
+    const double none = dual_at(p, steps, constant, c, next, 0, 0);
+    for (int round = 0; round < 6 && c->value > enough + fabs(enough) / 4 && none < enough; round++) {
+        double slope = 0;
+        c->value = dual_at(p, steps, constant, c, c->m, gradient, 0);
+        for (int j = 0; j < n; j++)
+            slope += gradient[j] * c->m[j];
+        /* none + a s - b s^2 with its value and slope at s = 1; the root of what is enough */
+        const double rise = c->value - none, a = 2 * rise - slope, b = rise - slope;
+        const double wanted = enough + fabs(enough) / 8 - none;
+        const double root = a * a - 4 * b * wanted;
+        double share = root > 0 ? 2 * wanted / (a + sqrt(root)) : 0.5;
+        share = share > 0 && share < 1 ? share : 0.5;
+        for (int j = 0; j < n; j++)
+            next[j] = share * c->m[j];
+        const double value = dual_at(p, steps, constant, c, next, 0, 0);
+        if (value < enough)
+            break;
+        memcpy(c->m, next, sizeof(double) * n);
+        c->value = value;
+    }
+}
+
+void centre_maximise(const Problem *p, const double *t, const Steps *const *steps, double enough,
+                     Centre *c)
+{
+    const int n = c->multipliers;
+    double constant[WIDTH], gradient[MOST_MULTIPLIERS], step[MOST_MULTIPLIERS];
+    double H[MOST_MULTIPLIERS * MOST_MULTIPLIERS], next[MOST_MULTIPLIERS];
+    double copy[MOST_MULTIPLIERS * MOST_MULTIPLIERS];
+    unsigned char moves[MOST_MULTIPLIERS] = {0};
+    for (int i = p->phases - 1; i >= 0; i--)
+        costates_of(p, steps, c, -1, i, i + 1 < p->phases ? COSTATES(c, i + 1) : 0, 0,
+                    COSTATES(c, i));
+    rows_of(p, steps, c);
+    constants_of(p, t, steps, c, constant);
+    for (int j = 0; j < n; j++)
+        if (!c->may_be_negative[j] && !(c->m[j] > 0))
+            c->m[j] = 0;
+    /* The multipliers that move: those of a sign stay at zero until all others are at their best. */
+    for (int j = 0; j < n; j++)
+        moves[j] = c->may_be_negative[j] || c->m[j] > 0;
+    c->converged = 0;
+    c->value = dual_at(p, steps, constant, c, c->m, gradient, H);
+    for (int round = 0; round < MOST_ITERATIONS; round++) {
+        memcpy(copy, H, sizeof(double) * n * n);
+        solve_free(n, copy, gradient, moves, step);
+        double rise = 0, share = 1, value = c->value;
+        int first = -1;
+        for (int j = 0; j < n; j++) {
+            rise += gradient[j] * step[j];
+            if (moves[j] && !c->may_be_negative[j] && c->m[j] + share * step[j] < 0)
+                share = -c->m[j] / step[j], first = j;
+        }
+        int settled = !(rise > 1e-13 * fabs(c->value));
+        /* Where nothing bends the dual, a step would lead as far as there are numbers. */
+        const double most = FARTHEST * (fabs(c->value) + p->scale);
+        const int far = rise * share > most;
+        if (far) {
+            share = most / rise;
+            first = -1;
+        }
+        for (int cut = 0; cut < 40 && !settled; cut++, share /= 2, first = -1) {
+            for (int j = 0; j < n; j++)
+                next[j] = j == first ? 0 : c->m[j] + share * step[j];
+            value = dual_at(p, steps, constant, c, next, 0, 0);
+            if (value >= c->value + 1e-4 * share * rise)
+                break;
+        }
+        if (settled || (!(value > c->value) && first < 0)) {
+            int best = -1;
+            double most = 0;
+            for (int j = 0; j < n; j++) {
+                const double gain = gradient[j] * gradient[j] / (H[j * n + j] + 1e-300);
+                if (!moves[j] && gradient[j] > 0 && gain > most)
+                    best = j, most = gain;
+            }
+            if (best < 0 || !(most > 1e-12 * fabs(c->value))) {
+                c->converged = settled || rise <= 1e-9 * fabs(c->value);
+                break;
+            }
+            moves[best] = 1;
+            continue;
+        }
+        if (first >= 0)
+            moves[first] = 0;
+        memcpy(c->m, next, sizeof(double) * n);
+        c->value = dual_at(p, steps, constant, c, c->m, gradient, H);
+        if (c->value >= enough && (far || share == 1))
+            break;
+    }
+    shrink(p, steps, constant, enough, c);
+    dual_at(p, steps, constant, c, c->m, 0, 0);
+    choose(p, c);
+}
+
+void centre_slopes(const Problem *p, const Steps *const *steps, const Value *const *values, Centre *c)
+{
+    const int n = c->multipliers, K = p->phases;
+    double H[MOST_MULTIPLIERS * MOST_MULTIPLIERS];
+    double residual[MOST_PHASES][MOST_COSTATE], costate[MOST_COSTATE];
+    unsigned char is_free[MOST_MULTIPLIERS];
+    memset(H, 0, sizeof(double) * n * n);
+    for (int j = 0; j < n; j++)
+        is_free[j] = c->may_be_negative[j] || c->m[j] > 0;
+    for (int i = 0; i < K; i++) {
+        const int d = steps[i]->d;
+        const double *L = COSTATES(c, i);
+        double WL[MOST_COSTATE * WIDTH];
+        for (int a = 0; a < d; a++) {
+            costate[a] = L[a * WIDTH + n];
+            for (int j = 0; j < n; j++)
+                costate[a] += L[a * WIDTH + j] * c->m[j];
+        }
+        for (int a = 0; a < d; a++) {
+            residual[i][a] = interval_mid(values[i]->linear[a].v0);
+            for (int b = 0; b < d; b++)
+                residual[i][a] -= interval_mid(values[i]->square[a * d + b].v0) * costate[b];
+            for (int j = 0; j < n; j++) {
+                double sum = 0;
+                for (int b = 0; b < d; b++)
+                    sum += interval_mid(values[i]->square[a * d + b].v0) * L[b * WIDTH + j];
+                WL[a * WIDTH + j] = sum;
+            }
+        }
+        for (int a = 0; a < d; a++)
+            for (int j = 0; j < n; j++)
+                for (int l = 0; l < n; l++)
+                    H[j * n + l] += L[a * WIDTH + j] * WL[a * WIDTH + l];
+    }
+    for (int by = 0; by < K; by++) {
+        double cross[MOST_MULTIPLIERS], A[MOST_MULTIPLIERS * MOST_MULTIPLIERS];
+        static _Thread_local double slopes[2][MOST_COSTATE * WIDTH];
+        memset(cross, 0, sizeof cross);
+        for (int i = by; i >= 0; i--) {
+            const int d = steps[i]->d;
+            const double *L = COSTATES(c, i);
+            double *own = slopes[i % 2], change[MOST_COSTATE];
+            memset(own, 0, sizeof slopes[0]);
+            if (i < by)
+                costates_of(p, steps, c, by, i, COSTATES(c, i + 1), slopes[(i + 1) % 2], own);
+            for (int a = 0; a < d; a++) {
+                change[a] = own[a * WIDTH + n];
+                for (int j = 0; j < n; j++)
+                    change[a] += own[a * WIDTH + j] * c->m[j];
+            }
+            for (int a = 0; a < d; a++) {
+                double sum = 0;
+                for (int b = 0; b < d; b++)
+                    sum -= interval_mid(values[i]->square[a * d + b].v0) * change[b];
+                if (i == by) {
+                    sum += interval_mid(values[i]->linear[a].d0);
+                    for (int b = 0; b < d; b++) {
+                        double costate_b = L[b * WIDTH + n];
+                        for (int j = 0; j < n; j++)
+                            costate_b += L[b * WIDTH + j] * c->m[j];
+                        sum -= interval_mid(values[i]->square[a * d + b].d0) * costate_b;
+                    }
+                }
+                for (int j = 0; j < n; j++)
+                    cross[j] += L[a * WIDTH + j] * sum + own[a * WIDTH + j] * residual[i][a];
+            }
+        }
+        for (int i = by; i < K; i++) {
+            const int last = i == K - 1, first = last ? 0 : c->first_event[i];
+            const Rows *zero = last ? &p->goal_zero : &p->event[i].zero;
+            const Rows *most = last ? &p->goal_most : &p->event[i].most;
+            for (int k = 0; k < zero->rows; k++)
+                cross[first + k] += zero->b_t[k];
+            for (int k = 0; k < most->rows; k++)
+                cross[first + zero->rows + k] += most->b_t[k];
+        }
+        memcpy(A, H, sizeof(double) * n * n);
+        solve_free(n, A, cross, is_free, c->slope[by]);
+        for (int j = 0; j < n; j++)
+            if (!isfinite(c->slope[by][j]))
+                c->slope[by][j] = 0;
+    }
+}
+
+int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c, int count,
+                    const Priced *priced, Priced *worst)
+{
+    const double *u = c->inputs;
+    double state[MOST_STATE], next[MOST_STATE], most = 0;
+    const double *start = c->inputs;
+    for (int i = 0; i < p->phases; i++)
+        start += p->phase[i].steps * p->phase[i].nb;
+    for (int z = 0; z < 2 * p->phase[0].r; z++) {
+        const double reach = (p->start_high[z] - p->start_low[z]) / 2;
+        state[z] = p->start_low[z] + reach + (reach > 0 ? start[z] : 0);
+    }
+    for (int i = 0; i < p->phases; i++) {
+        const Phase *ph = p->phase + i;
+        const int r = ph->r, s = 2 * r, m = s + ph->nb + 1;
+        const double h = interval_mid(steps[i]->h.v0);
+        for (int z = r; z < s; z++)
+            state[z] *= h;
+        for (int k = 0; k < ph->steps; k++, u += ph->nb) {
+            for (int j = 0; j < ph->paths && k; j++) {
+                double excess = -ph->most[j], size = fabs(ph->most[j]);
+                for (int z = 0; z < r; z++) {
+                    excess += ph->path[j * r + z] * state[z];
+                    size += fabs(ph->path[j * r + z] * state[z]);
+                }
+                if (!(excess > 1e-9 * size && excess > most))
+                    continue;
+                int known = 0;
+                for (int l = 0; l < count; l++)
+                    known |= priced[l].phase == i && priced[l].node == k && priced[l].path == j;
+                if (known)
+                    continue;
+                most = excess;
+                *worst = (Priced){i, k, j};
+            }
+            for (int z = 0; z < s; z++) {
+                const line *map = steps[i]->map + z * m;
+                next[z] = interval_mid(map[m - 1].v0);
+                for (int j = 0; j < s; j++)
+                    next[z] += interval_mid(map[j].v0) * state[j];
+                for (int j = 0; j < ph->nb; j++)
+                    next[z] += interval_mid(map[s + j].v0) * u[j];
+            }
+            memcpy(state, next, sizeof state);
+        }
+        for (int z = r; z < s; z++)
+            state[z] /= h;
+        if (i == p->phases - 1)
+            break;
+        const Rows *after = &p->event[i].after;
+        for (int z = 0; z < after->rows; z++) {
+            next[z] = after->b[z];
+            for (int j = 0; j < s; j++)
+                next[z] += after->A[z * s + j] * state[j];
+        }
+        memcpy(state, next, sizeof state);
+    }
+    return most > 0;
+}

@@ -1,0 +1,143 @@
+"""What is proved of all motions of a sequence."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import Any
+
+from dmoc.base.table import Shown, Table, passed
+from dmoc.results.solution import Solution
+
+
+class Claim(enum.StrEnum):
+    """What a proof shows of the motions of a sequence."""
+
+    OPTIMAL = "optimal (proved)"  # none costs less than the motion by more than the gap
+    IMPOSSIBLE = "impossible (proved)"  # there is none
+    OPEN = "open"  # time ran out, or what is left out keeps the bound away from the cost
+
+
+@dataclass(frozen=True, repr=False)
+class Proof(Shown):
+    """Result of :func:`dmoc.prove`.
+
+    Attributes
+    ----------
+    claim : Claim
+    solution : Solution or None
+        The best motion that is known.
+    bound : float
+        No motion costs less; infinite where there is none at all.
+    asked : float
+        The gap that was asked for, relative to the cost.
+    limit : float
+        Motions that cost as much count as none; infinite where no cost can be larger.
+    durations : tuple of pairs of float
+        The durations of the phases that were covered, in seconds.
+    final_time : pair of float
+        The final times that were covered, in seconds.
+    steps : tuple of int
+        Steps of each phase of the program that the proof is of.
+    order : int
+        Order of its steps.
+    left_out : tuple of str
+        Conditions that no bound takes into account.
+    boxes, waiting : int
+        Boxes of durations that were looked at, and that are left to do.
+    seconds : float
+    """
+
+    claim: Claim
+    solution: Solution | None
+    bound: float
+    asked: float
+    limit: float
+    durations: tuple[tuple[float, float], ...]
+    final_time: tuple[float, float]
+    steps: tuple[int, ...]
+    order: int
+    left_out: tuple[str, ...] = ()
+    boxes: int = 0
+    waiting: int = 0
+    seconds: float = 0.0
+
+    def __repr__(self) -> str:
+        cost = "" if self.cost is None else f", cost {self.cost:.7g}, at least {self.bound:.7g}"
+        return f"<Proof: {self.claim}{cost}>"
+
+    @property
+    def cost(self) -> float | None:
+        """Cost of the best motion that is known."""
+        return None if self.solution is None else self.solution.cost
+
+    @property
+    def gap(self) -> float | None:
+        """How far the bound is below the cost, relative to it; None without a motion."""
+        if self.cost is None:
+            return None
+        below = max(self.cost - self.bound, 0.0)
+        return below / abs(self.cost) if self.cost else below
+
+    @property
+    def proved(self) -> bool:
+        """Whether the motion is the best one, or there is none."""
+        return self.claim is not Claim.OPEN
+
+    @property
+    def statement(self) -> str:
+        """What exactly is proved, in a sentence."""
+        program = (
+            f"of the discrete program of {' + '.join(map(str, self.steps))} steps of order "
+            f"{self.order}"
+        )
+        if self.claim is Claim.IMPOSSIBLE:
+            dear = "" if self.limit == float("inf") else f" that costs less than {self.limit:.3g}"
+            return f"no motion {program} has this sequence{dear}"
+        if self.bound == -float("inf"):
+            return "nothing: no bound was found yet"
+        return f"every motion {program} with this sequence costs at least {self.bound:.9g}"
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        rows: list[tuple[Any, ...]] = [
+            ("claim", (passed(self.proved), (f": {self.claim}", ""))),
+            ("proved", self.statement),
+        ]
+        if self.solution is not None and self.gap is not None:
+            rows.append(("best motion", f"cost {self.solution.cost:.9g}, {self.solution.status}"))
+            rows.append(("gap", f"{self.gap:.1e} of the cost, {self.asked:g} asked for"))
+        spans = [f"{low:.3g} to {high:.3g} s" for low, high in self.durations]
+        rows.append(("durations", "; ".join(spans)))
+        if self.left_out:
+            rows.append(("left out", ", ".join(self.left_out)))
+        left = f", {self.waiting} are left to do" if self.waiting else ""
+        rows.append(("boxes", f"{self.boxes} in {self.seconds:.2f} s{left}"))
+        return Table(tuple(rows), title="Proof")
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {
+            "claim": str(self.claim),
+            "proved": self.proved,
+            "statement": self.statement,
+            "cost": self.cost,
+            "bound": _plain(self.bound),
+            "gap": self.gap,
+            "asked": self.asked,
+            "limit": _plain(self.limit),
+            "durations": [list(span) for span in self.durations],
+            "final_time": list(self.final_time),
+            "steps": list(self.steps),
+            "order": self.order,
+            "left_out": list(self.left_out),
+            "boxes": self.boxes,
+            "waiting": self.waiting,
+            "seconds": self.seconds,
+            "solution": None if self.solution is None else self.solution.to_dict(),
+        }
+
+
+def _plain(number: float) -> float | None:
+    """A number, or nothing where JSON has none."""
+    return number if abs(number) < float("inf") else None

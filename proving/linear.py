@@ -1,0 +1,94 @@
+"""A problem whose free motion is linear, as numbers: what proofs are made of.
+
+For given durations the program of such a problem is a convex quadratic one. A phase of N steps of
+the size h has the rows of its steps, in the step's start q_k, in what follows from it, a = (q_i,
+q_kp1), and in its inputs u, multiplied by h::
+
+    h (r_i, r_minus + p_k) = 0,   h r_plus = h p_kp1,   rows (P_0 + h P_1 + h^2 P_2) (q_k, a, u, 1)
+
+since kinetic energy gives 1/h, gyroscopic forces and dampers 1, springs and inputs h. Its cost is
+h (u R u/2 + c u + c_0). In a mode the coordinates are q = origin + Z y, and the rows are multiplied
+by a matrix under which the forces of its contacts vanish; the state is z = (y, p).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dmoc.base.records import record
+from dmoc.codegen.kernels import Array
+
+
+@record(frozen=True, eq=False)
+class LinearPhase:
+    """The steps of a phase; ``P`` has the shape (3, na + r, r + na + nb + 1), ``R`` (nb, nb),
+    bounds of the inputs (nb,), and ``paths`` y <= ``most`` holds at nodes inside, shapes (rows, r)
+    and (rows,)."""
+
+    steps: int
+    P: Array
+    R: Array
+    c: Array
+    c_0: float
+    lower: Array
+    upper: Array
+    paths: Array
+    most: Array
+
+    @property
+    def size(self) -> int:
+        """Number r of coordinates y."""
+        return int(self.paths.shape[1])
+
+
+@record(frozen=True, eq=False)
+class Rows:
+    """Functions A z + b + b_t t of the state z before an event at the time t, shapes (m, 2 r),
+    (m,), (m,)."""
+
+    A: Array
+    b: Array
+    b_t: Array
+
+    @classmethod
+    def stacked(cls, rows: list[Rows], size: int) -> Rows:
+        none = cls(np.zeros((0, size)), np.zeros(0), np.zeros(0))
+        parts = zip(*((r.A, r.b, r.b_t) for r in (none, *rows)), strict=True)
+        return cls(*map(np.concatenate, parts))
+
+
+@record(frozen=True, eq=False)
+class LinearEvent:
+    """The state after an event as function of that before it, functions that vanish there, and
+    those that are not positive."""
+
+    after: Rows
+    zero: Rows
+    most: Rows
+
+
+@record(frozen=True, eq=False)
+class LinearProblem:
+    """Phases that have steps, the events between them, the state at the start within bounds, shape
+    (2, 2 r), what vanishes at the end and is not positive there, ranges of durations, shape
+    (phases, 2), and of the final time; ``left_out`` are the conditions that bounds leave out."""
+
+    phases: tuple[LinearPhase, ...]
+    events: tuple[LinearEvent, ...]
+    start: Array
+    goal_zero: Rows
+    goal_most: Rows
+    durations: Array
+    final_time: tuple[float, float]
+    sizes: Array  # typical of the coordinates
+    inertia: Array  # the diagonal of M
+    left_out: tuple[str, ...]
+
+    def force(self, seconds: float) -> float:
+        """A force that moves the coordinates by their sizes in some time."""
+        return float((self.inertia * self.sizes).max() / seconds**2)
+
+
+def through(rows: Rows, after: Rows) -> Rows:
+    """Functions of the state after an event as those of the state before it."""
+    return Rows(rows.A @ after.A, rows.A @ after.b + rows.b, rows.A @ after.b_t + rows.b_t)

@@ -1,0 +1,204 @@
+"""Reads a problem as numbers, where its motion is linear between events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from dmoc.base.errors import ProblemError
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contacts import NOWHERE
+from dmoc.problem.problem import Problem
+from dmoc.program.bounds import shortest_durations
+from dmoc.proving.coverage import check_covered
+from dmoc.proving.linear import LinearEvent, LinearProblem, Rows, through
+from dmoc.proving.linear_model import Frame, LinearModel
+from dmoc.proving.linear_steps import LinearSteps
+from dmoc.proving.recognition import check_linear
+
+# A value at the start or at the goal that a mode decides, in the coordinates of the mode.
+DECIDED = 1e-12
+# The shortest phase, relative to the final time, where the program knows none.
+SHORTEST = 1e-8
+
+
+def linear_problem(problem: Problem) -> LinearProblem:
+    """A problem as numbers; raise ProblemError for what is not linear or not covered."""
+    check_covered(problem)
+    model = LinearModel(problem)
+    check_linear(problem, model.sizes)
+    modes = problem.touch.modes
+    frames = [model.frame(mode) for mode in modes]
+    steps = LinearSteps(model)
+    count = problem.phases - problem.ends_with_event
+    events = [_event(model, i, *frames[i : i + 2]) for i in range(len(problem.sequence))]
+    zero, most = _goal(model, frames[-1])
+    if problem.ends_with_event:
+        last = events.pop()
+        size = last.after.A.shape[1]
+        zero = Rows.stacked([through(zero, last.after), last.zero], size)
+        most = Rows.stacked([through(most, last.after), last.most], size)
+    return LinearProblem(
+        tuple(steps.phase(i, frames[i]) for i in range(count)), tuple(events),
+        _start(model, frames[0]), zero, most, _durations(problem)[:count],
+        problem.final_time_bounds, model.sizes, np.diag(model.M), _left_out(model),
+    )  # fmt: skip
+
+
+def _durations(problem: Problem) -> Array:
+    """Ranges of the durations, shape (phases, 2); none is zero: boxes are halved by ratios."""
+    low, high = shortest_durations(problem).T
+    latest = problem.final_time_bounds[1]
+    return np.stack([np.maximum(low, SHORTEST * latest), np.minimum(high, latest)], axis=1)
+
+
+def _left_out(model: LinearModel) -> tuple[str, ...]:
+    """Conditions that no bound takes into account: without them it is still one."""
+    p = model.problem
+    bounded = np.isfinite(p.input_bounds).any()
+    others = [name for j, name in enumerate(p.kernels.surfaces) if j not in model.flat]
+    moving = [p.kernels.surfaces[j] for j, gap in model.flat.items() if gap.A[0, p.nq] != 0]
+    return (
+        *(f"the gap to {name} along phases" for name in (*others, *moving)),
+        *(f"bounds of {name}" for name in p.limits),
+        *(f"the path constraint {name}" for name in p.kernels.manifest.path_constraints),
+        *(("that contacts which last only push",) if p.lasting else ()),
+        *(
+            ("that inputs are linear between nodes",)
+            if bounded and p.control_form == "linear"
+            else ()
+        ),
+    )
+
+
+def _event(model: LinearModel, i: int, before: Frame, after: Frame) -> LinearEvent:
+    """What happens between two phases: Newton's law, or velocities that what is closed allows."""
+    p, n = model.problem, model.problem.nq
+    event = p.touch.events[i]
+    zero, most = list[Rows](), list[Rows]()
+    jump, offset = np.eye(n), np.zeros(n)  # v after it is jump v + offset
+    for j in (event.hit, *event.lands):
+        if j == NOWHERE:
+            continue
+        gap = model.gap(j)
+        normal, rate = gap.A[:, :n], gap.A[:, n]
+        zero.append(model.rows(before, normal, 0 * normal, gap.b, rate))
+        most.append(model.rows(before, 0 * normal, -normal, -rate))  # it comes nearer
+        if j == event.hit:
+            change = np.linalg.solve(model.M, normal[0])
+            share = (1 + _restitution(p, j)) * change / (normal[0] @ change)
+            jump, offset = jump - np.outer(share, normal[0]), offset - share * rate
+    for j, (low, high) in enumerate(p.via_bounds[i]):
+        _add_range(zero, most, low, high, partial(_coordinate, model, before, j))
+    V, v_0 = model.velocity(before)
+    G, p_0, r = model.momentum.A[:, :n], model.momentum.b, before.size
+    position = np.hstack([before.Z, np.zeros((n, r))])
+    momentum = model.M @ jump @ V + G @ position
+    shift = model.M @ (jump @ v_0 + offset) + G @ before.origin + p_0
+    state = Rows(
+        np.vstack([after.inverse @ position, after.left @ momentum]),
+        np.concatenate([after.inverse @ (before.origin - after.origin), after.left @ shift]),
+        np.zeros(2 * after.size),
+    )
+    return LinearEvent(state, *(Rows.stacked(rows, 2 * r) for rows in (zero, most)))
+
+
+def _restitution(problem: Problem, j: int) -> float:
+    e = float(problem.restitution_values[j])
+    if np.isnan(e):
+        raise ProblemError(
+            f"the restitution of {problem.kernels.surfaces[j]} depends on the speed: proofs cover "
+            "a constant coefficient."
+        )
+    return e
+
+
+def _start(model: LinearModel, frame: Frame) -> Array:
+    """Bounds of the state at the start, shape (2, 2 r)."""
+    p, n = model.problem, model.problem.nq
+    bounds, names = p.start_bounds, p.kernels.coordinates
+    place = bounds.position
+    free = ~np.isfinite(place).all(axis=1)
+    if free.any():
+        raise ProblemError(
+            f"the start of {names[int(np.argmax(free))]} is free: proofs need a value, or a range "
+            "with both ends."
+        )
+    momentum = bounds.momentum if np.isfinite(bounds.momentum).all() else _momenta(model)
+    fixed = (place[:, 0] == place[:, 1]).all() and (momentum[:, 0] == momentum[:, 1]).all()
+    if frame.size < n and not fixed:
+        raise ProblemError(
+            "the start is a range while a contact is closed: proofs need values there."
+        )
+    sides = [
+        np.concatenate([frame.inverse @ (place[:, k] - frame.origin), frame.left @ momentum[:, k]])
+        for k in (0, 1)
+    ]
+    return np.array(sides)
+
+
+def _momenta(model: LinearModel) -> Array:
+    """Bounds of the momenta at the start from those of the velocities, shape (nq, 2)."""
+    bounds, n = model.problem.start_bounds, model.problem.nq
+    speed, place, M = bounds.velocity, bounds.position, model.M
+    if not np.isfinite(speed).all():
+        raise ProblemError(
+            "a velocity at the start is free: proofs need values, or ranges with both ends."
+        )
+    alone = not np.abs(M - np.diag(np.diag(M))).any() and not model.momentum.A[:, :n].any()
+    fixed = (speed[:, 0] == speed[:, 1]).all() and (place[:, 0] == place[:, 1]).all()
+    if not (alone or fixed):
+        raise ProblemError(
+            "velocities at the start are ranges, and their momenta belong to several of them: "
+            "proofs need values."
+        )
+    G = model.momentum.A[:, :n]
+    return (M @ speed) + (G @ place[:, :1] + model.momentum.b[:, None])
+
+
+def _goal(model: LinearModel, frame: Frame) -> tuple[Rows, Rows]:
+    """What vanishes at the goal, and what is not positive there."""
+    bounds, size = model.problem.goal_bounds, 2 * frame.size
+    zero, most = list[Rows](), list[Rows]()
+    for j in range(model.problem.nq):
+        for (low, high), row in (
+            (bounds.position[j], _coordinate),
+            (bounds.velocity[j], _rate),
+            (bounds.momentum[j], _impetus),
+        ):
+            _add_range(zero, most, low, high, partial(row, model, frame, j))
+    return Rows.stacked(zero, size), Rows.stacked(most, size)
+
+
+def _coordinate(model: LinearModel, frame: Frame, j: int, sign: float, value: float) -> Rows:
+    row = sign * np.eye(model.problem.nq)[[j]]
+    return model.rows(frame, row, 0 * row, np.array([-sign * value]))
+
+
+def _rate(model: LinearModel, frame: Frame, j: int, sign: float, value: float) -> Rows:
+    row = sign * np.eye(model.problem.nq)[[j]]
+    return model.rows(frame, 0 * row, row, np.array([-sign * value]))
+
+
+def _impetus(model: LinearModel, frame: Frame, j: int, sign: float, value: float) -> Rows:
+    n, p = model.problem.nq, model.momentum
+    row = sign * p.A[[j]]
+    return model.rows(frame, row[:, :n], row[:, n:], np.array([sign * (p.b[j] - value)]))
+
+
+def _add_range(
+    zero: list[Rows], most: list[Rows], low: float, high: float, row: Callable[[float, float], Rows]
+) -> None:
+    """Add what keeps a value within a range; ``row`` is the value's distance from a number, with a
+    sign. What a mode decides is left out where it agrees."""
+    if low == high:
+        rows = row(1.0, low)
+        if np.abs(rows.A).max() > DECIDED or abs(rows.b[0]) > DECIDED:
+            zero.append(rows)
+        return
+    if np.isfinite(high):
+        most.append(row(1.0, high))
+    if np.isfinite(low):
+        most.append(row(-1.0, low))

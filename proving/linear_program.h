@@ -1,0 +1,99 @@
+/* A problem that is linear between its events, as dmoc.proving.linear states it, and what a bound
+ * for a box of durations needs of it.
+ *
+ * Numbers of a phase: r coordinates y, nb inputs of a step, na = r (nodes inside and at the end of
+ * a step). Its state is (y, p), costates are the prices of a state, (2 r); beside them stand the
+ * prices of the conditions along the phase that are priced, and a 1: a costate of the size d.
+ */
+#ifndef DMOC_LINEAR_PROGRAM_H
+#define DMOC_LINEAR_PROGRAM_H
+
+#include <stddef.h>
+
+#include "taylor.h"
+
+/* Inputs of a step, conditions along the phases that are priced at one time, multipliers. */
+#define MOST_INPUTS 8
+#define MOST_PRICED 16
+#define MOST_MULTIPLIERS 48
+#define MOST_STATE 16
+#define MOST_COSTATE (MOST_STATE + MOST_PRICED + 1)
+
+typedef struct {
+    int r, na, nb, steps, paths;
+    const double *P;            /* (3, na + r, r + na + nb + 1) */
+    const double *R, *c;        /* (nb, nb), (nb,) */
+    double c_0;
+    const double *lower, *upper; /* of the inputs, (nb,) */
+    const double *path, *most;  /* (paths, r), (paths,): path y <= most */
+} Phase;
+
+/* rows functions A z + b + b_t t of a state z at the time t */
+typedef struct {
+    int rows, columns;
+    const double *A, *b, *b_t;
+} Rows;
+
+typedef struct {
+    Rows after, zero, most;
+} Event;
+
+typedef struct {
+    int phases;
+    const Phase *phase;         /* (phases,) */
+    const Event *event;         /* (phases - 1,) */
+    Rows goal_zero, goal_most;
+    const double *start_low, *start_high; /* (2 r,) of the first phase */
+    const double *shortest, *longest;     /* durations, (phases,) */
+    double earliest, latest;    /* final time */
+    double scale;               /* of the cost: for the multipliers of inputs that cost nothing */
+} Problem;
+
+/* A condition along a phase that is priced: row ``path`` at node ``node``. */
+typedef struct {
+    int phase, node, path;
+} Priced;
+
+/* What one input of one step does at the multipliers of the centre. */
+enum { FREE, AT_LOWER, AT_UPPER, PUSHED, CHORD };
+typedef struct {
+    unsigned char kind;
+    double price;               /* PUSHED: price of the bound, CHORD: slope */
+    double offset;              /* CHORD: value at 0 */
+} Choice;
+
+/* What a phase makes of costates: linear.costate - costate.square.costate/2. */
+typedef struct {
+    line *linear;               /* (d,) */
+    line *square;               /* (d, d) */
+} Value;
+
+/* The steps of a phase over a range of durations. */
+typedef struct {
+    int d, priced;              /* size of the costate; conditions along this phase */
+    int which[MOST_PRICED];     /* their numbers among all that are priced */
+    line h;
+    interval away;              /* of the duration from its centre */
+    line *map;                  /* (2 r, 2 r + nb + 1): state after a step of (y, h p, u, 1) */
+    line *response;             /* (steps, nb, d): what a unit of an input costs at its end */
+    line *start;                /* (2 r, d): prices of the state at the start */
+    Value without;              /* inputs left out but for their linear part; squares are unused */
+    Value unbounded;            /* inputs without bounds, where they have a cost */
+} Steps;
+
+/* Memory of steps whose costates have the size d, and its parts. */
+size_t steps_size(const Phase *phase, int d);
+void steps_place(Steps *steps, const Phase *phase, int d, line *memory);
+
+/* The steps of a phase over a range of durations, with conditions that are priced, where the state
+ * at its start is (2 r,) without what the phase before makes of it; 0, or 1 where the steps are too
+ * long for their equations to be solved. */
+int phase_steps(const Phase *phase, int number, double centre, interval duration, int count,
+                const Priced *priced, const double *begin, Steps *steps);
+
+/* The value of a phase for choices of its inputs, in ``value`` or, where it is known, in place;
+ * where costates over the range are given, choices that do not hold there are replaced. */
+const Value *phase_value(const Phase *phase, const Steps *steps, Choice *choices,
+                         const interval *costate, Value *value);
+
+#endif

@@ -1,0 +1,438 @@
+/* The value of a phase at given prices of the state at its end: least cost of its inputs beside
+ * these prices, as function of its duration. See linear_program.h. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "linear_program.h"
+
+#define MOST_NODES 24 /* unknowns of a step */
+
+size_t steps_size(const Phase *p, int d)
+{
+    const size_t s = 2 * p->r;
+    return s * (s + p->nb + 1) + (size_t)p->steps * p->nb * d + s * d + 2 * d + (size_t)d * d;
+}
+
+void steps_place(Steps *steps, const Phase *p, int d, line *at)
+{
+    const int s = 2 * p->r;
+    steps->map = at, at += s * (s + p->nb + 1);
+    steps->response = at, at += p->steps * p->nb * d;
+    steps->start = at, at += s * d;
+    steps->without.linear = at, at += d;
+    steps->without.square = 0;
+    steps->unbounded.linear = at, at += d;
+    steps->unbounded.square = at;
+}
+
+/* P_0 + h P_1 + h^2 P_2 at one place. */
+static line power(const Phase *p, line h, line h2, int row, int column)
+{
+    const int columns = p->r + p->na + p->nb + 1;
+    const double *at = p->P + row * columns + column;
+    const int size = (p->na + p->r) * columns;
+    line sum = line_of(at[0]);
+    if (at[size] != 0)
+        sum = line_add(sum, line_scaled(h, at[size]));
+    if (at[2 * size] != 0)
+        sum = line_add(sum, line_scaled(h2, at[2 * size]));
+    return sum;
+}
+
+/* The inverse of a matrix (n, n) of numbers by Gauss and Jordan; 0, or 1 where it has none. */
+static int inverted(int n, double *a, double *inverse)
+{
+    for (int i = 0; i < n * n; i++)
+        inverse[i] = i % (n + 1) == 0;
+    for (int k = 0; k < n; k++) {
+        int best = k;
+        for (int i = k + 1; i < n; i++)
+            if (fabs(a[i * n + k]) > fabs(a[best * n + k]))
+                best = i;
+        if (!(fabs(a[best * n + k]) > 0))
+            return 1;
+        for (int j = 0; j < n && best != k; j++) {
+            double t = a[k * n + j];
+            a[k * n + j] = a[best * n + j], a[best * n + j] = t;
+            t = inverse[k * n + j];
+            inverse[k * n + j] = inverse[best * n + j], inverse[best * n + j] = t;
+        }
+        const double pivot = 1 / a[k * n + k];
+        for (int j = 0; j < n; j++)
+            a[k * n + j] *= pivot, inverse[k * n + j] *= pivot;
+        for (int i = 0; i < n; i++) {
+            const double factor = a[i * n + k];
+            if (i == k || factor == 0)
+                continue;
+            for (int j = 0; j < n; j++) {
+                a[i * n + j] -= factor * a[k * n + j];
+                inverse[i * n + j] -= factor * inverse[k * n + j];
+            }
+        }
+    }
+    return 0;
+}
+
+/* Solve A X = B, shapes (n, n) and (n, m), for matrices of lines; A and B are used up. */
+static int solve_lines(int n, int m, line *A, line *B)
+{
+    double mid[MOST_NODES * MOST_NODES], inverse[MOST_NODES * MOST_NODES];
+    line row[MOST_NODES + 2 * MOST_STATE];
+    for (int i = 0; i < n * n; i++)
+        mid[i] = interval_mid(A[i].v);
+    if (inverted(n, mid, inverse))
+        return 1;
+    /* The product with the inverse of the middle is nearly the identity. */
+    for (int part = 0; part < 2; part++) {
+        line *of = part ? B : A;
+        const int columns = part ? m : n;
+        for (int j = 0; j < columns; j++) {
+            for (int i = 0; i < n; i++) {
+                row[i] = line_of(0);
+                for (int k = 0; k < n; k++)
+                    if (inverse[i * n + k] != 0)
+                        row[i] = line_add(row[i], line_scaled(of[k * columns + j], inverse[i * n + k]));
+            }
+            for (int i = 0; i < n; i++)
+                of[i * columns + j] = row[i];
+        }
+    }
+    for (int k = 0; k < n; k++) {
+        if (!(A[k * n + k].v.lo > 0))
+            return 1;
+        const line pivot = line_inverse(A[k * n + k]);
+        for (int i = 0; i < n; i++) {
+            if (i == k || line_is_zero(A[i * n + k]))
+                continue;
+            const line factor = line_scaled(line_mul(A[i * n + k], pivot), -1);
+            for (int j = k + 1; j < n; j++)
+                A[i * n + j] = line_add_mul(A[i * n + j], factor, A[k * n + j]);
+            for (int j = 0; j < m; j++)
+                B[i * m + j] = line_add_mul(B[i * m + j], factor, B[k * m + j]);
+        }
+        for (int j = k + 1; j < n; j++)
+            A[k * n + j] = line_mul(A[k * n + j], pivot);
+        for (int j = 0; j < m; j++)
+            B[k * m + j] = line_mul(B[k * m + j], pivot);
+    }
+    return 0;
+}
+
+/* The state (y, h p) after a step as function of (y, h p, u, 1) before it. */
+static int step_map(const Phase *p, line h, line *map)
+{
+    const int r = p->r, na = p->na, nb = p->nb, m = 2 * r + nb + 1;
+    const line h2 = line_mul(h, h);
+    line A[MOST_NODES * MOST_NODES], B[MOST_NODES * (MOST_STATE + MOST_INPUTS + 1)];
+    for (int i = 0; i < na; i++) {
+        for (int j = 0; j < na; j++)
+            A[i * na + j] = power(p, h, h2, i, r + j);
+        for (int j = 0; j < r; j++) {
+            B[i * m + j] = line_scaled(power(p, h, h2, i, j), -1);
+            B[i * m + r + j] = line_of(i == na - r + j ? -1 : 0);
+        }
+        for (int j = 0; j < nb + 1; j++)
+            B[i * m + 2 * r + j] = line_scaled(power(p, h, h2, i, r + na + j), -1);
+    }
+    if (solve_lines(na, m, A, B))
+        return 1;
+    for (int j = 0; j < m; j++)
+        for (int i = 0; i < r; i++) {
+            map[i * m + j] = B[(na - r + i) * m + j];
+            line sum = line_of(0);
+            for (int k = 0; k < na; k++)
+                sum = line_add_mul(sum, power(p, h, h2, na + i, r + k), B[k * m + j]);
+            if (j < r)
+                sum = line_add(sum, power(p, h, h2, na + i, j));
+            if (j >= 2 * r)
+                sum = line_add(sum, power(p, h, h2, na + i, na + j - r));
+            map[(r + i) * m + j] = sum;
+        }
+    return 0;
+}
+
+/* The sum that a value takes from the inputs of all steps by choices. */
+static void add_inputs(const Phase *p, const Steps *steps, Choice *choices, const interval *costate,
+                       Value *value);
+
+int phase_steps(const Phase *p, int number, double centre, interval duration, int count,
+                const Priced *priced, const double *begin, Steps *steps)
+{
+    const int r = p->r, s = 2 * r, nb = p->nb, m = s + nb + 1;
+    const interval none = {0, 0}, N = interval_of(p->steps);
+    const interval share = interval_div(interval_of(1), N);
+    const line h = {interval_div(interval_of(centre), N), share, none, interval_div(duration, N), share, none, none};
+    const interval away = interval_sub(duration, interval_of(centre));
+    steps->h = h;
+    steps->away = away;
+    steps->priced = 0;
+    for (int i = 0; i < count; i++)
+        if (priced[i].phase == number)
+            steps->which[steps->priced++] = i;
+    const int d = steps->d = s + steps->priced + 1;
+    if (step_map(p, h, steps->map))
+        return 1;
+    for (int i = 0; i < s * m; i++)
+        steps->map[i] = line_centred(steps->map[i], away);
+    line now[MOST_STATE * MOST_COSTATE], next[MOST_STATE * MOST_COSTATE];
+    const line by_h = line_inverse(h);
+    for (int i = 0; i < s; i++)
+        for (int j = 0; j < d; j++)
+            now[i * d + j] = i == j ? (i < r ? line_of(1) : by_h) : line_of(0);
+    line *linear = steps->without.linear;
+    for (int j = 0; j < d; j++)
+        linear[j] = line_of(0);
+    linear[d - 1] = line_scaled(h, p->steps * p->c_0);
+    for (int k = p->steps - 1; k >= 0; k--) {
+        for (int column = 0; column < m; column++) {
+            line *to = column < s      ? next + column * d
+                       : column < m - 1 ? steps->response + (k * nb + column - s) * d
+                                        : linear;
+            for (int j = 0; j < d; j++) {
+                line sum = column == m - 1 ? to[j] : line_of(0);
+                for (int i = 0; i < s; i++)
+                    sum = line_add_mul(sum, steps->map[i * m + column], now[i * d + j]);
+                to[j] = line_centred(sum, away);
+            }
+        }
+        for (int i = 0; i < nb; i++) {
+            line *one = steps->response + (k * nb + i) * d + d - 1;
+            *one = line_add(*one, line_scaled(h, p->c[i]));
+        }
+        for (int i = 0; i < steps->priced; i++) {
+            const Priced *at = priced + steps->which[i];
+            if (at->node != k)
+                continue;
+            for (int y = 0; y < r; y++)
+                next[y * d + s + i] =
+                    line_add(next[y * d + s + i], line_of(p->path[at->path * r + y]));
+            linear[s + i] = line_add(linear[s + i], line_of(-p->most[at->path]));
+        }
+        memcpy(now, next, sizeof(line) * s * d);
+    }
+    for (int i = 0; i < s; i++)
+        for (int j = 0; j < d; j++) {
+            line *at = steps->start + i * d + j;
+            *at = i < r ? now[i * d + j] : line_centred(line_mul(h, now[i * d + j]), away);
+            if (begin[i] != 0)
+                linear[j] = line_add(linear[j], line_scaled(*at, begin[i]));
+        }
+    for (int j = 0; j < d; j++)
+        linear[j] = line_centred(linear[j], away);
+    for (int i = 0; i < nb; i++)
+        if (!(p->R[i * nb + i] > 0))
+            return 0; /* what costs nothing has bounds */
+    add_inputs(p, steps, 0, 0, &steps->unbounded);
+    return 0;
+}
+
+/* The inverse of the rows and columns of R that a mask has, as intervals (nb, nb), zero elsewhere;
+ * 1 where it cannot be found. */
+static int inverse_of(const Phase *p, unsigned mask, interval *inverse)
+{
+    int at[MOST_INPUTS], n = 0;
+    for (int i = 0; i < p->nb; i++)
+        if (mask >> i & 1)
+            at[n++] = i;
+    line A[MOST_INPUTS * MOST_INPUTS], B[MOST_INPUTS * MOST_INPUTS];
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+            A[i * n + j] = line_of(p->R[at[i] * p->nb + at[j]]);
+            B[i * n + j] = line_of(i == j);
+        }
+    if (solve_lines(n, n, A, B))
+        return 1;
+    for (int i = 0; i < p->nb * p->nb; i++)
+        inverse[i] = interval_of(0);
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++)
+            inverse[at[i] * p->nb + at[j]] = B[i * n + j].v;
+    return 0;
+}
+
+/* Range of what a row (d,) of lines makes of costates. */
+static interval over(int d, const line *row, const interval *costate)
+{
+    interval sum = {0, 0};
+    for (int j = 0; j < d; j++)
+        sum = plus_times(sum, row[j].v, costate[j]);
+    return sum;
+}
+
+/* What keeps an input in place where it is not sure to stay at its bound: a price of the bound. */
+static void give_price(const Phase *p, Choice *choice, int i, interval slope)
+{
+    const int low = choice->kind == AT_LOWER;
+    const double price = interval_mid(slope);
+    if (p->R[i * p->nb + i] > 0) {
+        choice->kind = (low ? price > 0 : price < 0) ? PUSHED : FREE;
+        choice->price = choice->kind == PUSHED ? price : 0;
+        return;
+    }
+    /* A cost without curvature: below the least of lower y and upper y lies the chord. */
+    const interval lo = interval_of(slope.lo), hi = interval_of(slope.hi);
+    interval a = times(lo, interval_of(slope.lo > 0 ? p->lower[i] : p->upper[i]));
+    interval b = times(hi, interval_of(slope.hi > 0 ? p->lower[i] : p->upper[i]));
+    choice->kind = CHORD;
+    choice->price = slope.hi > slope.lo ? (b.lo - a.lo) / (slope.hi - slope.lo) : 0;
+    a = interval_sub(a, times(lo, interval_of(choice->price)));
+    b = interval_sub(b, times(hi, interval_of(choice->price)));
+    choice->offset = a.lo < b.lo ? a.lo : b.lo;
+}
+
+/* Slopes h R u + y of the cost in the inputs that are at their bounds, (nb,), over a range. */
+static void slopes_at_bounds(const Phase *p, interval h, const Choice *choices, unsigned mask,
+                             const interval *inverse, const interval *y, interval *slope)
+{
+    const int nb = p->nb;
+    interval u[MOST_INPUTS], rest[MOST_INPUTS];
+    for (int i = 0; i < nb; i++) {
+        const int kind = choices[i].kind;
+        u[i] = kind == AT_LOWER   ? interval_of(p->lower[i])
+               : kind == AT_UPPER ? interval_of(p->upper[i])
+                                  : interval_of(0);
+    }
+    for (int i = 0; i < nb; i++) {
+        interval sum = {0, 0};
+        for (int j = 0; j < nb; j++)
+            sum = plus_times(sum, interval_of(p->R[i * nb + j]), u[j]);
+        rest[i] = plus_times(y[i], h, sum);
+        if (choices[i].kind == PUSHED)
+            rest[i] = plus(rest[i], interval_of(-choices[i].price));
+    }
+    for (int i = 0; i < nb; i++) {
+        slope[i] = rest[i];
+        for (int f = 0; f < nb && !(mask >> i & 1); f++) {
+            interval step = {0, 0}; /* h (u_f), what a free input becomes */
+            for (int g = 0; g < nb; g++)
+                step = plus_times(step, inverse[f * nb + g], rest[g]);
+            slope[i] = interval_sub(slope[i], times(interval_of(p->R[i * nb + f]), step));
+        }
+    }
+}
+
+/* Choices of the inputs of a step that hold over the range of y; their free ones as a mask. */
+static unsigned settle(const Phase *p, interval h, Choice *choices, const interval *y,
+                       interval *inverse, unsigned *last)
+{
+    const int nb = p->nb;
+    for (;;) {
+        unsigned mask = 0;
+        int fixed = 0, changed = 0;
+        for (int i = 0; i < nb; i++) {
+            mask |= (unsigned)(choices[i].kind == FREE || choices[i].kind == PUSHED) << i;
+            fixed |= choices[i].kind == AT_LOWER || choices[i].kind == AT_UPPER;
+        }
+        if (mask != *last) {
+            inverse_of(p, mask, inverse);
+            *last = mask;
+        }
+        if (!y || !fixed)
+            return mask;
+        interval slope[MOST_INPUTS];
+        slopes_at_bounds(p, h, choices, mask, inverse, y, slope);
+        for (int i = 0; i < nb && !changed; i++) {
+            const int kind = choices[i].kind;
+            if ((kind == AT_LOWER && !(slope[i].lo >= 0)) || (kind == AT_UPPER && !(slope[i].hi <= 0))) {
+                give_price(p, choices + i, i, p->R[i * nb + i] > 0 ? slope[i] : y[i]);
+                changed = 1;
+            }
+        }
+        if (!changed)
+            return mask;
+    }
+}
+
+static void add_inputs(const Phase *p, const Steps *steps, Choice *choices, const interval *costate,
+                       Value *value)
+{
+    const int nb = p->nb, d = steps->d, one = d - 1;
+    interval inverse[MOST_INPUTS * MOST_INPUTS], y[MOST_INPUTS];
+    line rows[MOST_INPUTS * MOST_COSTATE], solved[MOST_INPUTS * MOST_COSTATE];
+    Choice free_ones[MOST_INPUTS];
+    unsigned last = ~0u;
+    line *W = value->square, *w = value->linear;
+    const line h = steps->h, by_h = line_inverse(h);
+    memset(free_ones, 0, sizeof free_ones);
+    memcpy(w, steps->without.linear, sizeof(line) * d);
+    for (int i = 0; i < d * d; i++)
+        W[i] = line_of(0);
+    for (int k = 0; k < p->steps; k++) {
+        const line *response = steps->response + k * nb * d;
+        Choice *chosen = choices ? choices + k * nb : free_ones;
+        for (int i = 0; i < nb && costate; i++)
+            y[i] = over(d, response + i * d, costate);
+        const unsigned mask = settle(p, h.v, chosen, costate ? y : 0, inverse, &last);
+        for (int i = 0; i < nb; i++) {
+            const double u = chosen[i].kind == AT_LOWER ? p->lower[i] : p->upper[i];
+            if (chosen[i].kind == CHORD) {
+                for (int j = 0; j < d; j++)
+                    w[j] = line_add(w[j], line_scaled(response[i * d + j], chosen[i].price));
+                w[one] = line_add(w[one], line_of(chosen[i].offset));
+            } else if (!(mask >> i & 1)) {
+                for (int j = 0; j < d; j++)
+                    w[j] = line_add(w[j], line_scaled(response[i * d + j], u));
+                interval sum = {0, 0}; /* u R u/2 of what is at its bound */
+                for (int j = 0; j < nb; j++) {
+                    if (mask >> j & 1 || chosen[j].kind == CHORD)
+                        continue;
+                    const double v = chosen[j].kind == AT_LOWER ? p->lower[j] : p->upper[j];
+                    sum = plus(sum, times(times(interval_of(p->R[i * nb + j] / 2), interval_of(u)),
+                                          interval_of(v)));
+                }
+                w[one] = line_add(w[one], line_mul(h, line_constant(sum)));
+            }
+        }
+        if (!mask)
+            continue;
+        for (int i = 0; i < nb; i++) {
+            if (!(mask >> i & 1))
+                continue;
+            line *row = rows + i * d;
+            memcpy(row, response + i * d, sizeof(line) * d);
+            interval sum = {0, 0};
+            for (int j = 0; j < nb; j++)
+                if (chosen[j].kind == AT_LOWER || chosen[j].kind == AT_UPPER)
+                    sum = plus_times(sum, interval_of(p->R[i * nb + j]),
+                                     interval_of(chosen[j].kind == AT_LOWER ? p->lower[j] : p->upper[j]));
+            row[one] = line_add(row[one], line_mul(h, line_constant(sum)));
+            if (chosen[i].kind == PUSHED) {
+                /* price > 0 holds it at the lower bound: cost + price (lower - u) */
+                const double price = chosen[i].price;
+                const interval bound = interval_of(price > 0 ? p->lower[i] : p->upper[i]);
+                row[one] = line_add(row[one], line_of(-price));
+                w[one] = line_add(w[one], line_constant(times(interval_of(price), bound)));
+            }
+        }
+        for (int i = 0; i < nb; i++)
+            for (int j = 0; j < d && mask >> i & 1; j++) {
+                line sum = line_of(0);
+                for (int g = 0; g < nb; g++)
+                    if (mask >> g & 1)
+                        sum = line_add_mul(sum, line_constant(inverse[i * nb + g]), rows[g * d + j]);
+                solved[i * d + j] = sum;
+            }
+        for (int i = 0; i < nb; i++)
+            for (int a = 0; a < d && mask >> i & 1; a++)
+                for (int b = a; b < d; b++)
+                    W[a * d + b] = line_add_mul(W[a * d + b], rows[i * d + a], solved[i * d + b]);
+    }
+    for (int a = 0; a < d; a++)
+        for (int b = a; b < d; b++)
+            W[b * d + a] = W[a * d + b] =
+                line_centred(line_mul(line_centred(W[a * d + b], steps->away), by_h), steps->away);
+    for (int a = 0; a < d; a++)
+        w[a] = line_centred(w[a], steps->away);
+}
+
+const Value *phase_value(const Phase *p, const Steps *steps, Choice *choices,
+                         const interval *costate, Value *value)
+{
+    int all_free = 1;
+    for (int i = 0; i < p->steps * p->nb && all_free; i++)
+        all_free = choices[i].kind == FREE;
+    if (all_free)
+        return &steps->unbounded;
+    add_inputs(p, steps, choices, costate, value);
+    return value;
+}

@@ -1,0 +1,32 @@
+/* Branch and bound over boxes of durations. */
+#ifndef DMOC_TREE_H
+#define DMOC_TREE_H
+
+#include "box.h"
+
+enum { PROVED, GOING_ON, NO_MEMORY };
+
+typedef struct {
+    Engine engine;
+    double limit;               /* motions that cost as much or more are of no interest */
+    double gap, least_gap;      /* relative to the least cost that was met, and at least */
+    double shed;                /* least bound of the boxes that were left */
+    size_t count, room, width;  /* boxes that wait, and numbers of each */
+    double *waiting;            /* (room, width): bound, low, high, multipliers, the duration
+                                   to divide by; a heap */
+} Tree;
+
+int tree_begin(Tree *tree, const Problem *problem, double best, double limit, double gap,
+               double least_gap);
+void tree_end(Tree *tree);
+
+/* Add a box that waits; 1 where there is no memory. */
+int tree_push(Tree *tree, const double *box);
+
+/* Divide boxes until the least bound is near enough to the least cost, or so many were looked at. */
+int tree_run(Tree *tree, long boxes);
+
+/* A number that no motion costs less than. */
+double tree_bound(const Tree *tree);
+
+#endif

@@ -1,0 +1,210 @@
+"""dmoc.prove on problems whose best motions are known, and on those that have none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.models.registry import find
+from dmoc.proving.global_proof import Claim
+
+t = dynamicsymbols._t
+x, u = dynamicsymbols("x u")
+
+
+@pytest.fixture(scope="module")
+def block() -> Kernels:
+    """A block of 1 kg between walls."""
+    walls = {"right": x <= 1, "left": x >= 0}
+    return dmoc.build(system("between", surfaces=walls), order=4)
+
+
+def system(name: str, potential: Any = 0, cost: Any = u**2 / 2, **more: Any) -> Any:
+    return dmoc.MechanicalSystem(
+        name, [x], x.diff(t) ** 2 / 2 - potential, inputs=[u], forces={x: u}, cost=cost,
+        **{"surfaces": {"right": x <= 1}, **more},
+    )  # fmt: skip
+
+
+def through(kernels: Kernels, places: list[float], e: float, **more: Any) -> dmoc.Problem:
+    """From rest to rest through hits at places, the first and the last of which are no hits."""
+    return dmoc.Problem(
+        kernels,
+        start={"x": places[0]}, goal={"x": places[-1], "x_dot": 0.0},
+        sequence=["right" if place == 1 else "left" for place in places[1:-1]],
+        **{"steps": 6, "final_time": 1.0, "restitution": e, **more},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("places", "e", "cost"),
+    [
+        ([0.0, 1, 0.0], 1.0, 24.0),
+        ([0.0, 1, 0.0], 0.8, 24.58630915),
+        ([0.0, 1, 0.0], 0.0, 50.95584412),
+        ([0.3, 1, 0, 0.6], 0.8, 32.89248634),
+    ],
+)
+def test_known_optima_are_proved(
+    block: Kernels, places: list[float], e: float, cost: float
+) -> None:
+    proof = dmoc.prove(through(block, places, e))
+    assert proof.claim is Claim.OPTIMAL and proof.proved and proof.waiting == 0
+    assert proof.cost == pytest.approx(cost, rel=1e-7)
+    assert cost * (1 - 1e-4) <= proof.bound <= cost * (1 + 1e-9)
+
+
+def test_three_hits_are_unfolded() -> None:
+    """East, north, west: the motion is a free one in the mirrored table."""
+    reference = find("puck_table")
+    fields = {**reference.defaults, "sequence": ("east", "north", "west"), "steps": 2}
+    proof = dmoc.prove(dmoc.Problem(reference.kernels(4), **fields), gap=0.3)
+    assert proof.claim is Claim.OPTIMAL
+    assert 0.7 * 0.415 <= proof.bound <= 0.415 * (1 + 1e-9)
+
+
+def test_landing_in_between(block: Kernels) -> None:
+    """To stay at the wall brings nothing: it does so for as short as a phase may be, a thousandth
+    of the time, which leaves less for the way. Costs of this kind go with its third power."""
+    cost = 50.95584412 / 0.999**3
+    problem = through(block, [0.0, 1, 0.0], 0.0)
+    proof = dmoc.prove(problem.but(sequence=["+right", "-right"]))
+    assert cost * (1 - 1e-4) <= proof.bound <= cost * (1 + 1e-9)
+    assert proof.left_out == ("that contacts which last only push",)
+
+
+def test_spring_and_damper_beside_many_durations() -> None:
+    """The bound is below the best of the program at any durations, and near it at the best."""
+    shaken = system("shaken", 20 * x**2, dissipation=x.diff(t) ** 2 / 4)
+    problem = dmoc.Problem(
+        dmoc.build(shaken, order=2), start={"x": 0.2, "x_dot": 1.0}, goal={"x": 0.0, "x_dot": 0.0},
+        sequence=["right"], restitution=0.5, final_time=1.5, steps=12,
+    )  # fmt: skip
+    proof = dmoc.prove(problem)
+    assert proof.claim is Claim.OPTIMAL
+    for first in (0.3, 0.6, 0.9, 1.2):
+        held = problem.but(durations=[first, 1.5 - first]).in_rates()
+        assert dmoc.solve(held, starts=1).cost >= proof.bound
+
+
+def test_wall_that_moves_evenly(block: Kernels) -> None:
+    """Seen from a wall that moves, the motion begins and ends with its speed, which costs what the
+    problem at rest costs with these ends."""
+    moving = dmoc.build(system("moving", surfaces={"right": x <= 1 + t / 2}), order=4)
+    ends = {"goal": {"x": 0.5, "x_dot": 0.5}, "start": {"x": 0.0, "x_dot": 0.5}}
+    proof = dmoc.prove(through(moving, [0.0, 1, 0.0], 0.8).but(**ends))
+    assert proof.cost == pytest.approx(24.58630915, rel=1e-7)
+    assert proof.claim is Claim.OPTIMAL
+
+
+def test_shortest_time_of_bounded_inputs() -> None:
+    """A cost without curvature: with a force of at most 1 N the way to the wall takes sqrt(2) s,
+    and the way back, at e = 1, as long."""
+    quick = dmoc.build(system("quick", cost=sp.Integer(1)), order=2)
+    problem = through(quick, [0.0, 1, 0.0], 1.0, final_time=(0.5, 6.0), steps=8)
+    proof = dmoc.prove(problem.but(bounds={"u": (-1, 1)}), gap=0.02)
+    assert proof.claim is Claim.OPTIMAL
+    assert 0.98 * np.sqrt(8) <= proof.bound <= np.sqrt(8) * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "statement"),
+    [
+        ({"bounds": {"u": (-5, 5)}}, "no motion of the discrete program of 6 + 6 steps"),
+        # The place can be reached, but not so fast: v^2 is at most 2 * 20 before the hit, 0.64 of
+        # that after it, and a force to the wall only makes it slower.
+        (
+            {
+                "bounds": {"u": (0, 20)},
+                "goal": {"x": 0.0, "x_dot": -5.1},
+                "final_time": (0.1, 2.0),
+            },
+            "has this sequence",
+        ),
+    ],
+)
+def test_impossible_sequences_are_proved(
+    block: Kernels, change: dict[str, Any], statement: str
+) -> None:
+    proof = dmoc.prove(through(block, [0.0, 1, 0.0], 0.8).but(**change))
+    assert proof.claim is Claim.IMPOSSIBLE and proof.solution is None and proof.proved
+    assert statement in proof.statement
+    assert "impossible (proved)" in str(proof)
+
+
+def test_inputs_that_just_suffice_are_not_impossible(block: Kernels) -> None:
+    """The weakest force that brings it to the wall and back is near 8 N: what a solve reaches, a
+    proof does not rule out."""
+    problem = through(block, [0.0, 1, 0.0], 0.8, controls="constant")
+    for force in (8.6, 9.0):
+        held = problem.but(bounds={"u": (-force, force)})
+        if dmoc.solve(held).converged:
+            assert dmoc.prove(held, gap=1e-2).claim is not Claim.IMPOSSIBLE
+
+
+def test_time_that_runs_out_is_gone_on_with(block: Kernels, tmp_path: Any) -> None:
+    problem, journal = through(block, [0.3, 1, 0, 0.6], 0.8, steps=3), tmp_path / "left.npz"
+    whole = dmoc.prove(problem, gap=1e-2)
+    first = dmoc.prove(problem, gap=1e-2, seconds=0.05, journal=journal)
+    then = dmoc.prove(problem, gap=1e-2, journal=journal)
+    assert whole.claim is then.claim is Claim.OPTIMAL
+    assert then.bound == pytest.approx(whole.bound, rel=1e-6)
+    assert first.waiting == 0 or first.claim is Claim.OPEN
+    with pytest.raises(dmoc.DmocError, match="that of another proof"):
+        dmoc.prove(problem.but(restitution=0.7), gap=1e-2, journal=journal)
+    journal.write_bytes(b"none")
+    with pytest.raises(dmoc.DmocError, match="is no journal of a proof"):
+        dmoc.prove(problem, gap=1e-2, journal=journal)
+
+
+def refused(problem: dmoc.Problem, **options: Any) -> str:
+    with pytest.raises(dmoc.DmocError) as error:
+        dmoc.prove(problem, **options)
+    return str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda p: p.but(final_time=(0.1, None)), "a final time without an upper bound"),
+        (lambda p: p.but(periodic=["x_dot"], goal={}), "periodic motions"),
+        (lambda p: p.but(start={"x": None}), "the start of x is free"),
+        (lambda p: p.but(start={"x": 0, "x_dot": None}), "a velocity at the start is free"),
+        (lambda p: p.but(sequence=["right"] * 12), "13 phases: proofs take at most 10"),
+    ],
+)
+def test_what_is_not_covered_is_refused(
+    block: Kernels, change: Callable[[dmoc.Problem], dmoc.Problem], sentence: str
+) -> None:
+    assert sentence in refused(change(through(block, [0.0, 1, 0.0], 0.8)))
+
+
+def test_bad_options_are_refused(block: Kernels) -> None:
+    problem = through(block, [0.0, 1, 0.0], 0.8)
+    assert "gap = 0" in refused(problem, gap=0)
+    assert "seconds = -1" in refused(problem, seconds=-1)
+
+
+@pytest.mark.parametrize(
+    ("name", "potential", "more", "sentence"),
+    [
+        ("cubic", x**4, {}, "the force is no affine function of x"),
+        ("heavier", -(x * x.diff(t) ** 2), {}, "the mass matrix depends on x"),
+        ("round_wall", 0, {"surfaces": {"right": x**2 <= 1}}, "the gap to right is no affine"),
+        ("costly_place", 0, {"cost": u**2 + x**2}, "the cost depends on positions"),
+        ("quartic", 0, {"cost": u**4}, "the cost is no quadratic function"),
+        ("unpaid", 0, {"cost": sp.Integer(1)}, "the input u has neither a cost nor bounds"),
+    ],
+)
+def test_what_is_not_linear_is_refused_by_name(
+    name: str, potential: Any, more: dict[str, Any], sentence: str
+) -> None:
+    kernels = dmoc.build(system(name, potential, **more), order=2, backend="numpy")
+    assert sentence in refused(through(kernels, [0.0, 1, 0.0], 0.8))
