@@ -57,6 +57,19 @@ def test_inputs_that_act_on_what_moves_with_it_leave_it_to_the_cost() -> None:
         assert dmoc.build(system).has("forces_point") is there
 
 
+def test_of_two_surfaces_the_one_that_an_input_pushes_is_left_to_the_cost() -> None:
+    x, y, u = dynamicsymbols("x y u")
+    system = dmoc.MechanicalSystem(
+        "between", [x, y], x.diff() ** 2 + y.diff() ** 2 - x - y, inputs=[u], forces={y: u},
+        surfaces={"floor": y >= 0, "wall": x >= 0},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        system, start={"x": 0, "y": 0}, contacts=["floor", "wall"], sequence=["-floor"],
+        steps=2, final_time=1,
+    )  # fmt: skip
+    assert problem.kernels.has("forces_point") and of(problem) == ()
+
+
 def test_a_duration_that_is_fixed_says_when_instead() -> None:
     fixed = problem_of(ramp, 5, 2, durations=[(0.3, 0.3), None])[0]
     assert of(fixed) == ()
