@@ -32,6 +32,7 @@ def linear_problem(problem: Problem) -> LinearProblem:
     modes = problem.touch.modes
     frames = [model.frame(mode) for mode in modes]
     steps = LinearSteps(model)
+    steps.check_time()
     count = problem.phases - problem.ends_with_event
     events = [_event(model, i, *frames[i : i + 2]) for i in range(len(problem.sequence))]
     zero, most = _goal(model, frames[-1])

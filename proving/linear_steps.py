@@ -17,6 +17,8 @@ from dmoc.proving.recognition import SAME_VALUE, TRIALS, affine
 SIZES, TRIED = np.array([0.5, 1.0, 2.0]), 0.7
 # Coefficients below this share of the largest power of their entry are rounding errors.
 NOTHING = 1e-12
+# A curvature that varies more than this with the size of an input is that of no quadratic function.
+UNEVEN = 1e-3
 
 
 @dataclass(eq=False)
@@ -48,20 +50,40 @@ class LinearSteps:
         knows the mean alone."""
         return 2 if self.model.problem.control_form == "stages" else 1
 
-    def _step(self, x: Array, h: float) -> list[Array]:
+    def _step(self, x: Array, h: float, time: float = 0.0) -> list[Array]:
         """Rows (q_k, q_i, q_kp1, u) of steps, shape (k, ...), as kernels take them."""
         p, n = self.model.problem, self.model.problem.nq
         d = p.scheme.degree
         u = x[:, (d + 1) * n :].reshape(len(x), -1, p.nu)
         q_kp1 = x[:, d * n : (d + 1) * n]
-        size, time = np.full((len(x), 1), h), np.zeros((1, 1))
-        return [x[:, :n], q_kp1, u[:, 0], u[:, -1], size, time, x[:, n : d * n]]
+        size, at = np.full((len(x), 1), h), np.full((1, 1), time)
+        return [x[:, :n], q_kp1, u[:, 0], u[:, -1], size, at, x[:, n : d * n]]
 
-    def _momenta(self, x: Array, h: float) -> Array:
+    def _momenta(self, x: Array, h: float, time: float = 0.0) -> Array:
         """h (r_i, r_minus, r_plus) of steps."""
         p = self.model.problem
-        r_minus, r_plus, _, r_i = p.kernels.call("step", *self._step(x, h), p.model.par)
+        r_minus, r_plus, _, r_i = p.kernels.call("step", *self._step(x, h, time), p.model.par)
         return np.asarray(h * np.hstack([r_i, r_minus, r_plus]))
+
+    def check_time(self) -> None:
+        """Refuse equations of motion and costs that depend on the time: what does not is the same
+        number at any."""
+        p, model, rng = self.model.problem, self.model, np.random.default_rng(0)
+        nodes = p.scheme.degree + 1
+        q = rng.uniform(-1, 1, (TRIALS, nodes * p.nq)) * np.tile(model.sizes, nodes)
+        x = np.hstack([q, rng.uniform(-1, 1, (TRIALS, self._rows * p.nu))])
+        last = p.final_time_bounds[1]
+        if (self._momenta(x, model.h) != self._momenta(x, model.h, last)).any():
+            raise ProblemError(
+                "the equations of motion depend on the time: proofs cover motion that is the same "
+                "at any; solve and search have no such limit."
+            )
+        first, then = (p.model.step_costs(self._step(x, model.h, t)) for t in (0.0, last))
+        if (first != then).any():
+            raise ProblemError(
+                "the cost depends on the time: proofs cover costs of the inputs, and of how long a "
+                "motion takes."
+            )
 
     @cached_property
     def _powers(self) -> Array:
@@ -106,29 +128,38 @@ class LinearSteps:
             x = np.hstack([np.broadcast_to(q, (len(u), nodes)), u])
             return np.asarray(p.model.step_costs(self._step(x, model.h)) / model.h)
 
-        rest, unit = np.zeros((1, nodes)), np.eye(nb)
+        rest = np.zeros((1, nodes))
         c_0 = float(cost(np.zeros((1, nb)), rest)[0])
-        up, down = cost(unit, rest), cost(-unit, rest)
-        c, R = (up - down) / 2, np.diag(up + down - 2 * c_0)
+        reach = np.abs(np.tile(p.input_bounds, (self._rows, 1))).max(axis=1)
+        size = np.where(np.isfinite(reach) & (reach > 0), reach, 1.0)
+        for _ in range(2):  # inputs in sizes that bring the same curvature
+            up, down = (cost(sign * np.diag(size), rest) for sign in (1, -1))
+            bent = up + down - 2 * c_0
+            curved = bent > NOTHING * (np.abs(up) + np.abs(down) + np.abs(c_0))
+            size = np.where(curved, size / np.sqrt(np.where(curved, bent, 1.0)), size)
+        up, down = (cost(sign * np.diag(size), rest) for sign in (1, -1))
+        c, R = (up - down) / 2, np.diag(np.where(curved, up + down - 2 * c_0, 0.0))
         for i, j in zip(*np.tril_indices(nb, -1), strict=True):
-            pair = cost((unit[i] + unit[j])[None], rest)[0]
-            R[i, j] = R[j, i] = pair - up[i] - up[j] + c_0
-        R[np.abs(R) < NOTHING * np.abs(R).max(initial=0.0)] = 0.0
+            pair = cost((np.eye(nb)[i] + np.eye(nb)[j])[None] * size, rest)[0]
+            crossed = pair - up[i] - up[j] + c_0
+            noise = NOTHING * (np.abs(pair) + np.abs(up[i]) + np.abs(up[j]) + np.abs(c_0))
+            R[i, j] = R[j, i] = crossed if abs(crossed) > noise else 0.0
         rng = np.random.default_rng(0)
         u = rng.uniform(-2, 2, (TRIALS, nb))
         q = rng.uniform(-1, 1, (TRIALS, nodes)) * np.tile(model.sizes, p.scheme.degree + 1)
         expected = np.einsum("ki,ij,kj->k", u, R, u) / 2 + u @ c + c_0
-        size = SAME_VALUE * max(np.abs(expected).max(initial=0.0), 1e-300)
-        if (np.abs(cost(u, np.zeros((TRIALS, nodes))) - expected) > size).any():
+        error = SAME_VALUE * max(np.abs(expected).max(initial=0.0), 1e-300)
+        uneven = np.abs(np.diag(R)[curved] - 1) > UNEVEN
+        wrong = np.abs(cost(u * size, np.zeros((TRIALS, nodes))) - expected) > error
+        if uneven.any() or wrong.any():
             raise ProblemError("the cost is no quadratic function of the inputs: proofs need one.")
-        if (np.abs(cost(u, q) - expected) > size).any():
+        if (np.abs(cost(u * size, q) - expected) > error).any():
             raise ProblemError(
                 "the cost depends on positions or velocities: proofs cover costs of the inputs and "
                 "of the time."
             )
-        if np.linalg.eigvalsh(R).min(initial=0.0) < -SAME_VALUE * np.abs(R).max(initial=0.0):
-            raise ProblemError("the cost is not convex in the inputs: proofs need one that is.")
-        return R, c, c_0
+        _check_convex(R)
+        return R / np.outer(size, size), c / size, c_0
 
     def _paths(self, i: int, frame: Frame) -> tuple[Array, Array]:
         """What holds at the nodes of a phase: bounds of coordinates, flat surfaces that stand."""
@@ -148,3 +179,17 @@ class LinearSteps:
         A, b = A @ frame.Z, b - A @ frame.origin
         kept = np.abs(A).max(axis=1, initial=0.0) > 0
         return A[kept], b[kept]
+
+
+def _check_convex(R: Array) -> None:
+    """Refuse a matrix (nb, nb) of a cost that falls in some direction, or that does not bend in one
+    which belongs to several inputs; its diagonal has ones and zeros."""
+    curved = np.diag(R) > 0
+    least = np.linalg.eigvalsh(R[np.ix_(curved, curved)]).min(initial=1.0)
+    if least < -SAME_VALUE or R[~curved].any():
+        raise ProblemError("the cost is not convex in the inputs: proofs need one that is.")
+    if least <= SAME_VALUE:
+        raise ProblemError(
+            "the cost is the same for several combinations of its inputs: proofs need a cost of "
+            "each, such as a small multiple of its square."
+        )

@@ -16,7 +16,7 @@ from dmoc.models.registry import find
 from dmoc.proving.global_proof import Claim
 
 t = dynamicsymbols._t
-x, u = dynamicsymbols("x u")
+x, u, v = dynamicsymbols("x u v")
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +28,8 @@ def block() -> Kernels:
 
 def system(name: str, potential: Any = 0, cost: Any = u**2 / 2, **more: Any) -> Any:
     return dmoc.MechanicalSystem(
-        name, [x], x.diff(t) ** 2 / 2 - potential, inputs=[u], forces={x: u}, cost=cost,
-        **{"surfaces": {"right": x <= 1}, **more},
+        name, [x], x.diff(t) ** 2 / 2 - potential, cost=cost,
+        **{"surfaces": {"right": x <= 1}, "inputs": [u], "forces": {x: u}, **more},
     )  # fmt: skip
 
 
@@ -201,6 +201,9 @@ def test_bad_options_are_refused(block: Kernels) -> None:
         ("costly_place", 0, {"cost": u**2 + x**2}, "the cost depends on positions"),
         ("quartic", 0, {"cost": u**4}, "the cost is no quadratic function"),
         ("unpaid", 0, {"cost": sp.Integer(1)}, "the input u has neither a cost nor bounds"),
+        ("dearer", 0, {"cost": (2 - t) * u**2}, "the cost depends on the time"),
+        ("pushed", 0, {"forces": {x: u + t}}, "the equations of motion depend on the time"),
+        ("growing", -t * x.diff(t) ** 2 / 9, {}, "the equations of motion depend on the time"),
     ],
 )
 def test_what_is_not_linear_is_refused_by_name(
@@ -208,3 +211,28 @@ def test_what_is_not_linear_is_refused_by_name(
 ) -> None:
     kernels = dmoc.build(system(name, potential, **more), order=2, backend="numpy")
     assert sentence in refused(through(kernels, [0.0, 1, 0.0], 0.8))
+
+
+@pytest.mark.parametrize(
+    ("cost", "sentence"),
+    [
+        ((u + v) ** 2, "the cost is the same for several combinations of its inputs"),
+        (u**2 + u * v / 1e5, "the cost is not convex in the inputs"),
+        (u**2 + v**2 - 3 * u * v, "the cost is not convex in the inputs"),
+        (u**2 + (v / 1e9) ** 4, "the cost is no quadratic function"),
+    ],
+)
+def test_costs_of_several_inputs_that_have_no_bound_are_refused(cost: Any, sentence: str) -> None:
+    two = system("two_inputs", cost=cost, inputs=[u, v], forces={x: u + v})
+    kernels = dmoc.build(two, order=2, backend="numpy")
+    bounds = {"u": (-90, 90), "v": (-90, 90)}
+    assert sentence in refused(through(kernels, [0.0, 1, 0.0], 0.8, bounds=bounds))
+
+
+def test_inputs_in_small_units_have_a_cost() -> None:
+    """The other input costs nothing beside it in numbers, and does as much."""
+    cost = u**2 / 2 + (v / 1e7) ** 2 / 2
+    two = system("small_units", cost=cost, inputs=[u, v], forces={x: (u + v / 1e7) / sp.sqrt(2)})
+    proof = dmoc.prove(through(dmoc.build(two, order=4), [0.0, 1, 0.0], 1.0))
+    assert proof.claim is Claim.OPTIMAL
+    assert proof.cost == pytest.approx(24.0, rel=1e-7)
