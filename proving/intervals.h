@@ -40,9 +40,13 @@ static inline interval interval_sub(interval a, interval b)
     return interval_outward(a.lo - b.hi, a.hi - b.lo);
 }
 
-/* The least and the largest of four numbers, moved outward. */
+/* The least and the largest of four numbers, moved outward. The sum is no number where one of them is
+ * none, which comparisons would pass over, or where both infinities are among them. */
 static inline interval interval_among(double p, double q, double r, double s)
 {
+    const double sum = p + q + r + s;
+    if (sum != sum)
+        return (interval){-INFINITY, INFINITY};
     const double a = p < q ? p : q, b = r < s ? r : s;
     const double c = p > q ? p : q, d = r > s ? r : s;
     return interval_outward(a < b ? a : b, c > d ? c : d);

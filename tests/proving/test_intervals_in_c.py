@@ -64,12 +64,15 @@ def test_results_contain_those_of_fractions(library: ctypes.CDLL) -> None:
 
 
 def test_what_has_no_bounds_is_the_whole_line(library: ctypes.CDLL) -> None:
-    a = np.array([[1.0, 2.0], [1e308, 1.5e308], [-1.0, 4.0], [0.0, 0.0]])
-    b = np.array([[0.0, 1.0], [1e308, 1.5e308], [-1.0, 1.0], [-np.inf, np.inf]])
+    a = np.array([[1.0, 2.0], [1e308, 1.5e308], [-1.0, 4.0], [0.0, 0.0], [0.0, 5.0]])
+    b = np.array(
+        [[0.0, 1.0], [1e308, 1.5e308], [-1.0, 1.0], [-np.inf, np.inf], [2.0, np.inf]],
+    )
     rows = results(library, a, b)
     line = [-np.inf, np.inf]
     assert rows[0, 3].tolist() == line  # by an interval with zero
     assert rows[1, 0].tolist() == line and rows[1, 2].tolist() == line  # too large
     assert rows[2, 5].tolist() == line  # the root of a negative number
     assert rows[3, 2].tolist() == line  # zero times infinity
+    assert rows[4, 2].tolist() == line  # which is passed over by no comparison
     assert rows[0, 4].tolist() != line
