@@ -104,7 +104,9 @@ static void subtract_start(Engine *e, int n, const jet *start, jet *value)
 {
     const Problem *p = e->problem;
     for (int z = 0; z < 2 * p->phase[0].r; z++) {
-        const double reach = (p->start_high[z] - p->start_low[z]) / 2 * (1 + 4 * DBL_EPSILON);
+        const double middle = p->start_low[z] + (p->start_high[z] - p->start_low[z]) / 2;
+        const double reach =
+            fmax(p->start_high[z] - middle, middle - p->start_low[z]) * (1 + 4 * DBL_EPSILON);
         if (!(reach > 0))
             continue;
         const double lo = start[z].v.lo, hi = start[z].v.hi;
@@ -402,7 +404,8 @@ static int centre_at(Engine *e, const double *low, const double *high, double en
         centre_maximise(p, t, steps, enough, c);
         memcpy(multipliers, c->m, sizeof(double) * MOST_MULTIPLIERS);
         Priced worst;
-        if (!c->converged || !(c->value < e->aim) || cache->count == MOST_PRICED || round == MOST_ROUNDS)
+        if (!c->converged || !(c->value < e->aim) || cache->count == MOST_PRICED ||
+            c->multipliers == MOST_MULTIPLIERS || round == MOST_ROUNDS)
             return 0;
         if (!centre_violated(p, steps, c, cache->count, cache->priced, &worst))
             return 0;

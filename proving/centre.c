@@ -441,6 +441,9 @@ void centre_maximise(const Problem *p, const double *t, const Steps *const *step
             break;
     }
     shrink(p, steps, constant, enough, c);
+    for (int j = 0; j < n; j++) /* steps that end at zero may miss it by rounding */
+        if (!c->may_be_negative[j] && !(c->m[j] > 0))
+            c->m[j] = 0;
     dual_at(p, steps, constant, c, c->m, 0, 0);
     choose(p, c);
 }

@@ -182,7 +182,7 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
     line *linear = steps->without.linear;
     for (int j = 0; j < d; j++)
         linear[j] = line_of(0);
-    linear[d - 1] = line_scaled(h, p->steps * p->c_0);
+    linear[d - 1] = line_scaled(line_scaled(h, p->steps), p->c_0);
     for (int k = p->steps - 1; k >= 0; k--) {
         for (int column = 0; column < m; column++) {
             line *to = column < s      ? next + column * d
@@ -226,9 +226,9 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
     return 0;
 }
 
-/* The inverse of the rows and columns of R that a mask has, as intervals (nb, nb), zero elsewhere;
- * 1 where it cannot be found. */
-static int inverse_of(const Phase *p, unsigned mask, interval *inverse)
+/* The inverse of the rows and columns of R that a mask has, as intervals (nb, nb), zero elsewhere:
+ * whole lines where it cannot be found. */
+static void inverse_of(const Phase *p, unsigned mask, interval *inverse)
 {
     int at[MOST_INPUTS], n = 0;
     for (int i = 0; i < p->nb; i++)
@@ -240,14 +240,12 @@ static int inverse_of(const Phase *p, unsigned mask, interval *inverse)
             A[i * n + j] = line_of(p->R[at[i] * p->nb + at[j]]);
             B[i * n + j] = line_of(i == j);
         }
-    if (solve_lines(n, n, A, B))
-        return 1;
+    const int none = solve_lines(n, n, A, B);
     for (int i = 0; i < p->nb * p->nb; i++)
         inverse[i] = interval_of(0);
     for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++)
-            inverse[at[i] * p->nb + at[j]] = B[i * n + j].v;
-    return 0;
+            inverse[at[i] * p->nb + at[j]] = none ? (interval){-INFINITY, INFINITY} : B[i * n + j].v;
 }
 
 /* Range of what a row (d,) of lines makes of costates. */

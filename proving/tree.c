@@ -149,6 +149,10 @@ int tree_run(Tree *t, long boxes)
         double *low = box + 1, *high = low + p->phases;
         const int i = (int)box[t->width - 1];
         const double middle = sqrt(low[i]) * sqrt(high[i]);
+        if (!(low[i] < middle && middle < high[i])) { /* nothing is left to divide */
+            t->shed = box[0] < t->shed ? box[0] : t->shed;
+            continue;
+        }
         memcpy(half, box, t->width * sizeof(double));
         high[i] = middle;
         half[1 + i] = middle;
