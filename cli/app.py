@@ -28,8 +28,8 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 COMMANDS = {
     "new": "new", "models": "model", "derive": "model", "generate": "model", "build": "model",
     "solve": "solve", "search": "search", "sweep": "sweep", "simulate": "simulate",
-    "fit": "fit", "verify": "result", "plot": "result", "animate": "animate", "export": "export",
-    "report": "export", "doctor": "doctor", "explain": "explain",
+    "prove": "prove", "fit": "fit", "verify": "result", "plot": "result", "animate": "animate",
+    "export": "export", "report": "export", "doctor": "doctor", "explain": "explain",
 }  # fmt: skip
 
 

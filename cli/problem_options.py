@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dmoc.base.discretisation import ORDERS_SHOWN
 from dmoc.cli import completion
@@ -22,6 +22,10 @@ from dmoc.cli.option_values import (
     read_value,
     read_via,
 )
+
+if TYPE_CHECKING:
+    from dmoc.models.registry import Reference
+    from dmoc.problem.problem import Problem
 
 
 class Controls(StrEnum):
@@ -165,3 +169,13 @@ def _replace_rest(values: dict[str, Any], chosen: Mapping[str, Any]) -> None:
             values.pop(f"p_{name[:-4]}", None)
         if name.startswith("p_") and f"{name[2:]}_dot" not in chosen:
             values.pop(f"{name[2:]}_dot", None)
+
+
+def stated_problem(reference: Reference, order: int | None, fields: dict[str, Any]) -> Problem:
+    """A problem of its fields; with steps that are refined its model has an order of its own."""
+    from dmoc.problem.problem import Problem
+    from dmoc.problem.statement import AUTOMATIC_ORDER
+
+    if order is None and "steps" not in fields and fields.get("controls") != "linear":
+        order = AUTOMATIC_ORDER
+    return Problem(reference.kernels(order, progress=True), **fields)

@@ -12,7 +12,12 @@ from dmoc.base.table import print_table
 from dmoc.cli.console import draw, emit, in_turn, out, prepare, written
 from dmoc.cli.groups import passed_on
 from dmoc.cli.option_values import read_guess
-from dmoc.cli.problem_options import CourseOptions, ProblemOptions, problem_fields
+from dmoc.cli.problem_options import (
+    CourseOptions,
+    ProblemOptions,
+    problem_fields,
+    stated_problem,
+)
 from dmoc.cli.shared_options import (
     NOT_SOLVED,
     DarkOption,
@@ -25,8 +30,6 @@ from dmoc.cli.words import option
 from dmoc.solving.keywords import Keywords
 
 if TYPE_CHECKING:
-    from dmoc.models.registry import Reference
-    from dmoc.problem.problem import Problem
     from dmoc.program.cost_derivatives import Sensitivities
     from dmoc.proving.certificate import Certificate
 
@@ -68,7 +71,7 @@ def solve(
     reference = registry.find(model)
     fields = problem_fields(reference.defaults, course, stated)
     prepare(target, json_)
-    problem = _problem(reference, stated.order, fields)
+    problem = stated_problem(reference, stated.order, fields)
     quiet = json_ == "-"
     solution = solved(problem, guess=first_motion, progress=True, **passed_on(keywords))
     files: list[Path] = []
@@ -113,16 +116,6 @@ def solve(
         lambda: draw(target and target / "solution.png", solution.plot, quiet, dark),
     )
     sys.exit(0 if solution.solved else NOT_SOLVED)
-
-
-def _problem(reference: Reference, order: int | None, fields: dict[str, Any]) -> Problem:
-    """A problem of its fields; with steps that are refined its model has an order of its own."""
-    from dmoc.problem.problem import Problem
-    from dmoc.problem.statement import AUTOMATIC_ORDER
-
-    if order is None and "steps" not in fields and fields.get("controls") != "linear":
-        order = AUTOMATIC_ORDER
-    return Problem(reference.kernels(order, progress=True), **fields)
 
 
 def _print_sensitivities(derivatives: Sensitivities) -> None:

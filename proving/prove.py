@@ -27,6 +27,9 @@ from dmoc.solving.solve import solve
 SHARE = 0.3
 # Boxes between two looks at the clock.
 SLICE = 64
+# The gap of a bound that has a limit instead of a best motion, and boxes that are spent on the
+# question whether there is a motion at all.
+BOUNDED, MORE = 1e-6, 64
 # Steps of a phase where neither the problem nor a motion has them, and at most.
 STEPS, MOST_STEPS = 10, 30
 # The gap is never less than this share of the cost that the problem would have by its sizes: a cost
@@ -36,6 +39,8 @@ LEAST_GAP = 1e-9
 DEAR = 1e4
 # A bound at the durations of a motion may be above its cost by rounding alone.
 ABOVE = 1e-7
+# A motion that is feasible up to the tolerance of a solve may cost less than a bound by this share.
+CONTRADICTION = 1e-5
 
 
 @record(frozen=True, eq=False)
@@ -47,6 +52,9 @@ class Bounding:
     bound: float
     boxes: int
     waiting: int
+
+    def __str__(self) -> str:
+        return f"cost {self.cost:.6g}, at least {self.bound:.6g}, {self.waiting} boxes wait"
 
 
 @public(ProblemError)
@@ -147,6 +155,33 @@ def prove(
     )  # fmt: skip
 
 
+def lower_bound(
+    problem: Problem, limit: float, until: Deadline, growing: bool = False
+) -> tuple[float, float]:
+    """A number that no motion of a problem with steps costs less than, as far as it takes to see
+    that none costs less than a limit; and what a motion costs at most, beyond which a bound shows
+    that there is none.  ``growing`` asks for a cost that no part of a motion lowers."""
+    problem = problem.in_rates()
+    linear = linear_problem(problem)
+    check_size(linear)
+    if growing and any(phase.c.any() or phase.c_0 < 0 for phase in linear.phases):
+        return -np.inf, np.inf
+    size, most = _size_of_cost(linear), _largest_cost(linear)
+    most = most if np.isfinite(most) else DEAR * size
+    most += ABOVE * (most + size)  # what is nearly as dear as can be is a motion still
+    branch = Branch(linear, np.inf, min(limit, most), BOUNDED, LEAST_GAP * size, size)
+    while not until.passed and branch.run(SLICE):
+        if branch.best < limit:
+            break  # there is a motion that costs less
+    if limit < most and branch.bound >= limit and np.isinf(branch.best):
+        # It costs too much: is there any?
+        beyond = Branch(linear, np.inf, most, BOUNDED, LEAST_GAP * size, size)
+        going_on = not until.passed and beyond.run(MORE)
+        if not going_on and np.isinf(beyond.best):
+            return max(branch.bound, beyond.bound), most
+    return branch.bound, most
+
+
 def check_size(linear: LinearProblem) -> None:
     """Refuse a problem for which the arrays of the engine have no room."""
     phases, inputs, state, multipliers = LIMITS
@@ -207,6 +242,11 @@ def _claim(
         return Claim.OPEN
     if motion is None:
         return Claim.OPEN if np.isfinite(branch.best) else Claim.IMPOSSIBLE
+    if branch.bound > motion.cost + CONTRADICTION * abs(motion.cost) + least:
+        raise ProblemError(
+            f"a motion costs {motion.cost:.9g}, below the bound {branch.bound:.9g} of all: the "
+            "program is not the linear one that was read from it; please report this problem."
+        )
     within = branch.bound >= motion.cost - max(gap * abs(motion.cost), least)
     return Claim.OPTIMAL if within else Claim.OPEN
 

@@ -82,5 +82,8 @@ class SearchKeywords:
     journal: str | os.PathLike[str] | None = elsewhere(
         None, "path", "Keep finished sequences in this file (SQLite)."
     )
+    prove: bool = elsewhere(
+        False, "flag", "Prove what no sequence can cost less than, where motions are linear."
+    )
     resume: bool = elsewhere(False, "flag", "Go on with the sequences of --journal.")
     progress: Any = elsewhere(None)

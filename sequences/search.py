@@ -30,6 +30,7 @@ from dmoc.sequences.keywords import PROPOSING, STARTS
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.notes import notes_of, notes_of_proposals
 from dmoc.sequences.pool import workers_of
+from dmoc.sequences.proofs import TreeProof, check_provable, proof_of
 from dmoc.sequences.proposals import Proposed, proposals_of
 from dmoc.sequences.search_table import best_in_words, table_of_search
 from dmoc.sequences.settings import Settings, settings_of
@@ -69,6 +70,8 @@ class SearchResult(Shown):
     proposals : tuple of Proposed
         Sequences that relaxed motions have, with how many starts led to each, the cheapest first;
         none of strategies that try all.
+    proof : TreeProof or None
+        What is proved of all sequences, where that was asked for.
     """
 
     nodes: tuple[Node, ...]
@@ -79,6 +82,7 @@ class SearchResult(Shown):
     problem: Problem
     broken: str = ""
     proposals: tuple[Proposed, ...] = ()
+    proof: TreeProof | None = None
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items())
@@ -122,6 +126,7 @@ class SearchResult(Shown):
             "exploration": None if motion is None else exploration_of(motion),
             "notes": list(self.notes),
             "proposals": [p.to_dict() for p in self.proposals],
+            "proof": None if self.proof is None else self.proof.to_dict(),
             "nodes": [n.to_dict() for n in self.nodes],
             "seconds": self.seconds,
         }
@@ -193,6 +198,7 @@ def search(
     shortest_phase: float | None = None,
     journal: str | os.PathLike[str] | None = None,
     resume: bool = False,
+    prove: bool = False,
     progress: Listener[Progress] = None,
 ) -> SearchResult:
     """Search for the best sequence of collisions.
@@ -255,6 +261,11 @@ def search(
         SQLite file of finished nodes.
     resume : bool
         Go on with the journal's nodes.
+    prove : bool
+        Bound the cost of all sequences up to the depth afterwards, by what :func:`dmoc.prove` does:
+        ``proof`` of the result says that none costs less than the best one by more than a share of
+        1e-4, or of which ones nothing is proved.  It has the time that is left of ``seconds``, or
+        as long as it takes.  For motions that are linear between events.
     progress : callable, bool or "lines", optional
         Called with a :class:`Progress` after every node.  True shows it in a line on a terminal or
         in a notebook, "lines" writes it to standard error every second.
@@ -295,7 +306,10 @@ def search(
         )
     with listener(progress, "first sequence", SearchError) as tell:
         keywords |= {"method": method, "progress": tell}
-        return _searched(stated, problem, settings_of(problem, keywords))
+        settings = settings_of(problem, keywords)
+        if settings.prove:
+            check_provable(problem)
+        return _searched(stated, problem, settings)
 
 
 def _searched(stated: Problem, problem: Problem, settings: Settings) -> SearchResult:
@@ -329,7 +343,15 @@ def _searched(stated: Problem, problem: Problem, settings: Settings) -> SearchRe
         stopped = stopped or INTERRUPTED
     result = _result(tree, stopped, time.perf_counter() - begin)
     proposals = first.proposals.ranked() if isinstance(first, Candidates) else ()
-    return replace(result, broken=broken, notes=(*result.notes, *notes), proposals=proposals)
+    proof = None
+    if settings.prove and not stopped:
+        node = result.best
+        best = None if node is None else (node.sequence, node.cost or 0.0)
+        proof = proof_of(problem, settings, best, deadline)
+        result = replace(result, seconds=time.perf_counter() - begin)
+    return replace(
+        result, broken=broken, notes=(*result.notes, *notes), proposals=proposals, proof=proof
+    )
 
 
 def _first_tree(problem: Problem, settings: Settings, deadline: Deadline) -> Tree:

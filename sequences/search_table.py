@@ -44,6 +44,8 @@ def table_of_search(result: SearchResult, why: bool = False) -> Table:
     notes += [f"note: {note}" for note in result.notes]
     if not why and any(n.verdict.value in UNEXPLAINED for n in nodes[:MOST_ROWS]):
         notes.append("note: dmoc search --verbose, or evidence of the nodes, tells why")
+    if result.proof is not None:
+        notes.append(f"proved: {result.proof.statement}")
     rate = f"{len(nodes) / max(result.seconds, 1e-9):.1f} a second"
     notes.append(
         f"{best_in_words(result)}; {len(nodes)} sequences in {result.seconds:.1f} s ({rate})"

@@ -14,6 +14,7 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
 from dmoc.proving.global_proof import Claim
+from dmoc.proving.prove import _claim
 
 t = dynamicsymbols._t
 x, u, v = dynamicsymbols("x u v")
@@ -102,6 +103,21 @@ def test_wall_that_moves_evenly(block: Kernels) -> None:
     proof = dmoc.prove(through(moving, [0.0, 1, 0.0], 0.8).but(**ends))
     assert proof.cost == pytest.approx(24.58630915, rel=1e-7)
     assert proof.claim is Claim.OPTIMAL
+    assert proof.bound <= proof.cost * (1 + 1e-7)
+
+
+def test_bounds_that_contradict_a_motion_are_no_proof() -> None:
+    from types import SimpleNamespace
+
+    def claim(bound: float, cost: float) -> Claim:
+        branch: Any = SimpleNamespace(bound=bound, best=cost)
+        motion: Any = SimpleNamespace(cost=cost)
+        return _claim(branch, motion, 1e-4, 0.0, False)
+
+    assert claim(0.99995, 1.0) is Claim.OPTIMAL
+    assert claim(0.9998, 1.0) is Claim.OPEN
+    with pytest.raises(dmoc.DmocError, match="below the bound"):
+        claim(1.001, 1.0)
 
 
 def test_shortest_time_of_bounded_inputs() -> None:
