@@ -482,6 +482,8 @@ void centre_slopes(const Problem *p, const Steps *const *steps, const Value *con
                 for (int l = 0; l < n; l++)
                     H[j * n + l] += L[a * WIDTH + j] * WL[a * WIDTH + l];
     }
+    for (int j = 0; j < n; j++) /* what no input between its bounds answers to stays where it is */
+        is_free[j] = is_free[j] && H[j * n + j] > 0;
     for (int by = 0; by < K; by++) {
         double cross[MOST_MULTIPLIERS], A[MOST_MULTIPLIERS * MOST_MULTIPLIERS];
         static _Thread_local double slopes[2][MOST_COSTATE * WIDTH];
@@ -550,7 +552,7 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
         const double h = interval_mid(steps[i]->h.v0);
         for (int z = r; z < s; z++)
             state[z] *= h;
-        for (int k = 0; k < ph->steps; k++, u += ph->nb) {
+        for (int k = 0; k <= ph->steps; k++) {
             for (int j = 0; j < ph->paths && k; j++) {
                 double excess = -ph->most[j], size = fabs(ph->most[j]);
                 for (int z = 0; z < r; z++) {
@@ -567,6 +569,8 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
                 most = excess;
                 *worst = (Priced){i, k, j};
             }
+            if (k == ph->steps)
+                break;
             for (int z = 0; z < s; z++) {
                 const line *map = steps[i]->map + z * m;
                 next[z] = interval_mid(map[m - 1].v0);
@@ -576,6 +580,7 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
                     next[z] += interval_mid(map[s + j].v0) * u[j];
             }
             memcpy(state, next, sizeof state);
+            u += ph->nb;
         }
         for (int z = r; z < s; z++)
             state[z] /= h;

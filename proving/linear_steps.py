@@ -162,7 +162,7 @@ class LinearSteps:
         return R / np.outer(size, size), c / size, c_0
 
     def _paths(self, i: int, frame: Frame) -> tuple[Array, Array]:
-        """What holds at the nodes of a phase: bounds of coordinates, flat surfaces that stand."""
+        """What holds at nodes of a phase after the first: bounds of coordinates, flat surfaces."""
         p, n = self.model.problem, self.model.problem.nq
         rows, most = list[Array](), list[float]()
         for j, (low, high) in enumerate(p.coordinate_bounds):

@@ -155,6 +155,22 @@ static int step_map(const Phase *p, line h, line *map)
 static void add_inputs(const Phase *p, const Steps *steps, Choice *choices, const interval *costate,
                        Value *value);
 
+/* Add the conditions at a node to the prices of the state there, (2 r, d). */
+static void add_conditions(const Phase *p, int node, const Priced *priced, const Steps *steps,
+                           line *prices)
+{
+    const int r = p->r, d = steps->d;
+    for (int i = 2 * r; i < d - 1; i++) {
+        const Priced *at = priced + steps->which[i - 2 * r];
+        if (at->node != node)
+            continue;
+        for (int y = 0; y < r; y++)
+            prices[y * d + i] = line_add(prices[y * d + i], line_of(p->path[at->path * r + y]));
+        line *one = steps->without.linear + i;
+        *one = line_add(*one, line_of(-p->most[at->path]));
+    }
+}
+
 int phase_steps(const Phase *p, int number, double centre, interval duration, int count,
                 const Priced *priced, const double *begin, Steps *steps)
 {
@@ -183,6 +199,7 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
     for (int j = 0; j < d; j++)
         linear[j] = line_of(0);
     linear[d - 1] = line_scaled(line_scaled(h, p->steps), p->c_0);
+    add_conditions(p, p->steps, priced, steps, now);
     for (int k = p->steps - 1; k >= 0; k--) {
         for (int column = 0; column < m; column++) {
             line *to = column < s      ? next + column * d
@@ -199,15 +216,7 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
             line *one = steps->response + (k * nb + i) * d + d - 1;
             *one = line_add(*one, line_scaled(h, p->c[i]));
         }
-        for (int i = 0; i < steps->priced; i++) {
-            const Priced *at = priced + steps->which[i];
-            if (at->node != k)
-                continue;
-            for (int y = 0; y < r; y++)
-                next[y * d + s + i] =
-                    line_add(next[y * d + s + i], line_of(p->path[at->path * r + y]));
-            linear[s + i] = line_add(linear[s + i], line_of(-p->most[at->path]));
-        }
+        add_conditions(p, k, priced, steps, next);
         memcpy(now, next, sizeof(line) * s * d);
     }
     for (int i = 0; i < s; i++)

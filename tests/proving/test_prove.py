@@ -155,6 +155,12 @@ def test_impossible_sequences_are_proved(
     assert "impossible (proved)" in str(proof)
 
 
+def test_bounds_of_coordinates_hold_at_events(block: Kernels) -> None:
+    """A wall that is out of bounds is hit by no motion."""
+    problem = through(block, [0.3, 1, 0.2], 0.8, bounds={"x": (None, 0.95)})
+    assert dmoc.prove(problem).claim is Claim.IMPOSSIBLE
+
+
 def test_inputs_that_just_suffice_are_not_impossible(block: Kernels) -> None:
     """The weakest force that brings it to the wall and back is near 8 N: what a solve reaches, a
     proof does not rule out."""
