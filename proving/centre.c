@@ -1,11 +1,12 @@
 /* The best multipliers at given durations: the dual is concave and piecewise quadratic, and its
  * maximum is found by Newton's method with the signs that multipliers must have. */
 #include "centre.h"
+#include "costates.h"
+#include "small.h"
 
 #include <string.h>
 
 #define MOST_ITERATIONS 60
-#define WIDTH (MOST_MULTIPLIERS + 1)
 /* How much a step may raise the dual, beside its value. */
 #define FARTHEST 1e3
 /* Curvature of costs that have none while multipliers are sought, relative to the cost. */
@@ -34,59 +35,6 @@ int centre_number(const Problem *p, int count, Centre *c)
     return 0;
 }
 
-/* costates += multiplier row of functions A z + b, which are numbered from ``first``. */
-static void add_rows(const Rows *rows, int first, double *L)
-{
-    for (int i = 0; i < rows->rows; i++)
-        for (int z = 0; z < rows->columns; z++)
-            L[z * WIDTH + first + i] += rows->A[i * rows->columns + z];
-}
-
-/* The costates of each phase as functions of the multipliers and 1, and by one duration where
- * ``by`` is not negative. */
-static void costates_of(const Problem *p, const Steps *const *steps, const Centre *c, int by, int i,
-                        const double *later, const double *later_slope, double *L)
-{
-    const int n = c->multipliers, s = 2 * p->phase[i].r;
-    memset(L, 0, sizeof(double) * MOST_COSTATE * WIDTH);
-    if (i == p->phases - 1) {
-        if (by < 0) {
-            add_rows(&p->goal_zero, 0, L);
-            add_rows(&p->goal_most, p->goal_zero.rows, L);
-        }
-    } else {
-        const Event *e = p->event + i;
-        const int s_after = e->after.rows, d = steps[i + 1]->d;
-        double start[MOST_STATE * WIDTH];
-        for (int z = 0; z < s_after; z++)
-            for (int j = 0; j <= n; j++) {
-                double sum = 0;
-                for (int k = 0; k < d; k++) {
-                    const line at = steps[i + 1]->start[z * d + k];
-                    if (by < 0)
-                        sum += interval_mid(at.v0) * later[k * WIDTH + j];
-                    else
-                        sum += interval_mid(at.v0) * later_slope[k * WIDTH + j] +
-                               (by == i + 1 ? interval_mid(at.d0) * later[k * WIDTH + j] : 0);
-                }
-                start[z * WIDTH + j] = sum;
-            }
-        for (int z = 0; z < s; z++)
-            for (int j = 0; j <= n; j++)
-                for (int k = 0; k < s_after; k++)
-                    L[z * WIDTH + j] += e->after.A[k * s + z] * start[k * WIDTH + j];
-        if (by < 0) {
-            add_rows(&e->zero, c->first_event[i], L);
-            add_rows(&e->most, c->first_event[i] + e->zero.rows, L);
-        }
-    }
-    if (by < 0) {
-        for (int k = 0; k < steps[i]->priced; k++)
-            L[(s + k) * WIDTH + c->first_priced + steps[i]->which[k]] = 1;
-        L[(steps[i]->d - 1) * WIDTH + n] = 1;
-    }
-}
-
 /* Constants of the dual in the multipliers, (multipliers + 1,). */
 static void constants_of(const Problem *p, const double *t, const Steps *const *steps, const Centre *c,
                          double *constant)
@@ -107,101 +55,6 @@ static void constants_of(const Problem *p, const double *t, const Steps *const *
             constant[first + k] += zero->b[k] + zero->b_t[k] * time;
         for (int k = 0; k < most->rows; k++)
             constant[first + zero->rows + k] += most->b[k] + most->b_t[k] * time;
-    }
-}
-
-/* The inverse of a positive definite matrix (n, n). */
-static void inverse_of(int n, const double *H, double *inverse)
-{
-    double A[MOST_INPUTS * MOST_INPUTS];
-    memcpy(A, H, sizeof(double) * n * n);
-    for (int i = 0; i < n * n; i++)
-        inverse[i] = i % (n + 1) == 0;
-    for (int k = 0; k < n; k++) {
-        const double pivot = 1 / A[k * n + k];
-        for (int j = 0; j < n; j++)
-            A[k * n + j] *= pivot, inverse[k * n + j] *= pivot;
-        for (int i = 0; i < n; i++) {
-            const double factor = A[i * n + k];
-            for (int j = 0; j < n && i != k; j++) {
-                A[i * n + j] -= factor * A[k * n + j];
-                inverse[i * n + j] -= factor * inverse[k * n + j];
-            }
-        }
-    }
-}
-
-/* Least of u H u/2 + y u within bounds; the free inputs as a mask. */
-static unsigned least_inputs(int n, const double *H, const double *inverse, const double *y,
-                             const double *lower, const double *upper, double *u)
-{
-    int within = 1;
-    for (int i = 0; i < n; i++) {
-        double sum = 0;
-        for (int j = 0; j < n; j++)
-            sum -= inverse[i * n + j] * y[j];
-        u[i] = sum;
-        within &= sum > lower[i] && sum < upper[i];
-    }
-    if (within)
-        return (1u << n) - 1;
-    for (int i = 0; i < n; i++)
-        u[i] = u[i] < lower[i] ? lower[i] : u[i] > upper[i] ? upper[i] : u[i];
-    for (int round = 0; round < 200 && n > 1; round++) {
-        double moved = 0, size = 0;
-        for (int i = 0; i < n; i++) {
-            double slope = y[i];
-            for (int j = 0; j < n; j++)
-                slope += i == j ? 0 : H[i * n + j] * u[j];
-            double next = -slope / H[i * n + i];
-            next = next < lower[i] ? lower[i] : next > upper[i] ? upper[i] : next;
-            const double change = fabs(next - u[i]);
-            moved = change > moved ? change : moved;
-            size = fabs(next) > size ? fabs(next) : size;
-            u[i] = next;
-        }
-        if (moved <= 1e-15 * size)
-            break;
-    }
-    unsigned mask = 0;
-    for (int i = 0; i < n; i++)
-        mask |= (unsigned)(u[i] > lower[i] && u[i] < upper[i]) << i;
-    return mask;
-}
-
-/* Solve the symmetric positive system A x = b of the rows that are free, with a little more on its
- * diagonal where it needs it; A is used up. */
-static void solve_free(int n, double *A, const double *b, const unsigned char *is_free, double *x)
-{
-    int at[MOST_MULTIPLIERS], k = 0;
-    for (int i = 0; i < n; i++) {
-        x[i] = 0;
-        if (is_free[i])
-            at[k++] = i;
-    }
-    double L[MOST_MULTIPLIERS * MOST_MULTIPLIERS], z[MOST_MULTIPLIERS];
-    for (int i = 0; i < k; i++)
-        for (int j = 0; j <= i; j++) {
-            const double diagonal = A[at[i] * n + at[i]];
-            double sum = A[at[i] * n + at[j]] + (i == j ? 1e-13 * diagonal : 0);
-            for (int l = 0; l < j; l++)
-                sum -= L[i * k + l] * L[j * k + l];
-            if (i == j)
-                L[i * k + i] = sqrt(sum > 1e-12 * diagonal ? sum : 1e-12 * diagonal + 1e-300);
-            else
-                L[i * k + j] = sum / L[j * k + j];
-        }
-    for (int i = 0; i < k; i++) {
-        double sum = b[at[i]];
-        for (int l = 0; l < i; l++)
-            sum -= L[i * k + l] * z[l];
-        z[i] = sum / L[i * k + i];
-    }
-    for (int i = k - 1; i >= 0; i--) {
-        double sum = z[i];
-        for (int l = i + 1; l < k; l++)
-            sum -= L[l * k + i] * x[at[l]];
-        x[at[i]] = sum / L[i * k + i];
     }
 }
 
@@ -231,7 +84,7 @@ static double dual_at(const Problem *p, const Steps *const *steps, const double 
             if (!(R[a * nb + a] > 0))
                 R[a * nb + a] = h * SMOOTHING * p->scale / (p->latest * width * width);
         }
-        inverse_of(nb, R, inverse);
+        small_inverse(nb, R, inverse);
         for (int k = 0; k < ph->steps; k++, u += nb, row += nb * WIDTH) {
             for (int a = 0; a < nb; a++) {
                 y[a] = row[a * WIDTH + n];
@@ -534,65 +387,3 @@ void centre_slopes(const Problem *p, const Steps *const *steps, const Value *con
     }
 }
 
-int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c, int count,
-                    const Priced *priced, Priced *worst)
-{
-    const double *u = c->inputs;
-    double state[MOST_STATE], next[MOST_STATE], most = 0;
-    const double *start = c->inputs;
-    for (int i = 0; i < p->phases; i++)
-        start += p->phase[i].steps * p->phase[i].nb;
-    for (int z = 0; z < 2 * p->phase[0].r; z++) {
-        const double reach = (p->start_high[z] - p->start_low[z]) / 2;
-        state[z] = p->start_low[z] + reach + (reach > 0 ? start[z] : 0);
-    }
-    for (int i = 0; i < p->phases; i++) {
-        const Phase *ph = p->phase + i;
-        const int r = ph->r, s = 2 * r, m = s + ph->nb + 1;
-        const double h = interval_mid(steps[i]->h.v0);
-        for (int z = r; z < s; z++)
-            state[z] *= h;
-        for (int k = 0; k <= ph->steps; k++) {
-            for (int j = 0; j < ph->paths && k; j++) {
-                double excess = -ph->most[j], size = fabs(ph->most[j]);
-                for (int z = 0; z < r; z++) {
-                    excess += ph->path[j * r + z] * state[z];
-                    size += fabs(ph->path[j * r + z] * state[z]);
-                }
-                if (!(excess > 1e-9 * size && excess > most))
-                    continue;
-                int known = 0;
-                for (int l = 0; l < count; l++)
-                    known |= priced[l].phase == i && priced[l].node == k && priced[l].path == j;
-                if (known)
-                    continue;
-                most = excess;
-                *worst = (Priced){i, k, j};
-            }
-            if (k == ph->steps)
-                break;
-            for (int z = 0; z < s; z++) {
-                const line *map = steps[i]->map + z * m;
-                next[z] = interval_mid(map[m - 1].v0);
-                for (int j = 0; j < s; j++)
-                    next[z] += interval_mid(map[j].v0) * state[j];
-                for (int j = 0; j < ph->nb; j++)
-                    next[z] += interval_mid(map[s + j].v0) * u[j];
-            }
-            memcpy(state, next, sizeof state);
-            u += ph->nb;
-        }
-        for (int z = r; z < s; z++)
-            state[z] /= h;
-        if (i == p->phases - 1)
-            break;
-        const Rows *after = &p->event[i].after;
-        for (int z = 0; z < after->rows; z++) {
-            next[z] = after->b[z];
-            for (int j = 0; j < s; j++)
-                next[z] += after->A[z * s + j] * state[j];
-        }
-        memcpy(state, next, sizeof state);
-    }
-    return most > 0;
-}

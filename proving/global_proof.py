@@ -31,6 +31,8 @@ class Proof(Shown):
         No motion costs less; infinite where there is none at all.
     asked : float
         The gap that was asked for, relative to the cost.
+    least : float
+        What the bound may be below any cost by, in its unit: a cost may be zero.
     limit : float
         Motions that cost as much count as none; infinite where no cost can be larger.
     durations : tuple of pairs of float
@@ -52,6 +54,7 @@ class Proof(Shown):
     solution: Solution | None
     bound: float
     asked: float
+    least: float
     limit: float
     durations: tuple[tuple[float, float], ...]
     final_time: tuple[float, float]
@@ -73,11 +76,12 @@ class Proof(Shown):
 
     @property
     def gap(self) -> float | None:
-        """How far the bound is below the cost, relative to it; None without a motion."""
+        """How far the bound is below the cost, relative to it, and 0 where that is next to nothing
+        beside the sizes of the problem; None without a motion."""
         if self.cost is None:
             return None
-        below = max(self.cost - self.bound, 0.0)
-        return below / abs(self.cost) if self.cost else below
+        below = self.cost - self.bound
+        return 0.0 if below <= self.least else below / max(abs(self.cost), self.least)
 
     @property
     def proved(self) -> bool:

@@ -146,8 +146,9 @@ def prove(
     written(journal, branch, known)
     if motion is None or branch.best < motion.cost - gap / 4 * abs(motion.cost):
         motion = _best(motion, _at(problem, branch, seed))
+    least = LEAST_GAP * size
     return Proof(
-        _claim(branch, motion, gap, LEAST_GAP * size, going_on), motion, branch.bound, gap,
+        _claim(branch, motion, gap, least, going_on), motion, branch.bound, gap, least,
         np.inf if np.isfinite(limit) else beyond,
         tuple((float(a), float(b)) for a, b in linear.durations),
         linear.final_time, tuple(phase.steps for phase in linear.phases), problem.order,

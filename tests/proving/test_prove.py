@@ -107,6 +107,13 @@ def test_wall_that_moves_evenly(block: Kernels) -> None:
     assert proof.bound <= proof.cost * (1 + 1e-7)
 
 
+def test_a_motion_that_costs_nothing_is_the_best(block: Kernels) -> None:
+    start = {"x": 0.0, "x_dot": 2.0}
+    proof = dmoc.prove(through(block, [0.0, 1, 0.0], 1.0).but(start=start, goal={"x": 0.0}))
+    assert proof.claim is Claim.OPTIMAL
+    assert proof.cost == pytest.approx(0.0, abs=1e-12) and proof.gap == 0.0
+
+
 def test_bounds_that_contradict_a_motion_are_no_proof() -> None:
     from types import SimpleNamespace
 

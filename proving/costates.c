@@ -1,0 +1,57 @@
+/* See costates.h. */
+#include "costates.h"
+
+#include <string.h>
+
+/* costates += multiplier row of functions A z + b, which are numbered from ``first``. */
+static void add_rows(const Rows *rows, int first, double *L)
+{
+    for (int i = 0; i < rows->rows; i++)
+        for (int z = 0; z < rows->columns; z++)
+            L[z * WIDTH + first + i] += rows->A[i * rows->columns + z];
+}
+
+/* The costates of each phase as functions of the multipliers and 1, and by one duration where
+ * ``by`` is not negative. */
+void costates_of(const Problem *p, const Steps *const *steps, const Centre *c, int by, int i,
+                        const double *later, const double *later_slope, double *L)
+{
+    const int n = c->multipliers, s = 2 * p->phase[i].r;
+    memset(L, 0, sizeof(double) * MOST_COSTATE * WIDTH);
+    if (i == p->phases - 1) {
+        if (by < 0) {
+            add_rows(&p->goal_zero, 0, L);
+            add_rows(&p->goal_most, p->goal_zero.rows, L);
+        }
+    } else {
+        const Event *e = p->event + i;
+        const int s_after = e->after.rows, d = steps[i + 1]->d;
+        double start[MOST_STATE * WIDTH];
+        for (int z = 0; z < s_after; z++)
+            for (int j = 0; j <= n; j++) {
+                double sum = 0;
+                for (int k = 0; k < d; k++) {
+                    const line at = steps[i + 1]->start[z * d + k];
+                    if (by < 0)
+                        sum += interval_mid(at.v0) * later[k * WIDTH + j];
+                    else
+                        sum += interval_mid(at.v0) * later_slope[k * WIDTH + j] +
+                               (by == i + 1 ? interval_mid(at.d0) * later[k * WIDTH + j] : 0);
+                }
+                start[z * WIDTH + j] = sum;
+            }
+        for (int z = 0; z < s; z++)
+            for (int j = 0; j <= n; j++)
+                for (int k = 0; k < s_after; k++)
+                    L[z * WIDTH + j] += e->after.A[k * s + z] * start[k * WIDTH + j];
+        if (by < 0) {
+            add_rows(&e->zero, c->first_event[i], L);
+            add_rows(&e->most, c->first_event[i] + e->zero.rows, L);
+        }
+    }
+    if (by < 0) {
+        for (int k = 0; k < steps[i]->priced; k++)
+            L[(s + k) * WIDTH + c->first_priced + steps[i]->which[k]] = 1;
+        L[(steps[i]->d - 1) * WIDTH + n] = 1;
+    }
+}
