@@ -62,8 +62,8 @@ class LinearSteps:
     def _momenta(self, x: Array, h: float, time: float = 0.0) -> Array:
         """h (r_i, r_minus, r_plus) of steps."""
         p = self.model.problem
-        r_minus, r_plus, _, r_i = p.kernels.call("step", *self._step(x, h, time), p.model.par)
-        return np.asarray(h * np.hstack([r_i, r_minus, r_plus]))
+        p_k, p_kp1, r_i = p.model.step_balance(self._step(x, h))
+        return np.asarray(h * np.hstack([r_i.reshape(len(x), -1), -p_k, p_kp1]))
 
     def check_time(self) -> None:
         """Refuse equations of motion and costs that depend on the time: what does not is the same
