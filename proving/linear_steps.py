@@ -62,7 +62,7 @@ class LinearSteps:
     def _momenta(self, x: Array, h: float, time: float = 0.0) -> Array:
         """h (r_i, r_minus, r_plus) of steps."""
         p = self.model.problem
-        p_k, p_kp1, r_i = p.model.step_balance(self._step(x, h))
+        p_k, p_kp1, r_i = p.model.step_balance(self._step(x, h, time))
         return np.asarray(h * np.hstack([r_i.reshape(len(x), -1), -p_k, p_kp1]))
 
     def check_time(self) -> None:
