@@ -226,8 +226,7 @@ class Trajectory:
     model, fingerprint : str
         Name and digest of the model.
     coordinates, inputs : tuples of str
-    parameters : mapping of str to float or tuple of float
-        A tuple has a value for each phase.
+    parameters : mapping of str to float, or to a tuple with a value for each phase
     phases : tuple of Phase
     collisions : tuple of Collision
         One between any two phases.
@@ -240,10 +239,9 @@ class Trajectory:
     ignored : tuple of str
         Surfaces that hold nothing back where no event names them.
     friction : mapping of str to float or None
-        Coefficient mu of each surface with friction, largest force in newton of each rail; None
-        where it varies along the motion.  The kinetic one where static friction is another.
-    units : mapping of str to str
-        Units of coordinates and inputs, where the model names them.
+        Coefficient mu of each surface with friction, the kinetic one where there are two; largest
+        force in newton of each rail; None where it varies along the motion.
+    units : mapping of str to str, of coordinates and inputs where the model names them
     scene : Scene or None
         The drawing of the model along the motion; None where the model has none.
     limits : mapping of str to pair of float

@@ -29,6 +29,8 @@ def _of_statement(p: Problem) -> Iterator[str]:
         yield "parameters with a value for each phase"
     if p.kernels.joints:
         yield f"constraints of the model ({p.kernels.joints[0]})"
+    if p.control_form == "linear":
+        yield "inputs that are linear between nodes; give controls='constant'"
     if p.model.has_terminal_cost:
         yield "costs of the end"
     if p.model.totals_of or p.model.peak_names:

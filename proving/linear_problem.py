@@ -58,7 +58,6 @@ def _durations(problem: Problem) -> Array:
 def _left_out(model: LinearModel) -> tuple[str, ...]:
     """Conditions that no bound takes into account: without them it is still one."""
     p = model.problem
-    bounded = np.isfinite(p.input_bounds).any()
     others = [name for j, name in enumerate(p.kernels.surfaces) if j not in model.flat]
     moving = [p.kernels.surfaces[j] for j, gap in model.flat.items() if gap.A[0, p.nq] != 0]
     return (
@@ -71,11 +70,6 @@ def _left_out(model: LinearModel) -> tuple[str, ...]:
         *(f"bounds of {name}" for name in p.limits),
         *(f"the path constraint {name}" for name in p.kernels.manifest.path_constraints),
         *(("that contacts which last only push",) if p.lasting else ()),
-        *(
-            ("that inputs are linear between nodes",)
-            if bounded and p.control_form == "linear"
-            else ()
-        ),
     )
 
 

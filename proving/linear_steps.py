@@ -46,8 +46,7 @@ class LinearSteps:
 
     @property
     def _rows(self) -> int:
-        """Rows of the inputs of a step; of those that are linear between nodes a step of order 2
-        knows the mean alone."""
+        """Rows of the inputs of a step."""
         return 2 if self.model.problem.control_form == "stages" else 1
 
     def _step(self, x: Array, h: float, time: float = 0.0) -> list[Array]:

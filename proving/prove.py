@@ -83,7 +83,7 @@ def prove(
     gap : float
         How far the bound may stay below the cost of the motion, relative to it.
     seconds : float, optional
-        Limit of all, the solve included; None for none.
+        Limit of all, the solve included; None for none.  Ctrl-C ends the bounding as this does.
     seed : int
         Of the random starts of the solve.
     journal : path, optional
@@ -139,10 +139,13 @@ def prove(
     continued(journal, branch, known)
     with listener(progress, "bounding ...") as tell:
         going_on = True
-        while going_on and not deadline.passed:
-            going_on = branch.run(SLICE)
-            if tell:
-                tell(Bounding(branch.best, branch.bound, branch.boxes, branch.waiting))
+        try:
+            while going_on and not deadline.passed:
+                going_on = branch.run(SLICE)
+                if tell:
+                    tell(Bounding(branch.best, branch.bound, branch.boxes, branch.waiting))
+        except KeyboardInterrupt:
+            going_on = True  # what was bounded until then is the answer
     written(journal, branch, known)
     if motion is None or branch.best < motion.cost - gap / 4 * abs(motion.cost):
         motion = _best(motion, _at(problem, branch, seed))
@@ -158,29 +161,31 @@ def prove(
 
 def lower_bound(
     problem: Problem, limit: float, until: Deadline, growing: bool = False
-) -> tuple[float, float]:
+) -> tuple[float, float, bool]:
     """A number that no motion of a problem with steps costs less than, as far as it takes to see
     that none costs less than a limit; and what a motion costs at most, beyond which a bound shows
-    that there is none.  ``growing`` asks for a cost that no part of a motion lowers."""
+    that there is none, infinite where nothing bounds it; and whether either was seen.  ``growing``
+    asks for a cost that no part of a motion lowers."""
     problem = problem.in_rates()
     linear = linear_problem(problem)
     check_size(linear)
     if growing and any(phase.c.any() or phase.c_0 < 0 for phase in linear.phases):
-        return -np.inf, np.inf
+        return -np.inf, np.inf, False
     size, most = _size_of_cost(linear), _largest_cost(linear)
-    most = most if np.isfinite(most) else DEAR * size
     most += ABOVE * (most + size)  # what is nearly as dear as can be is a motion still
-    branch = Branch(linear, np.inf, min(limit, most), BOUNDED, LEAST_GAP * size, size)
+    limit -= LEAST_GAP * size
+    asked = min(limit, DEAR * size if np.isinf(most) else most)
+    branch = Branch(linear, np.inf, asked, BOUNDED, LEAST_GAP * size, size)
     while not until.passed and branch.run(SLICE):
         if branch.best < limit:
             break  # there is a motion that costs less
-    if limit < most and branch.bound >= limit and np.isinf(branch.best):
+    if limit < most < np.inf and branch.bound >= limit and np.isinf(branch.best):
         # It costs too much: is there any?
         beyond = Branch(linear, np.inf, most, BOUNDED, LEAST_GAP * size, size)
         going_on = not until.passed and beyond.run(MORE)
         if not going_on and np.isinf(beyond.best):
-            return max(branch.bound, beyond.bound), most
-    return branch.bound, most
+            return max(branch.bound, beyond.bound), most, True
+    return branch.bound, most, branch.bound >= min(limit, most)
 
 
 def check_size(linear: LinearProblem) -> None:

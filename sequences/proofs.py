@@ -16,6 +16,8 @@ from dmoc.problem.problem import Problem
 from dmoc.proving.prove import lower_bound
 from dmoc.sequences.settings import Settings, children
 
+# Seconds of each bound at most.
+LONGEST = 60.0
 # How far the best cost of a search may lie above that of any sequence, relative to it.
 GAP = 1e-4
 
@@ -149,17 +151,26 @@ def proof_of(
     """Bound all sequences of a search, whose best one has a cost."""
     limit = np.inf if best is None else (1 - GAP) * best[1]
     bounded, waiting = list[Bounded](), list[tuple[str, ...]]([()])
-    while waiting and not deadline.passed:
-        sequence = waiting.pop(0)
-        before = _of_prefix(problem, settings, sequence, limit, deadline) if sequence else None
-        if before is not None:
-            bounded.append(before)
-            continue
-        bounded.append(_of_sequence(problem, settings, sequence, best, limit, deadline))
-        if len(sequence) < settings.max_collisions:
-            waiting += [(*sequence, word) for word in children(problem, sequence, settings)]
+    try:
+        while waiting and not deadline.passed:
+            sequence = waiting[0]
+            before = _of_prefix(problem, settings, sequence, limit, deadline) if sequence else None
+            if before is None:
+                bounded.append(_of_sequence(problem, settings, sequence, best, limit, deadline))
+                if len(sequence) < settings.max_collisions:
+                    waiting += [(*sequence, word) for word in children(problem, sequence, settings)]
+            else:
+                bounded.append(before)
+            waiting.pop(0)
+    except KeyboardInterrupt:
+        pass  # what was bounded until then is kept
     complete = not waiting and all(b.claim is not Claim.OPEN for b in bounded)
     return TreeProof(tuple(bounded), best and best[1], settings.max_collisions, complete)
+
+
+def _a_while(until: Deadline) -> Deadline:
+    """The time of one bound."""
+    return Deadline.after(min(LONGEST, max(until.left, 1e-9)))
 
 
 def _of_prefix(
@@ -173,10 +184,10 @@ def _of_prefix(
         first = problem.but(
             sequence=sequence, durations=[*spans, 0], via=None, goal={}, final_time=(None, latest)
         )
-        bound, most = lower_bound(first, limit, until, growing=True)
+        bound, most, seen = lower_bound(first, limit, _a_while(until), growing=True)
     except ProblemError:
         return None
-    if bound < min(limit, most):
+    if not seen:
         return None
     claim = Claim.IMPOSSIBLE if bound >= most else Claim.POINTLESS
     return Bounded(sequence, claim, bound, below=True)
@@ -190,10 +201,10 @@ def _of_sequence(
     spans = [(settings.shortest_phase, None)] * (len(sequence) + 1) if sequence else None
     try:
         whole = problem.but(sequence=sequence, durations=spans, via=None)
-        bound, most = lower_bound(whole, limit, until)
+        bound, most, seen = lower_bound(whole, limit, _a_while(until))
     except ProblemError as error:
         return Bounded(sequence, Claim.OPEN, -np.inf, why=str(error))
-    if bound < min(limit, most):
+    if not seen:
         return Bounded(sequence, Claim.OPEN, bound, why="time ran out, or it is left out")
     if best is not None and sequence == best[0]:
         return Bounded(sequence, Claim.OPTIMAL, bound)

@@ -264,8 +264,8 @@ def search(
     prove : bool
         Bound the cost of all sequences up to the depth afterwards, by what :func:`dmoc.prove` does:
         ``proof`` of the result says that none costs less than the best one by more than a share of
-        1e-4, or of which ones nothing is proved.  It has the time that is left of ``seconds``, or
-        as long as it takes.  For motions that are linear between events.
+        1e-4, or of which ones nothing is proved.  It has the time that is left of ``seconds``,
+        each bound a minute at most.  For motions that are linear between events.
     progress : callable, bool or "lines", optional
         Called with a :class:`Progress` after every node.  True shows it in a line on a terminal or
         in a notebook, "lines" writes it to standard error every second.

@@ -107,6 +107,15 @@ def test_wall_that_moves_evenly(block: Kernels) -> None:
     assert proof.bound <= proof.cost * (1 + 1e-7)
 
 
+def test_ctrl_c_keeps_what_was_bounded(block: Kernels) -> None:
+    def interrupted(_: Any) -> None:
+        raise KeyboardInterrupt
+
+    proof = dmoc.prove(through(block, [0.3, 1, 0, 0.6], 0.8), progress=interrupted)
+    assert proof.claim is Claim.OPEN and proof.waiting > 0
+    assert proof.cost == pytest.approx(32.89248634, rel=1e-7)
+
+
 def test_a_motion_that_costs_nothing_is_the_best(block: Kernels) -> None:
     start = {"x": 0.0, "x_dot": 2.0}
     proof = dmoc.prove(through(block, [0.0, 1, 0.0], 1.0).but(start=start, goal={"x": 0.0}))
@@ -206,6 +215,10 @@ def refused(problem: dmoc.Problem, **options: Any) -> str:
         (lambda p: p.but(final_time=(0.1, None)), "a final time without an upper bound"),
         (lambda p: p.but(periodic=["x_dot"], goal={}), "periodic motions"),
         (lambda p: p.but(start={"x": None}), "the start of x is free"),
+        (
+            lambda p: p.but(kernels=dmoc.build(system("twice"), order=2), controls="linear"),
+            "inputs that are linear between nodes; give controls='constant'",
+        ),
         (lambda p: p.but(start={"x": 0, "x_dot": None}), "a velocity at the start is free"),
         (lambda p: p.but(sequence=["right"] * 12), "13 phases: proofs take at most 10"),
     ],

@@ -48,6 +48,16 @@ def test_inputs_that_are_too_weak_make_all_sequences_impossible() -> None:
     assert proof.statement == "no sequence of at most 1 events has a motion"
 
 
+def test_a_best_motion_that_costs_nothing() -> None:
+    """At rest where it is to be at rest: all that a hit could bring is cost."""
+    rest = {"x": 0.3, "y": 0.2, "x_dot": 0.0, "y_dot": 0.0}
+    proof = dmoc.search(puck(start=rest, goal=rest), 1, prove=True).proof
+    assert proof is not None and proof.complete and proof.cost == pytest.approx(0.0, abs=1e-12)
+    assert proof.bounded[0].claim is Claim.OPTIMAL
+    # Nothing bounds the inputs, so that no hit is impossible, however dear.
+    assert {b.claim for b in proof.bounded[1:]} == {Claim.POINTLESS}
+
+
 def test_what_is_not_linear_is_refused_before_the_search() -> None:
     reference = find("cart_pendulum")
     problem = dmoc.Problem(reference.kernels(), **reference.defaults)
