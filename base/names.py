@@ -56,6 +56,17 @@ def bounded_momentum(coordinate: str) -> str:
     return f"momentum_{coordinate}"
 
 
+def omega_names(attitude: str) -> tuple[str, str, str]:
+    """The quantities that are the angular velocity of an attitude."""
+    x, y, z = (f"{attitude}_omega_{axis}" for axis in "xyz")
+    return x, y, z
+
+
+def unit_constraint(attitude: str) -> str:
+    """The constraint that the quaternion of an attitude has length 1."""
+    return f"{attitude}_unit"
+
+
 def unit_of(name: str, units: Mapping[str, str]) -> str:
     """Unit of a coordinate, velocity or momentum from those of coordinates; empty where it is not
     known."""

@@ -97,6 +97,7 @@ class Manifest:
     hidden_limits: Sequence[int] = ()
     hidden_of: Sequence[str] = ()
     senses: Mapping[str, int] = field(default_factory=dict)
+    attitudes: Mapping[str, list[int]] = field(default_factory=dict)  # four coordinates each
 
     @classmethod
     def read(cls, facts: Mapping[str, Any]) -> Manifest:

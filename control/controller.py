@@ -22,8 +22,8 @@ from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_rows
 from dmoc.mechanics.phase_models import PhaseModels, check_one_for_all
 from dmoc.motion.trajectory import Collision, Trajectory
-from dmoc.simulation.forward import vector
 from dmoc.simulation.replay import moved, replay, replay_steps
+from dmoc.simulation.start_state import state_of
 
 # The motion of a phase goes on past its events for this share of its duration: so early
 # may contacts open and friction change.
@@ -205,10 +205,8 @@ def controlled(
     check_one_for_all(models, "feedback and disturb go with one model", SimulationError)
     there = models[0]
     if disturbed.start.any():
-        names = motion.coordinates
-        at = vector(stated["position"], names, "position")
-        rate = vector(stated["velocity"], names, "velocity", states[len(names) :])
-        start = moved(there, motion, np.concatenate([at, rate]) + disturbed.start)
+        at = np.concatenate(state_of(kernels, stated["position"], stated["velocity"]))
+        start = moved(there, motion, at + disturbed.start)
         stated |= {"position": start[: there.nq], "velocity": start[there.nq :]}
     parts = there, stated["step_size"], disturbed, stated.pop("inputs")
     control = Pushed(*parts) if feedback is None else Controller(*parts, feedback.begin())

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dmoc.base.arguments import array, check_known, function, positive, shown, whole
+from dmoc.base.arguments import array, function, positive, shown, whole
 from dmoc.base.errors import SimulationError
-from dmoc.base.names import velocity_name
 from dmoc.base.records import record
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array, Kernels
@@ -19,7 +18,6 @@ from dmoc.mechanics.coefficients import check_coefficients
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import (
     ParameterValue,
-    by_name,
     parameter_rows,
     restitution_row,
 )
@@ -33,6 +31,7 @@ from dmoc.simulation.impact_orders import Undecided, notes_of, undecided_of
 from dmoc.simulation.mode_choice import Setting
 from dmoc.simulation.motion_record import ContactState, ModeChange, MotionRecord, Stretch, phases_at
 from dmoc.simulation.simultaneous_impacts import Lasting
+from dmoc.simulation.start_state import state_of
 from dmoc.simulation.steered import Control, steered
 from dmoc.simulation.stepper import Stepper
 from dmoc.simulation.tolerances import RATE
@@ -117,10 +116,7 @@ def simulate(
     models = PhaseModels(kernels, parameter_rows(kernels, stated, None, SimulationError))
     check_geometry(models, SimulationError)
     model = models[0]
-    names = kernels.coordinates
-    q = vector(position, names, "position")
-    rates = [velocity_name(name) for name in names]
-    v = np.zeros(nq) if velocity is None else vector(velocity, names, "velocity", rates)
+    q, v = state_of(kernels, position, velocity)
     u = _inputs(inputs, h, steps, nu) if control is None else np.zeros((steps, nu))
     e = restitution_row(kernels, restitution, SimulationError)
     for there in models.different:
@@ -374,26 +370,3 @@ def _inputs(
     if not np.isfinite(u).all():
         raise SimulationError("inputs contain a value that is not finite: expected finite numbers.")
     return np.broadcast_to(u, (steps, nu))
-
-
-def vector(values: Any, names: Sequence[str], what: str, other: Sequence[str] = ()) -> Array:
-    """Numbers by coordinate, shape (names,), of which a mapping leaves out zeros; ``other`` are
-    further names that the coordinates have in it."""
-    numbers = values
-    if isinstance(values, Mapping):
-        columns = {name: j for j, name in (*enumerate(other), *enumerate(names))}
-        by_column: dict[int, Any] = {}
-        for name, value in by_name(values, what, SimulationError).items():
-            check_known(name, columns, "coordinate", f"in {what}", SimulationError)
-            if columns[name] in by_column:
-                raise SimulationError(
-                    f"{what} gives {names[columns[name]]!r} twice, also as {name!r}: give it once."
-                )
-            by_column[columns[name]] = value
-        numbers = [by_column.get(j, 0.0) for j in range(len(names))]
-    vector = array(numbers)
-    if vector is None or vector.shape != (len(names),) or not np.isfinite(vector).all():
-        raise SimulationError(
-            f"{what} = {shown(values)}: expected {len(names)} finite numbers ({', '.join(names)})."
-        )
-    return np.array(vector)

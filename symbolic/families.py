@@ -158,6 +158,7 @@ def _key(system: MechanicalSystem, fingerprint: str, design: Sequence[str]) -> s
     for (kind, name, *_), part in zip(table_of_drawing(system.drawing), system.shapes, strict=True):
         lines += [f"{kind} {name}", *map(sp.srepr, values_of(part))]
     lines += [f"design {name}" for name in design]
+    lines += [f"attitude {n} {' '.join(map(name_of, p))}" for n, p in system.attitudes.items()]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
@@ -186,6 +187,9 @@ def _facts(
     more |= {"hit_sums": event_rows(system), "hit_quantities": hit_quantity_rows(system)}
     more |= crossing_facts(system, f)
     more["within"] = coordinates_of_ends(system, f)
+    more["attitudes"] = {
+        name: [system.coordinates.index(q) for q in p] for name, p in system.attitudes.items()
+    }
     more["grips"], more["by_rate"] = names_of_places(system.grips), rates_alone(system)
     more["static_friction"] = [n for n, e in system.friction.items() if isinstance(e, sp.Tuple)]
     more["varying_friction"] = path_rows(f, *varying(f, list(system.tangents)))

@@ -16,12 +16,13 @@ from dmoc.base.arguments import listed, shown
 from dmoc.base.errors import ModelError
 from dmoc.base.names import check_name, name_of
 from dmoc.base.signatures import public
+from dmoc.motion.attitude import rates
 from dmoc.symbolic.definitions import atoms_below
 from dmoc.symbolic.drawing import Part
 from dmoc.symbolic.expressions import expression_in
 from dmoc.symbolic.system import MechanicalSystem
 from dmoc.symbolic.system_fields import MAPPINGS, added_forces, mapping
-from dmoc.symbolic.vectors import Vector, vector
+from dmoc.symbolic.vectors import Vector, dot, vector
 
 JOINED = ("coordinates", "drawing")  # fields to which a user's are appended
 EFFORTS = {"rad": "torque", "m": "force"}  # by the unit of a joint
@@ -38,6 +39,7 @@ class Linkage:
     units: dict[Any, str] = field(default_factory=dict)
     drawing: list[Part] = field(default_factory=list)
     sizes: list[tuple[Any, str, str]] = field(default_factory=list)
+    attitudes: dict[str, Vector] = field(default_factory=dict)
 
     def define(self, name: str, value: Any) -> Any:
         """A name for an expression; what has one, or is fixed, stays as it is."""
@@ -62,6 +64,16 @@ class Linkage:
             measure = measure.xreplace({n: self.definitions[n] for n in names})
         for q in self.coordinates:
             force = effort * measure.diff(q)
+            if force != 0:
+                self.forces[q] = self.forces.get(q, sp.S.Zero) + force
+
+    def turn(self, attitude: str, p: Vector, torque: Vector) -> None:
+        """Add the quaternion of an attitude, and a torque in the axes that it turns, with the work
+        2 torque . G p'."""
+        self.coordinates += p
+        self.attitudes[attitude] = p
+        for q, column in zip(p, zip(*rates(p), strict=True), strict=True):
+            force = 2 * dot(column, torque)
             if force != 0:
                 self.forces[q] = self.forces.get(q, sp.S.Zero) + force
 
@@ -152,7 +164,7 @@ class Ground:
         )
         forces = mapping(fields.get("forces", {}), "forces", MAPPINGS["forces"])
         own["forces"] = added_forces(own["coordinates"], bodies.forces, forces)
-        for key in ("definitions", "units"):
+        for key in ("definitions", "units", "attitudes"):
             own[key] = getattr(bodies, key) | mapping(fields.get(key, {}), key, MAPPINGS[key])
         for symbol in fields.get("definitions", {}):
             if symbol in bodies.definitions:

@@ -21,45 +21,34 @@ A column that turns, with an arm that lifts:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import sympy as sp
-from sympy.physics.mechanics import dynamicsymbols
 
-from dmoc.base.arguments import shown
+from dmoc.base.arguments import choice
 from dmoc.base.errors import ModelError
+from dmoc.base.names import check_name
 from dmoc.base.signatures import public
+from dmoc.symbolic.attitudes import quaternion, regularised
 from dmoc.symbolic.expressions import expression_in
+from dmoc.symbolic.joints import (
+    AXES,
+    ORIGIN,
+    Ball,
+    Hinge,
+    Joint,
+    Load,
+    read_axis,
+    read_moments,
+)
 from dmoc.symbolic.linkage import Ground, Linkage, Member, coordinates
-from dmoc.symbolic.vectors import Vector, added, cross, dot, rate, times, unit_vector, vector
-
-AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
-ORIGIN: Vector = (sp.S.Zero,) * 3
-
-
-@dataclass(frozen=True)
-class _Joint:
-    """Where a body begins in the frame of the one before it, and by what it is turned about an
-    axis."""
-
-    at: Vector
-    axis: Vector = ORIGIN
-    turn: Any = sp.S.Zero
-
-    def turned(self, v: Vector) -> Vector:
-        """A vector of the frame before the joint in that behind it."""
-        if self.turn == 0:
-            return v
-        along = times(dot(self.axis, v), self.axis)
-        across = added(v, times(-1, along))
-        turned = times(-sp.sin(self.turn), cross(self.axis, v))
-        return added(along, times(sp.cos(self.turn), across), turned)
+from dmoc.symbolic.vectors import Vector, added, cross, dot, rate, times, vector
 
 
 @public(ModelError)
 class Body(Member):
-    """A body of a linkage; made by :meth:`hinge`, :meth:`slide` and :meth:`World.free`.
+    """A body of a linkage; made by :meth:`hinge`, :meth:`slide`, :meth:`ball` and
+    :meth:`World.free`.
 
     Its kinetic energy is m v.v/2 + w.I w/2 with the velocity v of its centre of mass and its
     angular velocity w, its potential energy m g z.
@@ -83,7 +72,7 @@ class Body(Member):
     """
 
     def __init__(
-        self, linkage: Linkage, gravity: Any, name: str, tip: Vector, joint: _Joint,
+        self, linkage: Linkage, gravity: Any, name: str, tip: Vector, joint: Joint,
         before: Body | None = None,
     ) -> None:  # fmt: skip
         self.name = name
@@ -95,8 +84,7 @@ class Body(Member):
         if before is None:
             return
         moved = added(before._velocity, cross(before.spin, joint.at), rate(joint.at))
-        spinning = times(joint.turn.diff(dynamicsymbols._t), joint.axis)
-        self.spin = self._named("w", added(joint.turned(before.spin), spinning))
+        self.spin = self._named("w", added(joint.turned(before.spin), joint.spin))
         self._velocity = self._named("v", joint.turned(moved))
 
     @property
@@ -180,7 +168,7 @@ class Body(Member):
         """
         name, start = self._read_joint(angle, name, at)
         turn = angle + expression_in(zero, f"the zero of body {name}")
-        joint = _Joint(start, _read_axis(axis, name), turn)
+        joint = Hinge(start, read_axis(axis, name), turn)
         load = self._read_load(name, tip, mass, centre, inertia)
         self._linkage.join(name, (angle, "rad"), torque, turn)
         return self._joined(name, joint, load)
@@ -216,23 +204,83 @@ class Body(Member):
         Body
         """
         name, start = self._read_joint(distance, name, at)
-        along = _read_axis(axis, name)
+        along = read_axis(axis, name)
         load = self._read_load(name, tip, mass, centre, inertia)
         self._linkage.join(name, (distance, "m"), force, distance + dot(start, along))
-        return self._joined(name, _Joint(added(start, times(distance, along))), load)
+        return self._joined(name, Hinge(added(start, times(distance, along))), load)
 
-    def _read_load(self, name: str, tip: Any, mass: Any, centre: Any, inertia: Any) -> _Load:
+    def ball(
+        self,
+        attitude: str,
+        *,
+        torque: Any = ORIGIN,
+        axes: str = "body",
+        at: Any = None,
+        tip: Any = ORIGIN,
+        mass: Any = 0,
+        centre: Any = None,
+        inertia: Any = None,
+        name: str | None = None,
+    ) -> Body:
+        """Hang a body from this one by a ball joint, which lets it turn in any way.
+
+        Parameters
+        ----------
+        attitude : str
+            Name of its attitude against this body, ``"q"``: a unit quaternion, whose coordinates
+            are q0, q1, q2, q3.  Problems state it by :func:`dmoc.attitude`, and its angular
+            velocity in the axes of the new body by the quantities q_omega_x, q_omega_y, q_omega_z
+            in rad/s.
+        torque : triple of Expr
+            From this body on the other; mostly inputs.
+        axes : {"body", "world"}
+            Those of the torque: of the new body, or of the world.
+        name : str, optional
+            Of the body, behind the names of what is defined; that of the attitude by default.
+        at, tip, mass, centre, inertia
+            As those of :meth:`hinge`.
+
+        Returns
+        -------
+        Body
+
+        Examples
+        --------
+        >>> from sympy.physics.mechanics import dynamicsymbols
+        >>> import dmoc
+        >>> torque = dynamicsymbols("T_x T_y T_z")
+        >>> world = dmoc.spatial.World()
+        >>> body = world.ball("q", inertia=(3, 2, 1), torque=torque)
+        >>> system = world.system("satellite", inputs=torque, cost=1)
+        >>> system.coordinates, list(system.quantities)
+        ((q0(t), q1(t), q2(t), q3(t)), ['q_omega_x', 'q_omega_y', 'q_omega_z'])
+        """
+        p = quaternion(check_name(attitude, "attitude"))
+        (name, start), *_ = [self._read_joint(e, attitude if name is None else name, at) for e in p]
+        load = self._read_load(name, tip, mass, centre, inertia)
+        acting = vector(torque, 3, f"the torque on body {name}")
+        choice(axes, f"the axes of body {name}", ("body", "world"), ModelError)
+        body = self._joined(name, Ball.of(start, p, name, self._linkage.define), load)
+        if axes == "world":
+            rows = [times(T, body._row(k)) for k, T in enumerate(acting) if T != 0]
+            acting = added(*rows) if rows else ORIGIN
+        self._linkage.turn(attitude, p, acting)
+        moments = load.inertia.trace() / 3 + load.mass * dot(load.centre, load.centre)
+        self._linkage.lagrangian += regularised(p, moments if moments != 0 else 1)
+        return body
+
+    def _read_load(self, name: str, tip: Any, mass: Any, centre: Any, inertia: Any) -> Load:
         what, size = f"of body {name}", self._linkage.size
         end = vector(tip, 3, f"the tip {what}")
         mass = size(mass, f"the mass {what}")
         middle = tuple(e / 2 for e in end) if centre is None else centre
         rod = mass * (dot(end, end) * sp.eye(3) - sp.Matrix(end) * sp.Matrix(end).T) / 12
-        moments = rod if inertia is None else _matrix(inertia, f"the inertia {what}")
+        moments = rod if inertia is None else read_moments(inertia, f"the inertia {what}")
         for k, axis in enumerate(AXES):
             size(moments[k, k], f"the inertia {what} about {axis}")
-        return _Load(end, mass, vector(middle, 3, f"the centre {what}"), moments)
+        return Load(end, mass, vector(middle, 3, f"the centre {what}"), moments)
 
-    def _joined(self, name: str, joint: _Joint, load: _Load) -> Body:
+    def _joined(self, name: str, joint: Joint, load: Load) -> Body:
         """A body behind a joint, with its energies."""
         body = Body(self._linkage, self._gravity, name, load.tip, joint, self)
         velocity = added(body._velocity, cross(body.spin, load.centre), rate(load.centre))
@@ -308,53 +356,43 @@ class World(Body, Ground):
 
     def __init__(self, gravity: Any = 0) -> None:
         acceleration = expression_in(gravity, "the gravity of the world")
-        fixed = _Joint(ORIGIN)
+        fixed = Hinge(ORIGIN)
         super().__init__(Linkage(), acceleration, "world", ORIGIN, fixed)
 
-    def free(self, place: Any, angles: Any, *, name: str | None = None, **body: Any) -> Body:
+    def free(
+        self,
+        place: Any,
+        angles: Any = None,
+        *,
+        attitude: str = "q",
+        name: str | None = None,
+        **body: Any,
+    ) -> Body:
         """Add a body that nothing holds.
 
         Parameters
         ----------
         place : triple of dynamicsymbols
             Coordinates of its origin in m.
-        angles : triple of dynamicsymbols
+        angles : triple of dynamicsymbols, optional
             Coordinates in rad that turn it about its z axis, then its y axis, then its x axis: yaw,
-            pitch, roll.  Where the pitch is a quarter of a turn, the mass matrix is singular.
+            pitch, roll, in the place of an attitude.  Where the pitch is a quarter of a turn, the
+            mass matrix is singular: problems bound the pitch.
+        attitude : str
+            Name of its attitude, a unit quaternion, as that of :meth:`Body.ball`.
         name : str, optional
-            That of the last angle by default.
+            That of the attitude, or of the last angle, by default.
         **body
-            ``tip``, ``mass``, ``centre`` and ``inertia``, as of :meth:`Body.hinge`.
+            ``tip``, ``mass``, ``centre`` and ``inertia``, as of :meth:`Body.hinge`; with an
+            attitude ``torque`` and ``axes``, as of :meth:`Body.ball`.
 
         Returns
         -------
         Body
         """
         x, y, z = coordinates(place, 3, "place of a free body")
-        yaw, pitch, roll = coordinates(angles, 3, "angles of a free body")
         carrier = self.slide(x, "x").slide(y, "y").slide(z, "z")
+        if angles is None:
+            return carrier.ball(attitude, name=name, **body)
+        yaw, pitch, roll = coordinates(angles, 3, "angles of a free body")
         return carrier.hinge(yaw, "z").hinge(pitch, "y").hinge(roll, "x", name=name, **body)
-
-
-@dataclass(frozen=True)
-class _Load:
-    """What a body consists of, in its frame."""
-
-    tip: Vector
-    mass: Any
-    centre: Vector
-    inertia: sp.Matrix
-
-
-def _read_axis(axis: Any, name: str) -> Vector:
-    named = isinstance(axis, str) and axis in AXES
-    return unit_vector(AXES[axis] if named else axis, 3, f"the axis of body {name}")
-
-
-def _matrix(inertia: Any, what: str) -> sp.Matrix:
-    """Moments of inertia, as three of them or as a symmetric matrix."""
-    if isinstance(inertia, sp.MatrixBase) and inertia.shape == (3, 3):
-        if inertia != inertia.T:
-            raise ModelError(f"{what} = {shown(inertia)}: expected a symmetric matrix.")
-        return inertia.applyfunc(lambda e: expression_in(e, what))
-    return sp.diag(*vector(inertia, 3, what))

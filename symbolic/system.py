@@ -3,7 +3,6 @@ parameters, cost."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,10 +16,12 @@ from dmoc.base.errors import ModelError
 from dmoc.base.names import check_name, name_of
 from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
+from dmoc.symbolic.attitudes import with_attitudes
 from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.drawing import Part, with_normal
 from dmoc.symbolic.event_sums import integrands_of, quantities_along
 from dmoc.symbolic.expressions import slack_of
+from dmoc.symbolic.fingerprint import digest
 from dmoc.symbolic.grips import functions_of_grips
 from dmoc.symbolic.surface_ends import inside_of
 from dmoc.symbolic.system_checks import check_names, check_parts
@@ -143,6 +144,12 @@ class MechanicalSystem(Shown):
         q'; the velocity of a place is its ``.diff()``: ``{x1: l * sp.sin(a), y1: ...}`` and
         ``lagrangian=m * (x1.diff() ** 2 + y1.diff() ** 2) / 2``.  Large models are stated so
         without being written out.
+    attitudes : mapping of str to sequence of dynamicsymbols, optional
+        Coordinates that are unit quaternions, four for each name: ``{"q": (p0, p1, p2, p3)}``, p0
+        the cosine of half the angle.  Each brings the constraint ``q_unit``, that its length is 1,
+        and the quantities ``q_omega_x``, ``q_omega_y``, ``q_omega_z``, the angular velocity in
+        the turned axes.  The joints of :mod:`dmoc.spatial` make theirs, equation :eq:`quaternion`
+        of the theory.
 
     Raises
     ------
@@ -204,10 +211,12 @@ class MechanicalSystem(Shown):
     objective: Any = 0
     switches: Mapping[str, Any] = field(default_factory=dict)
     within: Mapping[str, Any] = field(default_factory=dict)
+    attitudes: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_name(self.name, "model")
         self._put(containers_of(self))
+        self._put(with_attitudes(self))
         check_names(self)
         self._put(entries_of(self))
         check_parts(self)
@@ -293,10 +302,6 @@ class MechanicalSystem(Shown):
         damping = expanded(self.dissipation, self.definitions)
         return tuple(self.forces.get(q, sp.S.Zero) - damping.diff(v) for q, v in pairs)
 
-    @property
-    def _forces_as_stated(self) -> tuple[Any, ...]:
-        return (*(self.forces.get(q, sp.S.Zero) for q in self.coordinates), self.dissipation)
-
     @cached_property
     def shapes(self) -> tuple[Part, ...]:
         """The shapes of the drawing, contacts with the directions in which they push."""
@@ -360,38 +365,7 @@ class MechanicalSystem(Shown):
 
     def fingerprint(self) -> str:
         """Return a digest of everything that solutions depend on."""
-        parts = [
-            self.name,
-            *map(sp.srepr, self.coordinates),
-            "|",
-            *map(sp.srepr, self.inputs),
-            "|",
-            *(f"{sp.srepr(s)}={v!r}" for s, v in self.parameters.items()),
-            sp.srepr(self.lagrangian),
-            *map(sp.srepr, self._forces_as_stated if self.definitions else self.force_vector),
-            sp.srepr(self.cost),
-            sp.srepr(self.terminal_cost),
-            *(f"{n}:{sp.srepr(g)}" for n, g in self.gaps.items()),
-            "|",
-            *(f"{n}:{sp.srepr(r)}" for n, r in self.path_functions.items()),
-            "|",
-            *(
-                f"{n}:{sp.srepr(e)}:{sp.srepr(self.friction.get(n))}"
-                for n, e in self.tangents.items()
-            ),
-            *(f"e_{n}:{sp.srepr(e)}" for n, e in self.restitution.items()),
-            *(f"e_t_{n}:{sp.srepr(e)}" for n, e in self.tangential_restitution.items()),
-            *(f"law_{n}:{law}" for n, law in self.impact_laws.items()),
-            *(f"within_{n}:{sp.srepr(w)}" for n, w in self.inside.items()),
-            *(f"grip_{n}:{sp.srepr(sp.Tuple(*parts))}" for n, parts in self.grips.items()),
-            *(f"{n}=0:{sp.srepr(c)}" for n, c in self.constraints.items()),
-            *(f"{sp.srepr(x)}:={sp.srepr(e)}" for x, e in self.definitions.items()),
-            *(f"z_{n}:{sp.srepr(e)}" for n, e in self.quantities.items()),
-            *(f"I_{n}:{sp.srepr(e)}" for n, e in self.integrals.items()),
-            *(f"w_{n}:{sp.srepr(e)}" for n, e in self.switches.items()),
-            *((f"objective:{sp.srepr(self.objective)}",) if self.objective != 0 else ()),
-        ]
-        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+        return digest(self)
 
 
 def check_system(system: Any) -> None:

@@ -91,6 +91,7 @@ def check_names(system: MechanicalSystem) -> None:
         "definition": [name_of(x) for x in system.definitions],
         "quantity": list(system.quantities),
         "integral": list(system.integrals),
+        "attitude": list(system.attitudes),
     }
     labels = {
         "surface": list(system.surfaces),

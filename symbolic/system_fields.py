@@ -40,6 +40,7 @@ MAPPINGS = {  # with an example each
     "quantities": '{"tip": x + l * sp.sin(a)}',
     "integrals": '{"effort": u**2}',
     "switches": '{"gate": x - 1}',
+    "attitudes": '{"q": (q0, q1, q2, q3)}',
 }
 
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from dmoc.inspection.system_derivation import derive as derive
     from dmoc.models.registry import build as build
     from dmoc.models.registry import load as load
+    from dmoc.motion.attitude import Attitude as Attitude
+    from dmoc.motion.attitude import attitude as attitude
     from dmoc.planning.planner import Planner as Planner
     from dmoc.problem.problem import Problem as Problem
     from dmoc.proving.certify import certify as certify
@@ -66,6 +68,7 @@ if TYPE_CHECKING:
     __version__: str
 
 _PLACES = {
+    "Attitude": "dmoc.motion.attitude",
     "Batch": "dmoc.results.batch",
     "Box": "dmoc.symbolic.drawing",
     "Contact": "dmoc.symbolic.drawing",
@@ -87,6 +90,7 @@ _PLACES = {
     "approach_speed": "dmoc.symbolic.expressions",
     "at_end": "dmoc.symbolic.objectives",
     "at_start": "dmoc.symbolic.objectives",
+    "attitude": "dmoc.motion.attitude",
     "build": "dmoc.models.registry",
     "departure": "dmoc.symbolic.event_sums",
     "final_time": "dmoc.symbolic.expressions",

@@ -142,6 +142,7 @@ def calls(
         "normal": {"surface": "wall"},
         "traction": {"tangent": "floor"},
         "reaction": {"constraint": "rod"},
+        "attitude": {"quaternion": (1, 0, 0, 0)},
         "Box": {"centre": (0, 0), "width": 1, "height": 1},
         "Disc": {"centre": (0, 0), "radius": 1},
         "Link": {},
@@ -151,7 +152,7 @@ def calls(
         "Contact": {"surface": "wall", "at": (0, 0)},
     }  # fmt: skip
     # Made by functions alone; an error is given its text.
-    results = {"Batch", "Fit", "Simulation", "Solution", "DmocError"}
+    results = {"Attitude", "Batch", "Fit", "Simulation", "Solution", "DmocError"}
     builders = {"planar", "spatial", "approach_speed", "sliding_speed", "final_time"}
     assert set(functions) | results | builders == set(dmoc.__all__)
     made = {name: (getattr(dmoc, name), accepted) for name, accepted in functions.items()}
@@ -164,6 +165,7 @@ def calls(
             joining(module, "point"),
             dict.fromkeys(("along",) if module is dmoc.planar else "abc", 1.0),
         )
+    made["dmoc.symbolic.spatial.ball"] = joining(dmoc.spatial, "ball"), {"attitude": "q"}
     made["simulate a solution"] = dmoc.simulate, {"kernels": solution, "steps": 3}
     for name in ("start", "noise", "pushes", "delay", "sampling", "seed"):
         made[f"simulate disturbed {name}"] = disturbed(solution, name), {}
@@ -172,12 +174,14 @@ def calls(
         "report": "a.html", "animate": "a.html", "t": 0.1, "phase": 0, "content": b"",
         "method": method, "model": method, "name": "a", "parameters": {M: 1.0},
         "starts": 2, "elapsed": 0.1, "instances": [{}], "run": runs,
+        "other": dmoc.attitude((1, 0, 0, 0)),
     }  # fmt: skip
     objects = {
         "Solution": solution, "Simulation": moved, "Problem": problem, "system": system,
         "feedback": dmoc.feedback(solution),
         "Batch": dmoc.sweep(problem, {"m": [1.0, 2.0]}), "result": dmoc.search(problem, 0),
         "derivation": dmoc.derive(system), "state": solution.at(0.1),
+        "attitude": dmoc.attitude((1, 0, 0, 0)),
         "loaded": dmoc.load_solver(carried), "fit": dmoc.fit(**fitted),
     }  # fmt: skip
     # Of a mapping, whose keys are Python's business, and what a simulation asks of a feedback.

@@ -12,6 +12,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.models import catalogue
+from dmoc.motion.attitude import rates, rotation
 from dmoc.symbolic.continuous import mass_matrix, readable, right_hand_side
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.shortest_times import first_root
@@ -365,6 +366,26 @@ def test_the_first_guess_of_the_source_is_that_of_the_equations_of_motion() -> N
     assert zero(rest * sp.sin(alpha) - l * a - g * sp.cos(alpha))
     assert mass[0, 1].subs(alpha, 0) == 0 == mass[0, 1].subs(alpha, sp.pi)
     assert f.Q[0] == 0 and m_p in mass[0, 1].free_symbols
+
+
+def test_the_angular_velocity_of_a_quaternion_is_that_of_its_rotation() -> None:
+    """{quaternion}: R^T R' is the cross product with omega, and Q . p' = tau . omega."""
+    t, tau = sp.Symbol("t"), sp.symbols("tau_x tau_y tau_z")
+    angles = [sp.Function(name)(t) for name in "abc"]
+    a, b, c = angles  # a unit quaternion of any kind
+    p = (
+        sp.cos(a), sp.sin(a) * sp.cos(b), sp.sin(a) * sp.sin(b) * sp.cos(c),
+        sp.sin(a) * sp.sin(b) * sp.sin(c),
+    )  # fmt: skip
+    R, G = sp.Matrix(rotation(p)), sp.Matrix(rates(p))
+    speeds = sp.Matrix(p).diff(t)
+    omega = 2 * G * speeds
+    skew = R.T * R.diff(t)
+    for row, column, component in ((2, 1, 0), (0, 2, 1), (1, 0, 2)):
+        assert sp.simplify(skew[row, column] - omega[component]) == 0
+    assert sp.simplify(R.T * R - sp.eye(3)) == sp.zeros(3)
+    work = (2 * G.T * sp.Matrix(tau)).dot(speeds) - sp.Matrix(tau).dot(omega)
+    assert sp.expand(work) == 0
 
 
 def test_what_is_derived_here_is_on_the_page() -> None:
