@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Annotated
 
 from dmoc.base.table import print_table
-from dmoc.cli.console import emit, in_turn, out, prepare, written
+from dmoc.cli.console import draw, emit, in_turn, out, prepare, written
 from dmoc.cli.problem_options import (
     CourseOptions,
     ProblemOptions,
     problem_fields,
     stated_problem,
 )
-from dmoc.cli.shared_options import NOT_SOLVED, JsonOption, ModelArgument, out_option
+from dmoc.cli.shared_options import NOT_SOLVED, DarkOption, JsonOption, ModelArgument, out_option
 from dmoc.cli.words import option
 
 
@@ -33,8 +33,10 @@ def prove(
         option(metavar="FILE", help="Keep what is left to do, and go on with it, in this file."),
     ] = None,
     target: Annotated[
-        Path | None, out_option("Write solution.npz into this folder.", "DIR")
+        Path | None,
+        out_option("Write solution.npz, and a figure of the boxes, into this folder.", "DIR"),
     ] = None,
+    dark: DarkOption = False,
     json_: JsonOption = None,
 ) -> None:
     """Prove that a motion is the best of its sequence, or that there is none."""
@@ -57,5 +59,11 @@ def prove(
             print_table(proof.summary(), out)
             written(*files)
 
-    in_turn(save, lambda: emit(proof.to_dict(), json_), tell)
+    figure = target / "proof.png" if target is not None and proof.paving is not None else None
+    in_turn(
+        save,
+        lambda: emit(proof.to_dict(), json_),
+        tell,
+        lambda: draw(figure, proof.plot, json_ == "-", dark),
+    )
     sys.exit(0 if proof.proved else NOT_SOLVED)

@@ -46,7 +46,9 @@ cdef extern from "tree.h" nogil:
         double shed
         size_t count, width
         double *waiting
-    int tree_begin(Tree *, const Problem *, double, double, double, double)
+        size_t left, keep
+        double *leaves
+    int tree_begin(Tree *, const Problem *, double, double, double, double, size_t)
     void tree_end(Tree *)
     int tree_push(Tree *, const double *)
     int tree_run(Tree *, long)
@@ -63,7 +65,8 @@ cdef class Branch:
 
     ``best`` is the cost of a motion that is known, infinite where there is none; without one,
     motions that cost ``limit`` or more are of no interest.  ``gap`` is relative to the least cost,
-    and ``least_gap`` what it is at least.
+    and ``least_gap`` what it is at least.  Of the boxes that need not be divided further ``keep`` are
+    kept.
     """
     cdef Tree tree
     cdef Problem problem
@@ -72,7 +75,8 @@ cdef class Branch:
     cdef list held
     cdef bint begun
 
-    def __init__(self, linear, double best, double limit, double gap, double least_gap, double scale):
+    def __init__(self, linear, double best, double limit, double gap, double least_gap, double scale,
+                 size_t keep=0):
         cdef Py_ssize_t i
         self.held = []
         for i, phase in enumerate(linear.phases):
@@ -94,7 +98,7 @@ cdef class Branch:
             self._numbers(linear.durations[:, 1]), earliest, latest, scale,
         )
         self.begun = True
-        if tree_begin(&self.tree, &self.problem, best, limit, gap, least_gap):
+        if tree_begin(&self.tree, &self.problem, best, limit, gap, least_gap, keep):
             raise MemoryError
 
     def __dealloc__(self):
@@ -147,25 +151,48 @@ cdef class Branch:
         """How many wait."""
         return self.tree.count
 
-    def state(self):
-        """What is left to do: boxes that wait, shape (boxes, width), and (least bound of those that
-        were left, least cost, boxes, durations), shape (3 + phases,)."""
-        waiting = np.empty((self.tree.count, self.tree.width))
-        cdef double[:, ::1] to = waiting
-        if self.tree.count:
-            memcpy(&to[0, 0], self.tree.waiting, self.tree.count * self.tree.width * sizeof(double))
-        return waiting, np.array([self.tree.shed, self.best, self.boxes, *self.durations])
+    @property
+    def leaves(self):
+        """Boxes that were left, shape (boxes, 1 + 2 phases): bound, shortest and longest durations;
+        None where there are more than are kept."""
+        if self.tree.left > self.tree.keep:
+            return None
+        return self._table(self.tree.leaves, self.tree.left, 1 + 2 * self.problem.phases)
 
-    def restore(self, waiting, numbers):
+    cdef _table(self, const double *numbers, size_t rows, size_t width):
+        """A copy, shape (rows, width)."""
+        cdef double[:, ::1] to
+        table = np.empty((rows, width))
+        if rows:
+            to = table
+            memcpy(&to[0, 0], numbers, rows * width * sizeof(double))
+        return table
+
+    def state(self):
+        """What another one goes on with: boxes that wait, shape (boxes, width); the leaves, without
+        rows where there are too many; and least bound of those that were left, least cost, how many
+        were looked at and left, and durations, shape (4 + phases,)."""
+        leaves, w = self.leaves, 1 + 2 * self.problem.phases
+        numbers = [self.tree.shed, self.best, self.boxes, self.tree.left, *self.durations]
+        return {
+            "waiting": self._table(self.tree.waiting, self.tree.count, self.tree.width),
+            "leaves": np.empty((0, w)) if leaves is None else leaves,
+            "numbers": np.array(numbers),
+        }
+
+    def restore(self, waiting, leaves, numbers):
         """Go on where another one has stopped."""
         cdef Py_ssize_t i
         cdef const double[:, ::1] boxes = np.ascontiguousarray(waiting)
+        cdef const double[:, ::1] done = np.ascontiguousarray(leaves)
         self.tree.count = 0
         for i in range(boxes.shape[0]):
             if tree_push(&self.tree, &boxes[i, 0]):
                 raise MemoryError
-        self.tree.shed, self.tree.engine.boxes = numbers[0], <long>numbers[2]
+        if 0 < <size_t>done.shape[0] <= self.tree.keep:
+            memcpy(self.tree.leaves, &done[0, 0], done.size * sizeof(double))
+        self.tree.shed, self.tree.engine.boxes, self.tree.left = numbers[0], <long>numbers[2], <size_t>numbers[3]
         if numbers[1] < self.best:
             self.tree.engine.best = numbers[1]
             for i in range(self.problem.phases):
-                self.tree.engine.at[i] = numbers[3 + i]
+                self.tree.engine.at[i] = numbers[4 + i]

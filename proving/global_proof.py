@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
-from typing import Any
+import os
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from dmoc.base.errors import ProblemError
 from dmoc.base.table import Shown, Table, passed
+from dmoc.proving.paving import MOST_KEPT, MOST_SHOWN, Paving
+from dmoc.report.paving_figure import Paved, plot_paving
 from dmoc.results.solution import Solution
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Claim(enum.StrEnum):
@@ -48,6 +57,8 @@ class Proof(Shown):
     boxes, waiting : int
         Boxes of durations that were looked at, and that are left to do.
     seconds : float
+    paving : Paving or None
+        The boxes with their bounds, of proofs in one or two durations.
     """
 
     claim: Claim
@@ -64,6 +75,7 @@ class Proof(Shown):
     boxes: int = 0
     waiting: int = 0
     seconds: float = 0.0
+    paving: Paving | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
         cost = "" if self.cost is None else f", cost {self.cost:.7g}, at least {self.bound:.7g}"
@@ -118,6 +130,41 @@ class Proof(Shown):
         left = f", {self.waiting} are left to do" if self.waiting else ""
         rows.append(("boxes", f"{self.boxes} in {self.seconds:.2f} s{left}"))
         return Table(tuple(rows), title="Proof")
+
+    def plot(self, path: str | os.PathLike[str] | None = None, *, style: str = "light") -> Figure:
+        """Draw the boxes over the durations that decide the others, one or two: bounds by shades,
+        what holds no motion or is not done by hatches, and the best motion; write the figure if a
+        path is given.  ``style`` is "light" or "dark".
+
+        Raises
+        ------
+        ProblemError
+            If more durations decide, or there are too many boxes.
+        """
+        if self.paving is None:
+            raise ProblemError(
+                f"the proof has {self.boxes} boxes in the durations of {len(self.durations)} "
+                f"phases: a figure shows those of 1 or {MOST_SHOWN} that decide the others, at "
+                f"most {MOST_KEPT} boxes."
+            )
+        return plot_paving(self._paved(self.paving), path, style=style)
+
+    def _paved(self, paving: Paving) -> Paved:
+        """What the figure shows."""
+        bound, beyond, cost = paving.bound, paving.beyond, self.cost
+        aim = beyond if cost is None else cost - max(self.asked * abs(cost), self.least)
+        bounded = self.limit == float("inf")  # what motions cost
+        empty = paving.without_motion(cost) if cost is not None and bounded else bound >= beyond
+        regions = paving.regions()
+        there = np.array([len(region) > 0 for region in regions])
+        dear = "" if bounded else f" below {self.limit:.3g}"
+        free = [*paving.free]
+        best = [phase.duration for phase in self.solution.phases] if self.solution else []
+        return Paved(
+            [region for region in regions if len(region)], bound[there], empty[there],
+            (bound < aim)[there], f"no motion{dear}", [f"duration of phase {i} [s]" for i in free],
+            paving.linear.durations[free, 1], cost, np.array(best)[free] if best else None,
+        )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data."""

@@ -14,7 +14,7 @@ from dmoc.base.files import write_whole
 from dmoc.proving.branch import Branch
 from dmoc.proving.linear import LinearProblem, Rows
 
-FORMAT = 1
+FORMAT = 2
 
 
 def digest(linear: LinearProblem, limit: float, gap: float) -> str:
@@ -37,11 +37,9 @@ def written(file: str | os.PathLike[str] | None, branch: Branch, known: str) -> 
     """Keep what is left to do."""
     if file is None:
         return
-    waiting, numbers = branch.state()
     content = io.BytesIO()
-    np.savez_compressed(
-        content, format=FORMAT, digest=np.array(known), waiting=waiting, numbers=numbers
-    )
+    arrays = {"format": np.array(FORMAT), "digest": np.array(known), **branch.state()}
+    np.savez_compressed(content, allow_pickle=False, **arrays)
     write_whole(path(file, "journal"), content.getvalue())
 
 
@@ -53,7 +51,7 @@ def continued(file: str | os.PathLike[str] | None, branch: Branch, known: str) -
     try:
         with np.load(named, allow_pickle=False) as data:
             format_, of = int(data["format"]), str(data["digest"])
-            waiting, numbers = data["waiting"], data["numbers"]
+            state = {name: data[name] for name in branch.state()}
     except Exception:
         raise ProblemError(
             f"journal = {str(named)!r} is no journal of a proof: give another path, or delete it."
@@ -62,4 +60,4 @@ def continued(file: str | os.PathLike[str] | None, branch: Branch, known: str) -
         raise ProblemError(
             f"journal = {str(named)!r} is that of another proof: give another path, or delete it."
         )
-    branch.restore(waiting, numbers)
+    branch.restore(**state)

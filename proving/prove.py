@@ -18,6 +18,7 @@ from dmoc.proving.branch import LIMITS, Branch
 from dmoc.proving.global_proof import Claim, Proof
 from dmoc.proving.linear import LinearProblem
 from dmoc.proving.linear_problem import linear_problem
+from dmoc.proving.paving import most_kept, paving_of
 from dmoc.proving.proof_journal import continued, digest, written
 from dmoc.results.solution import Solution
 from dmoc.solving.request import check_problem
@@ -134,7 +135,7 @@ def prove(
     beyond = limit if np.isfinite(limit) else DEAR * size
     best = np.inf if motion is None else motion.cost
     beyond += ABOVE * (beyond + size)  # what is nearly as dear as can be is a motion still
-    branch = Branch(linear, best, beyond, gap / 2, LEAST_GAP * size, size)
+    branch = Branch(linear, best, beyond, gap / 2, LEAST_GAP * size, size, most_kept(linear))
     known = digest(linear, beyond, gap)
     continued(journal, branch, known)
     with listener(progress, "bounding ...") as tell:
@@ -156,6 +157,7 @@ def prove(
         tuple((float(a), float(b)) for a, b in linear.durations),
         linear.final_time, tuple(phase.steps for phase in linear.phases), problem.order,
         linear.left_out, branch.boxes, branch.waiting, time.monotonic() - begun,
+        paving_of(branch, linear, beyond),
     )  # fmt: skip
 
 

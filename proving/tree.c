@@ -79,6 +79,16 @@ static double cost_of_time(const Problem *p, const double *low)
     return all.lo > sum.lo ? all.lo : sum.lo;
 }
 
+/* Be done with a box. */
+static void leave(Tree *t, const double *box)
+{
+    const size_t w = 1 + 2 * (size_t)t->engine.problem->phases;
+    t->shed = box[0] < t->shed ? box[0] : t->shed;
+    if (t->left < t->keep)
+        memcpy(t->leaves + t->left * w, box, w * sizeof(double));
+    t->left++;
+}
+
 /* Look at a box whose bound is that of a larger one, and keep it if it is of interest. */
 static int look(Tree *t, double *box)
 {
@@ -96,17 +106,22 @@ static int look(Tree *t, double *box)
         box[0] = idle;
     box[t->width - 1] = worst(p, low, high, widths);
     if (box[0] >= aim(t)) {
-        t->shed = box[0] < t->shed ? box[0] : t->shed;
+        leave(t, box);
         return 0;
     }
     return tree_push(t, box);
 }
 
-int tree_begin(Tree *t, const Problem *p, double best, double limit, double gap, double least_gap)
+int tree_begin(Tree *t, const Problem *p, double best, double limit, double gap, double least_gap,
+               size_t keep)
 {
     memset(t, 0, sizeof *t);
     if (engine_begin(&t->engine, p))
         return 1;
+    t->leaves = keep ? malloc(keep * (1 + 2 * (size_t)p->phases) * sizeof(double)) : 0;
+    if (keep && !t->leaves)
+        return 1;
+    t->keep = keep;
     t->limit = limit, t->gap = gap, t->least_gap = least_gap, t->shed = INFINITY;
     t->engine.best = best;
     t->width = 2 + 2 * p->phases + MOST_MULTIPLIERS;
@@ -132,8 +147,9 @@ int tree_begin(Tree *t, const Problem *p, double best, double limit, double gap,
 void tree_end(Tree *t)
 {
     free(t->waiting);
+    free(t->leaves);
     engine_end(&t->engine);
-    t->waiting = 0;
+    t->waiting = t->leaves = 0;
 }
 
 int tree_run(Tree *t, long boxes)
@@ -150,7 +166,7 @@ int tree_run(Tree *t, long boxes)
         const int i = (int)box[t->width - 1];
         const double middle = sqrt(low[i]) * sqrt(high[i]);
         if (!(low[i] < middle && middle < high[i])) { /* nothing is left to divide */
-            t->shed = box[0] < t->shed ? box[0] : t->shed;
+            leave(t, box);
             continue;
         }
         memcpy(half, box, t->width * sizeof(double));

@@ -14,10 +14,12 @@ typedef struct {
     size_t count, room, width;  /* boxes that wait, and numbers of each */
     double *waiting;            /* (room, width): bound, low, high, multipliers, the duration
                                    to divide by; a heap */
+    size_t left, keep;          /* boxes that were left, of which so many are kept */
+    double *leaves;             /* (keep, 1 + 2 phases): bound, low, high */
 } Tree;
 
 int tree_begin(Tree *tree, const Problem *problem, double best, double limit, double gap,
-               double least_gap);
+               double least_gap, size_t keep);
 void tree_end(Tree *tree);
 
 /* Add a box that waits; 1 where there is no memory. */

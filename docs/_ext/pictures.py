@@ -1,7 +1,7 @@
 """The pictures of the first pages: ``make pictures`` writes them into docs/pictures.
 
 The swing-up is what two commands of the README write; the others show a motion of an example at
-equal intervals of time, the later the stronger.  The fit is that of its page.
+equal intervals of time, the later the stronger.  The fit and the proof are those of their pages.
 """
 
 from __future__ import annotations
@@ -61,16 +61,17 @@ def main() -> None:
             subprocess.run([sys.executable, str(script), folder], check=True)
             solution = dmoc.Solution.load(Path(folder) / f"{strobe.name}.npz")
             draw(solution, strobe, FOLDER / f"{strobe.name}.png")
-    fit(FOLDER / "fit.png")
+    of_page("fit.md", 1, "fit", FOLDER / "fit.png")
+    of_page("proofs.md", 2, "proof", FOLDER / "proof.png")
 
 
-def fit(path: Path) -> None:
-    """Write the picture of the first fit of its page."""
-    page = (ROOT / "docs" / "fit.md").read_text()
+def of_page(page: str, blocks: int, name: str, path: Path) -> None:
+    """Write the figure of a result that the first blocks of a page have."""
     names: dict[str, Any] = {}
-    exec(page.partition("```python\n")[2].partition("```")[0], names)
+    for block in (ROOT / "docs" / page).read_text().split("```python\n")[1 : 1 + blocks]:
+        exec(block.partition("```")[0], names)
     content = io.BytesIO()
-    names["fit"].plot().savefig(content, dpi=DOTS // 2)
+    names[name].plot().savefig(content, dpi=DOTS // 2)
     Image.open(content).convert("RGB").quantize(COLOURS).save(path, optimize=True)
 
 

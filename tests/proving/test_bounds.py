@@ -96,7 +96,7 @@ def test_halves_of_boxes_are_all_of_them(curved: Kernels) -> None:
     linear = replace(linear_problem(problem), durations=np.array([[0.7, 0.9], [0.5, 1.1]]))
     branch = Branch(linear, np.inf, 1e9, -1e9, -1e9, 1.0)  # of interest, whatever they cost
     branch.run(40)
-    waiting, _ = branch.state()
+    waiting = branch.state()["waiting"]
     low, high = waiting[:, 1:3], waiting[:, 3:5]
     assert len(waiting) > 10
     assert np.prod(high - low, axis=1).sum() == pytest.approx(0.2 * 0.6, rel=1e-12)
