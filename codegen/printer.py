@@ -153,7 +153,7 @@ class Printer:
                 )
                 for line in self.call
             )  # fmt: skip
-            self.statements += [("", line) for line in lines]
+            self.statements.append(("", "\n".join(lines)))
         return f"d{self._calls[key]}[{place}]"
 
     def _wrap(self, node: GraphNode, at_least: int) -> str:

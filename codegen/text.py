@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib import resources
 from itertools import groupby
@@ -12,6 +12,7 @@ from typing import Any
 
 import jinja2
 
+from dmoc.codegen.chunks import ARRAY, CHUNK, LONG, cut, operations, words_of
 from dmoc.codegen.printer import (
     ArgumentPrinter,
     CPrinter,
@@ -28,18 +29,33 @@ def c_files(model: ModelSpec) -> dict[str, str]:
     """Return the C sources of a model and its manifest, as ``{file name: text}``."""
     functions = functions_of(model.kernels)
     inputs, entries = _entries(model.kernels)
+    own_functions = [_c_function(f) for f in functions]
+    kernels = [
+        _c_kernel(k, functions)
+        | {"arrays": arrays, "inputs": len(k.inputs), "outputs": len(k.outputs)}
+        for k, arrays in zip(model.kernels, entries, strict=True)
+    ]
     facts: dict[str, Any] = {
         "name": model.name,
-        "functions": [_c_function(f) for f in functions],
-        "kernels": [
-            _c_kernel(k, functions)
-            | {"arrays": arrays, "inputs": len(k.inputs), "outputs": len(k.outputs)}
-            for k, arrays in zip(model.kernels, entries, strict=True)
-        ],
+        "functions": own_functions,
+        "kernels": kernels,
+        "units": _numbered([*own_functions, *kernels]),
         "inputs": inputs,
         "legend": _legend(model),
     }
     return _files(model, facts, _digest(_files(model, facts, "")))
+
+
+def _numbered(functions: Sequence[dict[str, Any]]) -> int:
+    """Number functions and their parts, those of most text first, where any has parts; return how
+    many there are."""
+    units = [unit for f in functions for unit in (*f["parts"], f)]
+    if len(units) == len(functions):
+        return 0
+    units.sort(key=lambda unit: -sum(map(len, unit["lines"])))
+    for i, unit in enumerate(units):
+        unit["unit"] = i
+    return len(units)
 
 
 def _files(model: ModelSpec, facts: dict[str, Any], code: str) -> dict[str, str]:
@@ -115,14 +131,15 @@ def _c_kernel(spec: KernelSpec, functions: Sequence[FunctionSpec]) -> dict[str, 
     outputs = [(i, o) for i, o in enumerate(spec.outputs) if o.size]
     rows = [f"ROW({i})" for i, _ in inputs] + [f"INTO({i}, {o.size})" for i, o in outputs]
     layouts = [f"  {o.name} {_layout(o)}" for _, o in outputs if len(o.shape) > 1]
+    signature = {a: f"IN {a}" for _, a in inputs} | {o.name: f"OUT {o.name}" for _, o in outputs}
+    parts, lines = _parts(spec.name, code, signature)
     return {
         "name": spec.name,
         "comment": [spec.summary, *layouts],
-        "signature": ", ".join(
-            [f"IN {a}" for _, a in inputs] + [f"OUT {o.name}" for _, o in outputs]
-        ),
+        "signature": ", ".join(signature.values()),
         "arguments": ", ".join(rows),
-        "lines": [*_declarations(code), *(f"{line};" for line in _assignments(code))],
+        "parts": parts,
+        "lines": lines,
     }
 
 
@@ -130,7 +147,31 @@ def _c_function(function: FunctionSpec) -> dict[str, Any]:
     """Facts about a function for the template, which has all arguments."""
     facts = _c_kernel(function.kernel, ())
     unused = [] if "IN par" in facts["signature"] else ["(void)par;"]
-    return facts | {"lines": [*unused, *facts["lines"]]}
+    return facts | {"signature": "IN z, IN par, OUT d", "lines": [*unused, *facts["lines"]]}
+
+
+def _parts(
+    name: str, code: Listing, signature: Mapping[str, str]
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """The functions that a long listing is cut into, with the arguments that each needs, and the
+    lines of the whole one, which calls them."""
+    if operations(code) <= LONG:
+        return [], _lines(code)
+    chunks, size = cut(code, CHUNK)
+    words = {**signature, ARRAY: f"OUT {ARRAY}"}
+    parts, calls = [], [f"double {ARRAY}[{size}];"] if size else []
+    for i, chunk in enumerate(chunks):
+        used = words_of(chunk)
+        needed = [word for word in words if word in used]
+        part = f"{name}_part{i}"
+        own = ", ".join(words[word] for word in needed)
+        parts.append({"name": part, "signature": own, "lines": _lines(chunk)})
+        calls.append(f"{part}({', '.join(needed)});")
+    return parts, calls
+
+
+def _lines(code: Listing) -> list[str]:
+    return [*_declarations(code), *(f"{line};" for line in _assignments(code))]
 
 
 def _declarations(code: Listing) -> Iterator[str]:
@@ -139,7 +180,7 @@ def _declarations(code: Listing) -> Iterator[str]:
     for named, group in groupby(statements, lambda statement: bool(statement[0])):
         lines = [f"{name} = {text}" if named else text for name, text in group]
         if not named:
-            yield from lines
+            yield from (line for text in lines for line in text.split("\n"))
         else:
             yield "const double"
             yield from (f"{line}," for line in lines[:-1])
