@@ -51,6 +51,11 @@ def momentum_name(coordinate: str) -> str:
     return f"p_{coordinate}"
 
 
+def load_of(grip: str) -> str:
+    """Name of the load of a grip with a strength."""
+    return f"{grip}_load"
+
+
 def bounded_momentum(coordinate: str) -> str:
     """The quantity that the momentum of a coordinate is where it is bounded along the way."""
     return f"momentum_{coordinate}"

@@ -234,6 +234,8 @@ def _sentence(motion: Motion, i: int, j: int, time: float) -> str:
     if j < nc:
         name = model.kernels.surfaces[j]
         what, planned = f"lifts {name!r} off", c is not None and name in c.leaves
+        if model.contacts.pull[j]:
+            what = f"tears grip {model.contacts.grasped([name])[0]!r} loose"
     elif j >= nc + 2 * nt:
         name = model.kernels.surfaces[j - nc - 2 * nt]
         what, planned = f"slips off the end of {name!r}", c is not None and name in c.off

@@ -79,6 +79,7 @@ class Manifest:
     without_friction: Sequence[str] = ()
     grips: Mapping[str, Sequence[str]] = field(default_factory=dict)  # names of their places
     by_rate: Sequence[str] = ()  # those of them that are stated by their rates
+    strength: Sequence[str] = ()  # grips that have one
     quantities: Sequence[FunctionFacts] = ()
     within: Mapping[str, list[int]] = field(default_factory=dict)  # coordinates of the ends
     static_friction: Sequence[str] = ()

@@ -90,7 +90,7 @@ class BoundKernels:
             frictionless=tuple(facts.without_friction), switches=tuple(facts.switches),
             ended=tuple(facts.within),
             grips=tuple((grip, tuple(places)) for grip, places in facts.grips.items()),
-            by_rate=tuple(facts.by_rate),
+            by_rate=tuple(facts.by_rate), strong=tuple(facts.strength),
         )  # fmt: skip
 
     @property

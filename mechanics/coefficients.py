@@ -12,8 +12,8 @@ PARAMETERS = "check the parameters"
 def check_coefficients(
     model: Model, error: ErrorKind, where: str = "", remedy: str = PARAMETERS
 ) -> None:
-    """Refuse constant friction below zero, static below kinetic, and tangential restitution that
-    creates energy; ``where`` says for which values of the model."""
+    """Refuse constant friction below zero, static below kinetic, tangential restitution that
+    creates energy, and grips without strength; ``where`` says for which values of the model."""
     for k, name in enumerate(model.kernels.tangents):
         if k in model.varying_friction:
             continue
@@ -30,6 +30,12 @@ def check_coefficients(
             raise error(
                 f"the tangential restitution of {model.kernels.tangents[k]!r} is {e_t:g}{where}: "
                 f"expected -1 (smooth) to 1 (a superball), more creates energy; {remedy}."
+            )
+    for name, F in zip(model.contacts.strong, model.strength[0].tolist(), strict=True):
+        if not F > 0:
+            raise error(
+                f"the strength of grip {name!r} is {F:g}{where}: expected a positive force; "
+                f"{remedy}."
             )
 
 

@@ -26,7 +26,7 @@ class Contacts:
 
     Behind the surfaces come the places of ``grips``: conditions that a sequence closes and opens,
     whose forces have both signs, and which hold nothing back while they are open.  Those that are
-    stated ``by_rate`` close wherever they are."""
+    stated ``by_rate`` close wherever they are; ``strong`` are grips with a strength."""
 
     surfaces: tuple[str, ...]
     tangents: tuple[str, ...]
@@ -38,6 +38,7 @@ class Contacts:
     ended: tuple[str, ...] = ()
     grips: tuple[tuple[str, tuple[str, ...]], ...] = ()
     by_rate: tuple[str, ...] = ()
+    strong: tuple[str, ...] = ()
 
     @cached_property
     def of_grips(self) -> tuple[int, ...]:
@@ -55,6 +56,12 @@ class Contacts:
     def floating(self) -> tuple[int, ...]:
         """Numbers of those that close wherever they are."""
         return tuple(self.surface_numbers[name] for name in self.by_rate)
+
+    @cached_property
+    def of_strong(self) -> tuple[tuple[int, ...], ...]:
+        """Numbers of the places of each grip with a strength."""
+        return tuple(tuple(map(self.surface_numbers.__getitem__, self.places(name)))
+                     for name in self.strong)  # fmt: skip
 
     @property
     def grip_names(self) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ quantities side by side.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from functools import cached_property
 
@@ -317,6 +317,21 @@ class Model(FrictionModel, CostModel):
         there = copy(self)
         there.__dict__["gripped"] = gripped
         return there
+
+    @cached_property
+    def strength(self) -> Array:
+        """Forces beyond which grips with a strength let go, shape (rows of par, grips)."""
+        if not self.kernels.has("strength"):
+            return np.zeros((1, 0))
+        return np.asarray(self.kernels.call("strength", self.par)[0])
+
+    def spared(self, normal: Array, closed: Sequence[int]) -> Iterator[tuple[int, Array]]:
+        """The first places of the grips with a strength F that are among those closed, and
+        F - |R| beside forces (n, nc)."""
+        for i, places in enumerate(self.contacts.of_strong):
+            if places[0] in closed:
+                load = np.sqrt((normal[:, list(places)] ** 2).sum(axis=1))
+                yield places[0], self.strength[:, i] - load
 
     @property
     def kept(self) -> int:

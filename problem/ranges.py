@@ -21,7 +21,7 @@ from dmoc.base.arguments import (
     whole,
 )
 from dmoc.base.errors import ProblemError
-from dmoc.base.names import bounded_momentum, momentum_name, velocity_name
+from dmoc.base.names import bounded_momentum, load_of, momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
 from dmoc.mechanics.phase_models import ENDS
@@ -232,7 +232,17 @@ def velocity_bounds_of(problem: Problem) -> Array:
 
 def quantity_bounds_of(problem: Problem) -> Array:
     """Bounds of the quantities, shape (nz, 2)."""
-    return boxes_of(problem, problem.kernels.quantities)
+    names = problem.kernels.quantities
+    boxes = boxes_of(problem, names)
+    for grip in problem.kernels.manifest.strength:
+        box = boxes[names.index(load_of(grip))]
+        if box[0] > 1:
+            raise ProblemError(
+                f"the bounds of {load_of(grip)} begin at {box[0]:g}: beyond 1 grip {grip!r} lets "
+                "go; leave them out."
+            )
+        box[1] = min(box[1], 1.0)
+    return boxes
 
 
 def hit_quantity_bounds_of(problem: Problem) -> Array:

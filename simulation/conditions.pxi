@@ -43,6 +43,10 @@ cdef class Conditions:
     # are closed in every mode.
     cdef unsigned char[::1] pull, floats
     cdef readonly tuple gripped
+    # Places of grips that have a strength F, one grip after the other, and F^2 at the last of each,
+    # -1 at the others.
+    cdef ptrdiff_t[::1] strong
+    cdef double[::1] strength
 
     def __init__(self, kernels, par):
         self.nq, self.nu = len(kernels.coordinates), len(kernels.inputs)
@@ -53,7 +57,7 @@ cdef class Conditions:
         self.capacity = SIDE_BY_SIDE if kernels.compiled else SIDE_BY_SIDE_NUMPY
         self.t, self.pivot = _space(self.capacity), np.zeros(self.nq, dtype=np.intp)
         self.contradicted = np.zeros(self.capacity, dtype=np.uint8)
-        self.gripped = ()
+        self.grip((), ())
         facts, surfaces = kernels.manifest, kernels.surfaces
         places = {name for of_grip in facts.grips.values() for name in of_grip}
         self.pull, self.floats = (
@@ -66,9 +70,14 @@ cdef class Conditions:
         if self.ended:
             self.within = Rows(kernels, "within")
 
-    def grip(self, gripped):
-        """Keep places of grips closed in every mode, by their numbers."""
+    def grip(self, gripped, strong):
+        """Keep places of grips closed in every mode, by their numbers; ``strong`` are those of each
+        grip that has a strength, with this."""
         self.gripped, self.entered = tuple(gripped), NONE
+        self.strong = np.array([j for places, _ in strong for j in places], dtype=np.intp)
+        self.strength = np.array(
+            [x for places, F in strong for x in (*[-1.0] * (len(places) - 1), F * F)], dtype=float
+        )
 
     def _contacts(self):
         """Make what joints, and modes with contacts or friction, need."""

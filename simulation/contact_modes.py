@@ -199,12 +199,14 @@ def kept(
     nc + 2 nt); infinite where there is nothing to keep. They are minus the gap of an open surface
     or the force of a closed one, the friction that tangents that stick can still bear, sliding
     velocities in their directions, and how far closed surfaces with ends go on. What a grip holds
-    it keeps until it lets go."""
+    it keeps until it lets go; one with a strength has what this leaves, at its first place."""
     (q, v, t), closed, stuck = at, list(mode.closed), list(mode.sticking)
     # What the motion is beside holds it back where it comes over it alone.
     least = -(model.gaps(q, t) if past is None else model.barriers(q, t, past))
     least[:, closed] = reaction.normal[:, closed]
     least[:, model.contacts.pull] = np.inf
+    for j, left in model.spared(reaction.normal, (*closed, *model.gripped)):
+        least[:, j] = left
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
     if stuck:
         bears[:, stuck] = (model.bearing(reaction.normal) - np.abs(reaction.tangential))[:, stuck]
@@ -219,8 +221,8 @@ def kept(
     return np.concatenate([least, bears, slides, ends], axis=1)
 
 
-def slack(mode: Mode, small: Tolerances) -> Array:
+def slack(model: Model, mode: Mode, small: Tolerances) -> Array:
     """Sizes that count as zero of the limits of a mode, shape (2 nc + 2 nt,)."""
-    kept = small.gap.copy()
-    kept[list(mode.closed)] = small.force[list(mode.closed)]
+    kept, pressed = small.gap.copy(), [*mode.closed, *model.gripped]
+    kept[pressed] = small.force[pressed]
     return np.concatenate([kept, small.hold, small.slide, small.within])

@@ -28,8 +28,9 @@ from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.grips import Grasp, closed_by
 from dmoc.simulation.impact_orders import Undecided
 from dmoc.simulation.mode_choice import BEHIND, Hints, Place, Setting, check_driven, mode_at, there
-from dmoc.simulation.mode_flow import ModeFlow
+from dmoc.simulation.mode_flow import LOCATED, ModeFlow
 from dmoc.simulation.motion_record import ContactState, ModeChange, MotionRecord
+from dmoc.simulation.roots import crossing
 from dmoc.simulation.tolerances import Magnitudes, magnitudes_at, tolerances
 
 MOST_EVENTS, MOST_AT_ONCE = 1000, 50  # within one step, and at one moment of it
@@ -52,15 +53,16 @@ def through_grasps(
             break
         grasp = ahead.popleft()
         if time - begin > SHORTEST * setting.h:
-            y, mode = through_step(setting, y, u, (begin, time), so_far)
+            setting, y, mode = through_step(setting, y, u, (begin, time), so_far)
             journal.last = node(setting, mode, y, u, time)
         place = _place(setting, y, u, time, largest)
         place, mode = _resolved(setting, place, (Mode(), Hints()), largest, journal)
-        before = place.y
+        before, held = place.y, setting.model.gripped
+        grasp = grasp._replace(opens=tuple(j for j in grasp.opens if j in held))
         setting, y, impulses = closed_by(setting, place, mode, grasp)
         journal.collisions += _grasped(setting.model, time, (before, y), grasp, impulses)
         begin = time
-    return setting, *through_step(setting, y, u, (begin, end), so_far)
+    return through_step(setting, y, u, (begin, end), so_far)
 
 
 def _time_of(
@@ -68,20 +70,27 @@ def _time_of(
     grasp: Grasp,
 ) -> float | None:  # fmt: skip
     """When grips close or let go in a part of a step, if they do: at their time; one that waits for
-    its place where this vanishes, as a line between the ends of the part."""
+    its place where this vanishes."""
     (begin, end), model, nq = span, setting.model, setting.model.nq
     if not grasp.waits(model.contacts.floating):
         return max(grasp.time, begin) if grasp.time < end - SHORTEST * setting.h else None
     (j,) = grasp.closes
     begin = max(begin, grasp.ready)
-    free = MotionRecord(last=None)
     if begin > span[0]:
-        y, _ = through_step(setting, y, u, (span[0], begin), (largest, free))
-    then, _ = through_step(setting, y, u, (begin, end), (largest, free))
-    before, after = (float(model.gaps(state[:nq], t)[j]) for state, t in ((y, begin), (then, end)))
-    if abs(before) <= model.gap_rounding(y[:nq], begin)[j] or before * after <= 0:
-        return begin + (end - begin) * (before / (before - after) if before != after else 0.0)
-    return None
+        free = MotionRecord(last=None)
+        setting, y, _ = through_step(setting, y, u, (span[0], begin), (largest, free))
+
+    def gap(time: float) -> float:
+        _, then, _ = through_step(setting, y, u, (begin, time), (largest, MotionRecord(last=None)))
+        return float(model.gaps(then[:nq], time)[j])
+
+    before = float(model.gaps(y[:nq], begin)[j])
+    if abs(before) <= model.gap_rounding(y[:nq], begin)[j]:
+        return begin
+    after = gap(end)
+    if before * after > 0:
+        return None
+    return crossing(gap, (begin, before), (end, after), LOCATED * setting.h)
 
 
 def _grasped(
@@ -144,8 +153,9 @@ def through_step(
     u: Array,
     span: tuple[float, float],
     so_far: tuple[Magnitudes, MotionRecord],
-) -> tuple[Array, Mode]:
-    """The state after a step with constant inputs, and its mode there."""
+) -> tuple[Setting, Array, Mode]:
+    """The state after a step with constant inputs, and its mode there; also the setting, in which
+    grips that were loaded beyond their strength have let go."""
     model, (largest, journal), (begin, end) = setting.model, so_far, span
     place, hints = _place(setting, y, u, begin, largest), Hints()
     mode, modes, times = Mode(), list[Mode](), list[float]()
@@ -168,7 +178,7 @@ def through_step(
                 journal.marks.append(ModeChange(before, after, setting.whole(mode)))
             struck_before, lasts = len(journal.collisions), True
         if event is None:
-            return last, mode
+            return setting, last, mode
         y = way.state(event.time)
         before = node(setting, mode, y, u, event.time) if lasts else before
         modes.append(mode)
@@ -178,7 +188,10 @@ def through_step(
             break
         largest = magnitudes_at(model, y, u, event.time, setting.h, largest)
         place = _place(setting, y, u, event.time, largest)
-        if event.limit is not None:
+        if event.limit in model.gripped:
+            setting, hints = setting.without(event.limit), Hints()
+            model = setting.model
+        elif event.limit is not None:
             hints = _hints(setting, place, mode, event.limit)
             place = replace(place, y=_on_limit(setting, place, mode, event.limit))
     shown = ", ".join(_events_shown(model, modes, journal))

@@ -180,6 +180,21 @@ cdef class Integrator(Method):
             for j in range(self.nt):
                 if not self.margin(i, j) > 0:
                     return False
+            if not self.bears(i):
+                return False
+        return True
+
+    cdef bint bears(self, ptrdiff_t i) noexcept nogil:
+        """Whether the load of every grip in row i is below its strength."""
+        cdef ptrdiff_t k
+        cdef double lam, load = 0.0
+        for k in range(self.strong.shape[0]):
+            lam = self.lam[i * self.m + self.closed_at[self.strong[k]]]
+            load += lam * lam
+            if self.strength[k] >= 0:
+                if not load < self.strength[k]:
+                    return False
+                load = 0.0
         return True
 
     cdef bint stays_off(self, ptrdiff_t i, ptrdiff_t j, bint first) noexcept nogil:

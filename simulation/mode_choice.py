@@ -62,8 +62,17 @@ class Setting:
         """The integrator of the model, for motions of the size 1 and without a limit of time."""
         model = self.model
         made = Integrator(model.kernels, model.par, np.ones(2 * model.nq + 1), lambda: None)
-        made.grip(model.gripped)
+        strong = zip(model.contacts.of_strong, model.strength[0].tolist(), strict=True)
+        made.grip(model.gripped, [own for own in strong if own[0][0] in model.gripped])
         return made
+
+    def without(self, place: int) -> Setting:
+        """The setting in which the grip of a place has let go."""
+        model, contacts = self.model, self.model.contacts
+        (grip,) = contacts.grasped(contacts.named([place]))
+        own = contacts.places(grip)
+        kept = tuple(j for j in model.gripped if model.kernels.surfaces[j] not in own)
+        return replace(self, model=model.gripping(kept))
 
     def whole(self, mode: Mode) -> Mode:
         """A mode with the grips that are closed."""

@@ -101,7 +101,7 @@ class ModeFlow:
     def _first(self, end: float, rows: Array) -> ModeEnd | None:
         """Where a limit is passed first, None if there is none until the end.  ``rows`` are the
         states at the places on the way there."""
-        t, least = self.place.t, -slack(self.mode, self.place.small)
+        t, least = self.place.t, -slack(self.setting.model, self.mode, self.place.small)
         times = t + PLACES * (end - t)
         kept = self._limits(rows, times)
         over = ~(kept >= least)

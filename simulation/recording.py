@@ -191,8 +191,9 @@ def _inputs(run: Run, t: Array) -> Array:
 def _collision(run: Run, event: _Moment, before: Phase, after: Phase) -> Collision:
     """The event between two phases; hits at one moment are one, with the name of the first."""
     model, kernels = run.model_of(event.t, after=False), run.model.kernels
-    lands = tuple(name for name in after.closed if name not in before.closed)
-    leaves = tuple(name for name in before.closed if name not in after.closed)
+    closes = dict.fromkeys((*after.closed, *_torn(model, event)))
+    lands = tuple(name for name in closes if name not in before.closed)
+    leaves = tuple(name for name in (*before.closed, *lands) if name not in after.closed)
     numbers, h = model.surface_numbers, run.step_size
     off = tuple(name for name in leaves if _slips_off(model, event, numbers[name], h))
     changed = {n: s for n, s in after.rubbing.items() if before.rubbing.get(n) != s}
@@ -219,6 +220,12 @@ def _collision(run: Run, event: _Moment, before: Phase, after: Phase) -> Collisi
         impulses=impulses, tractions=tractions, reactions=reactions, off=off, switch=event.switch,
         grips=dict(model.contacts.grips),
     )  # fmt: skip
+
+
+def _torn(model: Model, event: _Moment) -> Iterator[str]:
+    """Places of grips that close in an event, if only to let go at once."""
+    of_grips = model.contacts.named(model.contacts.of_grips)
+    return (name for c in event.collisions for name in c.lands if name in of_grips)
 
 
 def _slips_off(model: Model, event: _Moment, j: int, h: float) -> bool:

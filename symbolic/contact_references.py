@@ -123,7 +123,7 @@ def forces_in(expression: Any) -> list[Any]:
 
 def has_forces(system: MechanicalSystem) -> bool:
     """Whether a quantity contains forces."""
-    return any(forces_in(e) for e in system.quantities.values())
+    return any(forces_in(e) for e in system.quantities_along.values())
 
 
 def check_forces(system: MechanicalSystem) -> None:

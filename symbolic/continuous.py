@@ -121,9 +121,9 @@ class Continuous:
             kinetic,
             tuple(rewrite(e) for e in system.constraints.values()),
             tuple(rewrite(e) for part in system.shapes for e in values_of(part)),
-            tuple(rewrite(e) for e in system.coefficients_of_restitution),
+            tuple(rewrite(e) for e in coefficients_of_restitution(system)),
             tuple(rewrite(e) for e in system.quantities_along.values()),
-            tuple(rewrite(e) for e in system.coefficients_of_tangential_restitution),
+            tuple(rewrite(e) for e in coefficients_of_tangential_restitution(system)),
             tuple(rewrite(e) for e in system.integrands.values()),
             rewrite(R),
             tuple(x),
@@ -216,6 +216,20 @@ FUNCTIONS = (
     "L", "Q", "C", "Phi", "g", "r", "tau", "mu", "mu_s", "phi", "looks", "e", "z", "e_t", "c", "R",
     "l", "C_s", "w", "within",
 )  # fmt: skip
+
+
+def coefficients_of_restitution(system: MechanicalSystem) -> tuple[Any, ...]:
+    """Coefficients of all surfaces, zero where none is stated; empty where the system states
+    none."""
+    stated = system.restitution
+    return tuple(stated.get(name, sp.S.Zero) for name in system.gaps) if stated else ()
+
+
+def coefficients_of_tangential_restitution(system: MechanicalSystem) -> tuple[Any, ...]:
+    """Coefficients of all tangents, -1 where none is stated; empty where the system states
+    none."""
+    stated = system.tangential_restitution
+    return tuple(stated.get(n, sp.S.NegativeOne) for n in system.tangents) if stated else ()
 
 
 def as_tuple(value: Any) -> tuple[Any, ...]:

@@ -62,6 +62,7 @@ from dmoc.symbolic.restitution import laws_in_words, rebound_kernels, tangential
 from dmoc.symbolic.scalar import Scalar
 from dmoc.symbolic.shortest_times import shortest_time_kernels
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
+from dmoc.symbolic.strengths import strength_kernels
 from dmoc.symbolic.system import MechanicalSystem, check_system
 from dmoc.symbolic.traversal import operations
 
@@ -96,6 +97,7 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
     chosen = tuple(f.par[names.index(name)] for name in design)
     f, smooth = (replace(g, design=chosen) for g in (f, smooth))
     terms = [terms_of(r) for r in plain.r]
+    strengths = plain.rewritten(system, list(system.strength.values()))
     points, fingerprint = DISCRETISATIONS[order].degree, model_fingerprint(system, order)
     kernels = [
         *_step_kernels(
@@ -120,6 +122,7 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
         *tangent_kernels(f, points),
         *tangential_kernels(f),
         *joint_kernels(f),
+        *strength_kernels(f, plain.as_nodes(strengths, graph)),
         *_terminal_kernels(f),
         *shortest_time_kernels(f),
         *_drawing_kernels(f),
@@ -191,6 +194,7 @@ def _facts(
         name: [system.coordinates.index(q) for q in p] for name, p in system.attitudes.items()
     }
     more["grips"], more["by_rate"] = names_of_places(system.grips), rates_alone(system)
+    more["strength"] = list(system.strength)
     more["static_friction"] = [n for n, e in system.friction.items() if isinstance(e, sp.Tuple)]
     more["varying_friction"] = path_rows(f, *varying(f, list(system.tangents)))
     more["rate_constraints"] = [

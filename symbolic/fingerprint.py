@@ -38,6 +38,7 @@ def digest(system: MechanicalSystem) -> str:
         *(f"law_{n}:{law}" for n, law in system.impact_laws.items()),
         *(f"within_{n}:{sp.srepr(w)}" for n, w in system.inside.items()),
         *(f"grip_{n}:{sp.srepr(sp.Tuple(*parts))}" for n, parts in system.grips.items()),
+        *(f"strength_{n}:{sp.srepr(e)}" for n, e in system.strength.items()),
         *(f"{n}=0:{sp.srepr(c)}" for n, c in system.constraints.items()),
         *(f"{sp.srepr(x)}:={sp.srepr(e)}" for x, e in system.definitions.items()),
         *(f"z_{n}:{sp.srepr(e)}" for n, e in system.quantities.items()),

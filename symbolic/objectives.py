@@ -210,7 +210,8 @@ def check_objective(system: MechanicalSystem) -> None:
         check_smooth(value, f"integral {name!r}")
     parts = objective_of(system)
     check_smooth(parts.value, "the objective", kinks=True)
-    names_by_kind = {TOTAL: system.integrals, PEAK: system.quantities, LARGEST: system.quantities}
+    quantities = {**system.quantities, **system.quantities_along}
+    names_by_kind = {TOTAL: system.integrals, PEAK: quantities, LARGEST: quantities}
     for part in sorted(parts.value.atoms(AppliedUndef), key=str):
         names = names_by_kind.get(part.func.__name__)
         if names is not None and part.args[0].name not in names:

@@ -23,6 +23,7 @@ from dmoc.symbolic.event_sums import integrands_of, quantities_along
 from dmoc.symbolic.expressions import slack_of
 from dmoc.symbolic.fingerprint import digest
 from dmoc.symbolic.grips import functions_of_grips
+from dmoc.symbolic.strengths import loads_of
 from dmoc.symbolic.surface_ends import inside_of
 from dmoc.symbolic.system_checks import check_names, check_parts
 from dmoc.symbolic.system_fields import containers_of, entries_of
@@ -67,6 +68,10 @@ class MechanicalSystem(Shown):
         force.  While it is open it holds nothing back.  Its forces R grad phi have both signs
         (:func:`dmoc.reaction`, of a grip with several places of ``"hand_1"``, ``"hand_2"``, ...).
         Equation :eq:`grips` of the theory.
+    strength : mapping of str to Expr, optional
+        Force F beyond which a grip lets go by itself, in parameters: ``{"hand": F}``; of one with
+        several places it is that of sqrt(R_1^2 + R_2^2 + ...).  A simulation opens the grip there,
+        problems keep ``hand_load``, R^2/F^2, at most 1.  Impulses do not count.
     tangents : mapping of str to Expr, optional
         Tangential positions tau(q, t) of what rubs, by name: ``{"floor": x}`` for the contact with
         the surface ``floor``, whose point slides with the velocity tau'; the time where the
@@ -207,6 +212,7 @@ class MechanicalSystem(Shown):
     tangential_restitution: Mapping[str, Any] = field(default_factory=dict)
     impact_laws: Mapping[str, str] = field(default_factory=dict)
     grips: Mapping[str, Any] = field(default_factory=dict)
+    strength: Mapping[str, Any] = field(default_factory=dict)
     integrals: Mapping[str, Any] = field(default_factory=dict)
     objective: Any = 0
     switches: Mapping[str, Any] = field(default_factory=dict)
@@ -323,8 +329,9 @@ class MechanicalSystem(Shown):
 
     @property
     def quantities_along(self) -> dict[str, Any]:
-        """Quantities that a motion has at any time: not those of its hits alone."""
-        return quantities_along(self)
+        """Quantities that a motion has at any time: not those of its hits alone; and the loads of
+        grips with a strength."""
+        return quantities_along(self) | loads_of(self)
 
     @property
     def inside(self) -> dict[str, tuple[Any, ...]]:
@@ -335,20 +342,6 @@ class MechanicalSystem(Shown):
     def integrands(self) -> dict[str, Any]:
         """What of the integrals is integrated, by name: not what hits add to them."""
         return integrands_of(self)
-
-    @property
-    def coefficients_of_restitution(self) -> tuple[Any, ...]:
-        """Coefficients of all surfaces, zero where none is stated; empty where the system states
-        none."""
-        stated = self.restitution
-        return tuple(stated.get(name, sp.S.Zero) for name in self.gaps) if stated else ()
-
-    @property
-    def coefficients_of_tangential_restitution(self) -> tuple[Any, ...]:
-        """Coefficients of all tangents, -1 where none is stated; empty where the system states
-        none."""
-        stated = self.tangential_restitution
-        return tuple(stated.get(n, sp.S.NegativeOne) for n in self.tangents) if stated else ()
 
     @property
     def path_functions(self) -> dict[str, Any]:

@@ -12,7 +12,14 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
-from dmoc.base.names import bounded_momentum, check_name, momentum_name, name_of, velocity_name
+from dmoc.base.names import (
+    bounded_momentum,
+    check_name,
+    load_of,
+    momentum_name,
+    name_of,
+    velocity_name,
+)
 from dmoc.symbolic.contact_references import check_forces, forces_of
 from dmoc.symbolic.definitions import atoms_below, check_definitions, expanded, kinds_of
 from dmoc.symbolic.drawing import values_of
@@ -36,6 +43,7 @@ from dmoc.symbolic.restitution import (
     check_restitution,
     check_tangential_restitution,
 )
+from dmoc.symbolic.strengths import check_strengths
 from dmoc.symbolic.surface_ends import check_jumps, check_within
 
 if TYPE_CHECKING:
@@ -59,6 +67,7 @@ def check_parts(system: MechanicalSystem) -> None:
     check_forces(system)
     check_event_terms(system)
     check_grips(system)
+    check_strengths(system)
     check_objective(system)
     check_within(system)
     check_jumps(system)
@@ -90,6 +99,7 @@ def check_names(system: MechanicalSystem) -> None:
         "parameter": [name_of(s) for s in system.parameters],
         "definition": [name_of(x) for x in system.definitions],
         "quantity": list(system.quantities),
+        "load of a grip": [*map(load_of, map(str, system.strength))],
         "integral": list(system.integrals),
         "attitude": list(system.attitudes),
     }
@@ -264,6 +274,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("path constraint {!r}", system.path_functions, KINDS),
         ("constraint {!r}", system.constraints, STATE),
         ("grip {!r}", {n: sp.Tuple(*parts) for n, parts in system.grips.items()}, STATE),
+        ("the strength of {!r}", system.strength, ("parameters",)),
         ("the tangent of {!r}", system.tangents, PLACE),
         ("the friction of {!r}", system.friction, (*PLACE, "inputs", "the sliding speed")),
         ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),

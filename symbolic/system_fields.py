@@ -36,6 +36,7 @@ MAPPINGS = {  # with an example each
     "tangential_restitution": '{"floor": 0.5}',
     "impact_laws": '{"floor": "poisson"}',
     "grips": '{"hand": (x - x_bar, y - y_bar)}',
+    "strength": '{"hand": 50.0}',
     "definitions": "{x1: l * sp.sin(a)}",
     "quantities": '{"tip": x + l * sp.sin(a)}',
     "integrals": '{"effort": u**2}',
@@ -68,7 +69,7 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
         s: expression_in(e, f"definition {name_of(s)}") for s, e in system.definitions.items()
     }
     read["friction"] = {name: _friction(name, mu) for name, mu in system.friction.items()}
-    for name in ("tangents", "restitution", "tangential_restitution"):
+    for name in ("tangents", "restitution", "tangential_restitution", "strength"):
         what = name.removesuffix("s").replace("_", " ")
         read[name] = {
             key: expression_in(e, f"the {what} of {key!r}")

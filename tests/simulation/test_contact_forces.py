@@ -151,7 +151,7 @@ def test_what_modes_keep_above_zero(table: Model) -> None:
         gap=np.array([1.0, 2.0, 3.0]), force=np.array([10.0, 20.0, 30.0]), hold=np.array([4.0]),
         slide=np.array([5.0]), within=np.array([6.0, 7.0, 8.0]),
     )  # fmt: skip
-    np.testing.assert_array_equal(slack(Mode((1,), (0,)), small), [1, 20, 3, 4, 5, 6, 7, 8])
+    np.testing.assert_array_equal(slack(table, Mode((1,), (0,)), small), [1, 20, 3, 4, 5, 6, 7, 8])
     np.testing.assert_array_equal(small.gap, [1, 2, 3])
 
 
