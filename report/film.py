@@ -7,7 +7,7 @@ writes them as JSON.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypedDict
 
@@ -119,6 +119,7 @@ class Branch:
     cost: float | None = None
     evidence: tuple[str, ...] = ()  # why the verdict is what it is
     motion: int | None = None  # its motion among the takes of the film
+    proved: str = ""  # what is proved of it
 
 
 @dataclass(frozen=True)
@@ -128,6 +129,15 @@ class Film:
     title: str
     takes: tuple[Take, ...]
     tree: tuple[Branch, ...] = ()
+    statement: str = ""  # what is proved of all sequences
+
+
+@dataclass(frozen=True)
+class Proofs:
+    """What is proved of the sequences of a search, and of all of them, in words."""
+
+    proved: Mapping[tuple[str, ...], str] = field(default_factory=dict)
+    statement: str = ""
 
 
 def _push(place: Array, event: Collision, name: str) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,7 @@ from dmoc.report.canvas import (
     written,
 )
 from dmoc.report.curves import panels_of
-from dmoc.report.film import Take
+from dmoc.report.film import Proofs, Take
 from dmoc.report.labels import plain
 from dmoc.report.panels import draw_curves
 from dmoc.report.rounding import without_rounding
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 # Nodes of a tree that can still be labelled with their costs.
 MOST_LABELS = 130
 ROW, CHARACTER = 0.3, 0.075  # inches of a leaf, and of a character of a label
+PROVED = "\N{END OF PROOF}"
 TALLEST = 40.0  # inches of a tree
 WIDE, HIGH, DRAWN = 3.4, 1.4, 2.4  # inches of a motion, of its panels, of its drawing at most
 Name = tuple[str, ...]
@@ -42,18 +44,20 @@ def plot_tree(
     path: str | os.PathLike[str] | None = None,
     *,
     style: str = "light",
+    proofs: Proofs | None = None,
 ) -> Figure:
-    """Draw the tree of sequences (sequence, verdict, cost): verdict by colour and sign, cost on the
-    nodes; write it if a path is given."""
+    """Draw the tree of sequences (sequence, verdict, cost): verdict by colour and sign, cost and
+    what is proved on the nodes; write it if a path is given."""
     with painted(style, path) as colours:
-        return written(_tree(nodes, colours), path)
+        return written(_tree(nodes, colours, proofs or Proofs()), path)
 
 
-def _tree(nodes: Sequence[tuple[Name, str, float | None]], style: Style) -> Figure:
+def _tree(nodes: Sequence[tuple[Name, str, float | None]], style: Style, proofs: Proofs) -> Figure:
     rows = _rows([s for s, _, _ in nodes])
     depth = max(map(len, rows), default=0)
     noun = noun_of(word for s in rows for word in s)
     labels = {s: f"{SIGNS[verdict][0]} {_label(s, cost, noun)}" for s, verdict, cost in nodes}
+    labels |= {s: f"{labels[s]} {PROVED}" for s in labels if s in proofs.proved}
     columns = _columns(labels, depth)
     height = min(max(1.6, ROW * (max(rows.values(), default=0.0) + 1) + 1.1), TALLEST)
     figure = new_figure(columns[-1] + 0.5, height)
@@ -72,7 +76,7 @@ def _tree(nodes: Sequence[tuple[Name, str, float | None]], style: Style) -> Figu
         else:
             size = 7 if verdict == "optimal" else 4
             axes.plot(*place, "o", color=style.verdicts[verdict], ms=size, zorder=2)
-    _verdict_legend(figure, [verdict for _, verdict, _ in nodes], style)
+    _verdict_legend(figure, [verdict for _, verdict, _ in nodes], proofs, style)
     axes.set_xlim(0.0, columns[-1] + 0.5)
     axes.set_ylim(max(rows.values(), default=0) + 0.8, -0.8)
     axes.set_xticks(columns[:-1], [str(k) for k in range(depth + 1)])
@@ -117,7 +121,7 @@ def _beginnings(axes: Axes, places: Mapping[Name, tuple[float, float]], style: S
             )  # fmt: skip
 
 
-def _verdict_legend(figure: Figure, verdicts: list[str], style: Style) -> None:
+def _verdict_legend(figure: Figure, verdicts: list[str], proofs: Proofs, style: Style) -> None:
     from matplotlib.patches import Patch
 
     handles = [
@@ -125,6 +129,11 @@ def _verdict_legend(figure: Figure, verdicts: list[str], style: Style) -> None:
         for verdict, colour in style.verdicts.items()
         if verdict in verdicts
     ]
+    if proofs.proved:
+        handles.append(Patch(fill=False, lw=0, label=f"{PROVED} proved ({len(proofs.proved)})"))
+    if proofs.statement:
+        wide = int(figure.get_figwidth() / CHARACTER)
+        figure.suptitle(fill(proofs.statement, wide), fontsize=SMALL)
     columns = max(1, int(figure.get_figwidth() / 1.5))
     figure.legend(
         handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=SMALL

@@ -53,6 +53,15 @@ class Bounded:
     below: bool = False
     why: str = ""
 
+    def __str__(self) -> str:
+        begins = f"begins with {', '.join(self.sequence)}"
+        if self.claim is Claim.OPEN and self.why:
+            return f"{self.claim}: {self.why}"
+        if self.claim is Claim.IMPOSSIBLE:
+            return f"{self.claim}: {f'no motion {begins}' if self.below else 'it has no motion'}"
+        what = f"whatever {begins}" if self.below else "it"
+        return f"{self.claim}: {what} costs at least {self.bound:.6g}"
+
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data."""
         bound = self.bound if np.isfinite(self.bound) else None
@@ -89,7 +98,7 @@ class TreeProof(Shown):
         if not self.complete:
             left = sum(b.claim is Claim.OPEN for b in self.bounded)
             return (
-                f"nothing is proved of {left} of {len(self.bounded)} sequences"
+                f"no bound of {left} of {len(self.bounded)} sequences is enough"
                 if left
                 else ("time ran out before all sequences were looked at")
             )
@@ -99,6 +108,19 @@ class TreeProof(Shown):
             f"no sequence of at most {self.longest} events has a motion that costs less than "
             f"{(1 - GAP) * self.cost:.9g}"
         )
+
+    @property
+    def in_words(self) -> str:
+        """The sentence, and whether it is proved."""
+        return f"{'proved' if self.complete else 'not proved'}: {self.statement}"
+
+    def of(self, sequence: tuple[str, ...]) -> Bounded | None:
+        """What is proved of a sequence, by itself or by what it begins with; None if it was not
+        looked at."""
+        known = {b.sequence: b for b in self.bounded}
+        beginnings = (known.get(sequence[:n]) for n in range(len(sequence) + 1))
+        all_below = next((b for b in beginnings if b is not None and b.below), None)
+        return all_below or known.get(sequence)
 
     def __repr__(self) -> str:
         return f"<TreeProof: {self.statement}>"
@@ -118,7 +140,7 @@ class TreeProof(Shown):
         more = len(self.bounded) - MOST_ROWS
         notes = [f"... and {more} more"] if more > 0 else []
         head = "sequence", "claim", "costs at least", ""
-        return Table(rows, head, (*notes, counts, f"proved: {self.statement}"), "Proof of a search")
+        return Table(rows, head, (*notes, counts, self.in_words), "Proof of a search")
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data."""

@@ -20,6 +20,7 @@ from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.motion.trajectory import noun_of
 from dmoc.problem.problem import Problem
+from dmoc.report.film import Proofs
 from dmoc.results.exploration import exploration_of
 from dmoc.sequences.candidates import Candidates
 from dmoc.sequences.comparison import CONFIRMED, with_optimum
@@ -30,7 +31,7 @@ from dmoc.sequences.keywords import PROPOSING, STARTS
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.notes import notes_of, notes_of_proposals
 from dmoc.sequences.pool import workers_of
-from dmoc.sequences.proofs import TreeProof, check_provable, proof_of
+from dmoc.sequences.proofs import Claim, TreeProof, check_provable, proof_of
 from dmoc.sequences.proposals import Proposed, proposals_of
 from dmoc.sequences.search_table import best_in_words, table_of_search
 from dmoc.sequences.settings import Settings, settings_of
@@ -108,6 +109,15 @@ class SearchResult(Shown):
             raise SearchError(f"node = {shown(node)}: expected one of the nodes of the search.")
         return node.name if node.sequence else f"no {self.noun}"
 
+    @property
+    def _proofs(self) -> Proofs:
+        """What is proved, in words."""
+        if self.proof is None:
+            return Proofs()
+        bounded = ((n.sequence, self.proof.of(n.sequence)) for n in self.nodes)
+        proved = {s: str(b) for s, b in bounded if b is not None and b.claim is not Claim.OPEN}
+        return Proofs(proved, self.proof.in_words)
+
     def ranked(self) -> list[Node]:
         """Nodes with a confirmed motion, the cheapest first."""
         good = [n for n in self.nodes if n.verdict in CONFIRMED]
@@ -132,12 +142,13 @@ class SearchResult(Shown):
         }
 
     def plot(self, path: str | os.PathLike[str] | None = None, *, style: str = "light") -> Figure:
-        """Draw the tree: verdict by colour, cost on the nodes; write it if a path is given.
+        """Draw the tree: verdict by colour, cost on the nodes; a black square marks those of which
+        something is proved; write it if a path is given.
         ``style`` is "light" or "dark"."""
         from dmoc.report.search_tree import plot_tree
 
         nodes = [(n.sequence, n.verdict.value, n.cost) for n in self.nodes]
-        return plot_tree(nodes, path, style=style)
+        return plot_tree(nodes, path, style=style, proofs=self._proofs)
 
     def plot_best(
         self, path: str | os.PathLike[str] | None = None, most: int = 3, *, style: str = "light"
@@ -175,7 +186,9 @@ class SearchResult(Shown):
             for n in self.nodes
         ]
         name = self.problem.kernels.name
-        return animate_tree(name, nodes, path, speed=speed, fps=fps, style=style)
+        return animate_tree(
+            name, nodes, path, speed=speed, fps=fps, style=style, proofs=self._proofs
+        )
 
 
 @public(SearchError)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from dmoc.base.table import Table, toned
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ def table_of_search(result: SearchResult, why: bool = False) -> Table:
             result.name_of(n),
             toned(n.verdict.value, TONES[n.verdict.value]),
             "" if n.cost is None else f"{n.cost:.6g}",
+            *([_proved(result, n)] if result.proof else []),
             *([_evidence_of(n)] if why else []),
         )
         for n in nodes[:MOST_ROWS]
@@ -45,14 +48,14 @@ def table_of_search(result: SearchResult, why: bool = False) -> Table:
     if not why and any(n.verdict.value in UNEXPLAINED for n in nodes[:MOST_ROWS]):
         notes.append("note: dmoc search --verbose, or evidence of the nodes, tells why")
     if result.proof is not None:
-        notes.append(f"proved: {result.proof.statement}")
+        notes.append(result.proof.in_words)
     rate = f"{len(nodes) / max(result.seconds, 1e-9):.1f} a second"
     notes.append(
         f"{best_in_words(result)}; {len(nodes)} sequences in {result.seconds:.1f} s ({rate})"
     )
     return Table(
         rows,
-        (*HEAD, WHY) if why else HEAD,
+        (*HEAD, *(["proved"] if result.proof else []), *([WHY] if why else [])),
         tuple(notes),
         f"search of {result.problem.kernels.name}",
     )
@@ -70,6 +73,15 @@ def table_of_node(node: Node) -> Table:
         ("evidence", "; ".join(node.evidence)),
     )
     return Table(tuple(row for row in rows if row[1]), title=f"sequence {node.name}")
+
+
+def _proved(result: SearchResult, node: Node) -> str:
+    """What is proved of a sequence: its claim and its bound."""
+    bounded = None if result.proof is None else result.proof.of(node.sequence)
+    if bounded is None:
+        return ""
+    word = str(bounded.claim).removesuffix(" (proved)")
+    return f"{word}, >= {bounded.bound:.6g}" if np.isfinite(bounded.bound) else word
 
 
 def _evidence_of(node: Node) -> str:

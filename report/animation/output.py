@@ -17,7 +17,7 @@ from dmoc.base.signatures import public
 from dmoc.motion.trajectory import Trajectory
 from dmoc.report.animation.movie import movie_of
 from dmoc.report.animation.page import page_of
-from dmoc.report.film import Branch, Film, Take
+from dmoc.report.film import Branch, Film, Proofs, Take
 from dmoc.report.style import style_of
 
 if TYPE_CHECKING:
@@ -104,16 +104,19 @@ def animate_tree(
     speed: float | None = None,
     fps: int = 25,
     style: str = "light",
+    proofs: Proofs | None = None,
 ) -> Path:
     """Write the tree of a search as a page in which the nodes (sequence, name, verdict, cost,
-    evidence, solution) show their motions and verdicts, or its best motions as a GIF or an mp4; see
-    :func:`animate`."""
+    evidence, solution) show their motions, verdicts and proofs, or its best motions as a GIF or an
+    mp4; see :func:`animate`."""
+    proofs = proofs or Proofs()
     target = path_of(path)
     takes: list[Take] = []
     branches = []
     for sequence, name, verdict, cost, evidence, solution in nodes:
         take = None if solution is None else len(takes)
-        branches.append(Branch(sequence, name, verdict, cost, evidence, take))
+        proved = proofs.proved.get(sequence, "")
+        branches.append(Branch(sequence, name, verdict, cost, evidence, take, proved))
         if solution is not None:
             takes.append(_take(name, solution))
     if target.suffix.lower() != ".html":
@@ -125,7 +128,7 @@ def animate_tree(
                 "the search has no confirmed motion: a page (.html) shows its verdicts."
             )
         takes, branches = [takes[b.motion or 0] for b in good[:MOST]], []
-    film = Film(title, tuple(takes), tuple(branches))
+    film = Film(title, tuple(takes), tuple(branches), proofs.statement)
     return _written(film, target, speed, fps, style)
 
 

@@ -21,7 +21,7 @@ from dmoc.report.film import Film, Take
 from dmoc.report.places import Room, room_of
 from dmoc.report.style import DARK, LIGHT, SIGNS
 
-FORMAT = 1
+FORMAT = 2
 # In the order in which they need each other.
 SCRIPTS = ("values", "elements", "clock", "picture", "curves", "tree", "player")
 PLANNER = ("answers", "handles", "planner")  # of a page that plans
@@ -79,6 +79,7 @@ def document(film: Film) -> dict[str, Any]:
         "motions": [_motion(take) for take in film.takes],
         "verdicts": dict(SIGNS),
         "tree": [asdict(branch) for branch in film.tree],
+        "statement": film.statement,
     }
 
 

@@ -19,6 +19,7 @@ from selenium.webdriver.support.ui import Select
 
 import dmoc
 from dmoc.report.animation import animate_tree
+from dmoc.report.film import Proofs
 
 Open = Callable[..., WebDriver]
 
@@ -39,7 +40,9 @@ def tree(tmp_path_factory: pytest.TempPathFactory, solution: dmoc.Solution) -> P
         (("wall", "wall"), "wall, wall", "infeasible", None, ("the goal of x is missed",), None),
         (("floor",), "floor", "unreachable", None, (), None),
     ]  # fmt: skip
-    return animate_tree("shuttle", nodes, tmp_path_factory.mktemp("tree") / "tree.html")
+    proofs = Proofs({("wall",): "optimal (proved): it costs at least 1.24"}, "proved: no sequence")
+    target = tmp_path_factory.mktemp("tree") / "tree.html"
+    return animate_tree("shuttle", nodes, target, proofs=proofs)
 
 
 @pytest.mark.parametrize("t", [0.0, 0.2, 0.45, 0.9, END])
@@ -252,10 +255,15 @@ def test_motions_side_by_side_share_the_clock_and_the_scale(opened: Open, tmp_pa
 def test_a_node_of_a_tree_shows_its_motion_and_its_verdict(opened: Open, tree: Path) -> None:
     driver = opened(tree)
     nodes = driver.find_elements(By.CSS_SELECTOR, "#tree [role=treeitem]")
-    assert [n.text[1:] for n in nodes] == ["no collision 3", "wall 1.25", "wall", "floor"]
+    assert [n.text[1:] for n in nodes] == ["no collision 3", "wall 1.25 \u220e", "wall", "floor"]
     assert len({n.text[0] for n in nodes}) == 4  # each verdict has a sign of its own
     assert nodes[1].get_attribute("aria-current") == "true"
-    assert nodes[1].get_attribute("aria-label") == "wall, optimal, cost 1.25"
+    assert nodes[1].get_attribute("aria-label") == (
+        "wall, optimal, cost 1.25, optimal (proved): it costs at least 1.24"
+    )
+    assert texts(driver, "#statement") == ["proved: no sequence"]
+    assert texts(driver, ".key li")[-1] == "\u220e proved (1)"
+    assert "optimal (proved): it costs" in driver.find_element(By.ID, "verdict").text
     begin = circle(driver)
     nodes[0].click()
     assert "confirmed by simulation" in driver.find_element(By.ID, "verdict").text

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.base.table import plain
 from dmoc.models.registry import find
-from dmoc.sequences.proofs import Claim
+from dmoc.sequences.proofs import Bounded, Claim, TreeProof
 
 
 def puck(**changes: Any) -> dmoc.Problem:
@@ -17,9 +22,13 @@ def puck(**changes: Any) -> dmoc.Problem:
     return dmoc.Problem(reference.kernels(4), **{**reference.defaults, "steps": 2, **changes})
 
 
-def test_all_words_of_two_hits_are_bounded() -> None:
+@pytest.fixture(scope="module")
+def result() -> dmoc.SearchResult:
+    return dmoc.search(puck(), 2, prove=True)
+
+
+def test_all_words_of_two_hits_are_bounded(result: dmoc.SearchResult) -> None:
     """Unfolded, east and west cost 0.535: the least of all sequences of at most two hits."""
-    result = dmoc.search(puck(), 2, prove=True)
     proof = result.proof
     assert proof is not None and proof.complete and proof.longest == 2
     assert result.best is not None and result.best.sequence == ("east", "west")
@@ -36,6 +45,56 @@ def test_all_words_of_two_hits_are_bounded() -> None:
     assert proof.statement in " ".join(str(result).split())
     assert "pointless (proved)" in str(proof)
     assert result.to_dict()["proof"]["complete"] is True
+
+
+def test_the_table_the_tree_and_its_page_say_what_is_proved(
+    result: dmoc.SearchResult, tmp_path: Path
+) -> None:
+    head, rows = result.summary().head, result.summary().rows
+    assert head == ("sequence", "verdict", "cost", "proved")
+    assert plain(rows[0][3]).startswith("optimal, >= 0.535")
+    assert all(plain(row[3]).startswith("pointless, >= ") for row in rows[1:])
+    figure = result.plot()
+    assert all(text.get_text().endswith(" \N{END OF PROOF}") for text in figure.axes[0].texts)
+    assert figure.legends[0].get_texts()[-1].get_text() == "\N{END OF PROOF} proved (21)"
+    statement = "proved: no sequence of at most 2 events has a motion that costs less than 0.53494"
+    assert " ".join(figure.get_suptitle().split()).startswith(statement)
+    page = result.animate(tmp_path / "tree.html").read_text()
+    film = json.loads(page.partition('id="film">')[2].partition("</script>")[0])
+    assert film["statement"].startswith(statement)
+    proved = {tuple(node["sequence"]): node["proved"] for node in film["tree"]}
+    assert proved["east", "west"].startswith("optimal (proved): it costs at least 0.535")
+    assert proved["north", "east"].startswith("pointless (proved): whatever begins with north")
+
+
+def test_a_sequence_is_bounded_by_what_it_begins_with() -> None:
+    bounded = (
+        Bounded((), Claim.OPEN, -np.inf, why="time ran out"),
+        Bounded(("east",), Claim.POINTLESS, 2.0),
+        Bounded(("west",), Claim.IMPOSSIBLE, np.inf, below=True),
+        Bounded(("north",), Claim.OPEN, 0.5),
+    )
+    proof = TreeProof(bounded, 1.0, 2, False)
+    assert proof.of(("east",)) is bounded[1] and proof.of(("east", "west")) is None
+    assert proof.of(("west", "east")) is proof.of(("west",)) is bounded[2]
+    assert [str(b) for b in bounded] == [
+        "open: time ran out",
+        "pointless (proved): it costs at least 2",
+        "impossible (proved): no motion begins with west",
+        "open: it costs at least 0.5",
+    ]
+    assert str(Bounded((), Claim.IMPOSSIBLE, np.inf)) == "impossible (proved): it has no motion"
+    assert proof.in_words == "not proved: no bound of 2 of 4 sequences is enough"
+
+
+def test_what_is_open_has_no_mark(result: dmoc.SearchResult) -> None:
+    assert result.proof is not None
+    bounded = tuple(replace(b, claim=Claim.OPEN) for b in result.proof.bounded)
+    opened = replace(result, proof=replace(result.proof, bounded=bounded, complete=False))
+    figure = opened.plot()
+    assert not any("\N{END OF PROOF}" in text.get_text() for text in figure.axes[0].texts)
+    assert "\N{END OF PROOF}" not in figure.legends[0].get_texts()[-1].get_text()
+    assert figure.get_suptitle().startswith("not proved: no bound of")
 
 
 def test_inputs_that_are_too_weak_make_all_sequences_impossible() -> None:

@@ -101,7 +101,8 @@ function verdictOf(node) {
   const told = html("p", {}, film.verdicts[node.verdict][1]);
   const list = html("ul", { class: "evidence" }, ...evidence);
   const element = html("section", { class: "motion", id: "verdict", "aria-live": "polite" });
-  element.append(html("h2", {}, badge(node.verdict), node.name), told, list);
+  const proved = node.proved ? [html("p", {}, `${PROVED} ${node.proved}`)] : [];
+  element.append(html("h2", {}, badge(node.verdict), node.name), told, ...proved, list);
   return element;
 }
 
@@ -122,6 +123,7 @@ function showTree(nodes) {
   const section = byId("tree");
   section.hidden = false;
   section.append(html("h2", {}, "sequences"), key(nodes));
+  if (film.statement) section.append(html("p", { id: "statement" }, film.statement));
   if (best) section.append(html("label", { class: "quiet" }, compare, " beside the best one"));
   section.append(tree.element);
   compare.addEventListener("change", () => choose(chosen));

@@ -1,5 +1,7 @@
 // The sequences of a search as a tree of buttons.
 
+const PROVED = "\u220e"; // the end of a proof
+
 function badge(verdict) {
   const element = html("span", { class: "verdict", "aria-hidden": "true" }, film.verdicts[verdict][0]);
   element.style.background = `var(--${verdict})`;
@@ -40,9 +42,10 @@ function nodeButton(node, act) {
   const last = node.sequence[node.sequence.length - 1] ?? node.name;
   const cost = node.cost === null ? "" : ` ${short(node.cost)}`;
   const button = html("button", { type: "button", role: "treeitem", "aria-level": node.sequence.length + 1 });
-  button.append(badge(node.verdict), last + cost);
-  set(button, { "aria-label": `${node.name}, ${meaning}${cost ? `, cost${cost}` : ""}` });
-  set(button, { title: `${node.name}: ${meaning}` });
+  const proved = node.proved && `, ${node.proved}`;
+  button.append(badge(node.verdict), last + cost + (proved && ` ${PROVED}`));
+  set(button, { "aria-label": `${node.name}, ${meaning}${cost ? `, cost${cost}` : ""}${proved}` });
+  set(button, { title: `${node.name}: ${meaning}${proved}` });
   button.addEventListener("click", act);
   return button;
 }
@@ -73,5 +76,7 @@ function key(nodes) {
     const count = nodes.filter((node) => node.verdict === verdict).length;
     return html("li", {}, badge(verdict), `${verdict} (${count})`);
   });
+  const proved = nodes.filter((node) => node.proved).length;
+  if (proved) entries.push(html("li", {}, `${PROVED} proved (${proved})`));
   return html("ul", { class: "key" }, ...entries);
 }
