@@ -63,8 +63,6 @@ def solve(
 ) -> None:
     """Solve an optimal control problem and check the solution by simulation."""
     from dmoc.models import registry
-    from dmoc.proving.certify import certify as certified
-    from dmoc.solving.sensitivity import sensitivities as differentiated
     from dmoc.solving.solve import solve as solved
 
     first_motion = read_guess(guess)
@@ -84,10 +82,14 @@ def solve(
 
     def differentiate() -> None:
         if sensitivities and solution.converged:
+            from dmoc.solving.sensitivity import sensitivities as differentiated
+
             derivatives.append(differentiated(problem, solution))
 
     def prove() -> None:
         if certify:
+            from dmoc.proving.certify import certify as certified
+
             certificates.append(certified(problem, solution))
 
     def told() -> dict[str, Any]:

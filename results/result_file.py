@@ -16,7 +16,6 @@ from dmoc.base.files import write_whole
 from dmoc.base.records import record
 from dmoc.base.signatures import public
 from dmoc.motion.trajectory import Array
-from dmoc.results.archive import LARGEST, Archive, pack
 from dmoc.results.schema import (
     LARGEST_TEXT,
     Choice,
@@ -56,6 +55,8 @@ class ResultFile:
 
 def content_of(file: ResultFile, result: Any) -> bytes:
     """Return the content of the file of a result; a text longer than a file holds is refused."""
+    from dmoc.results.archive import pack  # here, because most results are never written
+
     arrays: dict[str, Array] = {}
     header = {file.version: file.format, file.name: result}
     text = dumped(file.header, header, arrays.__setitem__)
@@ -66,6 +67,8 @@ def content_of(file: ResultFile, result: Any) -> bytes:
 
 def _bytes_of(path: Path) -> bytes:
     """The content of what may be a file of a result."""
+    from dmoc.results.archive import LARGEST
+
     name = place(path)
     try:
         if not path.exists():
@@ -83,6 +86,8 @@ def _bytes_of(path: Path) -> bytes:
 
 def result_in(file: ResultFile, content: bytes, name: str) -> Any:
     """Read a result from the content of a file that errors call ``name``, or refuse it."""
+    from dmoc.results.archive import Archive
+
     try:
         archive = Archive(content)
         header = plain(archive.text())

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -15,6 +14,9 @@ from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.kkt import LEAST_COST
 from dmoc.solvers.kkt_layout import KKTLayout, kkt_layout
 from dmoc.solvers.outcome import Duals, Ending, Iteration, Options, Status
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
 
 Report: TypeAlias = Callable[[int, float, float, float, bool], None]
 STATUSES = (

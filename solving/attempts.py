@@ -14,7 +14,6 @@ from dmoc.base.tolerances import SAME_COST
 from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.curvature import Curvature, Landscape, SecondOrder
-from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.inflection import falling_inputs
 from dmoc.solvers.judge import INFEASIBLE, judged, rounded
 from dmoc.solvers.outcome import NOWHERE, Duals, Ending, Options, Outcome, Status
@@ -123,6 +122,8 @@ def _explained(solver: LocalSolver, before: Attempt, x: Array, options: Options)
     """Say what conflicts; if nothing does, the search for it has found a feasible motion to solve
     from, and an end without a minimum is none of an infeasible problem.  A method that came to no
     end is told so, unless the least violation is one."""
+    from dmoc.solvers.diagnosis import diagnose  # here, because most problems have a solution
+
     nlp, count = before.nlp, before.outcome.iterations
     try:
         diagnosis = diagnose(nlp.problem, nlp.scale, x, options)

@@ -46,29 +46,41 @@ class Method:
     most_inputs: int | None = None  # of all steps together
     guided: bool = False  # estimates of minimal times keep it on the right track
     falls_back_on: str | None = None  # the method that takes over where it ends without a solution
+    keeps_solutions: bool = False  # a start that is a solution is the end, and nothing is loaded
     uses_blas: bool = True  # which then gets one thread
 
     def minimise(self, form: str = ProgramForm.CONDENSED) -> Judged:
         """The function that minimises a program from scaled unknowns, and judges where it ends."""
-        from dmoc.solvers.judge import judged
-
-        where = self.full if self.full and form == ProgramForm.FULL else self.driver
-        module, name = where.split(":")
-        driver: Driver = getattr(import_module(module), name)
-        limit: AbstractContextManager[None] = nullcontext()
-        if self.uses_blas:
-            from dmoc.solvers.blas import ONE_THREAD
-
-            limit = ONE_THREAD
+        from dmoc.solvers.judge import already_solved, judged
 
         def minimise(
             nlp: Transcription, x: Array, options: Options, duals: Duals | None = None
         ) -> Outcome:
-            with limit:
+            if self.keeps_solutions and duals is not None:
+                solution = already_solved(nlp, x, options, duals)
+                if solution is not None:
+                    return solution
+            driver = self.loaded(form)
+            with self._limit():
                 ending = driver(nlp, x, options, duals)
             return judged(nlp, ending, options)
 
         return minimise
+
+    def loaded(self, form: str = ProgramForm.CONDENSED) -> Driver:
+        """The function that minimises."""
+        where = self.full if self.full and form == ProgramForm.FULL else self.driver
+        module, name = where.split(":")
+        driver: Driver = getattr(import_module(module), name)
+        return driver
+
+    def _limit(self) -> AbstractContextManager[None]:
+        """One thread for linear algebra, where the method uses it."""
+        if not self.uses_blas:
+            return nullcontext()
+        from dmoc.solvers.blas import ONE_THREAD
+
+        return ONE_THREAD
 
     def require(self, backend: str, error: type[DmocError] = ProblemError) -> None:
         """Refuse kernels that the method cannot use, and import its package."""
@@ -115,6 +127,7 @@ METHODS = {
             most_inputs=2000,  # memory grows with the square of the inputs, time with the cube
             guided=True,
             falls_back_on="ipm",
+            keeps_solutions=True,
         ),
         Method(
             "ipm",

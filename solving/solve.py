@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from dmoc.base.errors import ProblemError
@@ -15,8 +16,7 @@ from dmoc.solvers.outcome import Iteration
 from dmoc.solving.answer import answer_of
 from dmoc.solving.keywords import Keywords
 from dmoc.solving.mesh.one_mesh import interrupted
-from dmoc.solving.open_hits import best_way, first_way
-from dmoc.solving.request import check_hits, check_problem, request_of, without_hits
+from dmoc.solving.request import Request, check_hits, check_problem, request_of, without_hits
 from dmoc.solving.starts import InitialGuess, loaded
 
 
@@ -66,9 +66,9 @@ def solve(
     guess : Solution, path, mapping, list of mappings, or array, optional
         Where to start; by default an automatic guess.  A solution, or that of a file, must have the
         same number of collisions, or propose the sequence of the problem; one on another mesh or of
-        another order is interpolated, the multipliers of one with the same steps serve too (not
-        with slsqp).  A mapping gives courses of coordinates and inputs by name, and "durations",
-        the seconds of each phase, as
+        another order is interpolated, the multipliers of one with the same steps serve too (with
+        slsqp, those of a solution of the same program, which is the answer).  A mapping gives
+        courses of coordinates and inputs by name, and "durations", the seconds of each phase, as
         ``{"alpha": [0, 0.5, -3.1], "F": 0, "durations": [0.2, 0.8]}``: a number, which is kept,
         keyframes, which are spread evenly over the time, or a function of an array of times in
         seconds.  A list of mappings gives them for each phase, keyframes spread over the phase.
@@ -77,10 +77,10 @@ def solve(
         How many starts are tried on a coarse mesh by the compiled method before the mesh of the
         problem is: a guess that is given, the automatic guesses, and random motions through the
         collisions.  The distinct minima they lead to are refined and checked, and the method begins
-        with the best of them; ``others`` of the solution are the rest.  By default as many as it
-        seems to take: 16 random ones, 100 where those do not agree on a minimum, 300 where fewer
-        than five of these have met the best one, and where there is none with limits of the inputs
-        that are tightened step by step.  1
+        with the best of them (slsqp keeps it where it meets the tolerances already); ``others`` of
+        the solution are the rest.  By default as many as it seems to take: 16 random ones, 100
+        where those do not agree on a minimum, 300 where fewer than five of these have met the best
+        one, and where there is none with limits of the inputs that are tightened step by step.  1
         begins with the guess alone, as does a guess that is given and kernels without a compiler.
         No better minimum than the answer was met; that none exists is not shown.  Where none leads
         to a motion by default, in a third of the time if there is a limit, other forms are tried: a
@@ -159,9 +159,19 @@ def solved(
     with listener(progress, "first guess") as tell:
         request = request.within(progress=tell)
         try:
-            solve = best_way if problem.open_hits else answer_of
-            answer = solve(problem, guess, request)
+            answer = _way(problem)(problem, guess, request)
             never = without_hits(problem)
             return saying(answer, never) if never else answer
         except KeyboardInterrupt:
+            from dmoc.solving.open_hits import first_way
+
             return interrupted(first_way(problem), guess, request)
+
+
+def _way(problem: Problem) -> Callable[[Problem, InitialGuess, Request], Solution]:
+    """How a problem is solved."""
+    if not problem.open_hits:
+        return answer_of
+    from dmoc.solving.open_hits import best_way  # here, because most problems say all courses
+
+    return best_way

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +26,43 @@ def test_every_method_has_a_driver_and_its_package_is_an_extra() -> None:
     extras = metadata("dmoc").get_all("Provides-Extra") or []
     for name, method in METHODS.items():
         assert method.name == name and name in listed()
-        assert all(callable(method.minimise(form)) for form in FORMS)
+        assert all(callable(method.loaded(form)) for form in FORMS)
         assert method.package is None or name in extras
         assert method.falls_back_on is None or method.falls_back_on in METHODS
+
+
+ALREADY = """
+import sys, dmoc
+from dmoc.models.registry import find
+reference = find("cart_pendulum")
+problem = dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 24})
+s = dmoc.solve(problem, sys.argv[1], verify=False)
+print(s.status, s.method, s.iterations, s.cost.hex(), "scipy" in sys.modules)
+"""
+
+
+def test_a_start_that_is_a_solution_is_the_answer_of_slsqp() -> None:
+    """The best of the starts, a minimum by the compiled method, is one of the whole program: SLSQP
+    is not loaded, which takes longer than all the rest."""
+    by_slsqp, by_ipm = (
+        subprocess.run(
+            [sys.executable, "-c", ALREADY, method],
+            capture_output=True, text=True, check=True,
+        ).stdout.split()
+        for method in ("slsqp", "ipm")
+    )  # fmt: skip
+    assert by_slsqp[:3] == ["solved", "slsqp", "0"] and by_slsqp[4] == "False"
+    assert by_slsqp[3] == by_ipm[3]
+
+
+def test_slsqp_goes_on_from_a_solution_of_another_problem() -> None:
+    """Multipliers that do not meet the tolerances there keep no start."""
+    problem = landing_problem(6)
+    other = dmoc.solve(problem.but(final_time=1.6), "ipm", starts=1)
+    solution = dmoc.solve(problem, "slsqp", guess=other, verify=False)
+    wanted = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    assert solution.iterations > 0 and solution.status == "solved"
+    assert solution.cost == pytest.approx(wanted.cost, rel=1e-8)
 
 
 @pytest.mark.parametrize(
