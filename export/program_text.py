@@ -31,7 +31,8 @@ from dmoc.export.numbers import (
 from dmoc.mechanics.algebra import is_positive
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.problem.reach import rate_sizes
-from dmoc.program.arrays import ElementData, PassData, ProgramData, strided
+from dmoc.program.arrays import ElementData, PassData, ProgramData
+from dmoc.program.assembly import strided
 from dmoc.program.blocks import NOWHERE, Block, Index
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt_layout import KKTLayout

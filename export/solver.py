@@ -40,7 +40,8 @@ from dmoc.export.rests_text import carried_rests, planner_doubles, rests_facts
 from dmoc.mechanics.phase_models import check_one_for_all
 from dmoc.planning.planner import Planner
 from dmoc.problem.problem import Problem
-from dmoc.program.arrays import ElementData, strided
+from dmoc.program.arrays import ElementData
+from dmoc.program.assembly import strided
 from dmoc.program.transcription import Transcription
 from dmoc.results.solution import Solution
 from dmoc.solvers.compiled import interior_memory

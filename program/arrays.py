@@ -98,20 +98,3 @@ class ProgramData:
     def first_parameter(self) -> int:
         """Where the parameters begin in the pool."""
         return self.n + self.m + 2
-
-
-def strided(at: Positions) -> tuple[int, int] | None:
-    """Position of the first row and distance of the rows, if rows are consecutive and evenly apart.
-
-    An argument that is not has to be gathered value by value.
-    """
-    if at.size == 0:
-        return 0, 0
-    if at.size == 1:
-        return int(at[0, 0]), 0
-    first, stride = int(at[0, 0]), int(at[1, 0] - at[0, 0]) if len(at) > 1 else 0
-    rows, size = at.shape
-    if int(at[-1, -1]) != first + stride * (rows - 1) + size - 1:
-        return None
-    straight = first + stride * np.arange(rows)[:, None] + np.arange(size)
-    return (first, stride) if (at == straight).all() else None

@@ -2,10 +2,11 @@
 
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.program.arrays import ProgramData
+from dmoc.program.arrays import Positions, ProgramData
 
 class Program:
     compiled: bool
@@ -21,3 +22,7 @@ class Program:
 def transposed_product(
     start: NDArray[Any], column: NDArray[Any], values: Array, y: Array, columns: int
 ) -> Array: ...
+def strided(at: Positions) -> tuple[int, int] | None: ...
+def pattern(
+    row: Positions, column: Positions, rows: int, columns: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32], Positions]: ...

@@ -15,7 +15,70 @@ from passes cimport (
 
 import numpy as np
 
-from dmoc.program.arrays import strided
+
+def strided(const ptrdiff_t[:, :] at):
+    """Position of the first row and distance of the rows, if rows are consecutive and evenly apart;
+    else None.
+
+    An argument that is not has to be gathered value by value.
+    """
+    cdef ptrdiff_t rows = at.shape[0], size = at.shape[1], first, stride, i, j
+    if rows == 0 or size == 0:
+        return 0, 0
+    first, stride = at[0, 0], at[1, 0] - at[0, 0] if rows > 1 else 0
+    for i in range(rows):
+        for j in range(size):
+            if at[i, j] != first + stride*i + j:
+                return None
+    return first, stride
+
+
+def pattern(const ptrdiff_t[::1] row, const ptrdiff_t[::1] column, int rows, int columns):
+    """The distinct places (row, column) by rows, then columns: starts of the rows, columns, and the
+    number of each place given, -1 where its row is negative."""
+    cdef ptrdiff_t e, i, count = 0
+    cdef ptrdiff_t size = row.shape[0]
+    cdef int last = -1
+    if column.shape[0] != size:
+        raise ValueError(f"expected {size} columns, got {column.shape[0]}")
+    # Sorted by columns, then by rows, like digits of a number.
+    cdef ptrdiff_t[::1] by_column = np.zeros(columns + 1, np.intp)
+    cdef ptrdiff_t[::1] by_row = np.zeros(rows + 1, np.intp)
+    for e in range(size):
+        if row[e] < 0:
+            continue
+        if row[e] >= rows or not 0 <= column[e] < columns:
+            raise ValueError(f"({row[e]}, {column[e]}): expected places of {rows} by {columns}")
+        by_column[column[e] + 1] += 1
+        by_row[row[e] + 1] += 1
+    for i in range(columns):
+        by_column[i + 1] += by_column[i]
+    for i in range(rows):
+        by_row[i + 1] += by_row[i]
+    cdef ptrdiff_t[::1] once = np.empty(by_row[rows], np.intp), order = np.empty_like(once)
+    for e in range(size):
+        if row[e] >= 0:
+            once[by_column[column[e]]] = e
+            by_column[column[e]] += 1
+    for i in range(once.shape[0]):
+        e = once[i]
+        order[by_row[row[e]]] = e
+        by_row[row[e]] += 1
+    starts, found = np.zeros(rows + 1, np.intc), np.empty(once.shape[0], np.intc)
+    slots = np.full(size, -1, np.intp)
+    cdef int[::1] start = starts, entry = found
+    cdef ptrdiff_t[::1] slot = slots
+    for i in range(order.shape[0]):
+        e = order[i]
+        if count == 0 or row[e] != last or column[e] != entry[count - 1]:
+            last = row[e]
+            entry[count] = column[e]
+            start[last + 1] += 1
+            count += 1
+        slot[e] = count - 1
+    for i in range(rows):
+        start[i + 1] += start[i]
+    return starts, found[:count].copy(), slots
 
 
 def _pattern(pattern, rows, entries):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
-from dmoc.program.assembly import transposed_product
+from dmoc.program.assembly import pattern, transposed_product
 from dmoc.program.blocks import Index
 
 if TYPE_CHECKING:
@@ -22,25 +22,20 @@ class SparsePattern:
     contribution is added to, -1 for none."""
 
     def __init__(self, shape: tuple[int, int], groups: Sequence[tuple[Index, Index]]) -> None:
-        flat = [row.ravel() * shape[1] + column.ravel() for row, column in groups]
-        keys = np.concatenate([*flat, np.zeros(0, dtype=np.intp)])
-        wanted = np.concatenate([*(row.ravel() >= 0 for row, _ in groups), np.zeros(0, dtype=bool)])
-        entries, slot = np.unique(keys[wanted], return_inverse=True)
-        slots = np.full(len(keys), -1, dtype=np.intp)
-        slots[wanted] = slot
-        ends = np.cumsum([len(f) for f in flat])
-        self.slots = (
-            [
-                s.reshape(row.shape)
-                for s, (row, _) in zip(np.split(slots, ends[:-1]), groups, strict=True)
-            ]
-            if groups
-            else []
+        none = np.zeros(0, dtype=np.intp)
+        rows, columns = (
+            np.concatenate([none, *(part.ravel() for part in parts)])
+            for parts in (zip(*groups, strict=True) if groups else ((), ()))
         )
+        starts, entries, slots = pattern(rows, columns, *shape)
         self.shape = shape
-        self.indices: NDArray[np.int32] = (entries % shape[1]).astype(np.int32)
-        counts = np.bincount(entries // shape[1], minlength=shape[0])
-        self.indptr: NDArray[np.int32] = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+        self.indptr: NDArray[np.int32] = starts
+        self.indices: NDArray[np.int32] = entries
+        self.slots = list[Index]()
+        at = 0
+        for row, _ in groups:
+            self.slots.append(slots[at : at + row.size].reshape(row.shape))
+            at += row.size
 
     @property
     def size(self) -> int:

@@ -4,8 +4,8 @@ they follow from."""
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Hashable
+from dataclasses import is_dataclass
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -110,17 +110,21 @@ MEMORY = Memory()
 
 def bytes_of(value: Any, counted: set[int]) -> int:
     """Bytes of the arrays in a value, each counted once."""
-    if id(value) in counted:
-        return 0
-    counted.add(id(value))
-    if hasattr(value, "nbytes"):
-        return int(value.nbytes)
-    if isinstance(value, Mapping):
-        return sum(bytes_of(part, counted) for part in value.values())
-    if isinstance(value, (tuple, list)):
-        return sum(bytes_of(part, counted) for part in value)
-    if is_dataclass(value) and hasattr(value, "__dict__") and not isinstance(value, type):
-        if hasattr(value, "manifest"):  # kernels, which are the caller's
-            return 0
-        return sum(bytes_of(getattr(value, f.name), counted) for f in fields(value))
-    return bytes_of(value.data, counted) if hasattr(value, "data") else 0  # a compiled program
+    total, parts = 0, [value]
+    while parts:
+        part = parts.pop()
+        if id(part) in counted:
+            continue
+        counted.add(id(part))
+        if hasattr(part, "nbytes"):
+            total += int(part.nbytes)
+        elif isinstance(part, (tuple, list)):
+            parts.extend(part)
+        elif isinstance(part, dict):
+            parts.extend(part.values())
+        elif is_dataclass(part) and not isinstance(part, type):
+            if not hasattr(part, "manifest"):  # kernels, which are the caller's
+                parts.extend(getattr(part, name) for name in part.__dataclass_fields__)
+        elif hasattr(part, "data"):  # a compiled program
+            parts.append(part.data)
+    return total

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import dmoc
-from dmoc.program.arrays import ProgramData, strided
-from dmoc.program.assembly import Program
+from dmoc.program.arrays import ProgramData
+from dmoc.program.assembly import Program, strided
 from dmoc.program.transcription import Transcription
 
 

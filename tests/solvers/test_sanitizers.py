@@ -27,7 +27,8 @@ import dmoc
 from dmoc.codegen.build import sources
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
-from dmoc.program.arrays import ElementData, PassData, ProgramData, strided
+from dmoc.program.arrays import ElementData, PassData, ProgramData
+from dmoc.program.assembly import strided
 from dmoc.solvers import ipm
 from dmoc.solvers.compiled import Factorisation
 
