@@ -101,13 +101,15 @@ static inline double aux_sign(const solver *s, int i)
 
 static inline double largest(const double *x, int n)
 {
-    double most = 0;
+    enum { LANES = 4 }; /* none of which waits for another */
+    double most[LANES] = {0};
     int unknown = 0; /* how many are not numbers */
-    for (int i = 0; i < n; ++i) {
-        most = max(most, fabs(x[i]));
-        unknown += x[i] != x[i];
-    }
-    return unknown ? NAN : most;
+    for (int i = 0; i < n; i += LANES)
+        for (int k = 0; k < LANES && i + k < n; ++k) {
+            most[k] = max(most[k], fabs(x[i + k]));
+            unknown += x[i + k] != x[i + k];
+        }
+    return unknown ? NAN : max(max(most[0], most[1]), max(most[2], most[3]));
 }
 
 /* Calls between the files stay inside of the library. */

@@ -74,12 +74,12 @@ double ip_solve_linear(solver *s)
     const double t = ip_seconds(s);
     memcpy(s->solution, s->right, sizeof(double)*(size_t)size);
     dmoc_ldl_solve(s->ldl, s->solution);
+    const double given = largest(s->right, size);
     double previous = INFINITY, ratio = INFINITY;
     for (int refinement = 0; refinement <= MOST_REFINEMENTS; ++refinement) {
         memcpy(s->rest, s->right, sizeof(double)*(size_t)size);
         subtract_product(s, s->solution, s->rest);
         const double wrong = largest(s->rest, size);
-        const double given = largest(s->right, size);
         ratio = wrong/(min(largest(s->solution, size), 1e6*given) + given + DBL_MIN);
         if (ratio > previous) { /* the correction made it worse: take it back */
             for (int i = 0; i < size; ++i)
