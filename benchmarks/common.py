@@ -33,6 +33,7 @@ from dmoc.problem.ranges import Boundary as Boundary
 from dmoc.program.extraction import multiplier_vectors, named_multipliers, trajectory
 from dmoc.program.minimal_times import WithMinimalTimes
 from dmoc.program.scaling import scale_of
+from dmoc.program.structure_cache import MEMORY as MEMORY
 from dmoc.program.transcription import Transcription
 from dmoc.simulation.contact_motion import node as node
 from dmoc.simulation.contact_motion import through_step as through_step
@@ -51,6 +52,8 @@ from dmoc.symbolic.families import model_spec
 
 # Some problems are those of the tests and of the examples, folders of scripts.
 sys.path += [str(Path(__file__).resolve().parent.parent / name) for name in ("tests", "examples")]
+# Of processes that are measured: modules are compiled when they are installed.
+AS_INSTALLED = {n: v for n, v in os.environ.items() if n != "PYTHONDONTWRITEBYTECODE"}
 COLUMNS = 100  # of a line of a page
 ITERATIONS = 1000  # of a solve, at most
 SAME_COST = 1e-6  # relative difference of two costs that are of one minimum
@@ -228,6 +231,16 @@ def program(
     make = WithMinimalTimes if METHODS[method].guided else Transcription
     nlp = make(problem, scale_of(problem, x, minimum))
     _ = nlp.program
+    return nlp
+
+
+def analysed(problem: dmoc.Problem, x: np.ndarray, method: str = "ipm") -> Transcription:
+    """The program of a problem with its patterns and, for the compiled method, the order and the
+    symbolic factorisation of its linear system, where nothing is kept from others."""
+    MEMORY.clear()
+    nlp = program(problem, x, method)
+    if method == "ipm":
+        kkt_layout(nlp)
     return nlp
 
 

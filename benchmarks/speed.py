@@ -14,8 +14,11 @@ from typing import Any
 import casadi_pendulum
 import numpy as np
 from common import (
+    AS_INSTALLED,
+    MEMORY,
     SAME_COST,
     Section,
+    analysed,
     casadi_sizes,
     casadi_start,
     clocked,
@@ -39,6 +42,8 @@ import dmoc
 
 SOLVED = "Solve_Succeeded"  # as CasADi says it
 PEER = "CasADi + IPOPT"
+# What comes before the first iteration, as a process reports it.
+ANALYSIS = ("cold patterns", "cold order", "patterns", "order")
 SLOWEST = 1000  # steps up to which the peer is measured
 
 
@@ -49,10 +54,10 @@ def comparison(quick: bool) -> Section:
     section = Section(
         "Solve: N = 100 + 100, same guess",
         "Median time of the solves from the automatic guess that succeeded. The program is built "
-        "beforehand: CasADi's expression graph, dmoc's patterns. dmoc's time includes the "
-        "analysis of the linear system. `ipopt` and `uno` run on dmoc's kernels through Python "
-        "callbacks. Scaled as dmoc: unknowns, rows and cost of CasADi's program are divided by the "
-        "sizes that dmoc takes.",
+        "beforehand: CasADi's expression graph, dmoc's patterns and the analysis of its linear "
+        "system, as where nothing is kept from other programs. `ipopt` and `uno` run on dmoc's "
+        "kernels through Python callbacks. Scaled as dmoc: unknowns, rows and cost of CasADi's "
+        "program are divided by the sizes that dmoc takes.",
         ["method", "solved", "ms", f"{PEER} takes", "iterations", "cost", "violation", "build, ms"],
     )
     reference = np.nan
@@ -82,7 +87,7 @@ def comparison(quick: bool) -> Section:
             f"{cost:.6f}", f"{missed:.0e}", ms(built.seconds),
         )  # fmt: skip
     for method, repeats in (("ipm", 51), ("slsqp", 5), ("ipopt", 5), ("uno", 1)):
-        seconds, own = clocked(lambda m=method: program(problem, x, m))
+        seconds, own = clocked(lambda m=method: analysed(problem, x, m))
         timing = solves(own, x, method, min(repeats, 3) if quick else repeats)
         last = timing.outcome
         section.row(
@@ -210,10 +215,14 @@ def where(quick: bool) -> Section:
         "Where the time of `ipm` goes",
         "Microseconds an iteration: kernels (values, first and second derivatives, assembled), "
         "linear system (factorisations, solves, refinement), the rest (vectors, line search, one "
-        "call into Python). The analysis is that of the first program of its form in a process.",
+        "call into Python). What comes before the first iteration of the first program of its "
+        "form: patterns of the derivatives and arrays of the program, then the order and the "
+        "symbolic factorisation of the linear system. Cold: in a process that has done nothing "
+        "before; anew: in one that has, where nothing is kept. Programs of one form share both.",
         [
             "N", "iterations", "factorisations", "kernels, us", "linear system, us", "rest, us",
-            "analysis before the first, ms",
+            "a solve, ms", "cold: patterns, ms", "order, ms", "anew: patterns, ms", "order, ms",
+            "both of a solve",
         ],
     )  # fmt: skip
     for steps in (100, 1000):
@@ -228,8 +237,13 @@ def where(quick: bool) -> Section:
             r["seconds"] - r["seconds_kernels"] - r["seconds_linear"],
         )
         each = [f"{1e6 * p / r['iterations']:.0f}" for p in parts]
-        analysis = _first("analysis", steps, 1 if quick else 5)
-        section.row(steps, r["iterations"], r["factorisations"], *each, ms(analysis))
+        runs = [_in_process("analysis", steps, 3) for _ in range(1 if quick else 5)]
+        parts = [median(run[part] for run in runs) for part in ANALYSIS]
+        share = f"{sum(parts[2:]) / r['seconds']:.0%}"
+        section.row(
+            steps, r["iterations"], r["factorisations"], *each, ms(r["seconds"]), *map(ms, parts),
+            share,
+        )  # fmt: skip
     return section
 
 
@@ -269,7 +283,7 @@ def growth(quick: bool, folder: Path) -> Section:
 
 def _in_process(what: str, steps: int, repeats: int) -> dict[str, Any]:
     command = [sys.executable, __file__, what, str(steps), str(repeats)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=AS_INSTALLED)
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
@@ -284,9 +298,12 @@ def _measure(what: str, steps: int, repeats: int) -> dict[str, Any]:
         answer = _own_answer(problem, what.removeprefix("answer by "))
         return {"seconds": answer.total if answer.confirmed else np.nan}
     x = guess(problem)
-    nlp = program(problem, x)
     if what == "analysis":
-        return {"seconds": clocked(lambda: kkt_layout(nlp))[0]}
+        runs = [_analysis(problem, x) for _ in range(1 + repeats)]
+        return dict(
+            zip(ANALYSIS, (*runs[0], *map(median, zip(*runs[1:], strict=True))), strict=True)
+        )
+    nlp = program(problem, x)
     if what == "ipm":
         before = _memory("VmRSS")
         Path("/proc/self/clear_refs").write_text("5")  # from here the peak is that of the solve
@@ -309,6 +326,14 @@ def _measure(what: str, steps: int, repeats: int) -> dict[str, Any]:
         "iterations": iterations,
         "solved": f"{int(good)}/1",
     }
+
+
+def _analysis(problem: dmoc.Problem, x: np.ndarray) -> tuple[float, float]:
+    """Seconds of the patterns of a program, and of the analysis of its linear system, where nothing
+    is kept from others."""
+    MEMORY.clear()
+    patterns, nlp = clocked(lambda: program(problem, x))
+    return patterns, clocked(lambda: kkt_layout(nlp))[0]
 
 
 def _memory(name: str) -> float:
