@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+
+from dmoc.base.records import value_class
 
 # Seconds that are left, at least, for those who take no less than a positive number.
 LEAST = 1e-9
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Deadline:
     """A moment of the performance counter, infinite where there is no limit.
 

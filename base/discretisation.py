@@ -12,11 +12,11 @@ without it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 from dmoc.base.errors import ModelError
+from dmoc.base.records import value_class
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     Index: TypeAlias = NDArray[np.intp]
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class InputForm:
     """How the rows of the inputs u of a phase stand for its steps.
 
@@ -75,7 +75,7 @@ FORMS = {
 }
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Discretisation:
     """Polynomials of a degree, and the forms of the inputs that go with them, the default first."""
 

@@ -4,10 +4,12 @@ read, and what the command line says of it."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from functools import cache, partial
 from types import NoneType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
+
+from dmoc.base.records import value_class
 
 if TYPE_CHECKING:
     from dmoc.base.arguments import ErrorKind
@@ -16,7 +18,7 @@ T = TypeVar("T")
 ABOUT = "option"  # in the metadata of a field
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Option:
     """What is known of an option beside its default."""
 

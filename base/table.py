@@ -9,9 +9,10 @@ import shutil
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, TypeAlias
+
+from dmoc.base.records import value_class
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -39,7 +40,7 @@ LONGEST_LINE = 10_000  # of a table in a file
 CELL = "text-align:left;padding:.15em .9em .15em 0;vertical-align:top"
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Table:
     """Rows of cells, the names of the columns where they have any, a title that pages show, and
     lines that follow."""

@@ -4,10 +4,10 @@ little."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from dmoc.base.records import value_class
 from dmoc.codegen.kernels import Array
 from dmoc.motion.trajectory import Trajectory
 from dmoc.simulation.sizes import Nodes, Sizes, gap_sizes
@@ -20,7 +20,7 @@ PENETRATION = 0.002
 ON_ARC, LASTING, GRAZED = 1e-4, 3, 3e-4
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Arc:
     """A time in which a motion lies on a surface, and how far a simulation may enter it."""
 
@@ -83,7 +83,7 @@ def allowance(
     """How far simulations may enter surfaces, a function of times (n,) with values (n, surfaces):
     where the motion itself lies on one, without a force of its own, and without end where they are
     ignored."""
-    bounds = np.unique([time for arc in arcs for time in (arc.begin, arc.end)])
+    bounds = np.array(sorted({time for arc in arcs for time in (arc.begin, arc.end)}), dtype=float)
     between = np.zeros((len(bounds) + 1, surfaces))  # before, between and after the bounds
     for arc in arcs:
         first, last = np.searchsorted(bounds, (arc.begin, arc.end))

@@ -4,11 +4,10 @@ segment."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from dmoc.base.records import record
+from dmoc.base.records import record, value_class
 from dmoc.check.checked_motion import Motion
 from dmoc.check.consistency import JOINED
 from dmoc.check.findings import largest
@@ -26,7 +25,7 @@ EXPLAINED = 5.0
 ASTRAY = 100.0  # ranges from the motion at which an open-loop run ends
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Departures:
     """Planned collisions that a simulation misses, and other contacts that it meets."""
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
 from dmoc.base.errors import SimulationError
+from dmoc.base.records import value_class
 from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table, passed
 from dmoc.check.amplification import Carried
@@ -67,7 +67,7 @@ TERMINAL, WEIGHED, UNSTABLE_SEGMENT = 0.25, 0.01, 0.005
 
 
 @public(SimulationError)
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Verification(Shown):
     """What the check found.  Errors are relative to the range of the coordinate and to the largest
     momentum of the motion.

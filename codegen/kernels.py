@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dmoc.base.errors import BuildError
+from dmoc.base.records import value_class
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.border import Library
 from dmoc.codegen.manifest import FunctionFacts, Manifest, OutputFacts
@@ -23,7 +24,7 @@ COMPILED = "compiled"
 NUMPY = "numpy"
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Kernels(Shown):
     """The kernels of one model.
 

@@ -9,7 +9,6 @@ impulses follow from the motion.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -25,6 +24,7 @@ from dmoc.base.arguments import (
     shown,
 )
 from dmoc.base.errors import ProblemError
+from dmoc.base.records import value_class
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import in_contact
 from dmoc.guess.inverse_dynamics import acting
@@ -42,7 +42,7 @@ COURSE = "expected a number, a list of keyframes, or a function of the time"
 Course: TypeAlias = float | Array | Callable[[Array], Any]
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Courses:
     """What is given for some phases in a row: the first one and the one behind the last, courses
     by name, and durations of the phases or None."""

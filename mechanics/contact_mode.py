@@ -4,8 +4,9 @@ holds in a phase, and the event at an instant between two."""
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from dmoc.base.records import value_class
 from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
 from dmoc.motion.friction import FRICTION, SLIDING, STICK, after_stop, friction_word, sticks
 from dmoc.motion.trajectory import mode_word
@@ -13,7 +14,7 @@ from dmoc.motion.trajectory import mode_word
 LATE = "late"
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Mode:
     """Closed surfaces, tangents that stick, and tangents that slide with their signs."""
 
@@ -99,7 +100,7 @@ def without_rails(supports: tuple[int, ...], mode: Mode) -> Mode:
     return mode.among(mode.closed, lambda k: supports[k] != RAIL)
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Course:
     """How friction acts in the course of an impact.
 
@@ -153,7 +154,7 @@ class Course:
 COURSES = ("", *FRICTION, *(str(c) for s in SLIDING for c in Course.stopping(s, True)))
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Event:
     """What happens between two phases.
 

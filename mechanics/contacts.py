@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import value_class
 from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON, ImpactLaw
 from dmoc.motion.trajectory import by_grip
 
@@ -17,7 +17,7 @@ NOWHERE = -1
 RAIL = NOWHERE
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Contacts:
     """What can touch in a model: its surfaces, and its tangents, of which those that are named like
     a surface belong to it and the others are rails; surfaces without restitution, those whose

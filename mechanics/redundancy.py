@@ -10,11 +10,11 @@ at later times: what follows from a constraint sticks only if that never moves i
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import value_class
 from dmoc.base.tolerances import DEPENDENT, KEPT
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.conditions import GAPS, JOINTS, TANGENTS, Condition, Conditions, in_order
@@ -30,7 +30,7 @@ UNDETERMINED = 1e-6
 Bools = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Redundancy:
     """What follows of the conditions of a mode.
 

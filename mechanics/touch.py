@@ -3,12 +3,12 @@ masks, with a row for each phase or event and a column for each surface or tange
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import value_class
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
@@ -17,7 +17,7 @@ from dmoc.motion.friction import STICK
 Bools = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Open:
     """What no word says: surfaces that may be closed and tangents that may rub at any time, and
     surfaces that are closed at the start.  The hits of events are left open too: they may be
@@ -28,7 +28,7 @@ class Open:
     closed: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Touch:
     """The modes of the phases of a motion, and the events between them; what is left open in all of
     them, of a relaxed program."""

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib import import_module
 from math import pi
 from typing import TYPE_CHECKING, Any
+
+from dmoc.base.records import value_class
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Entry:
     """A shipped model, with the fields of a :class:`dmoc.Problem` if it comes with one."""
 

@@ -11,7 +11,7 @@ import traceback
 import types
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from dmoc.base.discretisation import known_order
 from dmoc.base.errors import DmocError, ModelError
 from dmoc.base.messages import LONGEST_PATH
 from dmoc.base.progress import Listener
+from dmoc.base.records import value_class
 from dmoc.base.signatures import public
 from dmoc.codegen.build import load_installed
 from dmoc.codegen.kernels import Kernels
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 
 @public(ModelError)
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Reference:
     """A model named by the user, with the fields of the problem it comes with; ``made`` makes
     its kernels of an order."""

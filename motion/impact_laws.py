@@ -7,10 +7,11 @@ Their equations are in ``program/laws``, and once more, by other means, in
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+
+from dmoc.base.records import value_class
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class ImpactLaw:
     """A law of impact in words.
 

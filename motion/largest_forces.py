@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from dmoc.base.records import value_class
 from dmoc.motion.trajectory import Trajectory
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class LargestForce:
     """The largest force of a contact along a motion, "N" or "T", or of a constraint, "R": its
     value, in newton for contacts, which has a sign for T and R, and its time in seconds."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dmoc.base.records import value_class
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ COLUMNS = {
 FINE, FINEST = 60, 3000
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Shape:
     """A shape of a drawing: its columns are ``start`` to ``start + size``.
 
@@ -45,7 +46,7 @@ class Shape:
     size: int
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Scene:
     """Shapes and their places along a motion.
 

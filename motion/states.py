@@ -25,6 +25,7 @@ from dmoc.base.arguments import array, choice, shown
 from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.base.errors import MotionError
 from dmoc.base.names import momentum_name, velocity_name
+from dmoc.base.records import value_class
 from dmoc.base.tolerances import ROUNDING
 from dmoc.motion.trajectory import Array, Phase, Trajectory
 
@@ -93,7 +94,7 @@ class State(Mapping[str, "Array | float"]):
         return f"State({', '.join(f'{name}={value:.6g}' for name, value in self.items())})"
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Names:
     """Names of what a motion consists of."""
 

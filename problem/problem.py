@@ -4,7 +4,7 @@ bounds, parameters."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -12,6 +12,7 @@ from dmoc.base.arguments import Interval, Range
 from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
+from dmoc.base.records import value_class
 from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Array, Kernels
@@ -62,7 +63,7 @@ if TYPE_CHECKING:
 
 
 @public(ProblemError)
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Problem(Shown):
     """An optimal control problem for a fixed sequence of collisions.
 

@@ -4,7 +4,6 @@ and of its integrals at the goal."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from dmoc.base.arguments import Range, interval, shown
 from dmoc.base.errors import ProblemError
+from dmoc.base.records import value_class
 from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.phase_models import ENDS
@@ -27,7 +27,7 @@ NEWTON = 20
 TURN = 2 * np.pi
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class QuantityRanges:
     """Ranges of the quantities at the start and at the goal, shape (nz, 2) each, and at the events,
     shape (events, nz, 2); equal ends fix a value, infinite ones leave it free."""

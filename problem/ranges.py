@@ -4,7 +4,6 @@ at events."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from dmoc.base.arguments import (
 )
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import bounded_momentum, load_of, momentum_name, velocity_name
+from dmoc.base.records import value_class
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
 from dmoc.mechanics.phase_models import ENDS
@@ -45,7 +45,7 @@ MOST_UNKNOWNS = 2_000_000
 LONGEST_TIME = 1e60
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Boundary:
     """Bounds of the state at one end: shape (nq, 2) each; equal bounds fix a value, infinite
     ones leave it free."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from dmoc.base.arguments import Range, check_known, interval, listed, number, shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import name_of
+from dmoc.base.records import value_class
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model_values import by_name
 from dmoc.problem.quantities import onto_quantities
@@ -26,7 +26,7 @@ EXPECTED = (
 )
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Relation:
     """A state at the end is a sum of factors times states at the start, and a difference between
     two bounds further."""

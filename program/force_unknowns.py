@@ -9,12 +9,11 @@ Both ends of the motion have more of them, where something is said of quantities
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from dmoc.base.discretisation import InputForm
-from dmoc.base.records import record
+from dmoc.base.records import record, value_class
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Bools, Index, Numbering
@@ -22,7 +21,7 @@ from dmoc.program.scale import Scale
 from dmoc.program.stations import Stations
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Wanted:
     """Where forces are unknowns: along the motion, at its start, at its goal; ``contained`` says
     that the model's quantities contain any."""

@@ -8,11 +8,10 @@ in one direction or sticks.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from dmoc.base.records import record
+from dmoc.base.records import record, value_class
 from dmoc.mechanics.contact_mode import FREE, Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.touch import Touch
@@ -27,7 +26,7 @@ MOMENTS = ("where compression ends", "where sliding stops")
 STAGES = 3
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Passage:
     """The way through the impact of one event.
 

@@ -8,11 +8,10 @@ A contact leaves where its normal force vanishes, if no input changes that force
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from dmoc.base.records import record
+from dmoc.base.records import record, value_class
 from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_forces import accelerations_and_forces
 from dmoc.mechanics.contact_mode import Mode
@@ -27,7 +26,7 @@ from dmoc.program.force_unknowns import labels_of_forces, sizes, there_are_force
 DRAWS, UNCHANGED = 3, 1e-9
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Liftoff:
     """Surfaces that leave at an event where their normal forces vanish."""
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from dmoc.base.discretisation import Discretisation
+from dmoc.base.records import value_class
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import Bools, Index
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Stations:
     """The stations of impulses along phases, one row each, in the order of time; a phase without
     steps has none.

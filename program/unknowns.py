@@ -25,7 +25,6 @@ v_c, in these places because files keep multipliers in this order),
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
@@ -33,7 +32,7 @@ import numpy as np
 
 from dmoc.base.discretisation import DISCRETISATIONS, FORMS, Discretisation, InputForm
 from dmoc.base.names import momentum_name, velocity_name
-from dmoc.base.records import record
+from dmoc.base.records import record, value_class
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Block, Bools, Counted, Index, Numbering
@@ -49,7 +48,7 @@ from dmoc.program.scale import Scale
 from dmoc.program.stations import Stations
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Kind:
     """Everything that a layout depends on; ``v_at_start`` and ``v_at_end`` say whether the
     velocities there are unknowns."""

@@ -3,8 +3,7 @@ plain data, which read as text."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from dmoc.base.records import value_class
 from dmoc.motion.friction import FRICTION, STICKING
 
 # What a contact does where it is open and where it is closed; the other words are of friction.
@@ -12,7 +11,7 @@ OPEN, CLOSED = "open", "closed"
 CONTACT_STATES = (OPEN, CLOSED, *FRICTION)
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Stay:
     """A part of a phase in which a contact stays at the edge of its mode: at rest where it should
     slide, at the limit of its friction where it sticks, or without a force where it is closed.
@@ -48,7 +47,7 @@ class Stay:
         )
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Proposal:
     """A sequence that may cost less than that of a motion; as text, why, and the words to try.
 

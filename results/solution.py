@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dmoc.base.arguments import path as path_of
 from dmoc.base.errors import ModelError, ProblemError
+from dmoc.base.records import value_class
 from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Kernels
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from dmoc.control.stability import Stability
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Mesh:
     """One mesh of a refinement.
 
@@ -61,7 +62,7 @@ class Mesh:
     difference: float | None = None
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Minimum:
     """A local minimum that was found beside the answer.
 
@@ -85,7 +86,7 @@ class Minimum:
 
 
 @public(ProblemError)
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Solution(Shown, MotionResult, Saved):
     """Result of :func:`dmoc.solve`.
 

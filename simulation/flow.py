@@ -10,13 +10,12 @@ of the motion that is looked at.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.base.records import record
+from dmoc.base.records import record, value_class
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
@@ -41,7 +40,7 @@ Bools = NDArray[np.bool_]
 FIRST, LAST = np.array([0]), np.array([1])  # the step of a list of one
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class SurfaceContact:
     """A contact met by a simulation; ``jump`` is its largest change of a momentum relative to
     the largest momentum."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from dmoc.base.deadline import ENDLESS, Deadline
-from dmoc.base.records import record
+from dmoc.base.records import record, value_class
 from dmoc.base.tolerances import ITERATIONS, OPTIMALITY, VIOLATION
 from dmoc.codegen.kernels import Array
 
@@ -56,7 +56,7 @@ NOWHERE = (Status.INFEASIBLE, Status.STALLED)
 UNREFINED = "coarse"  # of a minimum that is known from a coarse mesh alone, in place of a status
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Iteration:
     """One line of progress."""
 
@@ -68,7 +68,7 @@ class Iteration:
         return f"iteration {self.number}  cost {self.cost:.6g}  violation {self.violation:.1e}"
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Options:
     """Limits and tolerances of a solve."""
 
@@ -115,7 +115,7 @@ class Duals:
         return np.concatenate([self.y, -self.w])
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Residuals:
     """Optimality: stationarity and complementarity relative to the cost.  Violation: largest |c|,
     -d or excess over a bound, relative to the size of the constraint or unknown."""

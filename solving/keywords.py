@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from dmoc.base.options import option
+from dmoc.base.records import value_class
 from dmoc.base.tolerances import ITERATIONS, OPTIMALITY, VIOLATION
 from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, SEARCHING, ProgramForm, listed
 
@@ -23,7 +24,7 @@ WORKERS = "Processes of this machine."
 SEED = "Seed of the random starts."
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Keywords:
     """The keywords of :func:`dmoc.solve` that mean the same for every problem."""
 
@@ -65,7 +66,7 @@ class Keywords:
     reference: str = option("", "text")
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class BatchKeywords:
     """The keywords of :func:`dmoc.solve_many` and :func:`dmoc.sweep`; ``options`` are those of a
     solve."""

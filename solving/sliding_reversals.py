@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice
 
+from dmoc.base.records import value_class
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import NOWHERE, Contacts
 from dmoc.mechanics.sequence_words import touch_along
@@ -40,7 +40,7 @@ def naming_turns(answer: Solution, case: Case) -> Solution:
     return answer
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class _Said:
     """The first words of a sequence: the last of them with the mode before it, and those before."""
 

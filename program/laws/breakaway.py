@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class BreakawayLaw(Law):
     """Law of contacts that break away at the end of a phase from the static ``friction`` there."""
 

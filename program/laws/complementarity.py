@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 OF_HITS = 1e-2
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class ComplementarityLaw(Law):
     """The contacts that are left open; where nothing is, the law has no rows.
 

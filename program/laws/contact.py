@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class ContactLaw(Law):
     """The contacts that last along the phases of a problem.
 
@@ -191,7 +191,7 @@ class ContactLaw(Law):
             yield from self.along.loose(unknowns.P, unknowns.P_c, self.settled.closed)
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class LawAtContacts(Law):
     """A law of what touches or rubs at the contacts of the law ``contact``."""
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class CrossingLaw(Law):
     """Switches of a sequence; without rows where there are none.
 

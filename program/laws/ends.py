@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.base.names import momentum_name, unit_of
-from dmoc.base.records import record
+from dmoc.base.records import record, value_class
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.problem.relations import Relation
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Goal:
     """A value of the goal that is a constraint: the unknown, its range and its name."""
 
@@ -64,7 +64,7 @@ class Line:
     constant: float
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class EndsLaw(Law):
     """Both ends of a motion; ``goals`` are values of the goal that are constraints instead of
     bounds."""

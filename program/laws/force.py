@@ -61,7 +61,7 @@ def _tangents(lay: Layout) -> slice:
     return slice(first, first + len(lay.touch.contacts.tangents))
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class ForceLaw(Law):
     """Accelerations and forces along a motion and at its ends; without rows where none are
     wanted."""

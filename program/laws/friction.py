@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class FrictionLaw(LawAtContacts):
     """Law of the friction of contacts and rails along the phases of a problem.
 

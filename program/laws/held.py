@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 PARTS = ("until", "after")
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class HeldLaw(LawAtContacts):
     """What holds during the impacts with friction of a problem.
 

@@ -77,7 +77,7 @@ RESTITUTIONS: dict[str, Restitution] = {
 BEFORE, AFTER = 0, 1 + len(MOMENTS)
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class HitLaw(Law):
     """The impacts with friction of a problem.
 

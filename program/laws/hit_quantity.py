@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class HitQuantityLaw(Law):
     """Quantities of hits, within their bounds and below their peaks."""
 

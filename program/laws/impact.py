@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class ImpactLaw(Law):
     """Newton's law at the collisions of a sequence.
 

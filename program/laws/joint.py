@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class JointLaw(Law):
     """The constraints of a model; where there are none the law has no rows.
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class KinkLaw(Law):
     """Hidden unknowns; ``limited`` tells which ones something holds."""
 

@@ -54,7 +54,7 @@ class Remembered:
     numbers: tuple[bytes, tuple[Array, Array]] | None = None
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Laws:
     """All laws of a program, in the order of their rows, and the blocks of all rows."""
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class LiftoffLaw(Law):
     """Contacts that leave where they do not press; without rows where there are none.
 

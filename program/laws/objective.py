@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class ObjectiveLaw(Law):
     """Totals and the objective."""
 

@@ -60,7 +60,7 @@ class Side:
     unknowns: Index | None = None
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class PathLaw(Law):
     """The path constraints of a problem, or the bounds of its quantities.
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class QuantityLaw(Law):
     """Quantities at the start, at the goal and at the events, in this order."""
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class SlidingLaw(LawAtContacts):
     """Law of the direction of tangents that slide along phases, at the contacts of the law
     ``contact``."""

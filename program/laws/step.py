@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class StepLaw(Law):
     """The steps of all phases; ``gaps`` tells the nodes and surfaces whose gap is a constraint."""
 
@@ -199,10 +199,10 @@ class StepLaw(Law):
     def _left(self) -> Iterator[tuple[int, list[int]]]:
         """Steps that begin where surfaces that are ignored are left, and these: the sequence names
         them, so that they are not passed there, as under load."""
-        ignored = np.flatnonzero(self._ignored() & ~self.lay.touch.contacts.pull)
+        ignored = self._ignored() & ~self.lay.touch.contacts.pull
         for step, event in zip(self.lay.collision_nodes, self.lay.touch.events, strict=True):
             if step < self.lay.total:
-                yield int(step), np.intersect1d(event.leaves, ignored).astype(int).tolist()
+                yield int(step), [surface for surface in event.leaves if ignored[surface]]
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:
         lay, momentum = self.lay, self.momentum.index

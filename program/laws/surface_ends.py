@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class SurfaceEndsLaw(Law):
     """The ends of the surfaces of a problem; without rows where there are none."""
 

@@ -85,7 +85,7 @@ def returned(rates: Array, A: Array, mu: float, e: float, e_t: float) -> Returne
     return Returned(stopping, np.array([lam, T]), s)
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class TangentialLaw(Law):
     """The hits with tangential restitution of a problem.
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class VelocityLaw(Law):
     """Bounds of the velocities, shape (nq, 2)."""
 

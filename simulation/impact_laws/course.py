@@ -14,12 +14,12 @@ where n = 0.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
 
-from dmoc.base.records import record
+from dmoc.base.records import record, value_class
 from dmoc.codegen.kernels import Array
 from dmoc.motion.friction import STICK, friction_word, sliding_with, sticks
 
@@ -53,7 +53,7 @@ class HitState:
 Restitution = Callable[[float, HitState, HitState, float], float]
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Impulses:
     """Normal impulse P >= 0 and tangential impulse S with |S| <= mu P, and the states of friction
     in compression and in restitution, one after the other."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.records import value_class
 from dmoc.guess.random_motions import IN_TURN
 from dmoc.solving.multistart.minima import Basin
 
@@ -16,7 +16,7 @@ from dmoc.solving.multistart.minima import Basin
 PATIENCE = 6
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Effort:
     """How many starts are tried, and what is done with what they find."""
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.base.deadline import Deadline
+from dmoc.base.records import value_class
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses, natural_time
 from dmoc.guess.neighbours import neighbours
@@ -39,7 +40,7 @@ WIDER = (4.0, 2.8, 2.0, 1.6, 1.3, 1.12, 1.0)
 WIDE_STARTS, FOLLOWED = 32, 8
 
 
-@dataclass(frozen=True)
+@value_class(frozen=True)
 class Start:
     """One start: its name, how it ended, its cost on the coarse mesh where solved."""
 

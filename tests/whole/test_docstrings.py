@@ -45,8 +45,11 @@ def test_records_of_the_reference_are_frozen() -> None:
         if module.startswith("dmoc."):
             thing = getattr(import_module(module), attribute)
             if isinstance(thing, type) and is_dataclass(thing):
+                base = str if issubclass(thing, str) else object
+                one, name = base.__new__(thing), fields(thing)[0].name
+                vars(one)[name] = None
                 with pytest.raises(FrozenInstanceError):
-                    thing.__setattr__(object(), fields(thing)[0].name, None)
+                    setattr(one, name, None)
                 seen += 1
     assert seen > 20
 
