@@ -114,7 +114,8 @@ def test_contacts_that_last_are_solved_without_a_compiler() -> None:
 @pytest.mark.parametrize("order", [2, 4])
 def test_the_full_program_has_the_minimum_of_the_condensed_one(order: int) -> None:
     condensed, full = (
-        dmoc.solve(block_and_wall.problem(0.8, 8, order), form=form, verify=False) for form in FORMS
+        dmoc.solve(block_and_wall.problem(0.8, 8, order), form=form, starts=1, verify=False)
+        for form in FORMS
     )
     assert full.status == condensed.status == "solved"
     assert full.cost == pytest.approx(condensed.cost, rel=1e-12)
