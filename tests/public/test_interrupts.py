@@ -50,12 +50,12 @@ def test_solves_that_overlap_in_threads_leave_the_thread_limit_as_it_was(
         began.set()
         wait_for(ended, i)
 
-    problem = seed.but(steps=20)
-    dmoc.solve(problem, "slsqp", verify=False)  # loads the libraries
+    problem, alone = seed.but(steps=20), {"starts": 1, "verify": False}
+    dmoc.solve(problem, "slsqp", **alone)  # loads the libraries
     with threadpool_limits(2):
         before = limits()
         late = threading.Thread(
-            target=dmoc.solve, args=(problem, "slsqp"), kwargs={"progress": second, "verify": False}
+            target=dmoc.solve, args=(problem, "slsqp"), kwargs=dict(progress=second, **alone)
         )
 
         def first(i: Iteration) -> None:
@@ -63,7 +63,7 @@ def test_solves_that_overlap_in_threads_leave_the_thread_limit_as_it_was(
                 late.start()
             wait_for(began, i)
 
-        assert dmoc.solve(problem, "slsqp", progress=first, verify=False).status == "solved"
+        assert dmoc.solve(problem, "slsqp", progress=first, **alone).status == "solved"
         ended.set()
         late.join(60)
         assert limits() == before

@@ -359,7 +359,8 @@ def test_a_numerical_failure_is_a_status_and_nothing_is_written(
     problem = there_and_back(
         dmoc.build(block_system()), goal={"x": 1.0, "x_dot": 0}, steps=40, restitution=0.5
     )
-    one, other = (dmoc.solve(problem, method) for method in ("slsqp", "ipm"))
+    other = dmoc.solve(problem, "ipm")
+    one = dmoc.solve(problem, "slsqp", guess=other.unknowns)
     assert one.status == other.status == "not_verified"  # feasible, and too coarse for its impact
     assert "law of impact" in one.message and one.max_violation < 1e-9
     assert one.cost == pytest.approx(other.cost, rel=1e-6)
