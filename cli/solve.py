@@ -31,7 +31,6 @@ from dmoc.solving.keywords import Keywords
 
 if TYPE_CHECKING:
     from dmoc.program.cost_derivatives import Sensitivities
-    from dmoc.proving.certificate import Certificate
 
 
 def solve(
@@ -74,11 +73,10 @@ def solve(
     solution = solved(problem, guess=first_motion, progress=True, **passed_on(keywords))
     files: list[Path] = []
     derivatives: list[Sensitivities] = []
-    certificates: list[Certificate] = []
 
     def save() -> None:
         if target is not None:
-            files.append(solution.save(target / "solution.npz"))
+            files[:] = [solution.save(target / "solution.npz")]
 
     def differentiate() -> None:
         if sensitivities and solution.converged:
@@ -87,15 +85,15 @@ def solve(
             derivatives.append(differentiated(problem, solution))
 
     def prove() -> None:
+        nonlocal solution
         if certify:
             from dmoc.proving.certify import certify as certified
 
-            certificates.append(certified(problem, solution))
+            solution = solution.with_certificate(certified(problem, solution))
+            save()
 
     def told() -> dict[str, Any]:
         more: dict[str, Any] = {"sensitivities": derivatives[0]} if derivatives else {}
-        if certificates:
-            more["certificate"] = certificates[0].to_dict()
         return solution.to_dict() | more
 
     def tell() -> None:
@@ -105,8 +103,6 @@ def solve(
                 out.print(f"Help: dmoc explain {solution.status}", style="dim")
             for slopes in derivatives:
                 _print_sensitivities(slopes)
-            for certificate in certificates:
-                print_table(certificate.summary(), out)
             written(*files)
 
     in_turn(

@@ -12,9 +12,9 @@ from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.transcription import Transcription
 from dmoc.proving.active_set import ELSEWHERE, doubtful, first_set, posed, sharpened
-from dmoc.proving.certificate import Certificate
 from dmoc.proving.names import listed
 from dmoc.proving.proof import Trial, proof
+from dmoc.results.certificate import Certificate
 from dmoc.results.solution import Solution
 from dmoc.solvers.blas import ONE_THREAD
 from dmoc.solvers.outcome import Duals
@@ -29,7 +29,7 @@ MOST = 9000
 @public(ProblemError)
 def certify(problem: Problem, solution: Solution) -> Certificate:
     """Prove that a strict local minimum of the discrete program lies near a solution, with all
-    rounding errors counted; see :class:`~dmoc.proving.certificate.Certificate`.
+    rounding errors counted; see :class:`~dmoc.results.certificate.Certificate`.
 
     Raises
     ------

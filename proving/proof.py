@@ -16,12 +16,12 @@ from dmoc.program.blocks import Index
 from dmoc.program.transcription import Transcription
 from dmoc.proving.active_set import Point, may_hold, shared_forces
 from dmoc.proving.balls import ENLARGED, Ball
-from dmoc.proving.certificate import Certificate
 from dmoc.proving.dependence import Null
 from dmoc.proving.enclosure import Inverse, radii
 from dmoc.proving.factorisation import SignedFactors, lost_of
 from dmoc.proving.names import MOST_NAMED, bound_name, counted, row_name
 from dmoc.proving.optimality_system import Matrix, Values, balanced, scaled, whole
+from dmoc.results.certificate import Certificate
 
 # Balls of some constraints, what names them, and their numbers.
 Part: TypeAlias = tuple[Ball, Callable[[int], str], Index]

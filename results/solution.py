@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,15 +15,14 @@ from dmoc.base.records import value_class
 from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Kernels
-from dmoc.motion.friction import friction_word
-from dmoc.motion.largest_forces import largest_forces
 from dmoc.motion.trajectory import Array, Collision, Phase, Trajectory
 from dmoc.program.active_constraints import ActiveBound
-from dmoc.results.exploration import exploration_of
+from dmoc.results.certificate import Certificate, checked
 from dmoc.results.motion_result import MotionResult
 from dmoc.results.notes import Note, Topic, message_of
 from dmoc.results.proposal import Proposal
 from dmoc.results.result_file import Saved
+from dmoc.results.solution_data import data_of_solution
 from dmoc.results.solution_table import table_of_solution
 from dmoc.solvers.outcome import CONVERGED, MINIMA, Status
 
@@ -158,6 +157,8 @@ class Solution(Shown, MotionResult, Saved):
     scale : mapping of str to float
         Sizes of the time, the cost, states, inputs and gaps that the solver worked with, read off
         the start.
+    certificate : Certificate or None
+        What :func:`dmoc.certify` proves of it, where :meth:`with_certificate` has put it.
 
     Examples
     --------
@@ -206,6 +207,7 @@ class Solution(Shown, MotionResult, Saved):
     proposal: Proposal | None = None
     design: Mapping[str, float] = field(default_factory=dict)
     periodic: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    certificate: Certificate | None = None
     kernels: Kernels | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
@@ -312,6 +314,18 @@ class Solution(Shown, MotionResult, Saved):
 
         return stability(linearised(self, kernels, "its stability"), self.periodic)
 
+    def with_certificate(self, certificate: Certificate) -> Solution:
+        """The same with what :func:`dmoc.certify` proves of it, which ``print``, report, JSON and
+        file show then.
+
+        Raises
+        ------
+        ProblemError
+            If it is no certificate, or one of a motion of another cost.
+        """
+        certificate = checked(certificate, self.cost, self.scale)
+        return replace(self, certificate=certificate)
+
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write problem, result, minima, check and figure on one page for somebody else: .html,
         which needs no network and is light or dark, or .pdf.
@@ -331,49 +345,7 @@ class Solution(Shown, MotionResult, Saved):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary that the command line prints as JSON."""
-        check, proposal, refinement = self.verification, self.proposal, dict[str, Any]()
-        if self.meshes:  # to a tolerance
-            refinement = {"error_estimate": self.error_estimate}
-            refinement["meshes"] = [asdict(m) for m in self.meshes]
-        return {
-            "model": self.trajectory.model,
-            "method": self.method,
-            "status": str(self.status),
-            **_named(self, "message cost final_time"),
-            "totals": dict(self.trajectory.totals),
-            "design": dict(self.design),
-            "active_bounds": list(map(str, self.active_bounds)),
-            "phases": [_named(p, "steps step_size duration mode") for p in self.phases],
-            "collisions": [_event(c) for c in self.collisions],
-            "largest_forces": [asdict(force) for force in largest_forces(self.trajectory)],
-            **_named(self, "max_violation optimality iterations"),
-            "seconds": dict(self.seconds),
-            "verification": None if check is None else check.to_dict(),
-            "conflicts": list(self.conflicts),
-            "scale": dict(self.scale),
-            **exploration_of(self),
-            "proposal": None if proposal is None else asdict(proposal),
-            **refinement,
-        }
-
-
-def _named(value: Any, names: str) -> dict[str, Any]:
-    return {name: getattr(value, name) for name in names.split()}
-
-
-def _event(c: Collision) -> dict[str, Any]:
-    """A collision as plain data."""
-    arrays = _named(c, "position momentum_before momentum_after")
-    return {
-        "event": c.word,
-        "surface": c.surface or None,
-        **_named(c, "time impulse rate_before rate_after grazes course"),
-        **{name: array.tolist() for name, array in arrays.items()},
-        **{name: list(names) for name, names in _named(c, "lands leaves off").items()},
-        "friction": {name: friction_word(s) for name, s in c.friction.items()},
-        "impulses": dict(c.impulses),
-        "tractions": dict(c.tractions),
-    }
+        return data_of_solution(self)
 
 
 def saying(solution: Solution, more: str, topic: Topic = Topic.OTHER) -> Solution:

@@ -17,6 +17,7 @@ from dmoc.motion.states import PARTS
 from dmoc.motion.trajectory import FORCES, Collision, Phase, Trajectory
 from dmoc.program.active_constraints import ActiveBound
 from dmoc.program.bound_kinds import BoundKind
+from dmoc.results.certificate import Certificate, wrong
 from dmoc.results.notes import Note, Topic
 from dmoc.results.proposal import CONTACT_STATES, Proposal, Stay
 from dmoc.results.result_file import REMEDY, ResultFile
@@ -41,7 +42,7 @@ from dmoc.results.solution import Mesh, Minimum, Solution
 from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import UNREFINED, Status
 
-FORMAT = 24  # of the files that are written and read
+FORMAT = 25  # of the files that are written and read
 INSIDE = ("q", "p", "normal", "tangential", "reaction")  # what phases have inside steps
 
 
@@ -98,12 +99,23 @@ def _wrong_solution(solution: Solution) -> str | None:
     for name, value in solution.design.items():
         if solution.trajectory.parameters.get(name) != value:
             return f"the design {name} = {value:g} is not that of the motion"
+    if solution.certificate and (
+        sentence := wrong(solution.certificate, solution.cost, solution.scale)
+    ):
+        return sentence
     numbers = [solution.cost, solution.max_violation, solution.optimality]
     values = np.concatenate([numbers, *(a.ravel() for a in solution.multipliers.values())])
     if solution.converged and not np.isfinite(values).all():
         return (
             f"the status is '{solution.status}', and a cost, residual or multiplier is not finite"
         )
+    return None
+
+
+def _wrong_certificate(certificate: Certificate) -> str | None:
+    """A sentence about a certificate that proves something and nothing."""
+    if certificate.proved and (certificate.cost is None or certificate.radius == np.inf):
+        return "the certificate has no condition that fails, and no cost or radius"
     return None
 
 
@@ -305,6 +317,21 @@ VERIFICATION = Record(
         "advice": Text(),
     },
 )
+CERTIFICATE = Record(
+    Certificate,
+    {
+        "fails": Listed(Text()),
+        "cost": Either(Nothing(), Listed(Number(), 2)),
+        "radius": Number(special=True),
+        "unknowns": Whole(),
+        "active": Whole(),
+        "slack": Number(special=True),
+        "held": Listed(Text()),
+        "left_out": Listed(Text()),
+        "seconds": Number(),
+    },
+    _wrong_certificate,
+)
 SOLUTION = Record(
     Solution,
     {
@@ -337,6 +364,7 @@ SOLUTION = Record(
         "proposal": Either(Nothing(), PROPOSAL),
         "design": Mapped(Number(), names=Name()),
         "periodic": Mapped(Mapped(Number(), names=Name()), names=Name()),
+        "certificate": Either(Nothing(), CERTIFICATE),
     },
     _wrong_solution,
 )

@@ -68,6 +68,8 @@ def tables(solution: Solution) -> Iterator[Table]:
         )
     if solution.verification:
         yield Table(tuple(_verified(solution)), title="Check by an independent simulation")
+    if solution.certificate:
+        yield solution.certificate.summary()
     if solution.converged:
         with suppress(ModelError):  # from a file, of a model that is not shipped
             yield _stability(solution)

@@ -108,3 +108,5 @@ def _evidence(s: Solution) -> Iterator[tuple[Cell, ...]]:
             text += f"force error {v.force_error:.1e}, "
         text += f"contacts missed {len(v.missed_contacts)}, extra {len(v.extra_contacts)}"
         yield "simulation", (passed(v.passed), (text, ""))
+    if s.certificate:
+        yield s.certificate.row

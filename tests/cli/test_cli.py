@@ -79,6 +79,8 @@ def test_laws_order_and_tolerance_are_options(run: Run, file: Model) -> None:
         f"{block} --restitution floor=0 --method ipm --order 4 --sensitivities --certify --out soft"
     )
     assert code == 0 and "50.95" in out and "restitution" in out and "certificate" in out
+    kept = dmoc.Solution.load("soft/solution.npz").certificate
+    assert kept is not None and kept.proved
     code, out, _ = run(f"verify soft/solution.npz --model {model}")
     assert code == 0 and "passed" in out
     assert run(f"{block} --restitution 0.1 --method ipm --guess soft/solution.npz")[0] == 0

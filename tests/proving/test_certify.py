@@ -17,8 +17,8 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.table import plain
 from dmoc.codegen.kernels import Kernels
 from dmoc.proving.active_set import first_set, sharpened
-from dmoc.proving.certificate import Certificate
 from dmoc.proving.proof import Near, proof
+from dmoc.results.certificate import Certificate
 from dmoc.solvers.outcome import Duals, Status
 from dmoc.solving.programs import at_solution
 

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from dmoc.base.arguments import shown
+from dmoc.base.errors import ProblemError
 from dmoc.base.table import Shown, Table, passed
+
+# How far the cost of an answer may be from that of the minimum near it, relative to its size.
+SAME_COST = 1e-3
 
 
 @dataclass(frozen=True)
@@ -67,6 +73,14 @@ class Certificate(Shown):
         return Table(tuple(rows), title="Certificate")
 
     @property
+    def row(self) -> tuple[Any, ...]:
+        """What the table of its solution shows."""
+        words = "".join(f": {sentence}" for sentence in self.fails) or self._words
+        if self.cost:
+            words += f"; its cost lies in [{self.cost[0]:.15g}, {self.cost[1]:.15g}]"
+        return "certificate", (passed(self.proved), (words, ""))
+
+    @property
     def _words(self) -> str:
         if not self.proved:
             return ": no minimum is proved to lie near this answer"
@@ -78,3 +92,26 @@ class Certificate(Shown):
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data."""
         return {"proved": self.proved, **asdict(self)}
+
+
+def wrong(certificate: Certificate, cost: float, scale: Mapping[str, float]) -> str | None:
+    """A sentence about the certificate of a motion of another cost."""
+    low, high = certificate.cost or (cost, cost)
+    near = SAME_COST * max(abs(cost), scale.get("cost", 0.0))
+    if low <= high and low - near <= cost <= high + near:
+        return None
+    return (
+        f"the certificate is of a motion whose cost lies in [{low:.9g}, {high:.9g}], and the cost "
+        f"of this one is {cost:.9g}"
+    )
+
+
+def checked(certificate: Certificate, cost: float, scale: Mapping[str, float]) -> Certificate:
+    """The certificate; raise ProblemError where it is none, or of a motion of another cost."""
+    if not isinstance(certificate, Certificate):
+        raise ProblemError(
+            f"certificate = {shown(certificate)}: expected what dmoc.certify returns."
+        )
+    if sentence := wrong(certificate, cost, scale):
+        raise ProblemError(f"{sentence}: certify this solution.")
+    return certificate
