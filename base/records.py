@@ -4,7 +4,7 @@ first solve of a process makes two hundred of them."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import FrozenInstanceError, dataclass, fields
+from dataclasses import MISSING, FrozenInstanceError, dataclass, fields
 from operator import attrgetter
 from reprlib import recursive_repr
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -20,15 +20,53 @@ else:
 
     def record(*, frozen: bool, eq: bool) -> Callable[[type[T]], type[T]]:
         """A dataclass without comparison that type checkers take for a frozen one: nothing watches
-        over it at run time, so that it is no class of what users get."""
+        over it at run time, so that it is no class of what users get.  Its ``__init__`` is compiled
+        for the first instance: a process makes some of only half of these classes."""
         assert frozen and not eq
-        return dataclass(eq=False, repr=False)
+        return _record
 
     def value_class(*, frozen: bool) -> Callable[[type[T]], type[T]]:
         """A frozen dataclass.  What compares, hashes, shows and guards its instances is the same
         for all such classes, where ``dataclass`` compiles it for each."""
         assert frozen
         return _value
+
+
+def _record(made: Any) -> Any:
+    made = dataclass(init=False, eq=False, repr=False)(made)
+    if "__init__" not in made.__dict__:
+        made.__init__ = _first
+    return made
+
+
+def _first(self: Any, *arguments: Any, **named: Any) -> None:
+    """The ``__init__`` of a class without instances, which makes its own."""
+    owner: Any = next(c for c in type(self).__mro__ if c.__dict__.get("__init__") is _first)
+    owner.__init__ = _init_of(owner)
+    owner.__init__(self, *arguments, **named)
+
+
+def _init_of(owner: type[Any]) -> Callable[..., None]:
+    """A function that sets the fields of a class."""
+    scope: dict[str, Any] = {}
+    parameters, body = ["self"], list[str]()
+    for f in fields(owner):
+        name, default, content = f.name, f"{f.name}__default", f.name
+        parameter, made = name, f.default_factory is not MISSING
+        if made or f.default is not MISSING:
+            scope[default] = f.default_factory if made else f.default
+            parameter = f"{name}={default}"
+        if made:  # by what stands for a value that is not passed
+            content = (
+                f"{default}() if {name} is {default} else {name}" if f.init else f"{default}()"
+            )
+        parameters += [parameter] if f.init else []
+        body += [f"self.{name} = {content}"] if f.init or made else []
+    body += ["self.__post_init__()"] if hasattr(owner, "__post_init__") else []
+    exec("\n    ".join([f"def __init__({', '.join(parameters)}):", *(body or ["pass"])]), scope)
+    init: Callable[..., None] = scope["__init__"]
+    init.__qualname__ = f"{owner.__qualname__}.__init__"
+    return init
 
 
 SHARED = ("__eq__", "__hash__", "__repr__", "__setattr__", "__delattr__")

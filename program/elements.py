@@ -194,10 +194,9 @@ class Assembled:
 def structure_of(form: Form) -> Structure:
     """Analyse the terms: slots of the three passes in the patterns of the derivatives."""
     targets, multipliers = _targets(form), _multipliers(form)
-    values = [_values(form, term, targets) for term in form.terms]
-    unknowns = [_unknowns(form, term) for term in form.terms]
-    placed = list(zip(form.terms, unknowns, strict=True))
-    slopes = [_slopes(form, term, at, targets) for term, at in placed]
+    placed = [(term, _arguments(form, term), _unknowns(form, term)) for term in form.terms]
+    values = [_values(term, arguments, targets) for term, arguments, _ in placed]
+    slopes = [_slopes(form, *each, targets) for each in placed]
     cells = [(r - 1, c) for p in slopes for r, c in zip(p.rows, p.columns, strict=True)]
     jacobian = SparsePattern((form.m, form.n), [*cells, (form.linear.rows, form.linear.columns)])
     *slots, linear_slots = jacobian.slots
@@ -206,7 +205,7 @@ def structure_of(form: Form) -> Structure:
         np.where(r == -1, c, np.where(k >= 0, form.n + k, NOWHERE))
         for k, (r, c) in zip(slots, cells, strict=True)
     ]
-    every = (_curvatures(form, term, at, multipliers) for term, at in placed)
+    every = (_curvatures(form, *each, multipliers) for each in placed)
     curvatures = [p for p in every if p is not None]
     hessian = SparsePattern((form.n, form.n), [(p.rows[0], p.columns[0]) for p in curvatures])
     return Structure(
@@ -268,7 +267,7 @@ def _arguments(form: Form, term: Term) -> tuple[Index, ...]:
 
 def _consecutive(at: Index) -> bool:
     """Whether positions of a row are next to each other, so that all rows may share it."""
-    return bool((np.diff(at) == 1).all())
+    return bool((at[1:] == at[:-1] + 1).all())
 
 
 def _derivative(form: Form, term: Term, order: str) -> str:
@@ -288,12 +287,12 @@ def _multipliers(form: Form) -> Index:
     return np.arange(form.n, form.n + form.m + 2)
 
 
-def _values(form: Form, term: Term, targets: Index) -> _Part:
+def _values(term: Term, arguments: tuple[Index, ...], targets: Index) -> _Part:
     rows = tuple(targets[r] for r in term.rows)
     nothing = tuple(np.zeros(r.shape, dtype=np.intp) for r in rows)
     return _Part(
         term.kernel,
-        _arguments(form, term),
+        arguments,
         rows,
         nothing,
         tuple(np.broadcast_to(term.factor, r.shape) for r in rows),
@@ -310,7 +309,9 @@ def _unknowns(form: Form, term: Term) -> Index:
     return np.where(at < form.n, at, NOWHERE)
 
 
-def _slopes(form: Form, term: Term, unknowns: Index, targets: Index) -> _Part:
+def _slopes(
+    form: Form, term: Term, arguments: tuple[Index, ...], unknowns: Index, targets: Index
+) -> _Part:
     kernel = _derivative(form, term, "jac")
     rows, columns, factors = [], [], []
     for output, at in zip(form.kernels.outputs(kernel), term.rows, strict=True):
@@ -320,10 +321,12 @@ def _slopes(form: Form, term: Term, unknowns: Index, targets: Index) -> _Part:
         rows.append(row)
         columns.append(column)
         factors.append(np.broadcast_to(term.factor, row.shape))
-    return _Part(kernel, _arguments(form, term), tuple(rows), tuple(columns), tuple(factors))
+    return _Part(kernel, arguments, tuple(rows), tuple(columns), tuple(factors))
 
 
-def _curvatures(form: Form, term: Term, unknowns: Index, multipliers: Index) -> _Part | None:
+def _curvatures(
+    form: Form, term: Term, arguments: tuple[Index, ...], unknowns: Index, multipliers: Index
+) -> _Part | None:
     """Second derivatives of a term, weighted with the multipliers of its rows.
 
     Two arguments may be one unknown (inputs that are constant in a step): their mixed derivative
@@ -335,7 +338,7 @@ def _curvatures(form: Form, term: Term, unknowns: Index, multipliers: Index) -> 
         return None
     a, b = unknowns[:, i], unknowns[:, j]
     twice = form.factors * ((a == b) & (i != j))
-    arguments = (*_arguments(form, term), *(multipliers[r] for r in term.rows))
+    arguments = (*arguments, *(multipliers[r] for r in term.rows))
     # The smaller of both is NOWHERE where one of them is.
     rows, columns = np.minimum(a, b), np.maximum(a, b)
     return _Part(kernel, arguments, (rows,), (columns,), (twice + term.factor,))

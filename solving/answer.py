@@ -18,7 +18,6 @@ from dmoc.solving.mesh.coarseness import telling_coarseness
 from dmoc.solving.mesh.confirmation import naming_steps
 from dmoc.solving.mesh.one_mesh import answers_on_mesh, on_mesh_of, solved_from, solved_on_mesh
 from dmoc.solving.mesh.refinement import refined
-from dmoc.solving.other_forms import in_other_form
 from dmoc.solving.request import Request
 from dmoc.solving.sliding_reversals import naming_turns
 from dmoc.solving.starts import InitialGuess
@@ -54,6 +53,8 @@ def best_answer(problem: Problem, guess: InitialGuess, request: Request) -> Solu
     best = next(answers)
     if best is None:
         if request.thorough and request.starts is None:
+            from dmoc.solving.other_forms import in_other_form  # here, because it is rare
+
             other, without = in_other_form(problem, request, best_answer)
             if other is not None:
                 return other

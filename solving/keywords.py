@@ -4,14 +4,18 @@ with a help."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import Executor
 from dataclasses import field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dmoc.base.options import option
 from dmoc.base.records import value_class
 from dmoc.base.tolerances import ITERATIONS, OPTIMALITY, VIOLATION
 from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, SEARCHING, ProgramForm, listed
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+else:  # which brings half a dozen modules, and of which the types of fields tell nothing
+    Executor = Any
 
 MOST_STARTS, MOST_WORKERS = 1_000_000, 1000
 MOST_COUNT = 2**31 - 1  # that the compiled method can count

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,18 +18,12 @@ from dmoc.results.solution import Solution, broken_off, saying
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import attempted
 from dmoc.solving.checked_solution import checked, solution_of
-from dmoc.solving.multistart.effort import Effort
-from dmoc.solving.multistart.exploration import (
-    SEEKING,
-    Exploration,
-    coarse_of,
-    continued,
-    explored,
-)
-from dmoc.solving.other_forms import other_forms
 from dmoc.solving.programs import Programs
 from dmoc.solving.request import GIVEN, Request
 from dmoc.solving.starts import InitialGuess, starts_of
+
+if TYPE_CHECKING:
+    from dmoc.solving.multistart.exploration import Exploration
 
 # What follows the starts may take so many times as long as before; more starts are worth their time
 # where they have such a share of what is left.
@@ -53,6 +48,11 @@ def answers_on_mesh(
     if request.starts == 1 or not problem.kernels.compiled:
         yield solved_on_mesh(problem, guess, request)
         return
+    # here, because a solve from its guess alone needs none of it
+    from dmoc.solving.multistart.effort import Effort
+    from dmoc.solving.multistart.exploration import SEEKING, continued, explored
+    from dmoc.solving.other_forms import other_forms
+
     lasts = request.thorough and request.options.deadline.ends
     effort = Effort.of(request.starts, request.seed, request.ranks_checked, request.most)
     hurries = lasts and request.starts is None and other_forms(problem)
@@ -153,6 +153,8 @@ def on_coarse_mesh(problem: Problem, guess: InitialGuess, name: str = GIVEN) -> 
     """A guess that was given on the coarse mesh, by its name."""
     if guess is None:
         return {}
+    from dmoc.solving.multistart.exploration import coarse_of
+
     with np.errstate(all="ignore"):
         x = starts_of(problem, guess).points[0]
         return {name: on_mesh(coarse_of(problem), problem, x)}

@@ -181,7 +181,7 @@ def test_interruption_keeps_the_best_iterate(seed: dmoc.Problem) -> None:
     ("place", "keywords", "kept"),
     [
         ("dmoc.solving.mesh.one_mesh.starts_of", {"starts": 1}, False),
-        ("dmoc.solving.mesh.one_mesh.explored", {}, False),
+        ("dmoc.solving.multistart.exploration.explored", {}, False),
         ("dmoc.solving.multistart.ranking.checked", {}, False),
         ("dmoc.solving.mesh.one_mesh.checked", {"starts": 1}, True),
         ("dmoc.solving.answer.checked", {"starts": 1, "tolerance": 0.05}, True),

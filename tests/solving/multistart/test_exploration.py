@@ -278,7 +278,7 @@ def test_what_there_was_no_time_for_is_not_called_infeasible(
     assert ended.late and not ended.solutions
     assert not exploration.explored(problem, Effort(total=3, widens=False), Options()).late
     assert dmoc.solve(problem, "ipm").status == "infeasible"
-    monkeypatch.setattr(one_mesh, "explored", lambda *_: ended)
+    monkeypatch.setattr(exploration, "explored", lambda *_: ended)
     late = dmoc.solve(problem, "ipm")
     assert late.status == "time_limit" and "raise it; until then no feasible" in late.message
 
@@ -301,7 +301,7 @@ def test_beside_a_contradicted_answer_the_cheapest_confirmed_minimum_is_told(
     others[1] = replace(others[1], solution=replace(others[1].solution, status=status))
     against = replace(first, solution=replace(first.solution, status=Status.NOT_VERIFIED))
     both = replace(ended, ranked=(against, *others))
-    monkeypatch.setattr(one_mesh, "explored", lambda *_: both)
+    monkeypatch.setattr(exploration, "explored", lambda *_: both)
     monkeypatch.setattr(one_mesh, "_best_of", lambda *_: (against.solution, 0))
     message = dmoc.solve(problem, "ipm").message
     assert f"the best minimum that is confirmed costs 6{more}" in message
