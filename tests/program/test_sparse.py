@@ -28,6 +28,12 @@ def test_contributions_to_one_entry_share_its_slot() -> None:
     assert matrix.has_canonical_format and matrix.toarray() == pytest.approx(wanted, abs=1e-14)
 
 
+def test_one_column_in_rows_that_follow_each_other_has_an_entry_in_each() -> None:
+    pattern = SparsePattern((3, 2), [(np.array([1, 0, 1]), np.array([1, 1, 1]))])
+    assert pattern.indptr.tolist() == [0, 1, 2, 2] and pattern.indices.tolist() == [1, 1]
+    assert pattern.slots[0].tolist() == [1, 0, 1]
+
+
 def test_no_contributions_make_an_empty_pattern() -> None:
     for groups in ([], [(np.full((2, 3), -1), np.full((2, 3), -1))]):
         pattern = SparsePattern((4, 2), groups)
