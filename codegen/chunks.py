@@ -1,17 +1,18 @@
 """Long straight-line functions in chunks: a compiler's time for one grows faster than its length.
 
 Values that a later chunk reads, and the results of functions that are called, stand in an array W,
-which the whole function has on its stack; its chunks compute the same, in the same order.
+which the whole function has on its stack; its chunks compute the same from the same.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
 
+from dmoc.codegen.loops import Form, form, grouped, loop, numbers
 from dmoc.codegen.printer import Listing
 
 # Operations of a chunk, and those of a function from which on it has chunks.
@@ -33,7 +34,8 @@ class _Row:
 
     @cached_property
     def words(self) -> list[str]:
-        return _WORD.findall(self.text)
+        """What it reads of others."""
+        return [word for word in _WORD.findall(self.text) if word != self.made]
 
     @cached_property
     def made(self) -> str:
@@ -57,15 +59,49 @@ def operations(code: Listing) -> int:
     return sum(row.operations for row in _rows(code))
 
 
-def cut(code: Listing, most: int) -> tuple[list[Listing], int]:
+def cut(code: Listing, most: int) -> tuple[list[Listing | list[str]], int]:
     """A listing in chunks of so many operations, which follow each other, and the size of the array
-    W that they share."""
-    rows = _rows(code)
-    chunks = [[row for row, _ in own] for _, own in groupby(_numbered(rows, most), lambda r: r[1])]
-    made = {row.made: i for i, own in enumerate(chunks) for row in own if row.made}
-    last = {w: i for i, own in enumerate(chunks) for row in own for w in row.words if w in made}
-    places, size = _array(chunks, {name: i for name, i in last.items() if i > made[name]})
-    return [_chunk(code, own, i, made, places) for i, own in enumerate(chunks)], size
+    W that they share; loops are the lines that they are."""
+    chunks = list(_chunks(_rows(code), most))
+    made = {row.made: i for i, (_, own) in enumerate(chunks) for row in own if row.made}
+    last = {
+        w: i for i, (_, own) in enumerate(chunks) for row in own for w in row.words if w in made
+    }
+    across = {name: i for name, i in last.items() if i > made[name]}
+    starts, size = _array([own for _, own in chunks], across)
+    constants = dict(code.constants)
+    parts: list[Listing | list[str]] = []
+    results = {row.made for _, own in chunks for row in own if not row.name}
+    for common, rows in chunks:
+        if common is None:
+            parts.append(_chunk(code, rows, starts, results))
+        else:
+            text = _WORD.sub(lambda word: constants.get(word[0], word[0]), common)
+            places = [_form(row, starts).places for row in rows]
+            parts.append(loop(text, [numbers(own, starts) for own in places]))
+    return parts, size
+
+
+def _chunks(rows: Sequence[_Row], most: int) -> Iterator[tuple[str | None, list[_Row]]]:
+    """Rows in chunks, those that are a loop with their form; where functions are called, as others
+    have no forms that many share."""
+    groups: Iterable[tuple[bool, Sequence[int]]] = [(False, range(len(rows)))]
+    made = {row.made: i for i, row in enumerate(rows) if row.made}
+    if any(not row.name and _RESULTS.search(row.text) for row in rows):
+        needs = [sorted({made[w] for w in row.words if w in made}) for row in rows]
+        groups = grouped([_form(row, made).text for row in rows], needs)
+    for alike, group in groups:
+        own = [rows[i] for i in group]
+        if alike:
+            yield _form(own[0], made).text, own
+            continue
+        for _, part in groupby(_numbered(own, most), lambda pair: pair[1]):
+            yield None, [row for row, _ in part]
+
+
+def _form(row: _Row, stored: Container[str]) -> Form:
+    places = (row.name,) if row.name else row.places
+    return form(" = ".join([*places, row.text]), ARRAY, stored)
 
 
 def _rows(code: Listing) -> list[_Row]:
@@ -90,10 +126,10 @@ def _numbered(rows: Sequence[_Row], most: int) -> Iterator[tuple[_Row, int]]:
         yield row, number
 
 
-def _array(chunks: Sequence[Sequence[_Row]], last: Mapping[str, int]) -> tuple[dict[str, str], int]:
-    """Places in the array W of values that other chunks read, the last of them in a chunk of this
+def _array(chunks: Sequence[Sequence[_Row]], last: Mapping[str, int]) -> tuple[dict[str, int], int]:
+    """Where in the array W values stand that other chunks read, the last of them in a chunk of this
     number, and the size of W; results of calls have places of their own."""
-    places: dict[str, str] = {}
+    starts: dict[str, int] = {}
     size, free = 0, list[int]()
     leaving: list[list[int]] = [[] for _ in chunks]
     for i, chunk in enumerate(chunks):
@@ -103,28 +139,29 @@ def _array(chunks: Sequence[Sequence[_Row]], last: Mapping[str, int]) -> tuple[d
                     free.append(size)
                     size += 1
                 leaving[last[row.name]].append(place := free.pop())
-                places[row.name] = f"{ARRAY}[{place}]"
+                starts[row.name] = place
             elif not row.name and (results := _RESULTS.search(row.text)):
-                places[row.made] = f"({ARRAY} + {size})"
+                starts[row.made] = size
                 size += int(results[2])
         free += leaving[i][::-1]
-    return places, size
+    return starts, size
 
 
 def _chunk(
-    code: Listing, rows: Sequence[_Row], number: int, made: Mapping[str, int],
-    places: Mapping[str, str],
-) -> Listing:  # fmt: skip
+    code: Listing, rows: Sequence[_Row], starts: Mapping[str, int], results: Container[str]
+) -> Listing:
     """The listing of one chunk, which stores what others read."""
+    named = {row.name for row in rows}
 
     def there(word: re.Match[str]) -> str:
         name = word[0]
-        local = made.get(name) == number and not places.get(name, "").startswith("(")
-        return name if local else places.get(name, name)
+        if name not in starts or name in named:
+            return name
+        return f"({ARRAY} + {starts[name]})" if name in results else f"{ARRAY}[{starts[name]}]"
 
     texts = [_WORD.sub(there, _RESULTS.sub("", row.text)) for row in rows]
     own = list(zip(rows, texts, strict=True))
-    stored = [((places[row.name],), row.name) for row in rows if row.name in places]
+    stored = [((f"{ARRAY}[{starts[row.name]}]",), row.name) for row in rows if row.name in starts]
     used = {word for row in rows for word in row.words}
     return Listing(
         tuple((name, text) for name, text in code.constants if name in used),

@@ -161,6 +161,9 @@ def _parts(
     words = {**signature, ARRAY: f"OUT {ARRAY}"}
     parts, calls = [], [f"double {ARRAY}[{size}];"] if size else []
     for i, chunk in enumerate(chunks):
+        if not isinstance(chunk, Listing):
+            calls += chunk
+            continue
         used = words_of(chunk)
         needed = [word for word in words if word in used]
         part = f"{name}_part{i}"

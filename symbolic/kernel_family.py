@@ -15,6 +15,8 @@ from dmoc.symbolic.traversal import operations, reached
 # Operations of a function below which weighted sums of only some of its slopes are functions too:
 # the compiler takes too long for those of a larger one.
 FEW = 180
+# Derivatives from which on those that are put together from functions are written as they come.
+MANY = 600
 # What the derivatives of a kernel are called that are by the design parameters, too.
 DESIGN = "_design"
 
@@ -94,7 +96,9 @@ def _derivatives(
     name, arguments, definitions = kernel.name, kernel.inputs, kernel.definitions
     results = [e for v in outputs.values() for e in v]
     first = [spread(_forward(e)) for e in results]
-    rows = iter(cheapest([shared(first), first] if spread is chain else [shared(first)]))
+    regular = _are_blocks(results, len(results) * count)
+    ways = [first] if regular else [shared(first), first] if spread is chain else [shared(first)]
+    rows = iter(cheapest(ways))
     slopes = tuple(
         Output.matrix(f"{a}_D", [next(rows) for _ in v], count) for a, v in outputs.items()
     )
@@ -125,9 +129,16 @@ def _second(total: GraphNode, chain: Chain, spread: Chain) -> list[list[GraphNod
     whole, zero = contracted(total), total.graph.zero
     ways = [(spread, _backward), (chain, _forward)] if whole is total else [(spread, _backward)]
     squares = ([way(_forward(e)) for e in way(first(whole))] for way, first in ways)
+    triangles = ([[*[zero] * i, *row[i:]] for i, row in enumerate(rows)] for rows in squares)
     return cheapest(
-        shared([[*[zero] * i, *row[i:]] for i, row in enumerate(rows)]) for rows in squares
+        rows if _are_blocks([whole], len(rows) ** 2 // 2) else shared(rows) for rows in triangles
     )
+
+
+def _are_blocks(results: Sequence[GraphNode], entries: int) -> bool:
+    """Whether so many derivatives of results are put together from those of functions, block by
+    block: they stay of a few forms, which the code has as loops."""
+    return entries > MANY and any(n.kind == RESULT for n in reached(results))
 
 
 def contracted(total: GraphNode) -> GraphNode:

@@ -11,11 +11,11 @@ import pytest
 from commands import printed
 from systems import chain_system
 
-from dmoc.codegen import compiler, text
+from dmoc.codegen import compiler, loops, text
 from dmoc.codegen.border import Library
 from dmoc.codegen.build import write_files
 from dmoc.codegen.compiler import HEADERS, compile_library
-from dmoc.codegen.printer import CPrinter, listing
+from dmoc.codegen.printer import CPrinter, Listing, listing
 from dmoc.codegen.text import c_files
 from dmoc.symbolic import families
 from dmoc.symbolic.families import model_spec
@@ -36,6 +36,7 @@ def short_chunks(model: ModelSpec) -> dict[str, str]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(text, "LONG", 15)
         patch.setattr(text, "CHUNK", 30)
+        patch.setattr(loops, "LOOP", 3)
         return c_files(model)
 
 
@@ -62,6 +63,7 @@ def test_chunks_have_the_bits_of_whole_functions(
             for a, b in zip(values, library.functions()[k.name].rows(inputs), strict=True):
                 assert a.tobytes() == b.tobytes(), k.name
     assert sum(map(np.size, values)) and "lagrangian_2_part1" in short_chunks["kernels.c"]
+    assert short_chunks["kernels.c"].count("for (int i = 0; i < ") > 5
 
 
 def test_each_share_has_its_units_alone(short_chunks: dict[str, str], tmp_path: Path) -> None:
@@ -93,7 +95,8 @@ def test_values_share_the_places_of_those_that_nobody_reads_any_more(model: Mode
     """The array on the stack is shorter than what goes through it."""
     spec = next(k for k in model.kernels if k.name == "dynamics")
     code = listing(spec, CPrinter)
-    chunks, size = text.cut(code, 5)
+    parts, size = text.cut(code, 5)
+    chunks = [part for part in parts if isinstance(part, Listing)]
     stored = sum(p.startswith("W[") for c in chunks for places, _ in c.results for p in places)
     assert len(chunks) > 3 and 0 < size < stored
     assert sum(len(c.statements) for c in chunks) == len(code.statements)
