@@ -12,6 +12,7 @@ from typing import Any
 
 import jinja2
 
+from dmoc.base.collection import uncollected
 from dmoc.codegen.chunks import ARRAY, CHUNK, LONG, cut, operations, words_of
 from dmoc.codegen.printer import (
     ArgumentPrinter,
@@ -25,6 +26,7 @@ from dmoc.codegen.schedule import functions_of
 from dmoc.symbolic.spec import FunctionSpec, Input, KernelSpec, ModelSpec, Output
 
 
+@uncollected()
 def c_files(model: ModelSpec) -> dict[str, str]:
     """Return the C sources of a model and its manifest, as ``{file name: text}``."""
     functions = functions_of(model.kernels)

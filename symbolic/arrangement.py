@@ -11,10 +11,18 @@ from dmoc.symbolic.graph import PRODUCT, SUM, GraphNode
 from dmoc.symbolic.pairs import Part, with_shared_sums
 from dmoc.symbolic.traversal import operations, reached
 
+# Operations of rows from which on no other way to write them is looked for.
+LONG = 5000
+
 
 def cheapest(ways: Iterable[list[list[GraphNode]]]) -> list[list[GraphNode]]:
-    """The way to write some rows that takes fewest operations."""
-    first, *others = ways
+    """The way to write some rows that takes fewest operations; of long ones the first, which is the
+    cheapest where derivatives are large."""
+    waiting = iter(ways)
+    first = next(waiting)
+    if operations(chain.from_iterable(first)) > LONG:
+        return first
+    others = list(waiting)
     return min((first, *others), key=_cost) if others else first
 
 

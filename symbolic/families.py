@@ -14,6 +14,7 @@ from typing import Any
 
 import sympy as sp
 
+from dmoc.base.collection import uncollected
 from dmoc.base.discretisation import DISCRETISATIONS, known_order
 from dmoc.base.names import name_of
 from dmoc.symbolic.contact_forces import forces_at_events, residual
@@ -73,6 +74,7 @@ LARGE_STEP, LARGE = 500, 600
 EQUATIONS = 6  # of what the kernels compute: solutions of other equations are refused
 
 
+@uncollected()
 def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] = ()) -> ModelSpec:
     """Derive all kernels of ``system`` for the discretisation of the given order, with derivatives
     by the parameters ``design``."""

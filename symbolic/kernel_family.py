@@ -97,8 +97,8 @@ def _derivatives(
     results = [e for v in outputs.values() for e in v]
     first = [spread(_forward(e)) for e in results]
     regular = _are_blocks(results, len(results) * count)
-    ways = [first] if regular else [shared(first), first] if spread is chain else [shared(first)]
-    rows = iter(cheapest(ways))
+    forms = [first] if regular else [shared(first), first] if spread is chain else [shared(first)]
+    rows = iter(cheapest(forms))
     slopes = tuple(
         Output.matrix(f"{a}_D", [next(rows) for _ in v], count) for a, v in outputs.items()
     )

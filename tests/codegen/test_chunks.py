@@ -16,8 +16,9 @@ from dmoc.codegen.border import Library
 from dmoc.codegen.build import write_files
 from dmoc.codegen.compiler import HEADERS, compile_library
 from dmoc.codegen.printer import CPrinter, Listing, listing
+from dmoc.codegen.schedule import functions_of
 from dmoc.codegen.text import c_files
-from dmoc.symbolic import families
+from dmoc.symbolic import families, kernel_family
 from dmoc.symbolic.families import model_spec
 from dmoc.symbolic.spec import ModelSpec
 
@@ -100,3 +101,19 @@ def test_values_share_the_places_of_those_that_nobody_reads_any_more(model: Mode
     stored = sum(p.startswith("W[") for c in chunks for places, _ in c.results for p in places)
     assert len(chunks) > 3 and 0 < size < stored
     assert sum(len(c.statements) for c in chunks) == len(code.statements)
+
+
+def test_steps_of_large_models_are_loops_for_the_most_part() -> None:
+    """Where there are many derivatives, those put together from functions keep a few forms."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(families, "LARGE_STEP", 0)
+        patch.setattr(kernel_family, "MANY", 50)
+        large = model_spec(chain_system(2), 4)
+    spec = next(k for k in large.kernels if k.name == "step_hess")
+    code = listing(spec, CPrinter, functions_of(large.kernels))
+    parts, _ = text.cut(code, text.CHUNK)
+    chunks = [part for part in parts if isinstance(part, Listing)]
+    alone = [c.statements for c in chunks]
+    results = [p for c in chunks for (p, *_), _ in c.results if not p.startswith("W[")]
+    left = sum(map(len, alone)) + len(results)
+    assert left < 0.6 * (len(code.statements) + len(code.results))
