@@ -77,6 +77,8 @@ class Structures(Recent[Structure]):
         self._counted.clear()
 
     def _forget(self) -> None:
+        if len(self._values) < 2:  # the last one stays, whatever its size
+            return
         for key, structure in self._values.items():
             added = structure.additions
             if self._counted.get(key, (0, -1))[1] != added:
