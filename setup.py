@@ -41,13 +41,15 @@ INNER = (
     "solving.mesh",
     "solving.multistart",
 )
-LONGEST = [f"dmoc.{name}" for name in ("simulation.integrator", "simulation.stepper")]
+LONGEST = [f"dmoc.{name}" for name in ("simulation.integrator", "check.free_motion")]
+LONGEST += ["dmoc.simulation.stepper"]
 LONGEST += ["dmoc.solvers.compiled", "dmoc.guess.tracker"]
 # What Cython has of memoryviews, once for all: in each of them it would take a third of the time of
 # the compiler.
 SHARED = "dmoc.codegen.memoryviews"
 KERNEL = "codegen/dmoc_kernel.h"
-PARTS = [f"simulation/{name}.pxi" for name in ("rows", "conditions", "dynamics", "dop853")]
+PARTS = [f"simulation/{name}.pxi" for name in ("rows", "conditions", "dynamics", "dop853", "gaps")]
+FREE = [f"check/free_{name}.pxi" for name in ("sizes", "steps", "costs", "parts", "run")]
 LEGS = [f"simulation/{name}.pxi" for name in ("leg", "leg_surfaces")]
 # Without symbols for debuggers, which take a third of the time of the compiler.
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-g0"]
@@ -100,6 +102,13 @@ extensions += [
         extra_compile_args=SOLVER_FLAGS,
     ),
     Extension(
+        "dmoc.check.free_motion",
+        ["check/free_motion.pyx"],
+        depends=["mechanics/elimination.pxd", "simulation/sums.h", *PARTS, *FREE, KERNEL],
+        include_dirs=["codegen", "simulation"],
+        extra_compile_args=SOLVER_FLAGS,
+    ),
+    Extension(
         "dmoc.program.assembly",
         ["program/assembly.pyx", "program/passes.c"],
         depends=["program/passes.h", KERNEL],
@@ -145,7 +154,7 @@ def cythonized() -> list[Extension]:
 
     return cythonize(
         extensions,
-        include_path=["codegen", "guess", "mechanics", "program", "simulation"],
+        include_path=["check", "codegen", "guess", "mechanics", "program", "simulation"],
         build_dir="build/cython",
         language_level=3,
         nthreads=os.cpu_count() or 1,

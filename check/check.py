@@ -13,6 +13,9 @@ surface by a little.
 With lasting contacts or friction the flow is that of the planned modes
 (:mod:`dmoc.check.planned_run`), and contact forces and what contacts can bear are compared too
 (:mod:`dmoc.check.contact_forces`).
+
+Most motions are free between hits without friction, and pass: compiled code measures these by the
+same rules (:mod:`dmoc.check.compiled`), and leaves all others to what is here.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from dmoc.base.errors import SimulationError
 from dmoc.base.signatures import public
 from dmoc.check.amplification import carried
 from dmoc.check.checked_motion import Motion
+from dmoc.check.compiled import passing
 from dmoc.check.consistency import plan_errors
 from dmoc.check.contact_forces import force_errors
 from dmoc.check.events import event_errors
@@ -101,12 +105,15 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
     if seconds is not None:
         expected = "expected a positive time limit, or None"
         seconds = positive(seconds, "seconds", expected, SimulationError)
+    deadline = Deadline.after(seconds)
     with np.errstate(all="ignore"):
-        return _judged(Motion.of(trajectory, kernels, Deadline.after(seconds)))
+        found = passing(trajectory, kernels, deadline)
+        return judged_by_steps(trajectory, kernels, deadline) if found is None else found
 
 
-def _judged(motion: Motion) -> Verification:
-    """Measure a motion and judge it."""
+def judged_by_steps(trajectory: Trajectory, kernels: Kernels, deadline: Deadline) -> Verification:
+    """Measure any motion and judge it."""
+    motion = Motion.of(trajectory, kernels, deadline)
     plan, steps, parts = plan_errors(motion), step_errors(motion), segments(motion)
     (forces, sizes), events = force_errors(motion), event_errors(motion, steps.work)
     run = planned_run(motion, parts, sizes) if motion.has_modes else open_run(motion)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence, Sized
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import groupby, pairwise
 from typing import NamedTuple, TypeVar
 
@@ -35,6 +35,12 @@ T = TypeVar("T")
 
 class OutOfTimeError(SimulationError):
     """The check was not finished in its time."""
+
+
+def out_of_time(deadline: Deadline) -> None:
+    """End a check whose deadline has passed."""
+    if deadline.passed:
+        raise OutOfTimeError("the time for the check was used up: raise it, or take fewer steps.")
 
 
 @record(frozen=True, eq=False)
@@ -84,13 +90,8 @@ class Motion:
     def of(cls, trajectory: Trajectory, kernels: Kernels, deadline: Deadline) -> Motion:
         """Read a motion that is to be checked until a deadline."""
 
-        def check_time() -> None:
-            if deadline.passed:
-                raise OutOfTimeError(
-                    "the time for the check was used up: raise it, or take fewer steps."
-                )
-
-        _check_shapes(trajectory)
+        check_time = partial(out_of_time, deadline)
+        check_shapes(trajectory)
         restitution = restitution_row(kernels, trajectory.restitution, SimulationError)
         stated = kernels, trajectory.parameters, len(trajectory.phases), SimulationError
         models = PhaseModels(kernels, parameter_rows(*stated))
@@ -289,7 +290,7 @@ class Motion:
         return np.abs(off)
 
 
-def _check_shapes(trajectory: Trajectory) -> None:
+def check_shapes(trajectory: Trajectory) -> None:
     """Refuse arrays that do not fit together."""
     phases, events = len(trajectory.phases), len(trajectory.collisions)
     if events != phases - 1:

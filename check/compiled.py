@@ -1,0 +1,137 @@
+"""The check of motions that are free between hits without friction, by compiled code: what passes
+needs no words."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from dmoc.base.deadline import Deadline
+from dmoc.base.discretisation import DISCRETISATIONS
+from dmoc.base.errors import SimulationError
+from dmoc.check.checked_motion import check_shapes, out_of_time
+from dmoc.check.free_motion import FreeMotion
+from dmoc.check.verdict import PASSING, TERMINAL, Verification
+from dmoc.codegen.kernels import Array, Kernels
+from dmoc.mechanics.model_values import parameter_rows, restitution_row
+from dmoc.motion.trajectory import Collision, Trajectory
+from dmoc.simulation.flow import SurfaceContact
+
+# What a check holds at most: coordinates, and surfaces.
+MOST_COORDINATES, MOST_SURFACES = 60, 50
+# Errors in the order in which they are measured, by the names of PASSING.
+ERRORS = (
+    "step error",
+    "energy error",
+    "error of the law of impact",
+    "error of the law of impact relative to its own rates",
+    "error of the cost",
+    "phase error",
+)
+
+
+def passing(trajectory: Trajectory, kernels: Kernels, deadline: Deadline) -> Verification | None:
+    """What the check finds of a motion that passes; None where it does not, or where another look
+    is needed."""
+    if not (_is_free(kernels) and _goes_freely(trajectory, kernels)):
+        return None
+    check_shapes(trajectory)
+    try:
+        restitution = restitution_row(kernels, trajectory.restitution, SimulationError)
+    except SimulationError:
+        return None
+    if not (restitution > 0).all():  # rests, or goes by a law
+        return None
+    stated = kernels, trajectory.parameters, len(trajectory.phases), SimulationError
+    par = parameter_rows(*stated)
+    if len(par) > 1:
+        return None
+    check = FreeMotion(kernels, DISCRETISATIONS[trajectory.order].nodes[2:].copy())
+    arrays = arrays_of(trajectory, kernels, restitution)
+    found = check.measured(par, arrays, trajectory.cost, partial(out_of_time, deadline))
+    if found is None:
+        return None
+    (*errors, terminal, penetration, excess, amplification), segments, contacts = found
+    measured = dict(zip(ERRORS, errors, strict=True)) | {
+        "segment error": float(segments.max()),
+        "penetration": penetration,
+        "excess of a limit": excess,
+    }
+    if not (terminal <= TERMINAL and all(measured[n] <= PASSING[n] for n in measured)):
+        return None
+    surfaces = kernels.surfaces
+    return Verification(
+        True,
+        "",
+        terminal,
+        amplification,
+        measured["step error"],
+        segments,
+        measured["energy error"],
+        measured["error of the law of impact"],
+        (),
+        (),
+        penetration,
+        excess,
+        tuple(SurfaceContact(surfaces[j], time, jump) for j, time, jump in contacts),
+        phase_error=measured["phase error"],
+        cost_error=measured["error of the cost"],
+    )
+
+
+def _is_free(kernels: Kernels) -> bool:
+    """Whether nothing of a model but surfaces without ends, friction and laws holds a motion."""
+    facts = kernels.manifest
+    small = len(kernels.coordinates) <= MOST_COORDINATES and len(kernels.surfaces) <= MOST_SURFACES
+    return (
+        kernels.compiled
+        and small
+        and not (kernels.joints or kernels.tangents or kernels.integrals or kernels.hit_quantities)
+        and not (facts.path_constraints or facts.within or facts.grips or facts.crossings)
+        and not any(map(kernels.has, ("objective", "rebound")))
+    )
+
+
+def _goes_freely(trajectory: Trajectory, kernels: Kernels) -> bool:
+    """Whether a motion consists of free phases and hits, within no limits of rates."""
+    free = all(phase.free and phase.steps for phase in trajectory.phases)
+    known = all(c.surface in kernels.surfaces for c in trajectory.collisions)
+    return free and known and not trajectory.limits and all(map(_is_hit, trajectory.collisions))
+
+
+def _is_hit(c: Collision) -> bool:
+    """Whether an event is one hit with an impulse, recorded once."""
+    if not c.surface or c.grazes or c.lands or c.leaves or c.friction or c.tractions or c.course:
+        return False
+    return not c.impulses or dict(c.impulses) == {c.surface: c.impulse}
+
+
+def arrays_of(
+    trajectory: Trajectory, kernels: Kernels, restitution: Array
+) -> tuple[np.ndarray, ...]:
+    """The arrays of a motion that a compiled check takes: q, v and p (n, nq) at the nodes of all
+    phases, their times (n,), the first nodes of the phases and n; inputs at both ends of the steps
+    (N, nu), positions inside (N places, nq); of each event the surface, its time and impulse
+    (events, 2), the position and the momenta before and after it (events, 3, nq); bounds of
+    coordinates and inputs, coefficients of restitution, and the surfaces that are watched."""
+    phases, events, nq = trajectory.phases, trajectory.collisions, len(trajectory.coordinates)
+    q, v, p, t = (np.concatenate([getattr(phase, name) for phase in phases]) for name in "qvpt")
+    begins = np.cumsum([0, *(len(phase.t) for phase in phases)])
+    ends = zip(*map(trajectory.input_ends, phases), strict=True)
+    u0, u1 = (np.concatenate(u, dtype=float) for u in ends)
+    inside = np.concatenate([phase.q_inside.reshape(-1, nq) for phase in phases])
+    surfaces = kernels.surfaces
+    hit = np.array([surfaces.index(c.surface) for c in events], dtype=np.intp)
+    numbers = np.array([(c.time, c.impulse) for c in events], dtype=float).reshape(-1, 2)
+    states = [(c.position, c.momentum_before, c.momentum_after) for c in events]
+    recorded = np.array(states, dtype=float).reshape(-1, 3, nq)
+    watched = np.array([name not in trajectory.ignored for name in surfaces], dtype=np.uint8)
+    boxes = (np.array(box, dtype=float).reshape(-1, 2) for box in _boxes(trajectory))
+    return (
+        q, v, p, t, begins, u0, u1, inside, hit, numbers, recorded, *boxes, restitution, watched
+    )  # fmt: skip
+
+
+def _boxes(trajectory: Trajectory) -> tuple[Array, Array]:
+    return trajectory.coordinate_bounds, trajectory.input_bounds

@@ -1,0 +1,17 @@
+"""The check of motions that are free between hits, compiled."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array, Kernels
+
+class FreeMotion:
+    def __init__(self, kernels: Kernels, inside: Array) -> None: ...
+    def measured(
+        self,
+        par: Array,
+        motion: tuple[np.ndarray, ...],
+        claim: float,
+        check_time: Callable[[], None],
+    ) -> tuple[tuple[float, ...], Array, list[tuple[int, float, float]]] | None: ...

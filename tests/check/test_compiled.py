@@ -1,0 +1,193 @@
+"""Compiled code measures motions that are free between hits as the check by steps does, and passes
+none that this does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from functools import partial
+
+import numpy as np
+import pytest
+from sympy.physics.mechanics import dynamicsymbols
+from systems import block_system, bouncer_problem, dropped_ball, there_and_back, unit_mass
+
+import dmoc
+from dmoc.base.deadline import ENDLESS, Deadline
+from dmoc.base.errors import SimulationError
+from dmoc.check.check import judged_by_steps
+from dmoc.check.checked_motion import OutOfTimeError
+from dmoc.check.compiled import passing
+from dmoc.codegen.kernels import Kernels
+from dmoc.models.registry import find
+from dmoc.motion.trajectory import Phase, Trajectory
+
+Case = tuple[Trajectory, Kernels]
+CASES: dict[str, Callable[[], Case]] = {}
+
+
+def case(name: str) -> Callable[[Callable[[], dmoc.Problem]], Callable[[], dmoc.Problem]]:
+    """A problem whose motion is looked at by both."""
+
+    def named(make: Callable[[], dmoc.Problem]) -> Callable[[], dmoc.Problem]:
+        def solved() -> Case:
+            problem = make()
+            s = dmoc.solve(problem, "ipm", starts=1, verify=False)
+            assert s.minimum
+            return s.trajectory, problem.kernels
+
+        CASES[name] = solved
+        return make
+
+    return named
+
+
+def pendulum(order: int = 2, **fields: object) -> dmoc.Problem:
+    reference = find("cart_pendulum")
+    return dmoc.Problem(reference.kernels(order), **{**reference.defaults, **fields})
+
+
+for order in (2, 4, 6):
+    case(f"pendulum on a cart, order {order}")(partial(pendulum, order, steps=200 // order))
+case("linear inputs")(lambda: pendulum(steps=100, controls="linear"))
+case("other parameters")(lambda: pendulum(4, steps=60, parameters={"m_p": 0.12}, restitution=0.7))
+
+
+@case("puck, two walls")
+def puck() -> dmoc.Problem:
+    reference = find("puck_table")
+    problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    return problem.but(sequence=["east", "north"], steps=30, ignored=["south"])
+
+
+@case("a wall that is moved")
+def moving() -> dmoc.Problem:
+    x, t = dynamicsymbols("x"), dynamicsymbols._t
+    system = unit_mass(
+        "moving_wall", surfaces={"wall": x <= 1 + t / 4}, cost=dynamicsymbols("u") ** 2
+    )
+    return there_and_back(dmoc.build(system), steps=20, restitution=0.8)
+
+
+@case("a gait without a start")
+def bouncer() -> dmoc.Problem:
+    return bouncer_problem(0.8, order=4, steps=10)[0]
+
+
+@case("a cost of the end, mm")
+def far() -> dmoc.Problem:
+    x, u = dynamicsymbols("x"), dynamicsymbols("u")
+    system = unit_mass("far", cost=u**2 / 2, terminal_cost=-8 * x)
+    return dmoc.Problem(dmoc.build(system), start={"x": 0, "x_dot": 0}, steps=20, final_time=1.0)
+
+
+@case("a cost that depends on the place")
+def valley() -> dmoc.Problem:
+    x, u = dynamicsymbols("x"), dynamicsymbols("u")
+    system = unit_mass("valley", cost=u**2 + 1e3 * (x - 0.3) ** 4)
+    goal = {"x": 1, "x_dot": 0}
+    return dmoc.Problem(
+        dmoc.build(system), start={"x": 0, "x_dot": 0}, goal=goal, steps=30, final_time=1.0
+    )
+
+
+@pytest.fixture(scope="module", params=[*CASES])
+def motion(request: pytest.FixtureRequest) -> Case:
+    return CASES[request.param]()
+
+
+def test_both_find_the_same(motion: Case) -> None:
+    quick, slow = passing(*motion, ENDLESS), judged_by_steps(*motion, ENDLESS)
+    assert quick is not None and slow.passed
+    for field in fields(slow):
+        ours, theirs = getattr(quick, field.name), getattr(slow, field.name)
+        if field.name == "contacts":
+            assert [c.surface for c in ours] == [c.surface for c in theirs]
+            ours, theirs = (np.array([(c.time, c.jump) for c in x]) for x in (ours, theirs))
+        if isinstance(theirs, bool | str | tuple):
+            assert ours == theirs, field.name
+        else:
+            assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-12), field.name
+
+
+def wrong_motions(good: Trajectory) -> dict[str, Trajectory]:
+    """A motion made wrong in one way at a time."""
+    first, last = good.phases[0], good.phases[-1]
+
+    def phase(i: int, **changes: np.ndarray) -> Trajectory:
+        phases = list(good.phases)
+        phases[i] = replace(phases[i], **changes)
+        return replace(good, phases=tuple(phases))
+
+    def bent(own: Phase, share: float) -> np.ndarray:
+        q = own.q.copy()
+        q[len(q) // 2] += share * np.ptp(q, axis=0)
+        return q
+
+    wrong = {
+        "a node moved": phase(-1, q=bent(last, 0.05)),
+        "a node moved a little": phase(0, q=bent(first, 0.002)),
+        "faster": phase(0, v=1.05 * first.v),
+        "another momentum": phase(-1, p=1.02 * last.p),
+        "later": phase(-1, t=last.t + 1e-3),
+        "not a number": phase(0, q=np.full_like(first.q, np.nan)),
+        "cheaper": replace(good, cost=0.9 * good.cost),
+        "no cost": replace(good, cost=np.nan),
+        "narrower": replace(
+            good, coordinate_bounds=0.5 * np.ptp(first.q, axis=0)[:, None] * [0, 1]
+        ),
+    }
+    if first.u.size:
+        wrong["weaker"] = phase(0, u=0.9 * first.u)
+        wrong["beyond a limit"] = replace(
+            good, input_bounds=np.abs(first.u).max() * np.tile([-0.5, 0.5], (first.u.shape[1], 1))
+        )
+    for i, c in enumerate(good.collisions[:1]):
+        events = {
+            "a weaker impulse": replace(c, impulse=0.9 * c.impulse),
+            "elsewhere": replace(c, position=c.position + 1e-3),
+            "at another time": replace(c, time=c.time + 1e-3),
+            "grazing": replace(c, grazes=True),
+        }
+        for name, event in events.items():
+            hits = (*good.collisions[:i], event, *good.collisions[i + 1 :])
+            wrong[name] = replace(good, collisions=hits)
+        e = {name: 0.9 * e if e else e for name, e in good.restitution.items()}
+        wrong["softer"] = replace(good, restitution=e)
+        wrong["through a wall"] = replace(
+            good, phases=(good.phases[0], last), collisions=good.collisions[:1], cost=np.nan
+        )
+    return wrong
+
+
+def test_none_passes_that_is_wrong(motion: Case) -> None:
+    good, kernels = motion
+    passed = list[str]()
+    for name, wrong in wrong_motions(good).items():
+        quick = passing(wrong, kernels, ENDLESS)
+        slow = judged_by_steps(wrong, kernels, ENDLESS)
+        assert quick is None or slow.passed, name
+        passed += [name] * (quick is not None)
+    assert "no cost" in passed and len(passed) <= 3
+
+
+def test_what_rests_or_rubs_or_is_limited_is_left_to_the_other() -> None:
+    kernels = dmoc.build(block_system())
+    problem = there_and_back(kernels, steps=10)
+    dead = dmoc.solve(problem.but(restitution=0.0), starts=1, verify=False)
+    assert passing(dead.trajectory, kernels, ENDLESS) is None
+    assert dmoc.verify(dead.trajectory, kernels).passed
+    limited = dmoc.solve(problem.but(bounds={"x_dot": (-9, 9)}), starts=1, verify=False)
+    assert passing(limited.trajectory, kernels, ENDLESS) is None
+
+
+def test_shapes_and_time_are_looked_at() -> None:
+    kernels = dmoc.build(dropped_ball())
+    run = dmoc.simulate(kernels, [1.0], [0.0], step_size=0.01, steps=200)
+    good = run.trajectory
+    assert passing(good, kernels, ENDLESS) is not None
+    short = replace(good.phases[0], v=good.phases[0].v[:-1])
+    with pytest.raises(SimulationError, match="v of the phase from 0 s on has the shape"):
+        passing(replace(good, phases=(short, *good.phases[1:])), kernels, ENDLESS)
+    with pytest.raises(OutOfTimeError):
+        passing(good, kernels, Deadline.after(0.0))
