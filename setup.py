@@ -106,7 +106,7 @@ extensions += [
         ["check/free_motion.pyx"],
         depends=["mechanics/elimination.pxd", "simulation/sums.h", *PARTS, *FREE, KERNEL],
         include_dirs=["codegen", "simulation"],
-        extra_compile_args=SOLVER_FLAGS,
+        extra_compile_args=FLAGS,
     ),
     Extension(
         "dmoc.program.assembly",

@@ -1,4 +1,4 @@
-# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, binding=False
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, binding=False, initializedcheck=False, auto_pickle=False
 """The check of a motion that is free between hits without friction, compiled.
 
 It measures what :mod:`dmoc.check.check` measures, by the same rules, for motions that pass: where

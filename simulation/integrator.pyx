@@ -1,4 +1,4 @@
-# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, binding=False
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, binding=False, auto_pickle=False
 """The continuous equations of motion M q'' = F, integrated for many rows of states side by side.
 
 A row is (q | v), (q | v | work) or (q | v | X), of 2 nq, 2 nq + 1 or 2 nq + (2 nq)^2 numbers.  The
