@@ -106,7 +106,7 @@ test-wheels: $(VENV)/.installed-release
 	$(BIN)/python tools/wheels.py
 
 # The folders of sources are part of what is installed: a changed extension is compiled again.
-SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.pxi codegen/*.h simulation/*.pyx simulation/*.px[di] simulation/*.h program/*.pyx program/*.pxd program/*.[ch] guess/*.pyx guess/*.px[di] guess/*.[ch] mechanics/*.pyx mechanics/*.px[di] solvers/*.pyx solvers/*.pxi solvers/*.[ch] proving/*.pyx proving/*.[ch]) $(wildcard generated/*/kernels.c)
+SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.pxi codegen/*.h simulation/*.pyx simulation/*.px[di] simulation/*.h program/*.pyx program/*.pxd program/*.[ch] guess/*.pyx guess/*.px[di] guess/*.[ch] mechanics/*.pyx mechanics/*.px[di] solvers/*.pyx solvers/*.pxi solvers/*.[ch] proving/*.pyx proving/*.[ch] check/*.pyx check/*.pxi) $(wildcard generated/*/kernels.c)
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

@@ -190,7 +190,15 @@ setup(
         "dmoc.report.animation": ["player/*"],
         **{
             f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pxi", "*.pyi", "*.c", "*.h"]
-            for layer in ("guess", "mechanics", "program", "proving", "solvers", "simulation")
+            for layer in (
+                "check",
+                "guess",
+                "mechanics",
+                "program",
+                "proving",
+                "solvers",
+                "simulation",
+            )
         },
         **{f"dmoc.generated.{model}": ["*.c", "*.h", "manifest.json"] for model in models},
     },

@@ -11,7 +11,7 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.table import Shown, Table, passed
 
 # How far the cost of an answer may be from that of the minimum near it, relative to its size.
-SAME_COST = 1e-3
+COST_AS_SAID = 1e-3
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Certificate(Shown):
 def wrong(certificate: Certificate, cost: float, scale: Mapping[str, float]) -> str | None:
     """A sentence about the certificate of a motion of another cost."""
     low, high = certificate.cost or (cost, cost)
-    near = SAME_COST * max(abs(cost), scale.get("cost", 0.0))
+    near = COST_AS_SAID * max(abs(cost), scale.get("cost", 0.0))
     if low <= high and low - near <= cost <= high + near:
         return None
     return (

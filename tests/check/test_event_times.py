@@ -171,6 +171,7 @@ def test_an_event_is_planned_that_its_phase_ends_with_to_a_hundredth_of_it(
     event = planned and SimpleNamespace(**({"leaves": (), "friction": {}} | planned))
     phase = SimpleNamespace(t=np.array([0.0, 2.0]), duration=2.0)
     trajectory = SimpleNamespace(collisions=[event] if event else [], phases=[phase])
-    model = SimpleNamespace(nc=2, nt=1, kernels=kernels)
+    contacts = SimpleNamespace(pull=[False, False])
+    model = SimpleNamespace(nc=2, nt=1, kernels=kernels, contacts=contacts)
     motion: Any = SimpleNamespace(model=model, trajectory=trajectory)
     assert _sentence(motion, 0, j, time) == (text and f"the simulation {text}")
