@@ -139,6 +139,7 @@ extensions += [
         depends=[
             "solvers/factorisation.pxi",
             "solvers/residuals.pxi",
+            "solvers/second_order.pxi",
             *sorted(map(str, Path("solvers").glob("*.h"))),
             "program/passes.h",
             KERNEL,

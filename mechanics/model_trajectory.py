@@ -54,8 +54,9 @@ def motion_along(
             replace(p, coefficients=_coefficients(models[i], p, form, last))
             for i, p in enumerate(phases)
         ]
-    free = tuple(np.tile([-np.inf, np.inf], (n, 1)) for n in (model.nu, model.nq))
-    input_bounds, coordinate_bounds = bounds or free
+    input_bounds, coordinate_bounds = bounds or (
+        np.full((n, 2), (-np.inf, np.inf)) for n in (model.nu, model.nq)
+    )
     return Trajectory(
         model=kernels.name,
         fingerprint=kernels.manifest.fingerprint,

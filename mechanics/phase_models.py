@@ -51,6 +51,8 @@ class PhaseModels:
     @property
     def changing(self) -> list[str]:
         """Names of the parameters that have other values in some phases."""
+        if not self.change:
+            return []
         names, values = list(self.kernels.parameters), self.par.T
         return [n for n, column in zip(names, values, strict=True) if np.ptp(column) > 0]
 

@@ -53,11 +53,16 @@ class Boundary:
     position: Array
     velocity: Array
     momentum: Array
-    by_velocity: bool = False  # the momenta stand for velocities that were given
+    meant: Array | None = None  # velocities that were given, which the momenta stand for
 
     @property
     def needs_velocity(self) -> bool:
         return bool(np.isfinite(self.velocity).any())
+
+    @property
+    def by_velocity(self) -> bool:
+        """Whether the momenta stand for velocities that were given."""
+        return self.meant is not None
 
     @property
     def is_state(self) -> bool:
@@ -342,12 +347,14 @@ def _as_momenta(problem: Problem, boundary: Boundary, at_start: bool) -> Boundar
         np.full_like(velocity, (-np.inf, np.inf)),
         np.repeat(momentum[:, None], 2, axis=1),
     )
-    return Boundary(boundary.position, free, fixed_momentum, by_velocity=True)
+    return Boundary(boundary.position, free, fixed_momentum, velocity[:, 0])
 
 
 def fixed_velocity(boundary: Boundary, problem: Problem, q: Array) -> Array | None:
     """The velocity at an end where it is fixed, by itself or by momenta."""
     velocity, momentum = boundary.velocity, boundary.momentum
+    if boundary.meant is not None:
+        return boundary.meant
     if (velocity[:, 0] == velocity[:, 1]).all():
         return velocity[:, 0]
     if not (momentum[:, 0] == momentum[:, 1]).all():

@@ -16,6 +16,8 @@ from dmoc.program.transcription import Transcription
 # A multiplier this small holds nothing back, and an impulse this small is none.
 NO_FORCE = 1e-7
 NO_IMPULSE = 1e-6
+# Bounds are named in this order.
+IN_ORDER = {kind: i for i, kind in enumerate(BoundKind)}
 # Unknowns at ends and events, and totals, that a problem bounds.
 STATED = ("p_B", "p_E", "v_B", "v_E", "v_a", "v_c", "totals", "design")
 
@@ -96,7 +98,7 @@ def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
             if active[k]:
                 yield ActiveBound(BoundKind.DURATION, str(i), side, float(limit[k] * lay.steps[i]))
     counted = [(*b.counted, b.index) for b in lay.unknowns if b.counted]
-    for kind, names, at, index in sorted(counted, key=lambda c: list(BoundKind).index(c[0])):
+    for kind, names, at, index in sorted(counted, key=lambda c: IN_ORDER[c[0]]):
         for j, name in enumerate(names):
             for side, limit, active in ends:
                 rows = np.flatnonzero(active[index[:, j]])

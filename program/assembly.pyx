@@ -6,6 +6,7 @@
 Kernels on NumPy have no C function; their passes run in Python.
 """
 from cpython.pycapsule cimport PyCapsule_New
+from libc.math cimport fabs, isfinite
 from libc.stdlib cimport calloc, free
 
 from dmoc_kernel cimport dmoc_array, find_kernel
@@ -233,6 +234,45 @@ def transposed_product(
         for e in range(start[r], start[r + 1]):
             x[column[e]] += values[e] * y[r]
     return product
+
+
+def products(
+    const double[::1] left, const ptrdiff_t[::1] rows, const double[::1] right,
+    const ptrdiff_t[::1] columns, const double[::1] factors, const ptrdiff_t[::1] places
+):
+    """left[rows] * right[columns] * factors[places]; positions are those of the arrays."""
+    cdef ptrdiff_t n = rows.shape[0], l = left.shape[0], r = right.shape[0], f = factors.shape[0], i
+    if not columns.shape[0] == places.shape[0] == n:
+        raise ValueError(f"expected {n} columns and places")
+    product = np.empty(n)
+    cdef double[::1] x = product
+    for i in range(n):
+        if not (-l <= rows[i] < l and -r <= columns[i] < r and -f <= places[i] < f):
+            raise ValueError(f"factor {i}: a position lies outside")
+        x[i] = (
+            left[rows[i] + l*(rows[i] < 0)] * right[columns[i] + r*(columns[i] < 0)]
+            * factors[places[i] + f*(places[i] < 0)]
+        )
+    return product
+
+
+def on_limits(
+    const double[::1] x, const double[::1] sizes, const double[::1] lower, const double[::1] upper,
+    double rounding
+):
+    """x * sizes; those next to a finite limit, up to rounding relative to it, are the limit."""
+    cdef ptrdiff_t n = x.shape[0], i
+    if not sizes.shape[0] == lower.shape[0] == upper.shape[0] == n:
+        raise ValueError(f"expected sizes and limits of {n} unknowns")
+    values = np.empty(n)
+    cdef double[::1] y = values
+    for i in range(n):
+        y[i] = _on_limit(_on_limit(x[i] * sizes[i], lower[i], rounding), upper[i], rounding)
+    return values
+
+
+cdef inline double _on_limit(double y, double limit, double rounding) noexcept nogil:
+    return limit if isfinite(limit) and fabs(y - limit) <= rounding * fabs(limit) else y
 
 
 cdef int _within(positions, ptrdiff_t least, ptrdiff_t end) except -1:

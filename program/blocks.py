@@ -111,26 +111,52 @@ class Block:
         """Name of a member, counted among those of the block."""
         return self.label(*map(int, self.places[member]))
 
-    @property
+    @cached_property
     def places(self) -> Index:
         """Places of all members in the block's shape, shape (count, dimensions of ``index``)."""
         return np.argwhere(self.index != NOWHERE)
 
     def sizes(self, scale: Scale) -> Array:
         """Typical sizes of all members, shape (count,)."""
-        if not self.count:
-            return np.zeros(0)
-        sizes = np.empty(self.index.shape)
-        sizes[...] = self.size(scale)
-        every = self.count == self.index.size
-        return sizes.ravel() if every else np.asarray(sizes[self.index != NOWHERE])
+        return Spread()((self,), scale)
+
+    def again(self, label: Label, size: Size, missed: Missed, counted: Counted | None) -> Block:
+        """A block of the same members, of which something else is said."""
+        other = object.__new__(Block)
+        vars(other).update(vars(self), label=label, size=size, missed=missed, counted=counted)
+        return other
+
+
+class Spread:
+    """Typical sizes of the members of blocks, of which each block has few: which of these each
+    member has is the same for all blocks of the same members, and is found once."""
+
+    def __init__(self) -> None:
+        self._places: Index | None = None
+
+    def __call__(self, blocks: Sequence[Block], scale: Scale) -> Array:
+        """Sizes of all members of some blocks, one block after the other."""
+        there = [block for block in blocks if block.count]
+        few = [np.asarray(block.size(scale), dtype=float) for block in there]
+        if self._places is None:
+            self._places = self._found(there, few)
+        return np.concatenate([*map(np.ravel, few), np.zeros(0)])[self._places]
+
+    def _found(self, blocks: Sequence[Block], few: Sequence[Array]) -> Index:
+        places, first = [np.zeros(0, np.intp)], 0
+        for block, sizes in zip(blocks, few, strict=True):
+            numbers = first + np.arange(sizes.size).reshape(sizes.shape)
+            places.append(np.broadcast_to(numbers, block.index.shape)[block.index != NOWHERE])
+            first += sizes.size
+        return np.concatenate(places)
 
 
 class Numbering:
-    """Makes blocks whose numbers follow each other."""
+    """Makes blocks whose numbers follow each other, or are those of blocks ``like`` which they
+    are."""
 
-    def __init__(self, first: int = 0) -> None:
-        self.next = first
+    def __init__(self, first: int = 0, like: Sequence[Block] = ()) -> None:
+        self.next, self.like = first, like
         self.made: list[Block] = []
 
     def __call__(
@@ -146,6 +172,9 @@ class Numbering:
     ) -> Block:
         """A block of a shape, or of a mask whose False members do not exist; its members are
         remembered by its name, which no other block has."""
+        if self.like:
+            self.made.append(self.like[len(self.made)].again(label, size, missed, counted))
+            return self.made[-1]
         if any(block.name == name for block in self.made):
             raise ValueError(f"two blocks are called {name!r}: multipliers are kept by these names")
         if isinstance(where, tuple):

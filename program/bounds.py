@@ -43,7 +43,7 @@ def limits(
     problem: Problem, lay: Layout, laws: Iterable[Law], scale: Scale, goals: Sequence[Goal]
 ) -> tuple[Array, Array]:
     """Lower and upper bounds of x, shape (n,) each; ``goals`` are constraints and bound nothing."""
-    box = np.tile((-np.inf, np.inf), (lay.size, 1))
+    box = np.full((lay.size, 2), (-np.inf, np.inf))
     box[lay.index_h] = np.maximum(
         lay.step_sizes(shortest_durations(problem).T).T, SMALLEST_STEP * scale.time
     )
@@ -62,7 +62,8 @@ def limits(
         law.bounds(problem, box, scale)
     for node, places in zip(lay.collision_nodes, problem.via_bounds, strict=True):
         _narrow(box, lay.index_q[node], places)
-    box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
+    if lay.inside:
+        box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
     box[lay.index_t[:1]] = 0.0
     box[lay.index_design] = problem.design_bounds
     for goal in goals:

@@ -25,6 +25,7 @@ import numpy as np
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.program.arrays import ElementPlaces, PassData, ProgramData
+from dmoc.program.assembly import products
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.sparse import SparsePattern
 from dmoc.program.terms import Term
@@ -129,7 +130,7 @@ class _Elements:
         self, left: Array, right: Array, doubled: Array
     ) -> tuple[tuple[ElementPlaces, ...], Array]:
         """The elements of one problem, and their factors."""
-        return self.places, left[self.rows] * right[self.columns] * doubled[self.factors]
+        return self.places, products(left, self.rows, right, self.columns, doubled, self.factors)
 
 
 def _flat(arrays: Sequence[Index]) -> Index:

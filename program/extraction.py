@@ -174,10 +174,10 @@ def _inside(
 ) -> tuple[Array, Array]:
     """Coordinates and momenta at the nodes inside the steps of phase i, with q and v at the nodes
     between them."""
-    scheme, h = nlp.layout.scheme, np.diff(t)[:, None]
-    flat = np.ascontiguousarray(q_i.reshape(-1, q.shape[1]))
+    scheme, flat = nlp.layout.scheme, np.ascontiguousarray(q_i.reshape(-1, q.shape[1]))
     if not scheme.inside:
         return flat, flat
+    h = np.diff(t)[:, None]
     nodes = q_i.reshape(len(q_i), scheme.inside, -1)
     data = np.concatenate([np.stack([q[:-1], q[1:]], axis=1), nodes], axis=1)
     data = np.concatenate([data, np.stack([h * v[:-1], h * v[1:]], axis=1)], axis=1)

@@ -354,6 +354,8 @@ class Layout(Unknowns):
 def _ranged_rows(problem: Problem, ranges: Array) -> list[FunctionFacts]:
     """Facts about the quantities that ``ranges``, shape (nz, 2), bound on some side."""
     rows = problem.kernels.quantity_rows
+    if not rows:
+        return []
     return [rows[j] for j in np.flatnonzero(np.isfinite(ranges).any(axis=1))]
 
 

@@ -174,6 +174,8 @@ def _of_motion(problem: Problem, lay: Layout, x: Array, reached: Reached, minimu
 
 def _hit_quantities(problem: Problem, lay: Layout, x: Array) -> Array:
     """Sizes of the quantities of hits: of those of the motion x, or of what bounds them."""
+    if not problem.kernels.manifest.hit_quantities:
+        return np.zeros(0)
     values, there = hit_quantities(problem, lay, x)
     bounds = problem.hit_quantity_bounds
     size = np.abs(np.where(there, _finite(values, 0.0), 0.0)).max(axis=0, initial=0.0)
@@ -208,6 +210,8 @@ def _sized(lay: Layout, step: list[Array], scale: Scale) -> list[Array]:
 
 def _designs(problem: Problem) -> Array:
     """Sizes of the design parameters: of their values, at least of a share of their ranges."""
+    if not problem.design:
+        return np.zeros(0)
     with np.errstate(invalid="ignore"):
         width = np.ptp(problem.design_bounds, axis=1)
     values = np.abs(problem.design_values)
@@ -282,6 +286,8 @@ def _places(slope: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Arr
     """Sizes of gaps or tangents and of their rates, from their largest slopes along a motion: how
     far coordinates, velocities and a time of their sizes move them; or of crossing functions, by
     states and their rates."""
+    if not len(slope):
+        return np.zeros(0), np.zeros(0)
     size_q, size_v, time = sizes
     by_q, by_t = slope[:, :-1], slope[:, -1]
     place, rate = by_q @ size_q + by_t * time, by_q @ size_v + by_t
@@ -293,7 +299,7 @@ def end_of(lay: Layout, x: Array, node: int) -> tuple[Array, Array, Array]:
     are zero."""
     index = lay.index_v_B if node == 0 else lay.index_v_E
     v = x[index] if len(index) else np.zeros(lay.nq)
-    return x[lay.index_q[node]], v, lay.times(x)[node]
+    return x[lay.index_q[node]], v, lay.times(x)[node] if node else np.zeros(())
 
 
 def cost_of(problem: Problem, lay: Layout, x: Array) -> float:

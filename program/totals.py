@@ -47,6 +47,8 @@ def totals_at(problem: Problem, lay: Layout, x: Array) -> Array:
 
 def peaks_at(problem: Problem, lay: Layout, x: Array) -> Array:
     """The peaks of quantities of unknowns x, those of hits last, shape (peaks,)."""
+    if not lay.index_peaks.size:
+        return np.zeros(0)
     model = lay.model_of_steps(lay.problem_at(problem, x))
     along = model.peaks(quantity_inputs(problem, lay, x))
     return np.append(along, model.hit_peaks(*hit_quantities(problem, lay, x)))

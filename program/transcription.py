@@ -20,6 +20,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
+from dmoc.program.assembly import on_limits
 from dmoc.program.blocks import NOWHERE, Block, Index
 from dmoc.program.bounds import goal_rows, limits
 from dmoc.program.elements import (
@@ -37,6 +38,9 @@ from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.structure_cache import MEMORY, MOST_REMEMBERED
 from dmoc.program.terms import Places, apart, shares_of
+
+# A value this close to a limit, relative to it, is the limit but for rounding.
+ON_LIMIT = 4 * float(np.finfo(float).eps)
 
 
 class Transcription(Evaluator):
@@ -100,9 +104,10 @@ class Transcription(Evaluator):
         """Sizes of the rows (c | d), shape (n_eq + n_in,)."""
         if not self.scaled_by_sizes:
             return np.ones(self.n_eq + self.n_in)
-        return np.concatenate(
-            [b.sizes(self.scale) for b in (*self.equalities, *self.inequalities) if b.count]
-        )
+        laws = self.laws
+        rows = laws.remembered.sizes((*laws.equalities, *laws.inequalities), self.scale)
+        more = self.inequalities[len(laws.inequalities) :]
+        return np.concatenate([rows, *(b.sizes(self.scale) for b in more)]) if more else rows
 
     @property
     def structure(self) -> Structure:
@@ -189,16 +194,7 @@ class Transcription(Evaluator):
         return self._remembered("physical", self._physical, x)
 
     def _physical(self, x: Array) -> Array:
-        y = x * self.sizes
-        for limit, close in zip(self.limits, self._rounding, strict=True):
-            y = np.where(np.abs(y - limit) <= close, limit, y)
-        return np.asarray(y)
-
-    @cached_property
-    def _rounding(self) -> list[Array]:
-        """Distances from the lower and upper limits that rounding may make, shape (n,) each."""
-        few = 4 * np.finfo(float).eps
-        return [few * np.where(np.isfinite(limit), np.abs(limit), 0.0) for limit in self.limits]
+        return on_limits(x, self.sizes, *self.limits, ON_LIMIT)
 
     def scaled(self, y: Array) -> Array:
         """Scaled unknowns from those in units of the problem, shape (n,) each."""

@@ -35,7 +35,7 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.records import record, value_class
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.touch import Touch
-from dmoc.program.blocks import Block, Bools, Counted, Index, Numbering
+from dmoc.program.blocks import Block, Bools, Counted, Index, Numbering, Spread
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.contact_table import ContactUnknowns
 from dmoc.program.force_unknowns import ForceUnknowns, Wanted
@@ -158,7 +158,11 @@ class Unknowns:
 
     def sizes(self, scale: Scale) -> Array:
         """Typical sizes of all unknowns, in the order of x, shape (n,)."""
-        return np.concatenate([b.sizes(scale) for b in self.unknowns if b.count])
+        return self._spread(self.unknowns, scale)
+
+    @cached_property
+    def _spread(self) -> Spread:
+        return Spread()
 
 
 @record(frozen=True, eq=False)

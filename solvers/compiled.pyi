@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any, overload
 
+import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
@@ -81,6 +82,39 @@ def left_over(
 ) -> tuple[float, float]: ...
 def missed_by(x: Array, lower: Array, upper: Array, c: Array, d: Array) -> float: ...
 def entries_of(layout: KKTLayout, hess: Array, jac: Array) -> tuple[Array, Array]: ...
+def holding(
+    x: Array,
+    lower: Array,
+    upper: Array,
+    z: Array,
+    d: Array,
+    w: Array,
+    equations: int,
+    cost: float,
+    *,
+    clearly: float,
+    noise: float,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]: ...
+def largest_bend(
+    layout: KKTLayout, hess: Array, weights: Array, lower: Array, upper: Array
+) -> float: ...
+def signs(
+    layout: KKTLayout,
+    factorisation: Factorisation,
+    hess: Array,
+    jac: Array,
+    active: NDArray[np.bool_],
+    curvatures: Array,
+    equations: int,
+    *,
+    fixed: float,
+    relaxed: float,
+    held: float,
+    idle: float,
+) -> tuple[int, int]: ...
+def left_by_barrier(
+    x: Array, lower: Array, upper: Array, z: Array, d: Array, w: Array
+) -> float: ...
 
 class Room:
     factorisation: Factorisation

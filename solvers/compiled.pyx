@@ -1,6 +1,7 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, binding=False
 """Entry to the interior-point method in C (interior_point.h), and to its factorisation
-(factorisation.pxi); what a point leaves of the optimality conditions (residuals.pxi)."""
+(factorisation.pxi); what a point leaves of the optimality conditions (residuals.pxi), of first and
+of second order (second_order.pxi)."""
 from cpython.exc cimport PyErr_CheckSignals
 from cpython.pycapsule cimport PyCapsule_GetPointer
 from cpython.ref cimport PyObject
@@ -13,6 +14,7 @@ import numpy as np
 
 include "factorisation.pxi"
 include "residuals.pxi"
+include "second_order.pxi"
 
 cdef extern from "interior_point.h" nogil:
     ctypedef int dmoc_report(void *user, int iteration, double cost, double violation, double mu,

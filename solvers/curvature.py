@@ -18,6 +18,7 @@ from __future__ import annotations
 import enum
 from dataclasses import field
 from functools import cached_property
+from math import isfinite
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import Bools, Index
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.compiled import Factorisation, entries_of
+from dmoc.solvers.compiled import Factorisation, entries_of, holding, largest_bend, signs
 from dmoc.solvers.kkt import cost_size, violation
 from dmoc.solvers.kkt_layout import KKTLayout, kkt_layout
 from dmoc.solvers.outcome import Duals
@@ -92,7 +93,8 @@ class SecondOrder:
         self.nlp, self.x, self.duals = nlp, x, duals
         self.free = nlp.lower < nlp.upper
         self.active, self.perhaps = self._holding()
-        self.weights = _weights(nlp)
+        # in a tuple, because an array has no truth value
+        (self.weights,) = nlp.structure.once("weights", lambda: (_weights(nlp),))
 
     def curvature(self) -> Curvature:
         """The shape of the cost.
@@ -159,22 +161,11 @@ class SecondOrder:
     def _holding(self) -> tuple[Bools, Bools]:
         """Masks of the unknowns at bounds and of the rows (c | d) that hold x, and of those that
         may, shape (n + n_eq + n_in,) each."""
-        nlp, x, duals = self.nlp, self.x, self.duals
-        above = np.where(duals.z > 0, x - nlp.lower, np.inf)
-        below = np.where(duals.z < 0, nlp.upper - x, np.inf)
-        either = np.minimum(x - nlp.lower, nlp.upper - x)
-        distance = np.minimum(np.minimum(above, below), np.where(duals.z == 0, either, np.inf))
-        distance = np.maximum(np.concatenate([distance, nlp.inequality(x)]), 0.0)
-        force = np.concatenate([np.abs(duals.z), duals.w]) / cost_size(nlp, x)
-        active = (force > CLEARLY * distance) & (force > NOISE)
-        idle = (distance > CLEARLY * force) & (distance > NOISE)
-        free = np.append(self.free, np.ones(nlp.n_in, dtype=bool))
-
-        def every(of: Bools, equations: bool) -> Bools:
-            of = of & free
-            return np.concatenate([of[: nlp.n], np.full(nlp.n_eq, equations), of[nlp.n :]])
-
-        return every(active, True), every(~active & ~idle, False)
+        nlp, x, z, w = self.nlp, self.x, self.duals.z, self.duals.w
+        return holding(
+            x, nlp.lower, nlp.upper, z, nlp.inequality(x), w, nlp.n_eq, cost_size(nlp, x),
+            clearly=CLEARLY, noise=NOISE,
+        )  # fmt: skip
 
     @cached_property
     def _layout(self) -> KKTLayout:
@@ -205,10 +196,9 @@ class SecondOrder:
     @cached_property
     def _size(self) -> float:
         """The size of curvatures."""
-        at = self._layout.diagonal[: self.nlp.n][self.free]
-        bent = np.abs(self._parts[0][at]) / self.weights[self.free]
-        most = BENT * float(bent.max(initial=0.0))
-        return max(cost_size(self.nlp, self.x), most if np.isfinite(most) else 0.0)
+        nlp, H = self.nlp, self._parts[0]
+        most = BENT * largest_bend(self._layout, H, self.weights, nlp.lower, nlp.upper)
+        return max(cost_size(nlp, self.x), most if isfinite(most) else 0.0)
 
     def _bowl(self, shift: float, active: Bools) -> bool:
         """Whether a curvature, in its size, makes a bowl; K with it is factorised."""
@@ -216,15 +206,12 @@ class SecondOrder:
 
     def _signs(self, shift: float, active: Bools, bent: bool = True) -> bool:
         """Factorise K with a shift, with H or without, and compare its signs with a bowl's."""
-        nlp, layout, (H, A) = self.nlp, self._layout, self._parts
-        K = H + A if bent else A.copy()
-        free = shift * self.weights + self._size * self._kept
-        rows = np.where(active, -ACTIVE_ROW, -IDLE)
-        rows[nlp.n : nlp.n + nlp.n_eq] = np.where(active[nlp.n : nlp.n + nlp.n_eq], -RELAXED, -IDLE)
-        diagonal = np.concatenate([np.where(active[: nlp.n], FIXED, free), rows[nlp.n :]])
-        at = layout.diagonal >= 0
-        K[layout.diagonal[at]] += diagonal[at]
-        positive, _, zero = self._factorisation.factor(K)
+        H, A = self._parts
+        positive, zero = signs(
+            self._layout, self._factorisation, H if bent else np.zeros_like(H), A, active,
+            shift * self.weights + self._size * self._kept, self.nlp.n_eq,
+            fixed=FIXED, relaxed=RELAXED, held=ACTIVE_ROW, idle=IDLE,
+        )  # fmt: skip
         return positive == int(self.free.sum()) and not zero
 
     def _solved(self, right: Array) -> Array:

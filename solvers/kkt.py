@@ -9,7 +9,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.compiled import left_over, missed_by
+from dmoc.solvers.compiled import left_by_barrier, left_over, missed_by
 from dmoc.solvers.outcome import Duals, Residuals
 
 # Multipliers of this size and smaller leave the residuals unscaled (Waechter & Biegler 2006,
@@ -33,16 +33,8 @@ def duality_gap(nlp: Transcription, x: Array, duals: Duals) -> float:
     units of the cost: about what a barrier has left of it. Those that hold nothing, whose distance
     is larger than their multiplier, are left out: what they take is of second order in the barrier,
     however many they are."""
-    z = np.where(nlp.lower < nlp.upper, duals.z, 0.0)
-    force = np.abs(np.concatenate([duals.w, z]))
-    distance = np.abs(np.concatenate([nlp.inequality(x), _distance(nlp, x, z)]))
-    return nlp.scale.cost * float((force * distance)[force > distance].sum())
-
-
-def _distance(nlp: Transcription, x: Array, z: Array) -> Array:
-    """Distance from the bound that each multiplier belongs to."""
-    with np.errstate(invalid="ignore"):
-        return np.where(z > 0, x - nlp.lower, np.where(z < 0, nlp.upper - x, 0.0))
+    left = left_by_barrier(x, nlp.lower, nlp.upper, duals.z, nlp.inequality(x), duals.w)
+    return nlp.scale.cost * left
 
 
 def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:

@@ -81,6 +81,8 @@ class Options:
     def after(self, iterations: int) -> Options:
         """The options that are left after some iterations, which are counted on."""
         left, tell = max(self.iterations - iterations, 1), self.progress
+        if left == self.iterations and not iterations:
+            return self
         if tell is None or not iterations:
             return replace(self, iterations=left)
 

@@ -225,7 +225,7 @@ class LocalSolver:
     def _plain(self, attempt: Attempt) -> tuple[Transcription, Duals]:
         """The program of an attempt without minimal times, and the multipliers of its rows."""
         plain, duals = self.programs.free(attempt.nlp), attempt.outcome.duals
-        return plain, replace(duals, w=duals.w[: plain.n_in])
+        return plain, Duals(duals.y, duals.w[: plain.n_in], duals.z)
 
     def _lower(self, saddle: Attempt, beside: Sequence[Array], options: Options) -> Attempt:
         """The cheaper minimum of those that motions beside a saddle lead to: the compiled method

@@ -36,6 +36,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -149,7 +150,7 @@ class ImpactLaw(Law):
         """Events at which something is hit or lands for certain."""
         return self.impact & (self.lay.touch.open is None)
 
-    @property
+    @cached_property
     def grasps(self) -> Bools:
         """Events at which grips close and nothing else is hit or lands, shape (events,)."""
         return self.impact & np.isin(self.surfaces, self.lay.touch.contacts.of_grips)
@@ -160,7 +161,7 @@ class ImpactLaw(Law):
         all where it is stated in the rates."""
         return np.asarray(((self.e == 0) | self.by_rates) & self.impact)
 
-    @property
+    @cached_property
     def most_impulse(self) -> Array:
         """Upper bounds of the impulses."""
         return np.where(self.grazing | ~self.impact, 0.0, np.inf)

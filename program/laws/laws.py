@@ -15,7 +15,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import Block, Index, Numbering
+from dmoc.program.blocks import Block, Index, Numbering, Spread
 from dmoc.program.elements import Structure
 from dmoc.program.laws.breakaway import BreakawayLaw
 from dmoc.program.laws.complementarity import ComplementarityLaw
@@ -47,8 +47,12 @@ from dmoc.program.totals import counted
 
 
 class Remembered:
-    """The structure that follows from some laws, as long as somebody keeps it, and the last
-    numbers of their entries and terms, coefficients and factors, with what these follow from."""
+    """The structure that follows from some laws, as long as somebody keeps it, the last numbers of
+    their entries and terms, coefficients and factors, with what these follow from, and how sizes
+    spread over their rows."""
+
+    def __init__(self) -> None:
+        self.sizes = Spread()
 
     structure: weakref.ref[Structure] | None = None
     numbers: tuple[bytes, tuple[Array, Array]] | None = None
@@ -124,8 +128,8 @@ class Laws:
         same = replace(
             self,
             ends=ends,
-            equalities=_again(self.equalities, before.start_velocity, ends.equations, 0),
-            inequalities=_again(self.inequalities, before.earliest, ends.inequalities, self.n_eq),
+            equalities=_again(self.equalities, before.start_velocity, ends.equations),
+            inequalities=_again(self.inequalities, before.earliest, ends.inequalities),
         )
         same.n_eq, same.n_in = self.n_eq, self.n_in
         return same
@@ -190,11 +194,11 @@ def laws_of(
 
 
 def _again(
-    blocks: tuple[Block, ...], first: Block, number: Callable[[Numbering], None], before: int
+    blocks: tuple[Block, ...], first: Block, number: Callable[[Numbering], None]
 ) -> tuple[Block, ...]:
-    """Blocks with those of a law made again, from its first one on; so many rows come before."""
+    """Blocks with those of a law made again, from its first one on, with the same numbers."""
     i = blocks.index(first)
-    numbering = Numbering(before + sum(b.count for b in blocks[:i]))
+    numbering = Numbering(like=blocks[i:])
     number(numbering)
     return (*blocks[:i], *numbering.made, *blocks[i + len(numbering.made) :])
 

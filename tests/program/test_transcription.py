@@ -209,6 +209,16 @@ def test_rows_say_what_it_costs_to_miss_them_and_in_what_words(nlp: Transcriptio
         assert block.counted is None or len(block.counted.places) == len(block.index)
 
 
+def test_unknowns_beside_limits_are_on_them(nlp: Transcription) -> None:
+    """A product that rounding has left beside a limit is the limit; one further away is none."""
+    lower, upper = nlp.limits
+    beside = np.where(np.isfinite(upper), upper, np.where(np.isfinite(lower), lower, 1.0))
+    y = nlp.physical(np.nextafter(beside / nlp.sizes, 0.0))
+    np.testing.assert_array_equal(y, np.where(np.isfinite(upper) | np.isfinite(lower), beside, y))
+    away = beside * (1 - 1e-12) / nlp.sizes
+    np.testing.assert_array_equal(nlp.physical(away), away * nlp.sizes)
+
+
 def test_multipliers_are_kept_by_the_names_of_their_rows(nlp: Transcription) -> None:
     """Also of a goal that is a number beside one that is a range."""
     x, y, rng = *dynamicsymbols("x y"), np.random.default_rng(3)

@@ -47,6 +47,7 @@ class Quadratic:
         self.g = -self.Q @ self.x - slope
         self.program, self.layout = self, SimpleNamespace(unknowns=(), total=0)
         self.laws = ()
+        self.structure = SimpleNamespace(once=lambda key, make: make())
         self.analyses = {"kkt": self._whole()}
 
     def _whole(self) -> KKTLayout:

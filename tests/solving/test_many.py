@@ -21,6 +21,7 @@ import pytest
 import dmoc
 from dmoc.base.errors import ProblemError
 from dmoc.motion.trajectory import Array
+from dmoc.program.structure_cache import MEMORY
 from dmoc.solving import many
 from dmoc.solving.keywords import Keywords
 from dmoc.solving.many import BatchProgress
@@ -61,6 +62,33 @@ def test_each_row_is_what_a_solve_of_its_own_finds(block: dmoc.Problem) -> None:
     for problem, solution, cost in zip(problems, batch.solutions, batch.cost, strict=True):
         assert solution is not None and solution.kernels is problem.kernels
         assert solution.cost == cost == dmoc.solve(problem, "ipm", starts=1).cost
+
+
+def test_rows_that_start_at_a_solution_are_what_each_finds_alone(seed: dmoc.Problem) -> None:
+    """Of neighbours in the angle, the largest force and the time, and in masses and lengths:
+    programs that share what their form says, and whose names and numbers are their own."""
+    nominal = seed.but(steps=(12, 12), final_time=1.0)
+    first, late = dmoc.solve(nominal, "ipm", verify=False), nominal.but(final_time=(0.9, 1.1))
+    angle = nominal.start["alpha"]
+    problems = [
+        late.but(
+            start={**late.start, "alpha": a * angle}, bounds={"F": (-200 * b, 200 * b)},
+            final_time=(0.9 * b, a), parameters={"m_p": b, "l": 0.5 * a},
+        )
+        for a, b in ((1.0, 0.98), (0.99, 1.01), (1.02, 1.0))
+    ]  # fmt: skip
+    batch = dmoc.solve_many(problems, guess=first, keep=True, verify=False)
+    assert batch.solved.all()
+    for problem, row in zip(problems, batch.solutions, strict=True):
+        MEMORY.clear()
+        alone = dmoc.solve(problem, "ipm", guess=first, verify=False)
+        assert row is not None and row.message == alone.message
+        np.testing.assert_allclose(row.unknowns, alone.unknowns, rtol=1e-12, atol=1e-12)
+        assert row.multipliers.keys() == alone.multipliers.keys()
+        for name, values in alone.multipliers.items():
+            np.testing.assert_allclose(row.multipliers[name], values, rtol=1e-12, atol=1e-12)
+        assert row.active_bounds == alone.active_bounds
+        assert row.scale == alone.scale
 
 
 @pytest.mark.slow
