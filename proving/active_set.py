@@ -27,6 +27,8 @@ MOST_LEFT_OUT = 12  # rows that follow from others
 STEPS, STILL, ELSEWHERE = 8, 1e-14, 1e-2
 # Neither the multiplier nor the distance of a constraint is larger: it may hold or not.
 DOUBTFUL = 1e-3
+# Changes of unknowns beside those of multipliers that are rounding.
+IMPLIED = 1e-9
 WRONG = 1e-10  # a multiplier or a distance of the wrong sign, as far as that is no rounding
 
 
@@ -119,17 +121,17 @@ def shared_forces(nlp: Transcription) -> Bools:
 
 def sharpened(nlp: Transcription, x: Array, duals: Duals) -> Point:
     """The point near x, shape (n,), where the optimality conditions hold: constraints whose
-    multipliers have the wrong sign there leave, those that are violated join.  Shared forces stay
-    what they are."""
+    multipliers have the wrong sign there leave, those that are violated join; rows that follow from
+    others are left out.  Shared forces stay what they are."""
     active, y = first_set(nlp, x, duals), duals.rows
     for _ in range(ROUNDS):
-        point = _solved(_independent(nlp, active, x, y))
+        point = _solved(independent(nlp, active, x, y))
         near = point.away(x) <= ELSEWHERE
         following = _corrected(nlp, point) if near else _blocked(nlp, point, x)
         if following.same(point.active):
             break
         active = following
-    return point
+    return _without_implied(nlp, point) if point.away(x) <= ELSEWHERE else point
 
 
 def posed(nlp: Transcription, active: ActiveSet, x: Array, y: Array) -> Point:
@@ -143,7 +145,7 @@ def posed(nlp: Transcription, active: ActiveSet, x: Array, y: Array) -> Point:
     return Point(system, active, x, np.where(active.rows, y, 0.0))
 
 
-def _independent(nlp: Transcription, active: ActiveSet, x: Array, y: Array) -> Point:
+def independent(nlp: Transcription, active: ActiveSet, x: Array, y: Array) -> Point:
     """A point with the constraints that do not follow from others."""
     for _ in range(MOST_LEFT_OUT):
         point = posed(nlp, active, x, y)
@@ -154,13 +156,37 @@ def _independent(nlp: Transcription, active: ActiveSet, x: Array, y: Array) -> P
     return posed(nlp, active, x, y)
 
 
+def _without_implied(nlp: Transcription, point: Point) -> Point:
+    """A point without the rows that hold with equality because others do: their gradients are sums
+    of those of the constraints that hold, which move no unknown."""
+    system, active = point.system, point.active
+    idle = ~active.rows & ~active.left_out & may_hold(nlp)
+    (touched,) = np.nonzero(idle & (np.abs(nlp.values(point.x)[1:]) < WRONG))
+    if not len(touched):
+        return point
+    factors, d, slopes = *_factors(point)[1:], nlp.slopes(point.x)[nlp.n :]
+    for row in touched.tolist():
+        gradient, at = np.zeros(len(system.place)), system.entry_rows == row
+        gradient[system.entry_columns[at]] = slopes[at]
+        of_x, of_y = system.parts(factors.solve((d * gradient[system.order])[:, None])[:, 0])
+        if np.abs(of_x).max() <= IMPLIED * np.abs(of_y).max():
+            active = active.without(row)
+    return point._replace(active=active)
+
+
 def _step(point: Point) -> tuple[SignedFactors, Array]:
     """The factors of K at a point, and the step of Newton's method."""
+    F, factors, d = _factors(point)
+    with np.errstate(all="ignore"):
+        return factors, d * factors.solve((d * F)[:, None])[:, 0]
+
+
+def _factors(point: Point) -> tuple[Array, SignedFactors, Array]:
+    """F at a point, the factors of d K d, and d."""
     F, K = point.system.at(point.x, point.y)
     d = balanced(K)
     with np.errstate(all="ignore"):
-        factors = SignedFactors(scaled(K, d))
-        return factors, d * factors.solve((d * F)[:, None])[:, 0]
+        return F, SignedFactors(scaled(K, d)), d
 
 
 def _solved(point: Point) -> Point:

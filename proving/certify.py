@@ -11,7 +11,7 @@ from dmoc.base.signatures import public
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.transcription import Transcription
-from dmoc.proving.active_set import ELSEWHERE, doubtful, first_set, posed, sharpened
+from dmoc.proving.active_set import ELSEWHERE, doubtful, first_set, independent, sharpened
 from dmoc.proving.names import listed
 from dmoc.proving.proof import Trial, proof
 from dmoc.results.certificate import Certificate
@@ -93,7 +93,7 @@ def _certificate(nlp: Transcription, x: Array, duals: Duals) -> Certificate:
 def _elsewhere(nlp: Transcription, x: Array, duals: Duals) -> str:
     """Why Newton's method leaves an answer: what the constraints that hold it leave open, or
     constraints that may hold it or not."""
-    point = posed(nlp, first_set(nlp, x, duals), x, duals.rows)
+    point = independent(nlp, first_set(nlp, x, duals), x, duals.rows)
     names = doubtful(nlp, x, duals)
     doubt = f" It may be open whether {listed(names)} holds." if names else ""
     return Trial(point).singular or (

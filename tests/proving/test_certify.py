@@ -156,6 +156,26 @@ def test_an_equation_that_follows_from_others_is_left_out() -> None:
     assert certificate.cost is not None and certificate.cost[0] < 6 * 36 / 35 < certificate.cost[1]
 
 
+def test_a_limit_that_another_one_implies_is_left_out(mass: Kernels) -> None:
+    """A limit that is stated twice holds as it does where it is stated once; where it is touched
+    without a force, nothing implies it."""
+    a = sp.Symbol("a")
+    limits = {"low": a >= X, "same": 2 * a >= 2 * X}
+    twice = dmoc.MechanicalSystem(
+        "limited_twice", [X], X.diff() ** 2 / 2, {a: 0.2}, [U], {X: U}, cost=U**2 / 2,
+        path_constraints=limits,
+    )  # fmt: skip
+    ends = {"start": {"x": 0.0, "x_dot": 1.0}, "goal": {"x": 0.0, "x_dot": -1.0}}
+    problem = stated(dmoc.build(twice), **ends)
+    _, certificate = certified(problem)
+    _, once = certified(stated(mass, **ends, bounds={"x": (None, 0.2)}))
+    assert certificate.proved and certificate.left_out == ("path constraint same at node 3",)
+    assert certificate.cost is not None and once.cost is not None
+    assert certificate.cost[0] < once.cost[1] and once.cost[0] < certificate.cost[1]
+    _, touching = certified(problem.but(parameters={"a": 0.25}))
+    assert not touching.proved and "whether path constraint low at node 3" in touching.fails[0]
+
+
 def test_constraints_that_hold_are_found_without_their_multipliers(mass: Kernels) -> None:
     """A bound below the top of a throw holds; one that is a little higher does not, whatever a
     solver says."""

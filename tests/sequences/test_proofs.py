@@ -12,9 +12,13 @@ import pytest
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.base.deadline import Deadline
 from dmoc.base.table import plain
 from dmoc.models.registry import find
+from dmoc.proving.prove import lower_bound
+from dmoc.sequences import proofs
 from dmoc.sequences.proofs import Bounded, Claim, TreeProof
+from dmoc.sequences.settings import settings_of
 
 
 def puck(**changes: Any) -> dmoc.Problem:
@@ -125,14 +129,27 @@ def test_what_is_not_linear_is_refused_before_the_search() -> None:
 
 
 def test_what_is_left_when_time_runs_out() -> None:
-    from dmoc.base.deadline import Deadline
-    from dmoc.sequences.proofs import proof_of
-    from dmoc.sequences.settings import settings_of
-
     problem = puck()
     settings = settings_of(problem, {"method": "ipm", "max_collisions": 2})
-    proof = proof_of(problem, settings, (("east", "west"), 0.535), Deadline.after(0.0))
+    proof = proofs.proof_of(problem, settings, (("east", "west"), 0.535), Deadline.after(0.0))
     assert not proof.complete and "time ran out" in proof.statement
+
+
+def test_ctrl_c_keeps_what_was_bounded_until_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    bounds = iter(range(99))
+
+    def interrupted(*arguments: Any, **options: Any) -> tuple[float, float, bool]:
+        if next(bounds) == 4:
+            raise KeyboardInterrupt
+        return lower_bound(*arguments, **options)
+
+    monkeypatch.setattr(proofs, "lower_bound", interrupted)
+    problem = puck()
+    settings = settings_of(problem, {"method": "ipm", "max_collisions": 1})
+    proof = proofs.proof_of(problem, settings, (("east", "west"), 0.535), Deadline.after(60.0))
+    assert not proof.complete and 1 < len(proof.bounded) < 5
+    assert all(b.claim is Claim.POINTLESS for b in proof.bounded)
+    assert proof.in_words == "not proved: time ran out before all sequences were looked at"
 
 
 def test_a_model_that_is_driven_alone_by_time_has_proofs_too() -> None:
