@@ -7,6 +7,12 @@ import numpy as np
 from dmoc.codegen.kernels import Array, Kernels
 
 class FreeMotion:
+    sizes: Array
+    size_p: Array
+    size_gap: Array
+    size_rate: Array
+    energy_size: float
+    acceleration: float
     def __init__(self, kernels: Kernels, inside: Array) -> None: ...
     def measured(
         self,

@@ -22,9 +22,11 @@ cdef class FreeNodes(Surfaces):
     # At the nodes: masses, forces of the position, momenta, energies, gaps, stored slopes.
     cdef double[::1] M, F, moment_of, E, gaps, stored, inertia, root
     # Sizes, and gaps that no step exceeds without a contact at the places of a step.
-    cdef double[::1] size_q, size_v, size_p, size_gap, size_rate, size_y, upper, near, full, room, push
+    cdef double[::1] size_q, size_v, size_y, upper, near, full, room, push
+    cdef readonly double[::1] size_p, size_gap, size_rate
     cdef bytes laid  # the first nodes of the phases that arrays are laid out for
-    cdef double time, kinetic, energy_size, exchanged, acceleration
+    cdef double time, kinetic, exchanged
+    cdef readonly double energy_size, acceleration
 
     def __init__(self, kernels):
         cdef ptrdiff_t nq
@@ -311,6 +313,8 @@ cdef class FreeNodes(Surfaces):
         for i in range(self.P):
             for k in range(self.begins[i], self.begins[i + 1]):
                 for j in range(self.nc):
+                    if not self.watched[j]:
+                        continue
                     if not isfinite(self.gaps[k * self.nc + j]):
                         return False
                     if self.gaps[k * self.nc + j] >= -ON_ARC * self.size_gap[j] and not (
