@@ -99,6 +99,7 @@ class Manifest:
     hidden_of: Sequence[str] = ()
     senses: Mapping[str, int] = field(default_factory=dict)
     attitudes: Mapping[str, list[int]] = field(default_factory=dict)  # four coordinates each
+    pitches: Sequence[int] = ()  # coordinates of Euler angles
 
     @classmethod
     def read(cls, facts: Mapping[str, Any]) -> Manifest:

@@ -16,6 +16,9 @@ from dmoc.motion.attitude import Attitude, attitude, rates
 
 HOW = "expected an attitude such as dmoc.attitude(axis=(0, 0, 1), angle=0.5)"
 
+# A quaternion that is shorter says no attitude.
+NO_LENGTH = 1e-6
+
 
 def coordinates_of(kernels: Kernels, name: str) -> list[str]:
     """The four coordinates of an attitude."""
@@ -75,3 +78,14 @@ def in_rates(
         moved = np.array(omega) @ np.array(rates(p), dtype=float) / 2
         plain |= dict(zip(map(velocity_name, own), moved.tolist(), strict=True))
     return plain
+
+
+def on_sphere(kernels: Kernels, q: Array) -> Array:
+    """Positions (..., nq) whose quaternions have length 1; the middle of the sphere is no turn."""
+    q = q.copy()
+    for columns in kernels.manifest.attitudes.values():
+        p = q[..., columns]
+        length = np.linalg.norm(p, axis=-1, keepdims=True)
+        some = np.where(length > NO_LENGTH, p, (1.0, 0.0, 0.0, 0.0))
+        q[..., columns] = some / np.where(length > NO_LENGTH, length, 1.0)
+    return q

@@ -19,6 +19,7 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import ParameterValue
 from dmoc.mechanics.phase_models import PhaseModels, check_geometry
+from dmoc.problem.attitudes import ends_of
 from dmoc.problem.contacts import (
     open_hits_of,
     redundant_of,
@@ -75,7 +76,8 @@ class Problem(Shown):
     start, goal : mapping
         State at both ends by name: a coordinate ("alpha"), a velocity ("alpha_dot"), a momentum
         ("p_alpha") or a quantity of the model; SymPy symbols serve as names.  A number fixes a
-        value, a pair bounds it (None for no bound), None leaves it free.  Every position must be
+        value, a pair bounds it (None for no bound), None leaves it free; an attitude
+        (:func:`dmoc.attitude`) has the name of its own.  Every position must be
         given at the start, unless it is periodic or the constraints of the model decide it; a
         velocity that is not given there is zero, or what they make of the others and of the time.
         At the goal, what is not given is free.
@@ -102,8 +104,7 @@ class Problem(Shown):
         with its last event, a hit or a landing.  Goal, periodic states and the objective speak of
         the state after it, and the last phase has one node and no steps.
     bounds : mapping, optional
-        Bounds (lower, upper) of inputs, coordinates, velocities and quantities by name, at all
-        times; None for no bound.
+        Bounds (lower, upper) of inputs, states and quantities by name at all times, None for none.
     parameters : mapping, optional
         Parameter values that replace the model's: a number, or one for each phase.  At an event the
         values are those of the phase that it ends; positions and velocities stay as they are where
@@ -122,8 +123,7 @@ class Problem(Shown):
         does not give is free there.  A mapping says which ends as which, so that a gait may
         exchange its legs ({"left": "right", "right": "left"}) or turn round ({"x": "-x"}); as a sum
         of states in symbols ({x: -x, left: right + 0.5}) or in factors ({"x": {"x": -1, "y": 2}}).
-        With a difference, ``{"x": ("x", 0.5)}``, the end is that much further, a number, a range or
-        None for any.
+        With a difference, ``{"x": ("x", 0.5)}``, the end is that much further; None for any.
     minimal_times : bool, optional
         Guide ``slsqp`` by the estimated shortest times at full input, equation :eq:`minimal-time`
         of the theory: bounds of the phases before collisions, which may hold no answer.
@@ -335,6 +335,7 @@ class Problem(Shown):
 
     # What follows, each found once; its function says what it is ----------------------------------
 
+    ends = cached_property(ends_of)
     relations = cached_property(relations_of)
     design_bounds = cached_property(design_bounds_of)
     design_values = cached_property(first_design)

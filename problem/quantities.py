@@ -57,8 +57,8 @@ def quantity_ranges_of(problem: Problem) -> QuantityRanges:
                     f"via of event {i + 1}: quantity {row['name']!r} contains velocities, inputs "
                     "or forces, which jump there: expected one of places."
                 )
-    start = _left(problem, "start", _ranges(problem, problem.start, "start"))
-    goal = _left(problem, "goal", _ranges(problem, problem.goal, "goal"))
+    start = _left(problem, "start", _ranges(problem, problem.ends["start"], "start"))
+    goal = _left(problem, "goal", _ranges(problem, problem.ends["goal"], "goal"))
     shape = len(problem.sequence), len(rows), 2
     return QuantityRanges(start, goal, np.array(events, dtype=float).reshape(shape))
 

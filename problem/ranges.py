@@ -23,8 +23,10 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.names import bounded_momentum, load_of, momentum_name, velocity_name
 from dmoc.base.records import value_class
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.attitudes import in_coordinates
 from dmoc.mechanics.model_values import by_name
 from dmoc.mechanics.phase_models import ENDS
+from dmoc.problem.attitudes import with_pitches
 from dmoc.problem.dependent import following_rates, places_follow
 from dmoc.problem.design import samples
 
@@ -83,7 +85,8 @@ def via_of(problem: Problem) -> Array:
     bounds = np.tile((-np.inf, np.inf), (len(via), problem.nq, 1))
     for i, places in enumerate(via):
         what = f"via of event {i + 1}"
-        for name, value in by_name({} if places is None else places, what).items():
+        said = by_name({} if places is None else places, what)
+        for name, value in in_coordinates(problem.kernels, said, what).items():
             known = [*problem.kernels.coordinates, *problem.kernels.quantities]
             kind = "coordinate or quantity" if problem.kernels.quantities else "coordinate"
             check_known(name, known, kind, f"in {what}")
@@ -227,7 +230,7 @@ def input_bounds_of(problem: Problem) -> Array:
 
 def coordinate_bounds_of(problem: Problem) -> Array:
     """Bounds of the coordinates, shape (nq, 2)."""
-    return boxes_of(problem, problem.kernels.coordinates)
+    return with_pitches(problem, boxes_of(problem, problem.kernels.coordinates))
 
 
 def velocity_bounds_of(problem: Problem) -> Array:
@@ -270,7 +273,7 @@ def limits_of(problem: Problem) -> dict[str, Range]:
 
 def boundary_of(problem: Problem, end: str) -> Boundary:
     """The state at the "start" or at the "goal"."""
-    state, coordinates = getattr(problem, end), problem.kernels.coordinates
+    state, coordinates = problem.ends[end], problem.kernels.coordinates
     velocities = [velocity_name(q) for q in coordinates]
     momenta = [momentum_name(q) for q in coordinates]
     for name in state:

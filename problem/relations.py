@@ -12,6 +12,7 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.names import name_of
 from dmoc.base.records import value_class
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.attitudes import coordinates_of, on_sphere
 from dmoc.mechanics.model_values import by_name
 from dmoc.problem.quantities import onto_quantities
 from dmoc.problem.ranges import midpoints, names_in
@@ -86,7 +87,10 @@ def periodic_of(problem: Problem) -> tuple[str, ...] | dict[str, Any]:
     if isinstance(problem.periodic, Mapping):
         read = by_name(problem.periodic, "periodic")
         return {end: _plain(end, value) for end, value in read.items()}
-    states = [name_of(name) for name in listed(problem.periodic, "periodic", "states")]
+    turned = problem.kernels.manifest.attitudes
+    named = [name_of(name) for name in listed(problem.periodic, "periodic", "states")]
+    each = [coordinates_of(problem.kernels, n) if n in turned else [n] for n in named]
+    states = [name for names in each for name in names]
     for i, name in enumerate(states):
         _check_known(problem, name)
         if name in states[:i]:
@@ -176,7 +180,7 @@ def start_position_of(problem: Problem) -> Array:
     """The position at the start: fixed values, middles of ranges, and for free ones what
     their bounds have nearest to zero; where neither end says anything of a coordinate, it is
     that of the first surface of the sequence."""
-    q = midpoints(problem.start_bounds.position, np.zeros(problem.nq))
+    q = _midway(problem, problem.start_bounds.position, np.zeros(problem.nq))
     (at,) = onto_quantities(problem, "start", onto_first(problem, q)[None])
     return np.asarray(at)
 
@@ -184,9 +188,16 @@ def start_position_of(problem: Problem) -> Array:
 def goal_position_of(problem: Problem) -> Array:
     """The position at the goal: fixed values, middles of ranges, free ones as ``periodic`` says
     or as at the start; moved to where the quantities are that the goal states."""
-    q = midpoints(problem.goal_bounds.position, carried(problem, problem.start_position))
+    at_start = carried(problem, problem.start_position)
+    q = _midway(problem, problem.goal_bounds.position, at_start)
     (at,) = onto_quantities(problem, "goal", q[None])
     return np.asarray(at)
+
+
+def _midway(problem: Problem, bounds: Array, default: Array) -> Array:
+    """Middles of ranges, with the quaternions that are not fixed on their sphere."""
+    q, fixed = midpoints(bounds, default), bounds[:, 0] == bounds[:, 1]
+    return np.where(fixed, q, on_sphere(problem.kernels, q))
 
 
 def unsaid_of(problem: Problem) -> Array:

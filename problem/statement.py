@@ -14,6 +14,8 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.table import Table
 from dmoc.codegen.system_kernels import kernels_of, with_momenta
 from dmoc.mechanics.model_values import by_name, parameter_in_words
+from dmoc.motion.attitude import Attitude
+from dmoc.problem.attitudes import read_attitudes
 from dmoc.problem.design import check_design, design_of
 from dmoc.problem.ranges import check_size, steps_of
 from dmoc.problem.relations import periodic_of
@@ -100,6 +102,8 @@ def _said(value: Any, equal: str = "") -> str:
             for bound, limit in zip(value, (-np.inf, np.inf), strict=True)
         )
         return _range(low, high) or "free"
+    if isinstance(value, Attitude):
+        return f"{equal}({', '.join(f'{x:g}' for x in value.quaternion)})"
     return f"{equal}{float(value):g}"
 
 
@@ -143,8 +147,9 @@ def read(problem: Problem) -> None:
     model, bounds = with_momenta(p.kernels, by_name(p.bounds, "bounds"))
     put(kernels=kernels_of(model, _order(p), list(p.design)), bounds=bounds)
     put(design={name: p.design[name] for name in p.kernels.parameters if name in p.design})
-    for name in ("start", "goal", "parameters"):
-        put(**{name: by_name(getattr(p, name), name)})
+    put(parameters=by_name(p.parameters, "parameters"))
+    for name in ("start", "goal"):
+        put(**{name: read_attitudes(p.kernels, by_name(getattr(p, name), name), name)})
     if not isinstance(p.control_form, str) or p.control_form not in p.scheme.controls:
         raise ProblemError(
             f"controls = {shown(p.controls)}: expected one of {', '.join(p.scheme.controls)} with "

@@ -191,7 +191,9 @@ def sizes_of(trajectory: Trajectory, nodes: Nodes) -> Sizes:
 
     gap, rate = _along(nodes.gap_slopes, q, v, time)
     place, slide = _along(nodes.tangent_slopes, q, v, time)
-    acceleration = max(strongest, fastest / time, speed / time)
+    # Of a motion without forces that rests, what rounding errors of its places accelerate.
+    shaken = float((rounding * root / step**2).max())
+    acceleration = max(strongest, fastest / time, speed / time, shaken)
     exchanged = max(energy, _lifted(nodes))
     return Sizes(q, v, p, gap, rate, place, slide, time, energy, exchanged, acceleration)
 

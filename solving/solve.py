@@ -14,6 +14,7 @@ from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution, saying
 from dmoc.solvers.outcome import Iteration
 from dmoc.solving.answer import answer_of
+from dmoc.solving.either_sign import best_sign
 from dmoc.solving.keywords import Keywords
 from dmoc.solving.mesh.one_mesh import interrupted
 from dmoc.solving.request import Request, check_hits, check_problem, request_of, without_hits
@@ -159,7 +160,7 @@ def solved(
     with listener(progress, "first guess") as tell:
         request = request.within(progress=tell)
         try:
-            answer = _way(problem)(problem, guess, request)
+            answer = best_sign(problem, guess, request, _way(problem))
             never = without_hits(problem)
             return saying(answer, never) if never else answer
         except KeyboardInterrupt:

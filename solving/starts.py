@@ -26,6 +26,7 @@ from dmoc.program.layout import Layout
 from dmoc.program.transcription import Transcription
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Duals
+from dmoc.solving.only_motion import only_motion
 
 InitialGuess: TypeAlias = (
     Solution
@@ -74,7 +75,9 @@ def starts_of(problem: Problem, guess: InitialGuess, deadline: Deadline = ENDLES
     refused."""
     problem, guess = with_design(problem, guess)
     if guess is None:
-        return Starts(tuple(g.x for g in initial_guesses(problem, deadline)))
+        alone, others = only_motion(problem), initial_guesses(problem, deadline)
+        first = () if alone is None else (alone,)
+        return Starts((*first, *(g.x for g in others)))
     if isinstance(guess, Solution):
         return _from_solution(problem, guess).or_acting(problem)
     if is_by_name(guess):

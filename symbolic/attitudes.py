@@ -43,6 +43,8 @@ def with_attitudes(system: MechanicalSystem) -> dict[str, Any]:
     constraints, quantities = dict(system.constraints), dict(system.quantities)
     units = dict(system.units)
     for name, p in attitudes.items():
+        if len(p) == 3:
+            continue
         own = {unit_constraint(name): sum(e**2 for e in p) - 1}
         spin = dict(zip(omega_names(name), angular_velocity(p), strict=True))
         for kind, fields, more in (
@@ -61,12 +63,13 @@ def with_attitudes(system: MechanicalSystem) -> dict[str, Any]:
 
 
 def _read(system: MechanicalSystem, name: Any, p: Any) -> Vector:
-    """Four coordinates of the system."""
+    """Coordinates of the system: a quaternion, or yaw, pitch and roll."""
     check_name(name, "attitude")
     entries = tuple(listed(p, f"attitude {name!r}", "coordinates", ModelError))
-    if len(entries) != 4 or len(set(entries)) != 4 or not {*entries} <= {*system.coordinates}:
+    known = {*entries} <= {*system.coordinates} and len({*entries}) == len(entries)
+    if len(entries) not in (3, 4) or not known:
         raise ModelError(
             f"attitude {name!r} = {shown(p)}: expected four coordinates of the model, the "
-            "quaternion with the cosine of half the angle first."
+            "quaternion with the cosine of half the angle first, or yaw, pitch and roll."
         )
     return entries

@@ -192,9 +192,11 @@ def _facts(
     more |= {"hit_sums": event_rows(system), "hit_quantities": hit_quantity_rows(system)}
     more |= crossing_facts(system, f)
     more["within"] = coordinates_of_ends(system, f)
-    more["attitudes"] = {
+    attitudes = {
         name: [system.coordinates.index(q) for q in p] for name, p in system.attitudes.items()
     }
+    more["attitudes"] = {name: p for name, p in attitudes.items() if len(p) == 4}
+    more["pitches"] = [p[1] for p in attitudes.values() if len(p) == 3]
     more["grips"], more["by_rate"] = names_of_places(system.grips), rates_alone(system)
     more["strength"] = list(system.strength)
     more["static_friction"] = [n for n, e in system.friction.items() if isinstance(e, sp.Tuple)]

@@ -364,7 +364,7 @@ class World(Body, Ground):
         place: Any,
         angles: Any = None,
         *,
-        attitude: str = "q",
+        attitude: str | None = None,
         name: str | None = None,
         **body: Any,
     ) -> Body:
@@ -376,10 +376,10 @@ class World(Body, Ground):
             Coordinates of its origin in m.
         angles : triple of dynamicsymbols, optional
             Coordinates in rad that turn it about its z axis, then its y axis, then its x axis: yaw,
-            pitch, roll, in the place of an attitude.  Where the pitch is a quarter of a turn, the
-            mass matrix is singular: problems bound the pitch.
-        attitude : str
-            Name of its attitude, a unit quaternion, as that of :meth:`Body.ball`.
+            pitch, roll, in the place of a quaternion.  Where the pitch is a quarter of a turn, the
+            mass matrix is singular: problems keep it within 85 degrees unless they bound it.
+        attitude : str, optional
+            Name of its attitude, a unit quaternion, as that of :meth:`Body.ball`; "q" by default.
         name : str, optional
             That of the attitude, or of the last angle, by default.
         **body
@@ -393,6 +393,9 @@ class World(Body, Ground):
         x, y, z = coordinates(place, 3, "place of a free body")
         carrier = self.slide(x, "x").slide(y, "y").slide(z, "z")
         if angles is None:
-            return carrier.ball(attitude, name=name, **body)
+            return carrier.ball(attitude or "q", name=name, **body)
         yaw, pitch, roll = coordinates(angles, 3, "angles of a free body")
-        return carrier.hinge(yaw, "z").hinge(pitch, "y").hinge(roll, "x", name=name, **body)
+        turned = carrier.hinge(yaw, "z").hinge(pitch, "y").hinge(roll, "x", name=name, **body)
+        label = check_name(attitude or f"{turned.name}_attitude", "attitude")
+        self._linkage.attitudes[label] = yaw, pitch, roll
+        return turned

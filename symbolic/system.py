@@ -153,8 +153,8 @@ class MechanicalSystem(Shown):
         Coordinates that are unit quaternions, four for each name: ``{"q": (p0, p1, p2, p3)}``, p0
         the cosine of half the angle.  Each brings the constraint ``q_unit``, that its length is 1,
         and the quantities ``q_omega_x``, ``q_omega_y``, ``q_omega_z``, the angular velocity in
-        the turned axes.  The joints of :mod:`dmoc.spatial` make theirs, equation :eq:`quaternion`
-        of the theory.
+        the turned axes, equation :eq:`quaternion` of the theory.  Of three coordinates, yaw, pitch
+        and roll, problems bound the pitch.  The joints of :mod:`dmoc.spatial` make theirs.
 
     Raises
     ------

@@ -15,7 +15,7 @@ import motions
 import pytest
 from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
-from systems import block_system, landing_system, puck_system
+from systems import block_system, landing_system, puck_system, satellite_system
 
 import dmoc
 from dmoc.codegen import compiler
@@ -190,3 +190,9 @@ def floor() -> Kernels:
 @pytest.fixture(scope="session")
 def rail() -> Kernels:
     return dmoc.build(motions.rail_system())
+
+
+@pytest.fixture(scope="session")
+def satellite() -> Kernels:
+    """A sphere that torques turn, with half their squares as the cost."""
+    return dmoc.build(satellite_system(), order=4)

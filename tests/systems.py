@@ -262,3 +262,12 @@ def double_pendulum(named: bool, relative: bool = False, **fields: Any) -> dmoc.
         "definitions": definitions if named else {},
     } | fields  # fmt: skip
     return dmoc.MechanicalSystem("double_pendulum", **stated)
+
+
+def satellite_system(inertia: float = 0.4547, cost: Any = None) -> dmoc.MechanicalSystem:
+    """A sphere that torques in its axes turn, by default at half the sum of their squares."""
+    torque = dynamicsymbols("T_x T_y T_z")
+    world = dmoc.spatial.World()
+    world.ball("q", inertia=(inertia,) * 3, torque=torque)
+    effort = sum(T**2 for T in torque) / 2
+    return world.system("satellite", inputs=torque, cost=effort if cost is None else cost)

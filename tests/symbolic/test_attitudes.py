@@ -108,7 +108,10 @@ def test_an_attitude_brings_its_constraint_and_its_angular_velocity() -> None:
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"attitudes": {"q": (a, b, c)}}, r"attitude 'q' = .*: expected four coordinates of the m"),
+        (
+            {"attitudes": {"q": (a, b)}},
+            r"attitude 'q' = .*: expected four coordinates of the model",
+        ),
         ({"attitudes": {"q": (a, b, c, c)}}, "expected four coordinates of the model"),
         ({"attitudes": {"q": 3}}, "attitude 'q' = 3: expected a list of coordinates"),
         ({"attitudes": {"a": (a, b, c, s)}}, "the name 'a' is used twice, as coordinate and as at"),
