@@ -17,6 +17,8 @@ from dmoc.symbolic.traversal import operations, reached
 FEW = 180
 # Derivatives from which on those that are put together from functions are written as they come.
 MANY = 600
+# Operations of results from which on, where they are few, they are differentiated backward.
+SIZABLE = 300
 # What the derivatives of a kernel are called that are by the design parameters, too.
 DESIGN = "_design"
 
@@ -95,7 +97,8 @@ def _derivatives(
     chain, spread = ways
     name, arguments, definitions = kernel.name, kernel.inputs, kernel.definitions
     results = [e for v in outputs.values() for e in v]
-    first = [spread(_forward(e)) for e in results]
+    few = 4 * len(results) <= count and operations(results) > SIZABLE
+    first = [spread((_backward if few else _forward)(e)) for e in results]
     regular = _are_blocks(results, len(results) * count)
     forms = [first] if regular else [shared(first), first] if spread is chain else [shared(first)]
     rows = iter(cheapest(forms))

@@ -56,8 +56,9 @@ def approach(
 ) -> tuple[Any, Any, Any]:
     """Return g, g' and g'' along the motion with velocity v and acceleration a."""
     slope = gradient(g, f.q)
-    curvature = [dot(gradient(s, f.q), f.v) for s in slope]
-    return g, dot(slope, f.v), dot([s.subs(half_way) for s in slope], a) + dot(curvature, f.v)
+    rate = dot(slope, f.v)
+    curvature = dot(gradient(rate, f.q), f.v)
+    return g, rate, dot([s.subs(half_way) for s in slope], a) + curvature
 
 
 def first_root(g: Any, rate: Any, acceleration: Any) -> Any:
