@@ -209,9 +209,9 @@ class Transcription(Evaluator):
 
     def relaxed_by(self, eps: float) -> Self:
         """The same program whose contacts are relaxed by another eps."""
-        other, law = copy(self), copy(self.laws.complementarity)
-        law.eps = eps
-        other.laws = replace(self.laws, complementarity=law)
+        other, law, grips = copy(self), copy(self.laws.complementarity), copy(self.laws.open_grips)
+        law.eps = grips.eps = eps
+        other.laws = replace(self.laws, complementarity=law, open_grips=grips)
         for name in ("assembled", "program", "analyses", "_memory"):
             other.__dict__.pop(name, None)
         return other

@@ -187,11 +187,6 @@ def _nothing_proposed(problem: Problem) -> str:
             f"all are ({ignored}): relaxed motions would fall through them, which costs least; "
             "take strategy 'tree' with more starts (starts=64), or ignore less."
         )
-    if grips := problem.touch.contacts.grip_names:
-        return (
-            f"relaxed motions know no grips, and in this problem of {name!r} there is nothing else "
-            f"that closes ({', '.join(grips)}); take strategy 'tree', which closes them too."
-        )
     if not problem.ignored:
         return (
             f"nothing can touch in this problem of {name!r}: no surface can be met, and nothing "
@@ -221,11 +216,14 @@ def _met_often(motions: Sequence[RelaxedMotion | None]) -> bool:
 
 def _begun_as(problem: Problem, motions: Sequence[RelaxedMotion | None]) -> Problem:
     """The problem with the contacts at its start that the cheapest motion has, where the problem
-    itself says nothing of them."""
-    cheapest = _cheapest(motions)
+    itself says nothing of them; grips are open there."""
+    cheapest, contacts = _cheapest(motions), problem.touch.contacts
     if problem.contacts or cheapest is None:
         return problem
+    start = cheapest.start
+    for j in contacts.of_grips:
+        start = start.opening(j, contacts)
     try:
-        return problem.but(contacts=parts_of(cheapest.start, problem.touch.contacts))
+        return problem.but(contacts=parts_of(start, contacts))
     except ProblemError:  # the start is not where they are closed
         return problem

@@ -20,7 +20,7 @@ from dmoc.base.deadline import Deadline
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import natural_time
 from dmoc.guess.folded import Folded, folded_motions
-from dmoc.mechanics.algebra import solved_transpose
+from dmoc.mechanics.algebra import solved, solved_transpose
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.touch import Open
 from dmoc.problem.derived import relaxed
@@ -84,21 +84,25 @@ class Relaxation:
 
     @classmethod
     def of(cls, problem: Problem, settings: Settings) -> Relaxation:
-        """What no sequence says: surfaces with restitution are hit, others close; where the model
-        has tangents, or something is closed at the start, all surfaces may close.  Beside what is
-        closed at the start surfaces with friction are feet, which land."""
+        """What no sequence says: surfaces with restitution are hit, others close, and grips; where
+        the model has tangents, or a surface is closed at the start, all surfaces may close.  Beside
+        what is closed at the start surfaces with friction are feet, which land."""
         contacts, mode, rubs = (
             problem.touch.contacts,
             problem.touch.modes[0],
             problem.model.has_friction,
         )
-        lasts, e = bool(contacts.tangents) or not mode.free, problem.restitution_values
-        passed = *problem.ignored, *contacts.grip_names
-        can = [contacts.surface_numbers[s] for s in settings.surfaces if s not in passed]
+        stands = [j for j in mode.closed if not contacts.pull[j]]
+        lasts, e = bool(contacts.tangents or stands), problem.restitution_values
+        named = [s for s in settings.surfaces if s not in problem.ignored]
+        places = [s for g in named if g in contacts.grip_names for s in contacts.places(g)]
+        can = [contacts.surface_numbers[s] for s in named if s not in contacts.grip_names]
+        grips = (*(contacts.surface_numbers[s] for s in places), *mode.closed)
         closing = tuple(j for j in can if lasts or e[j] == 0)  # a law is no number
+        closing += tuple(j for j in dict.fromkeys(grips) if contacts.pull[j])
         on = (RAIL, *closing)
         rubbing = tuple(k for k, j in enumerate(contacts.supports) if j in on and rubs[k])
-        feet = (*mode.closed, *problem.model.rough) if mode.closed else ()
+        feet = (*stands, *problem.model.rough) if stands else ()
         mirrors = tuple(j for j in can if e[j] != 0 and j not in feet)
         return cls(problem, Open(closing, rubbing, mode.closed), mirrors)
 
@@ -258,6 +262,20 @@ class Relaxation:
             self._made[thread, hits] = [first.relaxed_by(eps) for eps in every]
         return self._made[thread, hits]
 
+    def _carried(self, lam: Array, time: float) -> Array:
+        """Sizes of impulses (nc,), those of grips from what they would have to carry at the start,
+        one size for all places of a grip."""
+        model, q, sizes = self.problem.model, self.problem.start_position, lam.copy()
+        contacts, slopes = model.contacts, model.gap_slopes(q)[:, :-1]
+        M, F = model.equations(q)
+        push = np.abs(slopes @ solved(M, F))
+        square = np.einsum("ji,ij->j", slopes, solved_transpose(M, slopes))
+        weight = push * time / np.where(square > 0, square, 1.0)
+        for _, names in contacts.grips:
+            places = [contacts.surface_numbers[name] for name in names]
+            sizes[places] = np.maximum(lam, weight)[places].max()
+        return sizes
+
     def _scale(self, relaxed: Problem, x: Array) -> Scale:
         """Sizes of a start, but those by which complementarity is measured: they are of the
         problem, that a random motion may exceed by far."""
@@ -274,6 +292,7 @@ class Relaxation:
 
         gap, rate, lam = sizes(model.gap_slopes(q)[:, :-1])
         _, slide, friction = sizes(model.tangent_slopes(q)[:, :-1])
+        lam = self._carried(lam, time)
         return replace(
             scale_of(relaxed, x), time=time, cost=self.cost, gap=gap, rate=rate, lam=lam,
             slide=slide, friction=friction,

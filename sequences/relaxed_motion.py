@@ -17,7 +17,7 @@ from dmoc.guess.transfer import Piece, times_of_inputs
 from dmoc.mechanics.contact_mode import Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL
 from dmoc.mechanics.sequence_words import word_between
-from dmoc.mechanics.touch import Bools
+from dmoc.mechanics.touch import Bools, Touch
 from dmoc.motion.friction import states_of
 from dmoc.program.hit_stages import Passage
 from dmoc.program.transcription import Transcription
@@ -177,6 +177,7 @@ def _modes(relaxed: RelaxedMotion) -> list[Mode]:
     T = np.where(lay.relaxed.T_r == NOWHERE, 0.0, x[lay.relaxed.T_r])[:-1] * steps
     away = -model.covered_gaps(q, t)[1:] * steps
     closed = P / s.lam > away / s.gap
+    _close_grips(closed, lay.touch, np.abs(P) / s.lam, model.gaps(q, t) / s.gap)
     slid = np.diff(model.tangents(q, t), axis=0) * steps / (s.slide * s.time)
     bears = np.zeros_like(T)
     h, u = x[lay.index_h][lay.phase_of_step] * steps, x[lay.index_u[lay.row_u_k]]
@@ -196,6 +197,26 @@ def _modes(relaxed: RelaxedMotion) -> list[Mode]:
         }
         modes.append(Mode.of(on, rubs))
     return modes
+
+
+def _close_grips(closed: Bools, touch: Touch, forces: Array, gaps: Array) -> None:
+    """Enter in which steps grips are closed, by forces of all steps (n, nc) and gaps at their nodes
+    (n + 1, nc) in their sizes: where these are the smaller, and where a grip that was closed stays
+    where it is without a force."""
+    contacts, steps = touch.contacts, len(forces)
+    begins = touch.open.closed if touch.open else ()
+    for _, names in contacts.grips:
+        places = list(map(contacts.surface_numbers.__getitem__, names))
+        off = np.abs(gaps[1:, places])
+        floats = [j in contacts.floating for j in places]
+        off[:, floats] = np.abs(np.diff(gaps[:, places], axis=0))[:, floats]
+        most = off.max(axis=1)
+        holds = forces[:, places].max(axis=1) > most * steps
+        on = bool(set(places) & {*begins})
+        for a, b in _runs(holds.tolist()):
+            on = bool(holds[a]) or (on and bool((most[a:b] < AWAY).all()))
+            closed[a:b, places] = on
+    return None
 
 
 def cleaned(modes: Sequence[Mode], fewest: int = FEWEST) -> list[Mode]:
@@ -224,7 +245,7 @@ def at_hits(modes: Sequence[Mode], nodes: Sequence[int]) -> list[Mode]:
     return modes
 
 
-def _runs(modes: Sequence[Mode]) -> list[tuple[int, int]]:
+def _runs(modes: Sequence[object]) -> list[tuple[int, int]]:
     """First and one after the last of equal ones."""
     at = [0, *(k for k in range(1, len(modes)) if modes[k] != modes[k - 1]), len(modes)]
     return list(pairwise(at))

@@ -17,7 +17,7 @@ from dmoc.mechanics.possible_words import possible_after, words_after
 from dmoc.mechanics.sequence_words import event_of, mode_of, word_between
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
-from dmoc.sequences.keywords import PROPOSING, SearchKeywords
+from dmoc.sequences.keywords import SearchKeywords
 from dmoc.solving.methods import METHODS
 
 # Share of the largest final time that a phase keeps, unless the search is told otherwise: bounces
@@ -186,14 +186,6 @@ def _check_problem(problem: Problem, s: Settings) -> None:
         raise SearchError(
             f"shortest_phase = {s.shortest_phase:g} s: two phases of it do not fit into the final "
             f"time of at most {latest:g} s; make it shorter."
-        )
-    contacts = problem.touch.contacts
-    gripped = contacts.named(j for j in problem.touch.modes[0].closed if contacts.pull[j])
-    if gripped and s.strategy in PROPOSING:
-        raise SearchError(
-            f"strategy {s.strategy!r}: relaxed motions know no grips, and "
-            f"{' and '.join(contacts.grasped(gripped))} is closed at the start; take strategy "
-            "'tree'."
         )
     if problem.via is not None:
         raise SearchError(

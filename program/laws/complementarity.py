@@ -12,8 +12,9 @@ rub; the hits of the sequence may be none::
     hit          eps + lam g(q_c) >= 0
     rebound      eps -+ lam (gamma(q_c, v_c) + e gamma(q_c, v_a)) >= 0
 
-No contact is hit at the ends of the motion, where there is no rate on one side: what presses there
-does not press more than beside.  Dissipation says that friction opposes sliding.  A hit with
+Grips that no word says are in :mod:`dmoc.program.laws.open_grips`.  No contact is hit at the ends
+of the motion, where there is no rate on one side: what presses there does not press more than
+beside.  Dissipation says that friction opposes sliding.  A hit with
 friction has mu (P + lam) at its node, a rail h F in the place of mu P.  eps is a share of the sizes
 of both factors; for eps to zero the motions are those of all sequences, and each says its own
 (:mod:`dmoc.sequences.proposals`).
@@ -59,6 +60,14 @@ if TYPE_CHECKING:
 OF_HITS = 1e-2
 
 
+def settled_at_start(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Bools:
+    """Surfaces whose gaps at the start fixed values settle, shape (nc,)."""
+    fixed = (limits[0] == limits[1])[lay.index_q[0]]
+    on, chosen = problem.model.surface_coordinates, by_design(problem, "surface")
+    places_fixed = [bool(fixed[list(q)].all()) for q in on]
+    return np.asarray(np.array(places_fixed, dtype=bool) & ~chosen)
+
+
 @dataclass(eq=False, repr=False)
 class ComplementarityLaw(Law):
     """The contacts that are left open; where nothing is, the law has no rows.
@@ -97,26 +106,29 @@ class ComplementarityLaw(Law):
     def _open(self) -> Open:
         return self.lay.touch.open or Open()
 
+    @property
+    def _presses(self) -> Bools:
+        """Where impulses of surfaces stand that push alone, and are no places of grips, shape
+        (nodes, nc)."""
+        return (self.lay.relaxed.P_r != NOWHERE) & ~self.lay.touch.contacts.pull
+
     @cached_property
     def _next(self) -> Index:
         """The node after each, and the last one after itself."""
         return np.minimum(np.arange(1, self.lay.total + 2), self.lay.total)
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
-        box[self.lay.relaxed.P_r[self.lay.relaxed.P_r != NOWHERE], 0] = 0.0
+        box[self.lay.relaxed.P_r[self._presses], 0] = 0.0
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
-        fixed = (limits[0] == limits[1])[self.lay.index_q[0]]
-        on, chosen = problem.model.surface_coordinates, by_design(problem, "surface")
-        places_fixed = [bool(fixed[list(q)].all()) for q in on]
-        self.settled = np.array(places_fixed, dtype=bool) & ~chosen
+        self.settled = settled_at_start(problem, self.lay, limits)
 
     def inequalities(self, block: Numbering) -> None:
         if not self._used:
             return
         lay, names, hit = self.lay, self.lay.touch.contacts, self.lay.touch.surfaces
         nodes, at = np.arange(lay.total + 1), lay.collision_nodes
-        presses, rubs = lay.relaxed.P_r != NOWHERE, two_sided(lay.relaxed.T_r != NOWHERE)
+        presses, rubs = self._presses, two_sided(lay.relaxed.T_r != NOWHERE)
         every = np.ones(len(hit), dtype=bool)
 
         def of(names: tuple[str, ...], what: str) -> Label:
@@ -133,6 +145,7 @@ class ComplementarityLaw(Law):
             nodes[[1, -1]],
         )
         held = np.isin(np.arange(len(names.surfaces)), self._open.closed) & ~self.settled
+        held &= ~names.pull
         self.closed = block(
             "closed at the start",
             held[None],

@@ -33,6 +33,7 @@ from dmoc.program.laws.kink import KinkLaw
 from dmoc.program.laws.law import Law
 from dmoc.program.laws.liftoff import LiftoffLaw
 from dmoc.program.laws.objective import ObjectiveLaw
+from dmoc.program.laws.open_grips import OpenGripsLaw
 from dmoc.program.laws.path import PathLaw
 from dmoc.program.laws.quantity import QuantityLaw
 from dmoc.program.laws.sliding import SlidingLaw
@@ -82,6 +83,7 @@ class Laws:
     held: HeldLaw
     joint: JointLaw
     complementarity: ComplementarityLaw
+    open_grips: OpenGripsLaw
     kink: KinkLaw
     crossing: CrossingLaw
     hit_quantity: HitQuantityLaw
@@ -100,7 +102,8 @@ class Laws:
 
     def __iter__(self) -> Iterator[Law]:
         first = self.step, self.path, self.bound, self.quantity, self.velocity, self.peak
-        last = self.joint, self.complementarity, self.force, self.liftoff, self.objective, self.kink
+        left_open = self.complementarity, self.open_grips
+        last = self.joint, *left_open, self.force, self.liftoff, self.objective, self.kink
         others = *self.of_contacts, *last, self.crossing, self.hit_quantity, self.surface_ends
         return iter((*first, self.impact, self.ends, *others))
 
@@ -188,6 +191,7 @@ def laws_of(
         ComplementarityLaw(
             lay, problem.friction[0], problem.restitution_values, problem.relaxation, scale
         ),
+        OpenGripsLaw(lay, problem.relaxation, scale),
         KinkLaw(problem, lay), CrossingLaw(lay, problem.model.nw),
         HitQuantityLaw.of(problem, lay), SurfaceEndsLaw(problem, lay),
     )  # fmt: skip
