@@ -64,8 +64,8 @@ def settled_at_start(problem: Problem, lay: Layout, limits: tuple[Array, Array])
     """Surfaces whose gaps at the start fixed values settle, shape (nc,)."""
     fixed = (limits[0] == limits[1])[lay.index_q[0]]
     on, chosen = problem.model.surface_coordinates, by_design(problem, "surface")
-    places_fixed = [bool(fixed[list(q)].all()) for q in on]
-    return np.asarray(np.array(places_fixed, dtype=bool) & ~chosen)
+    settled: Bools = np.array([bool(fixed[list(q)].all()) for q in on], dtype=bool) & ~chosen
+    return settled
 
 
 @dataclass(eq=False, repr=False)
