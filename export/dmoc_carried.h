@@ -47,10 +47,26 @@ typedef struct {
     const double *value;
 } dmoc_state;
 
+/* Functions of one kind: gaps, tangential positions, constraints, which push along a motion, or
+ * switches. slopes: the kernel of their derivatives by (q, t), of switches by (q, v, t), of which
+ * entry e is that of function row[e] by column[e]; NULL where the model has none. rates: the kernel
+ * of their rates; of switches that of their values. */
+typedef struct {
+    const dmoc_entry *slopes, *rates;
+    int count, entries;
+    const int *row, *column;
+} dmoc_functions;
+
+/* What tells that an event has happened: the gap of a surface or, to either side, of a grip; a
+ * switch; how far a contact is past an end of its surface. */
+enum { DMOC_OF_GAP, DMOC_OF_GRIP, DMOC_OF_SWITCH, DMOC_OF_END };
+
 /* What positions and velocities keep: kernels, NULL for none, and sizes of their results. */
 typedef struct {
     const dmoc_entry *momentum, *surface, *gap_rate, *joint, *joint_rate, *tangent;
     const dmoc_entry *barrier; /* of open surfaces: the same, or one that counts within their ends */
+    const dmoc_entry *within, *within_rate; /* of the ends of surfaces, NULL where none has some */
+    dmoc_functions crossing; /* switches */
     int nq, nc, nj, nt, parameters;
     const int *chosen; /* [parameters] the unknowns that they are, or -1 */
     const double *gap, *rate, *joint_size, *joint_rate_size, *tangent_size, *slide_size;
@@ -60,15 +76,6 @@ typedef struct {
     const int *slides; /* [phases*nt] the direction in which it slides, 0 for none */
     int q, t;        /* the first unknowns of these tables; t is -1 for none */
 } dmoc_places;
-
-/* Functions of one kind that push along a motion: gaps, tangential positions, constraints. slopes:
- * the kernel of their derivatives by (q, t), of which entry e is that of function row[e] by
- * column[e]; NULL where the model has none. */
-typedef struct {
-    const dmoc_entry *slopes, *rates;
-    int count, entries;
-    const int *row, *column;
-} dmoc_functions;
 
 /* What pushes along a phase: impulses of some functions of a kind at its stations, which change
  * momenta by sign*impulse*slope. */

@@ -4,6 +4,7 @@
  *   dmoc_judge.c     residuals of an end, and whether positions keep what they must
  *   dmoc_laws.c      whether the laws that an end goes by are laws
  *   dmoc_motion.c    tables of an end: times, momenta, velocities, forces
+ *   dmoc_events.c    what tells that an event has happened
  *   dmoc_starts.c    where a solve starts, solves from several starts, the rest of a motion
  *   dmoc_solver.c    memory, a solve
  *   dmoc_planner.c   the rest of a motion again and again, from measured states
@@ -107,6 +108,11 @@ void carried_read_out(dmoc_solver *s);
 /* A state near the start moved, by the reach of coordinates and the masses of velocities, to where
  * what is held then is in place, without rates, and in front of the surfaces that are open. */
 void carried_keep(const dmoc_solver *s, double *q, double *v);
+
+/* dmoc_events.c */
+/* The value of what passes zero at an event of a kind (DMOC_OF_GAP, ...), and its rate. */
+void carried_event(const dmoc_solver *s, int kind, int number, const double *q, const double *v,
+                   double *value, double *rate);
 
 #ifdef __GNUC__
 #pragma GCC visibility pop

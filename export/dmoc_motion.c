@@ -34,7 +34,7 @@ size_t carried_work_size(const dmoc_carried *c)
 {
     const size_t n = (size_t)c->places.nq, k = slopes_of(c);
     const size_t free = (size_t)c->places.parameters;
-    size_t entries = 0;
+    size_t entries = (size_t)(c->places.crossing.count + c->places.crossing.entries);
     for (int i = 0; i < DMOC_KINDS; ++i)
         entries += (size_t)c->motion.functions[i].entries;
     return free + n + (size_t)c->motion.inputs + 2*n*n + 3*n + entries + 3*k*n + k*k + 3*k +
@@ -188,8 +188,8 @@ static int held(const node_of *at, int phase, const double *v, int back)
     return count;
 }
 
-/* The same of the open surfaces that a position has entered in the first phase, to in front of
- * them, behind so many others: the slope is the rate of the gap at unit velocities. */
+/* The same of the open surfaces that a position has entered in the first phase, where they are, to
+ * in front of them, behind so many others: the slope is the rate of the gap at unit velocities. */
 static int entered(const node_of *at, int count)
 {
     const dmoc_places *places = &at->c->places;
@@ -199,7 +199,11 @@ static int entered(const node_of *at, int count)
     for (int j = 0; j < places->nc; ++j) {
         if (places->held[j] != 1)
             continue;
-        carried_call(places->barrier, there, at->rates, NULL);
+        if (places->within)
+            carried_call(places->within, there, at->rates, NULL);
+        if (places->within && !(at->rates[j] > 0))
+            continue;
+        carried_call(places->surface, there, at->rates, NULL);
         const double beyond = at->rates[j] + IN_FRONT*places->gap[j];
         if (!(beyond > 0))
             continue;

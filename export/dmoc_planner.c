@@ -91,22 +91,6 @@ dmoc_planner *dmoc_planner_begin(const dmoc_rests *r, void *memory, size_t bytes
 
 /* Which phase a state is in ---------------------------------------------------------------------*/
 
-/* The gap to a surface and its rate. */
-static void gap_of(const dmoc_solver *s, int surface, const double *q, const double *v,
-                   double *gap, double *rate)
-{
-    const dmoc_places *places = &s->c->places;
-    const double time = 0;
-    double *values = s->work, *parameters = values + places->nc;
-    carried_parameters(s, parameters);
-    const double *there[DMOC_MOST] = {q, &time, parameters};
-    const double *moving[DMOC_MOST] = {q, v, &time, parameters};
-    carried_call(places->surface, there, values, NULL);
-    *gap = values[surface];
-    carried_call(places->gap_rate, moving, values, NULL);
-    *rate = values[surface];
-}
-
 /* The last node of a phase of the plan. */
 static int last_node(const dmoc_planner *p, int phase)
 {
@@ -124,12 +108,13 @@ static void rates_of(const dmoc_planner *p, int phase, double *before, double *a
     const double *v = s->results + (carried_nodes(s->c) - 1 + s->c->phases)*n + row*n;
     const double *q = s->physical + s->c->places.q + node*n;
     double gap;
-    gap_of(s, p->rests->event[phase], q, v, &gap, before);
-    gap_of(s, p->rests->event[phase], q, v + n, &gap, after);
+    carried_event(s, DMOC_OF_GAP, p->rests->event[phase], q, v, &gap, before);
+    carried_event(s, DMOC_OF_GAP, p->rests->event[phase], q, v + n, &gap, after);
 }
 
 /* Whether a state shows that the event at the end of a phase has happened: what is hit or lands is
- * left or at rest, and is still near; what leaves, or rubs in another way, does so at its time. */
+ * left or at rest, and is still near; a switch is not below zero, and what slips off is past its
+ * end; what leaves, or rubs in another way, does so at its time. */
 static int is_over(const dmoc_planner *p, int phase, double time, const double *state)
 {
     const dmoc_solver *s = p->solver;
@@ -141,8 +126,13 @@ static int is_over(const dmoc_planner *p, int phase, double time, const double *
         return time >= end;
     if (time - end < -EARLY*(end - begin))
         return 0;
-    gap_of(s, p->rests->event[phase], state, state + s->c->places.nq, &gap, &rate);
+    const int kind = p->rests->kind[phase];
+    carried_event(s, kind, p->rests->event[phase], state, state + s->c->places.nq, &gap, &rate);
+    if (kind == DMOC_OF_SWITCH || kind == DMOC_OF_END)
+        return gap >= 0;
     rates_of(p, phase, &before, &after);
+    if (kind == DMOC_OF_GRIP && before < 0)
+        gap = -gap, rate = -rate, before = -before, after = -after;
     const double fast = fmax(fabs(before), fabs(after));
     return -gap <= 2*fast*(time - p->measured) && rate < (before + after)/2;
 }
@@ -262,7 +252,8 @@ static void put_within(dmoc_planner *p)
     }
 }
 
-/* Whether the state lies far behind a surface that is open, beside how far the coordinates move. */
+/* Whether the state lies far behind a surface that is open, where it is, beside how far the
+ * coordinates move. */
 static int is_behind(const dmoc_planner *p)
 {
     const dmoc_places *places = &p->solver->c->places;
@@ -273,10 +264,14 @@ static int is_behind(const dmoc_planner *p)
         for (int i = 0; i < n; ++i) {
             memset(along, 0, sizeof(double)*(size_t)n);
             along[i] = places->reach[i];
-            gap_of(p->solver, j, p->state, along, &gap, &rate);
+            carried_event(p->solver, DMOC_OF_GAP, j, p->state, along, &gap, &rate);
             size += fabs(rate);
         }
-        if (places->held[j] == 1 && gap > BEYOND*size)
+        if (places->held[j] != 1 || !(gap > BEYOND*size))
+            continue;
+        if (places->within)
+            carried_event(p->solver, DMOC_OF_END, j, p->state, along, &gap, &rate);
+        if (!places->within || gap < 0)
             return 1;
     }
     return 0;
@@ -303,8 +298,8 @@ static int is_against(const dmoc_planner *p)
 
 static int planned(dmoc_planner *p, double time, const dmoc_limits *limits)
 {
-    const int n = p->solver->c->places.nq, surface_after = p->phase < p->rests->phases - 1;
-    const int surface = surface_after ? p->rests->event[p->phase] : -1;
+    const int n = p->solver->c->places.nq, ends = p->phase < p->rests->phases - 1;
+    const int seen = ends && p->rests->event[p->phase] >= 0;
     const double left = fmax(dmoc_planner_end(p) - time, 0);
     double arrival = (double)INFINITY;
     if (p->phase >= p->rests->rests)
@@ -317,9 +312,13 @@ static int planned(dmoc_planner *p, double time, const dmoc_limits *limits)
     if (is_against(p))
         return DMOC_AGAINST;
     carried_keep(p->solver, p->state, p->state + n);
-    if (surface >= 0) {
+    if (seen) {
         double gap, rate;
-        gap_of(p->solver, surface, p->state, p->state + n, &gap, &rate);
+        const int kind = p->rests->kind[p->phase];
+        carried_event(p->solver, kind, p->rests->event[p->phase], p->state, p->state + n, &gap,
+                      &rate);
+        if (kind == DMOC_OF_GRIP && gap > 0)
+            gap = -gap, rate = -rate;
         arrival = rate > 0 ? fmax(-gap, 0)/rate : arrival;
         if (arrival < NEAR*left)
             return DMOC_NEARLY;

@@ -20,7 +20,9 @@ extern "C" {
 #endif
 
 /* The programs of the rests of a motion from each of its phases on. begin: when that phase is
- * planned to begin. event[phases - 1]: the surface that is hit or lands after a phase, -1 for none. */
+ * planned to begin. event[phases - 1]: the surface that is hit or lands after a phase, the switch
+ * that is passed, or the surface whose end is, by kind[phases - 1] (DMOC_OF_GAP, ...); -1 for
+ * none. */
 typedef struct {
     const dmoc_carried *problem;
     double begin;
@@ -28,7 +30,7 @@ typedef struct {
 
 typedef struct {
     int phases, rests, recedes;
-    const int *event;
+    const int *event, *kind;
     const dmoc_rest_from *rest;
 } dmoc_rests;
 

@@ -135,6 +135,9 @@ def work_of(nlp: Transcription) -> int:
         for kind, (slopes, _, matrix) in KINDS.items() if names[kind]
     )  # fmt: skip
     doubles = 2 * n * n + 4 * n + 3 * k * n + k * k + 3 * k + entries
+    if nlp.kernels.manifest.switches:
+        slopes = nlp.kernels.pattern("crossing_jac", "w_D")[0]
+        doubles += len(nlp.kernels.manifest.crossings) + len(slopes)
     return doubles + int(nlp.par.shape[1]) + model.nu + 3 * model.nc + model.nj + 8 * model.nt
 
 

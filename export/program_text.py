@@ -41,10 +41,13 @@ from dmoc.solvers.outcome import Duals
 # Kernels of coefficients that depend on the motion, and of what they depend on.
 KERNELS = ("rebound", "bearing", "holding", "slide_rate")
 OF_PARAMETERS = ("friction", "tangential")
+ENDS_OF_SURFACES, SWITCHES = ("within", "within_rate"), ("crossing_jac", "crossing")
 # Of the kernels that a solver calls beside those of its passes.
 CHECKS = ("momentum", "surface", "gap_rate", "joint", "joint_rate", "tangent")
 OTHERS = (
     "barrier",
+    *ENDS_OF_SURFACES,
+    *SWITCHES,
     "dynamics",
     "joint_jac",
     "surface_jac",
@@ -245,6 +248,8 @@ def _places(c: Constants, carried: CarriedProgram, entries: Mapping[str, str]) -
     there = zip(CHECKS, (True, touching, touching, joined, joined, model.nt > 0), strict=True)
     called = [entries[name] if is_there else "NULL" for name, is_there in there]
     called.append(entries[model.barrier_kernel] if touching else "NULL")
+    called += [entries.get(name, "NULL") for name in ENDS_OF_SURFACES]
+    called.append(_switches(c, kernels, entries))
     unknowns = dict(zip(problem.design, lay.index_design.tolist(), strict=True))
     chosen = np.array([unknowns.get(name, NOWHERE) for name in kernels.parameters])
     tangent, joint = (
@@ -260,6 +265,15 @@ def _places(c: Constants, carried: CarriedProgram, entries: Mapping[str, str]) -
         int(lay.index_q[0, 0]),
         int(lay.index_t[0]) if lay.timed else -1,
     )  # fmt: skip
+
+
+def _switches(c: Constants, kernels: Kernels, entries: Mapping[str, str]) -> str:
+    """Text of the functions whose zeros are events of switches."""
+    count = len(kernels.manifest.switches)
+    rows, columns = kernels.pattern(SWITCHES[0], "w_D") if count else ((), ())
+    arrays = (c.array("int", np.asarray(part, dtype=np.intp)) for part in (rows, columns))
+    called = (entries[name] if count else "NULL" for name in SWITCHES)
+    return initial(*called, len(kernels.manifest.crossings) if count else 0, len(rows), *arrays)
 
 
 def _held(nlp: Transcription, mode: Mode) -> Index:

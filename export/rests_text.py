@@ -5,32 +5,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from dmoc.base.errors import ProblemError
 from dmoc.export.constants import Constants, initial, literal
 from dmoc.export.motion_text import has_rest
 from dmoc.export.numbers import numbers_of
 from dmoc.export.program_text import CarriedProgram
+from dmoc.mechanics.contact_mode import Event
 from dmoc.mechanics.contacts import NOWHERE
+from dmoc.mechanics.touch import Touch
 from dmoc.planning.planner import Planner
 from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Status
 
+# Kinds of events, as dmoc_planner.h has them.
+OF_GAP, OF_GRIP, OF_SWITCH, OF_END = range(4)
 # Doubles that a planner has, without its solver and its arrays.
 OF_PLANNER = 32
 
 
 def carried_rests(name: str, planner: Planner) -> tuple[list[CarriedProgram], list[float]]:
     """The rests from each phase on, of which the first is the whole motion, and when they begin."""
-    if (planner.problem.touch.switches != NOWHERE).any():
-        raise ProblemError(
-            "a planner in C does not see when a switch is passed, which the sequence has: plan "
-            "with dmoc.Planner, or generate the solver without a planner."
-        )
-    if any(event.off for event in planner.problem.touch.events):
-        raise ProblemError(
-            "a planner in C does not see when a contact slips off an end, as the sequence says: "
-            "plan with dmoc.Planner, or generate the solver without a planner."
-        )
     rests, begins = list[CarriedProgram](), list[float]()
     for i, (begin, nlp, x, ended) in enumerate(planner.rests()):
         if ended.status is not Status.SOLVED:
@@ -56,9 +52,25 @@ def rests_facts(rests: Sequence[CarriedProgram], begins: Sequence[float], planne
     c, rows = Constants(), list[str]()
     for r, begin in zip(rests, begins, strict=True):
         rows.append(initial(f"&{r.name}_problem", literal(begin)))
-    events = c.array("int", planner.problem.touch.surfaces)
-    motion = initial(planner.problem.phases, len(rows), int(not planner.shrinks), events, "rests")
+    events = zip(*map(_seen, *_events(planner.problem.touch)), strict=True)
+    seen = [c.array("int", np.array(part, dtype=np.intp)) for part in events] or ["NULL"] * 2
+    motion = initial(planner.problem.phases, len(rows), int(not planner.shrinks), *seen, "rests")
     return {"lines": c.lines, "rows": rows, "motion": motion, "names": [r.name for r in rests[1:]]}
+
+
+def _events(touch: Touch) -> tuple[Sequence[Event], Sequence[int], Sequence[bool]]:
+    """The events of a motion, what each hits or lands, and whether that is a grip."""
+    surfaces = touch.surfaces.tolist()
+    return touch.events, surfaces, [j != NOWHERE and bool(touch.contacts.pull[j]) for j in surfaces]
+
+
+def _seen(event: Event, surface: int, grips: bool) -> tuple[int, int]:
+    """The number and the kind, as dmoc_planner.h has them, of what tells that an event is over."""
+    if event.switch != NOWHERE:
+        return event.switch, OF_SWITCH
+    if event.off:
+        return event.off[0], OF_END
+    return surface, OF_GRIP if grips else OF_GAP
 
 
 def planner_doubles(rests: Sequence[CarriedProgram], solvers: Sequence[int]) -> int:

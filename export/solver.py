@@ -65,8 +65,8 @@ PARTS = {
         "interior_status.h", "interior_system.c", "ldl.c", "ldl.h", "ldl_dense.c", "ldl_dense.h",
     ),
     "dmoc.export": (
-        "dmoc_carried.h", "dmoc_inside.h", "dmoc_judge.c", "dmoc_laws.c", "dmoc_motion.c",
-        "dmoc_numbers.c", "dmoc_solver.c", "dmoc_solver.h", "dmoc_starts.c",
+        "dmoc_carried.h", "dmoc_events.c", "dmoc_inside.h", "dmoc_judge.c", "dmoc_laws.c",
+        "dmoc_motion.c", "dmoc_numbers.c", "dmoc_solver.c", "dmoc_solver.h", "dmoc_starts.c",
     ),
 }  # fmt: skip
 PLANNER = ("dmoc_planner.c", "dmoc_planner.h")

@@ -200,5 +200,7 @@ def is_over(
     model, (q, v) = problem.model, state
     j = model.contacts.surface_numbers[event.surface or event.lands[0]]
     gap, rate = float(model.gaps(q)[j]), float(model.gap_rates(q, v)[j])
-    fast = max(abs(event.rate_before), abs(event.rate_after))
-    return -gap <= 2 * fast * step and rate < (event.rate_before + event.rate_after) / 2
+    rates = event.rate_before, event.rate_after
+    if model.contacts.pull[j] and event.rate_before < 0:  # a grip is come to from both sides
+        gap, rate, rates = -gap, -rate, (-event.rate_before, -event.rate_after)
+    return -gap <= 2 * max(map(abs, rates)) * step and rate < sum(rates) / 2
