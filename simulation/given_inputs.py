@@ -16,7 +16,7 @@ from dmoc.simulation.grips import Grasp
 from dmoc.simulation.mode_choice import Setting
 from dmoc.simulation.mode_flow import PLACES
 from dmoc.simulation.motion_record import ContactState, MotionRecord
-from dmoc.simulation.phase_changes import through_changes
+from dmoc.simulation.phase_changes import through_changes, unswitched
 from dmoc.simulation.tolerances import Magnitudes, magnitudes_at
 
 # Steps that are gone in compiled code between two looks for Ctrl-C.
@@ -35,10 +35,14 @@ def nodes(
         setting, y, mode = through_changes(setting, y, u[k], (t, end), (largest, journal), ahead)
         journal.last, k = node(setting, mode, y, u[k], end), k + 1
         yield journal.last
-        count = quiet_steps(setting, ahead, k, AT_ONCE)
+        count = quiet_steps(setting.h, ahead, k, AT_ONCE)
         inputs, so_far = np.ascontiguousarray(u[k : k + count]), np.array(astuple(largest))
-        y = y.copy()
+        before, y = y, y.copy()
         rows = setting.integrator.stay(mode, y, inputs, setting.h, k, PLACES, so_far)
+        quiet = unswitched(setting, before, rows[0], k)
+        if quiet < len(rows[0]):
+            y = rows[0][quiet - 1] if quiet else before
+            rows = rows[0][:quiet], rows[1][:quiet], rows[2][:quiet]
         largest = Magnitudes(*map(float, so_far))
         for state, normal, tangential in zip(*rows, strict=True):
             k += 1
@@ -51,14 +55,11 @@ def nodes(
             yield journal.last
 
 
-def quiet_steps(setting: Setting, ahead: Sequence[Grasp], k: int, most: int) -> int:
-    """How many steps from step k on, at most ``most``, end before the next grasp, and behind the
-    events at which parameters change."""
-    if setting.later:
-        return 0
+def quiet_steps(h: float, ahead: Sequence[Grasp], k: int, most: int) -> int:
+    """How many steps from step k on, at most ``most``, end before the next grasp."""
     if not ahead:
         return most
-    return min(most, max(0, int(ahead[0].ready / setting.h * (1 + ROUNDING)) - k))
+    return min(most, max(0, int(ahead[0].ready / h * (1 + ROUNDING)) - k))
 
 
 def _rests(setting: Setting, mode: Mode, at: ContactState, u: Array, largest: Magnitudes) -> bool:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections import deque
 
+import numpy as np
+
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
@@ -70,6 +72,19 @@ def through_changes(
         elif cut == end:
             return setting, y, mode
     return through_grasps(setting, y, u, (begin, end), so_far, ahead)
+
+
+def unswitched(setting: Setting, y: Array, states: Array, first: int) -> int:
+    """How many steps from number ``first`` on, between y and states (n, 2 nq), end before one in
+    which a switch begins a phase with other parameters."""
+    model, names = setting.model, setting.model.contacts.switches
+    if not (setting.later and names and len(states)):
+        return len(states)
+    rows, t = np.vstack([y, states]), (first + np.arange(len(states) + 1)) * setting.h
+    q, v = (np.ascontiguousarray(part) for part in np.split(rows, 2, axis=1))
+    w = model.crossings(q, v, t)
+    passed = ((w[:-1] < 0) & (w[1:] >= 0))[:, : len(names)].any(axis=1)
+    return int(passed.argmax()) if passed.any() else len(states)
 
 
 def _until_event(

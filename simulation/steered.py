@@ -17,7 +17,7 @@ from dmoc.simulation.given_inputs import quiet_steps
 from dmoc.simulation.grips import Grasp
 from dmoc.simulation.mode_choice import Setting
 from dmoc.simulation.motion_record import ContactState, MotionRecord
-from dmoc.simulation.phase_changes import through_changes
+from dmoc.simulation.phase_changes import through_changes, unswitched
 from dmoc.simulation.tolerances import Magnitudes, magnitudes_at
 
 # Where in a step limits are looked at, beside its start: steps of a control are short.
@@ -50,11 +50,11 @@ def steered(
         before, count = y, len(journal.collisions)
         y = control.pushed(k, y)
         u[k] = control.input(k, y)
-        if keeps and y is before and quiet_steps(setting, ahead, k, 1):
+        if keeps and y is before and quiet_steps(h, ahead, k, 1):
             row, so_far = y.copy(), np.array(astuple(largest))
             rows = setting.integrator.stay(mode, row, u[k : k + 1], h, k, LOOKS, so_far)
             largest = Magnitudes(*map(float, so_far))
-            if len(rows[0]):
+            if unswitched(setting, before, rows[0], k):
                 y = rows[0][0]
                 journal.last = ContactState((k + 1) * h, y, rows[1][0], rows[2][0])
                 control.feel(k, (), setting.whole(mode))
