@@ -129,9 +129,22 @@ def separate(texts: list[str] | None) -> list[str]:
     return [part for text in texts or [] for part in read_names(text) or [text]]
 
 
-def read_pairs(texts: list[str] | None, option: str) -> dict[str, Any]:
-    """Read NAME=VALUE of an option that may be repeated, also with commas between them."""
-    return by_name((read_pair(text, option) for text in separate(texts)), option)
+def read_pairs(texts: list[str] | None, option: str, lists: bool = False) -> dict[str, Any]:
+    """Read NAME=VALUE of an option that may be repeated, also with commas between them; with
+    ``lists`` a value may be several with commas."""
+    parts = with_lists(separate(texts)) if lists else separate(texts)
+    return by_name((read_pair(text, option) for text in parts), option)
+
+
+def with_lists(parts: list[str]) -> list[str]:
+    """Parts between commas, of which those without a name go on with the values before them."""
+    joined = list[str]()
+    for part in parts:
+        if "=" in part or not joined:
+            joined.append(part)
+        else:
+            joined[-1] += f",{part}"
+    return joined
 
 
 def by_name(pairs: Iterable[tuple[str, Any]], option: str) -> dict[str, Any]:
@@ -148,7 +161,11 @@ def read_pair(text: str, option: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not (name and equals and value):
         raise ProblemError(f"{option} {text}: expected NAME=VALUE.")
-    return name.strip(), read_value(value, f"{option} {name.strip()}")
+    what = f"{option} {name.strip()}"
+    if "," in value:
+        expected = "expected numbers such as 10,50, one for each phase"
+        return name.strip(), [read_number(part, what, expected) for part in value.split(",")]
+    return name.strip(), read_value(value, what)
 
 
 def read_value(text: str, what: str) -> Any:

@@ -69,8 +69,8 @@ class ModelOptions:
 
     order: int | None = stated(f"Order of the discretisation, one of {ORDERS_SHOWN}; 2 by default.")
     set_: list[str] | None = stated(
-        "Parameter value; several with commas, or repeat it.",
-        Stated("parameters", option="--set"),
+        "Parameter value, or one for each phase, as k=10,50; several with commas, or repeat it.",
+        Stated("parameters", option="--set", lists=True),
         completed=completion.parameters,
         metavar="NAME=VALUE",
     )
@@ -154,7 +154,7 @@ def problem_fields(defaults: Mapping[str, Any], *groups: Any) -> dict[str, Any]:
     changed = dict(defaults)
     for _, about, value in stated_by(*groups):
         if about.option:
-            pairs = read_pairs(value, about.option)
+            pairs = read_pairs(value, about.option, about.lists)
             changed[about.field] = {**changed.get(about.field, {}), **pairs}
             _replace_rest(changed[about.field], pairs)
         elif value not in (None, []):

@@ -12,7 +12,7 @@ from dmoc.base.files import check_file
 from dmoc.base.table import print_table
 from dmoc.cli.console import draw, emit, in_turn, out, written
 from dmoc.cli.groups import passed_on
-from dmoc.cli.option_values import by_name, read_guess, read_range, separate
+from dmoc.cli.option_values import by_name, read_guess, read_range, separate, with_lists
 from dmoc.cli.problem_options import CourseOptions, ProblemOptions, problem_fields, stated_by
 from dmoc.cli.shared_options import (
     NOT_SOLVED,
@@ -107,7 +107,8 @@ def _ranges(stated: ProblemOptions) -> tuple[dict[str, Any], ProblemOptions]:
         if not values.option:
             continue
         varied, first = ranges.setdefault(values.field, {}), firsts.setdefault(place, [])
-        pairs = ((t.partition("=")[0].strip(), t) for t in separate(texts))
+        parts = with_lists(separate(texts)) if values.lists else separate(texts)
+        pairs = ((t.partition("=")[0].strip(), t) for t in parts)
         for name, text in by_name(pairs, values.option).items():
             value = text.partition("=")[2]
             numbers = read_range(value, f"{values.option} {name}")

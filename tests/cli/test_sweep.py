@@ -12,7 +12,8 @@ import pytest
 from commands import Run
 
 import dmoc
-from dmoc.cli.option_values import read_range
+from dmoc.base.errors import ProblemError
+from dmoc.cli.option_values import read_pairs, read_range
 from dmoc.models.registry import find
 from dmoc.solving import many
 
@@ -32,6 +33,20 @@ def test_a_range_is_values_at_equal_distances() -> None:
     assert read_range("0.4:0.8:3", "l") == pytest.approx([0.4, 0.6, 0.8])
     assert read_range("1:-1:2", "l") == [1.0, -1.0] and read_range("2:5:1", "l") == [2.0]
     assert read_range("0:1", "l") is None and read_range("free", "l") is None
+
+
+def test_parameters_have_a_value_for_each_phase() -> None:
+    texts = ["k=10,50,m=2", "c=1"]
+    assert read_pairs(texts, "--set", lists=True) == {"k": [10.0, 50.0], "m": 2.0, "c": 1.0}
+    for text, message in (
+        ("10,50", "--set 10,50: expected NAME=VALUE"),
+        ("k=10,x", "--set k = 'x': expected numbers such as 10,50, one for each phase"),
+        ("k=,10", "--set k = '': expected numbers"),
+    ):
+        with pytest.raises(ProblemError, match=message):
+            read_pairs([text], "--set", lists=True)
+    with pytest.raises(ProblemError, match="--start 2: expected NAME=VALUE"):
+        read_pairs(["x=1,2"], "--start")
 
 
 @pytest.mark.slow
