@@ -9,7 +9,8 @@
 
 /* How often conditions that the motion of a centre violates are priced there. */
 #define MOST_ROUNDS 3
-/* Every so many boxes a motion is looked for in the middle of one. */
+/* Every so many boxes a motion is looked for in the middle of one: in any until there is one, then
+ * where the centre promises a better one. */
 #define OFTEN 16
 /* Boxes whose durations vary by more than these factors: multipliers that are the same all over them
  * are tried too, or are all that is tried. */
@@ -155,7 +156,8 @@ double box_bound(Engine *e, const double *low, const double *high, double enough
     cache_trim(&e->cache);
     if (middle_of(p, low, high, t))
         return INFINITY;
-    if (e->boxes++ % OFTEN == 0)
+    const int often = e->boxes++ % OFTEN == 0;
+    if (often && isinf(e->best))
         meet(e, t, multipliers);
     for (int i = 0; i < n; i++) {
         ratio = fmax(ratio, high[i] / low[i]);
@@ -165,7 +167,7 @@ double box_bound(Engine *e, const double *low, const double *high, double enough
         double others[MOST_MULTIPLIERS];
         memcpy(others, multipliers, sizeof others);
         bound = by_longest(e, low, high, enough, others);
-        if (ratio > WIDE || bound >= enough)
+        if (ratio > WIDE || bound >= e->aim)
             return bound;
     }
     if (centre_at(e, low, high, enough, multipliers, steps))
@@ -207,11 +209,11 @@ double box_bound(Engine *e, const double *low, const double *high, double enough
     dual_jet(e, n, steps, t, wide, away, &box);
     least = interval_sub(interval_of(p->earliest), known).lo;
     most = interval_sub(interval_of(p->latest), known).hi;
-    const double bounds[] = {
-        box.v.lo, by_slopes(n, &box, below, above, least, most),
-        by_curvature(n, &box, below, above, least, most, widths),
-    };
-    for (int i = 0; i < 3; i++)
-        bound = bounds[i] > bound ? bounds[i] : bound;
+    bound = fmax(bound, box.v.lo);
+    bound = fmax(bound, by_slopes(n, &box, below, above, least, most));
+    if (bound < e->aim)
+        bound = fmax(bound, by_curvature(n, &box, below, above, least, most, widths));
+    if (often && c->converged && c->value < e->best && !middle_of(p, low, high, t))
+        meet(e, t, multipliers);
     return bound;
 }
