@@ -20,6 +20,7 @@ cdef extern from "tree.h" nogil:
         const double *upper
         const double *path
         const double *most
+        const double *since
     ctypedef struct Rows:
         int rows, columns
         const double *A
@@ -84,7 +85,7 @@ cdef class Branch:
                 phase.size, phase.P.shape[1] - phase.size, len(phase.c), phase.steps, len(phase.most),
                 self._numbers(phase.P), self._numbers(phase.R), self._numbers(phase.c), phase.c_0,
                 self._numbers(phase.lower), self._numbers(phase.upper), self._numbers(phase.paths),
-                self._numbers(phase.most),
+                self._numbers(phase.most), self._numbers(phase.since),
             )
         for i, event in enumerate(linear.events):
             self.events[i] = Event(

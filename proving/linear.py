@@ -22,8 +22,8 @@ from dmoc.codegen.kernels import Array
 @record(frozen=True, eq=False)
 class LinearPhase:
     """The steps of a phase; ``P`` has the shape (3, na + r, r + na + nb + 1), ``R`` (nb, nb),
-    bounds of the inputs (nb,), and ``paths`` y <= ``most`` holds at nodes after the first one,
-    shapes (rows, r) and (rows,)."""
+    bounds of the inputs (nb,), and ``paths`` y <= ``most`` holds inside the steps from number
+    ``since`` on and at their ends, shapes (rows, r), (rows,) and (rows,)."""
 
     steps: int
     P: Array
@@ -34,6 +34,7 @@ class LinearPhase:
     upper: Array
     paths: Array
     most: Array
+    since: Array
 
     @property
     def size(self) -> int:

@@ -62,11 +62,6 @@ def _left_out(model: LinearModel) -> tuple[str, ...]:
     moving = [p.kernels.surfaces[j] for j, gap in model.flat.items() if gap.A[0, p.nq] != 0]
     return (
         *(f"the gap to {name} along phases" for name in (*others, *moving)),
-        *(
-            ("gaps and bounds of coordinates inside the steps",)
-            if p.scheme.inside and (p.kernels.surfaces or np.isfinite(p.coordinate_bounds).any())
-            else ()
-        ),
         *(f"bounds of {name}" for name in p.limits),
         *(f"the path constraint {name}" for name in p.kernels.manifest.path_constraints),
         *(("that contacts which last only push",) if p.lasting else ()),

@@ -26,6 +26,7 @@ typedef struct {
     double c_0;
     const double *lower, *upper; /* of the inputs, (nb,) */
     const double *path, *most;  /* (paths, r), (paths,): path y <= most */
+    const double *since;        /* (paths,): the step from which on it holds, inside and at its end */
 } Phase;
 
 /* rows functions A z + b + b_t t of a state z at the time t */
@@ -49,9 +50,11 @@ typedef struct {
     double scale;               /* of the cost: for the multipliers of inputs that cost nothing */
 } Problem;
 
-/* A condition along a phase that is priced: row ``path`` at node ``node``. */
+/* A condition along a phase that is priced: row ``path`` at node ``node``, or at a place inside the
+ * step that begins there. */
+enum { AT_NODE = -1 };
 typedef struct {
-    int phase, node, path;
+    int phase, node, inside, path;
 } Priced;
 
 /* What one input of one step does at the multipliers of the centre. */
@@ -75,6 +78,7 @@ typedef struct {
     line h;
     interval away;              /* of the duration from its centre */
     line *map;                  /* (2 r, 2 r + nb + 1): state after a step of (y, h p, u, 1) */
+    line *inner;                /* (na - r, 2 r + nb + 1): places inside a step */
     line *response;             /* (steps, nb, d): what a unit of an input costs at its end */
     line *start;                /* (2 r, d): prices of the state at the start */
     Value without;              /* inputs left out but for their linear part; squares are unused */

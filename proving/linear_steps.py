@@ -39,10 +39,10 @@ class LinearSteps:
                 f"the input {name} has neither a cost nor bounds: give it one of both, or nothing "
                 "keeps it finite."
             )
-        paths, most = self._paths(i, frame)
+        paths, most, since = self._paths(i, frame)
         powers = self._powers_in(frame)
         low, high = bounds.T
-        return LinearPhase(p.phase_steps[i], powers, R, c, c_0, low, high, paths, most)
+        return LinearPhase(p.phase_steps[i], powers, R, c, c_0, low, high, paths, most, since)
 
     @property
     def _rows(self) -> int:
@@ -160,24 +160,28 @@ class LinearSteps:
         _check_convex(R)
         return R / np.outer(size, size), c / size, c_0
 
-    def _paths(self, i: int, frame: Frame) -> tuple[Array, Array]:
-        """What holds at nodes of a phase after the first: bounds of coordinates, flat surfaces."""
+    def _paths(self, i: int, frame: Frame) -> tuple[Array, Array, Array]:
+        """What holds in the steps of a phase and at their ends, and from which step on: bounds of
+        coordinates, flat surfaces but for the first step after they were touched."""
         p, n = self.model.problem, self.model.problem.nq
-        rows, most = list[Array](), list[float]()
+        rows, most, since = list[Array](), list[float](), list[float]()
+        modes = p.touch.modes
         for j, (low, high) in enumerate(p.coordinate_bounds):
             for sign, bound in ((1.0, high), (-1.0, -low)):
                 if np.isfinite(bound):
                     rows.append(sign * np.eye(n)[j])
                     most.append(bound)
+                    since.append(0.0)
         for j, gap in self.model.flat.items():
-            there = p.kernels.surfaces[j] not in p.ignored and j not in p.touch.modes[i].closed
+            there = p.kernels.surfaces[j] not in p.ignored and j not in modes[i].closed
             if there and gap.A[0, n] == 0:
                 rows.append(gap.A[0, :n])
                 most.append(-gap.b[0])
+                since.append(float(i > 0 and j in modes[i - 1].closed))
         A, b = np.array(rows).reshape(-1, n), np.array(most)
         A, b = A @ frame.Z, b - A @ frame.origin
         kept = np.abs(A).max(axis=1, initial=0.0) > 0
-        return A[kept], b[kept]
+        return A[kept], b[kept], np.array(since)[kept]
 
 
 def _check_convex(R: Array) -> None:

@@ -8,13 +8,14 @@
 size_t steps_size(const Phase *p, int d)
 {
     const size_t s = 2 * p->r;
-    return s * (s + p->nb + 1) + (size_t)p->steps * p->nb * d + s * d + 2 * d + (size_t)d * d;
+    return (s + p->na - p->r) * (s + p->nb + 1) + (size_t)p->steps * p->nb * d + s * d + 2 * d + (size_t)d * d;
 }
 
 void steps_place(Steps *steps, const Phase *p, int d, line *at)
 {
     const int s = 2 * p->r;
     steps->map = at, at += s * (s + p->nb + 1);
+    steps->inner = at, at += (p->na - p->r) * (s + p->nb + 1);
     steps->response = at, at += p->steps * p->nb * d;
     steps->start = at, at += s * d;
     steps->without.linear = at, at += d;
@@ -37,8 +38,8 @@ static line power(const Phase *p, line h, line h2, int row, int column)
     return sum;
 }
 
-/* The state (y, h p) after a step as function of (y, h p, u, 1) before it. */
-static int step_map(const Phase *p, line h, line *map)
+/* The state (y, h p) after a step and the places inside it as functions of (y, h p, u, 1) before. */
+static int step_map(const Phase *p, line h, line *map, line *inner)
 {
     const int r = p->r, na = p->na, nb = p->nb, m = 2 * r + nb + 1;
     const line h2 = line_mul(h, h);
@@ -55,6 +56,7 @@ static int step_map(const Phase *p, line h, line *map)
     }
     if (solve_lines(na, m, A, B))
         return 1;
+    memcpy(inner, B, sizeof(line) * (na - r) * m);
     for (int j = 0; j < m; j++)
         for (int i = 0; i < r; i++) {
             map[i * m + j] = B[(na - r + i) * m + j];
@@ -74,6 +76,32 @@ static int step_map(const Phase *p, line h, line *map)
 static void add_inputs(const Phase *p, const Steps *steps, Choice *choices, const interval *costate,
                        Value *value);
 
+static void subtract_limit(const Phase *p, const Priced *at, line *price)
+{
+    *price = line_add(*price, line_of(-p->most[at->path]));
+}
+
+/* Add the conditions inside a step to the prices of the state (y, h p) before it, (2 r, d), and to
+ * what its inputs cost. */
+static void add_inside(const Phase *p, int k, const Priced *priced, const Steps *steps, line *prices)
+{
+    const int r = p->r, s = 2 * r, d = steps->d, m = s + p->nb + 1;
+    for (int i = s; i < d - 1; i++) {
+        const Priced *at = priced + steps->which[i - s];
+        if (at->node != k || at->inside == AT_NODE)
+            continue;
+        const line *inner = steps->inner + at->inside * r * m;
+        for (int column = 0; column < m; column++) {
+            line *to = column < s       ? prices + column * d
+                       : column < m - 1 ? steps->response + (k * p->nb + column - s) * d
+                                        : steps->without.linear;
+            for (int y = 0; y < r; y++)
+                to[i] = line_add(to[i], line_scaled(inner[y * m + column], p->path[at->path * r + y]));
+        }
+        subtract_limit(p, at, steps->without.linear + i);
+    }
+}
+
 /* Add the conditions at a node to the prices of the state there, (2 r, d). */
 static void add_conditions(const Phase *p, int node, const Priced *priced, const Steps *steps,
                            line *prices)
@@ -81,12 +109,11 @@ static void add_conditions(const Phase *p, int node, const Priced *priced, const
     const int r = p->r, d = steps->d;
     for (int i = 2 * r; i < d - 1; i++) {
         const Priced *at = priced + steps->which[i - 2 * r];
-        if (at->node != node)
+        if (at->node != node || at->inside != AT_NODE)
             continue;
         for (int y = 0; y < r; y++)
             prices[y * d + i] = line_add(prices[y * d + i], line_of(p->path[at->path * r + y]));
-        line *one = steps->without.linear + i;
-        *one = line_add(*one, line_of(-p->most[at->path]));
+        subtract_limit(p, at, steps->without.linear + i);
     }
 }
 
@@ -105,10 +132,12 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
         if (priced[i].phase == number)
             steps->which[steps->priced++] = i;
     const int d = steps->d = s + steps->priced + 1;
-    if (step_map(p, h, steps->map))
+    if (step_map(p, h, steps->map, steps->inner))
         return 1;
     for (int i = 0; i < s * m; i++)
         steps->map[i] = line_centred(steps->map[i], away);
+    for (int i = 0; i < (p->na - r) * m; i++)
+        steps->inner[i] = line_centred(steps->inner[i], away);
     line now[MOST_STATE * MOST_COSTATE], next[MOST_STATE * MOST_COSTATE];
     const line by_h = line_inverse(h);
     for (int i = 0; i < s; i++)
@@ -135,6 +164,7 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
             line *one = steps->response + (k * nb + i) * d + d - 1;
             *one = line_add(*one, line_scaled(h, p->c[i]));
         }
+        add_inside(p, k, priced, steps, next);
         add_conditions(p, k, priced, steps, next);
         memcpy(now, next, sizeof(line) * s * d);
     }

@@ -3,11 +3,54 @@
 
 #include "centre.h"
 
+/* Rows (rows, 2 r + nb + 1) of a state (y, h p), inputs and 1, at the centre. */
+static void linear(int rows, const Phase *p, const line *map, const double *state, const double *u,
+                   double *to)
+{
+    const int s = 2 * p->r, m = s + p->nb + 1;
+    for (int z = 0; z < rows; z++, map += m) {
+        to[z] = interval_mid(map[m - 1].v0);
+        for (int j = 0; j < s; j++)
+            to[z] += interval_mid(map[j].v0) * state[j];
+        for (int j = 0; j < p->nb; j++)
+            to[z] += interval_mid(map[s + j].v0) * u[j];
+    }
+}
+
+/* Whether a condition is among those that are priced. */
+static int is_priced(Priced at, int count, const Priced *priced)
+{
+    for (int l = 0; l < count; l++)
+        if (priced[l].phase == at.phase && priced[l].node == at.node &&
+            priced[l].inside == at.inside && priced[l].path == at.path)
+            return 1;
+    return 0;
+}
+
+/* See which of the conditions of a phase, at a place of a step, places y violate most. */
+static void compare(const Phase *p, Priced at, int step, const double *y, int count,
+                    const Priced *priced, double *most, Priced *worst)
+{
+    for (at.path = 0; at.path < p->paths; at.path++) {
+        double excess = -p->most[at.path], size = fabs(excess);
+        if (step < p->since[at.path])
+            continue;
+        for (int z = 0; z < p->r; z++) {
+            excess += p->path[at.path * p->r + z] * y[z];
+            size += fabs(p->path[at.path * p->r + z] * y[z]);
+        }
+        if (excess > 1e-9 * size && excess > *most && !is_priced(at, count, priced)) {
+            *most = excess;
+            *worst = at;
+        }
+    }
+}
+
 int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c, int count,
                     const Priced *priced, Priced *worst)
 {
     const double *u = c->inputs;
-    double state[MOST_STATE], next[MOST_STATE], most = 0;
+    double state[MOST_STATE], next[MOST_STATE], inner[MOST_STATE], most = 0;
     const double *start = c->inputs;
     for (int i = 0; i < p->phases; i++)
         start += p->phase[i].steps * p->phase[i].nb;
@@ -21,33 +64,17 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
         const double h = interval_mid(steps[i]->h.v0);
         for (int z = r; z < s; z++)
             state[z] *= h;
+        const int inside = r ? ph->na / r - 1 : 0; /* a contact may leave nothing to move */
         for (int k = 0; k <= ph->steps; k++) {
-            for (int j = 0; j < ph->paths && k; j++) {
-                double excess = -ph->most[j], size = fabs(ph->most[j]);
-                for (int z = 0; z < r; z++) {
-                    excess += ph->path[j * r + z] * state[z];
-                    size += fabs(ph->path[j * r + z] * state[z]);
-                }
-                if (!(excess > 1e-9 * size && excess > most))
-                    continue;
-                int known = 0;
-                for (int l = 0; l < count; l++)
-                    known |= priced[l].phase == i && priced[l].node == k && priced[l].path == j;
-                if (known)
-                    continue;
-                most = excess;
-                *worst = (Priced){i, k, j};
-            }
+            if (k)
+                compare(ph, (Priced){i, k, AT_NODE, 0}, k - 1, state, count, priced, &most, worst);
             if (k == ph->steps)
                 break;
-            for (int z = 0; z < s; z++) {
-                const line *map = steps[i]->map + z * m;
-                next[z] = interval_mid(map[m - 1].v0);
-                for (int j = 0; j < s; j++)
-                    next[z] += interval_mid(map[j].v0) * state[j];
-                for (int j = 0; j < ph->nb; j++)
-                    next[z] += interval_mid(map[s + j].v0) * u[j];
+            for (int j = 0; j < inside; j++) {
+                linear(r, ph, steps[i]->inner + j * r * m, state, u, inner);
+                compare(ph, (Priced){i, k, j, 0}, k, inner, count, priced, &most, worst);
             }
+            linear(s, ph, steps[i]->map, state, u, next);
             memcpy(state, next, sizeof state);
             u += ph->nb;
         }

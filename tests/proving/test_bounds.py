@@ -121,4 +121,4 @@ def test_bounds_of_inputs_without_a_cost(flat: Kernels) -> None:
 
 def test_bounds_with_coordinates_at_theirs(curved: Kernels) -> None:
     problem = bounded(curved).but(bounds={"y": (-0.3, 0.15)})
-    check(problem, 1e-2, 2)
+    check(problem, 1e-6, 2)

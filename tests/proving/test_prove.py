@@ -14,11 +14,11 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
 from dmoc.proving.global_proof import Claim
+from dmoc.proving.linear_problem import linear_problem
 from dmoc.proving.prove import _claim
 
 t = dynamicsymbols._t
 x, u, v = dynamicsymbols("x u v")
-INSIDE = "gaps and bounds of coordinates inside the steps"
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_landing_in_between(block: Kernels) -> None:
     problem = through(block, [0.0, 1, 0.0], 0.0)
     proof = dmoc.prove(problem.but(sequence=["+right", "-right"]))
     assert cost * (1 - 1e-4) <= proof.bound <= cost * (1 + 1e-9)
-    assert proof.left_out == (INSIDE, "that contacts which last only push")
+    assert proof.left_out == ("that contacts which last only push",)
 
 
 def test_spring_and_damper_beside_many_durations() -> None:
@@ -94,6 +94,38 @@ def test_spring_and_damper_beside_many_durations() -> None:
     for first in (0.3, 0.6, 0.9, 1.2):
         held = problem.but(durations=[first, 1.5 - first]).in_rates()
         assert dmoc.solve(held, starts=1).cost >= proof.bound
+
+
+def test_surfaces_that_are_left_count_from_the_second_step_on(block: Kernels) -> None:
+    """Where contact opens, the gap of the first step is an error of the step."""
+    problem = through(block, [0.0, 1, 0.0], 0.0).but(sequence=["+right", "-right"])
+    since = [phase.since.tolist() for phase in linear_problem(problem).phases]
+    assert since == [[0.0, 0.0], [], [1.0, 0.0]]
+
+
+def test_places_inside_steps_keep_their_bounds() -> None:
+    """Forces that are linear in each of two steps are four numbers, x is a cubic polynomial, and of
+    the places inside the steps one meets the ceiling: a quadratic program of two equations."""
+    kernels = dmoc.build(system("ceiling", surfaces={"ceiling": x <= 0.3}), order=6)
+    problem = dmoc.Problem(
+        kernels, start={"x": 0.0, "x_dot": 2.0}, goal={"x": 0.0}, sequence=[], steps=2,
+        final_time=1,
+    )  # fmt: skip
+    h = 0.5
+    met = h * (1 + 5**-0.5) / 2
+
+    def pushed(to: float, length: float) -> list[float]:
+        """What 1 and s on a step of some length, which began ``to`` before, do to the place."""
+        return [to * length - length**2 / 2, to * length**2 / 2 - length**3 / 3]
+
+    A = np.array([[*pushed(1.0, h), *pushed(h, h)], [*pushed(met, met), 0.0, 0.0]])
+    R = np.kron(np.eye(2), [[h, h**2 / 2], [h**2 / 2, h**3 / 3]])
+    b = np.array([-2.0, 0.3 - 2 * met])
+    cost = b @ np.linalg.solve(A @ np.linalg.solve(R, A.T), b) / 2
+    proof = dmoc.prove(problem)
+    assert proof.claim is Claim.OPTIMAL and proof.left_out == ()
+    assert proof.cost == pytest.approx(cost, rel=1e-7)
+    assert cost * (1 - 1e-4) <= proof.bound <= cost * (1 + 1e-9)
 
 
 def test_wall_that_moves_evenly(block: Kernels) -> None:
