@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt import LEAST_COST, residuals
 from dmoc.solvers.outcome import Duals, Ending, Options, Outcome, Residuals, Status
@@ -54,13 +53,6 @@ def judged(nlp: Transcription, ending: Ending, options: Options) -> Outcome:
     if status is Status.SOLVED:
         detail = ""
     return Outcome(status, detail, ending.x, duals, ending.iterations, left)
-
-
-def already_solved(nlp: Transcription, x: Array, options: Options, duals: Duals) -> Outcome | None:
-    """The outcome at a start, shape (n,), that is a solution with its multipliers; None where it is
-    none."""
-    outcome = judged(nlp, Ending(Status.SOLVED, "", x, duals, 0), options)
-    return outcome if outcome.status is Status.SOLVED else None
 
 
 def _without_duals(nlp: Transcription, ending: Ending) -> tuple[Duals, Residuals]:

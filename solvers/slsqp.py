@@ -25,7 +25,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.iterations import MET, Stop, Tally, Watch
 from dmoc.solvers.judge import INFEASIBLE, meets
-from dmoc.solvers.kkt import violation, worst_constraints
+from dmoc.solvers.kkt import residuals, violation, worst_constraints
 from dmoc.solvers.outcome import Duals, Ending, Options, Residuals, Status
 from dmoc.solvers.polish import polish
 from dmoc.solvers.slsqp_runs import REFUSED, FollowingRun, SlsqpRun
@@ -49,16 +49,22 @@ ON_EQUATIONS = 1e-8
 def solve_slsqp(
     nlp: Transcription, x: Array, options: Options, duals: Duals | None = None
 ) -> Ending:
-    """Minimise from x on the condensed program; multipliers of a neighbouring solution do not
-    serve."""
+    """Minimise from x on the condensed program.
+
+    Multipliers tell whether x is a solution already, which stays one where the first run of SLSQP
+    finds nothing better; where x is none they do not serve."""
+    solution = None
+    if duals is not None and meets(residuals(nlp, x, duals), options):
+        solution = duals
     x = np.clip(x, nlp.lower, nlp.upper)
     tally, descent = Tally(nlp, options, x), Descent(nlp, x)
-    return tally.ending(lambda: _descended(descent, x, tally), descent.duals_at)
+    return tally.ending(lambda: _descended(descent, x, solution, tally), descent.duals_at)
 
 
-def _descended(descent: Descent, start: Array, tally: Tally) -> Ending:
-    """Run after run of SLSQP."""
-    nlp, options = descent.nlp, tally.options
+def _descended(descent: Descent, start: Array, solution: Duals | None, tally: Tally) -> Ending:
+    """Run after run of SLSQP; the start itself where it is a solution and nothing better is
+    near."""
+    nlp, options, least_cost = descent.nlp, tally.options, descent.nlp.cost(start)
     x, restorations = _completed(descent, start), 0
     watch = Watch(IDLE_RUNS, options.violation)
 
@@ -74,6 +80,9 @@ def _descended(descent: Descent, start: Array, tally: Tally) -> Ending:
         tally.consider(x, nlp.cost(x), left.violation)
         if meets(left, options):
             return ending(Status.SOLVED)
+        better = left.violation <= MET and nlp.cost(x) < least_cost - SLOW * abs(least_cost)
+        if solution is not None and not better:
+            return Ending(Status.SOLVED, "", start, solution, tally.count)
         if watch.progressing(left.violation, nlp.cost(x)):
             continue
         if left.violation <= options.violation:

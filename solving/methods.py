@@ -46,20 +46,15 @@ class Method:
     most_inputs: int | None = None  # of all steps together
     guided: bool = False  # estimates of minimal times keep it on the right track
     falls_back_on: str | None = None  # the method that takes over where it ends without a solution
-    keeps_solutions: bool = False  # a start that is a solution is the end, and nothing is loaded
     uses_blas: bool = True  # which then gets one thread
 
     def minimise(self, form: str = ProgramForm.CONDENSED) -> Judged:
         """The function that minimises a program from scaled unknowns, and judges where it ends."""
-        from dmoc.solvers.judge import already_solved, judged
+        from dmoc.solvers.judge import judged
 
         def minimise(
             nlp: Transcription, x: Array, options: Options, duals: Duals | None = None
         ) -> Outcome:
-            if self.keeps_solutions and duals is not None:
-                solution = already_solved(nlp, x, options, duals)
-                if solution is not None:
-                    return solution
             driver = self.loaded(form)
             with self._limit():
                 ending = driver(nlp, x, options, duals)
@@ -127,7 +122,6 @@ METHODS = {
             most_inputs=2000,  # memory grows with the square of the inputs, time with the cube
             guided=True,
             falls_back_on="ipm",
-            keeps_solutions=True,
         ),
         Method(
             "ipm",

@@ -50,7 +50,7 @@ def test_a_cost_counts_within_the_tolerance_and_below_it_only_if_checked(best: f
 
 
 def from_the_minimum(problem: dmoc.Problem) -> dmoc.Solution:
-    """A solve by SLSQP from a minimum without its multipliers, which would make it the answer."""
+    """A solve by SLSQP from a minimum without its multipliers."""
     return dmoc.solve(problem, "slsqp", guess=dmoc.solve(problem, "ipm").unknowns)
 
 
