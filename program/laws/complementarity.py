@@ -110,7 +110,7 @@ class ComplementarityLaw(Law):
     def _presses(self) -> Bools:
         """Where impulses of surfaces stand that push alone, and are no places of grips, shape
         (nodes, nc)."""
-        return (self.lay.relaxed.P_r != NOWHERE) & ~self.lay.touch.contacts.pull
+        return np.asarray((self.lay.relaxed.P_r != NOWHERE) & ~self.lay.touch.contacts.pull)
 
     @cached_property
     def _next(self) -> Index:
