@@ -10,6 +10,7 @@ from dmoc.guess.hits import follows, through_hits, with_hidden
 from dmoc.guess.inverse_dynamics import acting
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.attitudes import bulge
 from dmoc.mechanics.projection import onto
 from dmoc.problem.contacts import event_point
 from dmoc.problem.problem import Problem
@@ -32,8 +33,11 @@ def standing(problem: Problem, natural: float) -> Array:
     speeds = np.vstack([speeds, *[speeds[-1:]] * (lay.phases - lay.stepped)])
     x = lay.zeros(problem)
     x[lay.index_h] = lay.step_sizes(durations)
-    ways = zip(points[:-1], legs, lay.steps, strict=True)
-    on = [a + np.arange(1, n + 1)[:, None] / n * leg for a, leg, n in ways if n]
+    shares = [np.arange(1, n + 1)[:, None] / n for n in lay.steps if n]
+    on = [
+        a + share * leg + bulge(problem.kernels, a, a + leg, share)
+        for a, leg, share in zip(points[:-1], legs, shares, strict=False)
+    ]
     x[lay.index_q] = np.vstack([points[:1], *on])
     x[lay.index_u] = midpoints(problem.input_bounds, np.zeros(problem.nu))
     x[lay.impact.v_a], x[lay.impact.v_c] = speeds[:-1], speeds[1:]
@@ -56,7 +60,8 @@ def _points(problem: Problem, lay: Layout, durations: Array) -> Array:
     """Points of the straight way at the start, the events and the goal, those of hits on their
     surfaces, shape (phases + 1, nq)."""
     share = np.minimum(np.arange(lay.phases + 1) / lay.stepped, 1.0)[:, None]
-    points = (1 - share) * problem.start_position + share * problem.goal_position
+    a, b = problem.start_position, problem.goal_position
+    points = (1 - share) * a + share * b + bulge(problem.kernels, a, b, share)
     for i in range(len(problem.touch.events)):
         t = float(durations[: i + 1].sum())
         points[i + 1] = event_point(problem, points[i + 1], points[i], i, t)

@@ -2,13 +2,14 @@
 
 A course is a number, which is kept, keyframes, which are spread evenly over the time, or a function
 of the time.  Keyframes of coordinates are joined by cubics that do not overshoot, those of inputs
-by straight lines.  What is not named is that of the automatic guess; velocities, momenta and
-impulses follow from the motion.
+by straight lines, attitudes by turns along their sphere.  What is not named is that of the
+automatic guess; velocities, momenta and impulses follow from the motion.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -30,13 +31,17 @@ from dmoc.guess.contacts import in_contact
 from dmoc.guess.inverse_dynamics import acting
 from dmoc.guess.tracking import reflected
 from dmoc.guess.transfer import times_of_inputs
+from dmoc.mechanics.attitudes import HOW, coordinates_of, quaternion_of
 from dmoc.mechanics.model_values import by_name
+from dmoc.motion.attitude import Attitude, logarithm, nearer, turned
 from dmoc.problem.design import designed
 from dmoc.problem.problem import Problem
 from dmoc.program.layout import Layout
 
 DURATIONS = "durations"
 SECONDS = "expected a positive time in seconds"
+# Places on the way between two attitudes, which the cubics of their coordinates go through.
+BETWEEN = 16
 COURSE = "expected a number, a list of keyframes, or a function of the time"
 
 Course: TypeAlias = float | Array | Callable[[Array], Any]
@@ -142,7 +147,7 @@ def _read(problem: Problem, guess: Any, first: int, end: int, what: str) -> Cour
             f"{what} = {shown(guess)}: expected a mapping from names to numbers, keyframes or "
             "functions."
         )
-    named = by_name(guess, what)
+    named = _in_coordinates(problem, by_name(guess, what), what)
     durations = named.pop(DURATIONS, None)
     names = [*problem.kernels.coordinates, *problem.kernels.inputs]
     for name in named:
@@ -153,6 +158,28 @@ def _read(problem: Problem, guess: Any, first: int, end: int, what: str) -> Cour
         {name: _course(value, f"{what}: {name}") for name, value in named.items()},
         None if durations is None else _seconds(durations, end - first, f"{what}: {DURATIONS}"),
     )
+
+
+def _in_coordinates(problem: Problem, named: dict[str, Any], what: str) -> dict[str, Any]:
+    """Courses in which coordinates stand for attitudes, along the sphere between their keyframes,
+    each the short way from the one before and the first from the start."""
+    for name, columns in problem.kernels.manifest.attitudes.items():
+        if name not in named:
+            continue
+        value, label = named.pop(name), f"{what}: {name}"
+        numbers = None if isinstance(value, Attitude) else array(value)
+        alone = isinstance(value, Attitude) or (numbers is not None and numbers.shape == (4,))
+        frames = [value] if alone else listed(value, label, "attitudes")
+        if not frames:
+            raise ProblemError(f"{label} = {shown(value)}: {HOW}, or a list of them.")
+        p = [problem.start_position[columns]]
+        for k, frame in enumerate(frames):
+            p.append(nearer(p[-1], quaternion_of(frame, f"{label}, keyframe {k}")))
+        share = np.linspace(0, 1, BETWEEN + 1)[1:, None]
+        legs = [turned(a, share * logarithm(a, b)) for a, b in pairwise(p[1:])]
+        own = coordinates_of(problem.kernels, name)
+        named |= dict(zip(own, np.vstack([p[1], *legs]).T, strict=True))
+    return named
 
 
 def _course(value: Any, what: str) -> Course:

@@ -28,6 +28,7 @@ from dmoc.guess.inverse_dynamics import acting, inputs_for
 from dmoc.guess.neighbours import WAVES, shaken
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.attitudes import bulge, on_sphere
 from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.projection import onto
 from dmoc.problem.contacts import onto_switch
@@ -246,7 +247,8 @@ def _points(
         ends.append(onto_quantities(problem, end, drawn))
     part = np.cumsum(durations, axis=1) / durations.sum(axis=1, keepdims=True)
     part = np.hstack([np.zeros((len(part), 1)), part])[:, :, None]
-    points = (1 - part) * ends[0][:, None] + part * ends[1][:, None]
+    a, b = (on_sphere(problem.kernels, end)[:, None] for end in ends)
+    points = (1 - part) * a + part * b + bulge(problem.kernels, a, b, part)
     times = np.cumsum(durations, axis=1)
     for i, event in enumerate(problem.touch.events):
         if event.switch != NOWHERE:
@@ -358,7 +360,9 @@ def _unknowns(problem: Problem, lay: Layout, drawn: _Drawn) -> Array:
         shares = np.append((np.arange(n)[:, None] + inside) / n, 1.0)
         t = begin[:, i, None] + drawn.durations[:, i, None] * shares
         at = lay.index_places[lay.places_of_phase(i)]
-        x[:, at] = _along(drawn, i, shares)[0] + _everywhere(drawn, t)
+        a, b = drawn.points[:, i, None], drawn.points[:, i + 1, None]
+        arc = bulge(problem.kernels, a, b, shares[None, :, None])
+        x[:, at] = _along(drawn, i, shares)[0] + _everywhere(drawn, t) + arc
         if lay.timed:
             x[:, lay.index_t[lay.ends[i] : lay.ends[i + 1] + 1]] = t[:, ::degree]
     x[:, lay.index_u] = _inputs(problem, lay, drawn, begin)

@@ -12,7 +12,7 @@ from dmoc.base.arguments import ErrorKind, array, is_number, number, shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import omega_names, velocity_name
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.motion.attitude import Attitude, attitude, rates
+from dmoc.motion.attitude import Attitude, attitude, logarithm, rates, turned
 
 HOW = "expected an attitude such as dmoc.attitude(axis=(0, 0, 1), angle=0.5)"
 
@@ -89,3 +89,23 @@ def on_sphere(kernels: Kernels, q: Array) -> Array:
         some = np.where(length > NO_LENGTH, p, (1.0, 0.0, 0.0, 0.0))
         q[..., columns] = some / np.where(length > NO_LENGTH, length, 1.0)
     return q
+
+
+def bulge(kernels: Kernels, a: Array, b: Array, share: Array) -> Array:
+    """What is added to straight ways between positions (..., nq), at shares (..., 1) of them, so
+    that attitudes turn along their sphere at one speed: zero for all other coordinates."""
+    away = np.zeros(np.broadcast_shapes(a.shape, share.shape))
+    for columns in kernels.manifest.attitudes.values():
+        p, r = a[..., columns], b[..., columns]
+        straight = (1 - share) * p + share * r
+        away[..., columns] = turned(p, share * logarithm(p, r)) - straight
+    return away
+
+
+def facing(kernels: Kernels, q: Array, v: Array, near: Array) -> tuple[Array, Array]:
+    """A state, shape (nq,) each, whose quaternions have the signs that are nearer to a position."""
+    q, v = q.copy(), v.copy()
+    for columns in kernels.manifest.attitudes.values():
+        if q[columns] @ near[columns] < 0:
+            q[columns], v[columns] = -q[columns], -v[columns]
+    return q, v

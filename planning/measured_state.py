@@ -12,6 +12,7 @@ from dmoc.base.arguments import array, check_known, is_number, number, shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import velocity_name
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.attitudes import in_coordinates, in_rates
 from dmoc.mechanics.conditions import (
     GAPS,
     JOINTS,
@@ -53,7 +54,8 @@ def read_state(problem: Problem, state: Any) -> MeasuredState:
     names = problem.kernels.coordinates
     rates = [velocity_name(name) for name in names]
     if isinstance(state, Mapping):
-        entries = by_name(state, "state")
+        entries = in_coordinates(problem.kernels, by_name(state, "state"), "state")
+        entries = in_rates(problem.kernels, entries, entries, "state")
         for name in entries:
             check_known(name, [*names, *rates], "coordinate or velocity", "in the state")
         missing = [name for name in names if name not in entries]

@@ -93,6 +93,12 @@ def time_left(last: LastPlan, now: float) -> float:
     return max(last.motion.final_time - (now - last.origin), 0.0)
 
 
+def place_at(last: LastPlan, now: float) -> Array:
+    """The planned position that is nearest in time, shape (nq,)."""
+    t, q = (np.concatenate([getattr(p, name) for p in last.motion.phases]) for name in "tq")
+    return np.asarray(q[int(np.argmin(np.abs(t + last.origin - now)))])
+
+
 def from_phase(last: LastPlan, phase: int, now: float) -> LastPlan:
     """The last plan from one of its later phases on, which has begun by now."""
     over = phase - last.phase

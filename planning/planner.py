@@ -16,9 +16,18 @@ from dmoc.base.signatures import public
 from dmoc.codegen.kernels import Array
 from dmoc.control.controller import Measured, digest_of
 from dmoc.guess.transfer import pieces_of, unknowns_along
+from dmoc.mechanics.attitudes import facing
 from dmoc.motion.trajectory import Collision, Trajectory
 from dmoc.planning.measured_state import arrival, consistent, is_over, read_state
-from dmoc.planning.plan import LastPlan, Plan, from_phase, from_state, next_event, time_left
+from dmoc.planning.plan import (
+    LastPlan,
+    Plan,
+    from_phase,
+    from_state,
+    next_event,
+    place_at,
+    time_left,
+)
 from dmoc.planning.rest import check_recedes, planned, rest_of
 from dmoc.problem.problem import Problem
 from dmoc.program.bounds import SHORTEST_PHASE
@@ -184,7 +193,8 @@ class Planner:
                 f"time = {now:g}: expected a time from {self._measured:.6g} s on, that of the last "
                 "state."
             )
-        measured = read_state(self.problem, state)
+        near = place_at(self._last, now)
+        measured = facing(self.problem.kernels, *read_state(self.problem, state), near)
         reached = self._phase(phase, measured, now)
         before, self._measured = self._last, now
         if reached != before.phase:

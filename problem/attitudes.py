@@ -13,6 +13,7 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.names import omega_names, velocity_name
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.attitudes import coordinates_of, in_coordinates, in_rates, quaternion_of
+from dmoc.mechanics.model_values import by_name
 from dmoc.motion.attitude import attitude, nearer
 
 if TYPE_CHECKING:
@@ -114,3 +115,14 @@ def with_goal_of(problem: Problem, q: Array) -> Problem:
         p = nearer(q[columns], quaternion_of(stated, name))
         goal |= dict(zip(coordinates_of(problem.kernels, name), p.tolist(), strict=True))
     return problem if goal.keys() == problem.goal.keys() else problem.but(goal=goal)
+
+
+def by_coordinates(problem: Problem, q: Array) -> Problem:
+    """The problem that states attitudes by their coordinates, at the goal with the signs that are
+    nearer to a position, and angular velocities that are numbers by rates."""
+    kernels = problem.kernels
+    if not kernels.manifest.attitudes:
+        return problem
+    ends = with_goal_of(problem, q).ends
+    via = [in_coordinates(kernels, by_name(p or {}, "via"), "via") for p in problem.via or ()]
+    return problem.but(start=ends["start"], goal=ends["goal"], via=via or None)

@@ -8,12 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from dmoc.codegen.kernels import Array
 from dmoc.problem.attitudes import quaternions_of_goal, with_goal_of
 from dmoc.problem.problem import Problem
+from dmoc.program.layout import Layout
 from dmoc.results.solution import Minimum, Solution, saying
 from dmoc.solvers.outcome import CONVERGED, MINIMA, Status
 from dmoc.solving.request import Request
-from dmoc.solving.starts import InitialGuess
+from dmoc.solving.starts import InitialGuess, starts_of
 
 Solve = Callable[[Problem, InitialGuess, Request], Solution]
 
@@ -27,8 +29,8 @@ def best_sign(problem: Problem, guess: InitialGuess, request: Request, solve: So
     A guess goes one way, and a single start the short one.  The limits are those of all ways
     together; the minima of the others are among the other ones of the answer.
     """
-    if isinstance(guess, Solution):
-        return solve(with_goal_of(problem, guess.phases[-1].q[-1]), guess, request)
+    if guess is not None and quaternions_of_goal(problem):
+        return solve(with_goal_of(problem, _end(problem, guess)), guess, request)
     ways = [problem] if guess is not None or request.starts == 1 else ways_of(problem)
     if len(ways) == 1:
         return solve(problem, guess, request)
@@ -44,6 +46,14 @@ def best_sign(problem: Problem, guess: InitialGuess, request: Request, solve: So
             break
     best = min(answers, key=_rank)
     return _among(best, [a for a in answers if a is not best], spent)
+
+
+def _end(problem: Problem, guess: InitialGuess) -> Array:
+    """The position at the end of a guess."""
+    if isinstance(guess, Solution):
+        return np.asarray(guess.phases[-1].q[-1])
+    x = starts_of(problem, guess).points[0]
+    return np.asarray(x[Layout.of(problem).index_q[-1]])
 
 
 def ways_of(problem: Problem) -> list[Problem]:

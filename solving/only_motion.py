@@ -9,8 +9,6 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.transfer import pieces_of, unknowns_along
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import fixed_velocity
-from dmoc.simulation import forward
-from dmoc.simulation.recording import motion_of
 
 
 def only_motion(problem: Problem) -> Array | None:
@@ -20,6 +18,9 @@ def only_motion(problem: Problem) -> Array | None:
     chosen = problem.nu or problem.design or problem.sequence or problem.lasting
     if chosen or low != high or not problem.start_bounds.is_state:
         return None
+    from dmoc.simulation import forward  # here, because most problems have something to choose
+    from dmoc.simulation.recording import motion_of
+
     q = problem.start_position
     v = fixed_velocity(problem.start_bounds, problem, q)
     (steps,) = problem.phase_steps

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.signatures import public
-from dmoc.problem.attitudes import with_goal_of
+from dmoc.problem.attitudes import by_coordinates
 from dmoc.problem.problem import Problem
 from dmoc.program import cost_derivatives
 from dmoc.program.cost_derivatives import Sensitivities
@@ -99,4 +99,4 @@ def as_solved(problem: Problem, solution: Solution) -> Problem:
             f"{list(problem.phase_steps)} and {size}: give the problem that was solved."
         )
     check_same_model(solution, problem.kernels)
-    return with_goal_of(problem, solution.phases[-1].q[-1])
+    return by_coordinates(problem, solution.phases[-1].q[-1])

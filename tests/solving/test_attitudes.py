@@ -10,7 +10,12 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import satellite_system
 
 import dmoc
+from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Kernels
+from dmoc.guess.automatic import initial_guesses
+from dmoc.guess.random_motions import random_motions
+from dmoc.motion.attitude import rates
+from dmoc.program.layout import Layout
 from dmoc.solving.either_sign import ways_of
 
 UPRIGHT = dmoc.attitude((1, 0, 0, 0))
@@ -56,6 +61,68 @@ def test_a_guess_keeps_its_sign(satellite: Kernels) -> None:
     assert again.cost == pytest.approx(2.0830730 / 1.1**3, rel=5e-6)
     change = dmoc.sensitivities(problem, long)
     assert change["final_time"] == pytest.approx(-3 * 2.0830730 / T, rel=1e-3)
+
+
+@pytest.mark.parametrize("measured", [1, -1])
+@pytest.mark.parametrize("way", [0, 1])
+def test_a_planner_goes_on_as_its_plan_from_a_state_of_either_sign(
+    satellite: Kernels, way: int, measured: int
+) -> None:
+    """Half of the effort is left in the middle of a turn from rest to rest."""
+    problem = turn(satellite, np.deg2rad(150))
+    solution = dmoc.solve(ways_of(problem)[way], "ipm", starts=1)
+    half = solution.at(T / 2)
+    omega = 2 * np.array(rates(half.q)) @ half.v
+    state = {"q": measured * half.q} | dict(zip(REST, omega, strict=True))
+    plan = dmoc.Planner(problem, solution).replan(T / 2, state)
+    assert plan.status == "solved" and plan.cost == pytest.approx(solution.cost / 2, rel=1e-3)
+
+
+def test_a_solver_in_c_has_the_coordinates_of_attitudes(satellite: Kernels, tmp_path: Any) -> None:
+    problem = turn(satellite, np.deg2rad(150), steps=12)
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    dmoc.generate_solver(problem, tmp_path / "turn", guess=solution)
+    carried = dmoc.load_solver(tmp_path / "turn")
+    assert carried.solve().cost == pytest.approx(solution.cost, rel=1e-9)
+
+
+@pytest.mark.parametrize(("by", "cost"), [(75, 1.0627924), (-105, 2.0830730)])
+def test_keyframes_are_attitudes_that_say_the_way(
+    satellite: Kernels, by: float, cost: float
+) -> None:
+    """Each is reached the short way from the one before."""
+    problem = turn(satellite, np.deg2rad(150))
+    half = dmoc.attitude(axis=(0, 1, 0), angle=np.deg2rad(by))
+    guess = {"q": [UPRIGHT, half, problem.goal["q"]]}
+    solution = dmoc.solve(problem, "ipm", guess=guess)
+    assert solution.status == "solved" and solution.cost == pytest.approx(cost, rel=5e-6)
+
+
+@pytest.mark.parametrize(
+    ("course", "message"),
+    [
+        ([], r"guess: q = \[\]: expected an attitude such as"),
+        ([UPRIGHT, 3], "guess: q, keyframe 1 = 3: expected an attitude such as"),
+        (lambda t: t, "guess: q = .*: expected a list of attitudes"),
+    ],
+)
+def test_a_course_of_no_attitudes_is_one_sentence(
+    satellite: Kernels, course: Any, message: str
+) -> None:
+    with pytest.raises(ProblemError, match=message):
+        dmoc.solve(turn(satellite, 1.0), "ipm", guess={"q": course})
+
+
+def test_first_guesses_turn_along_the_sphere(satellite: Kernels) -> None:
+    """At one speed, where chords would be quicker in the middle; also where the way is a whole
+    turn, and chords lead through the middle of the sphere."""
+    way = ways_of(turn(satellite, np.deg2rad(30)))[1]
+    for problem in (way, ways_of(turn(satellite, 0.0))[1]):
+        q = initial_guesses(problem)[0].x[Layout.of(problem).index_q]
+        steps = np.arccos(np.clip((q[1:] * q[:-1]).sum(axis=1), -1, 1))
+        assert np.isfinite(q).all() and np.ptp(steps) < 1e-6
+        x = random_motions(problem, [], 1.0, range(8))[:, Layout.of(problem).index_q]
+        assert np.abs((x**2).sum(axis=2) - 1).max() < 1e-6
 
 
 @pytest.mark.parametrize(
