@@ -127,3 +127,11 @@ def test_an_excess_of_a_path_constraint_is_a_distance(limit: str, slope: float) 
     straight[layout.index_q] = np.linspace([-1, 0], [1, 0], 21)
     scale = scale_of(problem, straight)
     assert scale.path == pytest.approx([slope / 2 * scale.q[0]], rel=1e-6)
+
+
+def test_speeds_at_the_ends_are_those_that_were_given() -> None:
+    """Also by momenta, of which the mass makes velocities."""
+    problem = bryson_denham(4).but(start={"x": 0, "x_dot": 3.0}, parameters={"m": 2.0})
+    assert problem.end_speeds.tolist() == [3.0]
+    pushed = problem.but(start={"x": 0, "p_x": 10.0})
+    assert pushed.end_speeds.tolist() == [5.0]
