@@ -27,6 +27,7 @@ MOST_ENTRIES = (
     10_000  # of a list: beyond it a generator without an end is more likely than a meaning
 )
 
+MOST_LISTED = 28  # names that a message lists beside the nearest of them
 # Texts, and bytes in other clothes, whose entries are no numbers.
 TEXTS = (str, bytes, bytearray, memoryview)
 
@@ -132,16 +133,19 @@ def check_known(
     error: ErrorKind = ProblemError,
     hint: str = "",
 ) -> None:
-    """Check that a name is one of those known; the message shows a hint, or the nearest of them."""
+    """Check that a name is one of those known; the message shows a hint, or the nearest of them,
+    and all of them, but for very many where there is a hint."""
     names = list(among)
     if name not in names:
         import difflib  # which only a mistake needs
 
         close = difflib.get_close_matches(name[:LONGEST_TEXT], names, 1)
         hint = hint or (f"did you mean {close[0]!r}?" if close else "")
-        listed = f"expected one of {', '.join(names)}" if names else "the model has none"
+        listed = f": expected one of {', '.join(names)}" if names else ": the model has none"
+        if hint and len(names) > MOST_LISTED:
+            listed = ""
         raise error(
-            f"unknown {what} {shown(name)}{' ' + where if where else ''}: {listed}"
+            f"unknown {what} {shown(name)}{' ' + where if where else ''}{listed}"
             f"{f' ({hint})' if hint else ''}."
         )
 

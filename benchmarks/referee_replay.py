@@ -124,7 +124,7 @@ class Replay:
                 before, marks = y, len(run.journal.marks)
                 largest = magnitudes_at(self.model, y, u, float(a), self.part, largest)
                 so_far = largest, run.journal
-                y, after = through_step(self.setting, y, u, (float(a), float(b)), so_far)
+                _, y, after = through_step(self.setting, y, u, (float(a), float(b)), so_far)
                 legs = [(float(a), before, mode)]
                 legs += [(m.after.t, m.after.y, m.mode) for m in run.journal.marks[marks:]]
                 run.cost += self._cost(legs, float(b), u, k)
@@ -162,4 +162,4 @@ class Replay:
         u = claim.u0[min(row, len(claim.u0) - 1)]
         span = t, t + INSTANT * self.sizes.time
         largest = magnitudes_at(self.model, y, u, t, self.part, Magnitudes())
-        return through_step(self.setting, y, u, span, (largest, MotionRecord()))[0]
+        return through_step(self.setting, y, u, span, (largest, MotionRecord()))[1]

@@ -14,6 +14,7 @@ from dmoc.check.checked_motion import check_shapes, out_of_time
 from dmoc.check.free_motion import FreeMotion
 from dmoc.check.verdict import PASSING, TERMINAL, Verification
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.mechanics.contacts import Contacts
 from dmoc.mechanics.model_values import parameter_rows, restitution_row
 from dmoc.motion.trajectory import Collision, Trajectory
 from dmoc.simulation.flow import SurfaceContact
@@ -122,7 +123,8 @@ def arrays_of(
     u0, u1 = (np.concatenate(u, dtype=float) for u in ends)
     inside = np.concatenate([phase.q_inside.reshape(-1, nq) for phase in phases])
     surfaces = kernels.surfaces
-    hit = np.array([surfaces.index(c.surface) for c in events], dtype=np.intp)
+    places = Contacts(tuple(surfaces), tuple(kernels.tangents)).surface_numbers
+    hit = np.array([places[c.surface] for c in events], dtype=np.intp)
     numbers = np.array([(c.time, c.impulse) for c in events], dtype=float).reshape(-1, 2)
     states = [(c.position, c.momentum_before, c.momentum_after) for c in events]
     recorded = np.array(states, dtype=float).reshape(-1, 3, nq)

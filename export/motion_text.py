@@ -17,6 +17,8 @@ from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.reactions import PhaseReaction
 from dmoc.program.transcription import Transcription
 
+# The kernel of the slopes of switches, and their matrix.
+CROSSING = "crossing_jac", "w_D"
 # Kinds of forces: the kernels of slopes and of rates, and the matrix of the slopes.
 KINDS = {
     "normal": ("surface_jac", "gap_rate", "g_D"),
@@ -136,7 +138,7 @@ def work_of(nlp: Transcription) -> int:
     )  # fmt: skip
     doubles = 2 * n * n + 4 * n + 3 * k * n + k * k + 3 * k + entries
     if nlp.kernels.manifest.switches:
-        slopes = nlp.kernels.pattern("crossing_jac", "w_D")[0]
+        slopes = nlp.kernels.pattern(*CROSSING)[0]
         doubles += len(nlp.kernels.manifest.crossings) + len(slopes)
     return doubles + int(nlp.par.shape[1]) + model.nu + 3 * model.nc + model.nj + 8 * model.nt
 

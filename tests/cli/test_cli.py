@@ -34,7 +34,7 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
     keys = (
         "model method status message cost final_time totals design active_bounds phases "
         "collisions largest_forces max_violation optimality iterations seconds verification "
-        "conflicts scale starts found first_start unseen_share others proposal"
+        "certificate conflicts scale starts found first_start unseen_share others proposal"
     )
     assert " ".join(summary) == keys
     assert summary["cost"] == pytest.approx(129.6024, rel=1e-5)

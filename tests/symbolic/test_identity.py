@@ -35,9 +35,12 @@ CHANGES: dict[str, Any] = {
     "tangential_restitution": {"wall": 0.3}, "integrals": {"work": W * X.diff()},
     "objective": dmoc.total("work"), "impact_laws": {}, "switches": {"gate": X - 2},
     "within": {"wall": Y >= 0}, "grips": {"hand": Z - X},
-    "strength": {"hand": 3},
+    "strength": {"hand": 3}
 }  # fmt: skip
-SHOWN: dict[str, Any] = {"title": "Another", "drawing": [dmoc.Disc((X, Y), 0.1)]}
+# Of angles, attitudes say which one is a pitch; quaternions are constraints and quantities too.
+SHOWN: dict[str, Any] = {
+    "title": "Another", "drawing": [dmoc.Disc((X, Y), 0.1)], "attitudes": {"turn": (X, Y, Z)},
+}  # fmt: skip
 
 
 def test_every_field_has_its_change() -> None:
