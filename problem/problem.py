@@ -77,10 +77,9 @@ class Problem(Shown):
         State at both ends by name: a coordinate ("alpha"), a velocity ("alpha_dot"), a momentum
         ("p_alpha") or a quantity of the model; SymPy symbols serve as names.  A number fixes a
         value, a pair bounds it (None for no bound), None leaves it free; an attitude
-        (:func:`dmoc.attitude`) has the name of its own.  Every position must be
-        given at the start, unless it is periodic or the constraints of the model decide it; a
-        velocity that is not given there is zero, or what they make of the others and of the time.
-        At the goal, what is not given is free.
+        (:func:`dmoc.attitude`) has its own name.  Positions are given at the start, unless they
+        are periodic or follow from the constraints; a velocity that is not given there is zero, or
+        what they make of the others and of the time.  At the goal, what is not given is free.
     sequence : sequence of str
         What happens between the phases, in its order; empty for a motion of one phase.  "wall" is
         hit and released; if the model gives it friction, "wall:slip+" and "wall:slip-" say that it
