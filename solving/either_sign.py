@@ -60,11 +60,11 @@ def ways_of(problem: Problem) -> list[Problem]:
     """The problem with either sign of the quaternions at its goal, the nearer ones first."""
     goals = quaternions_of_goal(problem)
     if len(goals) <= TOGETHER:
-        signs = [np.ones(0)] if not goals else list(_signs(len(goals)))
+        flips = [np.ones(0)] if not goals else list(_signs(len(goals)))
     else:
-        signs = [np.ones(len(goals)), *(1 - 2 * np.eye(len(goals)))]
+        flips = [np.ones(len(goals)), *(1 - 2 * np.eye(len(goals)))]
     ways = [problem]
-    for own in signs[1:]:
+    for own in flips[1:]:
         q = problem.goal_position.copy()
         for sign, columns in zip(own, goals, strict=True):
             q[columns] *= sign
