@@ -19,8 +19,8 @@ from dmoc.mechanics.model_values import parameter_rows, restitution_row
 from dmoc.motion.trajectory import Collision, Trajectory
 from dmoc.simulation.flow import SurfaceContact
 
-# What a check holds at most: coordinates, and surfaces.
-MOST_COORDINATES, MOST_SURFACES = 60, 50
+# Coordinates and surfaces that compiled code has room for: of a state, and of gaps along a step.
+MOST_COORDINATES, MOST_SURFACES = 30, 50
 # Errors in the order in which they are measured, by the names of PASSING.
 ERRORS = (
     "step error",

@@ -2,20 +2,25 @@
  * 0, and their rates where nothing accelerates. */
 #include "dmoc_inside.h"
 
-/* The gap to a surface and its rate. */
-static void gap_of(const dmoc_solver *s, int surface, const double *q, const double *v,
-                   double *gap, double *rate)
+/* A function of positions by surface and its rate. */
+static void along(const dmoc_solver *s, const dmoc_entry *function, const dmoc_entry *of_rates,
+                  int surface, const double *q, const double *v, double *value, double *rate)
 {
-    const dmoc_places *places = &s->c->places;
     const double time = 0;
-    double *values = s->work, *parameters = values + places->nc;
+    double *values = s->work, *parameters = values + s->c->places.nc;
     carried_parameters(s, parameters);
     const double *there[DMOC_MOST] = {q, &time, parameters};
     const double *moving[DMOC_MOST] = {q, v, &time, parameters};
-    carried_call(places->surface, there, values, NULL);
-    *gap = values[surface];
-    carried_call(places->gap_rate, moving, values, NULL);
+    carried_call(function, there, values, NULL);
+    *value = values[surface];
+    carried_call(of_rates, moving, values, NULL);
     *rate = values[surface];
+}
+
+static void gap_of(const dmoc_solver *s, int surface, const double *q, const double *v,
+                   double *gap, double *rate)
+{
+    along(s, s->c->places.surface, s->c->places.gap_rate, surface, q, v, gap, rate);
 }
 
 /* The value of a switch, and its rate without acceleration. */
@@ -42,16 +47,8 @@ static void switch_of(const dmoc_solver *s, int number, const double *q, const d
 static void past_of(const dmoc_solver *s, int surface, const double *q, const double *v,
                     double *past, double *rate)
 {
-    const dmoc_places *places = &s->c->places;
-    const double time = 0;
-    double *values = s->work, *parameters = values + places->nc;
-    carried_parameters(s, parameters);
-    const double *there[DMOC_MOST] = {q, &time, parameters};
-    const double *moving[DMOC_MOST] = {q, v, &time, parameters};
-    carried_call(places->within, there, values, NULL);
-    *past = -values[surface];
-    carried_call(places->within_rate, moving, values, NULL);
-    *rate = -values[surface];
+    along(s, s->c->places.within, s->c->places.within_rate, surface, q, v, past, rate);
+    *past = -*past, *rate = -*rate;
 }
 
 void carried_event(const dmoc_solver *s, int kind, int number, const double *q, const double *v,

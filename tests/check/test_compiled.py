@@ -16,6 +16,7 @@ import dmoc
 from dmoc.base.deadline import ENDLESS, Deadline
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import SimulationError
+from dmoc.check import compiled
 from dmoc.check.check import judged_by_steps
 from dmoc.check.checked_motion import Motion, OutOfTimeError
 from dmoc.check.compiled import arrays_of, passing
@@ -236,12 +237,19 @@ def test_none_passes_that_is_wrong(motion: Case) -> None:
     assert "no cost" in passed and len(passed) <= 4
 
 
-def test_what_rests_or_rubs_or_is_limited_is_left_to_the_other() -> None:
+def test_what_rests_or_is_limited_or_large_is_left_to_the_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     kernels = dmoc.build(block_system())
     problem = there_and_back(kernels, steps=10)
     dead = dmoc.solve(problem.but(restitution=0.0), starts=1, verify=False)
     assert passing(dead.trajectory, kernels, ENDLESS) is None
     assert dmoc.verify(dead.trajectory, kernels).passed
+    monkeypatch.setattr(compiled, "MOST_COORDINATES", 0)
+    free = dmoc.solve(problem.but(restitution=0.8), starts=1, verify=False)
+    assert passing(free.trajectory, kernels, ENDLESS) is None
+    monkeypatch.undo()
+    assert passing(free.trajectory, kernels, ENDLESS) is not None
     limited = dmoc.solve(problem.but(bounds={"x_dot": (-9, 9)}), starts=1, verify=False)
     assert passing(limited.trajectory, kernels, ENDLESS) is None
 
