@@ -11,7 +11,9 @@ from dmoc.base.records import value_class
 
 Array = NDArray[np.float64]
 
-# Columns of each kind of shape; those of a link are pairs, as many as it has points.
+# Columns of each kind of shape; those of a link are pairs, as many as it has points, those of a rod
+# triples.  Bodies in space have a place, the first two axes of their frame, and sizes.
+FRAME = ("x", "y", "z", "x1", "y1", "z1", "x2", "y2", "z2")
 COLUMNS = {
     "link": ("x0", "y0", "x1", "y1"),
     "point": ("x", "y"),
@@ -20,7 +22,20 @@ COLUMNS = {
     "spring": ("x0", "y0", "x1", "y1"),
     "wall": ("x0", "y0", "x1", "y1"),
     "contact": ("x", "y", "nx", "ny"),
+    "rod": ("x0", "y0", "z0", "x1", "y1", "z1"),
+    "bob": ("x", "y", "z"),
+    "coil": ("x0", "y0", "z0", "x1", "y1", "z1"),
+    "block": (*FRAME, "width", "depth", "height"),
+    "sphere": (*FRAME, "radius"),
+    "capsule": (*FRAME, "radius", "length"),
+    "cylinder": (*FRAME, "radius", "length"),
+    "plane": ("x", "y", "z", "nx", "ny", "nz"),
+    "touch": ("x", "y", "z", "nx", "ny", "nz"),
+    "force": ("x", "y", "z", "dx", "dy", "dz"),
+    "torque": ("x", "y", "z", "dx", "dy", "dz"),
 }
+CONTACTS, INPUTS = ("contact", "touch"), ("force", "torque")
+FIRST_IN_SPACE = list(COLUMNS).index("rod")
 # Intervals of a phase between two samples: at least, so that its arcs look round, and at most.
 FINE, FINEST = 60, 3000
 
@@ -32,11 +47,12 @@ class Shape:
     Attributes
     ----------
     kind : str
-        One of COLUMNS.  Lengths are in the unit of the drawing, angles in rad, counterclockwise;
-        (nx, ny) has the length 1.  A wall is solid to the right of the way from its first point to
-        its second.
+        One of COLUMNS, those from ``rod`` on in space.  Lengths are in the unit of the drawing,
+        angles in rad, counterclockwise; directions and axes have the length 1.  A wall is solid to
+        the right of the way from its first point to its second, a plane behind its normal.
     name : str
-        Of a contact its surface or rail; of other shapes a label, which may be empty.
+        Of a contact or a touch its surface or rail, of a force or torque its input; of other shapes
+        a label, which may be empty.
     start, size : int
     """
 
@@ -69,7 +85,12 @@ class Scene:
     @property
     def contacts(self) -> tuple[Shape, ...]:
         """Places at which forces act."""
-        return tuple(shape for shape in self.shapes if shape.kind == "contact")
+        return tuple(shape for shape in self.shapes if shape.kind in CONTACTS)
+
+    @property
+    def in_space(self) -> bool:
+        """Whether its places have three coordinates."""
+        return bool(self.shapes) and list(COLUMNS).index(self.shapes[0].kind) >= FIRST_IN_SPACE
 
 
 def resampled(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
@@ -104,7 +125,7 @@ def wrong_scene(scene: Scene) -> str | None:
     for shape in scene.shapes:
         size = len(COLUMNS[shape.kind])
         fits = shape.size == size or (
-            shape.kind == "link" and shape.size > size and shape.size % 2 == 0
+            shape.kind in ("link", "rod") and shape.size > size and shape.size % (size // 2) == 0
         )
         if not fits or shape.start != start:
             return f"a {shape.kind} of the scene has the wrong columns"

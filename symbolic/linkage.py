@@ -40,6 +40,7 @@ class Linkage:
     drawing: list[Part] = field(default_factory=list)
     sizes: list[tuple[Any, str, str]] = field(default_factory=list)
     attitudes: dict[str, Vector] = field(default_factory=dict)
+    looks: list[Any] = field(default_factory=list)  # of bodies in space
 
     def define(self, name: str, value: Any) -> Any:
         """A name for an expression; what has one, or is fixed, stays as it is."""
@@ -156,9 +157,9 @@ class Ground:
                     "surfaces, cost."
                 )
         own = {key: fields[key] for key in fields if key not in JOINED}
-        for key in JOINED:
-            more = listed(fields.get(key, ()), key, "entries", ModelError)
-            own[key] = [*getattr(bodies, key), *more]
+        more = {key: listed(fields.get(key, ()), key, "entries", ModelError) for key in JOINED}
+        own |= {key: [*getattr(bodies, key), *more[key]] for key in JOINED}
+        own["drawing"] += self._looks(own)
         own["lagrangian"] = bodies.lagrangian + expression_in(
             fields.get("lagrangian", 0), "the Lagrangian"
         )
@@ -182,6 +183,10 @@ class Ground:
                 )
             check_size(size.subs(values), what, remedy)
         return system
+
+    def _looks(self, fields: Mapping[str, Any]) -> list[Part]:
+        """What is drawn beside the drawing among the fields of a system."""
+        return []
 
 
 def coordinates(values: Any, count: int, what: str) -> list[Any]:

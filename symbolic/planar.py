@@ -234,7 +234,8 @@ class Body(Member):
         linkage.lagrangian += load.mass * speed / 2 + load.inertia * rate**2 / 2
         linkage.lagrangian -= load.mass * self._gravity * y
         if load.box:
-            linkage.drawing.append(Box((x, y), *load.box, angle))
+            width, height = load.box
+            linkage.drawing.append(Box((x, y), width, height, angle))
         elif load.length != 0:
             linkage.drawing.append(Link(origin, body.tip))
         if not load.box and load.mass != 0 and load.inertia == 0:

@@ -21,6 +21,7 @@ A column that turns, with an arm that lifts:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import sympy as sp
@@ -30,6 +31,7 @@ from dmoc.base.errors import ModelError
 from dmoc.base.names import check_name
 from dmoc.base.signatures import public
 from dmoc.symbolic.attitudes import quaternion, regularised
+from dmoc.symbolic.drawing import Part
 from dmoc.symbolic.expressions import expression_in
 from dmoc.symbolic.joints import (
     AXES,
@@ -42,6 +44,13 @@ from dmoc.symbolic.joints import (
     read_moments,
 )
 from dmoc.symbolic.linkage import Ground, Linkage, Member, coordinates
+from dmoc.symbolic.looks import BodyLook, looks_of, shapes_in_space
+from dmoc.symbolic.solids import Arrow as Arrow
+from dmoc.symbolic.solids import Box as Box
+from dmoc.symbolic.solids import Capsule as Capsule
+from dmoc.symbolic.solids import Cylinder as Cylinder
+from dmoc.symbolic.solids import Plane as Plane
+from dmoc.symbolic.solids import Sphere as Sphere
 from dmoc.symbolic.vectors import Vector, added, cross, dot, rate, times, vector
 
 
@@ -80,6 +89,7 @@ class Body(Member):
         self._before, self._joint, self._end = before, joint, tip
         self._rows: dict[int, Vector] = {}
         self._points: dict[tuple[Vector, int], Any] = {}
+        self._look = BodyLook(joint, self._placed, self._directed, self._points)
         self._velocity = self.spin = ORIGIN
         if before is None:
             return
@@ -90,7 +100,7 @@ class Body(Member):
     @property
     def origin(self) -> Vector:
         """The place of its joint in the world."""
-        return self._place(ORIGIN, "_o")
+        return self._placed(ORIGIN)
 
     @property
     def tip(self) -> Vector:
@@ -115,7 +125,43 @@ class Body(Member):
         ModelError
             If they are no expressions.
         """
-        return self._place(vector((a, b, c), 3, f"point of body {self.name}"), "_p")
+        return self._placed(vector((a, b, c), 3, f"point of body {self.name}"))
+
+    def draw(self, *shapes: Part) -> Body:
+        """Show the body by some shapes, in the place of those that its joints and its inertia have.
+
+        Parameters
+        ----------
+        *shapes : shapes in space
+            :class:`dmoc.spatial.Box`, ``Sphere``, ``Capsule``, ``Cylinder``, ``Plane`` and
+            ``Arrow``, and :class:`dmoc.Link`, ``Point``, ``Spring`` and ``Contact``, whose places
+            are triples: all of them in the frame of the body.  Without any the body is not seen.
+
+        Returns
+        -------
+        Body
+            The body itself.
+
+        Raises
+        ------
+        ModelError
+            If something is no shape in space.
+
+        Examples
+        --------
+        >>> from sympy.physics.mechanics import dynamicsymbols
+        >>> import dmoc
+        >>> x, y, z = dynamicsymbols("x y z")
+        >>> world = dmoc.spatial.World(gravity=9.81)
+        >>> ball = world.free((x, y, z), mass=1, inertia=(0.004, 0.004, 0.004))
+        >>> ball.draw(dmoc.spatial.Sphere(0.1))
+        <Body q>
+        >>> system = world.system("ball", surfaces={"floor": z >= 0.1}, cost=1)
+        >>> [type(shape).__name__ for shape in system.drawing]
+        ['Sphere', 'Contact', 'Plane']
+        """
+        self._look.shapes = [*(self._look.shapes or ()), *shapes_in_space(shapes, self.name)]
+        return self
 
     def hinge(
         self,
@@ -171,7 +217,7 @@ class Body(Member):
         joint = Hinge(start, read_axis(axis, name), turn)
         load = self._read_load(name, tip, mass, centre, inertia)
         self._linkage.join(name, (angle, "rad"), torque, turn)
-        return self._joined(name, joint, load)
+        return self._joined(name, joint, load, times(torque, joint.axis), True)
 
     def slide(
         self,
@@ -207,7 +253,8 @@ class Body(Member):
         along = read_axis(axis, name)
         load = self._read_load(name, tip, mass, centre, inertia)
         self._linkage.join(name, (distance, "m"), force, distance + dot(start, along))
-        return self._joined(name, Hinge(added(start, times(distance, along))), load)
+        rail = Hinge(added(start, times(distance, along)))
+        return self._joined(name, rail, load, times(force, along))
 
     def ball(
         self,
@@ -260,10 +307,12 @@ class Body(Member):
         load = self._read_load(name, tip, mass, centre, inertia)
         acting = vector(torque, 3, f"the torque on body {name}")
         choice(axes, f"the axes of body {name}", ("body", "world"), ModelError)
-        body = self._joined(name, Ball.of(start, p, name, self._linkage.define), load)
+        ball = Ball.of(start, p, name, self._linkage.define)
+        body = self._joined(name, ball, load, acting, True)
         if axes == "world":
             rows = [times(T, body._row(k)) for k, T in enumerate(acting) if T != 0]
             acting = added(*rows) if rows else ORIGIN
+            body._look.effort = acting
         self._linkage.turn(attitude, p, acting)
         moments = load.inertia.trace() / 3 + load.mass * dot(load.centre, load.centre)
         self._linkage.lagrangian += regularised(p, moments if moments != 0 else 1)
@@ -280,9 +329,14 @@ class Body(Member):
             size(moments[k, k], f"the inertia {what} about {axis}")
         return Load(end, mass, vector(middle, 3, f"the centre {what}"), moments)
 
-    def _joined(self, name: str, joint: Joint, load: Load) -> Body:
-        """A body behind a joint, with its energies."""
+    def _joined(
+        self, name: str, joint: Joint, load: Load, effort: Vector, turns: bool = False
+    ) -> Body:
+        """A body behind a joint, with its energies and what acts at the joint."""
         body = Body(self._linkage, self._gravity, name, load.tip, joint, self)
+        look = body._look
+        look.before, look.load, look.effort, look.turns = self._look, load, effort, turns
+        self._linkage.looks.append(look)
         velocity = added(body._velocity, cross(body.spin, load.centre), rate(load.centre))
         turning = dot(body.spin, tuple(load.inertia * sp.Matrix(body.spin)))
         energy = load.mass * dot(velocity, velocity) / 2 + turning / 2
@@ -312,6 +366,14 @@ class Body(Member):
             name = f"{'xyz'[k]}_{self.name}{ending}"
             self._points[local, k] = self._linkage.define(name, place)
         return self._points[local, k]
+
+    def _placed(self, local: Vector) -> Vector:
+        """A point of the frame in the world."""
+        return self._place(local, "_o" if local == ORIGIN else "_p")
+
+    def _directed(self, v: Vector) -> Vector:
+        """A direction of the frame in the world."""
+        return tuple(dot(self._row(k), v) for k in range(3))
 
     def _place(self, local: Vector, ending: str) -> Vector:
         return tuple(self._coordinate(local, k, ending) for k in range(3))
@@ -358,6 +420,9 @@ class World(Body, Ground):
         acceleration = expression_in(gravity, "the gravity of the world")
         fixed = Hinge(ORIGIN)
         super().__init__(Linkage(), acceleration, "world", ORIGIN, fixed)
+
+    def _looks(self, fields: Mapping[str, Any]) -> list[Part]:
+        return looks_of([self._look, *self._linkage.looks], fields)
 
     def free(
         self,

@@ -140,9 +140,10 @@ class MechanicalSystem(Shown):
     units : mapping of coordinate, input or quantity to str, optional
         Units for messages and figures: ``{alpha: "rad", x: "m", F: "N"}``.
     drawing : sequence of shapes, optional
-        How figures and animations show a planar model: Link, Point, Disc, Box, Spring, Wall and
-        Contact, whose places are expressions in q, t and parameters:
-        ``[dmoc.Box((x, 0), 0.2, 0.1), dmoc.Link((x, 0), tip), dmoc.Point(tip)]``.
+        How figures and animations show the model: Link, Point, Disc, Box, Spring, Wall and Contact,
+        whose places are expressions in q, t and parameters:
+        ``[dmoc.Box((x, 0), 0.2, 0.1), dmoc.Link((x, 0), tip), dmoc.Point(tip)]``; in space the
+        shapes of :mod:`dmoc.spatial`, and Link, Point, Spring and Contact with triples.
     definitions : mapping of dynamicsymbols to Expr, optional
         Names for places and velocities, in their order: smooth expressions in q, q', t, parameters
         and earlier definitions.  Other expressions may contain them, as they may contain q and

@@ -86,7 +86,7 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
             name: expression_in(e, f"{what} {name!r}") for name, e in getattr(system, kind).items()
         }
     contacts = dict.fromkeys((*system.surfaces, *system.tangents))
-    return read | {"drawing": parts_in(system.drawing, contacts)}
+    return read | {"drawing": parts_in(system.drawing, contacts, system.inputs)}
 
 
 def _sequence(value: Any, what: str) -> tuple[Any, ...]:

@@ -38,6 +38,14 @@ def unit_vector(value: Any, count: int, what: str) -> Vector:
     return tuple(e / length for e in entries)
 
 
+def positive_length(value: Any, what: str) -> Any:
+    """An expression that is positive where it is a number."""
+    size = expression_in(value, what)
+    if size.is_number and not size > 0:
+        raise ModelError(f"{what} = {shown(size)}: expected a positive length.")
+    return size
+
+
 def added(*vectors: Vector) -> Vector:
     return tuple(sum(entries) for entries in zip(*vectors, strict=True))
 
