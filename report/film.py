@@ -13,7 +13,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from dmoc.motion.scene import Array, Scene
+from dmoc.motion.scene import INPUTS, Array, Scene, Shape
 from dmoc.motion.trajectory import SIGNS, Collision, Trajectory
 from dmoc.report.curves import Panel, panels_of
 from dmoc.report.default_drawing import scene_for
@@ -23,7 +23,7 @@ from dmoc.report.rounding import without_rounding
 
 class EventMark(TypedDict):
     """A contact that takes part in an event: where it is, with the direction in which the surface
-    pushes, its impulse in the plane as a share of the largest, and what is told of it."""
+    pushes, its impulse as a share of the largest, and what is told of it."""
 
     contact: str
     at: Array
@@ -41,13 +41,14 @@ class FilmEvent(TypedDict):
 
 
 class Arrow(TypedDict):
-    """A contact force that is drawn: its curve, by panel and position, and the shape where it
-    acts."""
+    """A contact force, or an input in space, that is drawn: its curve, by panel and position, the
+    shape where it acts, and the value of the longest of its kind."""
 
     panel: int
     curve: int
     shape: int
     kind: str
+    largest: float
 
 
 @dataclass(frozen=True)
@@ -92,14 +93,22 @@ class Take:
 
     @cached_property
     def arrows(self) -> list[Arrow]:
-        """The contact forces whose places are in the scene."""
-        at = {shape.name: i for i, shape in enumerate(self.scene.shapes) if shape.kind == "contact"}
-        return [
-            {"panel": i, "curve": j, "shape": at[curve.contact], "kind": panel.quantity}
-            for i, panel in enumerate(self.panels)
-            for j, curve in enumerate(panel.curves)
-            if curve.contact in at
-        ]
+        """The contact forces whose places are in the scene, and the inputs that have arrows there;
+        of friction those in the plane."""
+        arrows: list[Arrow] = []
+        for i, panel in enumerate(self.panels):
+            kind = panel.quantity
+            if kind not in "uNT":
+                continue
+            largest = _largest(panel) if kind == "u" else self.largest
+            for j, curve in enumerate(panel.curves):
+                name = curve.name if kind == "u" else curve.contact
+                arrows += [
+                    {"panel": i, "curve": j, "shape": k, "kind": kind, "largest": largest}
+                    for k, shape in enumerate(self.scene.shapes)
+                    if shape.name == name and _shows(shape, kind)
+                ]
+        return arrows
 
     @cached_property
     def largest(self) -> float:
@@ -140,11 +149,26 @@ class Proofs:
     statement: str = ""
 
 
+def _shows(shape: Shape, kind: str) -> bool:
+    """Whether values of a kind have arrows at a shape: friction has none in space."""
+    if kind == "u":
+        return shape.kind in INPUTS
+    return shape.kind == "contact" or (shape.kind == "touch" and kind == "N")
+
+
+def _largest(panel: Panel) -> float:
+    """The largest value of the inputs of a panel."""
+    values = [v for curve in panel.curves for v in curve.values if v is not None]
+    return max((float(np.abs(v).max(initial=0.0)) for v in values), default=0.0)
+
+
 def _push(place: Array, event: Collision, name: str) -> Array:
-    """The impulse of a contact in the plane: P along the normal, T along the normal turned
+    """The impulse of a contact: P along the normal and, in the plane, T along the normal turned
     clockwise."""
-    nx, ny = place[2:]
     normal, friction = (own.get(name, 0.0) for own in _impulses(event))
+    if len(place) == 6:
+        return np.asarray(normal * place[3:])
+    nx, ny = place[2:]
     return np.array([normal * nx + friction * ny, normal * ny - friction * nx])
 
 

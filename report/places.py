@@ -3,29 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dmoc.base.tolerances import SAME
 from dmoc.motion.scene import Array, Scene, Shape
+from dmoc.report.camera import Camera, camera_of
 
 # Walls are seen this far beyond what moves, as a share of the room of what moves.
 BEYOND = 0.5
 
 
 class Room(NamedTuple):
-    """What is seen of the plane."""
+    """What is seen of the plane, or of a picture of space by a camera."""
 
     left: float
     right: float
     bottom: float
     top: float
+    camera: Camera | None = None
 
     @property
     def sides(self) -> tuple[float, float]:
         """Width and height."""
         return self.right - self.left, self.top - self.bottom
+
+
+def flat_marks(marks: Sequence[Any], camera: Camera | None) -> list[Any]:
+    """Marks of an event as they are in the picture of a camera: those in space with the normal and
+    the impulse that are seen."""
+    if camera is None:
+        return list(marks)
+    flat = []
+    for mark in marks:
+        x, y, nx, ny, *push = camera.flat(np.concatenate([mark["at"], mark["impulse"]])).tolist()
+        size = float(np.hypot(nx, ny)) or 1.0
+        flat.append(
+            {**mark, "at": np.array([x, y, nx / size, ny / size]), "impulse": np.array(push)}
+        )
+    return flat
 
 
 def phase_at(scene: Scene, t: float) -> int:
@@ -52,14 +69,20 @@ def extent_of(scene: Scene) -> tuple[Array, Array]:
 
 
 def room_of(scenes: Sequence[Scene], margin: float, least: float) -> Room:
-    """The room of some scenes, with a margin in shares of the larger side; each side is at least a
-    share of the other one."""
-    lows, highs = zip(*map(extent_of, scenes), strict=True)
+    """The room of some scenes, those in space as one camera sees them, with a margin in shares of
+    the larger side; each side is at least a share of the other one."""
+    spatial = [scene for scene in scenes if scene.in_space]
+    camera = camera_of(spatial) if spatial else None
+    extents = [extent_of(scene) for scene in scenes if not scene.in_space]
+    if camera:
+        seen = camera.seen(camera.corners)[:, :2]
+        extents.append((seen.min(axis=0), seen.max(axis=0)))
+    lows, highs = zip(*extents, strict=True)
     low, high = np.min(lows, axis=0), np.max(highs, axis=0)
     side = max(*(high - low), SAME * np.abs([low, high]).max()) or 1.0
     half = np.maximum(high - low, least * side) / 2 + margin * side
     (left, bottom), (right, top) = (low + high) / 2 - half, (low + high) / 2 + half
-    return Room(float(left), float(right), float(bottom), float(top))
+    return Room(float(left), float(right), float(bottom), float(top), camera)
 
 
 def _ends(scene: Scene, shape: Shape) -> Array:

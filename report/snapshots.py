@@ -14,9 +14,10 @@ from dmoc.motion.scene import Array, Scene, Shape
 from dmoc.motion.trajectory import Trajectory
 from dmoc.report.canvas import SMALL, inked
 from dmoc.report.film import Take
-from dmoc.report.labels import math
-from dmoc.report.places import Room, room_of
+from dmoc.report.labels import math, short
+from dmoc.report.places import Room, flat_marks, room_of
 from dmoc.report.shapes import SEEN, look_of, painter
+from dmoc.report.solid_painter import draw_ground, draw_ways, solids
 from dmoc.report.style import Style
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.gridspec import SubplotSpec
 
-SHOTS = 7  # of each phase, equally spaced in time
+SHOTS, FEW_SHOTS = 7, 5  # of each phase, equally spaced in time; of bodies in space
 FAINT = 0.18  # strength of the first of them
 # What has many strokes is drawn less often: a spring at every third time, a moving wall at both
 # ends.
@@ -93,9 +94,11 @@ def draw_snapshots(figure: Figure, place: SubplotSpec, take: Take, style: Style)
     for phase in range(len(scene.times)):
         axes = figure.add_subplot(grid[phase // layout.columns, phase % layout.columns])
         _look_through(axes, window)
-        _phase(axes, scene, phase, style, max(window.sides))
+        if scene.in_space:
+            _ground(axes, take, window, style)
+        _phase(axes, scene, phase, style, window)
         if apart:
-            _impulses(axes, take, phase, style, max(window.sides))
+            _impulses(axes, take, phase, style, window)
         axes.set_title(_title(trajectory, phase if apart else None), fontsize=SMALL)
         _frame(axes, trajectory, style, first)
         first = first or axes
@@ -113,38 +116,40 @@ def draw_motions(places: Sequence[Axes], takes: Sequence[Take], style: Style) ->
     for axes, take in zip(places, takes, strict=True):
         _look_through(axes, window)
         scene = _taking_time(take.scene)
+        if scene.in_space:
+            _ground(axes, take, window, style)
         for phase in range(len(scene.times)):
-            _phase(axes, scene, phase, style, max(window.sides))
-            _impulses(axes, take, phase, style, max(window.sides))
+            _phase(axes, scene, phase, style, window)
+            _impulses(axes, take, phase, style, window)
         _frame(axes, take.trajectory, style, None if axes is places[0] else places[0])
 
 
 def _look_through(axes: Axes, window: Room) -> None:
-    axes.set(xlim=window[:2], ylim=window[2:])
+    axes.set(xlim=window[:2], ylim=window[2:4])
     axes.set_aspect("equal", adjustable="box")
 
 
 def _frame(axes: Axes, trajectory: Trajectory, style: Style, first: Axes | None) -> None:
     """Numbers on the axes where they are lengths; a drawing made from coordinates has none."""
-    if trajectory.scene is None:
+    if trajectory.scene is None or trajectory.scene.in_space:
         axes.set_axis_off()
         return
     axes.spines[["top", "right"]].set_visible(False)
     inked(axes, style)
     axes.tick_params(labelsize=7)
-    unit = _length(trajectory)
+    unit = length_unit(trajectory)
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     axes.locator_params(axis="x", nbins=5)
     axes.locator_params(axis="y", nbins=5 if high - low > 0.3 * (right - left) else 2)
     if first is None:
-        axes.set_ylabel(unit, fontsize=SMALL)
-    axes.set_xlabel(unit, fontsize=SMALL)
+        axes.set_ylabel(unit and f"[{unit}]", fontsize=SMALL)
+    axes.set_xlabel(unit and f"[{unit}]", fontsize=SMALL)
 
 
-def _length(trajectory: Trajectory) -> str:
+def length_unit(trajectory: Trajectory) -> str:
     """The unit of the lengths of a model, where it has but one."""
     lengths = {unit for unit in trajectory.units.values() if unit in ("m", "cm", "mm", "km")}
-    return f"[{lengths.pop()}]" if len(lengths) == 1 else ""
+    return lengths.pop() if len(lengths) == 1 else ""
 
 
 def _title(trajectory: Trajectory, phase: int | None) -> str:
@@ -159,11 +164,29 @@ def _title(trajectory: Trajectory, phase: int | None) -> str:
     return f"{span},\nafter {events[-1].word}" if events else span
 
 
-def _phase(axes: Axes, scene: Scene, phase: int, style: Style, extent: float) -> None:
+def _ground(axes: Axes, take: Take, window: Room, style: Style) -> None:
+    """The ground of space, with the distance of its lines, and the ways of masses."""
+    if window.camera is None:
+        return
+    step = draw_ground(axes, take.scene, window.camera, style)
+    draw_ways(axes, take.scene, window.camera, {"color": style.muted, "linewidth": 0.6})
+    if unit := length_unit(take.trajectory):
+        words = f"grid {short(step)} {unit}"
+        axes.text(1, 0, words, color=style.muted, fontsize=7, ha="right", transform=axes.transAxes)
+
+
+def _phase(axes: Axes, scene: Scene, phase: int, style: Style, window: Room) -> None:
     """Draw a phase: shapes that stand still once, those that move at times from faint to full, and
     the ways of masses."""
-    t = scene.times[phase]
-    rows = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], SHOTS)).clip(max=len(t) - 1))
+    t, extent = scene.times[phase], max(window.sides)
+    shots = FEW_SHOTS if scene.in_space else SHOTS
+    rows = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], shots)).clip(max=len(t) - 1))
+    if scene.in_space and window.camera:
+        for row in rows:
+            share = (t[row] - t[0]) / (t[-1] - t[0])
+            strength = FAINT + (1 - FAINT) * share**1.5
+            solids(axes, scene, window.camera, style, strength)(scene.values[phase][row])
+        return
     for shape in scene.shapes:
         if shape.kind not in SEEN:
             continue
@@ -198,9 +221,11 @@ def _label(axes: Axes, shape: Shape, values: Array, style: Style) -> None:
     )  # fmt: skip
 
 
-def _impulses(axes: Axes, take: Take, phase: int, style: Style, extent: float) -> None:
+def _impulses(axes: Axes, take: Take, phase: int, style: Style, window: Room) -> None:
     """Arrows where and in which direction the surfaces of the event at the end push."""
-    for mark in take.events[phase]["marks"] if phase < len(take.events) else ():
+    extent = max(window.sides)
+    marks = take.events[phase]["marks"] if phase < len(take.events) else []
+    for mark in flat_marks(marks, window.camera if take.scene.in_space else None):
         way = mark["impulse"]
         size = float(np.hypot(*way))
         if size:

@@ -96,7 +96,7 @@ def _fitted(room: Room, ratio: float) -> Room:
     wide, tall = room.sides
     width = max(wide, ratio * tall) / 2
     x, y = (room.left + room.right) / 2, (room.bottom + room.top) / 2
-    return Room(x - width, x + width, y - width / ratio, y + width / ratio)
+    return Room(x - width, x + width, y - width / ratio, y + width / ratio, room.camera)
 
 
 def _times(duration: float, speed: float | None, fps: int) -> Array:

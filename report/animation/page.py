@@ -24,6 +24,7 @@ from dmoc.report.style import DARK, LIGHT, SIGNS
 FORMAT = 2
 # In the order in which they need each other.
 SCRIPTS = ("values", "elements", "clock", "picture", "curves", "tree", "player")
+SPACE = ("meshes", "webgl", "space")  # of motions in space
 PLANNER = ("answers", "handles", "planner")  # of a page that plans
 WORKER = "worker"  # which runs beside it
 # Around a motion, in shares of the larger side, and the least side in shares of the other one.
@@ -42,8 +43,10 @@ def page_of(film: Film, plan: Mapping[str, Any] | None = None) -> str:
     Its policy lets a browser run the page's own script alone, and the solver that it carries, and
     fetch nothing.
     """
-    scripts = (*SCRIPTS, *PLANNER) if plan else SCRIPTS
+    space = SPACE if any(take.scene.in_space for take in film.takes) else ()
+    scripts = (*SCRIPTS[:-1], *space, SCRIPTS[-1], *(PLANNER if plan else ()))
     script = "\n".join(_source(f"{name}.js") for name in scripts)
+    styles = ("page", *(["space"] if space else []), *(["planner"] if plan else []))
     themes = f':root {{ {LIGHT.css} }}\n:root[data-theme="dark"] {{ {DARK.css} }}\n'
     shown = document(film)
     if plan:
@@ -57,7 +60,7 @@ def page_of(film: Film, plan: Mapping[str, Any] | None = None) -> str:
         policy += " 'wasm-unsafe-eval'; worker-src blob:"
     filled = {
         "title": escape(film.title),
-        "style": themes + _source("page.css") + (_source("planner.css") if plan else ""),
+        "style": themes + "".join(_source(f"{name}.css") for name in styles),
         "script": script,
         "film": text.replace("<", "\\u003c"),  # no text ends the element that holds it
         "policy": policy,
@@ -90,6 +93,7 @@ def film_room(scenes: Sequence[Scene]) -> Room:
 
 def _motion(take: Take) -> dict[str, Any]:
     motion, scene = take.trajectory, take.scene
+    room = film_room([scene])
     # Columns that are the same all along are there once; one that does not change is one number.
     _, first, which = np.unique(
         np.vstack(scene.values), axis=1, return_index=True, return_inverse=True
@@ -114,7 +118,8 @@ def _motion(take: Take) -> dict[str, Any]:
             {"times": t, "columns": [_column(v) for v in values.T[first]]}
             for t, values in zip(scene.times, scene.values, strict=True)
         ],
-        "bounds": np.array(film_room([scene])),
+        "bounds": np.array(room.camera.bounds if room.camera else room[:4]),
+        "ground": room.camera and room.camera.floor,
         "events": take.events,
         "panels": [_panel(panel) for panel in take.panels],
         "arrows": take.arrows,

@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dmoc.motion.trajectory import Array
+from dmoc.report.camera import Camera
 from dmoc.report.film import Arrow, EventMark, Take
 from dmoc.report.labels import math, short
-from dmoc.report.places import Room, phase_at, values_at
+from dmoc.report.places import Room, flat_marks, phase_at, values_at
 from dmoc.report.shapes import SEEN, Placed, look_of, painter
+from dmoc.report.snapshots import length_unit
+from dmoc.report.solid_painter import draw_ground, draw_ways, solids
 from dmoc.report.style import Style
 
 if TYPE_CHECKING:
@@ -35,27 +38,16 @@ def stage_of(axes: Axes, take: Take, room: Room, style: Style) -> Drawn:
     """Draw a mechanism into axes; return what places it for a time."""
     motion, scene = take.trajectory, take.scene
     axes.set_axis_off()
-    axes.set(xlim=room[:2], ylim=room[2:])
+    axes.set(xlim=room[:2], ylim=room[2:4])
     text: dict[str, Any] = {"transform": axes.transAxes, "parse_math": False}
     below = {**text, "va": "top", "fontsize": 10}
     clock = axes.text(0.02, -0.01, "", color=style.ink, **below)
     mode = axes.text(0.98, -0.01, "", color=style.muted, ha="right", **below)
     banner = axes.text(0.02, 0.94, "", color=style.hit, fontsize=10, **text)
-    legend = f"longest arrow {short(take.largest)} N" if take.arrows else ""
+    legend = f"longest arrow {short(take.largest)} N" if take.largest else ""
     axes.text(0.98, 0.98, legend, color=style.muted, fontsize=9, ha="right", va="top", **text)
-    look = look_of(style, max(room.sides), WEIGHT)
-    places: list[tuple[Placed, slice]] = []
-    for shape in scene.shapes:
-        if shape.kind in ("point", "disc", "box"):
-            for phase in range(len(scene.times)):
-                way = scene.of(shape, phase).T[:2]
-                axes.plot(*way, color=style.mass, linestyle=":", linewidth=1.2, alpha=0.7, zorder=1)
-        if shape.kind in SEEN:
-            own = slice(shape.start, shape.start + shape.size)
-            places.append((painter(axes, scene, shape, look), own))
-            if shape.name:
-                label = _text(axes, math(shape.name), style.muted, (0, 6), zorder=6)
-                places.append((partial(_move, label), own))
+    camera = room.camera if scene.in_space else None
+    places = _solids(axes, take, camera, style) if camera else _shapes(axes, take, room, style)
     forces = [_force(axes, take, arrow, room, style) for arrow in take.arrows]
     hits = [_hit(axes, take, i, room, style) for i in range(len(take.events))]
 
@@ -73,6 +65,35 @@ def stage_of(axes: Axes, take: Take, room: Room, style: Style) -> Drawn:
         banner.set_text(_banner_text(take, t))
 
     return draw
+
+
+def _shapes(axes: Axes, take: Take, room: Room, style: Style) -> list[tuple[Placed, slice]]:
+    """The shapes of a drawing in the plane, each with its columns, and the ways of masses."""
+    scene, look = take.scene, look_of(style, max(room.sides), WEIGHT)
+    places: list[tuple[Placed, slice]] = []
+    for shape in scene.shapes:
+        if shape.kind in ("point", "disc", "box"):
+            for phase in range(len(scene.times)):
+                way = scene.of(shape, phase).T[:2]
+                axes.plot(*way, color=style.mass, linestyle=":", linewidth=1.2, alpha=0.7, zorder=1)
+        if shape.kind in SEEN:
+            own = slice(shape.start, shape.start + shape.size)
+            places.append((painter(axes, scene, shape, look), own))
+            if shape.name:
+                label = _text(axes, math(shape.name), style.muted, (0, 6), zorder=6)
+                places.append((partial(_move, label), own))
+    return places
+
+
+def _solids(axes: Axes, take: Take, camera: Camera, style: Style) -> list[tuple[Placed, slice]]:
+    """The bodies of a drawing in space, on their ground, and their ways."""
+    step = draw_ground(axes, take.scene, camera, style)
+    if unit := length_unit(take.trajectory):
+        words = f"grid {short(step)} {unit}"
+        look: dict[str, Any] = {"color": style.muted, "fontsize": 9, "ha": "right"}
+        axes.text(0.98, 0.02, words, transform=axes.transAxes, **look)
+    draw_ways(axes, take.scene, camera, {"color": style.mass, "linestyle": ":", "linewidth": 1.2})
+    return [(solids(axes, take.scene, camera, style), slice(None))]
 
 
 def _banner_text(take: Take, t: float) -> str:
@@ -112,23 +133,25 @@ def _arrow(axes: Axes, colour: str, head: str) -> FancyArrowPatch:
 def _force(axes: Axes, take: Take, arrow: Arrow, room: Room, style: Style) -> Drawn:
     """A contact force: N along the normal, T along the normal turned clockwise."""
     kind = arrow["kind"]
-    colour = style.normal if kind == "N" else style.friction
+    colour = {"N": style.normal, "T": style.friction, "u": style.colours[4]}[kind]
     shaft = _arrow(axes, colour, "->")
-    label = axes.text(0, 0, kind, color=colour, fontsize=9, weight="bold", ha="center",
-                      va="center", zorder=6, path_effects=_halo(style))  # fmt: skip
     panel, shape = take.panels[arrow["panel"]], take.scene.shapes[arrow["shape"]]
-    values = panel.curves[arrow["curve"]].values
+    curve = panel.curves[arrow["curve"]]
+    name, values = f"${curve.label.tex}$" if kind == "u" else kind, curve.values
+    label = axes.text(0, 0, name, color=colour, fontsize=9, weight="bold", ha="center",
+                      va="center", zorder=6, path_effects=_halo(style))  # fmt: skip
     side = min(room.sides)
 
     def draw(t: float) -> None:
         phase = phase_at(take.scene, t)
         course = values[phase]
         force = 0.0 if course is None else float(np.interp(t, panel.times[phase], course))
-        length = ARROW * side * force / (take.largest or 1.0)
+        length = ARROW * side * force / (arrow["largest"] or 1.0)
+        at = values_at(take.scene, t)[shape.start : shape.start + shape.size]
+        x, y, nx, ny = at if len(at) == 4 or room.camera is None else room.camera.flat(at)
+        along = np.array((ny, -nx) if kind == "T" else (nx, ny))
         for artist in (shaft, label):
-            artist.set_visible(abs(length) > SHORT * side)
-        x, y, nx, ny = values_at(take.scene, t)[shape.start : shape.start + shape.size]
-        along = np.array((nx, ny) if kind == "N" else (ny, -nx))
+            artist.set_visible(abs(length) * np.hypot(nx, ny) > SHORT * side)
         tip = (x, y) + length * along
         shaft.set_positions((x, y), tip)
         beyond = tip + np.sign(length) * NAMED * side * along
@@ -164,7 +187,9 @@ def _hit(axes: Axes, take: Take, i: int, room: Room, style: Style) -> Drawn:
     look: dict[str, Any] = {"va": "center", "ha": "center", "path_effects": _halo(style),
                             "parse_math": False}  # fmt: skip
     artists = []
-    for k, mark in enumerate(event["marks"]):
+    for k, mark in enumerate(
+        flat_marks(event["marks"], room.camera if take.scene.in_space else None)
+    ):
         x, y, nx, ny = mark["at"]
         (cross,) = axes.plot([x], [y], "x", color=style.hit, markersize=7, zorder=5)
         (ring,) = axes.plot([x], [y], "o", color=style.hit, fillstyle="none", zorder=5)

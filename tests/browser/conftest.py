@@ -12,7 +12,8 @@ from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.chrome.webdriver import WebDriver
 
 ARGUMENTS = (
-    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run",
+    "--use-angle=swiftshader", "--enable-unsafe-swiftshader",  # WebGL without a GPU
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--hide-scrollbars",
 )  # fmt: skip
@@ -35,10 +36,11 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WebDriver]:
 
 @pytest.fixture
 def opened(chromium: WebDriver) -> Iterator[Open]:
-    """Opens a page in a window of a width; it must write nothing to the console."""
+    """Opens a page in a window of a width, after a script if one is given; it must write nothing
+    to the console."""
 
     def open_(
-        path: Path, width: int = 1280, *, dark: bool = False, still: bool = True
+        path: Path, width: int = 1280, *, dark: bool = False, still: bool = True, before: str = ""
     ) -> WebDriver:
         size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
         chromium.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
@@ -47,7 +49,10 @@ def opened(chromium: WebDriver) -> Iterator[Open]:
             {"name": "prefers-reduced-motion", "value": "reduce" if still else "no-preference"},
         ]
         chromium.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+        command = "Page.addScriptToEvaluateOnNewDocument"
+        added = chromium.execute_cdp_cmd(command, {"source": before})
         chromium.get(path.as_uri())
+        chromium.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
         return chromium
 
     yield open_

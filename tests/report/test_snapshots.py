@@ -104,7 +104,7 @@ def test_wide_scenes_stand_below_each_other_and_tall_ones_beside() -> None:
 
 
 def test_a_window_on_a_straight_motion_is_not_flat() -> None:
-    left, right, low, high = window_of([still("link", 0, 0, 1, 0)])
+    left, right, low, high = window_of([still("link", 0, 0, 1, 0)])[:4]
     assert left < 0 and right > 1 and low < 0 < high
     assert height_of([still("link", 0, 0, 1, 0)], 3.0) >= 0.6
 

@@ -39,8 +39,9 @@ def test_the_name_of_a_force_stays_in_the_picture(monkeypatch: pytest.MonkeyPatc
         times=[np.array([0.0, 1.0])], curves=[SimpleNamespace(values=[np.ones(2)])]
     )
     shapes = [SimpleNamespace(start=0, size=4)]
-    take: Any = SimpleNamespace(panels=[panel], scene=SimpleNamespace(shapes=shapes), largest=1.0)
-    axes, arrow = Figure().add_axes((0, 0, 1, 1)), {"panel": 0, "curve": 0, "shape": 0, "kind": "N"}
+    take: Any = SimpleNamespace(panels=[panel], scene=SimpleNamespace(shapes=shapes))
+    axes = Figure().add_axes((0, 0, 1, 1))
+    arrow = {"panel": 0, "curve": 0, "shape": 0, "kind": "N", "largest": 1.0}
     draw = _force(axes, take, arrow, Room(0.0, 1.0, 0.0, 1.0), LIGHT)  # type: ignore[arg-type]
     for height, place in ((0.5, (0.5, 0.775)), (0.75, (0.555, 0.97))):
         draw(height)

@@ -84,10 +84,9 @@ function tellEvents(motion, plan, ends, { unknowns, times }) {
     event.told = [...impulses[i]].map(([name, own]) => impulsesTold(name, own, named)).filter(Boolean).join(", ");
     for (const mark of event.marks) {
       const [normal, friction] = impulses[i].get(mark.contact) ?? [0, 0];
-      const shape = motion.shapes.find(({ kind, name }) => kind === "contact" && name === mark.contact);
-      mark.at = shape.columns.map((k) => ends[i][k]);
-      const [nx, ny] = mark.at.slice(2);
-      mark.impulse = [normal * nx + friction * ny, normal * ny - friction * nx].map((p) => p / largest);
+      const contacts = motion.shapes.filter(({ kind }) => kind === "contact" || kind === "touch");
+      mark.at = contacts.find(({ name }) => name === mark.contact).columns.map((k) => ends[i][k]);
+      mark.impulse = impulseAt(mark.at, normal, friction).map((p) => p / largest);
       const own = event.word.split(" ").filter((word) => word.replace(/^[+-]+/, "").split(":")[0] === mark.contact);
       const words = own.length ? own : [mark.contact];
       mark.told = [...words, impulsesTold(mark.contact, [normal, friction], false)].filter(Boolean).join(" ");
@@ -95,17 +94,27 @@ function tellEvents(motion, plan, ends, { unknowns, times }) {
   });
 }
 
+// An impulse in the plane, with friction along the normal turned clockwise, or in space.
+function impulseAt(at, normal, friction) {
+  if (at.length === 6) return at.slice(3).map((e) => normal * e);
+  const [nx, ny] = at.slice(2);
+  return [normal * nx + friction * ny, normal * ny - friction * nx];
+}
+
 // The room of a motion, at least that which the page begins with.
-function widened([left, right, bottom, top], motion) {
-  const room = [left, right, bottom, top];
-  const [dx, dy] = [AROUND * (right - left), AROUND * (top - bottom)];
+function widened(first, motion) {
+  const room = [...first];
+  const size = room.length / 2; // of a place
   for (const { kind, columns: own } of motion.shapes) {
-    if (kind === "wall" || kind === "contact") continue;
-    const points = kind === "link" || kind === "spring" ? own.length / 2 : 1;
+    if (["wall", "contact", "plane", "touch"].includes(kind)) continue;
+    const count = ["link", "spring", "rod", "coil"].includes(kind) ? own.length : size;
     for (const { columns } of motion.parts) {
-      for (let k = 0; k < 2 * points; k += 2) {
-        for (const x of columns[own[k]]) [room[0], room[1]] = [Math.min(room[0], x - dx), Math.max(room[1], x + dx)];
-        for (const y of columns[own[k + 1]]) [room[2], room[3]] = [Math.min(room[2], y - dy), Math.max(room[3], y + dy)];
+      for (let k = 0; k < count; k += 1) {
+        const low = 2 * (k % size);
+        const beyond = AROUND * (first[low + 1] - first[low]);
+        for (const x of columns[own[k]]) {
+          [room[low], room[low + 1]] = [Math.min(room[low], x - beyond), Math.max(room[low + 1], x + beyond)];
+        }
       }
     }
   }

@@ -10,11 +10,11 @@ const MOST_HIGH = 460; // pixels of a picture
 const FLASH = 0.09; // of the whole time, for which a hit flashes
 const TOLD = 0.18; // of the whole time, for which it is told
 
-// The room that some motions take together.
+// The room that some motions take together: the lowest and the highest of each coordinate.
 function jointBounds(motions) {
-  const all = motions.map((motion) => motion.bounds);
-  const pick = (k, choose) => choose(...all.map((bounds) => bounds[k]));
-  return [pick(0, Math.min), pick(1, Math.max), pick(2, Math.min), pick(3, Math.max)];
+  const [first, ...others] = motions.map((motion) => motion.bounds);
+  const choose = (k) => (k % 2 ? Math.max : Math.min);
+  return others.reduce((room, bounds) => room.map((e, k) => choose(k)(e, bounds[k])), first);
 }
 
 function makePicture(motion, bounds, clock) {
@@ -205,14 +205,14 @@ function arrow([x, y], [wx, wy]) {
 }
 
 // A contact force: N along the normal, T along the normal turned clockwise by 90 degrees.
-function makeArrow({ panel, curve, shape, kind }) {
+function makeArrow({ panel, curve, shape, kind, largest }) {
   const line = svg("path", { class: `force ${kind}` });
   const label = svg("text", { class: `force halo ${kind}`, "text-anchor": "middle" });
   const element = svg("g", {}, line, label);
   label.textContent = kind;
   const draw = (motion, columns, t, to, view) => {
     const force = valueAt(motion, motion.panels[panel], motion.panels[panel].curves[curve], t);
-    const length = (force / (motion.largest || 1)) * ARROW * view.side;
+    const length = (force / (largest || 1)) * ARROW * view.side;
     element.style.display = Math.abs(length) < SHORT ? "none" : "";
     const [x, y, nx, ny] = motion.shapes[shape].columns.map((k) => columns[k]);
     const [dx, dy] = kind === "N" ? [nx, -ny] : [ny, nx];

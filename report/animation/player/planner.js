@@ -81,8 +81,10 @@ async function makePlanner(plan, motion) {
   const numbers = plan.numbers.map(({ value }) => value);
   const room = motion.bounds;
   const known = [...plan.coordinates, ...plan.coordinates.map((name) => `${name}_dot`), ...plan.inputs];
-  motion.panels = motion.panels.filter(({ curves }) => curves.every(({ name }) => known.includes(name)));
-  [motion.arrows, motion.largest] = [[], 0];
+  const panels = motion.panels.filter(({ curves }) => curves.every(({ name }) => known.includes(name)));
+  const inputs = motion.arrows.filter(({ kind }) => kind === "u");
+  motion.arrows = inputs.map((arrow) => ({ ...arrow, panel: panels.indexOf(motion.panels[arrow.panel]) }));
+  [motion.panels, motion.largest] = [panels, 0];
   show([motion]);
   const told = html("p", { id: "planned", role: "status" }, "the solver begins");
   let [last, sent, held, playing] = [null, 0, null, false];
@@ -156,6 +158,7 @@ async function makePlanner(plan, motion) {
   const begin = () => {
     show([motion]);
     attach();
+    if (room.length === 6) return; // what is seen in space is turned when it is dragged
     const root = byId("stage").querySelector(".picture");
     place = makeHandles(handlesOf(plan, motion, places), root, places, drag);
     whenSized(root, () => place());

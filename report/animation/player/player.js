@@ -14,7 +14,9 @@ function longest(motions) {
 
 // A motion with its picture, its events and its curves.
 function makeMotion(motion, all) {
-  const picture = makePicture(motion, () => jointBounds(all), clock);
+  const alike = (other) => other.bounds.length === motion.bounds.length;
+  const make = motion.bounds.length === 6 ? makeSpace : makePicture;
+  const picture = make(motion, () => jointBounds(all.filter(alike)), clock);
   const comparable = (panel) => all.flatMap((other) => other.panels.filter((p) => p.title === panel.title && p.unit === panel.unit));
   const panels = motion.panels.map((panel) => makePanel(motion, panel, () => rangeOf(comparable(panel)), clock));
   const events = eventList(motion);

@@ -1,0 +1,159 @@
+"""Scenes in space: what a camera sees of them, their faces, and the order in which these are
+painted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dmoc.motion.scene import Scene, Shape
+from dmoc.report.camera import LIGHT, Camera, camera_of, reach_of
+from dmoc.report.faces import (
+    BODY,
+    EDGE,
+    MASS,
+    OTHER,
+    block,
+    faces_of,
+    frame_of,
+    helix,
+    upright,
+)
+from dmoc.report.places import flat_marks, room_of
+from dmoc.report.solid_painter import normals_of, painters_order, shadows_of, wall_of
+
+LOW, HIGH = np.array([-1.0, -2.0, 0.0]), np.array([1.0, 2.0, 1.0])
+# It looks along y from (0, -10, 0.5), z upwards.
+AHEAD = Camera(np.array([0.0, 0.0, 0.5]), 10.0, 0.0, LOW, HIGH, yaw=0.0, pitch=0.0)
+BACK = np.array([0.0, 1.0, 0.0])
+AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+def test_a_camera_that_looks_along_y_sees_x_and_z() -> None:
+    """What is half as far is twice as large."""
+    points = np.array([[0, 0, 0.5], [1, 0, 1.5], [1, -5, 1.5], [1, 10, 1.5]])
+    expected = [[0, 0, 10], [1, 1, 10], [2, 2, 5], [0.5, 0.5, 20]]
+    np.testing.assert_allclose(AHEAD.seen(points), expected, atol=1e-14)
+
+
+def test_a_camera_that_is_turned_and_lifted_has_its_axes() -> None:
+    """From +x it sees y to the right; from above, north upwards."""
+    side, above = replace(AHEAD, yaw=np.pi / 2), replace(AHEAD, pitch=np.pi / 2)
+    np.testing.assert_allclose(side.axes, [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-15)
+    np.testing.assert_allclose(above.axes, [[1, 0, 0], [0, 1, 0], [0, 0, 1]], atol=1e-15)
+    np.testing.assert_allclose(above.eye, [0, 0, 10.5], atol=1e-14)
+
+
+def test_directions_are_as_long_as_they_are_seen() -> None:
+    x, z, *ways = AHEAD.flat(np.array([1.0, -5, 1.5, 1, 0, 0, 0, 0, 1, 0, 1, 0]))
+    assert (x, z) == pytest.approx((2, 2))
+    # Along y a point goes by 2 / 5 of itself towards the middle.
+    np.testing.assert_allclose(ways, [2, 0, 0, 2, -0.4, -0.4], rtol=1e-3, atol=1e-12)
+    at, push = np.array([0, 0, 0.5, 0, 0, 0.5]), np.array([0.0, 0.0, 3.0])
+    (mark,) = flat_marks([{"at": at, "impulse": push}], AHEAD)
+    np.testing.assert_allclose([*mark["at"], *mark["impulse"]], [0, 0, 0, 1, 0, 3], atol=1e-6)
+
+
+def test_faces_of_a_box_look_outwards() -> None:
+    faces = block(np.array([2.0, 4.0, 6.0]))
+    normals = normals_of(faces)
+    areas = (
+        np.linalg.norm(np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1]), axis=1) / 2
+    )
+    np.testing.assert_allclose(areas @ np.abs(normals), [48, 24, 16])
+    np.testing.assert_allclose(
+        (faces.mean(axis=1) * normals).sum(axis=1), np.abs(normals) @ [1, 2, 3]
+    )
+
+
+def test_what_is_round_has_its_size_and_looks_outwards() -> None:
+    bodies = ("sphere", [2.0], 2.0), ("capsule", [0.5, 3.0], 2.0), ("cylinder", [2.0, 1.0], 0.5)
+    for kind, sizes, high in bodies:
+        faces, parts = faces_of(kind, np.array([0, 0, 0, *AXES, *sizes]), 1.0)
+        assert np.hypot(*faces[..., :2].T).max() == pytest.approx(sizes[0])
+        assert (faces[..., 2].min(), faces[..., 2].max()) == pytest.approx((-high, high))
+        assert ((faces.mean(axis=1) * normals_of(faces)).sum(axis=1) > 0).all()
+        assert set(parts) == ({BODY} if kind == "capsule" else {BODY, OTHER})
+
+
+def test_faces_go_with_the_frame_of_their_shape() -> None:
+    values = np.array([1.0, 2.0, 3.0, 0, 1, 0, 0, 0, 1, 2, 4, 6])  # its x along y, y along z
+    points = faces_of("block", values, 1.0)[0].reshape(-1, 3)
+    np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], [[-2, 1, 1], [4, 3, 5]])
+
+
+def test_a_frame_is_straight_again_after_interpolation() -> None:
+    frame = frame_of(np.array([0.9, 0.1, 0.0]), np.array([0.0, 0.8, 0.1]))
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(frame) == pytest.approx(1)
+    assert np.linalg.det(upright(np.array([0.0, 0.0, -2.0]))) == pytest.approx(1)
+
+
+def test_rods_springs_and_masses_are_thin() -> None:
+    rod, parts = faces_of("rod", np.array([0.0, 0, 0, 0, 0, 2, 1, 0, 2]), 1.0)
+    assert set(parts) == {EDGE} and np.abs(rod[..., 1]).max() == pytest.approx(0.012)
+    bob, parts = faces_of("bob", np.array([1.0, 2.0, 3.0]), 2.0)
+    assert set(parts) == {MASS} and bob[..., 0].max() == pytest.approx(1.06)
+    coil = helix(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.1)
+    np.testing.assert_allclose(coil[[0, -1]], [[0, 0, 0], [0, 0, 1]], atol=1e-15)
+    assert np.hypot(*coil[:, :2].T).max() == pytest.approx(0.1)
+
+
+def test_the_farthest_face_is_painted_first_and_none_from_behind() -> None:
+    square = np.array([[-1.0, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]])  # it looks at the eye
+    faces = np.array([square + BACK / 2, square[::-1], square + 2 * BACK, square - 3 * BACK])
+    assert painters_order(faces, normals_of(faces), AHEAD).tolist() == [2, 0, 3]
+
+
+def test_shadows_fall_along_the_light() -> None:
+    point = np.array([[[1.0, 2.0, 3.0]]])
+    shadow = shadows_of(point, 1.0)[0, 0]
+    assert shadow[2] == pytest.approx(1)
+    np.testing.assert_allclose((point[0, 0] - shadow) / LIGHT, [2 / LIGHT[2]] * 3)
+
+
+def test_a_wall_is_as_large_as_the_room_and_the_ground_is_none() -> None:
+    wall = wall_of(np.array([1.5, 0.0, 0.0, -1.0, 0.0, 0.0]), AHEAD)
+    assert wall is not None
+    np.testing.assert_allclose([wall.min(axis=0), wall.max(axis=0)], [[1.5, -2, 0], [1.5, 2, 1]])
+    assert wall_of(np.array([5.0, 0, 0, 0, 0, 1]), AHEAD) is None
+    assert wall_of(np.array([0.0, 0, 0.5, 0, 0, 1]), AHEAD) is not None
+
+
+def scene() -> Scene:
+    """A ball of radius 0.5 that goes from (0, 0, 1) to (4, 0, 1) over a floor at 0, before a wall
+    that is far."""
+    shapes = (Shape("sphere", "", 0, 10), Shape("plane", "", 10, 6), Shape("plane", "", 16, 6))
+    still = [*AXES, 0.5, 0, 0, 0, 0, 0, 1, 0, 90, 0, 0, -1, 0]
+    values = np.array([[x, 0, 1, *still] for x in (0.0, 4.0)])
+    return Scene(shapes, (np.array([0.0, 1.0]),), (values,))
+
+
+def test_the_room_reaches_around_what_moves_and_to_the_planes_beside_it() -> None:
+    low, high = reach_of(scene())
+    np.testing.assert_allclose([low, high], [[-0.5, -0.5, 0], [4.5, 0.5, 1.5]])
+    camera = camera_of([scene()])
+    assert camera.floor == 0
+    room = room_of([scene()], 0.0, 0.0)
+    seen = camera.seen(camera.corners)
+    assert (room.left, room.top) == pytest.approx((seen[:, 0].min(), seen[:, 1].max()))
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes", "half"),
+    [
+        # Along (0, 0.6, 0.8) in the world.
+        ("cylinder", [1.0, 10.0], [1.0, 3.8, 4.6]), ("capsule", [1.0, 10.0], [1.0, 4.0, 5.0]),
+        ("block", [2.0, 4.0, 10.0], [1.0, 4.6, 5.2]), ("sphere", [2.0], [2.0, 2.0, 2.0]),
+    ],
+)  # fmt: skip
+def test_bodies_reach_as_far_as_they_are_turned(
+    kind: str, sizes: list[float], half: list[float]
+) -> None:
+    frame = [1.0, 0, 0, 0, 0.8, -0.6]
+    values = np.array([[0.0, 0, 0, *frame, *sizes]] * 2)
+    shapes = (Shape(kind, "", 0, values.shape[1]),)
+    low, high = reach_of(Scene(shapes, (np.array([0.0, 1.0]),), (values,)))
+    np.testing.assert_allclose([low, high], [np.negative(half), half])
