@@ -33,13 +33,17 @@ NAMES = ("T_x", "T_y", "T_z")
 # %%
 # The model
 # ---------
-# One ball joint holds it in the world, since where it is does not matter.
+# One ball joint holds it in the world, since where it is does not matter. It is drawn as a box with
+# two panels.
 
 
 def system() -> dmoc.MechanicalSystem:
     torque = dynamicsymbols(" ".join(NAMES))
     world = dmoc.spatial.World()
-    world.ball("q", inertia=INERTIA, torque=torque)
+    body = world.ball("q", inertia=INERTIA, torque=torque)
+    panels = (dmoc.spatial.Box((0.03, 1.1, 1.6), at=(0, 0, z)) for z in (-1.8, 1.8))
+    boom = dmoc.Link((0, 0, -1), (0, 0, 1))
+    body.draw(dmoc.spatial.Box((1, 0.9, 1.2)), boom, *panels)
     return world.system("satellite", inputs=torque, cost=1, units=dict.fromkeys(torque, "N m"))
 
 

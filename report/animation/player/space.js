@@ -4,8 +4,8 @@ const FOCUS = 3.2; // distance of the picture from the eye, in halves of its hei
 const [YAW, PITCH] = [0.6, 0.38]; // of the first view
 const STEEPEST = 1.55;
 const FILLED = 0.84; // of the picture, by the room
-const ARROW_LONG = 0.3; // of a side of the room: the largest force
-const ARROW_COLOURS = ["normal", "friction", "input", "hit"];
+const ARROW_LONG = 0.24; // of a side of the room: the largest force
+const SHORTEST_ARROW = 0.01; // of a side that is drawn
 const TURNED = 0.008; // rad of a pixel
 const FEW = 4; // bodies whose ways are drawn
 
@@ -90,13 +90,11 @@ function makeSpace(motion, bounds, clock) {
     const colours = coloursOf(root);
     const forces = motion.arrows.map((arrow) => forceOf(motion, arrow, values, end, room.side));
     const recent = hits.flatMap((hit) => hit.pushes(t, clock.duration, room.side));
-    const arrows = [...forces, ...recent].filter(({ way }) => Math.hypot(...way) > 0.01 * room.side);
-    const items = [
-      ...motion.shapes.flatMap((shape, i) => itemsOf(shape, values[i], room.side)),
-      ...arrows.flatMap(({ at, way, colour, turns }) => arrowItems(at, way, room.side, colour, turns)),
-    ];
+    const arrows = [...forces, ...recent].filter(({ way }) => Math.hypot(...way) > SHORTEST_ARROW * room.side);
+    const items = motion.shapes.flatMap((shape, i) => itemsOf(shape, values[i], room.side));
+    const above = arrows.flatMap(({ at, way, colour, turns }) => arrowItems(at, way, room.side, colour, turns));
     const walls = motion.shapes.flatMap((shape, i) => (shape.kind === "plane" ? wallOf(values[i], bounds(), ground) : []));
-    paint({ camera, items, walls, ground, colours });
+    paint({ camera, items, above, walls, ground, colours });
     set(ways, { d: waysOf(motion, to) });
     names.forEach((name, i) => placeName(name, forces[i], to, room.side));
     hits.forEach((hit) => hit.draw(t, clock.duration, to, { width, height }));
@@ -198,7 +196,7 @@ function forceOf(motion, { panel, curve, shape, kind, largest }, values, t, side
   const [at, normal, along] = pointsIn(values[shape]);
   const size = valueAt(motion, motion.panels[panel], motion.panels[panel].curves[curve], t) ?? 0;
   const direction = kind === "T" ? along : normal;
-  const way = direction.map((e) => (e * size * ARROW_LONG * side) / (2 * (largest || 1)));
+  const way = direction.map((e) => (e * size * ARROW_LONG * side) / (largest || 1));
   const colour = { N: "normal", T: "friction" }[kind] ?? "input";
   return { at, way, colour, turns: motion.shapes[shape].kind === "torque" };
 }
@@ -213,7 +211,7 @@ function arrowName(motion, { panel, curve, kind }) {
 
 function placeName(element, { at, way }, to, side) {
   const length = Math.hypot(...way);
-  element.style.display = length > 0.01 * side ? "" : "none";
+  element.style.display = length > SHORTEST_ARROW * side ? "" : "none";
   const [x, y] = to(vector.add(at, way, 1 + (0.03 * side) / (length || 1)));
   set(element, { x, y: y + 4 });
 }

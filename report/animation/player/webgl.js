@@ -81,8 +81,9 @@ function glPainter(canvas) {
     gl.drawArrays(gl.TRIANGLES, 0, loaded[mesh].count);
   };
 
-  // Draw items, their shadows on the ground, the ground and walls as a camera sees them.
-  return ({ camera, items, walls, ground, colours }) => {
+  // Draw items, their shadows on the ground, the ground and walls as a camera sees them, and what is
+  // above, through all of these.
+  return ({ camera, items, above, walls, ground, colours }) => {
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.clearColor(...colours.card, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
@@ -101,12 +102,14 @@ function glPainter(canvas) {
       gl.enable(gl.STENCIL_TEST); // each place is dark once
       gl.stencilFunc(gl.EQUAL, 0, 255);
       gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
-      items.filter(({ colour }) => !ARROW_COLOURS.includes(colour)).forEach((item) => put(item, "shadow", colours));
+      items.forEach((item) => put(item, "shadow", colours));
       gl.disable(gl.STENCIL_TEST);
     }
     walls.forEach((wall) => put(wall, "wall", colours));
     gl.depthMask(true);
     gl.disable(gl.BLEND);
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    above.forEach((item) => put(item, "solid", colours));
   };
 }
 
@@ -125,7 +128,7 @@ function flatPainter(canvas) {
   const context = canvas.getContext("2d");
   if (!context) return null;
   const css = (colour, light) => `rgb(${colour.map((e) => Math.round(255 * Math.min(1, e * light))).join(" ")})`;
-  return ({ camera, items, walls, ground, colours }) => {
+  return ({ camera, items, above, walls, ground, colours }) => {
     const to = (p) => seenBy(camera, p, canvas.width, canvas.height);
     context.fillStyle = css(colours.card, 1);
     context.fillRect(0, 0, canvas.width, canvas.height);
@@ -136,9 +139,8 @@ function flatPainter(canvas) {
       context.lineTo(...to(b));
       context.stroke();
     }
-    const faces = [...items, ...walls].flatMap((item) => facesOf(item, camera));
-    faces.sort((a, b) => b.depth - a.depth);
-    for (const { corners, light, colour } of faces) {
+    const sorted = (parts) => parts.flatMap((item) => facesOf(item, camera)).sort((a, b) => b.depth - a.depth);
+    for (const { corners, light, colour } of [...sorted([...items, ...walls]), ...sorted(above)]) {
       context.fillStyle = context.strokeStyle = css(colours[colour], light);
       context.beginPath();
       corners.forEach((p) => context.lineTo(...to(p)));
