@@ -11,6 +11,7 @@ LAYERS = (
     "base",
     "motion",
     "symbolic",
+    "robots",
     "codegen",
     "generated",
     "mechanics",

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def quaternion(name: str) -> Vector:
     """The four coordinates of an attitude of a name."""
-    return tuple(dynamicsymbols(f"{name}0:4"))
+    return tuple(dynamicsymbols(f"{name}{k}") for k in range(4))
 
 
 def angular_velocity(p: Vector) -> Vector:

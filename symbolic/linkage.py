@@ -55,14 +55,21 @@ class Linkage:
         return symbol
 
     def join(self, name: str, joint: tuple[Any, str], effort: Any, measure: Any) -> None:
-        """Add a coordinate with its unit, and a force or torque along a measure, whose work counts
-        for every coordinate that changes the measure."""
+        """Add a coordinate with its unit, unless it is made of others, and a force or torque along
+        a measure, whose work counts for every coordinate that changes the measure."""
         coordinate, unit = joint
         effort = expression_in(effort, f"the {EFFORTS[unit]} on body {name}")
-        self.coordinates.append(coordinate)
-        self.units[coordinate] = unit
+        if isinstance(coordinate, AppliedUndef):
+            self.coordinates.append(coordinate)
+            self.units[coordinate] = unit
         while names := measure.atoms(AppliedUndef) & set(self.definitions):
             measure = measure.xreplace({n: self.definitions[n] for n in names})
+        later = sorted(map(name_of, measure.atoms(AppliedUndef) - {*self.coordinates}))
+        if later and effort != 0:
+            raise ModelError(
+                f"body {name} follows {', '.join(later)}, which no joint has yet: hang its body "
+                f"first, or leave the {EFFORTS[unit]} out."
+            )
         for q in self.coordinates:
             force = effort * measure.diff(q)
             if force != 0:
@@ -105,7 +112,14 @@ class Member:
     def _read_joint(self, coordinate: Any, name: Any, at: Any) -> tuple[str, Vector]:
         """The name of a body behind a new joint, that of its coordinate if it has no other, and
         the place of the joint in the frame of this body."""
-        if not isinstance(coordinate, AppliedUndef):
+        follows = isinstance(coordinate, sp.Expr) and not isinstance(coordinate, AppliedUndef)
+        if follows and coordinate.atoms(AppliedUndef):
+            if name is None:
+                raise ModelError(
+                    f"the body whose joint follows {shown(coordinate)} has no coordinate of its "
+                    'own: give it a name, such as name="wheel".'
+                )
+        elif not isinstance(coordinate, AppliedUndef):
             raise ModelError(
                 f"coordinate {shown(coordinate)} of a joint is not a function of time: make it "
                 "with sympy.physics.mechanics.dynamicsymbols."

@@ -113,8 +113,9 @@ class Body(Member):
 
         Parameters
         ----------
-        angle : dynamicsymbol
-            The coordinate in rad: the angle of the link from this body.
+        angle : dynamicsymbol or Expr
+            The coordinate in rad: the angle of the link from this body; or an expression in those
+            of other joints, which it follows as a gear does, with a ``name``.
         length : Expr
             Of the link, from the hinge to its tip.
         mass : Expr
@@ -174,8 +175,9 @@ class Body(Member):
 
         Parameters
         ----------
-        distance : dynamicsymbol
-            The coordinate in m: how far the body is along the rail.
+        distance : dynamicsymbol or Expr
+            The coordinate in m: how far the body is along the rail; or an expression in those of
+            other joints, with a ``name``.
         direction : pair of float
             Of the rail, in the frame of this body.
         force : Expr

@@ -181,8 +181,9 @@ class Body(Member):
 
         Parameters
         ----------
-        angle : dynamicsymbol
-            The coordinate in rad, by which the body is turned from this one.
+        angle : dynamicsymbol or Expr
+            The coordinate in rad, by which the body is turned from this one; or an expression in
+            those of other joints, which it follows as a gear does, with a ``name``.
         axis : {"x", "y", "z"} or triple of float
             Of the hinge, in the frames of both bodies.
         zero : Expr
@@ -236,8 +237,9 @@ class Body(Member):
 
         Parameters
         ----------
-        distance : dynamicsymbol
-            The coordinate in m: how far the body is along the rail.
+        distance : dynamicsymbol or Expr
+            The coordinate in m: how far the body is along the rail; or an expression in those of
+            other joints, with a ``name``.
         axis : {"x", "y", "z"} or triple of float
             Of the rail, in the frames of both bodies.
         force : Expr

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from dmoc.results.simulation import Simulation as Simulation
     from dmoc.results.simulation import simulate as simulate
     from dmoc.results.solution import Solution as Solution
+    from dmoc.robots.robot import read_robot as read_robot
     from dmoc.sequences.search import search as search
     from dmoc.solving.many import solve_many as solve_many
     from dmoc.solving.sensitivity import sensitivities as sensitivities
@@ -112,6 +113,7 @@ _PLACES = {
     "identifiable": "dmoc.fitting.fit",
     "derive": "dmoc.inspection.system_derivation",
     "load": "dmoc.models.registry",
+    "read_robot": "dmoc.robots.robot",
     "search": "dmoc.sequences.search",
     "sensitivities": "dmoc.solving.sensitivity",
     "simulate": "dmoc.results.simulation",

@@ -62,6 +62,9 @@ MAPPINGS = {
     *("design", "sigma"),
 }
 NAMES = {"bounds": "u", "parameters": "m", "restitution": "wall", "design": "wall"}
+PENDULUM = """<robot name="pendulum"><link name="stand"/><link name="rod"><inertial>
+<mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hip" type="continuous"><parent link="stand"/><child link="rod"/></joint></robot>"""
 PARTS = 4  # of all functions, for a processor each
 # What Python and NumPy say.
 FOREIGN = re.compile(
@@ -110,7 +113,10 @@ def calls(
     t = np.linspace(0, 1, 12)
     runs = {"t": t, "x": 0.4 * t**2 + 0.01 * np.sin(90 * t), "u": np.ones(12)}
     fitted = {"problem": problem, "runs": runs, "parameters": {"m": (0.5, 2)}}
+    urdf = tmp_path_factory.mktemp("robots") / "pendulum.urdf"
+    urdf.write_text(PENDULUM)
     functions: dict[str, dict[str, Any]] = {
+        "read_robot": {"path": urdf},
         "solve": {"problem": problem, "method": "ipm", "starts": 1, "iterations": 20} | quick,
         "solve_many": {"problems": [problem]} | quick,
         "sweep": {"problem": problem, "parameters": {"m": [1.0]}} | quick,
@@ -174,7 +180,7 @@ def calls(
         "report": "a.html", "animate": "a.html", "t": 0.1, "phase": 0, "content": b"",
         "method": method, "model": method, "name": "a", "parameters": {M: 1.0},
         "starts": 2, "elapsed": 0.1, "instances": [{}], "run": runs,
-        "other": dmoc.attitude((1, 0, 0, 0)),
+        "other": dmoc.attitude((1, 0, 0, 0)), "link": "rod",
     }  # fmt: skip
     objects = {
         "Solution": solution, "Simulation": moved, "Problem": problem, "system": system,
@@ -183,6 +189,7 @@ def calls(
         "derivation": dmoc.derive(system), "state": solution.at(0.1),
         "attitude": dmoc.attitude((1, 0, 0, 0)),
         "loaded": dmoc.load_solver(carried), "fit": dmoc.fit(**fitted),
+        "robot": dmoc.read_robot(urdf),
     }  # fmt: skip
     # Of a mapping, whose keys are Python's business, and what a simulation asks of a feedback.
     inherited = {"get", "fits", "span", "steer"}

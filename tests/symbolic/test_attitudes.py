@@ -151,3 +151,10 @@ def test_a_joint_without_a_mass_of_its_own_has_a_regular_mass_matrix() -> None:
     values = dict(zip(system.coordinates, (1, 0, 0, 0, 0), strict=True))
     (across,) = sp.hessian(system.lagrangian, system.velocities[:1]).subs(values)
     assert across == 4
+
+
+def test_the_name_of_an_attitude_may_end_with_a_digit() -> None:
+    world = dmoc.spatial.World()
+    world.ball("wrist1", inertia=(1, 1, 1))
+    names = [str(p.func) for p in world.system("ball", cost=1).coordinates]
+    assert names == ["wrist10", "wrist11", "wrist12", "wrist13"]

@@ -312,6 +312,25 @@ def test_a_joint_may_be_moved_by_coordinates(
 
 
 @pytest.mark.parametrize("module", [dmoc.planar, dmoc.spatial])
+def test_a_joint_may_follow_others(module: Any) -> None:
+    """A gear that a torque drives, whose work is that of its shaft, and what is refused of it."""
+    axis = () if module is dmoc.planar else ("z",)
+    own = l if module is dmoc.planar else (0, 0, l)
+    world = module.World()
+    world.hinge(a, *axis, mass=0, inertia=own)
+    world.hinge(3 * a + 1, *axis, name="gear", mass=0, inertia=own, torque=u)
+    system = world.system("geared", {l: 2.0}, inputs=[u])
+    assert system.coordinates == (a,) and system.forces == {a: 3 * u}
+    assert sp.simplify(system.mass_matrix[0] - 10 * l) == 0
+    with pytest.raises(ModelError, match=r"joint follows 2\*a.* give it a name, such as name="):
+        world.hinge(2 * a, *axis)
+    with pytest.raises(ModelError, match="body cog follows b, which no joint has yet"):
+        world.hinge(a + b, *axis, name="cog", torque=u)
+    with pytest.raises(ModelError, match="is not a function of time"):
+        world.hinge(2 * l, *axis, name="cog")
+
+
+@pytest.mark.parametrize("module", [dmoc.planar, dmoc.spatial])
 def test_what_a_world_refuses(module: Any) -> None:
     axis = () if module is dmoc.planar else ("z",)
     world = module.World()
