@@ -50,7 +50,8 @@ LONGEST += ["dmoc.solvers.compiled", "dmoc.guess.tracker"]
 SHARED = "dmoc.codegen.memoryviews"
 KERNEL = "codegen/dmoc_kernel.h"
 PARTS = [f"simulation/{name}.pxi" for name in ("rows", "conditions", "dynamics", "dop853", "gaps")]
-FREE = [f"check/free_{name}.pxi" for name in ("sizes", "steps", "costs", "parts", "run")]
+FREE = [f"check/free_{name}.pxi" for name in ("sizes", "steps", "costs", "paths", "limits")]
+FREE += [f"check/free_{name}.pxi" for name in ("parts", "run")]
 LEGS = [f"simulation/{name}.pxi" for name in ("leg", "leg_surfaces")]
 # Without symbols for debuggers, which take a third of the time of the compiler.
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-g0"]

@@ -4,14 +4,17 @@ needs no words."""
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from dmoc.base.deadline import Deadline
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import SimulationError
+from dmoc.base.names import velocity_name
 from dmoc.check.checked_motion import check_shapes, out_of_time
 from dmoc.check.free_motion import FreeMotion
+from dmoc.check.limit_functions import bounds_of
 from dmoc.check.verdict import PASSING, TERMINAL, Verification
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.contacts import Contacts
@@ -19,8 +22,9 @@ from dmoc.mechanics.model_values import parameter_rows, restitution_row
 from dmoc.motion.trajectory import Collision, Trajectory
 from dmoc.simulation.flow import SurfaceContact
 
-# Coordinates and surfaces that compiled code has room for: of a state, and of gaps along a step.
-MOST_COORDINATES, MOST_SURFACES = 30, 50
+# Coordinates, surfaces, inputs, and path constraints and bounds that compiled code has room for: of
+# a state, of gaps along a step, and of functions of a state.
+MOST_COORDINATES, MOST_SURFACES, MOST_INPUTS, MOST_LIMITS = 30, 50, 60, 60
 # Errors in the order in which they are measured, by the names of PASSING.
 ERRORS = (
     "step error",
@@ -29,6 +33,7 @@ ERRORS = (
     "error of the law of impact relative to its own rates",
     "error of the cost",
     "phase error",
+    "excess of a path constraint",
 )
 
 
@@ -48,7 +53,7 @@ def passing(trajectory: Trajectory, kernels: Kernels, deadline: Deadline) -> Ver
     par = parameter_rows(*stated)
     if len(par) > 1:
         return None
-    check = FreeMotion(kernels, DISCRETISATIONS[trajectory.order].nodes[2:].copy())
+    check = FreeMotion(kernels, DISCRETISATIONS[trajectory.order])
     arrays = arrays_of(trajectory, kernels, restitution)
     found = check.measured(par, arrays, trajectory.cost, partial(out_of_time, deadline))
     if found is None:
@@ -76,6 +81,7 @@ def passing(trajectory: Trajectory, kernels: Kernels, deadline: Deadline) -> Ver
         penetration,
         excess,
         tuple(SurfaceContact(surfaces[j], time, jump) for j, time, jump in contacts),
+        path_excess=measured["excess of a path constraint"],
         phase_error=measured["phase error"],
         cost_error=measured["error of the cost"],
     )
@@ -85,20 +91,24 @@ def _is_free(kernels: Kernels) -> bool:
     """Whether nothing of a model but surfaces without ends, friction and laws holds a motion."""
     facts = kernels.manifest
     small = len(kernels.coordinates) <= MOST_COORDINATES and len(kernels.surfaces) <= MOST_SURFACES
+    small = small and len(kernels.inputs) <= MOST_INPUTS
     return (
         kernels.compiled
         and small
         and not (kernels.joints or kernels.tangents or kernels.integrals or kernels.hit_quantities)
-        and not (facts.path_constraints or facts.within or facts.grips or facts.crossings)
+        and not (facts.within or facts.grips or facts.crossings)
         and not any(map(kernels.has, ("objective", "rebound")))
     )
 
 
 def _goes_freely(trajectory: Trajectory, kernels: Kernels) -> bool:
-    """Whether a motion consists of free phases and hits, within no limits of rates."""
+    """Whether a motion consists of free phases and hits, within few limits of velocities."""
     free = all(phase.free and phase.steps for phase in trajectory.phases)
     known = all(c.surface in kernels.surfaces for c in trajectory.collisions)
-    return free and known and not trajectory.limits and all(map(_is_hit, trajectory.collisions))
+    bounds = bounds_of(trajectory, kernels)
+    few = len(kernels.manifest.path_constraints) + len(bounds) <= MOST_LIMITS
+    few = few and set(trajectory.limits) <= set(map(velocity_name, kernels.coordinates))
+    return free and known and few and all(map(_is_hit, trajectory.collisions))
 
 
 def _is_hit(c: Collision) -> bool:
@@ -108,14 +118,14 @@ def _is_hit(c: Collision) -> bool:
     return not c.impulses or dict(c.impulses) == {c.surface: c.impulse}
 
 
-def arrays_of(
-    trajectory: Trajectory, kernels: Kernels, restitution: Array
-) -> tuple[np.ndarray, ...]:
+def arrays_of(trajectory: Trajectory, kernels: Kernels, restitution: Array) -> tuple[Any, ...]:
     """The arrays of a motion that a compiled check takes: q, v and p (n, nq) at the nodes of all
     phases, their times (n,), the first nodes of the phases and n; inputs at both ends of the steps
     (N, nu), positions inside (N places, nq); of each event the surface, its time and impulse
     (events, 2), the position and the momenta before and after it (events, 3, nq); bounds of
-    coordinates and inputs, coefficients of restitution, and the surfaces that are watched."""
+    coordinates and inputs, coefficients of restitution, the surfaces that are watched, bounds of
+    velocities (bounds, 3) as the coordinate, the sign and the value, and whether inputs are
+    constant in a step."""
     phases, events, nq = trajectory.phases, trajectory.collisions, len(trajectory.coordinates)
     q, v, p, t = (np.concatenate([getattr(phase, name) for phase in phases]) for name in "qvpt")
     begins = np.cumsum([0, *(len(phase.t) for phase in phases)])
@@ -130,8 +140,11 @@ def arrays_of(
     recorded = np.array(states, dtype=float).reshape(-1, 3, nq)
     watched = np.array([name not in trajectory.ignored for name in surfaces], dtype=np.uint8)
     boxes = (np.array(box, dtype=float).reshape(-1, 2) for box in _boxes(trajectory))
+    bounds = [(b.place, b.sign, b.value) for b in bounds_of(trajectory, kernels)]
+    rates, constant = np.array(bounds, dtype=float).reshape(-1, 3), not trajectory.input_form.width
     return (
-        q, v, p, t, begins, u0, u1, inside, hit, numbers, recorded, *boxes, restitution, watched
+        q, v, p, t, begins, u0, u1, inside, hit, numbers, recorded, *boxes, restitution, watched,
+        rates, constant,
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ cdef struct Part:
 cdef class FreeCosts(FreeSteps):
     """The cost of a free motion."""
     cdef Rows running_cost, terminal_cost
-    cdef double[::1] place_q, place_v, place_u, place_t, costs, curvatures, looks, needed
+    cdef double[::1] place_x, place_q, place_v, place_u, place_t, costs, curvatures, looks, needed
     cdef double cost_error
 
     def __init__(self, kernels, inside):
@@ -30,23 +30,22 @@ cdef class FreeCosts(FreeSteps):
             self.terminal_cost = Rows(kernels, "terminal_cost")
         self.place_q, self.place_v = _space(places * nq), _space(places * nq)
         self.place_u, self.place_t = _space(places * self.nu), _space(places)
+        self.place_x = _space(places)
         self.costs, self.curvatures = _space(places), _space(places * self.nu)
         self.needed = _space(self.nu)
 
     def _costs(self):
         self.looks = _space(3 * self.N)
 
-    cdef int price(
-        self, ptrdiff_t k, double begin, double part, const double[::1] shares
-    ) except -1 nogil:
-        """The integrand of the cost at shares of a part of a step, whose places are kept."""
-        cdef const double *args[DMOC_MOST]
-        cdef ptrdiff_t stride[DMOC_MOST]
-        cdef double *results[DMOC_MOST]
-        cdef ptrdiff_t nq = self.nq, nu = self.nu, count = shares.shape[0], s, i, b, c
+    cdef void states_at(
+        self, ptrdiff_t k, ptrdiff_t count, const double *shares, double *q, double *v, double *u,
+        double *t
+    ) noexcept nogil:
+        """States at shares of a step: rows of q, v and u, and times."""
+        cdef ptrdiff_t nq = self.nq, nu = self.nu, s, i, b, c
         cdef double data[6]
         cdef double factor[6]
-        cdef double h = self.h[k], x, place, rate
+        cdef double h = self.h[k], place, rate
         cdef const double *end = &self.stop[k * (2 * nq + 1)]
         for i in range(nq):
             data[0], data[1] = self.q[self.node(k), i], h * self.v[self.node(k), i]
@@ -57,19 +56,33 @@ cdef class FreeCosts(FreeSteps):
                 for b in range(6):
                     factor[c] += QUINTIC[c, b] * data[b]
             for s in range(count):
-                x, place, rate = begin + part * shares[s], 0.0, 0.0
+                place = rate = 0.0
                 for c in range(5, -1, -1):
-                    place = place * x + factor[c]
+                    place = place * shares[s] + factor[c]
                     if c:
-                        rate = rate * x + c * factor[c]
-                self.place_q[s * nq + i], self.place_v[s * nq + i] = place, rate / h
+                        rate = rate * shares[s] + c * factor[c]
+                q[s * nq + i], v[s * nq + i] = place, rate / h
         for s in range(count):
-            x = begin + part * shares[s]
-            self.place_t[s] = self.T[self.node(k)] + x * h
+            t[s] = self.T[self.node(k)] + shares[s] * h
             for i in range(nu):
-                self.place_u[s * nu + i] = self.u_begin[k, i] + x * (
+                u[s * nu + i] = self.u_begin[k, i] + shares[s] * (
                     self.u_end[k, i] - self.u_begin[k, i]
                 )
+
+    cdef int price(
+        self, ptrdiff_t k, double begin, double part, const double[::1] shares
+    ) except -1 nogil:
+        """The integrand of the cost at shares of a part of a step, whose places are kept."""
+        cdef const double *args[DMOC_MOST]
+        cdef ptrdiff_t stride[DMOC_MOST]
+        cdef double *results[DMOC_MOST]
+        cdef ptrdiff_t nq = self.nq, nu = self.nu, count = shares.shape[0], s
+        for s in range(count):
+            self.place_x[s] = begin + part * shares[s]
+        self.states_at(
+            k, count, &self.place_x[0], &self.place_q[0], &self.place_v[0], &self.place_u[0],
+            &self.place_t[0]
+        )
         args[0], args[1], args[2] = &self.place_q[0], &self.place_v[0], &self.place_u[0]
         args[3], args[4] = &self.place_t[0], &self.par[0]
         stride[0], stride[1], stride[2], stride[3], stride[4] = nq, nq, nu, 1, 0

@@ -1,9 +1,9 @@
 """The check of motions that are free between hits, compiled."""
 
 from collections.abc import Callable
+from typing import Any
 
-import numpy as np
-
+from dmoc.base.discretisation import Discretisation
 from dmoc.codegen.kernels import Array, Kernels
 
 class FreeMotion:
@@ -13,11 +13,11 @@ class FreeMotion:
     size_rate: Array
     energy_size: float
     acceleration: float
-    def __init__(self, kernels: Kernels, inside: Array) -> None: ...
+    def __init__(self, kernels: Kernels, scheme: Discretisation) -> None: ...
     def measured(
         self,
         par: Array,
-        motion: tuple[np.ndarray, ...],
+        motion: tuple[Any, ...],
         claim: float,
         check_time: Callable[[], None],
     ) -> tuple[tuple[float, ...], Array, list[tuple[int, float, float]]] | None: ...

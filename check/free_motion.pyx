@@ -18,6 +18,7 @@ import dmoc.check.amplification as _amplification
 import dmoc.check.arcs as _arcs
 import dmoc.check.checked_motion as _motion
 import dmoc.check.consistency as _plan
+import dmoc.check.depth as _depth
 import dmoc.check.events as _events
 import dmoc.check.integrals as _integrals
 import dmoc.check.integrated_steps as _steps
@@ -52,6 +53,8 @@ include "gaps.pxi"
 include "free_sizes.pxi"
 include "free_steps.pxi"
 include "free_costs.pxi"
+include "free_paths.pxi"
+include "free_limits.pxi"
 include "free_parts.pxi"
 include "free_run.pxi"
 
@@ -62,26 +65,29 @@ cdef class FreeMotion(FreeRun):
     Parameters
     ----------
     kernels : Kernels
-    inside : array of shape (order / 2 - 1,)
-        Where in a step its inner nodes are.
+    scheme : Discretisation
+        That of its order.
     """
 
     def measured(self, par, motion, double claim, check_time):
         """Measure a motion with the parameters par (1, npar) that says it costs ``claim``.
 
-        ``motion`` is that of :func:`dmoc.check.plain.arrays_of`.
+        ``motion`` is that of :func:`dmoc.check.compiled.arrays_of`.
 
         Returns
         -------
         None, or tuple
             None where it is out of order.  Otherwise the errors of steps, energy, the law of impact
-            and that relative to its own rates, of the cost, of phases and the end, penetration,
-            the excess of limits and the amplification; errors of the segments, shape (n,); and
-            the contacts of the open-loop run as (surface, time, jump).
+            and that relative to its own rates, of the cost, of phases, the excess of path
+            constraints, the error of the end, penetration, the excess of limits and the
+            amplification; errors of the segments, shape (n,); and the contacts of the open-loop run
+            as (surface, time, jump).
         """
         cdef bint passes
         self.check_time = check_time
-        self.load(par, motion)
+        *states, rates, constant = motion
+        self.load(par, states)
+        self.limit(rates, constant)
         with nogil:
             passes = self.passes(claim)
         if not passes:
@@ -89,7 +95,7 @@ cdef class FreeMotion(FreeRun):
         contacts = [(c.surface, c.time, c.jump) for c in self.contacts[: self.contact_count]]
         errors = (
             self.step_error, self.energy_error, self.law_error, self.own_error, self.cost_error,
-            self.phase_error, self.terminal, self.penetration, self.limit_excess,
+            self.phase_error, self.path_excess, self.terminal, self.penetration, self.limit_excess,
             self.amplification,
         )
         return errors, np.array(self.segment_errors[: self.S]), contacts
@@ -100,10 +106,10 @@ cdef class FreeMotion(FreeRun):
         if not (self.measure_sizes() and self.holds_together()):
             return False
         self.integrate_steps()
-        if not (self.judge_steps() and self.judge_cost(claim) and self.judge_hits()):
+        if not (self.judge_steps() and self.judge_cost(claim) and self.judge_limits()):
             return False
         self.integrate_segments()
         return (
-            self.judge_segments() and self.carry_errors() and self.run_open()
+            self.judge_hits() and self.judge_segments() and self.carry_errors() and self.run_open()
             and self.run_segments()
         )

@@ -5,7 +5,7 @@ cdef double SOFT = _events.SOFT, PERTURBED = _passages.PERTURBED, STEADY = _ampl
 cdef ptrdiff_t SEGMENTS = _motion.SEGMENTS
 
 
-cdef class FreeParts(FreeCosts):
+cdef class FreeParts(FreeLimits):
     """Segments and hits of a free motion."""
     cdef ptrdiff_t S  # segments
     # Of each segment its phase, its first step and the one behind its last, and the rows (q | v | X);

@@ -14,10 +14,11 @@ from dmoc.base.names import velocity_name
 from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
 from dmoc.check.integrated_steps import IntegratedSteps
-from dmoc.codegen.kernels import Array
+from dmoc.codegen.kernels import Array, Kernels
 from dmoc.codegen.manifest import FunctionFacts
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
+from dmoc.motion.trajectory import Trajectory
 from dmoc.simulation.flow import PLACES
 
 Bools = NDArray[np.bool_]
@@ -37,6 +38,18 @@ class Bound:
     place: int
 
 
+def bounds_of(trajectory: Trajectory, kernels: Kernels) -> tuple[Bound, ...]:
+    """The bounds of velocities and quantities that a motion has beside those of integrals and of
+    quantities of hits."""
+    rates, bounds = [velocity_name(q) for q in kernels.coordinates], list[Bound]()
+    for name, box in trajectory.limits.items():
+        if name not in (*kernels.integrals, *kernels.hit_quantities):
+            of = rates if name in rates else kernels.quantities
+            sides = [(s, e) for s, e in zip((1.0, -1.0), box, strict=True) if np.isfinite(e)]
+            bounds += [Bound(name, *side, name in rates, of.index(name)) for side in sides]
+    return tuple(bounds)
+
+
 @record(frozen=True, eq=False)
 class LimitFunctions:
     """The m functions r >= 0 of a motion, those of path constraints before those of bounds; states
@@ -47,14 +60,7 @@ class LimitFunctions:
 
     @classmethod
     def of(cls, motion: Motion) -> LimitFunctions:
-        kernels, bounds = motion.model.kernels, list[Bound]()
-        rates = [velocity_name(q) for q in kernels.coordinates]
-        for name, box in motion.trajectory.limits.items():
-            if name not in (*kernels.integrals, *kernels.hit_quantities):
-                of = rates if name in rates else kernels.quantities
-                sides = [(s, e) for s, e in zip((1.0, -1.0), box, strict=True) if np.isfinite(e)]
-                bounds += [Bound(name, *side, name in rates, of.index(name)) for side in sides]
-        return cls(motion, tuple(bounds))
+        return cls(motion, bounds_of(motion.trajectory, motion.model.kernels))
 
     @property
     def model(self) -> Model:

@@ -123,7 +123,8 @@ def solve_many(
     progress: Listener[BatchProgress] = None,
     **options: Any,
 ) -> Batch:
-    """Solve many problems, each as :func:`dmoc.solve` does, and check each solution by simulation.
+    """Solve many problems, each as :func:`dmoc.solve` does, and check each solution by simulation;
+    how many steps confirm one that this contradicts is told by :func:`dmoc.solve` alone.
 
     Parameters
     ----------

@@ -35,8 +35,9 @@ class Request:
     finer meshes do not lead there, an error up to ``loose`` that the check confirms is a solution
     too.  ``refining`` is the method of other meshes than that of the answer.  ``thorough`` is
     whether starts go on as long as there is time and better minima may not have been met, and other
-    forms of the problem are tried where no start leads to a motion.  ``given`` names the start that
-    the guess is.
+    forms of the problem are tried where no start leads to a motion.  ``names_steps`` is whether
+    finer meshes are solved for one that the check confirms, where it contradicts the answer on its
+    own.  ``given`` names the start that the guess is.
     """
 
     method: Method
@@ -51,6 +52,7 @@ class Request:
     most: int | None = None
     refining: Method = METHODS[REFINING]
     thorough: bool = False
+    names_steps: bool = True
     given: str = GIVEN
 
     def within(self, **limits: Any) -> Request:

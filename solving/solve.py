@@ -151,9 +151,11 @@ def solved(
     thorough: bool = False,
 ) -> Solution:
     """Solve a problem with keywords that were read, from a guess that was loaded; a thorough
-    solve uses the time limit to its end, and tries other forms where no start leads to a motion."""
+    solve uses the time limit to its end, tries other forms where no start leads to a motion, and
+    says with how many steps the check confirms an answer that it contradicts."""
     request, reference = request_of(problem, keywords), keywords.reference
-    request = replace(request, thorough=thorough and not problem.open_hits)
+    lasts = thorough and not problem.open_hits
+    request = replace(request, thorough=lasts, names_steps=thorough)
     check_hits(problem)
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))

@@ -41,8 +41,9 @@ def naming_steps(answer: Solution, case: Case) -> Solution:
     Meshes are solved from the motion before: the first one by the order of the discretisation,
     others by the order that the errors have shown.
     """
-    problem, contradicted = case.problem, answer.status is Status.NOT_VERIFIED
-    if not contradicted or answer.verification is None or case.request.tolerance is not None:
+    problem, request = case.problem, case.request
+    contradicted = answer.status is Status.NOT_VERIFIED and answer.verification is not None
+    if not (contradicted and request.names_steps) or request.tolerance is not None:
         return answer
     tried, order, coarse = list[Solution](), float(problem.order), answer
     while len(tried) < TRIED and coarse.verification is not None:

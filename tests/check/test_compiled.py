@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, bouncer_problem, dropped_ball, there_and_back, unit_mass
 
@@ -119,6 +120,31 @@ def ignored() -> dmoc.Problem:
     )
 
 
+def course() -> Kernels:
+    """A mass goes around a disc and past a wire, with limits of its power and of its height."""
+    x, y, u, w = dynamicsymbols("x y u w")
+    t, (r, s, b, P, z) = dynamicsymbols._t, sp.symbols("r s b P z")
+    system = dmoc.MechanicalSystem(
+        "course", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2,
+        {r: 0.3, s: 0.1, b: -0.2, P: 11.0, z: 0.2}, [u, w], {x: u, y: w}, cost=(u**2 + w**2) / 2,
+        path_constraints={
+            "disc": x**2 + (y + 0.1) ** 2 >= r**2, "wire": (x - 0.5) ** 2 + (y - b) ** 2 >= s**2,
+            "power": u * x.diff() <= P, "roof": y <= z + t / 3,
+        },
+    )  # fmt: skip
+    return dmoc.build(system)
+
+
+@case("around a disc, with limits of velocities")
+def around() -> dmoc.Problem:
+    rest = {"y": 0, "x_dot": 0, "y_dot": 0}
+    return dmoc.Problem(
+        course(),
+        start={"x": -1, **rest}, goal={"x": 1, **rest}, steps=60, final_time=1.0,
+        bounds={"x_dot": (None, 2.8), "y_dot": (-2, None)},
+    )  # fmt: skip
+
+
 @pytest.fixture(scope="module", params=[*CASES])
 def motion(request: pytest.FixtureRequest) -> Case:
     return CASES[request.param]()
@@ -164,7 +190,7 @@ def test_both_have_the_same_sizes(
     good = changed(good)
     with np.errstate(all="ignore"):
         sizes = Motion.of(good, kernels, ENDLESS).sizes
-    check = FreeMotion(kernels, DISCRETISATIONS[good.order].nodes[2:].copy())
+    check = FreeMotion(kernels, DISCRETISATIONS[good.order])
     restitution = restitution_row(kernels, good.restitution, SimulationError)
     par = parameter_rows(kernels, good.parameters, len(good.phases), SimulationError)
     check.measured(par, arrays_of(good, kernels, restitution), good.cost, lambda: None)
@@ -250,8 +276,33 @@ def test_what_rests_or_is_limited_or_large_is_left_to_the_other(
     assert passing(free.trajectory, kernels, ENDLESS) is None
     monkeypatch.undo()
     assert passing(free.trajectory, kernels, ENDLESS) is not None
-    limited = dmoc.solve(problem.but(bounds={"x_dot": (-9, 9)}), starts=1, verify=False)
-    assert passing(limited.trajectory, kernels, ENDLESS) is None
+
+
+def excess(good: Trajectory, kernels: Kernels) -> float:
+    """The excess of limits that compiled code measures."""
+    par = parameter_rows(kernels, good.parameters, len(good.phases), SimulationError)
+    check = FreeMotion(kernels, DISCRETISATIONS[good.order])
+    found = check.measured(par, arrays_of(good, kernels, np.ones(0)), good.cost, lambda: None)
+    assert found is not None
+    return found[0][6]
+
+
+def test_excesses_of_limits_are_the_same() -> None:
+    """Of motions that exceed them: a thin wire that is met between two nodes among them."""
+    problem = around()
+    kernels = problem.kernels
+    good = dmoc.solve(problem, "ipm", starts=1, verify=False).trajectory
+    met = np.interp(0.5, *good.phases[0].q.T)
+    for changed, limits in (
+        ({"r": 0.303}, {}), ({"r": 0.33}, {}), ({"s": 0.3}, {}), ({"P": 10.9}, {}),
+        ({"P": 3.0}, {}), ({"z": 0.15}, {}), ({"z": -2.0}, {}), ({}, {"x_dot": (-9, 2.7)}),
+        ({}, {"y_dot": (-1, 1)}), ({"s": 1e-3, "b": met}, {}),
+    ):  # fmt: skip
+        moved = replace(good, parameters={**good.parameters, **changed}, limits=limits)
+        slow = judged_by_steps(moved, kernels, ENDLESS).path_excess
+        assert slow > 1e-4
+        assert excess(moved, kernels) == pytest.approx(slow, rel=1e-9)
+        assert (passing(moved, kernels, ENDLESS) is not None) <= (slow <= 0.005)
 
 
 def test_shapes_and_time_are_looked_at() -> None:

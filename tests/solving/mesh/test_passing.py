@@ -71,6 +71,12 @@ def test_the_number_of_steps_that_is_named_passes(name: str, steps: int) -> None
     assert steps < enough.steps[0] <= max(4.0, by_order) * steps + 1
 
 
+def test_a_batch_solves_no_finer_meshes() -> None:
+    batch = dmoc.solve_many([crane(15)], "ipm")
+    assert batch.status == ("not_verified",)
+    assert batch.message[0].endswith("too coarse, take more steps")
+
+
 @pytest.fixture(scope="module")
 def confirmed() -> dmoc.Solution:
     return dmoc.solve(rest_to_rest(10), "ipm", starts=1)
