@@ -25,6 +25,9 @@ from dmoc.simulation.flow import SurfaceContact
 # Coordinates, surfaces, inputs, and path constraints and bounds that compiled code has room for: of
 # a state, of gaps along a step, and of functions of a state.
 MOST_COORDINATES, MOST_SURFACES, MOST_INPUTS, MOST_LIMITS = 30, 50, 60, 60
+# Of each state that is looked at it keeps some values of each function, some ten states a step and
+# function: at most so many steps times squares of the number of functions.
+MOST_SQUARES = 300_000
 # Errors in the order in which they are measured, by the names of PASSING.
 ERRORS = (
     "step error",
@@ -106,7 +109,9 @@ def _goes_freely(trajectory: Trajectory, kernels: Kernels) -> bool:
     free = all(phase.free and phase.steps for phase in trajectory.phases)
     known = all(c.surface in kernels.surfaces for c in trajectory.collisions)
     bounds = bounds_of(trajectory, kernels)
-    few = len(kernels.manifest.path_constraints) + len(bounds) <= MOST_LIMITS
+    limits = len(kernels.manifest.path_constraints) + len(bounds)
+    steps = sum(phase.steps for phase in trajectory.phases)
+    few = limits <= MOST_LIMITS and steps * limits**2 <= MOST_SQUARES
     few = few and set(trajectory.limits) <= set(map(velocity_name, kernels.coordinates))
     return free and known and few and all(map(_is_hit, trajectory.collisions))
 
