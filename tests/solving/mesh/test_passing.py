@@ -143,7 +143,7 @@ def test_the_order_that_the_errors_show_counts(
         s = dmoc.solve(fine, "ipm", starts=1)
         return s if excess <= 1 else contradicting(s, excess)
 
-    asked = SimpleNamespace(tolerance=None)
+    asked = SimpleNamespace(tolerance=None, names_steps=True)
     case: Any = SimpleNamespace(problem=rest_to_rest(10), request=asked, along=along)
     answer = naming_steps(contradicting(confirmed, 2.1), case)
     assert answer.status == "not_verified" and answer.steps == (10,)
