@@ -129,6 +129,7 @@ extensions += [
         ["proving/branch.pyx", *sorted(map(str, Path("proving").glob("*.c")))],
         depends=sorted(map(str, Path("proving").glob("*.h"))),
         include_dirs=["proving"],
+        libraries=["pthread"],
         extra_compile_args=SOLVER_FLAGS,
     ),
     Extension(

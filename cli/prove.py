@@ -28,6 +28,7 @@ def prove(
     ] = 1e-4,
     seconds: Annotated[float, option(help="Limit of all, in seconds.")] = 60.0,
     seed: Annotated[int, option(help="Seed of the random starts of the solve.")] = 0,
+    workers: Annotated[int, option(help="Threads that bound boxes.")] = 1,
     journal: Annotated[
         Path | None,
         option(metavar="FILE", help="Keep what is left to do, and go on with it, in this file."),
@@ -47,7 +48,9 @@ def prove(
     fields = problem_fields(reference.defaults, course, stated)
     prepare(target, json_)
     problem = stated_problem(reference, stated.order, fields)
-    proof = proved(problem, gap, seconds, seed=seed, journal=journal, progress=True)
+    proof = proved(
+        problem, gap, seconds, seed=seed, workers=workers, journal=journal, progress=True
+    )
     files: list[Path] = []
 
     def save() -> None:

@@ -3,12 +3,11 @@
 #include "box.h"
 #include "convex.h"
 #include "dual.h"
+#include "ends.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-/* How often conditions that the motion of a centre violates are priced there. */
-#define MOST_ROUNDS 3
 /* Every so many boxes a motion is looked for in the middle of one: in any until there is one, then
  * where the centre promises a better one. */
 #define OFTEN 16
@@ -16,10 +15,12 @@
  * are tried too, or are all that is tried. */
 #define NARROW 1.3
 #define WIDE 1.5
+/* The centre and two ends. */
+#define POINTS 3
 
-int engine_begin(Engine *e, const Problem *p)
+int engine_begin(Engine *e, const Problem *p, int workers)
 {
-    size_t lines = 0, inputs = 0, s = 2 * p->phase[0].r;
+    size_t lines = 0, inputs = 0, s = p->spreads;
     memset(e, 0, sizeof *e);
     e->problem = p;
     e->best = INFINITY;
@@ -30,9 +31,9 @@ int engine_begin(Engine *e, const Problem *p)
     }
     const size_t costates = (size_t)p->phases * MOST_COSTATE * (MOST_MULTIPLIERS + 1);
     const size_t rows = (inputs + s) * (MOST_MULTIPLIERS + 1);
-    const size_t numbers = costates + rows + inputs + s;
+    const size_t of_point = costates + rows + inputs + s, numbers = POINTS * of_point;
     e->memory = calloc(1, lines * sizeof(line) + numbers * sizeof(double) + inputs * sizeof(Choice));
-    if (!e->memory || cache_begin(&e->cache, p))
+    if (!e->memory || cache_begin(&e->cache, p, workers))
         return 1;
     line *at = e->memory;
     for (int i = 0; i < p->phases; i++) {
@@ -40,10 +41,15 @@ int engine_begin(Engine *e, const Problem *p)
         e->values[i].linear = at, at += d;
         e->values[i].square = at, at += d * d;
     }
-    e->centre.costates = (double *)at;
-    e->centre.rows = e->centre.costates + costates;
-    e->centre.inputs = e->centre.rows + rows;
-    e->centre.choices = (Choice *)(e->centre.inputs + inputs + s);
+    double *number = (double *)at;
+    for (int i = 0; i < POINTS; i++, number += of_point) {
+        Point *point = i ? e->ends + i - 1 : &e->centre.at;
+        point->count = (int)inputs;
+        point->costates = number;
+        point->rows = number + costates;
+        point->inputs = point->rows + rows;
+    }
+    e->centre.choices = (Choice *)number;
     return 0;
 }
 
@@ -54,16 +60,22 @@ void engine_end(Engine *e)
     e->memory = 0;
 }
 
-/* The middle of a box, moved to where the final time is one that may be; 1 where there is none. */
-static int middle_of(const Problem *p, const double *low, const double *high, double *t)
+int box_has_time(const Problem *p, const double *low, const double *high)
 {
-    double sum = 0, least = 0, most = 0, room = 0;
+    double least = 0, most = 0;
+    for (int i = 0; i < p->phases; i++)
+        least += low[i], most += high[i];
+    return least <= p->latest * (1 + 1e-12) && most >= p->earliest * (1 - 1e-12);
+}
+
+/* The middle of a box, moved to where the final time is one that may be. */
+static void middle_of(const Problem *p, const double *low, const double *high, double *t)
+{
+    double sum = 0, room = 0;
     for (int i = 0; i < p->phases; i++) {
         t[i] = low[i] + (high[i] - low[i]) / 2;
-        sum += t[i], least += low[i], most += high[i];
+        sum += t[i];
     }
-    if (least > p->latest * (1 + 1e-12) || most < p->earliest * (1 - 1e-12))
-        return 1;
     const double excess = sum > p->latest ? sum - p->latest : sum < p->earliest ? sum - p->earliest : 0;
     for (int i = 0; i < p->phases; i++)
         room += (high[i] - low[i]) / 2;
@@ -71,7 +83,6 @@ static int middle_of(const Problem *p, const double *low, const double *high, do
         t[i] -= excess / room * (high[i] - low[i]) / 2;
         t[i] = t[i] < low[i] ? low[i] : t[i] > high[i] ? high[i] : t[i];
     }
-    return 0;
 }
 
 /* The best multipliers at the centres of the steps; conditions along the phases that the motion there
@@ -93,7 +104,9 @@ static int centre_at(Engine *e, const double *low, const double *high, double en
             if (!steps[i])
                 return 1;
         }
-        centre_maximise(p, t, steps, enough, c);
+        point_begin(p, c, t, steps, &c->at);
+        centre_maximise(p, 1, (const Point *[]){&c->at}, enough, c);
+        centre_choose(p, c);
         memcpy(multipliers, c->m, sizeof(double) * MOST_MULTIPLIERS);
         Priced worst;
         if (!c->converged || !(c->value < e->aim) || cache->count == MOST_PRICED ||
@@ -142,21 +155,37 @@ static void meet(Engine *e, const double *t, const double *multipliers)
     memcpy(e->at, t, sizeof e->at);
 }
 
+/* Bound by the dual at the multipliers of the centre, and its slopes there. */
+static double over_range(Engine *e, const Steps *const *steps, const double *t, const Range *range,
+                         double *widths, double *slope)
+{
+    const int n = e->problem->phases;
+    static _Thread_local jet box;
+    dual_jet(e, n, steps, t, range->wide, range->away, &box);
+    const double *low = range->below, *high = range->above;
+    const double bound =
+        fmax(box.v.lo, by_slopes(n, &box, low, high, range->least, range->most));
+    for (int i = 0; i < n; i++)
+        slope[i] = interval_mid(box.g0[i]);
+    if (!(bound < e->aim))
+        return bound;
+    return fmax(bound, by_curvature(n, &box, low, high, range->least, range->most, widths));
+}
+
 double box_bound(Engine *e, const double *low, const double *high, double enough,
                  double *multipliers, double *widths)
 {
     const Problem *p = e->problem;
     Centre *c = &e->centre;
     const int n = p->phases;
-    double t[MOST_PHASES], below[MOST_PHASES], above[MOST_PHASES], ratio = 1, bound = -INFINITY;
+    double t[MOST_PHASES], below[MOST_PHASES], above[MOST_PHASES], slope[MOST_PHASES];
+    double ratio = 1, bound = -INFINITY;
     interval wide[MOST_PHASES], away[MOST_PHASES];
     const Steps *steps[MOST_PHASES];
     const Value *values[MOST_PHASES];
-    static _Thread_local jet box;
     cache_trim(&e->cache);
-    if (middle_of(p, low, high, t))
-        return INFINITY;
-    const int often = e->boxes++ % OFTEN == 0;
+    middle_of(p, low, high, t);
+    const int often = e->number % OFTEN == 0;
     if (often && isinf(e->best))
         meet(e, t, multipliers);
     for (int i = 0; i < n; i++) {
@@ -206,14 +235,22 @@ double box_bound(Engine *e, const double *low, const double *high, double enough
         for (int i = 0; i < n && !(m.v.lo >= 0); i++)
             c->slope[i][j] = 0;
     }
-    dual_jet(e, n, steps, t, wide, away, &box);
-    least = interval_sub(interval_of(p->earliest), known).lo;
-    most = interval_sub(interval_of(p->latest), known).hi;
-    bound = fmax(bound, box.v.lo);
-    bound = fmax(bound, by_slopes(n, &box, below, above, least, most));
-    if (bound < e->aim)
-        bound = fmax(bound, by_curvature(n, &box, below, above, least, most, widths));
-    if (often && c->converged && c->value < e->best && !middle_of(p, low, high, t))
+    const Range range = {wide, away, below, above, interval_sub(interval_of(p->earliest), known).lo,
+                         interval_sub(interval_of(p->latest), known).hi};
+    bound = fmax(bound, over_range(e, steps, t, &range, widths, slope));
+    /* Where what is asked decides durations, the dual of the centre grows for ever. */
+    if (bound < e->aim && c->grows &&
+        !ends_maximise(e, low, high, t, &range, slope, enough, steps)) {
+        double others[MOST_PHASES];
+        const double by_ends = over_range(e, steps, t, &range, others, slope);
+        if (by_ends > bound) {
+            bound = by_ends;
+            memcpy(widths, others, sizeof others);
+        }
+    }
+    if (often && c->converged && c->value < e->best) {
+        middle_of(p, low, high, t);
         meet(e, t, multipliers);
+    }
     return bound;
 }

@@ -10,15 +10,19 @@ typedef struct {
     Cache cache;
     double aim;                 /* a cost below which nothing is of interest */
     double best, at[MOST_PHASES]; /* the least cost that was met, and its durations */
-    long boxes;                 /* that were looked at */
+    long number;                /* of the box */
     Centre centre;
+    Point ends[2];
     Value values[MOST_PHASES];  /* memory for values */
     void *memory;
 } Engine;
 
-/* Memory for bounds of a problem; 0, or 1 where there is none. */
-int engine_begin(Engine *engine, const Problem *problem);
+/* Memory for bounds of a problem, one of so many; 0, or 1 where there is none. */
+int engine_begin(Engine *engine, const Problem *problem, int workers);
 void engine_end(Engine *engine);
+
+/* Whether durations of a box add up to a final time that may be. */
+int box_has_time(const Problem *problem, const double *low, const double *high);
 
 /* A number that no motion with durations in a box costs less than; infinity where there are none.
  * ``multipliers`` are those of a larger box, and become those of this one; ``widths`` say by which

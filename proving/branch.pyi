@@ -3,6 +3,7 @@
 from dmoc.codegen.kernels import Array
 from dmoc.proving.linear import LinearProblem
 
+MOST_WORKERS: int
 LIMITS: tuple[int, int, int, int]
 
 class Branch:
@@ -15,6 +16,7 @@ class Branch:
         least_gap: float,
         scale: float,
         keep: int = 0,
+        workers: int = 1,
     ) -> None: ...
     def run(self, boxes: int) -> bool: ...
     def state(self) -> dict[str, Array]: ...

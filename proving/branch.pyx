@@ -8,7 +8,7 @@ import numpy as np
 
 
 cdef extern from "tree.h" nogil:
-    enum: MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS
+    enum: MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_THREADS
     int PROVED, GOING_ON, NO_MEMORY
     ctypedef struct Phase:
         int r, na, nb, steps, paths
@@ -33,31 +33,32 @@ cdef extern from "tree.h" nogil:
         const Phase *phase
         const Event *event
         Rows goal_zero, goal_most
-        const double *start_low
-        const double *start_high
+        const double *middle
+        int spreads
+        const double *spread
+        const double *tie
         const double *shortest
         const double *longest
         double earliest, latest, scale
-    ctypedef struct Engine:
+    ctypedef struct Tree:
         double best
         double *at
         long boxes
-    ctypedef struct Tree:
-        Engine engine
         double shed
         size_t count, width
         double *waiting
         size_t left, keep
         double *leaves
-    int tree_begin(Tree *, const Problem *, double, double, double, double, size_t)
+    int tree_begin(Tree *, const Problem *, int, double, double, double, double, size_t)
     void tree_end(Tree *)
     int tree_push(Tree *, const double *)
     int tree_run(Tree *, long)
     double tree_bound(const Tree *)
 
 
-# What the arrays of the engine have room for: phases, inputs of a step, numbers of a state,
-# multipliers.
+# Threads at most, and what the arrays of the engine have room for: phases, inputs of a step, numbers
+# of a state, multipliers.
+MOST_WORKERS = MOST_THREADS
 LIMITS = MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS
 
 
@@ -67,7 +68,7 @@ cdef class Branch:
     ``best`` is the cost of a motion that is known, infinite where there is none; without one,
     motions that cost ``limit`` or more are of no interest.  ``gap`` is relative to the least cost,
     and ``least_gap`` what it is at least.  Of the boxes that need not be divided further ``keep`` are
-    kept.
+    kept.  ``workers`` are threads; all that comes of it is the same for any number of them.
     """
     cdef Tree tree
     cdef Problem problem
@@ -77,7 +78,7 @@ cdef class Branch:
     cdef bint begun
 
     def __init__(self, linear, double best, double limit, double gap, double least_gap, double scale,
-                 size_t keep=0):
+                 size_t keep=0, int workers=1):
         cdef Py_ssize_t i
         self.held = []
         for i, phase in enumerate(linear.phases):
@@ -94,12 +95,12 @@ cdef class Branch:
         earliest, latest = linear.final_time
         self.problem = Problem(
             len(linear.phases), &self.phases[0], &self.events[0], self._rows(linear.goal_zero),
-            self._rows(linear.goal_most), self._numbers(linear.start[0]), self._numbers(linear.start[1]),
-            self._numbers(linear.durations[:, 0]),
+            self._rows(linear.goal_most), self._numbers(linear.start[0]), len(linear.start) - 1,
+            self._numbers(linear.start[1:]), self._numbers(linear.tie), self._numbers(linear.durations[:, 0]),
             self._numbers(linear.durations[:, 1]), earliest, latest, scale,
         )
         self.begun = True
-        if tree_begin(&self.tree, &self.problem, best, limit, gap, least_gap, keep):
+        if tree_begin(&self.tree, &self.problem, workers, best, limit, gap, least_gap, keep):
             raise MemoryError
 
     def __dealloc__(self):
@@ -135,17 +136,17 @@ cdef class Branch:
     @property
     def best(self):
         """The least cost that was met."""
-        return self.tree.engine.best
+        return self.tree.best
 
     @property
     def durations(self):
         """Durations at which that was, shape (phases,); zeros where ``best`` was given."""
-        return np.array([self.tree.engine.at[i] for i in range(self.problem.phases)])
+        return np.array([self.tree.at[i] for i in range(self.problem.phases)])
 
     @property
     def boxes(self):
         """How many boxes were looked at."""
-        return self.tree.engine.boxes
+        return self.tree.boxes
 
     @property
     def waiting(self):
@@ -192,8 +193,8 @@ cdef class Branch:
                 raise MemoryError
         if 0 < <size_t>done.shape[0] <= self.tree.keep:
             memcpy(self.tree.leaves, &done[0, 0], done.size * sizeof(double))
-        self.tree.shed, self.tree.engine.boxes, self.tree.left = numbers[0], <long>numbers[2], <size_t>numbers[3]
+        self.tree.shed, self.tree.boxes, self.tree.left = numbers[0], <long>numbers[2], <size_t>numbers[3]
         if numbers[1] < self.best:
-            self.tree.engine.best = numbers[1]
+            self.tree.best = numbers[1]
             for i in range(self.problem.phases):
-                self.tree.engine.at[i] = numbers[4 + i]
+                self.tree.at[i] = numbers[4 + i]

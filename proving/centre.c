@@ -9,8 +9,6 @@
 #define MOST_ITERATIONS 60
 /* How much a step may raise the dual, beside its value. */
 #define FARTHEST 1e3
-/* Curvature of costs that have none while multipliers are sought, relative to the cost. */
-#define SMOOTHING 1e-3
 
 int centre_number(const Problem *p, int count, Centre *c)
 {
@@ -35,153 +33,29 @@ int centre_number(const Problem *p, int count, Centre *c)
     return 0;
 }
 
-/* Constants of the dual in the multipliers, (multipliers + 1,). */
-static void constants_of(const Problem *p, const double *t, const Steps *const *steps, const Centre *c,
-                         double *constant)
-{
-    double time = 0;
-    memset(constant, 0, sizeof(double) * WIDTH);
-    for (int i = 0; i < p->phases; i++) {
-        time += t[i];
-        const double *L = COSTATES(c, i);
-        for (int k = 0; k < steps[i]->d; k++)
-            for (int j = 0; j <= c->multipliers; j++)
-                constant[j] += interval_mid(steps[i]->without.linear[k].v0) * L[k * WIDTH + j];
-        const int last = i == p->phases - 1;
-        const Rows *zero = last ? &p->goal_zero : &p->event[i].zero;
-        const Rows *most = last ? &p->goal_most : &p->event[i].most;
-        const int first = last ? 0 : c->first_event[i];
-        for (int k = 0; k < zero->rows; k++)
-            constant[first + k] += zero->b[k] + zero->b_t[k] * time;
-        for (int k = 0; k < most->rows; k++)
-            constant[first + zero->rows + k] += most->b[k] + most->b_t[k] * time;
-    }
-}
-
-/* The dual at multipliers m, its gradient and minus its second derivatives where they are asked
- * for. */
-static double dual_at(const Problem *p, const Steps *const *steps, const double *constant, Centre *c,
+/* The mean of the duals at some points by their shares, with its derivatives. */
+static double dual_at(const Problem *p, const Centre *c, int points, const Point *const *at,
                       const double *m, double *gradient, double *H)
 {
     const int n = c->multipliers;
-    double value = constant[n], *u = c->inputs;
-    const double *row = c->rows;
-    for (int j = 0; j < n; j++)
-        value += constant[j] * m[j];
-    if (gradient)
-        memcpy(gradient, constant, sizeof(double) * n);
-    if (H)
-        memset(H, 0, sizeof(double) * n * n);
-    for (int i = 0; i < p->phases; i++) {
-        const Phase *ph = p->phase + i;
-        const int nb = ph->nb;
-        const double h = interval_mid(steps[i]->h.v0);
-        double R[MOST_INPUTS * MOST_INPUTS], inverse[MOST_INPUTS * MOST_INPUTS], y[MOST_INPUTS];
-        for (int a = 0; a < nb * nb; a++)
-            R[a] = h * ph->R[a];
-        for (int a = 0; a < nb; a++) {
-            const double width = ph->upper[a] - ph->lower[a];
-            if (!(R[a * nb + a] > 0))
-                R[a * nb + a] = h * SMOOTHING * p->scale / (p->latest * width * width);
-        }
-        small_inverse(nb, R, inverse);
-        for (int k = 0; k < ph->steps; k++, u += nb, row += nb * WIDTH) {
-            for (int a = 0; a < nb; a++) {
-                y[a] = row[a * WIDTH + n];
-                for (int j = 0; j < n; j++)
-                    y[a] += row[a * WIDTH + j] * m[j];
-            }
-            const unsigned mask = least_inputs(nb, R, inverse, y, ph->lower, ph->upper, u);
-            for (int a = 0; a < nb; a++) {
-                double curved = 0;
-                for (int b = 0; b < nb; b++)
-                    curved += R[a * nb + b] * u[b];
-                value += u[a] * (y[a] + curved / 2);
-                for (int j = 0; j < n && gradient; j++)
-                    gradient[j] += row[a * WIDTH + j] * u[a];
-            }
-            if (!H || !mask)
-                continue;
-            /* rows of the free inputs times the inverse of their part of R, by elimination */
-            double A[MOST_INPUTS * MOST_INPUTS], B[MOST_INPUTS * WIDTH];
-            for (int a = 0; a < nb; a++) {
-                const int on = mask >> a & 1;
-                for (int b = 0; b < nb; b++)
-                    A[a * nb + b] = on && mask >> b & 1 ? R[a * nb + b] : a == b;
-                for (int j = 0; j < n; j++)
-                    B[a * WIDTH + j] = on ? row[a * WIDTH + j] : 0;
-            }
-            /* L D L^T of A: H += B^T A^-1 B */
-            for (int a = 0; a < nb; a++) {
-                for (int b = a + 1; b < nb; b++) {
-                    const double factor = A[b * nb + a] / A[a * nb + a];
-                    if (factor == 0)
-                        continue;
-                    for (int g = a; g < nb; g++)
-                        A[b * nb + g] -= factor * A[a * nb + g];
-                    for (int j = 0; j < n; j++)
-                        B[b * WIDTH + j] -= factor * B[a * WIDTH + j];
-                }
-                for (int j = 0; j < n; j++) {
-                    const double share = B[a * WIDTH + j] / A[a * nb + a];
-                    for (int l = 0; l <= j && share != 0; l++)
-                        H[j * n + l] += share * B[a * WIDTH + l];
-                }
-            }
-        }
-    }
-    /* A start within a range is an input that costs nothing. */
-    for (int z = 0; z < 2 * p->phase[0].r; z++, row += WIDTH, u++) {
-        const double reach = (p->start_high[z] - p->start_low[z]) / 2;
-        if (!(reach > 0))
-            continue;
-        const double R = SMOOTHING * p->scale / (reach * reach), inverse = 1 / R, low = -reach;
-        double y = row[n];
-        for (int j = 0; j < n; j++)
-            y += row[j] * m[j];
-        const unsigned mask = least_inputs(1, &R, &inverse, &y, &low, &reach, u);
-        value += *u * (y + R * *u / 2);
+    if (points == 1)
+        return point_dual(p, c, at[0], m, gradient, H);
+    double value = 0, one[MOST_MULTIPLIERS], curved[MOST_MULTIPLIERS * MOST_MULTIPLIERS];
+    for (int i = 0; i < points; i++) {
+        const double share = at[i]->share;
+        value += share * point_dual(p, c, at[i], m, gradient ? one : 0, H ? curved : 0);
         for (int j = 0; j < n && gradient; j++)
-            gradient[j] += row[j] * *u;
-        for (int j = 0; j < n && H && mask; j++)
-            for (int l = 0; l <= j; l++)
-                H[j * n + l] += row[j] * row[l] / R;
+            gradient[j] = (i ? gradient[j] : 0) + share * one[j];
+        for (int j = 0; j < n * n && H; j++)
+            H[j] = (i ? H[j] : 0) + share * curved[j];
     }
-    for (int j = 0; j < n && H; j++)
-        for (int l = 0; l < j; l++)
-            H[l * n + j] = H[j * n + l];
     return value;
-}
-
-/* What the multipliers make of the inputs of all steps. */
-static void rows_of(const Problem *p, const Steps *const *steps, Centre *c)
-{
-    double *row = c->rows;
-    for (int i = 0; i < p->phases; i++) {
-        const int d = steps[i]->d, count = p->phase[i].steps * p->phase[i].nb;
-        const double *L = COSTATES(c, i);
-        for (int k = 0; k < count; k++, row += WIDTH) {
-            memset(row, 0, sizeof(double) * (c->multipliers + 1));
-            for (int a = 0; a < d; a++) {
-                const double at = interval_mid(steps[i]->response[k * d + a].v0);
-                for (int j = 0; j <= c->multipliers && at != 0; j++)
-                    row[j] += at * L[a * WIDTH + j];
-            }
-        }
-    }
-    const int s = 2 * p->phase[0].r, d = steps[0]->d;
-    for (int z = 0; z < s; z++, row += WIDTH) {
-        memset(row, 0, sizeof(double) * (c->multipliers + 1));
-        for (int a = 0; a < d; a++)
-            for (int j = 0; j <= c->multipliers; j++)
-                row[j] += interval_mid(steps[0]->start[z * d + a].v0) * COSTATES(c, 0)[a * WIDTH + j];
-    }
 }
 
 /* Choices for the bounds: what is at its bound and kept there. */
 static void choose(const Problem *p, Centre *c)
 {
-    const double *u = c->inputs;
+    const double *u = c->at.inputs;
     Choice *choice = c->choices;
     for (int i = 0; i < p->phases; i++) {
         const Phase *ph = p->phase + i;
@@ -198,15 +72,14 @@ static void choose(const Problem *p, Centre *c)
 
 /* Multipliers no larger than is enough, on the way to zero: large ones make poor bounds of large
  * boxes. The dual is nearly a parabola there. */
-static void shrink(const Problem *p, const Steps *const *steps, const double *constant, double enough,
-                   Centre *c)
+static void shrink(const Problem *p, int points, const Point *const *at, double enough, Centre *c)
 {
     const int n = c->multipliers;
     double gradient[MOST_MULTIPLIERS], next[MOST_MULTIPLIERS] = {0};
-    const double none = dual_at(p, steps, constant, c, next, 0, 0);
+    const double none = dual_at(p, c, points, at, next, 0, 0);
     for (int round = 0; round < 6 && c->value > enough + fabs(enough) / 4 && none < enough; round++) {
         double slope = 0;
-        c->value = dual_at(p, steps, constant, c, c->m, gradient, 0);
+        c->value = dual_at(p, c, points, at, c->m, gradient, 0);
         for (int j = 0; j < n; j++)
             slope += gradient[j] * c->m[j];
         /* none + a s - b s^2 with its value and slope at s = 1; the root of what is enough */
@@ -217,7 +90,7 @@ static void shrink(const Problem *p, const Steps *const *steps, const double *co
         share = share > 0 && share < 1 ? share : 0.5;
         for (int j = 0; j < n; j++)
             next[j] = share * c->m[j];
-        const double value = dual_at(p, steps, constant, c, next, 0, 0);
+        const double value = dual_at(p, c, points, at, next, 0, 0);
         if (value < enough)
             break;
         memcpy(c->m, next, sizeof(double) * n);
@@ -225,27 +98,21 @@ static void shrink(const Problem *p, const Steps *const *steps, const double *co
     }
 }
 
-void centre_maximise(const Problem *p, const double *t, const Steps *const *steps, double enough,
-                     Centre *c)
+void centre_maximise(const Problem *p, int points, const Point *const *at, double enough, Centre *c)
 {
     const int n = c->multipliers;
-    double constant[WIDTH], gradient[MOST_MULTIPLIERS], step[MOST_MULTIPLIERS];
+    double gradient[MOST_MULTIPLIERS], step[MOST_MULTIPLIERS];
     double H[MOST_MULTIPLIERS * MOST_MULTIPLIERS], next[MOST_MULTIPLIERS];
     double copy[MOST_MULTIPLIERS * MOST_MULTIPLIERS];
     unsigned char moves[MOST_MULTIPLIERS] = {0};
-    for (int i = p->phases - 1; i >= 0; i--)
-        costates_of(p, steps, c, -1, i, i + 1 < p->phases ? COSTATES(c, i + 1) : 0, 0,
-                    COSTATES(c, i));
-    rows_of(p, steps, c);
-    constants_of(p, t, steps, c, constant);
     for (int j = 0; j < n; j++)
         if (!c->may_be_negative[j] && !(c->m[j] > 0))
             c->m[j] = 0;
     /* The multipliers that move: those of a sign stay at zero until all others are at their best. */
     for (int j = 0; j < n; j++)
         moves[j] = c->may_be_negative[j] || c->m[j] > 0;
-    c->converged = 0;
-    c->value = dual_at(p, steps, constant, c, c->m, gradient, H);
+    c->converged = c->grows = 0;
+    c->value = dual_at(p, c, points, at, c->m, gradient, H);
     for (int round = 0; round < MOST_ITERATIONS; round++) {
         memcpy(copy, H, sizeof(double) * n * n);
         solve_free(n, copy, gradient, moves, step);
@@ -261,13 +128,14 @@ void centre_maximise(const Problem *p, const double *t, const Steps *const *step
         const double most = FARTHEST * (fabs(c->value) + p->scale);
         const int far = rise * share > most;
         if (far) {
+            c->grows = 1;
             share = most / rise;
             first = -1;
         }
         for (int cut = 0; cut < 40 && !settled; cut++, share /= 2, first = -1) {
             for (int j = 0; j < n; j++)
                 next[j] = j == first ? 0 : c->m[j] + share * step[j];
-            value = dual_at(p, steps, constant, c, next, 0, 0);
+            value = dual_at(p, c, points, at, next, 0, 0);
             if (value >= c->value + 1e-4 * share * rise)
                 break;
         }
@@ -289,16 +157,51 @@ void centre_maximise(const Problem *p, const double *t, const Steps *const *step
         if (first >= 0)
             moves[first] = 0;
         memcpy(c->m, next, sizeof(double) * n);
-        c->value = dual_at(p, steps, constant, c, c->m, gradient, H);
+        c->value = dual_at(p, c, points, at, c->m, gradient, H);
         if (c->value >= enough && (far || share == 1))
             break;
     }
-    shrink(p, steps, constant, enough, c);
+    shrink(p, points, at, enough, c);
     for (int j = 0; j < n; j++) /* steps that end at zero may miss it by rounding */
         if (!c->may_be_negative[j] && !(c->m[j] > 0))
             c->m[j] = 0;
-    dual_at(p, steps, constant, c, c->m, 0, 0);
+}
+
+void centre_choose(const Problem *p, Centre *c)
+{
+    point_dual(p, c, &c->at, c->m, 0, 0);
     choose(p, c);
+}
+
+/* Add to minus the second derivatives of the dual what a start between its bounds makes of them. */
+static void add_start_curvature(const Problem *p, const Centre *c, double *H)
+{
+    const int n = c->multipliers;
+    const double *share = c->at.inputs + c->at.count, *row = c->at.rows + (size_t)c->at.count * WIDTH;
+    for (int k = 0; k < p->spreads; k++, row += WIDTH)
+        for (int j = 0; j < n && fabs(share[k]) < 1; j++)
+            for (int l = 0; l < n; l++)
+                H[j * n + l] += row[j] * row[l] / START_SMOOTHING(p);
+}
+
+/* Add to the derivative of its gradient by a duration what the start makes of it: from slopes of
+ * the costates of the first phase, and those costates where the duration is its own. */
+static void add_start_cross(const Problem *p, const Centre *c, const Steps *steps, int own,
+                            const double *slopes, double *cross)
+{
+    const int n = c->multipliers;
+    const double *share = c->at.inputs + c->at.count, *row = c->at.rows + (size_t)c->at.count * WIDTH;
+    double moved[MOST_STATE * WIDTH], *by = moved;
+    start_rows(p, c, steps, slopes, own ? COSTATES(&c->at, 0) : 0, moved);
+    for (int k = 0; k < p->spreads; k++, row += WIDTH, by += WIDTH) {
+        double change = by[n];
+        for (int j = 0; j < n; j++)
+            change += by[j] * c->m[j];
+        if (!(fabs(share[k]) < 1))
+            change = 0; /* it stays at its bound */
+        for (int j = 0; j < n; j++)
+            cross[j] += by[j] * share[k] - row[j] * change / START_SMOOTHING(p);
+    }
 }
 
 void centre_slopes(const Problem *p, const Steps *const *steps, const Value *const *values, Centre *c)
@@ -312,7 +215,7 @@ void centre_slopes(const Problem *p, const Steps *const *steps, const Value *con
         is_free[j] = c->may_be_negative[j] || c->m[j] > 0;
     for (int i = 0; i < K; i++) {
         const int d = steps[i]->d;
-        const double *L = COSTATES(c, i);
+        const double *L = COSTATES(&c->at, i);
         double WL[MOST_COSTATE * WIDTH];
         for (int a = 0; a < d; a++) {
             costate[a] = L[a * WIDTH + n];
@@ -335,6 +238,7 @@ void centre_slopes(const Problem *p, const Steps *const *steps, const Value *con
                 for (int l = 0; l < n; l++)
                     H[j * n + l] += L[a * WIDTH + j] * WL[a * WIDTH + l];
     }
+    add_start_curvature(p, c, H);
     for (int j = 0; j < n; j++) /* what no input between its bounds answers to stays where it is */
         is_free[j] = is_free[j] && H[j * n + j] > 0;
     for (int by = 0; by < K; by++) {
@@ -343,11 +247,11 @@ void centre_slopes(const Problem *p, const Steps *const *steps, const Value *con
         memset(cross, 0, sizeof cross);
         for (int i = by; i >= 0; i--) {
             const int d = steps[i]->d;
-            const double *L = COSTATES(c, i);
+            const double *L = COSTATES(&c->at, i);
             double *own = slopes[i % 2], change[MOST_COSTATE];
             memset(own, 0, sizeof slopes[0]);
             if (i < by)
-                costates_of(p, steps, c, by, i, COSTATES(c, i + 1), slopes[(i + 1) % 2], own);
+                costates_of(p, steps, c, by, i, COSTATES(&c->at, i + 1), slopes[(i + 1) % 2], own);
             for (int a = 0; a < d; a++) {
                 change[a] = own[a * WIDTH + n];
                 for (int j = 0; j < n; j++)
@@ -369,6 +273,8 @@ void centre_slopes(const Problem *p, const Steps *const *steps, const Value *con
                 for (int j = 0; j < n; j++)
                     cross[j] += L[a * WIDTH + j] * sum + own[a * WIDTH + j] * residual[i][a];
             }
+            if (i == 0)
+                add_start_cross(p, c, steps[0], by == 0, own, cross);
         }
         for (int i = by; i < K; i++) {
             const int last = i == K - 1, first = last ? 0 : c->first_event[i];

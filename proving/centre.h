@@ -5,6 +5,23 @@
 
 #include "linear_program.h"
 
+/* How often conditions that a motion violates are priced in one box. */
+#define MOST_ROUNDS 3
+
+/* The dual at given durations. */
+typedef struct {
+    const double *t;            /* durations */
+    const Steps *const *steps;  /* over ranges around them */
+    int count;                  /* inputs of all steps */
+    double share;               /* where several are maximised together */
+    double constant[MOST_MULTIPLIERS + 1];
+    double *costates;           /* of each phase (d, multipliers + 1), (phases, MOST_COSTATE, MOST_MULTIPLIERS + 1) */
+    double *rows;               /* what the multipliers make of each input */
+    double *inputs;             /* of all steps, and shares of the spreads of the start */
+} Point;
+
+#define COSTATES(point, i) ((point)->costates + (size_t)(i) * MOST_COSTATE * (MOST_MULTIPLIERS + 1))
+
 typedef struct {
     int multipliers;            /* goal (zero, most), events (zero, most), priced */
     int first_event[MOST_PHASES];
@@ -14,21 +31,30 @@ typedef struct {
     double slope[MOST_PHASES][MOST_MULTIPLIERS]; /* by the durations */
     double value;
     int converged;
-    double *costates;           /* of each phase (d, multipliers + 1), (phases, MOST_COSTATE, MOST_MULTIPLIERS + 1) */
-    double *rows;               /* what the multipliers make of each input */
-    double *inputs;             /* of all steps */
+    int grows;                  /* whether nothing bent the dual on the way */
+    Point at;
     Choice *choices;
 } Centre;
-
-#define COSTATES(centre, i) ((centre)->costates + (size_t)(i) * MOST_COSTATE * (MOST_MULTIPLIERS + 1))
 
 /* Number the multipliers where so many conditions are priced; 1 where there are too many. */
 int centre_number(const Problem *p, int count, Centre *centre);
 
-/* Maximise the dual at durations t from the multipliers that are there; ``enough`` is a value
- * beyond which nobody asks. */
-void centre_maximise(const Problem *p, const double *t, const Steps *const *steps, double enough,
+/* What the multipliers make of the costates and inputs at durations t. */
+void point_begin(const Problem *p, const Centre *centre, const double *t, const Steps *const *steps,
+                 Point *point);
+
+/* The dual at multipliers m, its gradient and minus its second derivatives where they are asked
+ * for; the inputs at which it is taken. */
+double point_dual(const Problem *p, const Centre *centre, const Point *point, const double *m,
+                  double *gradient, double *H);
+
+/* Maximise the mean of the duals at some points from the multipliers that are there; ``enough`` is a
+ * value beyond which nobody asks. */
+void centre_maximise(const Problem *p, int points, const Point *const *at, double enough,
                      Centre *centre);
+
+/* What the inputs of the centre do at its multipliers. */
+void centre_choose(const Problem *p, Centre *centre);
 
 /* How the multipliers follow the durations. */
 void centre_slopes(const Problem *p, const Steps *const *steps, const Value *const *values, Centre *centre);

@@ -55,3 +55,27 @@ void costates_of(const Problem *p, const Steps *const *steps, const Centre *c, i
         L[(steps[i]->d - 1) * WIDTH + n] = 1;
     }
 }
+
+/* row (columns,) += share * L */
+static void add_row(int columns, double share, const double *L, double *row)
+{
+    for (int j = 0; j < columns && share != 0; j++)
+        row[j] += share * L[j];
+}
+
+void start_rows(const Problem *p, const Centre *c, const Steps *steps, const double *L,
+                const double *by_duration, double *row)
+{
+    const int s = 2 * p->phase[0].r, d = steps->d, columns = c->multipliers + 1;
+    for (int k = 0; k < p->spreads; k++, row += WIDTH) {
+        memset(row, 0, sizeof(double) * columns);
+        for (int z = 0; z < s; z++)
+            for (int a = 0; a < d; a++) {
+                const line at = steps->start[z * d + a];
+                const double share = p->spread[k * s + z];
+                add_row(columns, share * interval_mid(at.v0), L + a * WIDTH, row);
+                if (by_duration)
+                    add_row(columns, share * interval_mid(at.d0), by_duration + a * WIDTH, row);
+            }
+    }
+}

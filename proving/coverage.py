@@ -21,8 +21,6 @@ def _of_statement(p: Problem) -> Iterator[str]:
     facts, ranges = p.kernels.manifest, p.quantity_ranges
     if not np.isfinite(p.final_time_bounds[1]):
         yield "a final time without an upper bound; give final_time=(low, high)"
-    if p.relations:
-        yield "periodic motions"
     if p.design:
         yield "parameters that the solver chooses"
     if p.models.change:

@@ -29,24 +29,36 @@ static void add_priced(const Centre *c, int n, const Rows *rows, int first, cons
     }
 }
 
-/* Subtract what a start within a range makes of its prices, at most reach |price|: by a chord above
- * the absolute value, which is the same in the box and in its centre. */
-static void subtract_start(Engine *e, int n, const jet *start, jet *value)
+/* Add what ties of both ends make of the prices of the start, (2 r,). */
+static void add_ties(const Problem *p, const Centre *c, int n, const interval *away, jet *start)
 {
-    const Problem *p = e->problem;
-    for (int z = 0; z < 2 * p->phase[0].r; z++) {
-        const double middle = p->start_low[z] + (p->start_high[z] - p->start_low[z]) / 2;
-        const double reach =
-            fmax(p->start_high[z] - middle, middle - p->start_low[z]) * (1 + 4 * DBL_EPSILON);
-        if (!(reach > 0))
-            continue;
-        const double lo = start[z].v.lo, hi = start[z].v.hi;
+    const int s = 2 * p->phase[0].r;
+    for (int k = 0; k < p->goal_zero.rows + p->goal_most.rows; k++) {
+        jet m;
+        multiplier_jet(c, n, k, away, &m);
+        for (int z = 0; z < s; z++)
+            jet_add_scaled(n, start + z, p->tie[k * s + z], &m);
+    }
+}
+
+/* Subtract what a start within a range makes of its prices, at most |price| of each spread: by a
+ * chord above the absolute value, which is the same in the box and in its centre. */
+static void subtract_start(const Problem *p, int n, const interval *away, const jet *start, jet *value)
+{
+    const int s = 2 * p->phase[0].r;
+    static _Thread_local jet price;
+    for (int k = 0; k < p->spreads; k++) {
+        jet_zero(n, &price);
+        for (int z = 0; z < s; z++)
+            jet_add_scaled(n, &price, p->spread[k * s + z] * (1 + 4 * DBL_EPSILON), start + z);
+        jet_centred(n, &price, away);
+        const double lo = price.v.lo, hi = price.v.hi;
         const double slope = lo >= 0 ? 1 : hi <= 0 ? -1 : (hi + lo) / (hi - lo);
         const interval at_lo = interval_sub(interval_of(fabs(lo)), times(interval_of(slope), interval_of(lo)));
         const interval at_hi = interval_sub(interval_of(fabs(hi)), times(interval_of(slope), interval_of(hi)));
         const double offset = lo >= 0 || hi <= 0 ? 0 : at_lo.hi > at_hi.hi ? at_lo.hi : at_hi.hi;
-        jet_add_scaled(n, value, -reach * slope, start + z);
-        const interval lost = times(interval_of(-reach), interval_of(offset));
+        jet_add_scaled(n, value, -slope, &price);
+        const interval lost = interval_of(-offset);
         value->v = plus(value->v, lost), value->v0 = plus(value->v0, lost);
     }
 }
@@ -114,5 +126,6 @@ void dual_jet(Engine *e, int n, const Steps *const *all, const double *t, const 
         if (n)
             time.g[i] = time.g0[i] = interval_of(0);
     }
-    subtract_start(e, n, start, value);
+    add_ties(p, c, n, away, start);
+    subtract_start(p, n, away, start, value);
 }

@@ -70,13 +70,16 @@ class LinearEvent:
 
 @record(frozen=True, eq=False)
 class LinearProblem:
-    """Phases that have steps, the events between them, the state at the start within bounds, shape
-    (2, 2 r), what vanishes at the end and is not positive there, ranges of durations, shape
-    (phases, 2), and of the final time; ``left_out`` are the conditions that bounds leave out."""
+    """Phases that have steps, the events between them, the state at the start, its middle and what
+    any shares from -1 to 1 add to it, shape (1 + spreads, 2 r), what vanishes at the end and is not
+    positive there, and what the start adds to both beside its middle, shape (rows, 2 r), ranges of
+    durations, shape (phases, 2), and of the final time; ``left_out`` are the conditions that bounds
+    leave out."""
 
     phases: tuple[LinearPhase, ...]
     events: tuple[LinearEvent, ...]
     start: Array
+    tie: Array
     goal_zero: Rows
     goal_most: Rows
     durations: Array

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from dmoc.base.errors import ProblemError
+from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contacts import NOWHERE
 from dmoc.problem.problem import Problem
@@ -35,15 +36,17 @@ def linear_problem(problem: Problem) -> LinearProblem:
     steps.check_time()
     count = problem.phases - problem.ends_with_event
     events = [_event(model, i, *frames[i : i + 2]) for i in range(len(problem.sequence))]
-    zero, most = _goal(model, frames[-1])
+    start = _start(model, frames[0])
+    zero, most, *ties = _ends(model, frames[0], frames[-1], start[0])
     if problem.ends_with_event:
         last = events.pop()
         size = last.after.A.shape[1]
         zero = Rows.stacked([through(zero, last.after), last.zero], size)
         most = Rows.stacked([through(most, last.after), last.most], size)
     return LinearProblem(
-        tuple(steps.phase(i, frames[i]) for i in range(count)), tuple(events),
-        _start(model, frames[0]), zero, most, _durations(problem)[:count],
+        tuple(steps.phase(i, frames[i]) for i in range(count)), tuple(events), start,
+        np.vstack([_padded(tie, len(of.b)) for tie, of in zip(ties, (zero, most), strict=True)]),
+        zero, most, _durations(problem)[:count],
         problem.final_time_bounds, model.sizes, np.diag(model.M), _left_out(model),
     )  # fmt: skip
 
@@ -111,51 +114,97 @@ def _restitution(problem: Problem, j: int) -> float:
 
 
 def _start(model: LinearModel, frame: Frame) -> Array:
-    """Bounds of the state at the start, shape (2, 2 r)."""
+    """The state at the start, shape (1 + spreads, 2 r): its middle, and what is added to it by any
+    shares from -1 to 1."""
     p, n = model.problem, model.problem.nq
     bounds, names = p.start_bounds, p.kernels.coordinates
-    place = bounds.position
+    place = np.stack(
+        [
+            np.maximum(bounds.position[:, 0], p.coordinate_bounds[:, 0]),
+            np.minimum(bounds.position[:, 1], p.coordinate_bounds[:, 1]),
+        ],
+        axis=1,
+    )
     free = ~np.isfinite(place).all(axis=1)
     if free.any():
+        name = names[int(np.argmax(free))]
         raise ProblemError(
-            f"the start of {names[int(np.argmax(free))]} is free: proofs need a value, or a range "
-            "with both ends."
+            f"the start of {name} is free: proofs need a value, or a range with both ends, such as "
+            f"bounds={{{name!r}: (-1, 1)}}."
         )
-    momentum = bounds.momentum if np.isfinite(bounds.momentum).all() else _momenta(model)
-    fixed = (place[:, 0] == place[:, 1]).all() and (momentum[:, 0] == momentum[:, 1]).all()
-    if frame.size < n and not fixed:
+    given = np.isfinite(bounds.momentum).all()
+    rate = bounds.momentum if given else bounds.velocity
+    if not np.isfinite(rate).all():
+        name = velocity_name(names[int(np.argmin(np.isfinite(rate).all(axis=1)))])
+        raise ProblemError(
+            f"a velocity at the start is free: proofs need values, or ranges with both ends, such "
+            f"as start={{{name!r}: (-1, 1)}}."
+        )
+    G, M, p_0 = model.momentum.A[:, :n], model.M, model.momentum.b
+    by_place = 0 * G if given else G
+    by_rate = np.eye(n) if given else M
+    middle, reach = (np.concatenate([place, rate]) @ half for half in ((0.5, 0.5), (-0.5, 0.5)))
+    momentum = by_place @ middle[:n] + by_rate @ middle[n:] + (0 if given else p_0)
+    first = np.concatenate([frame.inverse @ (middle[:n] - frame.origin), frame.left @ momentum])
+    if frame.size < n and reach.any():
         raise ProblemError(
             "the start is a range while a contact is closed: proofs need values there."
         )
-    sides = [
-        np.concatenate([frame.inverse @ (place[:, k] - frame.origin), frame.left @ momentum[:, k]])
-        for k in (0, 1)
-    ]
-    return np.array(sides)
+    spread = reach[:, None] * np.block([[np.eye(n), by_place.T], [np.zeros((n, n)), by_rate.T]])
+    return np.vstack([first[None], spread[reach > 0]]) if frame.size == n else first[None]
 
 
-def _momenta(model: LinearModel) -> Array:
-    """Bounds of the momenta at the start from those of the velocities, shape (nq, 2)."""
-    bounds, n = model.problem.start_bounds, model.problem.nq
-    speed, place, M = bounds.velocity, bounds.position, model.M
-    if not np.isfinite(speed).all():
-        raise ProblemError(
-            "a velocity at the start is free: proofs need values, or ranges with both ends."
-        )
-    alone = not np.abs(M - np.diag(np.diag(M))).any() and not model.momentum.A[:, :n].any()
-    fixed = (speed[:, 0] == speed[:, 1]).all() and (place[:, 0] == place[:, 1]).all()
-    if not (alone or fixed):
-        raise ProblemError(
-            "velocities at the start are ranges, and their momenta belong to several of them: "
-            "proofs need values."
-        )
-    G = model.momentum.A[:, :n]
-    return (M @ speed) + (G @ place[:, :1] + model.momentum.b[:, None])
+def _ties(model: LinearModel, first: Frame, last: Frame) -> tuple[list[Rows], list[Rows]]:
+    """What ``periodic`` asks of the states (end, start), zero and not positive."""
+    zero, most = list[Rows](), list[Rows]()
+    for relation in model.problem.relations:
+        end = _state(model, last, relation.end)
+        parts = [(f, _state(model, first, name)) for name, f in relation.terms]
+        tie = sum(-f * row.A for f, row in parts)
+        rest = end.b - sum(f * row.b for f, row in parts)
+        rows = Rows(np.hstack([end.A, np.asarray(tie)]), rest, np.zeros(1))
+
+        def row(sign: float, value: float, rows: Rows = rows) -> Rows:
+            return Rows(sign * rows.A, sign * (rows.b - value), rows.b_t)
+
+        _add_range(zero, most, relation.low, relation.high, row)
+    return zero, most
 
 
-def _goal(model: LinearModel, frame: Frame) -> tuple[Rows, Rows]:
+def _state(model: LinearModel, frame: Frame, name: str) -> Rows:
+    """A coordinate, velocity or momentum as function of a state."""
+    names = model.problem.kernels.coordinates
+    for kind, row in ((str, _coordinate), (velocity_name, _rate), (momentum_name, _impetus)):
+        for j, q in enumerate(names):
+            if kind(q) == name:
+                return row(model, frame, j, 1.0, 0.0)
+    raise ProblemError(f"proofs do not cover the quantity {name} in periodic.")
+
+
+def _ends(
+    model: LinearModel, first: Frame, last: Frame, start: Array
+) -> tuple[Rows, Rows, Array, Array]:
+    """What vanishes at the end and what is not positive there, at the middle of the start, and what
+    each of both adds for other starts, shapes (rows, 2 r)."""
+    ends, ties, size = list[Rows](), list[Array](), 2 * last.size
+    for goal, tied in zip(_goal(model, last), _ties(model, first, last), strict=True):
+        own = Rows.stacked(goal, size)
+        both = Rows.stacked(tied, size + 2 * first.size)
+        tie = both.A[:, size:]
+        end = Rows(both.A[:, :size], both.b + tie @ start, both.b_t)
+        ends.append(Rows.stacked([own, end], size))
+        ties.append(np.vstack([np.zeros((len(own.b), 2 * first.size)), tie]))
+    return ends[0], ends[1], ties[0], ties[1]
+
+
+def _padded(rows: Array, count: int) -> Array:
+    """Rows with zeros below them, so many in all."""
+    return np.vstack([rows, np.zeros((count - len(rows), rows.shape[1]))])
+
+
+def _goal(model: LinearModel, frame: Frame) -> tuple[list[Rows], list[Rows]]:
     """What vanishes at the goal, and what is not positive there."""
-    bounds, size = model.problem.goal_bounds, 2 * frame.size
+    bounds = model.problem.goal_bounds
     zero, most = list[Rows](), list[Rows]()
     for j in range(model.problem.nq):
         for (low, high), row in (
@@ -164,7 +213,7 @@ def _goal(model: LinearModel, frame: Frame) -> tuple[Rows, Rows]:
             (bounds.momentum[j], _impetus),
         ):
             _add_range(zero, most, low, high, partial(row, model, frame, j))
-    return Rows.stacked(zero, size), Rows.stacked(most, size)
+    return zero, most
 
 
 def _coordinate(model: LinearModel, frame: Frame, j: int, sign: float, value: float) -> Rows:

@@ -44,7 +44,11 @@ typedef struct {
     const Phase *phase;         /* (phases,) */
     const Event *event;         /* (phases - 1,) */
     Rows goal_zero, goal_most;
-    const double *start_low, *start_high; /* (2 r,) of the first phase */
+    const double *middle;       /* of the state at the start, (2 r,) */
+    int spreads;
+    const double *spread;       /* (spreads, 2 r): of each any share from -1 to 1 is added */
+    const double *tie;          /* (goal rows, 2 r): what the start adds to what is asked at the end,
+                                   zero or most, beside what the middle does */
     const double *shortest, *longest;     /* durations, (phases,) */
     double earliest, latest;    /* final time */
     double scale;               /* of the cost: for the multipliers of inputs that cost nothing */

@@ -14,7 +14,7 @@ from dmoc.base.files import write_whole
 from dmoc.proving.branch import Branch
 from dmoc.proving.linear import LinearProblem, Rows
 
-FORMAT = 2
+FORMAT = 3
 
 
 def digest(linear: LinearProblem, limit: float, gap: float) -> str:
@@ -27,7 +27,7 @@ def digest(linear: LinearProblem, limit: float, gap: float) -> str:
     for of in (*rows, linear.goal_zero, linear.goal_most):
         for part in vars(of).values() if isinstance(of, Rows) else ():
             numbers.update(np.asarray(part).tobytes())
-    ends = linear.start, linear.durations, linear.final_time, (limit, gap)
+    ends = linear.start, linear.tie, linear.durations, linear.final_time, (limit, gap)
     for part in ends:
         numbers.update(np.asarray(part, dtype=float).tobytes())
     return numbers.hexdigest()

@@ -7,14 +7,14 @@ import time
 
 import numpy as np
 
-from dmoc.base.arguments import positive
+from dmoc.base.arguments import positive, whole
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ProblemError
 from dmoc.base.progress import Listener, listener
 from dmoc.base.records import record
 from dmoc.base.signatures import public
 from dmoc.problem.problem import Problem
-from dmoc.proving.branch import LIMITS, Branch
+from dmoc.proving.branch import LIMITS, MOST_WORKERS, Branch
 from dmoc.proving.global_proof import Claim, Proof
 from dmoc.proving.linear import LinearProblem
 from dmoc.proving.linear_problem import linear_problem
@@ -65,6 +65,7 @@ def prove(
     seconds: float | None = 60.0,
     *,
     seed: int = 0,
+    workers: int = 1,
     journal: str | os.PathLike[str] | None = None,
     progress: Listener[Bounding] = None,
 ) -> Proof:
@@ -80,13 +81,17 @@ def prove(
     problem : Problem
         Of a model with a constant mass matrix and forces that are affine in positions, velocities
         and inputs; surfaces of its sequence are flat, and stand or move evenly; its cost is convex
-        and quadratic in the inputs.  Its final time has an upper bound.
+        and quadratic in the inputs.  Its final time has an upper bound, and ranges of its start
+        have both ends.
     gap : float
         How far the bound may stay below the cost of the motion, relative to it.
     seconds : float, optional
         Limit of all, the solve included; None for none.  Ctrl-C ends the bounding as this does.
     seed : int
         Of the random starts of the solve.
+    workers : int
+        Threads that bound boxes.  Bounds, boxes and journal are the same for any number of them,
+        unless time runs out.
     journal : path, optional
         A file in which what is left to do is kept; a proof that finds one of the same problem goes
         on there.
@@ -124,6 +129,7 @@ def prove(
     gap = positive(gap, "gap", "expected a positive number such as 1e-4, relative to the cost")
     if seconds is not None:
         seconds = positive(seconds, "seconds", "expected a positive number, or None for no limit")
+    workers = whole(workers, "workers", 1, MOST_WORKERS)
     begun, deadline = time.monotonic(), Deadline.after(seconds)
     check_size(linear_problem(_on_mesh(problem, None)))  # what is not covered is refused at once
     motion = _solved(problem, seconds, seed)
@@ -135,7 +141,8 @@ def prove(
     beyond = limit if np.isfinite(limit) else DEAR * size
     best = np.inf if motion is None else motion.cost
     beyond += ABOVE * (beyond + size)  # what is nearly as dear as can be is a motion still
-    branch = Branch(linear, best, beyond, gap / 2, LEAST_GAP * size, size, most_kept(linear))
+    least, kept = LEAST_GAP * size, most_kept(linear)
+    branch = Branch(linear, best, beyond, gap / 2, least, size, kept, workers)
     known = digest(linear, beyond, gap)
     continued(journal, branch, known)
     with listener(progress, "bounding ...") as tell:
@@ -150,7 +157,6 @@ def prove(
     written(journal, branch, known)
     if motion is None or branch.best < motion.cost - gap / 4 * abs(motion.cost):
         motion = _best(motion, _at(problem, branch, seed))
-    least = LEAST_GAP * size
     return Proof(
         _claim(branch, motion, gap, least, going_on), motion, branch.bound, gap, least,
         np.inf if np.isfinite(limit) else beyond,

@@ -12,11 +12,11 @@ typedef struct {
     int count;                  /* conditions along the phases that are priced */
     Priced priced[MOST_PRICED];
     Kept **slots;               /* (room,) */
-    size_t room, kept, bytes;
+    size_t room, bytes, most_bytes;
 } Cache;
 
-/* 0, or 1 where there is no memory. */
-int cache_begin(Cache *cache, const Problem *problem);
+/* One of so many caches; 0, or 1 where there is no memory. */
+int cache_begin(Cache *cache, const Problem *problem, int workers);
 void cache_end(Cache *cache);
 
 /* The steps of a phase over a range; NULL where they cannot be had. They stay until

@@ -1,8 +1,12 @@
-/* Branch and bound over boxes of durations, the box with the least bound first. */
+/* Branch and bound over boxes of durations, those with the least bounds first. */
 #include "tree.h"
 
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
+
+/* Boxes of a batch, whatever the number of threads is. */
+#define MOST_TAKEN 64
 
 int tree_push(Tree *t, const double *box)
 {
@@ -42,8 +46,7 @@ static void pop(Tree *t, double *box)
 /* A cost below which nothing is of interest any more. */
 static double aim(const Tree *t)
 {
-    const double best = t->engine.best;
-    return isinf(best) ? t->limit : best - fmax(t->gap * fabs(best), t->least_gap);
+    return isinf(t->best) ? t->limit : t->best - fmax(t->gap * fabs(t->best), t->least_gap);
 }
 
 /* The duration by which a box is divided: what loses most of the bound, or, where that is not known,
@@ -82,54 +85,154 @@ static double cost_of_time(const Problem *p, const double *low)
 /* Be done with a box. */
 static void leave(Tree *t, const double *box)
 {
-    const size_t w = 1 + 2 * (size_t)t->engine.problem->phases;
+    const size_t w = 1 + 2 * (size_t)t->problem->phases;
     t->shed = box[0] < t->shed ? box[0] : t->shed;
     if (t->left < t->keep)
         memcpy(t->leaves + t->left * w, box, w * sizeof(double));
     t->left++;
 }
 
-/* Look at a box whose bound is that of a larger one, and keep it if it is of interest. */
-static int look(Tree *t, double *box)
+/* Look at a box of the batch, whose bound is that of a larger one. */
+static void look(const Tree *t, Engine *e, size_t k)
 {
-    const Problem *p = t->engine.problem;
-    double *low = box + 1, *high = low + p->phases, widths[MOST_PHASES];
-    const double best = t->engine.best, now = aim(t);
-    const double enough = isinf(best) ? 2 * fabs(t->limit) + t->limit : now + fabs(now);
-    t->engine.aim = now;
-    double *m = box + 1 + 2 * p->phases;
-    const double bound = box_bound(&t->engine, low, high, enough, m, widths);
-    if (bound > box[0])
-        box[0] = bound;
-    const double idle = cost_of_time(p, low);
-    if (idle > box[0])
-        box[0] = idle;
+    const Problem *p = t->problem;
+    double *box = t->batch + k * t->width, *low = box + 1, *high = low + p->phases;
+    double widths[MOST_PHASES];
+    const double now = aim(t);
+    const double enough = isinf(t->best) ? 2 * fabs(t->limit) + t->limit : now + fabs(now);
+    e->aim = now, e->best = t->best, e->number = t->boxes + (long)k;
+    memcpy(e->at, t->at, sizeof e->at);
+    memcpy(e->cache.priced, t->priced, sizeof t->priced);
+    e->cache.count = t->count_priced;
+    const double bound = box_bound(e, low, high, enough, high + p->phases, widths);
+    box[0] = fmax(box[0], fmax(bound, cost_of_time(p, low)));
     box[t->width - 1] = worst(p, low, high, widths);
-    if (box[0] >= aim(t)) {
-        leave(t, box);
-        return 0;
-    }
-    return tree_push(t, box);
+    Told *told = t->told + k;
+    told->best = e->best;
+    memcpy(told->at, e->at, sizeof told->at);
+    told->added = e->cache.count - t->count_priced;
+    memcpy(told->priced, e->cache.priced + t->count_priced, sizeof(Priced) * (size_t)told->added);
 }
 
-int tree_begin(Tree *t, const Problem *p, double best, double limit, double gap, double least_gap,
-               size_t keep)
+typedef struct {
+    Tree *tree;
+    Engine *engine;
+} Worker;
+
+static void *work(void *of)
+{
+    const Worker *w = of;
+    for (size_t k; (k = atomic_fetch_add(&w->tree->next, 1)) < w->tree->taken;)
+        look(w->tree, w->engine, k);
+    return 0;
+}
+
+/* Look at all boxes of the batch; threads that cannot be had leave them to the others. */
+static void look_at_all(Tree *t)
+{
+    pthread_t threads[MOST_THREADS];
+    Worker workers[MOST_THREADS];
+    int made = 0;
+    atomic_store(&t->next, 0);
+    for (int i = 0; i < t->workers; i++)
+        workers[i] = (Worker){t, t->engines + i};
+    while (made + 1 < t->workers && (size_t)made + 1 < t->taken &&
+           !pthread_create(threads + made, 0, work, workers + made + 1))
+        made++;
+    work(workers);
+    for (int i = 0; i < made; i++)
+        pthread_join(threads[i], 0);
+}
+
+/* The number of a condition that is priced from now on; -1 where there is no room. */
+static int number_of(Tree *t, Priced at)
+{
+    for (int i = 0; i < t->count_priced; i++)
+        if (!memcmp(t->priced + i, &at, sizeof at))
+            return i;
+    if (t->count_priced == MOST_PRICED || t->fixed + t->count_priced == MOST_MULTIPLIERS)
+        return -1;
+    t->priced[t->count_priced] = at;
+    return t->count_priced++;
+}
+
+/* Keep what the boxes of a batch have told, in their order, and those that are of interest. */
+static int keep_batch(Tree *t)
+{
+    const int before = t->count_priced;
+    int failed = 0;
+    t->boxes += (long)t->taken;
+    for (size_t k = 0; k < t->taken; k++) {
+        const Told *told = t->told + k;
+        if (told->best < t->best) {
+            t->best = told->best;
+            memcpy(t->at, told->at, sizeof t->at);
+        }
+        double *own = t->batch + k * t->width + 1 + 2 * t->problem->phases + t->fixed + before;
+        double price[MOST_PRICED];
+        memcpy(price, own, sizeof(double) * (size_t)told->added);
+        memset(own, 0, sizeof(double) * (size_t)(MOST_MULTIPLIERS - t->fixed - before));
+        for (int i = 0; i < told->added; i++) {
+            const int at = number_of(t, told->priced[i]);
+            if (at >= 0)
+                own[at - before] = price[i];
+        }
+    }
+    for (size_t k = 0; k < t->taken && !failed; k++) {
+        const double *box = t->batch + k * t->width;
+        if (box[0] >= aim(t))
+            leave(t, box);
+        else
+            failed = tree_push(t, box);
+    }
+    t->taken = 0;
+    return failed;
+}
+
+/* Add a box to the batch, whose place it may have; be done with it where no time is left for it. */
+static void add(Tree *t, double *box)
+{
+    const int n = t->problem->phases;
+    if (box_has_time(t->problem, box + 1, box + 1 + n)) {
+        memmove(t->batch + t->taken++ * t->width, box, t->width * sizeof(double));
+    } else {
+        box[0] = INFINITY;
+        leave(t, box);
+    }
+}
+
+static int begin_memory(Tree *t, const Problem *p, int workers, size_t keep)
+{
+    t->width = 2 + 2 * (size_t)p->phases + MOST_MULTIPLIERS;
+    t->engines = calloc((size_t)workers, sizeof *t->engines);
+    t->batch = calloc(MOST_TAKEN, t->width * sizeof(double));
+    t->told = calloc(MOST_TAKEN, sizeof *t->told);
+    t->leaves = keep ? malloc(keep * (1 + 2 * (size_t)p->phases) * sizeof(double)) : 0;
+    if (!t->engines || !t->batch || !t->told || (keep && !t->leaves))
+        return 1;
+    for (; t->workers < workers; t->workers++)
+        if (engine_begin(t->engines + t->workers, p, workers)) {
+            engine_end(t->engines + t->workers);
+            return 1;
+        }
+    return 0;
+}
+
+int tree_begin(Tree *t, const Problem *p, int workers, double best, double limit, double gap,
+               double least_gap, size_t keep)
 {
     memset(t, 0, sizeof *t);
-    if (engine_begin(&t->engine, p))
+    t->problem = p;
+    t->best = best, t->limit = limit, t->gap = gap, t->least_gap = least_gap;
+    t->shed = INFINITY, t->keep = keep;
+    workers = workers < 1 ? 1 : workers > MOST_THREADS ? MOST_THREADS : workers;
+    if (begin_memory(t, p, workers, keep))
         return 1;
-    t->leaves = keep ? malloc(keep * (1 + 2 * (size_t)p->phases) * sizeof(double)) : 0;
-    if (keep && !t->leaves)
-        return 1;
-    t->keep = keep;
-    t->limit = limit, t->gap = gap, t->least_gap = least_gap, t->shed = INFINITY;
-    t->engine.best = best;
-    t->width = 2 + 2 * p->phases + MOST_MULTIPLIERS;
-    double *box = calloc(t->width, sizeof(double));
-    if (!box)
-        return 1;
+    t->fixed = p->goal_zero.rows + p->goal_most.rows;
+    for (int i = 0; i + 1 < p->phases; i++)
+        t->fixed += p->event[i].zero.rows + p->event[i].most.rows;
+    double *box = t->batch, least = 0, most = 0;
     box[0] = -INFINITY;
-    double least = 0, most = 0;
     for (int i = 0; i < p->phases; i++)
         least += p->shortest[i], most += p->longest[i];
     for (int i = 0; i < p->phases; i++) {
@@ -139,30 +242,29 @@ int tree_begin(Tree *t, const Problem *p, double best, double limit, double gap,
         box[1 + i] = fmax(p->shortest[i], low);
         box[1 + p->phases + i] = fmin(p->longest[i], high);
     }
-    const int failed = look(t, box);
-    free(box);
-    return failed;
+    add(t, box);
+    look_at_all(t);
+    return keep_batch(t);
 }
 
 void tree_end(Tree *t)
 {
-    free(t->waiting);
-    free(t->leaves);
-    engine_end(&t->engine);
-    t->waiting = t->leaves = 0;
+    for (int i = 0; i < t->workers; i++)
+        engine_end(t->engines + i);
+    free(t->engines), free(t->batch), free(t->told);
+    free(t->waiting), free(t->leaves);
+    memset(t, 0, sizeof *t);
 }
 
-int tree_run(Tree *t, long boxes)
+static int going_on(const Tree *t) { return t->count && t->waiting[0] < aim(t); }
+
+/* Take boxes and divide them. */
+static void take(Tree *t)
 {
-    const Problem *p = t->engine.problem;
-    const long until = t->engine.boxes + boxes;
-    double *box = malloc(2 * t->width * sizeof(double)), *half = box + t->width;
-    if (!box)
-        return NO_MEMORY;
-    int failed = 0;
-    while (!failed && t->count && t->engine.boxes < until && t->waiting[0] < aim(t)) {
+    while (t->taken + 2 <= MOST_TAKEN && going_on(t)) {
+        double *box = t->batch + t->taken * t->width, *half = box + t->width;
         pop(t, box);
-        double *low = box + 1, *high = low + p->phases;
+        double *low = box + 1, *high = low + t->problem->phases;
         const int i = (int)box[t->width - 1];
         const double middle = sqrt(low[i]) * sqrt(high[i]);
         if (!(low[i] < middle && middle < high[i])) { /* nothing is left to divide */
@@ -170,12 +272,23 @@ int tree_run(Tree *t, long boxes)
             continue;
         }
         memcpy(half, box, t->width * sizeof(double));
-        high[i] = middle;
         half[1 + i] = middle;
-        failed = look(t, box) || look(t, half);
+        high[i] = middle;
+        add(t, box);
+        add(t, half);
     }
-    free(box);
-    return failed ? NO_MEMORY : t->count && t->waiting[0] < aim(t) ? GOING_ON : PROVED;
+}
+
+int tree_run(Tree *t, long boxes)
+{
+    const long until = t->boxes + boxes;
+    while (going_on(t) && t->boxes < until) {
+        take(t);
+        look_at_all(t);
+        if (keep_batch(t))
+            return NO_MEMORY;
+    }
+    return going_on(t) ? GOING_ON : PROVED;
 }
 
 double tree_bound(const Tree *t)

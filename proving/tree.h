@@ -1,13 +1,32 @@
-/* Branch and bound over boxes of durations. */
+/* Branch and bound over boxes of durations, in batches that several threads share: what comes of it
+ * is the same for any number of them. */
 #ifndef DMOC_TREE_H
 #define DMOC_TREE_H
 
+#include <stdatomic.h>
+
 #include "box.h"
+
+#define MOST_THREADS 64
 
 enum { PROVED, GOING_ON, NO_MEMORY };
 
+/* What a box tells beside its bound: a motion that costs less, conditions that are priced from now
+ * on. */
 typedef struct {
-    Engine engine;
+    double best, at[MOST_PHASES];
+    int added;
+    Priced priced[MOST_PRICED];
+} Told;
+
+typedef struct {
+    const Problem *problem;
+    int workers;
+    Engine *engines;            /* (workers,) */
+    double best, at[MOST_PHASES]; /* the least cost that was met, and its durations */
+    long boxes;                 /* that were looked at */
+    int fixed, count_priced;    /* multipliers of goal and events; conditions that are priced */
+    Priced priced[MOST_PRICED];
     double limit;               /* motions that cost as much or more are of no interest */
     double gap, least_gap;      /* relative to the least cost that was met, and at least */
     double shed;                /* least bound of the boxes that were left */
@@ -16,10 +35,14 @@ typedef struct {
                                    to divide by; a heap */
     size_t left, keep;          /* boxes that were left, of which so many are kept */
     double *leaves;             /* (keep, 1 + 2 phases): bound, low, high */
+    size_t taken;               /* boxes of this batch */
+    double *batch;              /* (boxes, width) */
+    Told *told;                 /* (boxes,) */
+    atomic_size_t next;         /* the box of the batch that nobody has looked at yet */
 } Tree;
 
-int tree_begin(Tree *tree, const Problem *problem, double best, double limit, double gap,
-               double least_gap, size_t keep);
+int tree_begin(Tree *tree, const Problem *problem, int workers, double best, double limit,
+               double gap, double least_gap, size_t keep);
 void tree_end(Tree *tree);
 
 /* Add a box that waits; 1 where there is no memory. */

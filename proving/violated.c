@@ -49,15 +49,16 @@ static void compare(const Phase *p, Priced at, int step, const double *y, int co
 int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c, int count,
                     const Priced *priced, Priced *worst)
 {
-    const double *u = c->inputs;
+    const double *u = c->at.inputs;
     double state[MOST_STATE], next[MOST_STATE], inner[MOST_STATE], most = 0;
-    const double *start = c->inputs;
+    const int size = 2 * p->phase[0].r;
+    const double *share = c->at.inputs;
     for (int i = 0; i < p->phases; i++)
-        start += p->phase[i].steps * p->phase[i].nb;
-    for (int z = 0; z < 2 * p->phase[0].r; z++) {
-        const double reach = (p->start_high[z] - p->start_low[z]) / 2;
-        state[z] = p->start_low[z] + reach + (reach > 0 ? start[z] : 0);
-    }
+        share += p->phase[i].steps * p->phase[i].nb;
+    memcpy(state, p->middle, sizeof *state * (size_t)size);
+    for (int k = 0; k < p->spreads; k++)
+        for (int z = 0; z < size; z++)
+            state[z] += share[k] * p->spread[k * size + z];
     for (int i = 0; i < p->phases; i++) {
         const Phase *ph = p->phase + i;
         const int r = ph->r, s = 2 * r, m = s + ph->nb + 1;

@@ -115,6 +115,15 @@ def test_bounds_with_inputs_at_theirs(curved: Kernels) -> None:
     check(bounded(curved), 1e-6, 0)
 
 
+def test_bounds_of_periodic_motions_from_ranges(curved: Kernels) -> None:
+    """Velocities of both carts make each momentum."""
+    problem = bounded(curved).but(
+        start={"x": (0.2, 0.4), "y": (-0.3, 0.1), "x_dot": (-3, 1), "y_dot": (0, 0.5)}, goal={},
+        periodic={"x": "x", "y": ("-x", (0.1, 0.3)), "y_dot": "y_dot"},
+    )  # fmt: skip
+    check(problem, 1e-5, 3)
+
+
 def test_bounds_of_inputs_without_a_cost(flat: Kernels) -> None:
     check(bounded(flat), 1e-2, 1)
 
@@ -122,3 +131,19 @@ def test_bounds_of_inputs_without_a_cost(flat: Kernels) -> None:
 def test_bounds_with_coordinates_at_theirs(curved: Kernels) -> None:
     problem = bounded(curved).but(bounds={"y": (-0.3, 0.15)})
     check(problem, 1e-6, 2)
+
+
+def test_threads_change_no_box(curved: Kernels) -> None:
+    """Conditions that are priced on the way have the same numbers for any number of threads."""
+    problem = bounded(curved).but(bounds={"u": (-14, 9), "w": (-7, 7), "y": (-0.3, 0.15)})
+    linear, states = linear_problem(problem), []
+    for workers in (1, 3):
+        branch = Branch(linear, np.inf, 1e5, 1e-4, 1e-4, 10.0, 1000, workers)
+        branch.run(300)
+        states.append(branch.state())
+    for name, one in states[0].items():
+        np.testing.assert_array_equal(states[1][name], one)
+    prices = states[0]["waiting"][:, 5:-1]
+    rows = len(linear.goal_zero.b) + len(linear.goal_most.b)
+    rows += sum(len(e.zero.b) + len(e.most.b) for e in linear.events)
+    assert (prices[:, rows + 1 :] > 0).any()  # at least two conditions are priced

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.optimize import minimize
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
@@ -94,6 +95,81 @@ def test_spring_and_damper_beside_many_durations() -> None:
     for first in (0.3, 0.6, 0.9, 1.2):
         held = problem.but(durations=[first, 1.5 - first]).in_rates()
         assert dmoc.solve(held, starts=1).cost >= proof.bound
+
+
+def test_a_start_within_ranges_is_chosen(block: Kernels) -> None:
+    """Least of the cost of two free motions with given ends, in place and speed at the start, speed
+    of the hit and its time; the place is chosen inside its range, the speed at its end."""
+
+    def cost(z: Any) -> float:
+        place, speed, hit, T = z
+        ways = (1 - place, speed, hit, T), (-1, -0.8 * hit, 0, 1 - T)
+        means = ((a - d / t, b - d / t, t) for d, a, b, t in ways)
+        return float(sum(2 * (a * a + a * b + b * b) / t for a, b, t in means))
+
+    bounds = [(0, 0.5), (-2, 0.0), (0, 9), (0.1, 0.9)]
+    least = minimize(cost, [0.3, -1, 3, 0.4], bounds=bounds, tol=1e-14).fun
+    problem = through(block, [0.0, 1, 0.0], 0.8, steps=4)
+    proof = dmoc.prove(problem.but(start={"x": (0, 0.5), "x_dot": (-2, 0)}))
+    assert proof.claim is Claim.OPTIMAL
+    assert least * (1 - 1e-4) <= proof.bound <= least * (1 + 1e-7)
+
+
+def test_periodic_motion() -> None:
+    """A ball that bounces once in a second and is pushed so that it does so for ever: it comes down
+    with w and goes up with e w, and integrating (a + g)^2 / 2 by parts gives a parabola in w."""
+    g, e = 9.81, 0.8
+    falls = system("falls", sp.Rational(981, 100) * x, surfaces={"left": x >= 0})
+    problem = dmoc.Problem(
+        dmoc.build(falls, order=4), start={"x": 0.3, "x_dot": (-9, 9)}, periodic=["x", "x_dot"],
+        sequence=["left"], restitution=e, final_time=1, steps=4,
+    )  # fmt: skip
+    cost = g * g / 2 - (g * (1 + e)) ** 2 / (8 * (e * e - e + 1))
+    proof = dmoc.prove(problem)
+    assert proof.claim is Claim.OPTIMAL
+    assert cost * (1 - 1e-4) <= proof.bound <= cost * (1 + 1e-7)
+
+
+@pytest.fixture(scope="module")
+def hammer() -> Kernels:
+    """A hammer of 1 kg, and a nail on a spring and a damper."""
+    s = dynamicsymbols("s")
+    m, k, c = sp.symbols("m k c")
+    system = dmoc.MechanicalSystem(
+        "hammer", [x, s], (x.diff(t) ** 2 + m * s.diff(t) ** 2 - k * s**2) / 2, inputs=[u],
+        forces={x: u}, dissipation=c * s.diff(t) ** 2 / 2, surfaces={"nail": x <= s},
+        cost=u**2 / 2, parameters={m: 0.1, k: 500.0, c: 5.0},
+    )  # fmt: skip
+    return dmoc.build(system, order=4)
+
+
+@pytest.mark.parametrize("final_time", [3.0, (1.0, 6.0)])
+def test_goals_that_decide_a_duration_are_proved(hammer: Kernels, final_time: Any) -> None:
+    """What is hit has 4 m to roll at 2 m/s, which takes it 2 s and no other time. The speed v of
+    the hit follows, and its time T alone is left to choose."""
+    rolling = {"m": 1.0, "k": 0.0, "c": 0.0}
+    problem = dmoc.Problem(
+        hammer, start={"x": 0.0, "s": 1.0}, goal={"s": 5.0, "s_dot": 2.0}, sequence=["nail"],
+        final_time=final_time, restitution=0.5, parameters=rolling, steps=3,
+    )  # fmt: skip
+    v, T = 2 / 0.75, np.linspace(0.5, 4.0, 3501) if final_time != 3.0 else np.ones(1)
+    cost = (6 / T**3 - 6 * v / T**2 + 2 * v**2 / T).min()
+    proof = dmoc.prove(problem)
+    assert proof.claim is Claim.OPTIMAL
+    assert cost * (1 - 1e-4) <= proof.bound <= cost * (1 + 1e-7)
+    assert proof.boxes < 1000
+
+
+def test_hammer_and_nail(hammer: Kernels) -> None:
+    """The nail is at rest at its deepest place alone; the hammer has to stay behind it until then.
+    The cost is half of that of the ladder of published problems."""
+    problem = dmoc.Problem(
+        hammer, start={"x": -0.3, "s": 0.0}, goal={"s": 0.02, "s_dot": 0.0}, sequence=["nail"],
+        final_time=(0.2, 1.0), durations=[None, (0.01, 0.1)], restitution=0.3, steps=4,
+    )  # fmt: skip
+    proof = dmoc.prove(problem)
+    assert proof.claim is Claim.OPTIMAL
+    assert proof.bound == pytest.approx(62.49558 / 2, rel=2e-4)
 
 
 def test_surfaces_that_are_left_count_from_the_second_step_on(block: Kernels) -> None:
@@ -245,7 +321,6 @@ def refused(problem: dmoc.Problem, **options: Any) -> str:
     ("change", "sentence"),
     [
         (lambda p: p.but(final_time=(0.1, None)), "a final time without an upper bound"),
-        (lambda p: p.but(periodic=["x_dot"], goal={}), "periodic motions"),
         (lambda p: p.but(start={"x": None}), "the start of x is free"),
         (
             lambda p: p.but(kernels=dmoc.build(system("twice"), order=2), controls="linear"),
@@ -265,6 +340,7 @@ def test_bad_options_are_refused(block: Kernels) -> None:
     problem = through(block, [0.0, 1, 0.0], 0.8)
     assert "gap = 0" in refused(problem, gap=0)
     assert "seconds = -1" in refused(problem, seconds=-1)
+    assert "workers = 0: expected a whole number of at least 1" in refused(problem, workers=0)
 
 
 @pytest.mark.parametrize(

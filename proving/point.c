@@ -1,0 +1,156 @@
+/* See centre.h: the dual and its derivatives by the multipliers, at durations that are given. */
+#include "centre.h"
+#include "costates.h"
+#include "small.h"
+
+#include <string.h>
+
+/* Constants of the dual in the multipliers, (multipliers + 1,). */
+static void constants_of(const Problem *p, const Centre *c, Point *at)
+{
+    const Steps *const *steps = at->steps;
+    double time = 0, *constant = at->constant;
+    memset(constant, 0, sizeof(double) * WIDTH);
+    for (int i = 0; i < p->phases; i++) {
+        time += at->t[i];
+        const double *L = COSTATES(at, i);
+        for (int k = 0; k < steps[i]->d; k++)
+            for (int j = 0; j <= c->multipliers; j++)
+                constant[j] += interval_mid(steps[i]->without.linear[k].v0) * L[k * WIDTH + j];
+        const int last = i == p->phases - 1;
+        const Rows *zero = last ? &p->goal_zero : &p->event[i].zero;
+        const Rows *most = last ? &p->goal_most : &p->event[i].most;
+        const int first = last ? 0 : c->first_event[i];
+        for (int k = 0; k < zero->rows; k++)
+            constant[first + k] += zero->b[k] + zero->b_t[k] * time;
+        for (int k = 0; k < most->rows; k++)
+            constant[first + zero->rows + k] += most->b[k] + most->b_t[k] * time;
+    }
+}
+
+double point_dual(const Problem *p, const Centre *c, const Point *at, const double *m,
+                  double *gradient, double *H)
+{
+    const Steps *const *steps = at->steps;
+    const int n = c->multipliers;
+    const double *constant = at->constant, *row = at->rows;
+    double value = constant[n], *u = at->inputs;
+    for (int j = 0; j < n; j++)
+        value += constant[j] * m[j];
+    if (gradient)
+        memcpy(gradient, constant, sizeof(double) * n);
+    if (H)
+        memset(H, 0, sizeof(double) * n * n);
+    for (int i = 0; i < p->phases; i++) {
+        const Phase *ph = p->phase + i;
+        const int nb = ph->nb;
+        const double h = interval_mid(steps[i]->h.v0);
+        double R[MOST_INPUTS * MOST_INPUTS], inverse[MOST_INPUTS * MOST_INPUTS], y[MOST_INPUTS];
+        for (int a = 0; a < nb * nb; a++)
+            R[a] = h * ph->R[a];
+        for (int a = 0; a < nb; a++) {
+            const double width = ph->upper[a] - ph->lower[a];
+            if (!(R[a * nb + a] > 0))
+                R[a * nb + a] = h * SMOOTHING * p->scale / (p->latest * width * width);
+        }
+        small_inverse(nb, R, inverse);
+        for (int k = 0; k < ph->steps; k++, u += nb, row += nb * WIDTH) {
+            for (int a = 0; a < nb; a++) {
+                y[a] = row[a * WIDTH + n];
+                for (int j = 0; j < n; j++)
+                    y[a] += row[a * WIDTH + j] * m[j];
+            }
+            const unsigned mask = least_inputs(nb, R, inverse, y, ph->lower, ph->upper, u);
+            for (int a = 0; a < nb; a++) {
+                double curved = 0;
+                for (int b = 0; b < nb; b++)
+                    curved += R[a * nb + b] * u[b];
+                value += u[a] * (y[a] + curved / 2);
+                for (int j = 0; j < n && gradient; j++)
+                    gradient[j] += row[a * WIDTH + j] * u[a];
+            }
+            if (!H || !mask)
+                continue;
+            /* rows of the free inputs times the inverse of their part of R, by elimination */
+            double A[MOST_INPUTS * MOST_INPUTS], B[MOST_INPUTS * WIDTH];
+            for (int a = 0; a < nb; a++) {
+                const int on = mask >> a & 1;
+                for (int b = 0; b < nb; b++)
+                    A[a * nb + b] = on && mask >> b & 1 ? R[a * nb + b] : a == b;
+                for (int j = 0; j < n; j++)
+                    B[a * WIDTH + j] = on ? row[a * WIDTH + j] : 0;
+            }
+            /* L D L^T of A: H += B^T A^-1 B */
+            for (int a = 0; a < nb; a++) {
+                for (int b = a + 1; b < nb; b++) {
+                    const double factor = A[b * nb + a] / A[a * nb + a];
+                    if (factor == 0)
+                        continue;
+                    for (int g = a; g < nb; g++)
+                        A[b * nb + g] -= factor * A[a * nb + g];
+                    for (int j = 0; j < n; j++)
+                        B[b * WIDTH + j] -= factor * B[a * WIDTH + j];
+                }
+                for (int j = 0; j < n; j++) {
+                    const double share = B[a * WIDTH + j] / A[a * nb + a];
+                    for (int l = 0; l <= j && share != 0; l++)
+                        H[j * n + l] += share * B[a * WIDTH + l];
+                }
+            }
+        }
+    }
+    /* A start within a range is an input that costs nothing. */
+    for (int k = 0; k < p->spreads; k++, row += WIDTH, u++) {
+        const double R = START_SMOOTHING(p), inverse = 1 / R, low = -1, high = 1;
+        double y = row[n];
+        for (int j = 0; j < n; j++)
+            y += row[j] * m[j];
+        const unsigned mask = least_inputs(1, &R, &inverse, &y, &low, &high, u);
+        value += *u * (y + R * *u / 2);
+        for (int j = 0; j < n && gradient; j++)
+            gradient[j] += row[j] * *u;
+        for (int j = 0; j < n && H && mask; j++)
+            for (int l = 0; l <= j; l++)
+                H[j * n + l] += row[j] * row[l] / R;
+    }
+    for (int j = 0; j < n && H; j++)
+        for (int l = 0; l < j; l++)
+            H[l * n + j] = H[j * n + l];
+    return value;
+}
+
+/* What the multipliers make of the inputs of all steps. */
+static void rows_of(const Problem *p, const Centre *c, const Point *at)
+{
+    const Steps *const *steps = at->steps;
+    double *row = at->rows;
+    for (int i = 0; i < p->phases; i++) {
+        const int d = steps[i]->d, count = p->phase[i].steps * p->phase[i].nb;
+        const double *L = COSTATES(at, i);
+        for (int k = 0; k < count; k++, row += WIDTH) {
+            memset(row, 0, sizeof(double) * (c->multipliers + 1));
+            for (int a = 0; a < d; a++) {
+                const double share = interval_mid(steps[i]->response[k * d + a].v0);
+                for (int j = 0; j <= c->multipliers && share != 0; j++)
+                    row[j] += share * L[a * WIDTH + j];
+            }
+        }
+    }
+    start_rows(p, c, steps[0], COSTATES(at, 0), 0, row);
+    const int s = 2 * p->phase[0].r;
+    for (int k = 0; k < p->spreads; k++, row += WIDTH)
+        for (int j = 0; j < p->goal_zero.rows + p->goal_most.rows; j++)
+            for (int z = 0; z < s; z++)
+                row[j] += p->spread[k * s + z] * p->tie[j * s + z];
+}
+
+void point_begin(const Problem *p, const Centre *c, const double *t, const Steps *const *steps,
+                 Point *at)
+{
+    at->t = t, at->steps = steps;
+    for (int i = p->phases - 1; i >= 0; i--)
+        costates_of(p, steps, c, -1, i, i + 1 < p->phases ? COSTATES(at, i + 1) : 0, 0,
+                    COSTATES(at, i));
+    rows_of(p, c, at);
+    constants_of(p, c, at);
+}
