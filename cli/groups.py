@@ -26,12 +26,12 @@ WORDS, STATED = "words", "stated"  # in the metadata of a field
 class Stated:
     """What an option states: a field of a problem, by a function of its text; or, with its name in
     messages, values of a field by name, which change those that a model comes with, and may be
-    ``lists``, one value for each phase."""
+    lists of ``lists`` values or more: of phases, or of an attitude."""
 
     field: str
     read: Callable[[Any], Any] = str
     option: str = ""
-    lists: bool = False
+    lists: int = 0
 
 
 def stated(help: str, about: Stated | None = None, **words: Any) -> Any:

@@ -129,11 +129,18 @@ def separate(texts: list[str] | None) -> list[str]:
     return [part for text in texts or [] for part in read_names(text) or [text]]
 
 
-def read_pairs(texts: list[str] | None, option: str, lists: bool = False) -> dict[str, Any]:
-    """Read NAME=VALUE of an option that may be repeated, also with commas between them; with
-    ``lists`` a value may be several with commas."""
+def read_pairs(texts: list[str] | None, option: str, lists: int = 0) -> dict[str, Any]:
+    """Read NAME=VALUE of an option that may be repeated, also with commas between them; a value may
+    be so many with commas, or more."""
     parts = with_lists(separate(texts)) if lists else separate(texts)
-    return by_name((read_pair(text, option) for text in parts), option)
+    values = by_name((read_pair(text, option) for text in parts), option)
+    for name, value in values.items():
+        if isinstance(value, list) and len(value) < lists:
+            raise ProblemError(
+                f"{option} {name} has {len(value)} values: expected one, a range LOW:HIGH, or the "
+                f"{lists} numbers of an attitude."
+            )
+    return values
 
 
 def with_lists(parts: list[str]) -> list[str]:
@@ -163,7 +170,7 @@ def read_pair(text: str, option: str) -> tuple[str, Any]:
         raise ProblemError(f"{option} {text}: expected NAME=VALUE.")
     what = f"{option} {name.strip()}"
     if "," in value:
-        expected = "expected numbers such as 10,50, one for each phase"
+        expected = "expected numbers such as 10,50, one for each phase or part of an attitude"
         return name.strip(), [read_number(part, what, expected) for part in value.split(",")]
     return name.strip(), read_value(value, what)
 

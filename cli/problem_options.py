@@ -70,7 +70,7 @@ class ModelOptions:
     order: int | None = stated(f"Order of the discretisation, one of {ORDERS_SHOWN}; 2 by default.")
     set_: list[str] | None = stated(
         "Parameter value, or one for each phase, as k=10,50; several with commas, or repeat it.",
-        Stated("parameters", option="--set", lists=True),
+        Stated("parameters", option="--set", lists=2),
         completed=completion.parameters,
         metavar="NAME=VALUE",
     )
@@ -109,14 +109,14 @@ class ProblemOptions(ModelOptions):
     )
     start: list[str] | None = stated(
         "Start state: x, x_dot, p_x or a quantity; a value, a range LOW:HIGH, or free; several "
-        "with commas, or repeat it.",
-        Stated("start", option="--start"),
+        "with commas, or repeat it. An attitude is its quaternion, q=1,0,0,0.",
+        Stated("start", option="--start", lists=4),
         completed=completion.states,
         metavar="NAME=VALUE",
     )
     goal: list[str] | None = stated(
         "Goal state, like --start, or the bound of an integral; several with commas, or repeat it.",
-        Stated("goal", option="--goal"),
+        Stated("goal", option="--goal", lists=4),
         completed=completion.states,
         metavar="NAME=VALUE",
     )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dmoc.base.errors import SimulationError
+from dmoc.base.names import omega_names, velocity_name
 from dmoc.base.table import print_table
 from dmoc.cli import completion
 from dmoc.cli.console import draw, in_turn, out, prepare, written
@@ -16,7 +18,6 @@ from dmoc.cli.shared_options import DarkOption, out_option
 from dmoc.cli.words import argument, option
 
 if TYPE_CHECKING:
-    from dmoc.codegen.kernels import Kernels
     from dmoc.results.simulation import Simulation
 
 STEPS = 1000  # of a model, where nothing is said
@@ -36,8 +37,8 @@ def simulate(
         list[str] | None,
         option(
             metavar="NAME=VALUE",
-            help="Start state of a model: x or x_dot, zero unless given; several with commas, or "
-            "repeat it.",
+            help="Start state of a model: x or x_dot, zero unless given, an attitude as its "
+            "quaternion q=1,0,0,0; several with commas, or repeat it.",
         ),
     ] = None,
     final_time: Annotated[float | None, option(help="Final time of a model in seconds.")] = None,
@@ -87,9 +88,15 @@ def simulate(
         raise SimulationError("--model goes with a solution file: a model is named alone.")
     kernels = registry.find(model).kernels(values.order)
     duration, count = _checked(final_time), STEPS if steps is None else steps
-    state, inputs = _values(start, "--start", kernels), _values(input_, "--input", kernels)
-    q, v = ([state[f"{n}{end}"] for n in kernels.coordinates] for end in ("", "_dot"))
-    u = [inputs[name] for name in kernels.inputs]
+    rates = {velocity_name(name): name for name in kernels.coordinates}
+    spins = [omega for name in kernels.manifest.attitudes for omega in omega_names(name)]
+    turned = dict.fromkeys(kernels.manifest.attitudes, True)
+    places = turned | dict.fromkeys(kernels.coordinates, False)
+    state = _values(start, "--start", places | dict.fromkeys((*rates, *spins), False))
+    q = {name: value for name, value in state.items() if name in places}
+    v = {rates.get(name, name): value for name, value in state.items() if name not in places}
+    inputs = _values(input_, "--input", dict.fromkeys(kernels.inputs, False))
+    u = [inputs.get(name, 0.0) for name in kernels.inputs]
     size = duration / max(count, 1)
     _show(simulated(kernels, q, v, step_size=size, steps=count, inputs=u, **laws), target, dark)
 
@@ -105,20 +112,17 @@ def _checked(final_time: float | None) -> float:
     return final_time
 
 
-def _values(texts: list[str] | None, option: str, kernels: Kernels) -> dict[str, Any]:
-    """Values given by name, zero where none is given."""
-    names = kernels.inputs
-    if option == "--start":
-        names = [*kernels.coordinates, *(f"{name}_dot" for name in kernels.coordinates)]
-    values: dict[str, Any] = dict.fromkeys(names, 0.0)
-    for name, value in read_pairs(texts, option).items():
-        if name not in values:
+def _values(texts: list[str] | None, option: str, names: Mapping[str, bool]) -> dict[str, Any]:
+    """Values given by name: numbers, of attitudes four of them."""
+    values = read_pairs(texts, option, lists=4 if any(names.values()) else 0)
+    for name, value in values.items():
+        if name not in names:
             raise SimulationError(
                 f"{option} {name}: expected one of {', '.join(names) or 'no inputs'}."
             )
-        if not isinstance(value, float):
-            raise SimulationError(f"{option} {name}: expected a number.")
-        values[name] = value
+        if not isinstance(value, list if names[name] else float):
+            what = "four numbers with commas, such as 1,0,0,0" if names[name] else "a number"
+            raise SimulationError(f"{option} {name}: expected {what}.")
     return values
 
 

@@ -62,3 +62,27 @@ def test_several_values_stand_in_one_option_with_commas(run: Run) -> None:
     # 2 kg come with 1 m/s to the right wall after 0.25 m.
     (text,) = outputs
     assert "impulse 3" in text and "at 0.25 s" in text
+
+
+TOP = """
+import dmoc
+
+world = dmoc.spatial.World(gravity=0)
+world.ball("q", inertia=(1, 1, 2))
+top = world.system("spinner", cost=1)
+"""
+
+
+def test_an_attitude_is_four_numbers(run: Run) -> None:
+    Path("top.py").write_text(TOP, encoding="utf-8")
+    words = "simulate top.py:top --final-time 1 --steps 10 --start".split()
+    code, out, err = run(*words, "q=0,1,0,0,q_omega_z=2", "--start", "q_omega_x=1")
+    assert code == 0 and err == ""
+    assert "between 4.5 and 4.5" in " ".join(out.split())
+    for wrong, message in (
+        ("q=1", "--start q: expected four numbers with commas, such as 1,0,0,0."),
+        ("q_omega_x=1,0,0,0", "--start q_omega_x: expected a number."),
+        ("w=1", "--start w: expected one of q, q0, q1, q2, q3, q0_dot, "),
+    ):
+        code, _, err = run(*words, wrong)
+        assert code == 2 and message in " ".join(err.split())

@@ -37,16 +37,19 @@ def test_a_range_is_values_at_equal_distances() -> None:
 
 def test_parameters_have_a_value_for_each_phase() -> None:
     texts = ["k=10,50,m=2", "c=1"]
-    assert read_pairs(texts, "--set", lists=True) == {"k": [10.0, 50.0], "m": 2.0, "c": 1.0}
+    assert read_pairs(texts, "--set", lists=2) == {"k": [10.0, 50.0], "m": 2.0, "c": 1.0}
     for text, message in (
         ("10,50", "--set 10,50: expected NAME=VALUE"),
-        ("k=10,x", "--set k = 'x': expected numbers such as 10,50, one for each phase"),
+        ("k=10,x", "--set k = 'x': expected numbers such as 10,50, one for each phase or part"),
         ("k=,10", "--set k = '': expected numbers"),
     ):
         with pytest.raises(ProblemError, match=message):
-            read_pairs([text], "--set", lists=True)
-    with pytest.raises(ProblemError, match="--start 2: expected NAME=VALUE"):
-        read_pairs(["x=1,2"], "--start")
+            read_pairs([text], "--set", lists=2)
+    with pytest.raises(ProblemError, match="--via 2: expected NAME=VALUE"):
+        read_pairs(["x=1,2"], "--via")
+    assert read_pairs(["q=0,1,0,0,x=2"], "--goal", lists=4) == {"q": [0.0, 1.0, 0.0, 0.0], "x": 2.0}
+    with pytest.raises(ProblemError, match="--start x has 2 values: expected one, a range LOW:H"):
+        read_pairs(["x=1,2"], "--start", lists=4)
 
 
 @pytest.mark.slow
