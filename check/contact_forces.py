@@ -8,6 +8,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
+from dmoc.base.names import unit_constraint
 from dmoc.base.tolerances import ROUNDING
 from dmoc.check.checked_motion import Motion, PlannedNodes
 from dmoc.check.consistency import DRIFT, OFF
@@ -188,14 +189,18 @@ def _differences(
     motion: Motion, i: int, flow: Reaction, sizes: tuple[Array, ...]
 ) -> Iterator[tuple[str, float]]:
     """Errors of the planned forces of a phase, relative to the sizes, by what they are; between two
-    steps whose inputs differ every force between theirs is right."""
+    steps whose inputs differ every force between theirs is right.  Lengths of quaternions are none
+    of the motion's constraints: what keeps them does nothing to a body."""
     phase, kernels, at = motion.trajectory.phases[i], motion.model.kernels, motion.places[i]
+    lengths = {unit_constraint(name) for name in kernels.manifest.attitudes}
     for what, planned, names, numbers, by_law, size in (
         (FORCE, at.normal, phase.closed, kernels.surfaces, flow.normal, sizes[0]),
         (FORCE, at.tangential, tuple(phase.rubbing), kernels.tangents, flow.tangential, sizes[1]),
         (REACTION, at.reaction, phase.joints, kernels.joints, flow.joint, sizes[2]),
     ):
         for column, name in enumerate(names):
+            if name in lengths:
+                continue
             j = numbers.index(name)
             low, high = by_law[..., j].min(axis=0), by_law[..., j].max(axis=0)
             off = np.maximum(low - planned[:, column], planned[:, column] - high)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from dmoc.base.names import unit_constraint
 from dmoc.base.table import Cell, Table, passed
 from dmoc.motion.largest_forces import largest_forces
 from dmoc.motion.trajectory import impulses_in_words, noun_of
@@ -52,7 +53,10 @@ def _motion(s: Solution) -> Iterator[tuple[Cell, ...]]:
             f"{noun_of([c.word], [c.switch])} {c.word}",
             f"at {c.time:.6g} s{impulses_in_words(c)}",
         )
+    attitudes = () if s.kernels is None else s.kernels.manifest.attitudes
     for force in largest_forces(s.trajectory):
+        if force.contact in map(unit_constraint, attitudes):
+            continue
         unit = "" if force.kind == "R" else " N"  # that of R follows from its constraint
         yield (
             f"largest {force.kind} of {force.contact}",

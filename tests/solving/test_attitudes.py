@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,15 @@ def test_a_sphere_turns_by_nearly_half_a_turn(satellite: Kernels) -> None:
     assert solution.cost == pytest.approx(effort(angle), rel=5e-6)
     longer = min(m.cost for m in solution.others)
     assert longer == pytest.approx(effort(2 * np.pi - angle), rel=5e-6)
+
+
+def test_what_keeps_the_length_of_a_quaternion_is_no_force(satellite: Kernels) -> None:
+    solution = dmoc.solve(turn(satellite, 1.0, steps=10), "ipm", starts=1)
+    (phase,) = solution.phases
+    other = replace(phase, reaction=2 * phase.reaction, reaction_inside=2 * phase.reaction_inside)
+    assert np.abs(phase.reaction).max() > 0
+    assert dmoc.verify(replace(solution.trajectory, phases=(other,)), satellite).passed
+    assert "q_unit" not in str(solution)
 
 
 def test_a_guess_keeps_its_sign(satellite: Kernels) -> None:
