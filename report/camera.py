@@ -13,6 +13,7 @@ from dmoc.motion.scene import Array, Scene, Shape
 
 # Kinds of bodies, which have frames and sizes.
 BODIES = ("block", "sphere", "capsule", "cylinder")
+STILL = ("plane", "touch", "force", "torque")  # of which nothing is seen that moves
 
 # Where it stands: turned to the right of -y, and lifted, in rad; and how far it is, in halves of
 # the room's diagonal.
@@ -104,7 +105,7 @@ def floor_of(scene: Scene, low: Array) -> float:
 def reach_of(scene: Scene) -> tuple[Array, Array]:
     """Lowest and highest point, each of shape (3,), of all that moves, and of the floors and walls
     next to it."""
-    bodies = [_ends(scene, s) for s in scene.shapes if s.kind not in ("plane", "touch")]
+    bodies = [_ends(scene, s) for s in scene.shapes if s.kind not in STILL]
     planes = [s for s in scene.shapes if s.kind == "plane"]
     points = np.vstack(bodies or [np.zeros((1, 3))])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -122,8 +123,6 @@ def _ends(scene: Scene, shape: Shape) -> Array:
     values = np.vstack([scene.of(shape, i) for i in range(len(scene.times))])
     if shape.kind in ("rod", "coil", "bob"):
         return values.reshape(-1, 3)
-    if shape.kind in ("force", "torque"):
-        return values[:, :3]
     sizes = values[:, 9:]
     half = np.abs(extents(shape.kind, values[:, 3:9], sizes))
     return np.vstack([values[:, :3] - half, values[:, :3] + half])

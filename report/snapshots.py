@@ -16,6 +16,7 @@ from dmoc.report.canvas import SMALL, inked
 from dmoc.report.film import Take
 from dmoc.report.labels import math, short
 from dmoc.report.places import Room, flat_marks, room_of
+from dmoc.report.poses import Pose, poses_of
 from dmoc.report.shapes import SEEN, look_of, painter
 from dmoc.report.solid_painter import draw_ground, draw_ways, solids
 from dmoc.report.style import Style
@@ -65,8 +66,8 @@ def _taking_time(scene: Scene) -> Scene:
 
 def layout_of(scene: Scene) -> SnapshotGrid:
     """The arrangement in which the snapshots are largest."""
-    scene = joined(scene)
-    count, (width, height) = len(scene.times), window_of([scene]).sides
+    count = len(poses_of(_taking_time(scene))) or len(joined(scene).times)
+    width, height = window_of([scene]).sides
     best, largest = SnapshotGrid(1, count, 0.0), 0.0
     for columns in range(count, 0, -1):
         rows = ceil(count / columns)
@@ -85,21 +86,24 @@ def window_of(scenes: Sequence[Scene]) -> Room:
 
 
 def draw_snapshots(figure: Figure, place: SubplotSpec, take: Take, style: Style) -> None:
-    """Draw all phases, each with what happens at its end."""
+    """Draw all phases, each with what happens at its end, or the poses of a motion that stays."""
     layout, window, trajectory = layout_of(take.scene), window_of([take.scene]), take.trajectory
     apart = len(_taking_time(take.scene).times) <= MOST
-    scene = joined(take.scene)
+    scene, poses = joined(take.scene), poses_of(_taking_time(take.scene))
     grid = place.subgridspec(layout.rows, layout.columns)
     first: Axes | None = None
-    for phase in range(len(scene.times)):
-        axes = figure.add_subplot(grid[phase // layout.columns, phase % layout.columns])
+    for k in range(len(poses) or len(scene.times)):
+        axes = figure.add_subplot(grid[k // layout.columns, k % layout.columns])
         _look_through(axes, window)
         if scene.in_space:
-            _ground(axes, take, window, style)
-        _phase(axes, scene, phase, style, window)
-        if apart:
-            _impulses(axes, take, phase, style, window)
-        axes.set_title(_title(trajectory, phase if apart else None), fontsize=SMALL)
+            _ground(axes, take, window, style, not poses)
+        if poses:
+            _pose(axes, take, poses[k], style, window)
+        else:
+            _phase(axes, scene, k, style, window)
+            if apart:
+                _impulses(axes, take, k, style, window)
+            axes.set_title(_title(trajectory, k if apart else None), fontsize=SMALL)
         _frame(axes, trajectory, style, first)
         first = first or axes
 
@@ -164,15 +168,28 @@ def _title(trajectory: Trajectory, phase: int | None) -> str:
     return f"{span},\nafter {events[-1].word}" if events else span
 
 
-def _ground(axes: Axes, take: Take, window: Room, style: Style) -> None:
+def _ground(axes: Axes, take: Take, window: Room, style: Style, ways: bool = True) -> None:
     """The ground of space, with the distance of its lines, and the ways of masses."""
     if window.camera is None:
         return
     step = draw_ground(axes, take.scene, window.camera, style)
-    draw_ways(axes, take.scene, window.camera, {"color": style.muted, "linewidth": 0.6})
+    if ways:
+        draw_ways(axes, take.scene, window.camera, {"color": style.muted, "linewidth": 0.6})
     if unit := length_unit(take.trajectory):
         words = f"grid {short(step)} {unit}"
         axes.text(1, 0, words, color=style.muted, fontsize=7, ha="right", transform=axes.transAxes)
+
+
+def _pose(axes: Axes, take: Take, pose: Pose, style: Style, window: Room) -> None:
+    """One pose of a motion that stays, with its time and the event that it is at."""
+    title = f"{pose.time:.3g} s"
+    if window.camera:
+        values = take.scene.values[pose.phase][pose.row]
+        solids(axes, take.scene, window.camera, style)(values)
+    if pose.last and pose.phase < len(take.events):
+        _impulses(axes, take, pose.phase, style, window)
+        title += f": {take.trajectory.collisions[pose.phase].word}"
+    axes.set_title(title, fontsize=SMALL)
 
 
 def _phase(axes: Axes, scene: Scene, phase: int, style: Style, window: Room) -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DARKEST = 0.62  # of a colour, away from the light
-SHADE = 0.16  # of the ink, in the colour of a shadow
+SHADE = 0.16, 0.5  # of black, in a shadow on light and on dark paper
 WALL = 0.16  # of a wall's colour: what is behind it is seen
 LINES = 6  # of the ground, in a side of the room, at least
 BEYOND = 0.12  # of the room, which the ground reaches beyond it
@@ -31,8 +31,8 @@ Placed = Callable[[Array], None]
 
 
 def solids(axes: Axes, scene: Scene, camera: Camera, style: Style, strength: float = 1.0) -> Placed:
-    """Draw bodies into axes that have their limits; they are seen where they are placed, through
-    them what is behind where their strength is below 1."""
+    """Draw bodies into axes that have their limits; they are seen where they are placed, fainter
+    the smaller their strength is."""
     from matplotlib.collections import PolyCollection
 
     shadows = PolyCollection([], zorder=1.2)
@@ -40,7 +40,8 @@ def solids(axes: Axes, scene: Scene, camera: Camera, style: Style, strength: flo
     for collection in (shadows, bodies):
         axes.add_collection(collection, autolim=False)
     colours = np.array([_rgb(c) for c in _colours(style)])
-    dark = (1 - SHADE * strength) * _rgb(style.paper) + SHADE * strength * _rgb(style.ink)
+    paper = _rgb(style.paper)
+    dark = (1 - SHADE[bool(paper.mean() < 0.5)] * strength) * paper
 
     def place(values: Array) -> None:
         faces, parts = _faces(scene, values, camera.side)
@@ -51,11 +52,9 @@ def solids(axes: Axes, scene: Scene, camera: Camera, style: Style, strength: flo
         shadows.set(verts=list(camera.seen(shadow)[..., :2]), facecolor=dark, edgecolor=dark)
         order = painters_order(faces, normals, camera)
         lit = DARKEST + (1 - DARKEST) * np.clip(normals[order] @ LIGHT, 0.0, 1.0)
-        shown = np.column_stack(
-            [colours[parts[order]] * lit[:, None], np.full(len(order), strength)]
-        )
+        shown = (1 - strength) * paper + strength * colours[parts[order]] * lit[:, None]
         bodies.set(verts=list(camera.seen(faces[order])[..., :2]), facecolor=shown)
-        edges: Any = shown if strength == 1 else "none"
+        edges: Any = shown  # without which the paper would be seen between faces
         bodies.set_edgecolor(edges)
 
     return place
@@ -73,7 +72,7 @@ def draw_ground(axes: Axes, scene: Scene, camera: Camera, style: Style) -> float
     walls = [wall_of(scene.of(s, 0)[0], camera) for s in scene.shapes if s.kind == "plane"]
     seen = [camera.seen(wall)[..., :2] for wall in walls if wall is not None]
     look: dict[str, Any] = {"facecolor": (*_rgb(style.muted), WALL), "edgecolor": style.muted}
-    axes.add_collection(PolyCollection(seen, linewidths=0.8, zorder=0.8, **look), autolim=False)
+    axes.add_collection(PolyCollection(seen, linewidths=0.8, zorder=1.4, **look), autolim=False)
     return float(step)
 
 

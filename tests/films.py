@@ -68,6 +68,28 @@ def motion(wall: str = "wall", model: str = "shuttle") -> Trajectory:
     )  # fmt: skip
 
 
+AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)  # the first two, of a frame that is not turned
+
+
+def flight() -> Trajectory:
+    """The mass that goes to a wall and back as an orange ball in space, beside a blue one that
+    stays."""
+    flat = motion()
+    assert flat.scene is not None
+    shapes = (
+        Shape("bob", "", 0, 3), Shape("sphere", "", 3, 10), Shape("plane", "", 13, 6),
+        Shape("touch", "wall", 19, 6),
+    )  # fmt: skip
+    values = []
+    for times in flat.scene.times:
+        x = np.array([place(t) for t in times])
+        one, zero = np.ones_like(x), np.zeros_like(x)
+        ball = [0.5 * one, 0.8 * one, 0.2 * one, *(e * one for e in (*AXES, 0.2))]
+        wall = [*(one, zero, zero, -one, zero, zero), *(x, zero, HIGH * one, -one, zero, zero)]
+        values.append(np.stack([x, zero, HIGH * one, *ball, *wall], axis=1))
+    return replace(flat, scene=Scene(shapes, flat.scene.times, tuple(values)))
+
+
 def mirrored(trajectory: Trajectory) -> Trajectory:
     """The same motion, further to the left by one."""
     scene = trajectory.scene

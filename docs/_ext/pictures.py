@@ -21,14 +21,16 @@ from PIL import Image
 
 import dmoc
 from dmoc.motion.scene import Array, Scene, Shape
+from dmoc.report.places import room_of, values_at
 from dmoc.report.shapes import look_of, painter
+from dmoc.report.solid_painter import draw_ground, draw_ways, solids
 from dmoc.report.style import DARK
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "pictures"
 DOTS, WIDTH, HEIGHT = 200, 4.8, 3.6  # in an inch, and inches
 COLOURS = 128  # of a picture, which are enough for its shades
-FAINT = 0.12  # strength of the first time
+FAINT, PALE = 0.12, 0.3  # strength of the first time, in the plane and in space
 ROOM = 0.05  # of the larger side, around everything
 BELOW = 0.06  # of the width, for the strokes of a floor
 # Shapes that move, and those of which all columns are points.
@@ -44,7 +46,9 @@ class Strobe:
     repeat: int = 1
 
 
-STROBES = (Strobe("walker", 7, 4), Strobe("finger_puck", 16), Strobe("hopper", 10, 2))
+STROBES = (
+    Strobe("walker", 7, 4), Strobe("finger_puck", 16), Strobe("hopper", 10, 2), Strobe("coin", 11),
+)  # fmt: skip
 
 
 def main() -> None:
@@ -60,7 +64,13 @@ def main() -> None:
             script = ROOT / "examples" / f"{strobe.name}.py"
             subprocess.run([sys.executable, str(script), folder], check=True)
             solution = dmoc.Solution.load(Path(folder) / f"{strobe.name}.npz")
-            draw(solution, strobe, FOLDER / f"{strobe.name}.png")
+            scene = solution.trajectory.scene
+            assert scene is not None
+            path = FOLDER / f"{strobe.name}.png"
+            if scene.in_space:
+                draw_in_space(scene, strobe, path)
+            else:
+                draw(solution, strobe, path)
     of_page("fit.md", 1, "fit", FOLDER / "fit.png")
     of_page("proofs.md", 2, "proof", FOLDER / "proof.png")
 
@@ -96,6 +106,27 @@ def draw(solution: dmoc.Solution, strobe: Strobe, path: Path) -> None:
         level = scene.of(wall, 0)[0][1]
         place = painter(axes, scene, wall, look_of(DARK, 0.7 * (right - left)))
         place(np.array([left, level, right, level]))
+    written(figure, path)
+
+
+def draw_in_space(scene: Scene, strobe: Strobe, path: Path) -> None:
+    """Write the picture of a motion in space, seen from one side."""
+    figure = Figure(figsize=(WIDTH, HEIGHT), facecolor=DARK.paper)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    room = room_of([scene], ROOM, HEIGHT / WIDTH)
+    axes.set(xlim=room[:2], ylim=room[2:4])
+    axes.set_aspect("equal")
+    assert room.camera is not None
+    draw_ground(axes, scene, room.camera, DARK)
+    draw_ways(axes, scene, room.camera, {"color": DARK.muted, "linewidth": 0.6})
+    for t in np.linspace(0.0, scene.times[-1][-1], strobe.shots):
+        strength = PALE + (1 - PALE) * (t / scene.times[-1][-1]) ** 1.6
+        solids(axes, scene, room.camera, DARK, strength)(values_at(scene, float(t)))
+    written(figure, path)
+
+
+def written(figure: Figure, path: Path) -> None:
     content = io.BytesIO()
     figure.savefig(content, dpi=DOTS)
     Image.open(content).convert("RGB").quantize(COLOURS).save(path, optimize=True)

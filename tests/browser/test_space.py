@@ -4,13 +4,12 @@ turns what is seen, the wheel goes nearer, and without WebGL the picture is much
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from films import END, TURN, motion, place
+from films import END, TURN, flight
 from players import seek, shot, texts
 from selenium.webdriver.chrome.webdriver import WebDriver
 from selenium.webdriver.common.action_chains import ActionChains
@@ -18,34 +17,12 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 import dmoc
-from dmoc.motion.scene import Scene, Shape
-from dmoc.motion.trajectory import Trajectory
 
 Open = Callable[..., WebDriver]
-AXES, HIGH = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0), 0.7
 WITHOUT = """const known = HTMLCanvasElement.prototype.getContext;
     HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
       return kind === "webgl2" ? null : known.call(this, kind, ...rest);
     };"""
-
-
-def flight() -> Trajectory:
-    """The mass that goes to a wall and back as an orange ball in space, beside a blue one that
-    stays."""
-    flat = motion()
-    assert flat.scene is not None
-    shapes = (
-        Shape("bob", "", 0, 3), Shape("sphere", "", 3, 10), Shape("plane", "", 13, 6),
-        Shape("touch", "wall", 19, 6),
-    )  # fmt: skip
-    values = []
-    for times in flat.scene.times:
-        x = np.array([place(t) for t in times])
-        one, zero = np.ones_like(x), np.zeros_like(x)
-        ball = [0.5 * one, 0.8 * one, 0.2 * one, *(e * one for e in (*AXES, 0.2))]
-        wall = [*(one, zero, zero, -one, zero, zero), *(x, zero, HIGH * one, -one, zero, zero)]
-        values.append(np.stack([x, zero, HIGH * one, *ball, *wall], axis=1))
-    return replace(flat, scene=Scene(shapes, flat.scene.times, tuple(values)))
 
 
 @pytest.fixture(scope="module")

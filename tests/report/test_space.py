@@ -7,9 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from films import AXES, TURN, flight, motion
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 
 from dmoc.motion.scene import Scene, Shape
-from dmoc.report.camera import LIGHT, Camera, camera_of, reach_of
+from dmoc.report.animation.page import film_room, page_of
+from dmoc.report.animation.stage import stage_of
+from dmoc.report import camera as cameras
+from dmoc.report.camera import Camera, camera_of, reach_of
 from dmoc.report.faces import (
     BODY,
     EDGE,
@@ -21,14 +27,17 @@ from dmoc.report.faces import (
     helix,
     upright,
 )
+from dmoc.report.figure import plot
+from dmoc.report.film import Film, Take
 from dmoc.report.places import flat_marks, room_of
+from dmoc.report.poses import poses_of
 from dmoc.report.solid_painter import normals_of, painters_order, shadows_of, wall_of
+from dmoc.report.style import LIGHT
 
 LOW, HIGH = np.array([-1.0, -2.0, 0.0]), np.array([1.0, 2.0, 1.0])
 # It looks along y from (0, -10, 0.5), z upwards.
 AHEAD = Camera(np.array([0.0, 0.0, 0.5]), 10.0, 0.0, LOW, HIGH, yaw=0.0, pitch=0.0)
 BACK = np.array([0.0, 1.0, 0.0])
-AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 def test_a_camera_that_looks_along_y_sees_x_and_z() -> None:
@@ -111,7 +120,7 @@ def test_shadows_fall_along_the_light() -> None:
     point = np.array([[[1.0, 2.0, 3.0]]])
     shadow = shadows_of(point, 1.0)[0, 0]
     assert shadow[2] == pytest.approx(1)
-    np.testing.assert_allclose((point[0, 0] - shadow) / LIGHT, [2 / LIGHT[2]] * 3)
+    np.testing.assert_allclose((point[0, 0] - shadow) / cameras.LIGHT, [2 / cameras.LIGHT[2]] * 3)
 
 
 def test_a_wall_is_as_large_as_the_room_and_the_ground_is_none() -> None:
@@ -157,3 +166,60 @@ def test_bodies_reach_as_far_as_they_are_turned(
     shapes = (Shape(kind, "", 0, values.shape[1]),)
     low, high = reach_of(Scene(shapes, (np.array([0.0, 1.0]),), (values,)))
     np.testing.assert_allclose([low, high], [np.negative(half), half])
+
+
+def turning(far: float) -> Scene:
+    """A box of the sides 1, 1, 4 that goes by so much while it turns about y by 90 degrees."""
+    s = np.linspace(0.0, 1.0, 21)
+    c, n, zero, one = np.cos(np.pi / 2 * s), np.sin(np.pi / 2 * s), 0 * s, 1 + 0 * s
+    values = np.stack(
+        [far * s, zero, zero, c, zero, -n, zero, one, zero, one, one, 4 * one], axis=1
+    )
+    return Scene((Shape("block", "", 0, 12),), (3 * s,), (values,))
+
+
+def test_a_motion_that_stays_is_shown_in_poses_beside_each_other() -> None:
+    poses = poses_of(turning(0.5))
+    assert [pose.time for pose in poses] == pytest.approx([0, 0.6, 1.2, 1.8, 2.4, 3.0])
+    assert [pose.last for pose in poses] == [False] * 5 + [True]
+    assert poses_of(turning(5.0)) == []
+    assert poses_of(motion().scene) == []
+
+
+def test_a_pose_at_an_event_takes_the_place_of_those_near_it() -> None:
+    whole = turning(0.0)
+    (t,), (values,) = whole.times, whole.values
+    two = Scene(whole.shapes, (t[:9], t[8:]), (values[:9], values[8:]))  # an event at 1.2 s
+    poses = poses_of(two)
+    assert [pose.time for pose in poses] == pytest.approx([0, 0.6, 1.2, 1.8, 2.4, 3.0])
+    assert [pose.phase for pose in poses] == [0, 0, 0, 1, 1, 1]
+    assert [pose.last for pose in poses] == [False, False, True, False, False, True]
+
+
+def test_figures_and_films_show_bodies_in_space_where_they_are() -> None:
+    """The orange ball is drawn around its place, before the wall with an arrow of the impulse."""
+    take = Take("", flight())
+    room = film_room([take.scene])
+    assert room.camera is not None
+    figure = Figure((6.0, 4.0))
+    axes = figure.add_axes((0, 0, 1, 1))
+    draw = stage_of(axes, take, room, LIGHT)
+    draw(TURN + 0.01)
+    bodies = max(
+        (c for c in axes.collections if isinstance(c, PolyCollection)), key=lambda c: c.zorder
+    )
+    colours = bodies.get_facecolor()
+    mass = colours[:, 0] > 2 * colours[:, 2]
+    corners = np.concatenate([p.vertices[:-1] for p in np.array(bodies.get_paths())[mass]])
+    place = room.camera.seen(np.array([0.99, 0.0, 0.7]))[:2]
+    np.testing.assert_allclose((corners.min(axis=0) + corners.max(axis=0)) / 2, place, atol=0.01)
+    assert any("1 wall impulse 9" in text.get_text() for text in axes.texts)
+    shown = plot(take.trajectory)
+    assert shown.axes[0].get_title() == "0 to 0.5 s,\nthen wall"
+    assert any(text.get_text() == "grid 0.2 m" for text in shown.axes[0].texts)
+
+
+def test_a_page_in_space_has_what_draws_it_and_one_in_the_plane_has_not() -> None:
+    solid, flat = (page_of(Film("", (Take("", film),))) for film in (flight(), motion()))
+    assert "makeSpace(motion, bounds, clock)" in solid and '"ground":0.0' in solid
+    assert "glPainter" not in flat and ".space canvas" not in flat
