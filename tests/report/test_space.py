@@ -12,9 +12,9 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from dmoc.motion.scene import Scene, Shape
+from dmoc.report import camera as cameras
 from dmoc.report.animation.page import film_room, page_of
 from dmoc.report.animation.stage import stage_of
-from dmoc.report import camera as cameras
 from dmoc.report.camera import Camera, camera_of, reach_of
 from dmoc.report.faces import (
     BODY,
