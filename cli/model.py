@@ -14,7 +14,7 @@ from dmoc.base.files import write_whole
 from dmoc.cli.console import out, print_text, written
 from dmoc.cli.option_values import read_names
 from dmoc.cli.shared_options import ModelArgument, out_option
-from dmoc.cli.words import option
+from dmoc.cli.words import argument, option
 
 
 class TextFormat(StrEnum):
@@ -23,8 +23,19 @@ class TextFormat(StrEnum):
     html = "html"
 
 
-def models() -> None:
-    """List the shipped models and problems."""
+def models(
+    robot: Annotated[
+        Path | None,
+        argument(help="File of a robot, a URDF or an MJCF: its links, joints and limits."),
+    ] = None,
+) -> None:
+    """List the shipped models and problems, or show the robot of a file."""
+    if robot is not None:
+        from dmoc.base.table import print_table
+        from dmoc.robots.robot import read_robot
+
+        print_table(read_robot(robot).summary(), out)
+        return
     from dmoc.models import catalogue
 
     table = Table(box=None, header_style="bold")

@@ -24,6 +24,7 @@ class TemplateKind(StrEnum):
     mechanism = "mechanism"
     smooth = "smooth"
     fit = "fit"
+    robot = "robot"
 
 
 def new(
@@ -33,7 +34,8 @@ def new(
         option(
             help="A block that bounces off a wall; a block that rests and slides on a rough floor; "
             "a hammer with a constraint, a quantity, an objective and a design; a pendulum that "
-            "meets nothing; a block whose mass, wall and restitution are fitted to a run."
+            "meets nothing; a block whose mass, wall and restitution are fitted to a run; an arm "
+            "from a URDF that taps a table."
         ),
     ] = TemplateKind.collision,
     target: Annotated[Path, out_option("Folder of the file.", "DIR")] = Path(),

@@ -14,8 +14,10 @@ from dmoc.robots.held import powers
 from dmoc.robots.names import Names
 from dmoc.robots.parts import Part
 from dmoc.robots.records import Joint
-from dmoc.robots.shapes import plain
+from dmoc.robots.shapes import plain, solid_of
 from dmoc.symbolic.attitudes import angular_velocity, quaternion
+from dmoc.symbolic.drawing import Link
+from dmoc.symbolic.joints import ORIGIN
 from dmoc.symbolic.spatial import Body, World
 from dmoc.symbolic.vectors import dot
 
@@ -54,6 +56,11 @@ class Machine:
         for part in parts:
             before = self.world if part.before is None else self.bodies[parts.index(part.before)]
             self.bodies.append(self._body(part, before))
+        for part, body in zip(parts, self.bodies, strict=True):
+            solids = [solid_of(shape) for _, shape in part.shapes if shape.kind != "site"]
+            if solids:
+                ends = [p.place for p in parts if p.before is part and p.place.any()]
+                body.draw(*(Link(ORIGIN, plain(end)) for end in ends), *solids)
 
     def _body(self, part: Part, before: Body) -> Body:
         joint = part.joint

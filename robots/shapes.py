@@ -9,6 +9,7 @@ import numpy as np
 import sympy as sp
 
 from dmoc.robots.records import Array, Shape
+from dmoc.symbolic.solids import Box, Capsule, Cylinder, Sphere
 from dmoc.symbolic.spatial import Body
 from dmoc.symbolic.vectors import Vector, added, dot, times
 
@@ -31,6 +32,18 @@ def features(shape: Shape) -> Iterator[tuple[str, Array, float]]:
     else:
         for ending, sign in (("_a", 1), ("_b", -1)):
             yield ending, shape.place + sign * along, float(shape.size[0])
+
+
+def solid_of(shape: Shape) -> Box | Capsule | Cylinder | Sphere:
+    """How a shape is drawn, in the frame of its part."""
+    at, turned = plain(shape.place), not np.array_equal(shape.turn, np.eye(3))
+    look = {"at": at, "attitude": sp.Matrix(3, 3, plain(shape.turn)) if turned else None}
+    radius, half = plain(shape.size[:2])
+    if shape.kind == "sphere":
+        return Sphere(radius, at)
+    if shape.kind == "box":
+        return Box(plain(2 * shape.size), **look)
+    return (Capsule if shape.kind == "capsule" else Cylinder)(radius, 2 * half, **look)
 
 
 def gaps_to_plane(shape: Shape, body: Body, place: Vector, normal: Vector) -> dict[str, Any]:

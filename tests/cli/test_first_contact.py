@@ -145,6 +145,7 @@ COSTS = {
     "mechanism": 2.58013,  # of the same hammer by its angle, without a constraint
     "smooth": None,
     "fit": None,
+    "robot": None,
 }
 
 
@@ -220,7 +221,7 @@ def test_the_mechanism_of_a_new_file_is_a_hammer_with_a_spring(run: Run) -> None
     assert sp.expand(system.objective - dmoc.total("effort")) == 0.01 * k
 
 
-@pytest.mark.parametrize("kind", [kind.value for kind in TemplateKind])
+@pytest.mark.parametrize("kind", [kind.value for kind in TemplateKind if kind != "robot"])
 def test_a_new_file_draws_what_moves_where_it_is(run: Run, kind: str) -> None:
     """The mass at the end of its rod, as high as its weight has it; contacts push as gaps open."""
     system, n = machine(run, kind)
@@ -349,3 +350,14 @@ def test_a_full_disk_leaves_no_half_of_a_new_file(
     assert code != 0 and "begun.py cannot be written (No space left on device)" in err
     assert not [*tmp_path.iterdir()]
     assert run("new begun --kind", kind)[0] == 0
+
+
+def test_models_shows_the_robot_of_a_file(run: Run, tmp_path: Path) -> None:
+    assert run("new begun --kind robot")[0] == 0
+    runpy.run_path("begun.py")
+    code, out, _ = run("models begun.urdf")
+    links = [line.split()[0] for line in out.splitlines()]
+    assert code == 0 and links == ["link", "stand", "upper", "lower", "hand"]
+    assert "elbow: hinge" in out and "-40 to 40 N m" in out
+    code, _, err = run("models begun.py")
+    assert code == 2 and "begun.py is no description of a robot" in err
