@@ -18,12 +18,12 @@ typedef struct {
  * position or velocity, a parameter. */
 enum { DMOC_BOUND, DMOC_SHARE, DMOC_TIME, DMOC_EARLIEST_TIME, DMOC_STATE, DMOC_PARAMETER };
 
-/* pool: where the value of a parameter is in the pool, -1 for none. least, most: the numbers that
- * it must lie between, -1 for none. */
+/* pool: where the value of a parameter is in the pool, -1 for none; phases: in so many phases, each
+ * with parameters of its own. least, most: the numbers that it must lie between, -1 for none. */
 typedef struct {
     const char *name;
     double value; /* of the day of export */
-    int pool, first, changes, least, most, kind;
+    int pool, phases, first, changes, least, most, kind;
 } dmoc_number;
 
 /* A result of an element of a pass (0 values, 1 slopes, 2 curvatures) whose factors numbers move:
@@ -68,6 +68,7 @@ typedef struct {
     const dmoc_entry *within, *within_rate; /* of the ends of surfaces, NULL where none has some */
     dmoc_functions crossing; /* switches */
     int nq, nc, nj, nt, parameters;
+    int by_phase;      /* whether each phase has parameters of its own */
     const int *chosen; /* [parameters] the unknowns that they are, or -1 */
     const double *gap, *rate, *joint_size, *joint_rate_size, *tangent_size, *slide_size;
     const double *reach; /* [nq] how far coordinates may move */

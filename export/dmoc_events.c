@@ -8,7 +8,7 @@ static void along(const dmoc_solver *s, const dmoc_entry *function, const dmoc_e
 {
     const double time = 0;
     double *values = s->work, *parameters = values + s->c->places.nc;
-    carried_parameters(s, parameters);
+    carried_parameters(s, 0, parameters);
     const double *there[DMOC_MOST] = {q, &time, parameters};
     const double *moving[DMOC_MOST] = {q, v, &time, parameters};
     carried_call(function, there, values, NULL);
@@ -31,7 +31,7 @@ static void switch_of(const dmoc_solver *s, int number, const double *q, const d
     const dmoc_functions *f = &places->crossing;
     const double time = 0;
     double *values = s->work, *slopes = values + f->count, *parameters = slopes + f->entries;
-    carried_parameters(s, parameters);
+    carried_parameters(s, 0, parameters);
     const double *in[DMOC_MOST] = {q, v, &time, parameters};
     carried_call(f->rates, in, values, NULL);
     carried_call(f->slopes, in, slopes, NULL);

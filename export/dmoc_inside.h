@@ -55,10 +55,11 @@ static inline void carried_call(const dmoc_entry *entry, const double *const in[
     entry->kernel(1, in, stride, results);
 }
 
-/* Values of a number of functions at a time come from here on in the pool. */
-static inline ptrdiff_t carried_first_parameter(const dmoc_solver *s)
+/* Where the parameters of a phase begin in the pool. */
+static inline ptrdiff_t carried_first_parameter(const dmoc_solver *s, int phase)
 {
-    return s->program.n + s->program.m + 2;
+    const dmoc_places *p = &s->c->places;
+    return s->program.n + s->program.m + 2 + (p->by_phase ? phase*p->parameters : 0);
 }
 
 static inline int carried_nodes(const dmoc_carried *c)
@@ -103,7 +104,7 @@ int carried_lawful(const dmoc_solver *s);
 /* dmoc_motion.c */
 size_t carried_results_size(const dmoc_carried *c);
 size_t carried_work_size(const dmoc_carried *c);
-void carried_parameters(const dmoc_solver *s, double *parameters);
+void carried_parameters(const dmoc_solver *s, int phase, double *parameters);
 void carried_read_out(dmoc_solver *s);
 /* A state near the start moved, by the reach of coordinates and the masses of velocities, to where
  * what is held then is in place, without rates, and in front of the surfaces that are open. */

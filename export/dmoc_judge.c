@@ -88,7 +88,7 @@ static int inside(const dmoc_solver *s, int phase, int first, int last)
 {
     const dmoc_places *p = &s->c->places;
     double *result = s->work, *at = result + p->nc + p->nj, *parameters = at + 2*p->nt;
-    carried_parameters(s, parameters);
+    carried_parameters(s, phase, parameters);
     for (int k = first; k <= last; ++k) {
         const double *in[DMOC_MOST] = {s->physical + p->q + k*p->nq, s->times + k, parameters};
         for (int closed = 0; closed < (p->surface ? 2 : 0); ++closed) {

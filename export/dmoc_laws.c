@@ -42,7 +42,7 @@ typedef struct {
     double *u, *slides, *still, *pressed, *kinetic, *resting, *begins, *rates, *returned;
 } moment;
 
-static moment moment_in(const dmoc_solver *s)
+static moment moment_in(const dmoc_solver *s, int phase)
 {
     const dmoc_places *p = &s->c->places;
     const int nt = p->nt, nc = p->nc;
@@ -50,7 +50,7 @@ static moment moment_in(const dmoc_solver *s)
     double *free = s->work;
     memset(&at, 0, sizeof at);
     at.laws = &s->c->laws, at.parameters = free;
-    carried_parameters(s, free);
+    carried_parameters(s, phase, free);
     at.u = free += p->parameters;
     at.slides = free += s->c->motion.inputs;
     at.still = free += nt;
@@ -135,7 +135,7 @@ int carried_lawful(const dmoc_solver *s)
     const double *v = s->results + (carried_nodes(c) - 1 + c->phases)*n;
     for (int i = 0, first = 0; i < c->phases; first += c->steps[i++])
         for (int k = 0; k <= c->steps[i]; ++k) {
-            moment at = moment_in(s);
+            moment at = moment_in(s, i);
             at.q = s->physical + c->places.q + (first + k)*n, at.t = s->times + first + k;
             at.v = v + (first + k + i)*n;
             for (int j = 0; j < n; ++j)

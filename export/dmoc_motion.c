@@ -81,14 +81,14 @@ typedef struct {
     double *multiplier, *spare;
 } node_of;
 
-static node_of node_in(const dmoc_solver *s)
+static node_of node_in(const dmoc_solver *s, int phase)
 {
     const dmoc_carried *c = s->c;
     const size_t n = (size_t)c->places.nq, k = slopes_of(c);
     node_of at;
     double *free = s->work;
     at.c = c, at.q = at.t = NULL;
-    carried_parameters(s, free);
+    carried_parameters(s, phase, free);
     at.parameters = free, free += c->places.parameters;
     memset(free, 0, sizeof(double)*(n + (size_t)c->motion.inputs));
     at.zeros = free, free += n + (size_t)c->motion.inputs;
@@ -257,7 +257,7 @@ void carried_keep(const dmoc_solver *s, double *q, double *v)
 {
     const int n = s->c->places.nq;
     const double time = 0, *reach = s->c->places.reach;
-    node_of at = node_in(s);
+    node_of at = node_in(s, 0);
     at.q = q, at.t = &time;
     for (int turn = 0; turn < TURNS; ++turn) {
         memset(at.mass, 0, sizeof(double)*(size_t)(n*n));
@@ -301,29 +301,28 @@ static void force(const dmoc_solver *s, const dmoc_reaction *r, int column, doub
     }
 }
 
-void carried_parameters(const dmoc_solver *s, double *parameters)
+void carried_parameters(const dmoc_solver *s, int phase, double *parameters)
 {
     const dmoc_places *p = &s->c->places;
+    const double *own = s->pool + carried_first_parameter(s, phase);
     for (int i = 0; i < p->parameters; ++i)
-        parameters[i] = p->chosen[i] < 0 ? s->pool[carried_first_parameter(s) + i]
-                                         : s->physical[p->chosen[i]];
+        parameters[i] = p->chosen[i] < 0 ? own[i] : s->physical[p->chosen[i]];
 }
 
 static void momenta(dmoc_solver *s, double *p, double *v)
 {
     const dmoc_carried *c = s->c;
     const int n = c->places.nq, slides = c->motion.functions[DMOC_TANGENTIAL].count;
-    node_of at = node_in(s);
     s->strays = 0;
-    for (int i = 0, first = 0, row = 0; i < c->phases; first += c->steps[i++])
+    for (int i = 0, first = 0, row = 0; i < c->phases; first += c->steps[i++]) {
+        node_of at = node_in(s, i);
         for (int k = 0; k <= c->steps[i]; ++k, ++row) {
             at.q = s->physical + c->places.q + (first + k)*n, at.t = s->times + first + k;
             weigh(&at);
-            if (c->steps[i]) {
+            if (c->steps[i])
                 push(s, &at, i, k, p + row*n);
-            } else {
+            else
                 carried_copy(p + row*n, s->physical + c->motion.p_end, n);
-            }
             velocity(&at, p + row*n, at.column);
             if (slides && (!k || k == c->steps[i])) {
                 const double *in[DMOC_MOST] = {at.q, at.column, at.t, at.parameters};
@@ -334,6 +333,7 @@ static void momenta(dmoc_solver *s, double *p, double *v)
                 hold(&at, i, p + row*n, 0);
             velocity(&at, p + row*n, v + row*n);
         }
+    }
 }
 
 void carried_read_out(dmoc_solver *s)

@@ -67,7 +67,7 @@ static int set_state(dmoc_solver *s, const dmoc_state *state, int phase)
     }
     for (int i = 2*p->nq; number < 0 && i--;)
         number = state->number[i];
-    const ptrdiff_t first = carried_first_parameter(s);
+    const ptrdiff_t first = carried_first_parameter(s, phase);
     for (int i = 0; i < p->parameters; ++i)
         moved |= s->pool[first + i] != s->c->pool[first + i];
     if (!moved)
@@ -157,25 +157,43 @@ static int has_returns(dmoc_solver *s, const double *parameters)
     return 1;
 }
 
+/* A parameter into the pool, of all phases that have its value. */
+static void put_parameter(dmoc_solver *s, int i)
+{
+    const dmoc_number *number = &s->c->number[i];
+    for (int k = 0; number->pool >= 0 && k < number->phases; ++k)
+        s->pool[number->pool + k*s->c->places.parameters] = s->numbers[i];
+}
+
 typedef int condition(dmoc_solver *s, const double *parameters);
 
-/* Whether a condition holds of all parameters together. Where it does not, the first one is refused
- * that spoils it when they are set one after the other. */
-static int hold_together(dmoc_solver *s, condition *fulfilled, const char *expected)
+/* Whether a condition holds of the parameters of some phases. */
+static int all_hold(dmoc_solver *s, condition *fulfilled, int phases)
+{
+    for (int i = 0; i < phases; ++i)
+        if (!fulfilled(s, s->pool + carried_first_parameter(s, i)))
+            return 0;
+    return 1;
+}
+
+/* Whether a condition holds of all parameters together, of the first phase or of all. Where it does
+ * not, the first one is refused that spoils it when they are set one after the other. */
+static int hold_together(dmoc_solver *s, condition *fulfilled, int first_alone,
+                         const char *expected)
 {
     const dmoc_carried *c = s->c;
-    double *pool = s->pool;
-    const ptrdiff_t first = carried_first_parameter(s);
+    const int sets = c->places.by_phase ? c->phases : 1, phases = first_alone ? 1 : sets;
+    const ptrdiff_t first = carried_first_parameter(s, 0);
     int last = -1;
-    if (fulfilled(s, pool + first))
+    if (all_hold(s, fulfilled, phases))
         return 1;
-    carried_copy(pool + first, c->pool + first, c->places.parameters);
+    carried_copy(s->pool + first, c->pool + first, sets*c->places.parameters);
     for (int i = 0; i < c->numbers; ++i) {
         if (c->number[i].pool < 0 || !changed(s, i))
             continue;
-        pool[c->number[i].pool] = s->numbers[i];
+        put_parameter(s, i);
         last = i;
-        if (!fulfilled(s, pool + first))
+        if (!all_hold(s, fulfilled, phases))
             break;
     }
     return last < 0 || refuse(s, last, expected);
@@ -216,21 +234,20 @@ int carried_apply(dmoc_solver *s)
         if (!changed(s, i))
             continue;
         last = i;
-        if (number->pool >= 0)
-            s->pool[number->pool] = s->numbers[i];
+        put_parameter(s, i);
         for (int k = number->first; k < number->first + number->changes; ++k)
             s->array[c->change[k].array][c->change[k].entry] +=
                 c->change[k].slope*(s->numbers[i] - number->value);
     }
     if (last < 0)
         return 1;
-    if (c->together.mass && !hold_together(s, has_mass, "a positive definite mass matrix"))
+    if (c->together.mass && !hold_together(s, has_mass, 1, "a positive definite mass matrix"))
         return 0;
     if (c->together.friction &&
-        !hold_together(s, has_friction, "friction of 0 or more, static no less than kinetic"))
+        !hold_together(s, has_friction, 0, "friction of 0 or more, static no less than kinetic"))
         return 0;
     if (c->together.tangential &&
-        !hold_together(s, has_returns, "tangential restitution from -1 to 1"))
+        !hold_together(s, has_returns, 0, "tangential restitution from -1 to 1"))
         return 0;
     for (int end = 0; end < 2; ++end)
         if (c->state[end].known && !set_state(s, &c->state[end], end ? c->phases - 1 : 0))

@@ -288,7 +288,7 @@ static int is_against(const dmoc_planner *p)
     const double *moving[DMOC_MOST] = {p->state, p->state + places->nq, &time, parameters};
     if (!rate)
         return 0;
-    carried_parameters(p->solver, parameters);
+    carried_parameters(p->solver, 0, parameters);
     carried_call(rate, moving, rates, NULL);
     for (int k = 0; k < places->nt; ++k)
         if (places->slides[k]*rates[k] < -AGAINST*places->slide_size[k])

@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* The form of these sources, which dmoc.load_solver asks for. */
-enum { DMOC_SOLVER_FORMAT = 3 };
+enum { DMOC_SOLVER_FORMAT = 4 };
 
 typedef struct dmoc_carried dmoc_carried; /* a problem, as constants */
 typedef struct dmoc_solver dmoc_solver;

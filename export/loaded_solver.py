@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from difflib import get_close_matches
@@ -292,6 +293,14 @@ class LoadedSolver:
         row = isinstance(value, (tuple, list)) or (
             isinstance(value, np.ndarray) and value.ndim == 1
         )
+        if own := [n for n in self._names if re.fullmatch(rf"{re.escape(name)}\.\d+", n)]:
+            if not row or len(value) != len(own):
+                raise ProblemError(
+                    f"{name} = {shown(value)}: expected {len(own)} values, one for each phase."
+                )
+            for named, part in zip(own, value, strict=True):
+                yield from self._values(named, part)
+            return
         pair = row and len(value) == len(SIDES)
         for side, part in zip(SIDES, value, strict=True) if pair else (("", value),):
             named = f"{name}.{side}" if side else name

@@ -81,9 +81,9 @@ def momenta_of(nlp: Transcription) -> PassData:
     lay, data, kernels = nlp.layout, nlp.assembled.data, nlp.kernels
     first = data.first_parameter
     parts = [np.where(at == NOWHERE, first - 1, at) for at in lay.split(lay.index_step)]
-    parameters = np.where(
-        _chosen(nlp) == NOWHERE, first + np.arange(nlp.par.shape[1]), _chosen(nlp)
-    )
+    phases = lay.phase_of_step if nlp.problem.models.change else np.zeros_like(lay.phase_of_step)
+    own = first + phases[:, None] * nlp.par.shape[1] + np.arange(nlp.par.shape[1])
+    parameters = np.where(_chosen(nlp) == NOWHERE, own, _chosen(nlp))
     outputs = [int(np.prod(o["shape"])) for o in kernels.manifest.kernels["step"]["outputs"]]
     slots = [np.full((lay.total, size), NOWHERE) for size in outputs]
     begins, k, own = lay.ends[: lay.stepped], np.arange(lay.total), np.arange(lay.nq)
@@ -91,7 +91,7 @@ def momenta_of(nlp: Transcription) -> PassData:
     slots[0][begins] = (begins + rows)[:, None] * lay.nq + own
     slots[1][:] = (k + 1 + lay.phase_of_step)[:, None] * lay.nq + own
     factors = [np.full(slot.shape, -1.0 if b == 0 else 1.0) for b, slot in enumerate(slots)]
-    arguments = (*parts, np.tile(parameters, (lay.total, 1)))
+    arguments = (*parts, parameters)
     none = np.zeros(0, dtype=np.intp)
     element = ElementPlaces("step", arguments, tuple(slots))
     flat = np.concatenate([factor.ravel() for factor in factors])

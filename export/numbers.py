@@ -21,6 +21,7 @@ from dmoc.base.names import velocity_name
 from dmoc.base.records import record
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.phase_models import ENDS as PHASES
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import Boundary
 from dmoc.program.arrays import ElementData, ProgramData
@@ -45,9 +46,9 @@ class Number:
     """A number of a problem: where it is stated, as the field and what leads on from there, its
     side (0 lower, 1 upper) where that is a range, and its value.
 
-    ``pool`` is its place among the parameters, ``entries`` and ``slopes`` say what it moves in the
-    arrays of :func:`moved_arrays`, one after the other; ``way`` is the direction in which it was
-    tried.
+    ``pool`` is its place among the parameters, of the first of the ``phases`` that have its value,
+    ``entries`` and ``slopes`` say what it moves in the arrays of :func:`moved_arrays`, one after
+    the other; ``way`` is the direction in which it was tried.
     """
 
     path: tuple[str | int, ...]
@@ -55,6 +56,7 @@ class Number:
     side: int | None = None
     kind: str = "bound"  # of KINDS: what it may be
     pool: int = NOT_ONE
+    phases: int = 1
     entries: Index = field(default_factory=lambda: np.zeros(0, np.intp))
     slopes: Array = field(default_factory=lambda: np.zeros(0))
     way: float = 1.0
@@ -216,14 +218,11 @@ def _in_short(data: ProgramData, numbers: SolverNumbers) -> SolverNumbers:
 
 def _stated(problem: Problem, states: Sequence[FixedState | None]) -> Iterator[Number]:
     """All numbers of a problem."""
-    values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
-    for j, (name, value) in enumerate(values.items()):
-        if name not in problem.design:
-            yield Number(("parameters", name), float(value), kind="parameter", pool=j)
+    yield from _parameters(problem)
     for end, state in zip(ENDS, states, strict=True):
         still = [n.removeprefix(f"{end}.") for n in state.names if n] if state else []
-        for name, value in (dict.fromkeys(still, 0.0) | dict(getattr(problem, end))).items():
-            yield from _ends((end, name), value, "state")
+        for name, stated in (dict.fromkeys(still, 0.0) | dict(getattr(problem, end))).items():
+            yield from _ends((end, name), stated, "state")
     yield from _ends(("final_time",), problem.final_time, "time")
     for i, value in enumerate(problem.durations or ()):
         if problem.phase_steps[i]:  # the phase after the last event has no duration
@@ -241,6 +240,21 @@ def _stated(problem: Problem, states: Sequence[FixedState | None]) -> Iterator[N
     for name, value in _field(problem, "periodic").items():
         if value:
             yield from _ends(("periodic", name), value)
+
+
+def _parameters(problem: Problem) -> Iterator[Number]:
+    """The parameters, of those that change a value for each phase."""
+    rows, changing = problem.parameter_values, problem.models.changing
+    for j, name in enumerate(problem.kernels.parameters):
+        if name in problem.design:
+            continue
+        if name not in changing:
+            only = float(rows[0, j])
+            yield Number(("parameters", name), only, kind="parameter", pool=j, phases=len(rows))
+            continue
+        for i, value in enumerate(map(float, rows[:, j])):
+            pool = i * rows.shape[1] + j
+            yield Number(("parameters", name, i), value, kind="parameter", pool=pool)
 
 
 def _ends(path: tuple[str | int, ...], value: Any, kind: str = "bound") -> Iterator[Number]:
@@ -270,7 +284,8 @@ def _state(problem: Problem, lay: Layout, end: str) -> FixedState | None:
     stated, names = getattr(problem, end), problem.kernels.coordinates
     p = lay.index_p_B if end == "start" else lay.index_p_E
     velocities = [velocity_name(q) for q in names]
-    v = problem.model.velocity(place[:, 0], boundary.momentum[:, 0])
+    model = problem.models[PHASES[end]]
+    v = model.velocity(place[:, 0], boundary.momentum[:, 0])
     stated_v = [stated.get(name) for name in velocities]
     values = [x if isinstance(x, (int, float)) else y for x, y in zip(stated_v, v, strict=True)]
     if problem.kernels.joints:  # what is not said is what the constraints make of it

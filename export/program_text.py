@@ -210,7 +210,8 @@ def _number_rows(nlp: Transcription, numbers: SolverNumbers) -> tuple[list[str],
         count = len(changes) - first
         fit = *limits, KINDS.index(n.kind)
         pool = n.pool if n.pool == NOT_ONE else n.pool + nlp.assembled.data.first_parameter
-        rows.append(initial(f'"{n.name}"', literal(n.value), pool, first, count, *fit))
+        place = pool, n.phases
+        rows.append(initial(f'"{n.name}"', literal(n.value), *place, first, count, *fit))
     return rows, changes
 
 
@@ -259,7 +260,8 @@ def _places(c: Constants, carried: CarriedProgram, entries: Mapping[str, str]) -
     sizes = scale.gap, scale.rate, joint, scale.joint_rate, tangent, slide, carried.reach
     held = np.array([_held(nlp, mode) for mode in lay.touch.modes])
     return initial(
-        *called, lay.nq, model.nc, model.nj, model.nt, len(chosen), c.array("int", chosen),
+        *called, lay.nq, model.nc, model.nj, model.nt, len(chosen), int(problem.models.change),
+        c.array("int", chosen),
         *(c.array("double", np.asarray(s, dtype=float)) for s in sizes), c.array("int", held),
         c.array("int", lay.touch.sticks * 1), c.array("int", lay.touch.signs.astype(np.intp)),
         int(lay.index_q[0, 0]),

@@ -37,7 +37,6 @@ from dmoc.export.program_text import (
     tables_of,
 )
 from dmoc.export.rests_text import carried_rests, planner_doubles, rests_facts
-from dmoc.mechanics.phase_models import check_one_for_all
 from dmoc.planning.planner import Planner
 from dmoc.problem.problem import Problem
 from dmoc.program.arrays import ElementData
@@ -152,7 +151,6 @@ def generate_solver(
     """
     if not isinstance(problem, Planner):
         check_problem(problem)
-        check_one_for_all(problem.models, "a solver in C has one set of parameters", ProblemError)
     name, target = _new_folder(folder)
     most = None if most_bytes is None else whole(most_bytes, "most_bytes", 1, 2**62)
     if isinstance(problem, Planner):

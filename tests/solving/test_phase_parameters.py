@@ -369,8 +369,6 @@ def test_what_takes_one_value_refuses_several(
     with pytest.raises(DmocError, match=f"{several}, because sequences differ"):
         dmoc.search(walled, max_collisions=1)
     with pytest.raises(DmocError, match=several):
-        dmoc.generate_solver(spring, tmp_path / "joined")
-    with pytest.raises(DmocError, match=several):
         dmoc.generate_page(spring, tmp_path / "joined.html")
     with pytest.raises(DmocError, match=several):
         dmoc.feedback(sprung)
