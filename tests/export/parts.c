@@ -55,7 +55,7 @@ static void room(char **words)
     double *parameters = malloc(sizeof(double)*(2 + (size_t)c.places.parameters));
     s.pool = parameters;
     memset(parameters, 0, sizeof(double)*(2 + (size_t)c.places.parameters));
-    const node_of at = node_in(&s);
+    const node_of at = node_in(&s, 0);
     const double *area[] = {
         at.parameters, at.zeros, at.mass, at.copy, at.rest, at.column, at.spare, at.slopes, at.push,
         at.response, at.product, at.rates, at.multiplier, at.stored, s.work + size,
