@@ -225,6 +225,7 @@ def _check_masses(parts: list[Part], label: str) -> None:
             )
 
 
+@public(ModelError)
 def read_robot(
     path: Any,
     base: str | None = None,
