@@ -13,7 +13,8 @@ and the Jacobian :math:`J` of the racket the impulse along the normal :math:`n` 
 
    P = \frac{(1 + e) \, v_n}{n^T J M^{-1} J^T n + 1/m} .
 
-MuJoCo, which has read the same file, computes :math:`M` and :math:`J` independently.
+MuJoCo (E. Todorov, T. Erez, Y. Tassa, IROS 2012), which has read the same file, computes :math:`M`
+and :math:`J` independently. How robots are read from files: :doc:`/stating/robots`.
 
 Run:  ``python examples/swat.py [FOLDER]``; it needs ``pip install "dmoc[robots]"``.
 """
@@ -102,7 +103,7 @@ def impulse(phase: dmoc.motion.trajectory.Phase) -> float:
 
 
 def main() -> None:
-    solution = dmoc.solve(problem())
+    solution = dmoc.solve(problem(), "ipm")
     hit = solution.collisions[0]
     rows = [
         ("impulse of the hit in N s", hit.impulse, impulse(solution.phases[0])),
