@@ -69,6 +69,13 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
         s: expression_in(e, f"definition {name_of(s)}") for s, e in system.definitions.items()
     }
     read["friction"] = {name: _friction(name, mu) for name, mu in system.friction.items()}
+    for name, tangent in system.tangents.items():
+        if isinstance(tangent, (tuple, list, sp.MatrixBase, sp.Tuple)):
+            raise ModelError(
+                f"the tangent of {name!r} has {len(tangent)} directions: expected one expression, "
+                "because friction acts along one line of a contact; in space leave it out, and the "
+                "contact is smooth."
+            )
     for name in ("tangents", "restitution", "tangential_restitution", "strength"):
         what = name.removesuffix("s").replace("_", " ")
         read[name] = {
