@@ -200,7 +200,11 @@ class Robot(Shown):
 
     def summary(self) -> Table:
         """What ``print`` shows: the tree of the links."""
-        return table_of(self._description, self._held, self._machine.names.of, self.notes)
+        shapes = {
+            name: (self.shapes[name], shape.kind) for name, (_, shape) in self._shapes.items()
+        }
+        names = self._machine.names.of
+        return table_of(self._description, self._held, names, shapes, self.notes)
 
     def __repr__(self) -> str:
         count = len(self.coordinates) + 4 * len(self._machine.quaternions)

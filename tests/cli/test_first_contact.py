@@ -358,6 +358,6 @@ def test_models_shows_the_robot_of_a_file(run: Run, tmp_path: Path) -> None:
     code, out, _ = run("models begun.urdf")
     links = [line.split()[0] for line in out.splitlines()]
     assert code == 0 and links == ["link", "stand", "upper", "lower", "hand"]
-    assert "elbow: hinge" in out and "-40 to 40 N m" in out
+    assert "0 to 2.5 rad" in out and "±40 N m" in out
     code, _, err = run("models begun.py")
     assert code == 2 and "begun.py is no description of a robot" in err

@@ -68,7 +68,13 @@ def test_a_leg_has_the_limits_shapes_and_notes_of_its_file(tmp_path: Path) -> No
     assert system.units == {"hip": "rad", "u_hip": "N m"}
     lines = [line.split() for line in str(leg).splitlines()]
     assert lines[1] == ["stand", "fixed"]
-    assert lines[2][:8] == ["leg", "2", "hip:", "hinge", "-1", "to", "2", "rad"]
+    assert lines[2][:7] == ["leg", "2", "hip", "-1", "to", "2", "rad"]
+    assert lines[2][7:10] == ["±30", "N", "m"] and lines[2][10:] == [
+        "foot,",
+        "bar,",
+        "box,",
+        "drum",
+    ]
     assert repr(leg) == "<Robot leg: 1 coordinates, 1 inputs>"
 
 
