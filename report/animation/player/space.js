@@ -188,7 +188,7 @@ function wallOf(values, bounds, ground) {
   const middle = spans.map(([low, high]) => (low + high) / 2);
   const o = vector.add(vector.add(at, x, middle[0]), y, middle[1]);
   const size = [...spans.map(([low, high]) => (high - low) / 2 + 0.02 * ground.reach), 0.002 * ground.reach];
-  return [{ mesh: "cube", frame: [x, y, z, vector.add(o, z, -size[2])], size, colour: "muted" }];
+  return [{ mesh: "cube", frame: [x, y, z, vector.add(o, z, -size[2])], size, colour: "muted", seen: WALL_SEEN }];
 }
 
 // A force, or an input, as it is drawn: from a place along a way.

@@ -2,6 +2,7 @@
 
 const SUN = vector.unit([0.35, -0.25, 1]);
 const NEAR_SHARE = 0.02; // of the distance of the camera: nothing nearer is drawn
+const WALL_SEEN = 0.22; // of its colour: what is behind a wall is seen
 const LOOKS = { solid: 0, shadow: 1, ground: 2, wall: 3 };
 
 const VERTEX = `#version 300 es
@@ -32,7 +33,7 @@ void main() {
     c = vec4(colour, line * exp(-far * far));
     return;
   }
-  if (look == 3) { c = vec4(colour, 0.22); return; }
+  if (look == 3) { c = vec4(colour, ${WALL_SEEN}); return; }
   vec3 n = normalize(N), v = normalize(eye - P);
   vec3 own = split && Q.x * Q.y * Q.z > 0.0 ? other : colour;
   float light = max(dot(n, sun), 0.0), shine = pow(max(dot(n, normalize(v + sun)), 0.0), 40.0);
@@ -140,19 +141,21 @@ function flatPainter(canvas) {
       context.stroke();
     }
     const sorted = (parts) => parts.flatMap((item) => facesOf(item, camera)).sort((a, b) => b.depth - a.depth);
-    for (const { corners, light, colour } of [...sorted([...items, ...walls]), ...sorted(above)]) {
+    for (const { corners, light, colour, seen } of [...sorted(walls), ...sorted(items), ...sorted(above)]) {
+      context.globalAlpha = seen;
       context.fillStyle = context.strokeStyle = css(colours[colour], light);
       context.beginPath();
       corners.forEach((p) => context.lineTo(...to(p)));
       context.closePath();
       context.fill();
-      context.stroke();
+      if (seen === 1) context.stroke(); // so that nothing is seen between faces
     }
+    context.globalAlpha = 1;
   };
 }
 
 // Triangles of an item that face a camera.
-function facesOf({ mesh, frame: [x, y, z, o], size, lift = 0, colour, other }, { eye, back }) {
+function facesOf({ mesh, frame: [x, y, z, o], size, lift = 0, colour, other, seen = 1 }, { eye, back }) {
   const data = MESHES[mesh];
   const faces = [];
   for (let k = 0; k < data.length; k += 21) {
@@ -167,7 +170,7 @@ function facesOf({ mesh, frame: [x, y, z, o], size, lift = 0, colour, other }, {
     const sides = [0, 1, 2].map((i) => own[0][i] + own[1][i] + own[2][i]);
     const split = other && sides[0] * sides[1] * sides[2] > 1e-9;
     const light = 0.55 + 0.5 * Math.max(vector.dot(normal, SUN), 0);
-    faces.push({ corners, light, colour: split ? other : colour, depth: -vector.dot(back, vector.add(middle, eye, -1)) });
+    faces.push({ corners, light, colour: split ? other : colour, seen, depth: -vector.dot(back, vector.add(middle, eye, -1)) });
   }
   return faces;
 }
