@@ -63,8 +63,8 @@ def generate_page(
 
     The page fetches nothing.  It carries the solver of :func:`dmoc.generate_solver` as WebAssembly,
     and has a slider for each number that this takes; what the start, the goal or a wall of the
-    drawing shows can be dragged there.  Each motion begins with the last one, or else with several
-    starts; where none is found, the page says so.
+    drawing shows can be dragged there, and a drawing in space be turned.  Each motion begins with
+    the last one, or else with several starts; where none is found, the page says so.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ def flight() -> Trajectory:
     assert flat.scene is not None
     shapes = (
         Shape("bob", "", 0, 3), Shape("sphere", "", 3, 10), Shape("plane", "", 13, 6),
-        Shape("touch", "wall", 19, 6),
+        Shape("touch", "wall", 19, 6), Shape("touch", "floor", 25, 6),
     )  # fmt: skip
     values = []
     for times in flat.scene.times:
@@ -86,7 +86,8 @@ def flight() -> Trajectory:
         one, zero = np.ones_like(x), np.zeros_like(x)
         ball = [0.5 * one, 0.8 * one, 0.2 * one, *(e * one for e in (*AXES, 0.2))]
         wall = [*(one, zero, zero, -one, zero, zero), *(x, zero, HIGH * one, -one, zero, zero)]
-        values.append(np.stack([x, zero, HIGH * one, *ball, *wall], axis=1))
+        floor = [x, zero, zero, zero, zero, one]
+        values.append(np.stack([x, zero, HIGH * one, *ball, *wall, *floor], axis=1))
     return replace(flat, scene=Scene(shapes, flat.scene.times, tuple(values)))
 
 

@@ -51,9 +51,10 @@ def animate(
 ) -> Path:
     """Write motions, side by side on one clock, as a page, a GIF or an mp4.
 
-    The page is one file that fetches nothing: the mechanism with its hits and contact forces, and
-    positions, velocities, momenta, inputs and forces as curves with a cursor.  It plays, pauses,
-    steps, and goes to any time by its slider, its curves and its events.
+    The page is one file that fetches nothing: the mechanism with its hits and contact forces, in
+    space in three dimensions that dragging turns, and positions, velocities, momenta, inputs and
+    forces as curves with a cursor.  It plays, pauses, steps, and goes to any time by its slider,
+    its curves and its events.
 
     Parameters
     ----------

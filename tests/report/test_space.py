@@ -189,9 +189,9 @@ def test_a_motion_that_stays_is_shown_in_poses_beside_each_other() -> None:
 def test_a_pose_at_an_event_takes_the_place_of_those_near_it() -> None:
     whole = turning(0.0)
     (t,), (values,) = whole.times, whole.values
-    two = Scene(whole.shapes, (t[:9], t[8:]), (values[:9], values[8:]))  # an event at 1.2 s
+    two = Scene(whole.shapes, (t[:10], t[9:]), (values[:10], values[9:]))  # an event at 1.35 s
     poses = poses_of(two)
-    assert [pose.time for pose in poses] == pytest.approx([0, 0.6, 1.2, 1.8, 2.4, 3.0])
+    assert [pose.time for pose in poses] == pytest.approx([0, 0.6, 1.35, 1.8, 2.4, 3.0])
     assert [pose.phase for pose in poses] == [0, 0, 0, 1, 1, 1]
     assert [pose.last for pose in poses] == [False, False, True, False, False, True]
 
@@ -223,3 +223,16 @@ def test_a_page_in_space_has_what_draws_it_and_one_in_the_plane_has_not() -> Non
     solid, flat = (page_of(Film("", (Take("", film),))) for film in (flight(), motion()))
     assert "makeSpace(motion, bounds, clock)" in solid and '"ground":0.0' in solid
     assert "glPainter" not in flat and ".space canvas" not in flat
+
+
+def test_normal_forces_and_inputs_have_arrows_in_space_and_friction_has_none() -> None:
+    solid = flight()
+    assert solid.scene is not None
+    first, size = len(solid.scene.shapes), solid.scene.values[0].shape[1]
+    shapes = (*solid.scene.shapes, Shape("force", "u", size, 6))
+    values = tuple(
+        np.hstack([v, np.tile([0.0, 0, 0, 0, 0, 1], (len(v), 1))]) for v in solid.scene.values
+    )
+    take = Take("", replace(solid, scene=replace(solid.scene, shapes=shapes, values=values)))
+    arrows = {(arrow["kind"], arrow["shape"]): arrow["largest"] for arrow in take.arrows}
+    assert arrows == {("u", first): 5.0, ("N", first - 1): 20.0}

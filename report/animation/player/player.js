@@ -30,7 +30,7 @@ function makeMotion(motion, all) {
     told.textContent = summary(motion);
     [picture, events, ...panels].forEach((part) => part.renew());
   };
-  return { element, picture: picture.element, draw, renew };
+  return { element, picture: picture.element, draw, renew, close: picture.close ?? (() => {}) };
 }
 
 function summary(motion) {
@@ -66,6 +66,7 @@ function eventList(motion) {
 
 function show(motions) {
   const stage = byId("stage");
+  shown.forEach((part) => part.close());
   shown = []; // the clock moves: what has been shown draws no more
   clock.stretch(longest(motions));
   shown = motions.map((motion) => makeMotion(motion, motions));

@@ -54,9 +54,8 @@ function makeSpace(motion, bounds, clock) {
   const views = html("div", { class: "views" }, html("label", {}, follow, " follow"), again, scale);
   const stage = html("div", { class: "stage" }, canvas, over);
   const root = html("div", { class: "picture space" }, stage, views);
-  const paint = glPainter(canvas) ?? flatPainter(canvas);
-  if (!paint) stage.replaceChildren(html("p", {}, "This browser draws nothing in space: it has no WebGL."));
-  const shapes = motion.shapes.map((shape) => ({ ...shape, columns: shape.columns }));
+  const painter = glPainter(canvas) ?? flatPainter(canvas);
+  if (!painter) stage.replaceChildren(html("p", {}, "This browser draws nothing in space: it has no WebGL."));
   const hits = motion.events.map((event, i) => makeSpaceHit(event, i));
   const names = motion.arrows.map((arrow) => arrowName(motion, arrow));
   const ways = svg("path", { class: "trace" });
@@ -76,7 +75,7 @@ function makeSpace(motion, bounds, clock) {
 
   function draw(t) {
     now = t;
-    if (!paint || width < 2) return;
+    if (!painter || width < 2) return;
     const end = Math.min(t, motion.duration);
     const room = cornersOf(bounds());
     const columns = columnsAt(motion, end);
@@ -94,7 +93,7 @@ function makeSpace(motion, bounds, clock) {
     const items = motion.shapes.flatMap((shape, i) => itemsOf(shape, values[i], room.side));
     const above = arrows.flatMap(({ at, way, colour, turns }) => arrowItems(at, way, room.side, colour, turns));
     const walls = motion.shapes.flatMap((shape, i) => (shape.kind === "plane" ? wallOf(values[i], bounds(), ground) : []));
-    paint({ camera, items, above, walls, ground, colours });
+    painter.paint({ camera, items, above, walls, ground, colours });
     set(ways, { d: waysOf(motion, to) });
     names.forEach((name, i) => placeName(name, forces[i], to, room.side));
     hits.forEach((hit) => hit.draw(t, clock.duration, to, { width, height }));
@@ -111,9 +110,14 @@ function makeSpace(motion, bounds, clock) {
     Object.assign(view, { yaw: YAW, pitch: PITCH, zoom: 1 });
     redraw();
   });
-  new MutationObserver(redraw).observe(document.documentElement, { attributeFilter: ["data-theme"] });
+  const themes = new MutationObserver(redraw);
+  themes.observe(document.documentElement, { attributeFilter: ["data-theme"] });
   whenSized(root, layout);
-  return { element: root, draw, renew: redraw };
+  const close = () => {
+    themes.disconnect();
+    painter?.close();
+  };
+  return { element: root, draw, renew: redraw, close };
 }
 
 // Drag turns; the wheel, and two fingers, go nearer and farther.

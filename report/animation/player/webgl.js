@@ -84,7 +84,7 @@ function glPainter(canvas) {
 
   // Draw items, their shadows on the ground, the ground and walls as a camera sees them, and what is
   // above, through all of these.
-  return ({ camera, items, above, walls, ground, colours }) => {
+  const paint = ({ camera, items, above, walls, ground, colours }) => {
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.clearColor(...colours.card, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
@@ -112,6 +112,8 @@ function glPainter(canvas) {
     gl.clear(gl.DEPTH_BUFFER_BIT);
     above.forEach((item) => put(item, "solid", colours));
   };
+  // A page may have few canvases with WebGL at once.
+  return { paint, close: () => gl.getExtension("WEBGL_lose_context")?.loseContext() };
 }
 
 // The matrix of a camera, by columns.
@@ -129,7 +131,7 @@ function flatPainter(canvas) {
   const context = canvas.getContext("2d");
   if (!context) return null;
   const css = (colour, light) => `rgb(${colour.map((e) => Math.round(255 * Math.min(1, e * light))).join(" ")})`;
-  return ({ camera, items, above, walls, ground, colours }) => {
+  const paint = ({ camera, items, above, walls, ground, colours }) => {
     const to = (p) => seenBy(camera, p, canvas.width, canvas.height);
     context.fillStyle = css(colours.card, 1);
     context.fillRect(0, 0, canvas.width, canvas.height);
@@ -152,6 +154,7 @@ function flatPainter(canvas) {
     }
     context.globalAlpha = 1;
   };
+  return { paint, close() {} };
 }
 
 // Triangles of an item that face a camera.
