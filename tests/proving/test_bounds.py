@@ -135,7 +135,7 @@ def test_bounds_with_coordinates_at_theirs(curved: Kernels) -> None:
 
 def test_threads_change_no_box(curved: Kernels) -> None:
     """Conditions that are priced on the way have the same numbers for any number of threads."""
-    problem = bounded(curved).but(bounds={"u": (-14, 9), "w": (-7, 7), "y": (-0.3, 0.15)})
+    problem = bounded(curved).but(bounds={"y": (-0.3, 0.15)})
     linear, states = linear_problem(problem), []
     for workers in (1, 3):
         branch = Branch(linear, np.inf, 1e5, 1e-4, 1e-4, 10.0, 1000, workers)
