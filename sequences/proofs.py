@@ -204,8 +204,9 @@ def _of_prefix(
     latest = problem.final_time_bounds[1]
     try:
         first = problem.but(
-            sequence=sequence, durations=[*spans, 0], via=None, goal={}, final_time=(None, latest)
-        )
+            sequence=sequence, durations=[*spans, 0], via=None, goal={}, periodic=(),
+            final_time=(None, latest),
+        )  # fmt: skip
         bound, most, seen = lower_bound(first, limit, _a_while(until), growing=True)
     except ProblemError:
         return None

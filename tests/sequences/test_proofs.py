@@ -135,6 +135,17 @@ def test_what_is_left_when_time_runs_out() -> None:
     assert not proof.complete and "time ran out" in proof.statement
 
 
+def test_prefixes_of_periodic_motions_are_not_periodic() -> None:
+    """A hit of the wall costs nothing; that it is not where the motion began says nothing of what
+    follows."""
+    problem = puck(goal={}, periodic=["x", "y"])
+    settings = settings_of(problem, {"method": "ipm", "max_collisions": 1})
+    until = Deadline.after(10.0)
+    assert proofs._of_prefix(problem, settings, ("east",), 1.0, until) is None
+    whole = proofs._of_sequence(problem, settings, ("east",), None, 1e-3, until)
+    assert whole.claim is Claim.POINTLESS
+
+
 def test_ctrl_c_keeps_what_was_bounded_until_then(monkeypatch: pytest.MonkeyPatch) -> None:
     bounds = iter(range(99))
 
