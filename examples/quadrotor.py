@@ -11,7 +11,8 @@ wall at :math:`d` is touched where
 
    x + r \sqrt{1 - n_x^2} = d, \qquad n_x = 2 (q_1 q_3 + q_0 q_2) .
 
-The wall pushes beside the middle where the quadrotor is tilted, and so turns it, too.
+The wall pushes beside the middle where the quadrotor is tilted, and so turns it, too. How bodies
+turn is told in :doc:`/stating/linkages`.
 
 Run:  ``python examples/quadrotor.py [FOLDER]``
 """
