@@ -13,7 +13,6 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import ModelError
 from dmoc.motion.attitude import rotation
-from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.drawing import table_of_drawing, values_of
 from dmoc.symbolic.joints import ORIGIN, Load
 from dmoc.symbolic.looks import box_of
@@ -28,8 +27,10 @@ POSE |= dict(zip(dynamicsymbols("q0:4"), P.tolist(), strict=True))
 
 def columns(system: MechanicalSystem, k: int, at: dict[Any, float]) -> np.ndarray:
     """The columns of a shape in a pose."""
-    values = values_of(system.shapes[k])
-    return np.array([float(expanded(sp.sympify(e), system.definitions).subs(at)) for e in values])
+    known = dict(at)
+    for name, value in system.definitions.items():
+        known[name] = value.xreplace(known)  # those of velocities stay expressions
+    return np.array([float(sp.sympify(e).xreplace(known)) for e in values_of(system.shapes[k])])
 
 
 def free(*shapes: Any, **fields: Any) -> MechanicalSystem:
