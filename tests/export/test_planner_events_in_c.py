@@ -87,6 +87,7 @@ def test_a_contact_slips_off_its_end(tmp_path: Path) -> None:
 
 
 def test_a_grip_is_come_to_from_either_side(tmp_path: Path) -> None:
+    """On the way, where time is left for a plan of the phase after it."""
     system = plane("c_coupled", grips={"hand": X - Y})
     problem = dmoc.Problem(
         dmoc.build(system, order=4), {"x": 0, "y": 1, **REST}, {"x": 2, "y": 2, **REST}, ["+hand"],
@@ -94,10 +95,10 @@ def test_a_grip_is_come_to_from_either_side(tmp_path: Path) -> None:
     )  # fmt: skip
     for name, turned in (("ahead", 1.0), ("behind", -1.0)):
         ends = {"start": {"x": 0, "y": turned, **REST}, "goal": {"x": 2 * turned, "y": 2 * turned}}
-        planner = dmoc.Planner(problem.but(**ends))
+        planner = dmoc.Planner(problem.but(**ends, via=[{"x": 1.1 * turned}]))
         closes = planner.plan.trajectory.collisions[0].time
         before = (0.4 * turned, 1.02 * turned, 0.9 * turned, 0.0)
         after = (1.3 * turned, 1.3 * turned, 0.8 * turned, 0.8 * turned)
         steps = [Step(0.8 * closes, before), Step(closes + 0.05, after)]
         plans = compare(planner, tmp_path / name, steps)
-        assert [plan.phase for plan in plans] == [0, 1]
+        assert [(plan.new, plan.phase) for plan in plans] == [(True, 0), (True, 1)]
