@@ -111,7 +111,7 @@ def calls(
     dmoc.generate_solver(problem, carried, guess=solution)
     quick: dict[str, Any] = {"seconds": 2.0}
     t = np.linspace(0, 1, 12)
-    runs = {"t": t, "x": 0.4 * t**2 + 0.01 * np.sin(90 * t), "u": np.ones(12)}
+    runs = {"t": t, "x": 0.01 * np.sin(90 * t) - 0.4 * t**2, "u": -np.ones(12)}
     fitted = {"problem": problem, "runs": runs, "parameters": {"m": (0.5, 2)}}
     urdf = tmp_path_factory.mktemp("robots") / "pendulum.urdf"
     urdf.write_text(PENDULUM)
