@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 
 import numpy as np
 
-from dmoc.base.arguments import positive, whole
+from dmoc.base.arguments import path, positive, whole
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ProblemError
 from dmoc.base.progress import Listener, listener
@@ -130,6 +131,17 @@ def prove(
     if seconds is not None:
         seconds = positive(seconds, "seconds", "expected a positive number, or None for no limit")
     workers = whole(workers, "workers", 1, MOST_WORKERS)
+    if journal is not None:
+        path(journal, "journal")
+    with listener(progress, "solving and bounding ...") as tell:
+        return _proved(problem, gap, seconds, seed, workers, journal, tell)
+
+
+def _proved(
+    problem: Problem, gap: float, seconds: float | None, seed: int, workers: int,
+    journal: str | os.PathLike[str] | None, tell: Callable[[Bounding], object] | None,
+) -> Proof:  # fmt: skip
+    """The proof of a problem, from arguments that fit."""
     begun, deadline = time.monotonic(), Deadline.after(seconds)
     check_size(linear_problem(_on_mesh(problem, None)))  # what is not covered is refused at once
     motion = _solved(problem, seconds, seed)
@@ -145,15 +157,14 @@ def prove(
     branch = Branch(linear, best, beyond, gap / 2, least, size, kept, workers)
     known = digest(linear, beyond, gap)
     continued(journal, branch, known)
-    with listener(progress, "bounding ...") as tell:
-        going_on = True
-        try:
-            while going_on and not deadline.passed:
-                going_on = branch.run(SLICE)
-                if tell:
-                    tell(Bounding(branch.best, branch.bound, branch.boxes, branch.waiting))
-        except KeyboardInterrupt:
-            going_on = True  # what was bounded until then is the answer
+    going_on = True
+    try:
+        while going_on and not deadline.passed:
+            going_on = branch.run(SLICE)
+            if tell:
+                tell(Bounding(branch.best, branch.bound, branch.boxes, branch.waiting))
+    except KeyboardInterrupt:
+        going_on = True  # what was bounded until then is the answer
     written(journal, branch, known)
     if motion is None or branch.best < motion.cost - gap / 4 * abs(motion.cost):
         motion = _best(motion, _at(problem, branch, seed))

@@ -317,6 +317,14 @@ def refused(problem: dmoc.Problem, **options: Any) -> str:
     return str(error.value)
 
 
+@pytest.mark.parametrize("wrong", ["journal", "progress"])
+def test_what_does_not_fit_is_refused_before_anything_is_solved(
+    block: Kernels, monkeypatch: pytest.MonkeyPatch, wrong: str
+) -> None:
+    monkeypatch.setattr("dmoc.proving.prove._solved", None)
+    assert refused(through(block, [0.3, 1, 0, 0.6], 0.8), **{wrong: 3}).startswith(f"{wrong} = 3")
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
