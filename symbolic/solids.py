@@ -32,7 +32,7 @@ class Box:
     size : triple
         Its sides along the axes of its frame, in the unit of lengths.
     at : triple
-        Its middle: in the frame of a body that takes it (:meth:`Body.draw`), or in the world where
+        Its middle: in the frame of a body that takes it (``body.draw``), or in the world where
         it stands in the ``drawing`` of a system.
     attitude : optional
         How its frame is turned against that one: a :class:`dmoc.Attitude`, four expressions that

@@ -133,7 +133,7 @@ class Body(Member):
         Parameters
         ----------
         *shapes : shapes in space
-            :class:`dmoc.spatial.Box`, ``Sphere``, ``Capsule``, ``Cylinder``, ``Plane`` and
+            ``dmoc.spatial.Box``, ``Sphere``, ``Capsule``, ``Cylinder``, ``Plane`` and
             ``Arrow``, and :class:`dmoc.Link`, ``Point``, ``Spring`` and ``Contact``, whose places
             are triples: all of them in the frame of the body.  Without any the body is not seen.
 

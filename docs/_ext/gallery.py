@@ -56,6 +56,7 @@ ORDER = (
     "stance_hopper",
     "four_bar",
     "satellite",
+    "quadrotor",
     "hopper_spring",
     "soft_landing",
     "jumper",

@@ -68,7 +68,7 @@ def test_bodies_are_drawn_where_they_are(opened: Open, page: Path, script: str) 
     np.testing.assert_allclose(orange(driver)[:2], begin[:2], atol=3)
 
 
-def test_dragging_turns_and_the_wheel_goes_nearer(opened: Open, page: Path) -> None:
+def test_dragging_and_keys_turn_and_the_wheel_goes_nearer(opened: Open, page: Path) -> None:
     driver = opened(page)
     seek(driver, 0.0)
     begin, (yaw, pitch, zoom) = orange(driver), view(driver)
@@ -82,6 +82,8 @@ def test_dragging_turns_and_the_wheel_goes_nearer(opened: Open, page: Path) -> N
     driver.execute_script(wheel, canvas)
     assert view(driver)[2] == pytest.approx(np.exp(-0.5))
     assert orange(driver)[2] > 1.5 * turned[2]
+    canvas.send_keys("d+")
+    assert view(driver) == pytest.approx((yaw - 0.9, pitch + 0.24, 0.9 * np.exp(-0.5)))
     (again,) = (e for e in driver.find_elements(By.CSS_SELECTOR, ".views button"))
     again.click()
     assert view(driver) == (yaw, pitch, zoom)

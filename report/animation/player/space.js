@@ -6,7 +6,8 @@ const STEEPEST = 1.55;
 const FILLED = 0.84; // of the picture, by the room
 const ARROW_LONG = 0.18; // of a side of the room: the largest force
 const SHORTEST_ARROW = 0.01; // of a side that is drawn
-const TURNED = 0.008; // rad of a pixel
+const [TURNED, TURNED_BY_KEY] = [0.008, 0.1]; // rad of a pixel, and of a key
+const VIEW_KEYS = "drag or a, d, w, s turn; wheel or +, - go nearer and farther";
 const FEW = 4; // bodies whose ways are drawn
 
 // The middle of a room and the corners of it.
@@ -46,7 +47,7 @@ function coloursOf(element) {
 }
 
 function makeSpace(motion, bounds, clock) {
-  const canvas = html("canvas", { role: "img" });
+  const canvas = html("canvas", { role: "img", tabindex: 0, title: VIEW_KEYS });
   const over = svg("svg", { "aria-hidden": "true" });
   const follow = html("input", { type: "checkbox" });
   const again = html("button", { type: "button" }, "first view");
@@ -120,8 +121,12 @@ function makeSpace(motion, bounds, clock) {
   return { element: root, draw, renew: redraw, close };
 }
 
-// Drag turns; the wheel, and two fingers, go nearer and farther.
+// Drag turns; the wheel, and two fingers, go nearer and farther; so do keys.
 function moveView(canvas, view, redraw) {
+  const turn = (right, down) => {
+    view.yaw -= right;
+    view.pitch = Math.min(Math.max(view.pitch + down, -STEEPEST), STEEPEST);
+  };
   const held = new Map();
   const apart = () => {
     const [a, b] = [...held.values()];
@@ -138,8 +143,7 @@ function moveView(canvas, view, redraw) {
     const [before, next] = [held.size === 2 ? apart() : 0, [event.clientX, event.clientY]];
     held.set(event.pointerId, next);
     if (held.size === 1) {
-      view.yaw -= TURNED * (next[0] - last[0]);
-      view.pitch = Math.min(Math.max(view.pitch + TURNED * (next[1] - last[1]), -STEEPEST), STEEPEST);
+      turn(TURNED * (next[0] - last[0]), TURNED * (next[1] - last[1]));
     } else if (before && apart()) {
       zoomed(before / apart());
     }
@@ -149,6 +153,14 @@ function moveView(canvas, view, redraw) {
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
     zoomed(Math.exp(event.deltaY / 800));
+    redraw();
+  });
+  canvas.addEventListener("keydown", ({ key }) => {
+    const turns = { a: [-1, 0], d: [1, 0], w: [0, -1], s: [0, 1] };
+    const zooms = { "+": 0.9, "-": 1 / 0.9 };
+    if (key in turns) turn(...turns[key].map((e) => TURNED_BY_KEY * e));
+    else if (key in zooms) zoomed(zooms[key]);
+    else return;
     redraw();
   });
 }
