@@ -32,7 +32,8 @@ TORQUES = 50.0  # weight of the squares of torques beside that of the thrust
 # %%
 # The model
 # ---------
-# A body that nothing holds. It costs what thrust differs from the weight, and torques.
+# A body that nothing holds. It costs what thrust differs from the weight, and torques. The edge of
+# the disc that holds the rotors touches the wall.
 
 
 def system() -> dmoc.MechanicalSystem:
@@ -41,16 +42,29 @@ def system() -> dmoc.MechanicalSystem:
     thrust, *torques = inputs = dynamicsymbols("f T_x T_y T_z")
     world = dmoc.spatial.World(GRAVITY)
     body = world.free(place, mass=MASS, inertia=INERTIA, torque=torques)
-    body.draw(dmoc.spatial.Cylinder(RADIUS, 0.05))
+    ends = [
+        (0.65 * RADIUS * i, 0.65 * RADIUS * j, 0) for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    ]
+    rotors = [dmoc.spatial.Cylinder(0.35 * RADIUS, 0.02, at=end) for end in ends]
+    body.draw(dmoc.Link(*ends[:2]), dmoc.Link(*ends[2:]), *rotors, dmoc.spatial.Arrow(thrust))
     axis = [tip - middle for tip, middle in zip(body.point(0, 0, 1), place, strict=True)]
+    flat = sp.sqrt(1 - axis[0] ** 2)
+    edge = [
+        q + RADIUS * (normal - axis[0] * along) / flat
+        for q, normal, along in zip(place, (1, 0, 0), axis, strict=True)
+    ]
     return world.system(
         "quadrotor_at_a_wall",
         inputs=inputs,
         forces={q: thrust * along for q, along in zip(place, axis, strict=True)},
-        surfaces={"wall": x + RADIUS * sp.sqrt(1 - axis[0] ** 2) <= WALL},
+        surfaces={"wall": x + RADIUS * flat <= WALL},
         cost=(thrust - MASS * GRAVITY) ** 2 / 2 + TORQUES * sum(T**2 for T in torques) / 2,
         units={thrust: "N", **dict.fromkeys(torques, "N m"), **dict.fromkeys(place, "m")},
-        drawing=[dmoc.spatial.Plane((WALL, 0, 0), (-1, 0, 0)), dmoc.spatial.Plane()],
+        drawing=[
+            dmoc.Contact("wall", edge, (-1, 0, 0)),
+            dmoc.spatial.Plane((WALL, 0, 0), (-1, 0, 0)),
+            dmoc.spatial.Plane(),
+        ],
     )
 
 

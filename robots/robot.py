@@ -240,7 +240,7 @@ def read_robot(
     """Read a robot from its URDF or MJCF.
 
     Links that are fixed to each other are one body, with the sum of their inertias; joints become
-    hinges, slides and ball joints of :class:`dmoc.spatial.World`, with armature, damping and
+    hinges, slides and ball joints of ``dmoc.spatial.World``, with armature, damping and
     springs, limits become bounds, what drives a joint an input.  A joint that mimics another one
     has no coordinate.  No other file is read: meshes are left out, as is whatever else
     ``Robot.notes`` lists.
