@@ -161,6 +161,7 @@ def _extras() -> Iterator[Finding]:
     ]
     extras += [("imageio-ffmpeg", "mp4", "writes mp4 where the machine has no ffmpeg")]
     extras += [("dask", "dask", "lets other machines search")]
+    extras += [("mujoco-core", "robots", "reads URDF and MJCF")]
     extras += [("ziglang", "cc", "compiles where there is no other compiler")]
     for name, extra, what in extras:
         try:

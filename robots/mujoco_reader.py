@@ -13,18 +13,14 @@ from dmoc.base.errors import MissingExtraError, ModelError
 from dmoc.robots.description import Text, worded
 from dmoc.robots.records import Array, Description, Joint, Limits, Link, Shape
 
+VERSION = "4"
 KINDS = ("free", "ball", "slide", "hinge")  # of joints, as MuJoCo counts them
 TOUCHING = {2: "sphere", 3: "capsule", 5: "cylinder", 6: "box"}  # of shapes
 
 
 def read_description(text: Text, label: str) -> Description:
     """Let MuJoCo read a text that names no file."""
-    try:
-        import mujoco
-    except ImportError:
-        raise MissingExtraError(
-            'robots from files need MuJoCo\'s reader: install it by `pip install "dmoc[robots]"`.'
-        ) from None
+    mujoco = _reader()
     with _warnings(mujoco, text.notes):
         try:
             spec = mujoco.MjSpec.from_string(text.xml)
@@ -35,6 +31,22 @@ def read_description(text: Text, label: str) -> Description:
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
             raise ModelError(f"{label} is not read, {worded(error)}: correct the file.") from None
     return _described(model, spec, loads, text)
+
+
+def _reader() -> Any:
+    """The module of MuJoCo, of a version whose fields are those that are read here."""
+    try:
+        import mujoco
+    except ImportError:
+        raise MissingExtraError(
+            'robots from files need MuJoCo as a reader: install it by `pip install "dmoc[robots]"`.'
+        ) from None
+    if mujoco.__version__.partition(".")[0] != VERSION:
+        raise MissingExtraError(
+            f"robots from files need MuJoCo {VERSION}, and {mujoco.__version__} is installed: take "
+            'it by `pip install "dmoc[robots]"`.'
+        )
+    return mujoco
 
 
 @contextmanager

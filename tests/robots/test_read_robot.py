@@ -5,9 +5,11 @@ from __future__ import annotations
 import builtins
 import math
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 import sympy as sp
@@ -270,6 +272,9 @@ def test_what_names_files_is_left_out_and_said(
 def test_without_its_reader_a_robot_names_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
+    monkeypatch.setattr(mujoco, "__version__", "3.3.7")
+    with pytest.raises(MissingExtraError, match=r"need MuJoCo 4, and 3.3.7 is installed"):
+        read(tmp_path, LEG)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingExtraError, match=r'pip install "dmoc\[robots\]"'):
         read(tmp_path, LEG)
