@@ -39,6 +39,7 @@ COMPLETED = {
         ("import dmoc.solving.methods", "numpy scipy sympy", ""),
         ("import dmoc.check.check", "scipy sympy", ""),
         ("import dmoc; dmoc.solve_many", "multiprocessing", ""),
+        ("import dmoc; dmoc.read_robot", "mujoco", ""),
         (
             SOLVE.format(100, ", 'ipm'"),
             "scipy sympy matplotlib sqlite3 rich typer multiprocessing",
@@ -53,6 +54,7 @@ COMPLETED = {
         "methods",
         "check",
         "many",
+        "robots",
         "solve",
         "solve by default",
     ],
