@@ -104,6 +104,8 @@ def _check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
     model = problem.model
     gaps = model.barriers(at, 0.0, model.within_rounding(at))
     sizes = once(problem, _sizes_at_ends)
+    if not np.isfinite(sizes).all():
+        sizes = gap_sizes(problem, at)
     chosen = by_design(problem, model.barrier_kernel)  # where they are is up to the solver
     for j, surface in enumerate(problem.kernels.surfaces):
         if chosen[j] or surface in problem.ignored or problem.touch.contacts.pull[j]:
@@ -113,6 +115,11 @@ def _check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
         closed = j in problem.touch.modes[0 if end == "start" else -1].closed
         involved = sorted({*model.surface_coordinates[j], *model.ends.get(j, ())})
         state = ", ".join(f"{problem.kernels.coordinates[i]}={at[i]:g}" for i in involved)
+        if fixed[involved].all() and not np.isfinite(sizes[j]):
+            raise ProblemError(
+                f"the gap to surface {surface!r} has no slope at the {end} ({state}): expected one "
+                f"with a derivative there; move the {end}, or smooth the gap."
+            )
         near = (SAME if closed else ROUNDING) * sizes[j]
         if fixed[involved].all() and not gaps[j] <= near:
             raise ProblemError(

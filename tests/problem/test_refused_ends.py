@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
@@ -153,3 +154,15 @@ def test_an_integral_with_kinks_has_bounds_on_the_side_that_holds_it(
     np.testing.assert_array_equal(problem.total_bounds, [[1.0, 1.0], expected])
     held = {"way": (1.0, 1.0)} | ({} if bounds is None else {"work": tuple(expected)})
     assert total_limits_of(problem) == held
+
+
+def test_a_gap_without_a_slope_at_an_end_is_refused_there() -> None:
+    """The floor is a quarter of a circle, which is upright at x = 1."""
+    kinetic = (X.diff() ** 2 + Y.diff() ** 2) / 2
+    rim = {"rim": sp.sqrt(1 - X**2) <= Y}
+    kernels = dmoc.build(dmoc.MechanicalSystem("on_a_rim", [X, Y], kinetic, {}, surfaces=rim))
+    start, goal = {X: 0, Y: 2}, {X: 1, Y: 1}
+    expected = r"the gap to surface 'rim' has no slope at the goal \(x=1, y=1\): expected one with"
+    with pytest.raises(ProblemError, match=expected):
+        dmoc.Problem(kernels, start, goal, steps=4, final_time=1)
+    dmoc.Problem(kernels, start, {X: 1}, steps=4, final_time=1)
