@@ -175,6 +175,8 @@ def differences(
 ) -> tuple[float, float]:
     """How far mass matrix and inverse dynamics are from MuJoCo's at a random state, as parts of the
     largest entry; ``follow`` has leaders of joints, with factors and offsets."""
+    for body in ours.bodies.values():
+        body.draw()  # nothing, which is quicker
     system = ours.system(cost=1)
     own, data, rng = _Ours(system), mujoco.MjData(model), np.random.default_rng(7)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
