@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dmoc.base.errors import SimulationError
-from dmoc.base.names import omega_names, velocity_name
 from dmoc.base.table import print_table
 from dmoc.cli import completion
 from dmoc.cli.console import draw, in_turn, out, prepare, written
@@ -66,6 +65,7 @@ def simulate(
     dark: DarkOption = False,
 ) -> None:
     """Simulate a model forward in time through its collisions; or a solution, open loop."""
+    from dmoc.base.names import omega_names, velocity_name
     from dmoc.models import registry
     from dmoc.results.simulation import simulate as simulated
     from dmoc.results.solution import Solution

@@ -337,7 +337,7 @@ def _force(slopes: Any, v: Any) -> Place:
     gram = slopes * slopes.T
     flat = sp.simplify(gram.det()) == 0
     force = (slopes if flat else gram.adjugate() * slopes) * v
-    return tuple(e * (sp.simplify(e) != 0) for e in force)
+    return tuple(e if sp.simplify(e) != 0 else sp.S.Zero for e in force)
 
 
 def table_of_drawing(drawing: Iterable[Part]) -> list[list[Any]]:
