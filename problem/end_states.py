@@ -103,9 +103,8 @@ def _check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
     at = np.where(fixed, boundary.position[:, 0], 0.0)
     model = problem.model
     gaps = model.barriers(at, 0.0, model.within_rounding(at))
-    sizes = once(problem, _sizes_at_ends)
-    if not np.isfinite(sizes).all():
-        sizes = gap_sizes(problem, at)
+    both = once(problem, _sizes_at_ends)
+    sizes = both if np.isfinite(both).all() else gap_sizes(problem, at)
     chosen = by_design(problem, model.barrier_kernel)  # where they are is up to the solver
     for j, surface in enumerate(problem.kernels.surfaces):
         if chosen[j] or surface in problem.ignored or problem.touch.contacts.pull[j]:
@@ -132,9 +131,9 @@ def _check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
 
 def _sizes_at_ends(problem: Problem) -> Array:
     """The larger sizes of the gaps at both ends, where what is not fixed there is zero, (nc,)."""
-    ends = problem.start_bounds.position, problem.goal_bounds.position
-    fixed = [np.where(box[:, 0] == box[:, 1], box[:, 0], 0.0) for box in ends]
-    return np.maximum(*(gap_sizes(problem, q) for q in fixed))
+    boxes = problem.start_bounds.position, problem.goal_bounds.position
+    at = (np.where(box[:, 0] == box[:, 1], box[:, 0], 0.0) for box in boxes)
+    return np.maximum(*(gap_sizes(problem, q) for q in at))
 
 
 def _check_path(problem: Problem, end: str, boundary: Boundary) -> None:
