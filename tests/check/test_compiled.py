@@ -127,6 +127,7 @@ def course() -> Kernels:
     system = dmoc.MechanicalSystem(
         "course", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2,
         {r: 0.3, s: 0.1, b: -0.2, P: 11.0, z: 0.2}, [u, w], {x: u, y: w}, cost=(u**2 + w**2) / 2,
+        quantities={"push": u},
         path_constraints={
             "disc": x**2 + (y + 0.1) ** 2 >= r**2, "wire": (x - 0.5) ** 2 + (y - b) ** 2 >= s**2,
             "power": u * x.diff() <= P, "roof": y <= z + t / 3,
@@ -296,6 +297,9 @@ def test_excesses_of_limits_are_the_same(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(compiled, "MOST_SQUARES", 60 * 6**2 - 1)
     assert passing(good, kernels, ENDLESS) is None
     monkeypatch.undo()
+    assert passing(good, kernels, ENDLESS) is not None
+    pushed = replace(good, limits={"push": (-100.0, 100.0)})  # a quantity, with room for all
+    assert passing(pushed, kernels, ENDLESS) is None
     for changed, limits in (
         ({"r": 0.303}, {}), ({"r": 0.33}, {}), ({"s": 0.3}, {}), ({"P": 10.9}, {}),
         ({"P": 3.0}, {}), ({"z": 0.15}, {}), ({"z": -2.0}, {}), ({}, {"x_dot": (-9, 2.7)}),
