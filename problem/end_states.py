@@ -1,5 +1,4 @@
-"""Whether a problem's start and goal are states of its model: regular, in front of the surfaces,
-and not moving into them."""
+"""Whether start and goal are states of the model: regular, in front of surfaces, not going in."""
 
 from __future__ import annotations
 
@@ -107,9 +106,8 @@ def _check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
     sizes = both if np.isfinite(both).all() else gap_sizes(problem, at)
     chosen = by_design(problem, model.barrier_kernel)  # where they are is up to the solver
     for j, surface in enumerate(problem.kernels.surfaces):
-        if chosen[j] or surface in problem.ignored or problem.touch.contacts.pull[j]:
-            continue
-        if end == "goal" and j in problem.model.moving:
+        moves = end == "goal" and j in problem.model.moving
+        if moves or chosen[j] or surface in problem.ignored or problem.touch.contacts.pull[j]:
             continue
         closed = j in problem.touch.modes[0 if end == "start" else -1].closed
         involved = sorted({*model.surface_coordinates[j], *model.ends.get(j, ())})
