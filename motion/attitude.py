@@ -3,6 +3,7 @@ the same; p0 is the cosine of half the angle, the others are the axis times its 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -126,7 +127,7 @@ def attitude(
         raise ProblemError(f"an attitude is stated in {sum(stated)} ways: {WAYS}.")
     if quaternion is not None:
         p = _numbers(quaternion, (4,), "quaternion")
-        length = float(np.linalg.norm(p))
+        length = math.hypot(*p)
         if abs(length - 1) > ROUNDED:
             raise ProblemError(
                 f"quaternion = {shown(quaternion)} has the length {length:g}: expected 1; divide "
