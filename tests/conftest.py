@@ -57,9 +57,11 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Keep built kernels away from the user's cache, in one that all processes of the run share."""
+    """Keep built kernels away from the user's cache, in one that all processes of the run share,
+    or all runs for which a folder is named."""
     run = tmp_path_factory.getbasetemp()
-    folder = (run.parent if "PYTEST_XDIST_WORKER" in os.environ else run) / "kernels"
+    own = (run.parent if "PYTEST_XDIST_WORKER" in os.environ else run) / "kernels"
+    folder = Path(os.environ.get("DMOC_TEST_KERNELS", own))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DMOC_CACHE", str(folder))
         yield folder

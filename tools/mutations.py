@@ -15,7 +15,8 @@ Without ``tests`` the nearest are the files in ``tests`` that import the module,
 its layer, without those that are slow, then the slow ones of the nearest; last all that are not.
 
 Changes are made in a copy of the checkout; compiled sources are compiled again there.  A test that
-fails without the change too tells nothing.
+fails without the change too tells nothing.  Processes that run tests are forked from one that has
+loaded the libraries, and share kernels where what is changed does not generate them.
 The exit status is 1 if a change survives without a reason, dies in spite of one, or does not fit
 the sources any more.
 """
@@ -23,16 +24,21 @@ the sources any more.
 from __future__ import annotations
 
 import argparse
+import filecmp
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
+from itertools import count
+from multiprocessing import get_context
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -40,6 +46,17 @@ ROOT = Path(__file__).resolve().parent.parent
 LIST = ROOT / "tools" / "mutations.toml"
 FAST, SLOW, IGNORE = ("-m", "not slow"), ("-m", "slow"), "--ignore="
 COMPILED = {".pyx", ".pxd", ".pxi", ".c", ".h"}
+# Folders from which kernels do not follow: what is built is the same, whatever changes there.
+AFTER_KERNELS = frozenset(
+    """mechanics problem program guess solvers simulation check control report results inspection
+    solving proving sequences fitting export planning cli""".split()
+)
+# What the process has loaded from which those that run tests are forked.
+SERVER = get_context("forkserver")
+SERVER.set_forkserver_preload(
+    """numpy scipy.optimize scipy.sparse.linalg sympy.physics.mechanics matplotlib.figure
+    pytest""".split()
+)
 # Of one group of tests, all that are not slow at most; pytest itself ends a test that hangs.
 SECONDS = 1800
 NO_TESTS, NO_FILE = 5, 4  # pytest's exit status where nothing was collected, or is not there
@@ -92,6 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     changes = [Change(**{**e, "tests": tuple(e.get("tests", ()))}) for e in entries]
     changes = [c for c in changes if options.only in str(c)]
     unexpected = survivors = 0
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with tempfile.TemporaryDirectory() as folder:
         for fate in fates(changes, Path(folder), max(options.jobs, 1)):
             unexpected += not fate.expected
@@ -105,9 +123,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def fates(changes: Sequence[Change], folder: Path, jobs: int) -> Iterator[Fate]:
     """The fates of changes, in their order, tried in some copies of the checkout."""
-    copies: SimpleQueue[Path] = SimpleQueue()
+    copies: SimpleQueue[Copy] = SimpleQueue()
+    unchanged = copied(folder / "unchanged") if changes else folder
     for number in range(min(jobs, len(changes))):
-        copies.put(copied(folder / f"copy{number}"))
+        own = shutil.copytree(unchanged, folder / f"copy{number}", symlinks=True)
+        copies.put(Copy(own, unchanged))
 
     def tried(change: Change) -> Fate:
         copy = copies.get()
@@ -129,21 +149,45 @@ def copied(to: Path) -> Path:
     return to
 
 
-def fate(change: Change, copy: Path) -> Fate:
+@dataclass(frozen=True)
+class Copy:
+    """A folder with the sources that are changed, and one beside it in which nothing is."""
+
+    folder: Path
+    unchanged: Path
+    times = count(int(time.time()))
+
+    def write(self, file: str, text: str) -> None:
+        """Write a file with a time of its own, by which bytecode is told from that of others."""
+        path, now = self.folder / file, next(self.times)
+        path.write_text(text, encoding="utf-8")
+        os.utime(path, (now, now))
+
+    def restore(self, file: str) -> None:
+        """Take back a change, and what was compiled with it."""
+        shutil.copy2(self.unchanged / file, self.folder / file)
+        if Path(file).suffix in COMPILED:
+            for path in self.unchanged.rglob("*"):
+                own = self.folder / path.relative_to(self.unchanged)
+                if path.is_file() and not (own.is_file() and filecmp.cmp(path, own)):
+                    shutil.copy2(path, own)
+
+
+def fate(change: Change, copy: Copy) -> Fate:
     """Make a change in a copy, run the tests nearest to it, and take it back."""
-    path = copy / change.file
+    path = copy.folder / change.file
     text = path.read_text(encoding="utf-8") if path.is_file() else ""
     if text.count(change.old) != 1:
         return Fate(change, "unfit", f"the old text stands there {text.count(change.old)} times")
-    path.write_text(text.replace(change.old, change.new), encoding="utf-8")
+    shared = change.file.partition("/")[0] in AFTER_KERNELS
     groups = [change.tests] if change.tests else groups_near(change.file)
     try:
-        compiles = path.suffix not in COMPILED or built(copy)
-        failed = next(filter(None, (run(g, copy) for g in groups)), None) if compiles else None
+        copy.write(change.file, text.replace(change.old, change.new))
+        compiles = path.suffix not in COMPILED or built(copy.folder)
+        ran = (run(group, copy, shared) for group in groups)
+        failed = next(filter(None, ran), None) if compiles else None
     finally:
-        path.write_text(text, encoding="utf-8")
-        if path.suffix in COMPILED:
-            built(copy)
+        copy.restore(change.file)
     if not compiles:
         return Fate(change, "unfit", "it does not compile")
     if failed is None:
@@ -156,29 +200,47 @@ def fate(change: Change, copy: Path) -> Fate:
     return Fate(change, "died", failed.words)
 
 
-def run(tests: tuple[str, ...], copy: Path) -> Failure | None:
+def run(tests: tuple[str, ...], copy: Copy, shared: bool = True) -> Failure | None:
     """Run tests in a copy; the first that fails, or all where none says so; None where all pass.
     They have a session of their own: what a change lets a test end is not this process."""
-    words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", *tests]
-    try:
-        ended = subprocess.run(
-            words, cwd=copy, env=_environment(copy), capture_output=True, text=True,
-            timeout=SECONDS, check=False, start_new_session=True,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        return Failure(tests, f"{' '.join(tests)} took more than {SECONDS} s")
-    if ended.returncode in (0, NO_TESTS):
+    with tempfile.TemporaryDirectory() as folder:
+        printed = Path(folder) / "printed"
+        kernels = copy.unchanged.parent / "kernels" if shared else Path(folder) / "kernels"
+        process = SERVER.Process(target=run_pytest, args=(tests, copy.folder, kernels, printed))
+        process.start()
+        process.join(SECONDS)
+        if process.exitcode is None:
+            os.killpg(process.pid or 0, signal.SIGKILL)
+            return Failure(tests, f"{' '.join(tests)} took more than {SECONDS} s")
+        text = printed.read_text(encoding="utf-8", errors="replace")
+    if process.exitcode in (0, NO_TESTS):
         return None
-    if ended.returncode == NO_FILE:
+    if process.exitcode == NO_FILE:
         return Failure(tests, f"{' '.join(tests)}: no such tests", stood=False)
-    lines = [x for x in ended.stdout.splitlines() if x.startswith(("FAILED", "ERROR"))]
+    lines = [x for x in text.splitlines() if x.startswith(("FAILED", "ERROR"))]
     if not lines:
-        return Failure(tests, ended.stdout[-160:])
+        return Failure(tests, text[-160:])
     return Failure((lines[0].partition(" ")[2].split(" - ")[0],), lines[0])
 
 
+def run_pytest(tests: tuple[str, ...], folder: Path, kernels: Path, printed: Path) -> None:
+    """In a process of its own: run tests of a folder, whose sources come before an installation."""
+    os.setsid()
+    os.chdir(folder)
+    with printed.open("w") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
+    os.environ |= {"PYTHONPATH": f"{folder / 'src'}", "DMOC_TEST_KERNELS": f"{kernels}", "CI": "1"}
+    sys.path[:] = [f"{folder}", f"{folder / 'src'}", *(p for p in sys.path if p != f"{ROOT}/tools")]
+    import pytest
+
+    sys.exit(pytest.main(["-x", "-q", "-n", "0", *tests]))
+
+
 @cache
-def fails_anyway(tests: tuple[str, ...], copy: Path) -> bool:
+def fails_anyway(tests: tuple[str, ...], copy: Copy) -> bool:
     """Whether tests fail in a copy in which nothing is changed."""
     return run(tests, copy) is not None
 
@@ -226,11 +288,6 @@ def built(copy: Path) -> bool:
     words = [sys.executable, "setup.py", "--quiet", "build_ext", "--inplace"]
     run = subprocess.run(words, cwd=copy, capture_output=True, check=False)
     return run.returncode == 0
-
-
-def _environment(copy: Path) -> dict[str, str]:
-    """The sources of the copy come before an installation of them."""
-    return {**os.environ, "PYTHONPATH": str(copy / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
 
 
 if __name__ == "__main__":
