@@ -27,8 +27,6 @@ def _of_statement(p: Problem) -> Iterator[str]:
         yield "parameters with a value for each phase"
     if p.kernels.joints:
         yield f"constraints of the model ({p.kernels.joints[0]})"
-    if p.control_form == "linear":
-        yield "inputs that are linear between nodes; give controls='constant'"
     if p.model.has_terminal_cost:
         yield "costs of the end"
     if p.model.totals_of or p.model.peak_names:
@@ -52,9 +50,7 @@ def _of_events(p: Problem) -> Iterator[str]:
             yield f"grips and switches: {at}"
         if event.off:
             yield f"ends of surfaces: {at}"
-        if len(event.lands) + bool(hit) > 1:
-            yield f"several surfaces that are hit at once: {at}"
         if hit in rough:
             yield f"hits with friction: {at}"
-        if hit and not (touch.modes[i].free and touch.modes[i + 1].free):
-            yield f"hits beside contacts that last: {at}"
+        if event.course is not None:
+            yield f"landings in which sliding stops or turns: {at}"

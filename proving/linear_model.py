@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,24 +12,43 @@ from scipy.linalg import null_space
 from dmoc.base.errors import ProblemError
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import Mode
+from dmoc.mechanics.contact_mode import Mode, mode_in_words
+from dmoc.mechanics.contacts import RAIL
 from dmoc.problem.problem import Problem
 from dmoc.proving.linear import Rows
 from dmoc.proving.recognition import Affine, affine
 
+# Contacts are wedged where the mass matrix of what they leave free has this condition.
+WEDGED = 1e9
+
 
 @record(frozen=True, eq=False)
 class Frame:
-    """Coordinates of a mode: q = origin + Z y, y = inverse (q - origin), p_y = left p."""
+    """Coordinates of a mode: q = origin + Z y, y = Z^T (q - origin).  The last ``held`` ones are
+    where it sticks: they stay what they are, and have no momentum. Those of the others are p_y =
+    left p, from which the forces of contacts vanish, with left M Z the unit matrix.  ``pushes`` are
+    the directions of these forces, shape (contacts, nq)."""
 
     origin: Array
     Z: Array
-    inverse: Array
     left: Array
+    held: int
+    pushes: Array
 
     @property
     def size(self) -> int:
+        """Number of coordinates."""
         return int(self.Z.shape[1])
+
+    @property
+    def moving(self) -> int:
+        """Number of those that move."""
+        return self.size - self.held
+
+    def state(self, position: Array, momentum: Array) -> Array:
+        """Rows (y, p_y) of those of q - origin and p, shape (nq, k) or (nq,) each."""
+        still = np.zeros((self.held, *momentum.shape[1:]))
+        return np.concatenate([self.Z.T @ position, self.left @ momentum, still])
 
 
 @dataclass(eq=False)
@@ -89,44 +109,75 @@ class LinearModel:
 
     def frame(self, mode: Mode) -> Frame:
         """The coordinates of a mode."""
-        p, n = self.problem, self.problem.nq
+        n = self.problem.nq
         if mode.free:
-            return Frame(np.zeros(n), np.eye(n), np.eye(n), np.eye(n))
-        places, pushes, values = list[Array](), list[Array](), list[float]()
-        friction = {p.model.supports[k]: (k, sign) for k, sign in mode.sliding}
-        for j in mode.closed:
-            gap = self.gap(j)
-            if gap.A[0, n] != 0:
-                raise ProblemError(
-                    f"{p.kernels.surfaces[j]} moves while it is touched: proofs cover contacts "
-                    "that last with surfaces that stand."
-                )
-            normal = gap.A[0, :n]
-            places.append(normal)
-            values.append(float(gap.b[0]))
-            k, sign = friction.get(j, (-1, 0))
-            pushes.append(normal + sign * self._friction(k) * self._tangent(k) if sign else normal)
-        for k in mode.sticking:
-            tangent = self._tangent(k)
-            places.append(tangent)
-            values.append(float(-tangent @ self._place(mode, k)))
-            pushes.append(tangent)
-        A = np.array(places)
-        origin = np.linalg.lstsq(A, -np.array(values), rcond=None)[0]
-        Z = null_space(A)
-        return Frame(origin, Z, np.linalg.pinv(Z), null_space(np.array(pushes)).T)
-
-    def _place(self, mode: Mode, k: int) -> Array:
-        """Where tangent k sticks: at the start."""
-        p, start = self.problem, self.problem.start_bounds.position
-        if mode is not p.touch.modes[0] or not (start[:, 0] == start[:, 1]).all():
+            return Frame(np.zeros(n), np.eye(n), np.eye(n), 0, np.zeros((0, n)))
+        gaps = [self._standing(j) for j in mode.closed]
+        places = np.array([gap.A[0, :n] for gap in gaps]).reshape(-1, n)
+        stuck = np.array([self.tangent(k) for k in mode.sticking]).reshape(-1, n)
+        pushes = np.array(self.pushes(mode)).reshape(-1, n)
+        origin = np.linalg.lstsq(places, -np.array([gap.b[0] for gap in gaps]), rcond=None)[0]
+        free = null_space(np.vstack([places, stuck]))
+        held = null_space(np.vstack([places, free.T]))
+        left = null_space(pushes).T if len(pushes) else np.eye(n)
+        mass = left @ self.M @ free
+        square = mass.shape[0] == mass.shape[1]
+        if not square or (mass.size and not np.linalg.cond(mass) < WEDGED):
             raise ProblemError(
-                f"{p.kernels.tangents[k]} sticks where the motion leads it: proofs cover contacts "
-                "that stick from a start that is given, and those that slide or have no friction."
+                f"the contacts {self._in_words(mode)} leave the motion undetermined: proofs cover "
+                "those whose friction does not wedge what slides."
             )
-        return start[:, 0]
+        return Frame(
+            origin, np.hstack([free, held]), np.linalg.solve(mass, left), held.shape[1], pushes
+        )
 
-    def _tangent(self, k: int) -> Array:
+    def pushes(self, mode: Mode, rails: bool = True) -> list[Array]:
+        """Directions in which the contacts of a mode push: against a normal with the friction of
+        what slides, against and along a tangent that sticks; those of rails are left out where
+        they do not count."""
+        p = self.problem
+        pushes = {j: self.gap(j).A[0, : p.nq] for j in mode.closed}
+        supports = p.touch.contacts.supports
+        for k, s in mode.sliding:
+            if supports[k] != RAIL:
+                pushes[supports[k]] = pushes[supports[k]] + s * self.friction(k) * self.tangent(k)
+        stuck = (k for k in mode.sticking if rails or supports[k] != RAIL)
+        return [*pushes.values(), *map(self.tangent, stuck)]
+
+    def cones(self, surfaces: Sequence[int], tangents: Sequence[int]) -> Iterator[Array]:
+        """Rows of the forces of surfaces and of tangents that stick, in the directions of
+        ``pushes``, that are not positive: surfaces push, along them acts no more than friction."""
+        unit, supports = np.eye(len(surfaces) + len(tangents)), self.problem.touch.contacts.supports
+        yield from unit[: len(surfaces)]
+        for along, k in zip(unit[len(surfaces) :], tangents, strict=True):
+            mu = float(self.problem.static_friction[0, k])
+            if supports[k] in surfaces and np.isfinite(mu):
+                limit = mu * unit[surfaces.index(supports[k])]
+                yield along + limit
+                yield -along + limit
+
+    def drag(self, mode: Mode) -> Array:
+        """The force of the rails that slide, shape (nq,)."""
+        supports = self.problem.touch.contacts.supports
+        forces = (s * self.friction(k) * self.tangent(k) for k, s in mode.sliding
+                  if supports[k] == RAIL)  # fmt: skip
+        return -sum(forces, np.zeros(self.problem.nq))
+
+    def _standing(self, j: int) -> Affine:
+        """The gap to a surface that is touched for a while."""
+        gap = self.gap(j)
+        if gap.A[0, self.problem.nq] != 0:
+            raise ProblemError(
+                f"{self.problem.kernels.surfaces[j]} moves while it is touched: proofs cover "
+                "contacts that last with surfaces that stand."
+            )
+        return gap
+
+    def _in_words(self, mode: Mode) -> str:
+        return mode_in_words(self.problem.touch.contacts, mode)
+
+    def tangent(self, k: int) -> Array:
+        """The gradient of a tangential position, shape (nq,)."""
         p = self.problem
 
         def values(q: Array) -> Array:
@@ -136,8 +187,9 @@ class LinearModel:
         tangent = affine(values, list(p.kernels.coordinates), f"tangent {name}", self.sizes)
         return np.asarray(tangent.A[0])
 
-    def _friction(self, k: int) -> float:
-        mu = float(self.problem.friction[k])
+    def friction(self, k: int) -> float:
+        """The coefficient of a tangent, or the force of a rail."""
+        mu = float(self.problem.friction[0, k])
         if not np.isfinite(mu):
             raise ProblemError(
                 f"the friction of {self.problem.kernels.tangents[k]} varies: proofs cover a "
@@ -150,11 +202,12 @@ class LinearModel:
     def velocity(self, frame: Frame) -> tuple[Array, Array]:
         """v as function V z + v_0 of the state in a mode, shapes (nq, 2 r) and (nq,)."""
         n, r = self.problem.nq, frame.size
-        inverse = frame.Z @ np.linalg.inv(frame.left @ self.M @ frame.Z)
+        Z = frame.Z[:, : frame.moving]
+        inverse = Z @ np.linalg.inv(frame.left @ self.M @ Z)
         G, p_0 = self.momentum.A[:, :n], self.momentum.b
         V = np.zeros((n, 2 * r))
         V[:, :r] = -inverse @ frame.left @ G @ frame.Z
-        V[:, r:] = inverse
+        V[:, r : r + frame.moving] = inverse
         return V, -inverse @ frame.left @ (G @ frame.origin + p_0)
 
     def rows(self, frame: Frame, a: Array, v: Array, b: Array, b_t: Array | float = 0.0) -> Rows:

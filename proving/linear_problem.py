@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -10,17 +9,15 @@ import numpy as np
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contacts import NOWHERE
 from dmoc.problem.problem import Problem
 from dmoc.program.bounds import shortest_durations
 from dmoc.proving.coverage import check_covered
-from dmoc.proving.linear import LinearEvent, LinearProblem, Rows, through
+from dmoc.proving.linear import LinearProblem, Rows, through
+from dmoc.proving.linear_events import DECIDED, add_range, coordinate, event_of
 from dmoc.proving.linear_model import Frame, LinearModel
 from dmoc.proving.linear_steps import LinearSteps
 from dmoc.proving.recognition import check_linear
 
-# A value at the start or at the goal that a mode decides, in the coordinates of the mode.
-DECIDED = 1e-12
 # The shortest phase, relative to the final time, where the program knows none.
 SHORTEST = 1e-8
 
@@ -35,7 +32,7 @@ def linear_problem(problem: Problem) -> LinearProblem:
     steps = LinearSteps(model)
     steps.check_time()
     count = problem.phases - problem.ends_with_event
-    events = [_event(model, i, *frames[i : i + 2]) for i in range(len(problem.sequence))]
+    events = [event_of(model, i, *frames[i : i + 2]) for i in range(len(problem.sequence))]
     start = _start(model, frames[0])
     zero, most, *ties = _ends(model, frames[0], frames[-1], start[0])
     if problem.ends_with_event:
@@ -71,48 +68,6 @@ def _left_out(model: LinearModel) -> tuple[str, ...]:
     )
 
 
-def _event(model: LinearModel, i: int, before: Frame, after: Frame) -> LinearEvent:
-    """What happens between two phases: Newton's law, or velocities that what is closed allows."""
-    p, n = model.problem, model.problem.nq
-    event = p.touch.events[i]
-    zero, most = list[Rows](), list[Rows]()
-    jump, offset = np.eye(n), np.zeros(n)  # v after it is jump v + offset
-    for j in (event.hit, *event.lands):
-        if j == NOWHERE:
-            continue
-        gap = model.gap(j)
-        normal, rate = gap.A[:, :n], gap.A[:, n]
-        zero.append(model.rows(before, normal, 0 * normal, gap.b, rate))
-        most.append(model.rows(before, 0 * normal, -normal, -rate))  # it comes nearer
-        if j == event.hit:
-            change = np.linalg.solve(model.M, normal[0])
-            share = (1 + _restitution(p, j)) * change / (normal[0] @ change)
-            jump, offset = jump - np.outer(share, normal[0]), offset - share * rate
-    for j, (low, high) in enumerate(p.via_bounds[i]):
-        _add_range(zero, most, low, high, partial(_coordinate, model, before, j))
-    V, v_0 = model.velocity(before)
-    G, p_0, r = model.momentum.A[:, :n], model.momentum.b, before.size
-    position = np.hstack([before.Z, np.zeros((n, r))])
-    momentum = model.M @ jump @ V + G @ position
-    shift = model.M @ (jump @ v_0 + offset) + G @ before.origin + p_0
-    state = Rows(
-        np.vstack([after.inverse @ position, after.left @ momentum]),
-        np.concatenate([after.inverse @ (before.origin - after.origin), after.left @ shift]),
-        np.zeros(2 * after.size),
-    )
-    return LinearEvent(state, *(Rows.stacked(rows, 2 * r) for rows in (zero, most)))
-
-
-def _restitution(problem: Problem, j: int) -> float:
-    e = float(problem.restitution_values[j])
-    if np.isnan(e):
-        raise ProblemError(
-            f"the restitution of {problem.kernels.surfaces[j]} depends on the speed: proofs cover "
-            "a constant coefficient."
-        )
-    return e
-
-
 def _start(model: LinearModel, frame: Frame) -> Array:
     """The state at the start, shape (1 + spreads, 2 r): its middle, and what is added to it by any
     shares from -1 to 1."""
@@ -132,7 +87,7 @@ def _start(model: LinearModel, frame: Frame) -> Array:
             f"the start of {name} is free: proofs need a value, or a range with both ends, such as "
             f"bounds={{{name!r}: (-1, 1)}}."
         )
-    given = np.isfinite(bounds.momentum).all()
+    given = bool(np.isfinite(bounds.momentum).all())
     rate = bounds.momentum if given else bounds.velocity
     if not np.isfinite(rate).all():
         name = velocity_name(names[int(np.argmin(np.isfinite(rate).all(axis=1)))])
@@ -145,13 +100,27 @@ def _start(model: LinearModel, frame: Frame) -> Array:
     by_rate = np.eye(n) if given else M
     middle, reach = (np.concatenate([place, rate]) @ half for half in ((0.5, 0.5), (-0.5, 0.5)))
     momentum = by_place @ middle[:n] + by_rate @ middle[n:] + (0 if given else p_0)
-    first = np.concatenate([frame.inverse @ (middle[:n] - frame.origin), frame.left @ momentum])
-    if frame.size < n and reach.any():
+    first = frame.state(middle[:n] - frame.origin, momentum)
+    free = np.ones(2 * n) if frame.moving == n else _freedoms(model, frame, given)
+    if (reach > 0)[free == 0].any():
+        name = [*names, *map(velocity_name, names)][int(np.argmax((reach > 0) & (free == 0)))]
         raise ProblemError(
-            "the start is a range while a contact is closed: proofs need values there."
+            f"the start of {name} is a range, which a contact that is closed there decides or ties "
+            "to others: proofs need its value."
         )
-    spread = reach[:, None] * np.block([[np.eye(n), by_place.T], [np.zeros((n, n)), by_rate.T]])
-    return np.vstack([first[None], spread[reach > 0]]) if frame.size == n else first[None]
+    spread = frame.state(
+        np.hstack([np.eye(n), np.zeros((n, n))]) * reach, np.hstack([by_place, by_rate]) * reach
+    ).T
+    return np.vstack([first[None], spread[reach > 0]])
+
+
+def _freedoms(model: LinearModel, frame: Frame, given: bool) -> Array:
+    """Ones for coordinates and rates at the start that a mode leaves to be chosen alone, shape
+    (2 nq,)."""
+    Z = frame.Z[:, : frame.moving]
+    places = np.abs(np.eye(len(Z)) - frame.Z @ frame.Z.T).max(axis=1) < DECIDED
+    rates = np.abs(np.eye(len(Z)) - Z @ Z.T).max(axis=1) < DECIDED
+    return np.concatenate([places, rates & (not given)]).astype(float)
 
 
 def _ties(model: LinearModel, first: Frame, last: Frame) -> tuple[list[Rows], list[Rows]]:
@@ -167,14 +136,14 @@ def _ties(model: LinearModel, first: Frame, last: Frame) -> tuple[list[Rows], li
         def row(sign: float, value: float, rows: Rows = rows) -> Rows:
             return Rows(sign * rows.A, sign * (rows.b - value), rows.b_t)
 
-        _add_range(zero, most, relation.low, relation.high, row)
+        add_range(zero, most, relation.low, relation.high, row)
     return zero, most
 
 
 def _state(model: LinearModel, frame: Frame, name: str) -> Rows:
     """A coordinate, velocity or momentum as function of a state."""
     names = model.problem.kernels.coordinates
-    for kind, row in ((str, _coordinate), (velocity_name, _rate), (momentum_name, _impetus)):
+    for kind, row in ((str, coordinate), (velocity_name, _rate), (momentum_name, _impetus)):
         for j, q in enumerate(names):
             if kind(q) == name:
                 return row(model, frame, j, 1.0, 0.0)
@@ -208,17 +177,12 @@ def _goal(model: LinearModel, frame: Frame) -> tuple[list[Rows], list[Rows]]:
     zero, most = list[Rows](), list[Rows]()
     for j in range(model.problem.nq):
         for (low, high), row in (
-            (bounds.position[j], _coordinate),
+            (bounds.position[j], coordinate),
             (bounds.velocity[j], _rate),
             (bounds.momentum[j], _impetus),
         ):
-            _add_range(zero, most, low, high, partial(row, model, frame, j))
+            add_range(zero, most, low, high, partial(row, model, frame, j))
     return zero, most
-
-
-def _coordinate(model: LinearModel, frame: Frame, j: int, sign: float, value: float) -> Rows:
-    row = sign * np.eye(model.problem.nq)[[j]]
-    return model.rows(frame, row, 0 * row, np.array([-sign * value]))
 
 
 def _rate(model: LinearModel, frame: Frame, j: int, sign: float, value: float) -> Rows:
@@ -230,19 +194,3 @@ def _impetus(model: LinearModel, frame: Frame, j: int, sign: float, value: float
     n, p = model.problem.nq, model.momentum
     row = sign * p.A[[j]]
     return model.rows(frame, row[:, :n], row[:, n:], np.array([sign * (p.b[j] - value)]))
-
-
-def _add_range(
-    zero: list[Rows], most: list[Rows], low: float, high: float, row: Callable[[float, float], Rows]
-) -> None:
-    """Add what keeps a value within a range; ``row`` is the value's distance from a number, with a
-    sign. What a mode decides is left out where it agrees."""
-    if low == high:
-        rows = row(1.0, low)
-        if np.abs(rows.A).max() > DECIDED or abs(rows.b[0]) > DECIDED:
-            zero.append(rows)
-        return
-    if np.isfinite(high):
-        most.append(row(1.0, high))
-    if np.isfinite(low):
-        most.append(row(-1.0, low))

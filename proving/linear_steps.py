@@ -7,6 +7,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from dmoc.base.discretisation import FORMS
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
 from dmoc.proving.linear import LinearPhase
@@ -40,14 +41,16 @@ class LinearSteps:
                 "keeps it finite."
             )
         paths, most, since = self._paths(i, frame)
-        powers = self._powers_in(frame)
+        powers = self._powers_in(i, frame)
         low, high = bounds.T
         return LinearPhase(p.phase_steps[i], powers, R, c, c_0, low, high, paths, most, since)
 
     @property
     def _rows(self) -> int:
-        """Rows of the inputs of a step."""
-        return 2 if self.model.problem.control_form == "stages" else 1
+        """Rows of the inputs of a step.  Where steps share them at a node, each has its own: at
+        order 2 a motion is that of both halves of the impulse there in sum, and two values cost no
+        less than their mean does twice, since costs are convex."""
+        return 2 if FORMS[self.model.problem.control_form].width else 1
 
     def _step(self, x: Array, h: float, time: float = 0.0) -> list[Array]:
         """Rows (q_k, q_i, q_kp1, u) of steps, shape (k, ...), as kernels take them."""
@@ -108,14 +111,25 @@ class LinearSteps:
             )
         return np.asarray(P / model.h ** np.arange(3)[:, None, None])
 
-    def _powers_in(self, frame: Frame) -> Array:
-        """P in the coordinates of a mode."""
-        n, d = self.model.problem.nq, self.model.problem.scheme.degree
-        P, several = self._powers, np.eye(d + 1)
+    def _powers_in(self, i: int, frame: Frame) -> Array:
+        """P of a phase in the coordinates of its mode."""
+        model, p = self.model, self.model.problem
+        n, d, free = p.nq, p.scheme.degree, frame.moving
+        P = self._powers
         nodes, rest = P[:, :, : (d + 1) * n], P[:, :, (d + 1) * n :].copy()
         rest[:, :, -1] += nodes @ np.tile(frame.origin, d + 1)
-        left, Z = np.kron(several, frame.left), np.kron(several, frame.Z)
-        return np.concatenate([left @ nodes @ Z, left @ rest], axis=2)
+        first, *inside, last = p.scheme.weights
+        shares = np.array([*inside, first, last])
+        rest[2, :, -1] += np.kron(shares, model.drag(p.touch.modes[i]))
+        left = np.kron(np.eye(d + 1), np.vstack([frame.left, np.zeros((frame.held, n))]))
+        own = np.concatenate([left @ nodes @ np.kron(np.eye(d + 1), frame.Z), left @ rest], axis=2)
+        columns = own.shape[2]
+        own = own.reshape(3, d + 1, frame.size, columns)
+        for k in range(free, frame.size):  # what sticks is where it was
+            own[0, :d, k, k] = -1.0
+            for node in range(d):
+                own[0, node, k, (node + 1) * frame.size + k] = 1.0
+        return own.reshape(3, (d + 1) * frame.size, columns)
 
     @cached_property
     def cost(self) -> tuple[Array, Array, float]:

@@ -179,12 +179,12 @@ def _proved(
 
 
 def lower_bound(
-    problem: Problem, limit: float, until: Deadline, growing: bool = False
+    problem: Problem, limit: float, until: Deadline, growing: bool = False, workers: int = 1
 ) -> tuple[float, float, bool]:
     """A number that no motion of a problem with steps costs less than, as far as it takes to see
     that none costs less than a limit; and what a motion costs at most, beyond which a bound shows
     that there is none, infinite where nothing bounds it; and whether either was seen.  ``growing``
-    asks for a cost that no part of a motion lowers."""
+    asks for a cost that no part of a motion lowers.  ``workers`` are threads."""
     problem = problem.in_rates()
     linear = linear_problem(problem)
     check_size(linear)
@@ -194,13 +194,13 @@ def lower_bound(
     most += ABOVE * (most + size)  # what is nearly as dear as can be is a motion still
     limit -= LEAST_GAP * size
     asked = min(limit, DEAR * size if np.isinf(most) else most)
-    branch = Branch(linear, np.inf, asked, BOUNDED, LEAST_GAP * size, size)
+    branch = Branch(linear, np.inf, asked, BOUNDED, LEAST_GAP * size, size, 0, workers)
     while not until.passed and branch.run(SLICE):
         if branch.best < limit:
             break  # there is a motion that costs less
     if limit < most < np.inf and branch.bound >= limit and np.isinf(branch.best):
         # It costs too much: is there any?
-        beyond = Branch(linear, np.inf, most, BOUNDED, LEAST_GAP * size, size)
+        beyond = Branch(linear, np.inf, most, BOUNDED, LEAST_GAP * size, size, 0, workers)
         going_on = not until.passed and beyond.run(MORE)
         if not going_on and np.isinf(beyond.best):
             return max(branch.bound, beyond.bound), most, True

@@ -207,7 +207,9 @@ def _of_prefix(
             sequence=sequence, durations=[*spans, 0], via=None, goal={}, periodic=(),
             final_time=(None, latest),
         )  # fmt: skip
-        bound, most, seen = lower_bound(first, limit, _a_while(until), growing=True)
+        bound, most, seen = lower_bound(
+            first, limit, _a_while(until), growing=True, workers=settings.workers
+        )
     except ProblemError:
         return None
     if not seen:
@@ -224,7 +226,7 @@ def _of_sequence(
     spans = [(settings.shortest_phase, None)] * (len(sequence) + 1) if sequence else None
     try:
         whole = problem.but(sequence=sequence, durations=spans, via=None)
-        bound, most, seen = lower_bound(whole, limit, _a_while(until))
+        bound, most, seen = lower_bound(whole, limit, _a_while(until), workers=settings.workers)
     except ProblemError as error:
         return Bounded(sequence, Claim.OPEN, -np.inf, why=str(error))
     if not seen:

@@ -258,7 +258,7 @@ def search(
     method : str, optional
         As in :func:`dmoc.solve`; by default "ipm", or "slsqp" if the kernels are not compiled.
     workers : int
-        Processes of this machine.
+        Processes of this machine; with ``prove`` threads that bound boxes, too.
     executor : concurrent.futures.Executor, optional
         Where nodes are solved instead: ``Client(...).get_executor()`` of dask.distributed, for
         example.

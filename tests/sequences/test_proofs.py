@@ -176,3 +176,17 @@ def test_a_model_that_is_driven_alone_by_time_has_proofs_too() -> None:
     )  # fmt: skip
     proof = dmoc.prove(problem, gap=1e-3)
     assert proof.proved and proof.bound == pytest.approx(2.0, rel=1e-3)
+
+
+def test_workers_bound_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of prefixes and of whole sequences."""
+    problem, seen = puck(), list[int]()
+
+    def bound(*arguments: Any, workers: int = 1, **options: Any) -> tuple[float, float, bool]:
+        seen.append(workers)
+        return -np.inf, np.inf, False
+
+    monkeypatch.setattr(proofs, "lower_bound", bound)
+    settings = settings_of(problem, {"max_collisions": 1, "workers": 3, "method": "ipm"})
+    proofs.proof_of(problem, settings, None, Deadline.after(60))
+    assert seen == [3] * 9

@@ -1,0 +1,164 @@
+"""The events of a problem that moves linearly, as numbers: Newton's law of what is hit, impulses of
+what lands or stays closed, and what holds before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+from dmoc.base.errors import ProblemError
+from dmoc.base.records import record
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contacts import NOWHERE, RAIL
+from dmoc.problem.problem import Problem
+from dmoc.proving.linear import LinearEvent, Rows
+from dmoc.proving.linear_model import Frame, LinearModel
+
+# A value that a mode decides, in the coordinates of the mode.
+DECIDED = 1e-12
+
+
+@record(frozen=True, eq=False)
+class Impact:
+    """What an event does to velocities, v after it is jump v + offset, and the impulses by v + by
+    of the surfaces and tangents that take any, in the directions ``pushes``."""
+
+    jump: Array
+    offset: Array
+    by_v: Array
+    by: Array
+    pushes: Array
+    surfaces: tuple[int, ...]
+    tangents: tuple[int, ...]
+
+    @property
+    def told(self) -> bool:
+        """Whether the motion tells the impulses of all."""
+        return int(np.linalg.matrix_rank(self.pushes)) == len(self.pushes)
+
+
+def event_of(model: LinearModel, i: int, before: Frame, after: Frame) -> LinearEvent:
+    """What happens between two phases."""
+    p, n = model.problem, model.problem.nq
+    event = p.touch.events[i]
+    zero, most = list[Rows](), list[Rows]()
+    none = np.zeros((1, n))
+    for j in (event.hit, *event.lands):
+        if j != NOWHERE:
+            gap = model.gap(j)
+            zero.append(model.rows(before, gap.A[:, :n], none, gap.b, gap.A[:, n]))
+    if event.impact:
+        gap = model.gap(event.surface)
+        most.append(model.rows(before, none, -gap.A[:, :n], -gap.A[:, n]))  # it comes nearer
+    impact = impact_of(model, i)
+    zero += [*_stops(model, i, before, impact)]
+    most += [*_directions(model, i, before, impact), *_impulses(model, before, impact)]
+    for j, (low, high) in enumerate(p.via_bounds[i]):
+        add_range(zero, most, low, high, partial(coordinate, model, before, j))
+    V, v_0 = model.velocity(before)
+    G, p_0, r = model.momentum.A[:, :n], model.momentum.b, before.size
+    position = np.hstack([before.Z, np.zeros((n, r))])
+    momentum = model.M @ impact.jump @ V + G @ position
+    shift = model.M @ (impact.jump @ v_0 + impact.offset) + G @ before.origin + p_0
+    state = Rows(
+        after.state(position, momentum), after.state(before.origin - after.origin, shift),
+        np.zeros(2 * after.size),
+    )  # fmt: skip
+    zero = [row for row in zero if not _is_decided(row)]
+    most = [row for row in most if np.abs(row.A).max() > DECIDED]
+    return LinearEvent(state, *(Rows.stacked(rows, 2 * r) for rows in (zero, most)))
+
+
+def impact_of(model: LinearModel, i: int) -> Impact:
+    """Impulses of what is hit, lands or stays closed at an event: they stop what stays closed and
+    sticks, and turn the rate of what is hit by Newton's law."""
+    p, n = model.problem, model.problem.nq
+    event, before, after = p.touch.events[i], *p.touch.modes[i : i + 2]
+    if not event.impact:
+        none = np.zeros((0, n))
+        return Impact(np.eye(n), np.zeros(n), none, np.zeros(0), none, (), ())
+    stays = after.among(
+        [j for j in after.closed if j in (*before.closed, *event.lands)],
+        lambda k: p.touch.contacts.supports[k] != RAIL,
+    )
+    hits = () if event.hit == NOWHERE else (event.hit,)
+    surfaces = (*hits, *stays.closed)
+    gaps = [model.gap(j).A[0] for j in surfaces]
+    own = [gap[:n] for gap in gaps[: len(hits)]]
+    E = np.array([gap[:n] for gap in gaps] + [model.tangent(k) for k in stays.sticking])
+    D = np.array([*own, *model.pushes(stays)])
+    # E v+ = share v- + rates and v+ = v- + change impulses; what follows from others shares them
+    share, rates = 0 * E, np.zeros(len(E))
+    for j in hits:
+        e = _restitution(p, j)
+        share[0], rates[0] = -e * E[0], -(1 + e) * gaps[0][n]
+    change = np.linalg.solve(model.M, D.T)
+    inverse = np.linalg.pinv(E @ change)
+    by_v, by = inverse @ (share - E), inverse @ rates
+    return Impact(np.eye(n) + change @ by_v, change @ by, by_v, by, D, surfaces, stays.sticking)
+
+
+def _stops(model: LinearModel, i: int, before: Frame, impact: Impact) -> Iterator[Rows]:
+    """What sticks after an event and takes no impulse there has no speed."""
+    touch = model.problem.touch
+    for k in touch.modes[i + 1].sticking:
+        if k not in impact.tangents:
+            row = model.tangent(k)[None]
+            yield model.rows(before, 0 * row, row @ impact.jump, row @ impact.offset)
+
+
+def _directions(model: LinearModel, i: int, before: Frame, impact: Impact) -> Iterator[Rows]:
+    """What slides after an impact does so in its direction, and before it in that of then."""
+    touch = model.problem.touch
+    for k in np.flatnonzero(touch.rubs_in_impact[i] & touch.slides[i + 1]).tolist():
+        row = -touch.signs[i + 1, k] * model.tangent(k)[None]
+        yield model.rows(before, 0 * row, -row if touch.turns[i, k] else row, np.zeros(1))
+        yield model.rows(before, 0 * row, row @ impact.jump, row @ impact.offset)
+
+
+def _impulses(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]:
+    """What takes an impulse only pushes, and takes no more than its friction along it; the impulse
+    of one surface alone does so."""
+    if len(impact.pushes) > 1 and impact.told:
+        none = np.zeros((1, model.problem.nq))
+        for row in model.cones(impact.surfaces, impact.tangents):
+            yield model.rows(before, none, row[None] @ impact.by_v, row[None] @ impact.by)
+
+
+def _restitution(problem: Problem, j: int) -> float:
+    e = float(problem.restitution_values[j])
+    if np.isnan(e):
+        raise ProblemError(
+            f"the restitution of {problem.kernels.surfaces[j]} depends on the speed: proofs cover "
+            "a constant coefficient."
+        )
+    return e
+
+
+def coordinate(model: LinearModel, frame: Frame, j: int, sign: float, value: float) -> Rows:
+    """A coordinate's distance from a value, with a sign."""
+    row = sign * np.eye(model.problem.nq)[[j]]
+    return model.rows(frame, row, 0 * row, np.array([-sign * value]))
+
+
+def add_range(
+    zero: list[Rows], most: list[Rows], low: float, high: float, row: Callable[[float, float], Rows]
+) -> None:
+    """Add what keeps a value within a range; ``row`` is the value's distance from a number, with a
+    sign. What a mode decides is left out where it agrees."""
+    if low == high:
+        rows = row(1.0, low)
+        if not _is_decided(rows):
+            zero.append(rows)
+        return
+    if np.isfinite(high):
+        most.append(row(1.0, high))
+    if np.isfinite(low):
+        most.append(row(-1.0, low))
+
+
+def _is_decided(row: Rows) -> bool:
+    """Whether a mode says already that a value vanishes."""
+    return not (np.abs(row.A).max() > DECIDED or abs(row.b[0]) > DECIDED or row.b_t[0])
