@@ -58,7 +58,7 @@ SERVER.set_forkserver_preload(
     pytest""".split()
 )
 # Of one group of tests, all that are not slow at most; pytest itself ends a test that hangs.
-SECONDS = 1800
+SECONDS = 600
 NO_TESTS, NO_FILE = 5, 4  # pytest's exit status where nothing was collected, or is not there
 
 

@@ -274,6 +274,19 @@ def test_a_contact_force_is_right_to_a_twentieth(floor: Kernels) -> None:
     assert bad.message.startswith("error of a contact force 0.051 exceeds")
 
 
+def test_a_rod_that_nothing_pulls_may_have_the_force_that_rounding_is() -> None:
+    """At rest without gravity; rounding errors of its place accelerate it by some 1e-12."""
+    x, y, u = dynamicsymbols("x y u")
+    system = dmoc.MechanicalSystem(
+        "still", [x, y], (x.diff(T) ** 2 + y.diff(T) ** 2) / 2, {}, [u], {x: u}, cost=u**2,
+        constraints={"rod": x**2 + y**2 - 1},
+    )  # fmt: skip
+    place = {"x": float(np.sin(0.3)), "y": float(np.cos(0.3))}
+    problem = dmoc.Problem(system, start=place, goal=place, final_time=1, steps=10)
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.status == "solved", solution.message
+
+
 @pytest.mark.slow
 def test_a_path_constraint_holds_to_half_a_percent_of_its_terms() -> None:
     """v <= c at 1 m/s: 1 - c of 1 + c."""

@@ -102,3 +102,14 @@ def test_a_grip_is_come_to_from_either_side(tmp_path: Path) -> None:
         steps = [Step(0.8 * closes, before), Step(closes + 0.05, after)]
         plans = compare(planner, tmp_path / name, steps)
         assert [(plan.new, plan.phase) for plan in plans] == [(True, 0), (True, 1)]
+
+
+def test_below_a_shelf_past_its_end(tmp_path: Path) -> None:
+    """Nothing is entered there, so that a measured position stays what it is."""
+    system = plane("c_shelf", surfaces={"shelf": Y >= 1}, within={"shelf": X <= 0})
+    problem = dmoc.Problem(
+        dmoc.build(system, order=4), {"x": 0.5, "y": 0.5, **REST}, {"x": 1.5, "y": 0.2, **REST},
+        steps=10, final_time=1.4,
+    )  # fmt: skip
+    (plan,) = compare(dmoc.Planner(problem), tmp_path / "shelf", [Step(0.3, (0.6, 0.45, 0.6, 0.0))])
+    assert plan.status == SOLVED

@@ -10,6 +10,9 @@ from scipy.optimize import minimize
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.mechanics.contacts import Contacts
+from dmoc.mechanics.touch import Open, Touch
+from dmoc.sequences.relaxed_motion import _close_grips
 
 X, Y, U = dynamicsymbols("x y u")
 STILL = {"x_dot": 0, "y_dot": 0}
@@ -99,3 +102,13 @@ def test_a_hand_catches_a_ball_and_carries_it() -> None:
     best = best_of(problem)
     assert best.sequence == ("+hand",)
     assert best.cost == pytest.approx(least.fun, rel=1e-3)
+
+
+def test_a_grip_that_closes_wherever_it_is_counts_by_how_it_moves() -> None:
+    """Three steps with a force: its places stand, or move by more than the force is."""
+    for by_rate, closes in (((), [False] * 3), (("hand",), [True, False, True])):
+        contacts = Contacts(("hand",), (), grips=(("hand", ("hand",)),), by_rate=by_rate)
+        closed = np.zeros((3, 1), dtype=bool)
+        places = np.array([[0.7], [0.7], [0.9], [0.9]])
+        _close_grips(closed, Touch(contacts, (), (), Open()), np.full((3, 1), 0.5), places)
+        assert closed[:, 0].tolist() == closes

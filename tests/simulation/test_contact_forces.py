@@ -153,6 +153,9 @@ def test_what_modes_keep_above_zero(table: Model) -> None:
     )  # fmt: skip
     np.testing.assert_array_equal(slack(table, Mode((1,), (0,)), small), [1, 20, 3, 4, 5, 6, 7, 8])
     np.testing.assert_array_equal(small.gap, [1, 2, 3])
+    # A grip that holds beside what touches is counted by its force.
+    beside = slack(table.gripping((2,)), Mode((1,), (0,)), small)
+    np.testing.assert_array_equal(beside, [1, 20, 30, 4, 5, 6, 7, 8])
 
 
 # The record of a run ------------------------------------------------------------------------------
