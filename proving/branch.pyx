@@ -8,7 +8,7 @@ import numpy as np
 
 
 cdef extern from "tree.h" nogil:
-    enum: MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_THREADS
+    enum: MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_STEP_ROWS, MOST_THREADS
     int PROVED, GOING_ON, NO_MEMORY
     ctypedef struct Phase:
         int r, na, nb, steps, paths
@@ -21,6 +21,9 @@ cdef extern from "tree.h" nogil:
         const double *path
         const double *most
         const double *since
+        int rows, conditions
+        const double *S
+        const double *condition
     ctypedef struct Rows:
         int rows, columns
         const double *A
@@ -57,9 +60,9 @@ cdef extern from "tree.h" nogil:
 
 
 # Threads at most, and what the arrays of the engine have room for: phases, inputs of a step, numbers
-# of a state, multipliers.
+# of a state, multipliers, rows of a step.
 MOST_WORKERS = MOST_THREADS
-LIMITS = MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS
+LIMITS = MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_STEP_ROWS
 
 
 cdef class Branch:
@@ -86,7 +89,8 @@ cdef class Branch:
                 phase.size, phase.P.shape[1] - phase.size, len(phase.c), phase.steps, len(phase.most),
                 self._numbers(phase.P), self._numbers(phase.R), self._numbers(phase.c), phase.c_0,
                 self._numbers(phase.lower), self._numbers(phase.upper), self._numbers(phase.paths),
-                self._numbers(phase.most), self._numbers(phase.since),
+                self._numbers(phase.most), self._numbers(phase.since), len(phase.S),
+                len(phase.conditions), self._numbers(phase.S), self._numbers(phase.conditions),
             )
         for i, event in enumerate(linear.events):
             self.events[i] = Event(

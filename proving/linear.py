@@ -9,6 +9,8 @@ q_kp1), and in its inputs u, multiplied by h::
 since kinetic energy gives 1/h, gyroscopic forces and dampers 1, springs and inputs h. Its cost is
 h (u R u/2 + c u + c_0). In a mode the coordinates are q = origin + Z y, and the rows are multiplied
 by a matrix under which the forces of its contacts vanish; the state is z = (y, p).
+
+What contacts ask of the steps of a phase are rows (S_0 + h S_1 + h^2 S_2) (q_k, h p_k, a, u, 1).
 """
 
 from __future__ import annotations
@@ -23,7 +25,10 @@ from dmoc.codegen.kernels import Array
 class LinearPhase:
     """The steps of a phase; ``P`` has the shape (3, na + r, r + na + nb + 1), ``R`` (nb, nb),
     bounds of the inputs (nb,), and ``paths`` y <= ``most`` holds inside the steps from number
-    ``since`` on and at their ends, shapes (rows, r), (rows,) and (rows,)."""
+    ``since`` on and at their ends, shapes (rows, r), (rows,) and (rows,).  ``S``, shape (m, 3, 2 r
+    + na + nb + 1), are rows of a step, and ``conditions``, shape (conditions, 4), one of them with
+    one of the next step, or -1, whose sum is not positive, in which steps, from the first one to
+    the last."""
 
     steps: int
     P: Array
@@ -35,6 +40,8 @@ class LinearPhase:
     paths: Array
     most: Array
     since: Array
+    S: Array
+    conditions: Array
 
     @property
     def size(self) -> int:

@@ -15,6 +15,7 @@ from dmoc.mechanics.contacts import NOWHERE, RAIL
 from dmoc.problem.problem import Problem
 from dmoc.proving.linear import LinearEvent, Rows
 from dmoc.proving.linear_model import Frame, LinearModel
+from dmoc.proving.step_conditions import told
 
 # A value that a mode decides, in the coordinates of the mode.
 DECIDED = 1e-12
@@ -32,11 +33,6 @@ class Impact:
     pushes: Array
     surfaces: tuple[int, ...]
     tangents: tuple[int, ...]
-
-    @property
-    def told(self) -> bool:
-        """Whether the motion tells the impulses of all."""
-        return int(np.linalg.matrix_rank(self.pushes)) == len(self.pushes)
 
 
 def event_of(model: LinearModel, i: int, before: Frame, after: Frame) -> LinearEvent:
@@ -121,7 +117,7 @@ def _directions(model: LinearModel, i: int, before: Frame, impact: Impact) -> It
 def _impulses(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]:
     """What takes an impulse only pushes, and takes no more than its friction along it; the impulse
     of one surface alone does so."""
-    if len(impact.pushes) > 1 and impact.told:
+    if len(impact.pushes) > 1 and told(impact.pushes):
         none = np.zeros((1, model.problem.nq))
         for row in model.cones(impact.surfaces, impact.tangents):
             yield model.rows(before, none, row[None] @ impact.by_v, row[None] @ impact.by)

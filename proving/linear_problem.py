@@ -11,12 +11,14 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.bounds import shortest_durations
+from dmoc.program.liftoffs import liftoffs_of
 from dmoc.proving.coverage import check_covered
 from dmoc.proving.linear import LinearProblem, Rows, through
 from dmoc.proving.linear_events import DECIDED, add_range, coordinate, event_of
 from dmoc.proving.linear_model import Frame, LinearModel
 from dmoc.proving.linear_steps import LinearSteps
 from dmoc.proving.recognition import check_linear
+from dmoc.proving.step_conditions import told
 
 # The shortest phase, relative to the final time, where the program knows none.
 SHORTEST = 1e-8
@@ -44,7 +46,7 @@ def linear_problem(problem: Problem) -> LinearProblem:
         tuple(steps.phase(i, frames[i]) for i in range(count)), tuple(events), start,
         np.vstack([_padded(tie, len(of.b)) for tie, of in zip(ties, (zero, most), strict=True)]),
         zero, most, _durations(problem)[:count],
-        problem.final_time_bounds, model.sizes, np.diag(model.M), _left_out(model),
+        problem.final_time_bounds, model.sizes, np.diag(model.M), _left_out(model, frames),
     )  # fmt: skip
 
 
@@ -55,16 +57,18 @@ def _durations(problem: Problem) -> Array:
     return np.stack([np.maximum(low, SHORTEST * latest), np.minimum(high, latest)], axis=1)
 
 
-def _left_out(model: LinearModel) -> tuple[str, ...]:
+def _left_out(model: LinearModel, frames: list[Frame]) -> tuple[str, ...]:
     """Conditions that no bound takes into account: without them it is still one."""
     p = model.problem
     others = [name for j, name in enumerate(p.kernels.surfaces) if j not in model.flat]
+    untold = not all(told(frame.pushes) for frame in frames)
     moving = [p.kernels.surfaces[j] for j, gap in model.flat.items() if gap.A[0, p.nq] != 0]
     return (
         *(f"the gap to {name} along phases" for name in (*others, *moving)),
         *(f"bounds of {name}" for name in p.limits),
         *(f"the path constraint {name}" for name in p.kernels.manifest.path_constraints),
-        *(("that contacts which last only push",) if p.lasting else ()),
+        *(("forces that the motion does not tell",) if untold else ()),
+        *(("that what leaves does not press any more",) if liftoffs_of(p) else ()),
     )
 
 

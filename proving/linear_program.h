@@ -12,9 +12,11 @@
 
 #include "taylor.h"
 
-/* Inputs of a step, conditions along the phases that are priced at one time, multipliers. */
+/* Inputs of a step, conditions along the phases that are priced at one time, rows of a step,
+ * multipliers. */
 #define MOST_INPUTS 8
 #define MOST_PRICED 16
+#define MOST_STEP_ROWS 64
 #define MOST_MULTIPLIERS 48
 #define MOST_STATE 16
 #define MOST_COSTATE (MOST_STATE + MOST_PRICED + 1)
@@ -27,6 +29,11 @@ typedef struct {
     const double *lower, *upper; /* of the inputs, (nb,) */
     const double *path, *most;  /* (paths, r), (paths,): path y <= most */
     const double *since;        /* (paths,): the step from which on it holds, inside and at its end */
+    int rows, conditions;
+    const double *S;            /* (rows, 3, 2 r + na + nb + 1): rows (S_0 + h S_1 + h^2 S_2) of
+                                   (y, h p, a, u, 1) in a step */
+    const double *condition;    /* (conditions, 4): a row of a step and one of the next step, or -1,
+                                   whose sum is not positive; the first step and the last one */
 } Phase;
 
 /* rows functions A z + b + b_t t of a state z at the time t */
@@ -55,8 +62,8 @@ typedef struct {
 } Problem;
 
 /* A condition along a phase that is priced: row ``path`` at node ``node``, or at a place inside the
- * step that begins there. */
-enum { AT_NODE = -1 };
+ * step that begins there; or condition ``path`` of this step. */
+enum { AT_NODE = -1, IN_STEP = -2 };
 typedef struct {
     int phase, node, inside, path;
 } Priced;
@@ -83,6 +90,7 @@ typedef struct {
     interval away;              /* of the duration from its centre */
     line *map;                  /* (2 r, 2 r + nb + 1): state after a step of (y, h p, u, 1) */
     line *inner;                /* (na - r, 2 r + nb + 1): places inside a step */
+    line *rows;                 /* (rows, 2 r + nb + 1): those of S */
     line *response;             /* (steps, nb, d): what a unit of an input costs at its end */
     line *start;                /* (2 r, d): prices of the state at the start */
     Value without;              /* inputs left out but for their linear part; squares are unused */

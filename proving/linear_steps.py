@@ -13,6 +13,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.proving.linear import LinearPhase
 from dmoc.proving.linear_model import Frame, LinearModel
 from dmoc.proving.recognition import SAME_VALUE, TRIALS, affine
+from dmoc.proving.step_conditions import StepConditions
 
 # Powers of h are read at steps of these sizes, relative to a typical one, and tried at another.
 SIZES, TRIED = np.array([0.5, 1.0, 2.0]), 0.7
@@ -41,9 +42,13 @@ class LinearSteps:
                 "keeps it finite."
             )
         paths, most, since = self._paths(i, frame)
-        powers = self._powers_in(i, frame)
+        along = self._along(i, frame)
+        asked = StepConditions(self.model, i, frame, along)
         low, high = bounds.T
-        return LinearPhase(p.phase_steps[i], powers, R, c, c_0, low, high, paths, most, since)
+        return LinearPhase(
+            p.phase_steps[i], self._powers_in(frame, along), R, c, c_0, low, high, paths, most,
+            since, asked.S, asked.conditions,
+        )  # fmt: skip
 
     @property
     def _rows(self) -> int:
@@ -111,25 +116,28 @@ class LinearSteps:
             )
         return np.asarray(P / model.h ** np.arange(3)[:, None, None])
 
-    def _powers_in(self, i: int, frame: Frame) -> Array:
-        """P of a phase in the coordinates of its mode."""
+    def _along(self, i: int, frame: Frame) -> Array:
+        """P of a phase in the coordinates of its mode and the momenta of the model, with the
+        friction of rails, shape (3, d + 1, nq, r + na + nb + 1)."""
         model, p = self.model, self.model.problem
-        n, d, free = p.nq, p.scheme.degree, frame.moving
-        P = self._powers
+        n, d, P = p.nq, p.scheme.degree, self._powers
         nodes, rest = P[:, :, : (d + 1) * n], P[:, :, (d + 1) * n :].copy()
         rest[:, :, -1] += nodes @ np.tile(frame.origin, d + 1)
         first, *inside, last = p.scheme.weights
         shares = np.array([*inside, first, last])
         rest[2, :, -1] += np.kron(shares, model.drag(p.touch.modes[i]))
-        left = np.kron(np.eye(d + 1), np.vstack([frame.left, np.zeros((frame.held, n))]))
-        own = np.concatenate([left @ nodes @ np.kron(np.eye(d + 1), frame.Z), left @ rest], axis=2)
-        columns = own.shape[2]
-        own = own.reshape(3, d + 1, frame.size, columns)
-        for k in range(free, frame.size):  # what sticks is where it was
+        own = np.concatenate([nodes @ np.kron(np.eye(d + 1), frame.Z), rest], axis=2)
+        return np.asarray(own.reshape(3, d + 1, n, own.shape[2]))
+
+    def _powers_in(self, frame: Frame, along: Array) -> Array:
+        """P of a phase in the coordinates and momenta of its mode."""
+        d, (_, _, n, columns) = self.model.problem.scheme.degree, along.shape
+        own = np.vstack([frame.left, np.zeros((frame.held, n))]) @ along
+        for k in range(frame.moving, frame.size):  # what sticks is where it was
             own[0, :d, k, k] = -1.0
             for node in range(d):
                 own[0, node, k, (node + 1) * frame.size + k] = 1.0
-        return own.reshape(3, (d + 1) * frame.size, columns)
+        return np.asarray(own.reshape(3, (d + 1) * frame.size, columns))
 
     @cached_property
     def cost(self) -> tuple[Array, Array, float]:

@@ -3,12 +3,12 @@
 #include <string.h>
 
 #include "line_systems.h"
-#include "linear_program.h"
+#include "step_map.h"
 
 size_t steps_size(const Phase *p, int d)
 {
     const size_t s = 2 * p->r;
-    return (s + p->na - p->r) * (s + p->nb + 1) + (size_t)p->steps * p->nb * d + s * d + 2 * d + (size_t)d * d;
+    return (s + p->na - p->r + p->rows) * (s + p->nb + 1) + (size_t)p->steps * p->nb * d + s * d + 2 * d + (size_t)d * d;
 }
 
 void steps_place(Steps *steps, const Phase *p, int d, line *at)
@@ -16,60 +16,13 @@ void steps_place(Steps *steps, const Phase *p, int d, line *at)
     const int s = 2 * p->r;
     steps->map = at, at += s * (s + p->nb + 1);
     steps->inner = at, at += (p->na - p->r) * (s + p->nb + 1);
+    steps->rows = at, at += p->rows * (s + p->nb + 1);
     steps->response = at, at += p->steps * p->nb * d;
     steps->start = at, at += s * d;
     steps->without.linear = at, at += d;
     steps->without.square = 0;
     steps->unbounded.linear = at, at += d;
     steps->unbounded.square = at;
-}
-
-/* P_0 + h P_1 + h^2 P_2 at one place. */
-static line power(const Phase *p, line h, line h2, int row, int column)
-{
-    const int columns = p->r + p->na + p->nb + 1;
-    const double *at = p->P + row * columns + column;
-    const int size = (p->na + p->r) * columns;
-    line sum = line_of(at[0]);
-    if (at[size] != 0)
-        sum = line_add(sum, line_scaled(h, at[size]));
-    if (at[2 * size] != 0)
-        sum = line_add(sum, line_scaled(h2, at[2 * size]));
-    return sum;
-}
-
-/* The state (y, h p) after a step and the places inside it as functions of (y, h p, u, 1) before. */
-static int step_map(const Phase *p, line h, line *map, line *inner)
-{
-    const int r = p->r, na = p->na, nb = p->nb, m = 2 * r + nb + 1;
-    const line h2 = line_mul(h, h);
-    line A[MOST_NODES * MOST_NODES], B[MOST_NODES * (MOST_STATE + MOST_INPUTS + 1)];
-    for (int i = 0; i < na; i++) {
-        for (int j = 0; j < na; j++)
-            A[i * na + j] = power(p, h, h2, i, r + j);
-        for (int j = 0; j < r; j++) {
-            B[i * m + j] = line_scaled(power(p, h, h2, i, j), -1);
-            B[i * m + r + j] = line_of(i == na - r + j ? -1 : 0);
-        }
-        for (int j = 0; j < nb + 1; j++)
-            B[i * m + 2 * r + j] = line_scaled(power(p, h, h2, i, r + na + j), -1);
-    }
-    if (solve_lines(na, m, A, B))
-        return 1;
-    memcpy(inner, B, sizeof(line) * (na - r) * m);
-    for (int j = 0; j < m; j++)
-        for (int i = 0; i < r; i++) {
-            map[i * m + j] = B[(na - r + i) * m + j];
-            line sum = line_of(0);
-            for (int k = 0; k < na; k++)
-                sum = line_add_mul(sum, power(p, h, h2, na + i, r + k), B[k * m + j]);
-            if (j < r)
-                sum = line_add(sum, power(p, h, h2, na + i, j));
-            if (j >= 2 * r)
-                sum = line_add(sum, power(p, h, h2, na + i, na + j - r));
-            map[(r + i) * m + j] = sum;
-        }
-    return 0;
 }
 
 /* The sum that a value takes from the inputs of all steps by choices. */
@@ -81,24 +34,45 @@ static void subtract_limit(const Phase *p, const Priced *at, line *price)
     *price = line_add(*price, line_of(-p->most[at->path]));
 }
 
-/* Add the conditions inside a step to the prices of the state (y, h p) before it, (2 r, d), and to
- * what its inputs cost. */
+/* Where a step has what one of (y, h p, u, 1) costs: in the prices of the state (y, h p) before it,
+ * (2 r, d), or in what its inputs cost. */
+static line *prices_of(const Phase *p, int k, const Steps *steps, int column, line *prices)
+{
+    const int s = 2 * p->r, d = steps->d;
+    return column < s            ? prices + column * d
+           : column < s + p->nb ? steps->response + (k * p->nb + column - s) * d
+                                : steps->without.linear;
+}
+
+/* The row of a condition in a step; none where it is one of other steps. */
+static const line *row_in_step(const Phase *p, const Priced *at, int k, const Steps *steps)
+{
+    const double *of = p->condition + 4 * at->path;
+    const int row = at->inside != IN_STEP   ? -1
+                    : at->node == k         ? (int)of[0]
+                    : at->node == k - 1     ? (int)of[1]
+                                            : -1;
+    return row < 0 ? 0 : steps->rows + row * (2 * p->r + p->nb + 1);
+}
+
+/* Add the conditions inside a step to what its start and its inputs cost. */
 static void add_inside(const Phase *p, int k, const Priced *priced, const Steps *steps, line *prices)
 {
     const int r = p->r, s = 2 * r, d = steps->d, m = s + p->nb + 1;
     for (int i = s; i < d - 1; i++) {
         const Priced *at = priced + steps->which[i - s];
-        if (at->node != k || at->inside == AT_NODE)
-            continue;
-        const line *inner = steps->inner + at->inside * r * m;
-        for (int column = 0; column < m; column++) {
-            line *to = column < s       ? prices + column * d
-                       : column < m - 1 ? steps->response + (k * p->nb + column - s) * d
-                                        : steps->without.linear;
-            for (int y = 0; y < r; y++)
-                to[i] = line_add(to[i], line_scaled(inner[y * m + column], p->path[at->path * r + y]));
+        const line *row = row_in_step(p, at, k, steps);
+        const int place = at->node == k && at->inside >= 0;
+        for (int column = 0; column < m && (row || place); column++) {
+            line *to = prices_of(p, k, steps, column, prices) + i;
+            if (row)
+                *to = line_add(*to, row[column]);
+            for (int y = 0; y < r && place; y++)
+                *to = line_add(*to, line_scaled(steps->inner[(at->inside * r + y) * m + column],
+                                                p->path[at->path * r + y]));
         }
-        subtract_limit(p, at, steps->without.linear + i);
+        if (place)
+            subtract_limit(p, at, steps->without.linear + i);
     }
 }
 
@@ -132,12 +106,14 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
         if (priced[i].phase == number)
             steps->which[steps->priced++] = i;
     const int d = steps->d = s + steps->priced + 1;
-    if (step_map(p, h, steps->map, steps->inner))
+    if (step_map(p, h, steps->map, steps->inner, steps->rows))
         return 1;
     for (int i = 0; i < s * m; i++)
         steps->map[i] = line_centred(steps->map[i], away);
     for (int i = 0; i < (p->na - r) * m; i++)
         steps->inner[i] = line_centred(steps->inner[i], away);
+    for (int i = 0; i < p->rows * m; i++)
+        steps->rows[i] = line_centred(steps->rows[i], away);
     line now[MOST_STATE * MOST_COSTATE], next[MOST_STATE * MOST_COSTATE];
     const line by_h = line_inverse(h);
     for (int i = 0; i < s; i++)
@@ -150,9 +126,7 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
     add_conditions(p, p->steps, priced, steps, now);
     for (int k = p->steps - 1; k >= 0; k--) {
         for (int column = 0; column < m; column++) {
-            line *to = column < s      ? next + column * d
-                       : column < m - 1 ? steps->response + (k * nb + column - s) * d
-                                        : linear;
+            line *to = prices_of(p, k, steps, column, next);
             for (int j = 0; j < d; j++) {
                 line sum = column == m - 1 ? to[j] : line_of(0);
                 for (int i = 0; i < s; i++)

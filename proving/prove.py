@@ -209,7 +209,7 @@ def lower_bound(
 
 def check_size(linear: LinearProblem) -> None:
     """Refuse a problem for which the arrays of the engine have no room."""
-    phases, inputs, state, multipliers = LIMITS
+    phases, inputs, state, multipliers, of_step = LIMITS
     rows = len(linear.goal_zero.b) + len(linear.goal_most.b)
     rows += sum(len(e.zero.b) + len(e.most.b) for e in linear.events)
     for what, count, most in (
@@ -217,6 +217,7 @@ def check_size(linear: LinearProblem) -> None:
         ("inputs of a step", max(len(p.c) for p in linear.phases), inputs),
         ("numbers of a state", 2 * max(p.size for p in linear.phases), state),
         ("conditions at events and at the goal", rows, multipliers),
+        ("forces and directions of a step", max(len(p.S) for p in linear.phases), of_step),
     ):
         if count > most:
             raise ProblemError(f"the problem has {count} {what}: proofs take at most {most}.")

@@ -46,11 +46,36 @@ static void compare(const Phase *p, Priced at, int step, const double *y, int co
     }
 }
 
+/* What the conditions of a step make of a state (y, h p) and its inputs; ``before`` has what their
+ * first rows made of the step before, and gets that of this one. */
+static void compare_rows(const Phase *p, int phase, int k, const line *rows, const double *state,
+                         const double *u, int count, const Priced *priced, double *before,
+                         double *most, Priced *worst)
+{
+    double now[MOST_STEP_ROWS];
+    linear(p->rows, p, rows, state, u, now);
+    for (int i = 0; i < p->conditions; i++) {
+        const double *of = p->condition + 4 * i;
+        const int next = of[1] >= 0;
+        const double one = next ? before[(int)of[0]] : now[(int)of[0]];
+        const double other = next ? now[(int)of[1]] : 0;
+        const Priced at = {phase, k - next, IN_STEP, i};
+        const double excess = one + other, size = fabs(one) + fabs(other);
+        if (at.node >= of[2] && at.node <= of[3] && excess > 1e-9 * size && excess > *most &&
+            !is_priced(at, count, priced)) {
+            *most = excess;
+            *worst = at;
+        }
+    }
+    memcpy(before, now, sizeof *now * (size_t)p->rows);
+}
+
 int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c, int count,
                     const Priced *priced, Priced *worst)
 {
     const double *u = c->at.inputs;
     double state[MOST_STATE], next[MOST_STATE], inner[MOST_STATE], most = 0;
+    double rows[MOST_STEP_ROWS];
     const int size = 2 * p->phase[0].r;
     const double *share = c->at.inputs;
     for (int i = 0; i < p->phases; i++)
@@ -75,6 +100,7 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
                 linear(r, ph, steps[i]->inner + j * r * m, state, u, inner);
                 compare(ph, (Priced){i, k, j, 0}, k, inner, count, priced, &most, worst);
             }
+            compare_rows(ph, i, k, steps[i]->rows, state, u, count, priced, rows, &most, worst);
             linear(s, ph, steps[i]->map, state, u, next);
             memcpy(state, next, sizeof state);
             u += ph->nb;

@@ -1,0 +1,150 @@
+"""What contacts that last ask of the steps of a phase: they only push, what sticks takes no more
+than its friction, and what slides does so in its direction.
+
+The pushes of a mode take impulses imp = -F (r_plus + r_minus) where steps meet, -F r_i inside
+them, with the inverse F of their directions. At the ends of a phase, and of each step of degree 2
+and more, momenta are those of velocities that keep the mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from dmoc.base.records import record
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contacts import RAIL
+from dmoc.program.liftoffs import liftoffs_of
+from dmoc.proving.linear_model import Frame, LinearModel
+
+# Coefficients below this share of the largest of their row are rounding errors.
+NOTHING = 1e-12
+
+
+@record(frozen=True, eq=False)
+class Momenta:
+    """Rows of a step, times its size, shape (3, nq, 2 r + na + nb + 1): what the pushes at its
+    start and at its end have to make up for, and at each node inside."""
+
+    first: Array
+    last: Array
+    inside: tuple[Array, ...]
+
+
+class StepConditions:
+    """What the contacts of a phase ask: rows ``S`` of a step and ``conditions`` that they make, as
+    :class:`~dmoc.proving.linear.LinearPhase` has them."""
+
+    def __init__(self, model: LinearModel, i: int, frame: Frame, P: Array) -> None:
+        """``P`` are the rows of the steps of phase i in the model's momenta, shape (3, d + 1, nq, r
+        + na + nb + 1)."""
+        self.model, self.frame, p = model, frame, model.problem
+        self.mode, self.steps, self.scheme = p.touch.modes[i], p.phase_steps[i], p.scheme
+        self.leaving = {j for one in liftoffs_of(p) if one.event == i for j in one.surfaces}
+        self.width = frame.size + P.shape[3]
+        self._rows, self._conditions = list[Array](), list[tuple[int, int, int, int]]()
+        if self.steps and not self.mode.free:
+            self._add_directions()
+            if told(frame.pushes):
+                self._add_forces(_momenta(model, frame, P, self._wide))
+
+    @property
+    def S(self) -> Array:
+        return np.array(self._rows).reshape(-1, 3, self.width)
+
+    @property
+    def conditions(self) -> Array:
+        return np.array(self._conditions, dtype=float).reshape(-1, 4)
+
+    def _wide(self, rows: Array) -> Array:
+        """Rows of (q_k, a, u, 1) as those of (q_k, h p_k, a, u, 1)."""
+        return np.insert(rows, [self.frame.size] * self.frame.size, 0.0, axis=-1)
+
+    def _add(self, first: int, last: int, row: Array, of_next: Array | None = None) -> None:
+        """Add a condition that holds from one step to another one."""
+        numbers = list[int]()
+        for one in (row,) if of_next is None else (row, of_next):
+            one = np.where(np.abs(one) > NOTHING * np.abs(one).max(), one, 0.0)
+            numbers.append(len(self._rows))
+            self._rows.append(one)
+        if first <= last and np.abs(self._rows[numbers[0]]).max() > 0:
+            self._conditions.append((numbers[0], numbers[1] if numbers[1:] else -1, first, last))
+
+    def _add_directions(self) -> None:
+        """The way of what slides in each step, and its speed between steps that have nodes
+        inside."""
+        Z, r = self.frame.Z, self.frame.size
+        V, v_0 = self.model.velocity(self.frame)
+        end = 2 * r + (self.scheme.degree - 1) * r
+        for k, s in self.mode.sliding:
+            tangent = s * self.model.tangent(k)
+            way, speed = np.zeros((2, 3, self.width))
+            way[0, :r], way[0, end : end + r] = tangent @ Z, -tangent @ Z
+            self._add(0, self.steps - 1, way)
+            if self.scheme.inside:
+                speed[0, r : 2 * r] = -tangent @ V[:, r:]
+                speed[1, :r], speed[1, -1] = -tangent @ V[:, :r], -tangent @ v_0
+                self._add(1, self.steps - 1, speed)
+
+    def _add_forces(self, momenta: Momenta) -> None:
+        """The forces of all pushes, each where steps meet, or at the ends of each step of its
+        own."""
+        last = self.steps - 1
+        inverse = np.linalg.pinv(self.frame.pushes.T)
+        first_share, *shares, _ = self.scheme.weights
+        for cone, limit in self._cones():
+
+            def row(rows: Array, share: float, cone: Array = cone, limit: float = limit) -> Array:
+                own = -(cone @ inverse) @ rows
+                own[2, -1] -= limit * share
+                return own
+
+            begins, ends = row(momenta.first, first_share), row(momenta.last, first_share)
+            closed = self.mode.closed
+            leaves = any(cone[a] != 0 and j in self.leaving for a, j in enumerate(closed))
+            if self.scheme.inside:
+                self._add(0, last, begins)
+                self._add(0, last - leaves, ends)
+                for inside, share in zip(momenta.inside, shares, strict=True):
+                    self._add(0, last, row(inside, share))
+            else:
+                self._add(0, 0, begins)
+                self._add(0, last - 1, ends, begins)
+                self._add(last, last - leaves, ends)
+
+    def _cones(self) -> Iterator[tuple[Array, float]]:
+        """Rows of the pushes, and largest forces, that they do not exceed."""
+        closed, sticking, p = self.mode.closed, self.mode.sticking, self.model.problem
+        for row in self.model.cones(closed, sticking):
+            yield row, 0.0
+        for along, k in zip(np.eye(len(self.frame.pushes))[len(closed) :], sticking, strict=True):
+            limit = float(p.static_friction[0, k])
+            if p.touch.contacts.supports[k] == RAIL and np.isfinite(limit):
+                yield along, limit
+                yield -along, limit
+
+
+def told(pushes: Array) -> bool:
+    """Whether the motion tells how strong each push is."""
+    return len(pushes) == 0 or int(np.linalg.matrix_rank(pushes)) == len(pushes)
+
+
+def _momenta(model: LinearModel, frame: Frame, P: Array, wide: Callable[[Array], Array]) -> Momenta:
+    """What is missing to the momenta of the states at both ends of a step, and inside it."""
+    n, r = model.problem.nq, frame.size
+    V, v_0 = model.velocity(frame)
+    G, p_0 = model.momentum.A[:, :n], model.momentum.b
+    by_place, by_momentum = model.M @ V[:, :r] + G @ frame.Z, model.M @ V[:, r:]
+    rest = model.M @ v_0 + G @ frame.origin + p_0
+    *inside, first, last = np.moveaxis(wide(P), 1, 0)
+    first, last = first.copy(), last.copy()
+    # h p of the state before a step and of the one after it, whose h p_y is left h r_plus
+    last -= by_momentum[:, : frame.moving] @ frame.left @ last
+    first[1, :, :r] += by_place
+    first[0, :, r : 2 * r] += by_momentum
+    end = P.shape[1] * r
+    last[1, :, end : end + r] -= by_place
+    first[1, :, -1] += rest
+    last[1, :, -1] -= rest
+    return Momenta(first, last, tuple(inside))
