@@ -53,6 +53,8 @@ PARTS = [f"simulation/{name}.pxi" for name in ("rows", "conditions", "dynamics",
 FREE = [f"check/free_{name}.pxi" for name in ("sizes", "steps", "costs", "paths", "limits")]
 FREE += [f"check/free_{name}.pxi" for name in ("parts", "run")]
 LEGS = [f"simulation/{name}.pxi" for name in ("leg", "leg_surfaces")]
+# Sizes of the arrays of proofs of what positions and velocities cost.
+WIDE = [("MOST_INPUTS", "16"), ("MOST_PRICED", "160"), ("MOST_MULTIPLIERS", "208")]
 # Without symbols for debuggers, which take a third of the time of the compiler.
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-g0"]
 # Unrolls the loops of the factorisation: an eighth less time in all.
@@ -124,13 +126,17 @@ extensions += [
         include_dirs=["codegen", "guess"],
         extra_compile_args=FLAGS,
     ),
-    Extension(
-        "dmoc.proving.branch",
-        ["proving/branch.pyx", *sorted(map(str, Path("proving").glob("*.c")))],
-        depends=sorted(map(str, Path("proving").glob("*.h"))),
-        include_dirs=["proving"],
-        libraries=["pthread"],
-        extra_compile_args=SOLVER_FLAGS,
+    *(
+        Extension(
+            f"dmoc.proving.{name}",
+            [f"proving/{name}.pyx", *sorted(map(str, Path("proving").glob("*.c")))],
+            depends=["proving/branch.pyx", *sorted(map(str, Path("proving").glob("*.h")))],
+            define_macros=sizes,
+            include_dirs=["proving"],
+            libraries=["pthread"],
+            extra_compile_args=SOLVER_FLAGS,
+        )
+        for name, sizes in (("branch", []), ("branch_wide", WIDE))
     ),
     Extension(
         "dmoc.solvers.compiled",
@@ -158,7 +164,7 @@ def cythonized() -> list[Extension]:
 
     return cythonize(
         extensions,
-        include_path=["check", "codegen", "guess", "mechanics", "program", "simulation"],
+        include_path=["check", "codegen", "guess", "mechanics", "program", "proving", "simulation"],
         build_dir="build/cython",
         language_level=3,
         nthreads=os.cpu_count() or 1,

@@ -4,7 +4,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.proving.linear import LinearProblem
 
 MOST_WORKERS: int
-LIMITS: tuple[int, int, int, int, int]
+LIMITS: tuple[int, int, int, int, int, int]
 
 class Branch:
     def __init__(

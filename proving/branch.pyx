@@ -8,7 +8,7 @@ import numpy as np
 
 
 cdef extern from "tree.h" nogil:
-    enum: MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_STEP_ROWS, MOST_THREADS
+    enum: MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_PRICED, MOST_STEP_ROWS, MOST_THREADS
     int PROVED, GOING_ON, NO_MEMORY
     ctypedef struct Phase:
         int r, na, nb, steps, paths
@@ -42,7 +42,9 @@ cdef extern from "tree.h" nogil:
         const double *tie
         const double *shortest
         const double *longest
-        double earliest, latest, scale
+        double earliest, latest
+        int definitions
+        double scale
     ctypedef struct Tree:
         double best
         double *at
@@ -62,7 +64,7 @@ cdef extern from "tree.h" nogil:
 # Threads at most, and what the arrays of the engine have room for: phases, inputs of a step, numbers
 # of a state, multipliers, rows of a step.
 MOST_WORKERS = MOST_THREADS
-LIMITS = MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_STEP_ROWS
+LIMITS = MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_STEP_ROWS, MOST_PRICED
 
 
 cdef class Branch:
@@ -84,6 +86,8 @@ cdef class Branch:
                  size_t keep=0, int workers=1):
         cdef Py_ssize_t i
         self.held = []
+        if linear.definitions > MOST_PRICED:
+            raise ValueError("the engine has no room for so many definitions")
         for i, phase in enumerate(linear.phases):
             self.phases[i] = Phase(
                 phase.size, phase.P.shape[1] - phase.size, len(phase.c), phase.steps, len(phase.most),
@@ -101,7 +105,8 @@ cdef class Branch:
             len(linear.phases), &self.phases[0], &self.events[0], self._rows(linear.goal_zero),
             self._rows(linear.goal_most), self._numbers(linear.start[0]), len(linear.start) - 1,
             self._numbers(linear.start[1:]), self._numbers(linear.tie), self._numbers(linear.durations[:, 0]),
-            self._numbers(linear.durations[:, 1]), earliest, latest, scale,
+            self._numbers(linear.durations[:, 1]), earliest, latest,
+            linear.definitions, scale,
         )
         self.begun = True
         if tree_begin(&self.tree, &self.problem, workers, best, limit, gap, least_gap, keep):

@@ -30,6 +30,8 @@ int centre_number(const Problem *p, int count, Centre *c)
     }
     c->first_priced = n;
     c->multipliers = n + count;
+    for (int j = 0; j < p->definitions; j++)
+        c->may_be_negative[n + j] = 1;
     return 0;
 }
 

@@ -26,9 +26,10 @@ class LinearPhase:
     """The steps of a phase; ``P`` has the shape (3, na + r, r + na + nb + 1), ``R`` (nb, nb),
     bounds of the inputs (nb,), and ``paths`` y <= ``most`` holds inside the steps from number
     ``since`` on and at their ends, shapes (rows, r), (rows,) and (rows,).  ``S``, shape (m, 3, 2 r
-    + na + nb + 1), are rows of a step, and ``conditions``, shape (conditions, 4), one of them with
+    + na + nb + 1), are rows of a step, and ``conditions``, shape (conditions, 5), one of them with
     one of the next step, or -1, whose sum is not positive, in which steps, from the first one to
-    the last."""
+    the last; where a fifth number is 1, it vanishes.  The last ``squares`` of the inputs stand for
+    positions and velocities, which cost about ``heavy``."""
 
     steps: int
     P: Array
@@ -42,6 +43,8 @@ class LinearPhase:
     since: Array
     S: Array
     conditions: Array
+    squares: int = 0
+    heavy: float = 0.0
 
     @property
     def size(self) -> int:
@@ -94,6 +97,11 @@ class LinearProblem:
     sizes: Array  # typical of the coordinates
     inertia: Array  # the diagonal of M
     left_out: tuple[str, ...]
+
+    @property
+    def definitions(self) -> int:
+        """Conditions that vanish in all steps."""
+        return sum(phase.squares * phase.steps for phase in self.phases)
 
     def force(self, seconds: float) -> float:
         """A force that moves the coordinates by their sizes in some time."""

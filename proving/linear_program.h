@@ -14,10 +14,18 @@
 
 /* Inputs of a step, conditions along the phases that are priced at one time, rows of a step,
  * multipliers. */
+#ifndef MOST_INPUTS
 #define MOST_INPUTS 8
+#endif
+#ifndef MOST_PRICED
 #define MOST_PRICED 16
+#endif
+#ifndef MOST_STEP_ROWS
 #define MOST_STEP_ROWS 64
+#endif
+#ifndef MOST_MULTIPLIERS
 #define MOST_MULTIPLIERS 48
+#endif
 #define MOST_STATE 16
 #define MOST_COSTATE (MOST_STATE + MOST_PRICED + 1)
 
@@ -32,8 +40,9 @@ typedef struct {
     int rows, conditions;
     const double *S;            /* (rows, 3, 2 r + na + nb + 1): rows (S_0 + h S_1 + h^2 S_2) of
                                    (y, h p, a, u, 1) in a step */
-    const double *condition;    /* (conditions, 4): a row of a step and one of the next step, or -1,
-                                   whose sum is not positive; the first step and the last one */
+    const double *condition;    /* (conditions, 5): a row of a step and one of the next step, or -1,
+                                   whose sum is not positive; the first step and the last one; 1
+                                   where it vanishes, 0 */
 } Phase;
 
 /* rows functions A z + b + b_t t of a state z at the time t */
@@ -58,6 +67,7 @@ typedef struct {
                                    zero or most, beside what the middle does */
     const double *shortest, *longest;     /* durations, (phases,) */
     double earliest, latest;    /* final time */
+    int definitions;            /* conditions that vanish, in all steps: they are priced first */
     double scale;               /* of the cost: for the multipliers of inputs that cost nothing */
 } Problem;
 

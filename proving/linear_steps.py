@@ -7,12 +7,19 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from dmoc.base.discretisation import FORMS
+from dmoc.base.discretisation import FORMS, gauss
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
 from dmoc.proving.linear import LinearPhase
 from dmoc.proving.linear_model import Frame, LinearModel
 from dmoc.proving.recognition import SAME_VALUE, TRIALS, affine
+from dmoc.proving.state_costs import (
+    StateCost,
+    shapes_at_points,
+    squares_of,
+    state_cost,
+    with_squares,
+)
 from dmoc.proving.step_conditions import StepConditions
 
 # Powers of h are read at steps of these sizes, relative to a typical one, and tried at another.
@@ -45,10 +52,25 @@ class LinearSteps:
         along = self._along(i, frame)
         asked = StepConditions(self.model, i, frame, along)
         low, high = bounds.T
-        return LinearPhase(
+        phase = LinearPhase(
             p.phase_steps[i], self._powers_in(frame, along), R, c, c_0, low, high, paths, most,
             since, asked.S, asked.conditions,
         )  # fmt: skip
+        squares = squares_of(self.state_cost, frame, p.scheme)
+        return with_squares(phase, squares, self._heavy)
+
+    @cached_property
+    def state_cost(self) -> StateCost:
+        """What positions and velocities cost."""
+        p = self.model.problem
+        return state_cost(p, self.model.sizes, p.final_time_bounds[1] / p.phases)
+
+    @property
+    def _heavy(self) -> float:
+        """What typical positions and velocities cost."""
+        p, sizes = self.model.problem, self.model.sizes
+        rates = sizes / (p.final_time_bounds[1] / p.phases)
+        return float(self.state_cost.at(np.concatenate([sizes, rates])[None])[0])
 
     @property
     def _rows(self) -> int:
@@ -172,15 +194,28 @@ class LinearSteps:
         error = SAME_VALUE * max(np.abs(expected).max(initial=0.0), 1e-300)
         uneven = np.abs(np.diag(R)[curved] - 1) > UNEVEN
         wrong = np.abs(cost(u * size, np.zeros((TRIALS, nodes))) - expected) > error
+        expected += self._squared(q) - self._squared(0 * q)
+        error = SAME_VALUE * max(np.abs(expected).max(initial=0.0), 1e-300)
         if uneven.any() or wrong.any():
             raise ProblemError("the cost is no quadratic function of the inputs: proofs need one.")
         if (np.abs(cost(u * size, q) - expected) > error).any():
             raise ProblemError(
-                "the cost depends on positions or velocities: proofs cover costs of the inputs and "
-                "of the time."
+                "the cost is no sum of a quadratic function of the inputs and one of positions and "
+                "velocities: proofs need one."
             )
         _check_convex(R)
-        return R / np.outer(size, size), c / size, c_0
+        return R / np.outer(size, size), c / size, c_0 - float(self._squared(rest)[0])
+
+    def _squared(self, q: Array) -> Array:
+        """What positions and velocities of steps with the nodes q cost by the time."""
+        p = self.model.problem
+        values, slopes = shapes_at_points(p.scheme)
+        nodes = q.reshape(len(q), p.scheme.degree + 1, p.nq)
+        states = [
+            self.state_cost.at(np.hstack([by @ nodes, slope @ nodes / self.model.h]))
+            for by, slope in zip(values, slopes, strict=True)
+        ]
+        return np.asarray(gauss(p.scheme.degree)[1] @ np.array(states))
 
     def _paths(self, i: int, frame: Frame) -> tuple[Array, Array, Array]:
         """What holds in the steps of a phase and at their ends, and from which step on: bounds of

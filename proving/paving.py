@@ -10,6 +10,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import Bools
 from dmoc.proving.branch import Branch
+from dmoc.proving.engine import branch_of
 from dmoc.proving.linear import LinearProblem
 
 MOST_KEPT = 100_000  # boxes
@@ -65,7 +66,7 @@ class Paving:
         for i in np.flatnonzero(~none & (self.bound >= DEARER * cost)):
             durations = np.stack([self.shortest[i], self.longest[i]], axis=1)
             part = replace(self.linear, durations=durations)
-            branch = Branch(part, np.inf, self.beyond, 0.0, 0.0, abs(cost))
+            branch = branch_of(part)(part, np.inf, self.beyond, 0.0, 0.0, abs(cost))
             none[i] = not branch.run(PARTS) and branch.bound >= self.beyond
         return none
 

@@ -47,7 +47,7 @@ static line *prices_of(const Phase *p, int k, const Steps *steps, int column, li
 /* The row of a condition in a step; none where it is one of other steps. */
 static const line *row_in_step(const Phase *p, const Priced *at, int k, const Steps *steps)
 {
-    const double *of = p->condition + 4 * at->path;
+    const double *of = p->condition + 5 * at->path;
     const int row = at->inside != IN_STEP   ? -1
                     : at->node == k         ? (int)of[0]
                     : at->node == k - 1     ? (int)of[1]

@@ -15,7 +15,8 @@ from dmoc.base.progress import Listener, listener
 from dmoc.base.records import record
 from dmoc.base.signatures import public
 from dmoc.problem.problem import Problem
-from dmoc.proving.branch import LIMITS, MOST_WORKERS, Branch
+from dmoc.proving.branch import MOST_WORKERS, Branch
+from dmoc.proving.engine import branch_of, check_size
 from dmoc.proving.global_proof import Claim, Proof
 from dmoc.proving.linear import LinearProblem
 from dmoc.proving.linear_problem import linear_problem
@@ -82,8 +83,8 @@ def prove(
     problem : Problem
         Of a model with a constant mass matrix and forces that are affine in positions, velocities
         and inputs; surfaces of its sequence are flat, and stand or move evenly; its cost is convex
-        and quadratic in the inputs.  Its final time has an upper bound, and ranges of its start
-        have both ends.
+        and quadratic in the inputs, and in positions and velocities apart from them.  Its final
+        time has an upper bound, and ranges of its start have both ends.
     gap : float
         How far the bound may stay below the cost of the motion, relative to it.
     seconds : float, optional
@@ -154,7 +155,7 @@ def _proved(
     best = np.inf if motion is None else motion.cost
     beyond += ABOVE * (beyond + size)  # what is nearly as dear as can be is a motion still
     least, kept = LEAST_GAP * size, most_kept(linear)
-    branch = Branch(linear, best, beyond, gap / 2, least, size, kept, workers)
+    branch = branch_of(linear)(linear, best, beyond, gap / 2, least, size, kept, workers)
     known = digest(linear, beyond, gap)
     continued(journal, branch, known)
     going_on = True
@@ -194,33 +195,19 @@ def lower_bound(
     most += ABOVE * (most + size)  # what is nearly as dear as can be is a motion still
     limit -= LEAST_GAP * size
     asked = min(limit, DEAR * size if np.isinf(most) else most)
-    branch = Branch(linear, np.inf, asked, BOUNDED, LEAST_GAP * size, size, 0, workers)
+    branch = branch_of(linear)(linear, np.inf, asked, BOUNDED, LEAST_GAP * size, size, 0, workers)
     while not until.passed and branch.run(SLICE):
         if branch.best < limit:
             break  # there is a motion that costs less
     if limit < most < np.inf and branch.bound >= limit and np.isinf(branch.best):
         # It costs too much: is there any?
-        beyond = Branch(linear, np.inf, most, BOUNDED, LEAST_GAP * size, size, 0, workers)
+        beyond = branch_of(linear)(
+            linear, np.inf, most, BOUNDED, LEAST_GAP * size, size, 0, workers
+        )
         going_on = not until.passed and beyond.run(MORE)
         if not going_on and np.isinf(beyond.best):
             return max(branch.bound, beyond.bound), most, True
     return branch.bound, most, branch.bound >= min(limit, most)
-
-
-def check_size(linear: LinearProblem) -> None:
-    """Refuse a problem for which the arrays of the engine have no room."""
-    phases, inputs, state, multipliers, of_step = LIMITS
-    rows = len(linear.goal_zero.b) + len(linear.goal_most.b)
-    rows += sum(len(e.zero.b) + len(e.most.b) for e in linear.events)
-    for what, count, most in (
-        ("phases", len(linear.phases), phases),
-        ("inputs of a step", max(len(p.c) for p in linear.phases), inputs),
-        ("numbers of a state", 2 * max(p.size for p in linear.phases), state),
-        ("conditions at events and at the goal", rows, multipliers),
-        ("forces and directions of a step", max(len(p.S) for p in linear.phases), of_step),
-    ):
-        if count > most:
-            raise ProblemError(f"the problem has {count} {what}: proofs take at most {most}.")
 
 
 def _solved(problem: Problem, seconds: float | None, seed: int) -> Solution | None:
@@ -297,6 +284,6 @@ def _size_of_cost(linear: LinearProblem) -> float:
     share = latest / len(linear.phases)
     size = 0.0
     for phase in linear.phases:
-        R = np.abs(np.diag(phase.R)).max(initial=0.0)
-        size = max(size, R * linear.force(share) ** 2 / 2 + np.abs(phase.c_0))
+        R = np.abs(np.diag(phase.R))[: len(phase.R) - phase.squares].max(initial=0.0)
+        size = max(size, R * linear.force(share) ** 2 / 2 + phase.heavy + np.abs(phase.c_0))
     return float(size * latest) or 1.0

@@ -1,6 +1,5 @@
 """Whether the motion of a model is linear: M constant, forces affine in positions, velocities and
-inputs, flat surfaces, a cost that is convex and quadratic in the inputs; what is not is refused by
-name."""
+inputs, flat surfaces; what is not is refused by name."""
 
 from __future__ import annotations
 

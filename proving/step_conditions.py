@@ -43,7 +43,7 @@ class StepConditions:
         self.mode, self.steps, self.scheme = p.touch.modes[i], p.phase_steps[i], p.scheme
         self.leaving = {j for one in liftoffs_of(p) if one.event == i for j in one.surfaces}
         self.width = frame.size + P.shape[3]
-        self._rows, self._conditions = list[Array](), list[tuple[int, int, int, int]]()
+        self._rows, self._conditions = list[Array](), list[tuple[int, ...]]()
         if self.steps and not self.mode.free:
             self._add_directions()
             if told(frame.pushes):
@@ -55,7 +55,7 @@ class StepConditions:
 
     @property
     def conditions(self) -> Array:
-        return np.array(self._conditions, dtype=float).reshape(-1, 4)
+        return np.array(self._conditions, dtype=float).reshape(-1, 5)
 
     def _wide(self, rows: Array) -> Array:
         """Rows of (q_k, a, u, 1) as those of (q_k, h p_k, a, u, 1)."""
@@ -69,7 +69,7 @@ class StepConditions:
             numbers.append(len(self._rows))
             self._rows.append(one)
         if first <= last and np.abs(self._rows[numbers[0]]).max() > 0:
-            self._conditions.append((numbers[0], numbers[1] if numbers[1:] else -1, first, last))
+            self._conditions.append((numbers[0], numbers[1] if numbers[1:] else -1, first, last, 0))
 
     def _add_directions(self) -> None:
         """The way of what slides in each step, and its speed between steps that have nodes

@@ -218,6 +218,18 @@ static int begin_memory(Tree *t, const Problem *p, int workers, size_t keep)
     return 0;
 }
 
+/* Price what is to vanish in all steps. */
+static void price_definitions(Tree *t)
+{
+    const Problem *p = t->problem;
+    for (int i = 0; i < p->phases; i++)
+        for (int j = 0; j < p->phase[i].conditions; j++) {
+            const double *of = p->phase[i].condition + 5 * j;
+            for (int k = (int)of[2]; k <= of[3] && of[4] > 0; k++)
+                t->priced[t->count_priced++] = (Priced){i, k, IN_STEP, j};
+        }
+}
+
 int tree_begin(Tree *t, const Problem *p, int workers, double best, double limit, double gap,
                double least_gap, size_t keep)
 {
@@ -231,6 +243,7 @@ int tree_begin(Tree *t, const Problem *p, int workers, double best, double limit
     t->fixed = p->goal_zero.rows + p->goal_most.rows;
     for (int i = 0; i + 1 < p->phases; i++)
         t->fixed += p->event[i].zero.rows + p->event[i].most.rows;
+    price_definitions(t);
     double *box = t->batch, least = 0, most = 0;
     box[0] = -INFINITY;
     for (int i = 0; i < p->phases; i++)

@@ -55,7 +55,7 @@ static void compare_rows(const Phase *p, int phase, int k, const line *rows, con
     double now[MOST_STEP_ROWS];
     linear(p->rows, p, rows, state, u, now);
     for (int i = 0; i < p->conditions; i++) {
-        const double *of = p->condition + 4 * i;
+        const double *of = p->condition + 5 * i;
         const int next = of[1] >= 0;
         const double one = next ? before[(int)of[0]] : now[(int)of[0]];
         const double other = next ? now[(int)of[1]] : 0;

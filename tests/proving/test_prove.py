@@ -370,7 +370,6 @@ def test_bad_options_are_refused(block: Kernels) -> None:
         ("cubic", x**4, {}, "the force is no affine function of x"),
         ("heavier", -(x * x.diff(t) ** 2), {}, "the mass matrix depends on x"),
         ("round_wall", 0, {"surfaces": {"right": x**2 <= 1}}, "the gap to right is no affine"),
-        ("costly_place", 0, {"cost": u**2 + x**2}, "the cost depends on positions"),
         ("quartic", 0, {"cost": u**4}, "the cost is no quadratic function"),
         ("unpaid", 0, {"cost": sp.Integer(1)}, "the input u has neither a cost nor bounds"),
         ("dearer", 0, {"cost": (2 - t) * u**2}, "the cost depends on the time"),
