@@ -46,6 +46,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LIST = ROOT / "tools" / "mutations.toml"
 FAST, SLOW, IGNORE = ("-m", "not slow"), ("-m", "slow"), "--ignore="
 COMPILED = {".pyx", ".pxd", ".pxi", ".c", ".h"}
+NUMBERS = count(1)  # of changes
 # Folders from which kernels do not follow: what is built is the same, whatever changes there.
 AFTER_KERNELS = frozenset(
     """mechanics problem program guess solvers simulation check control report results inspection
@@ -155,12 +156,13 @@ class Copy:
 
     folder: Path
     unchanged: Path
-    times = count(int(time.time()))
 
     def write(self, file: str, text: str) -> None:
-        """Write a file with a time of its own, by which bytecode is told from that of others."""
-        path, now = self.folder / file, next(self.times)
+        """Write a file, later than what was compiled, and with a time of its own, by which its
+        bytecode is told from that of other changes."""
+        path = self.folder / file
         path.write_text(text, encoding="utf-8")
+        now = int(time.time()) + next(NUMBERS)
         os.utime(path, (now, now))
 
     def restore(self, file: str) -> None:
