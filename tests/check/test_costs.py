@@ -166,6 +166,13 @@ def test_each_function_has_its_own_place_and_verdict() -> None:
     assert along.values[1] == pytest.approx(0.5, rel=1e-12)
 
 
+def test_a_function_that_is_none_beside_a_node_is_undefined() -> None:
+    """Where a motion turns round it may leave a domain for a moment that no rule would meet."""
+    for near in (lambda q: q < 1e-6, lambda q: q > 1 - 1e-6):
+        along = integrated(lambda q, near=near: np.where(near(q), np.nan, q))
+        assert along.undefined.all()
+
+
 def test_what_varies_too_fast_is_left() -> None:
     along = integrated(lambda q: np.sin(1e9 * q) ** 2)
     assert along.left[0] > 0.02 * along.sizes[0] and not along.has_pole.any()

@@ -13,7 +13,9 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import ModelError
+from dmoc.guess.automatic import initial_guesses
 from dmoc.inspection.kernel_check import kernel_errors
+from dmoc.program.scaling import scale_of
 
 X, Y, U, W = dynamicsymbols("x y u w")
 M, RISE = sp.symbols("m rise")
@@ -119,6 +121,16 @@ def test_a_price_has_derivatives_and_is_checked() -> None:
     wrong = solution.trajectory
     wrong = wrong.__class__(**{**vars(wrong), "totals": {"wear": 1.1 * wrong.totals["wear"]}})
     assert not dmoc.verify(wrong, problem.kernels).passed
+
+
+def test_a_total_of_hits_alone_has_the_size_of_what_they_add() -> None:
+    """A guess hits with some speed, which a thousandfold mass makes a thousandfold impulse."""
+    problem = there_and_back({"blow": dmoc.impulse("wall")}, objective=dmoc.total("blow"), steps=10)
+    light, heavy = (
+        scale_of(p, initial_guesses(p)[0].x).totals[0]
+        for p in (problem, problem.but(parameters={"m": 1000.0}))
+    )
+    assert light > 1 and heavy == pytest.approx(1000 * light)
 
 
 @pytest.mark.slow
