@@ -14,7 +14,9 @@ import carried_folder
 import gaits
 import motions
 import pytest
+import ziglang
 from hypothesis import HealthCheck, settings
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from systems import block_system, landing_system, puck_system, satellite_system
 
@@ -22,6 +24,7 @@ import dmoc
 from dmoc.codegen import compiler
 from dmoc.codegen.kernels import Kernels
 from dmoc.export import library
+from dmoc.export.page import TARGET
 from dmoc.models.registry import find
 from dmoc.report import canvas
 from dmoc.solving.multistart import parallel
@@ -97,6 +100,19 @@ def parts_of_solvers(as_users: bool, flags: tuple[str, ...]) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module")
+def without_library(as_users: bool) -> Iterator[None]:
+    """Link solvers of pages without C's library for WebAssembly, which takes half a minute where
+    it has not been made yet: they ask the page for its functions."""
+    headers = Path(ziglang.__file__).parent / "lib" / "libc" / "include"
+    folders = [f"-isystem{headers / name}" for name in ("wasm-wasi-musl", "generic-musl")]
+    alone = ("-nostdlib", "-Wl,--import-symbols", "-Wl,--no-entry", *folders)
+    with pytest.MonkeyPatch.context() as patch:
+        if not as_users:
+            patch.setattr("dmoc.export.page.TARGET", (*TARGET, *alone))
+        yield
+
+
 @pytest.fixture(scope="session", autouse=True)
 def effort(as_users: bool) -> Iterator[Callable[..., Effort]]:
     """Explore from half of the starts that users have where a test names no number: a
@@ -128,16 +144,18 @@ def threads(as_users: bool) -> Iterator[int]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def coarse_figures(as_users: bool) -> Iterator[Callable[..., object]]:
-    """Draw figures once, with few pixels and axes where they are at first, which takes less than
-    half of what it takes users; their layout is handed on."""
-    users = Figure.get_layout_engine
+def coarse_figures(as_users: bool) -> Iterator[tuple[Callable[..., Any], Callable[..., Any]]]:
+    """Draw figures once, with few pixels, without ticks and with axes where they are at first,
+    which takes less than a third of what it takes users; their layout and how axes are drawn is
+    handed on."""
+    users = Figure.get_layout_engine, Axis.draw
     if as_users:
         yield users
         return
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(canvas, "DPI", 60)
         patch.setattr(Figure, "get_layout_engine", lambda _: None)
+        patch.setattr(Axis, "draw", lambda axis, renderer: axis.label.draw(renderer))
         yield users
 
 

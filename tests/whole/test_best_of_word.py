@@ -29,9 +29,9 @@ def test_there_are_sixty_words_with_names_of_their_own() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("word", WORDS[::3], ids=lambda word: word.name)
+@pytest.mark.parametrize("word", WORDS[3::6], ids=lambda word: word.name)
 def test_what_is_known_of_a_word_leads_back_to_its_cost(word: Word) -> None:
-    """Of every third: `make words` looks for a cheaper one of each."""
+    """Of every sixth: `make words` looks for a cheaper one of each."""
     best, problem = BEST[word.name], word.problem
     mesh = problem if problem.steps is None else problem.meshed(best.steps)
     solution = dmoc.solve(mesh, "ipm", guess=best.guess, starts=1)

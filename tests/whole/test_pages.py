@@ -31,19 +31,24 @@ def name(page: Path) -> str:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, effort: Callable[..., Effort]) -> Iterator[Path]:
-    """A folder where pages run, with as many starts as users have."""
+def folder(tmp_path: Path, without_library: None) -> Iterator[Path]:
+    """A folder where pages run."""
     write_shared(tmp_path)
     with matplotlib.rc_context(), pytest.MonkeyPatch.context() as patch:
         patch.setenv("MPLBACKEND", "Agg")
-        patch.setattr(Effort, "of", effort)
         yield tmp_path
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_page_prints_what_it_shows(
-    page: Path, folder: Path, request: pytest.FixtureRequest
+    page: Path,
+    folder: Path,
+    effort: Callable[..., Effort],
+    request: pytest.FixtureRequest,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """With as many starts as users have."""
+    monkeypatch.setattr(Effort, "of", effort)
     text = page.read_text()
     if request.config.getoption("--update"):
         page.write_text(updated(text, folder))
@@ -65,8 +70,9 @@ def test_commands_of_a_page_are_understood(
 ) -> None:
     from typer.testing import CliRunner
 
+    """In this process alone: tests/cli/test_search.py tries several."""
     monkeypatch.chdir(folder)
-    for arguments in commands_of(page.read_text()):
+    for arguments in commands_of(re.sub(r"--workers \d+", "--workers 1", page.read_text())):
         with warnings.catch_warnings():
             result = CliRunner().invoke(command_line(arguments), arguments)
         assert result.exit_code in (0, 1), (arguments, result.output)

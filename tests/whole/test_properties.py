@@ -25,8 +25,8 @@ pytestmark = pytest.mark.slow
 
 T = dynamicsymbols._t
 # Each example derives a system of its own.
-SOME = settings(max_examples=12, deadline=None, derandomize=True)
-FAST = settings(max_examples=25, deadline=None, derandomize=True)
+SOME = settings(max_examples=8, deadline=None, derandomize=True)
+FAST = settings(max_examples=15, deadline=None, derandomize=True)
 
 
 @st.composite
