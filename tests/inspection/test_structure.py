@@ -127,7 +127,7 @@ def test_small_systems_are_written_out() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("links", "order"), [(12, 2), (6, 4), (6, 6)])
+@pytest.mark.parametrize(("links", "order"), [(12, 2), (6, 6)])
 def test_a_long_chain_is_shown_in_pages_not_books(links: int, order: int) -> None:
     derivation = dmoc.derive(chain_system(links), order)
     text, latex = str(derivation), derivation.latex()

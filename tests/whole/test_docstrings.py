@@ -55,6 +55,7 @@ def test_records_of_the_reference_are_frozen() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_library")
 @pytest.mark.parametrize("name", PUBLIC)
 def test_examples_of_a_public_name_run(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

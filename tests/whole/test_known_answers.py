@@ -58,14 +58,7 @@ def test_block_and_wall(e: float) -> None:
     # With e = 0 or 1: polynomials of degree 2 in the position before and after, and a law without
     # discrete energies or with equal ones.
     assert (errors[4, 10] < 1e-9) is (e in (0.0, 1.0))
-
-
-@pytest.mark.parametrize("e", [0.8, 0.5])
-def test_lossy_impacts_keep_order_4(e: float) -> None:
-    exact, *_ = block_and_wall.closed_form(e)
-    assert (
-        3.6 < orders(lambda n, o: cost(block_and_wall.problem(e, n, o)) - exact, (10, 20))[4] < 4.3
-    )
+    assert e in (0.0, 1.0) or 3.6 < log2(errors[4, 10] / errors[4, 20]) < 4.3
 
 
 @pytest.mark.parametrize("e", block_and_wall.EXACT)

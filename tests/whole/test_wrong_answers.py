@@ -61,8 +61,7 @@ def random_arm(seed: int, order: int, steps: int) -> dmoc.Problem:
 # Collisions that are none -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("order", [2, 4])
-@pytest.mark.parametrize("seed", [0, 2])
+@pytest.mark.parametrize(("seed", "order"), [(0, 2), (2, 4)])
 def test_a_collision_obeys_the_law_of_impact(seed: int, order: int) -> None:
     """w+ = -e w-."""
     problem = random_arm(seed, order, 80 if order == 2 else 20)
@@ -94,8 +93,7 @@ def test_an_input_on_another_body_buys_no_restitution(order: int) -> None:
     assert dmoc.solve(later, "ipm", starts=1).collisions[0].rate_after == pytest.approx(-0.939)
 
 
-@pytest.mark.parametrize("order", [2, 4])
-@pytest.mark.parametrize("seed", [22, 34, 42])
+@pytest.mark.parametrize(("seed", "order"), [(22, 4), (34, 2), (42, 4)])
 def test_a_collision_without_effect_is_called_a_graze(seed: int, order: int) -> None:
     """The optimum would rather not collide: it touches, and says so."""
     problem = random_arm(seed, order, 40 if order == 2 else 20)
@@ -189,8 +187,9 @@ def pendulum_system(name: str, wall: sp.Basic) -> dmoc.MechanicalSystem:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("order", [2, 4])
-@pytest.mark.parametrize(("goal", "cost"), [(-pi, 40.695), (-3.0, 29.385), (-2.0, 18.119)])
+@pytest.mark.parametrize(
+    ("goal", "cost", "order"), [(-pi, 40.695, 2), (-3.0, 29.385, 4), (-2.0, 18.119, 4)]
+)
 def test_a_wall_whose_gradient_vanishes_is_as_good_as_a_plain_one(
     order: int, goal: float, cost: float
 ) -> None:
@@ -251,7 +250,7 @@ def test_a_bound_gives_way_only_where_it_lies_on_the_surface() -> None:
 # The check ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("steps", [20, 40, 50, 80, 100, 160, 200])
+@pytest.mark.parametrize("steps", [20, 50, 160])
 def test_a_motion_that_slides_along_a_surface_is_confirmed_on_every_mesh(steps: int) -> None:
     """Around a post on the straight way: the motion lies on the post for many steps, held there
     by its inputs."""
