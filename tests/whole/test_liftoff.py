@@ -34,7 +34,7 @@ def late(solution: dmoc.Solution, when: float) -> float:
 def test_a_ball_leaves_a_loop_with_the_order_of_the_steps(order: int, finest: float) -> None:
     meshes = (20, 40, 80) if order < 6 else (5, 10, 20)
     errors = [
-        abs(late(answer_of(problem, "ipm"), when))
+        abs(late(answer_of(problem, "ipm", starts=1), when))
         for problem, when in (problem_of(loop, steps, order) for steps in meshes)
     ]
     rates = [np.log2(a / b) for a, b in pairwise(errors)]
@@ -52,8 +52,9 @@ def test_joined_balls_leave_as_one(order: int) -> None:
     assert times[0] == pytest.approx(times[1], abs=1e-9)
 
 
-@pytest.mark.parametrize("order", [2, 4])
-@pytest.mark.parametrize("stated", [ramp, sliding_ramp, corners, shaken])
+@pytest.mark.parametrize(
+    ("stated", "order"), [(ramp, 2), (sliding_ramp, 4), (corners, 2), (corners, 4), (shaken, 4)]
+)
 def test_what_the_time_alone_lifts_leaves_at_its_time(
     stated: Callable[[], Stated], order: int
 ) -> None:
