@@ -36,6 +36,7 @@ cdef extern from "tree.h" nogil:
         const Phase *phase
         const Event *event
         Rows goal_zero, goal_most
+        const double *soft
         const double *middle
         int spreads
         const double *spread
@@ -103,7 +104,7 @@ cdef class Branch:
         earliest, latest = linear.final_time
         self.problem = Problem(
             len(linear.phases), &self.phases[0], &self.events[0], self._rows(linear.goal_zero),
-            self._rows(linear.goal_most), self._numbers(linear.start[0]), len(linear.start) - 1,
+            self._rows(linear.goal_most), self._numbers(linear.soft), self._numbers(linear.start[0]), len(linear.start) - 1,
             self._numbers(linear.start[1:]), self._numbers(linear.tie), self._numbers(linear.durations[:, 0]),
             self._numbers(linear.durations[:, 1]), earliest, latest,
             linear.definitions, scale,

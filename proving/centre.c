@@ -241,6 +241,8 @@ void centre_slopes(const Problem *p, const Steps *const *steps, const Value *con
                     H[j * n + l] += L[a * WIDTH + j] * WL[a * WIDTH + l];
     }
     add_start_curvature(p, c, H);
+    for (int j = 0; j < p->goal_zero.rows; j++)
+        H[j * n + j] += p->soft[j];
     for (int j = 0; j < n; j++) /* what no input between its bounds answers to stays where it is */
         is_free[j] = is_free[j] && H[j * n + j] > 0;
     for (int by = 0; by < K; by++) {

@@ -27,8 +27,6 @@ def _of_statement(p: Problem) -> Iterator[str]:
         yield "parameters with a value for each phase"
     if p.kernels.joints:
         yield f"constraints of the model ({p.kernels.joints[0]})"
-    if p.model.has_terminal_cost:
-        yield "costs of the end"
     if p.model.totals_of or p.model.peak_names:
         yield "objectives of quantities, integrals or peaks"
     if np.isfinite(ranges.start).any() or np.isfinite(ranges.goal).any():

@@ -41,6 +41,19 @@ static void add_ties(const Problem *p, const Centre *c, int n, const interval *a
     }
 }
 
+/* Subtract what prices of squares at the end make of the value. */
+static void subtract_squares(const Problem *p, const Centre *c, int n, const interval *away, jet *value)
+{
+    for (int k = 0; k < p->goal_zero.rows; k++)
+        if (p->soft[k] > 0) {
+            jet m, half;
+            multiplier_jet(c, n, k, away, &m);
+            jet_zero(n, &half);
+            jet_add_scaled(n, &half, -p->soft[k] / 2, &m);
+            jet_add_mul(n, value, &half, &m);
+        }
+}
+
 /* Subtract what a start within a range makes of its prices, at most |price| of each spread: by a
  * chord above the absolute value, which is the same in the box and in its centre. */
 static void subtract_start(const Problem *p, int n, const interval *away, const jet *start, jet *value)
@@ -127,5 +140,6 @@ void dual_jet(Engine *e, int n, const Steps *const *all, const double *t, const 
             time.g[i] = time.g0[i] = interval_of(0);
     }
     add_ties(p, c, n, away, start);
+    subtract_squares(p, c, n, away, value);
     subtract_start(p, n, away, start, value);
 }

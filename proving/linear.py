@@ -83,8 +83,9 @@ class LinearProblem:
     """Phases that have steps, the events between them, the state at the start, its middle and what
     any shares from -1 to 1 add to it, shape (1 + spreads, 2 r), what vanishes at the end and is not
     positive there, and what the start adds to both beside its middle, shape (rows, 2 r), ranges of
-    durations, shape (phases, 2), and of the final time; ``left_out`` are the conditions that bounds
-    leave out."""
+    durations, shape (phases, 2), and of the final time. Of what vanishes at the end, a row w that
+    is ``soft``, 1 and not 0, costs w^2/2 instead; ``left_out`` are the conditions that bounds leave
+    out."""
 
     phases: tuple[LinearPhase, ...]
     events: tuple[LinearEvent, ...]
@@ -92,6 +93,7 @@ class LinearProblem:
     tie: Array
     goal_zero: Rows
     goal_most: Rows
+    soft: Array
     durations: Array
     final_time: tuple[float, float]
     sizes: Array  # typical of the coordinates

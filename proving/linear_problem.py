@@ -18,6 +18,7 @@ from dmoc.proving.linear_events import DECIDED, add_range, coordinate, event_of
 from dmoc.proving.linear_model import Frame, LinearModel
 from dmoc.proving.linear_steps import LinearSteps
 from dmoc.proving.recognition import check_linear
+from dmoc.proving.state_costs import cost_of_end
 from dmoc.proving.step_conditions import told
 
 # The shortest phase, relative to the final time, where the program knows none.
@@ -37,6 +38,9 @@ def linear_problem(problem: Problem) -> LinearProblem:
     events = [event_of(model, i, *frames[i : i + 2]) for i in range(len(problem.sequence))]
     start = _start(model, frames[0])
     zero, most, *ties = _ends(model, frames[0], frames[-1], start[0])
+    hard = len(zero.b)
+    zero = Rows.stacked([zero, _squares(model, frames[-1])], 2 * frames[-1].size)
+    soft = (np.arange(len(zero.b)) >= hard).astype(float)
     if problem.ends_with_event:
         last = events.pop()
         size = last.after.A.shape[1]
@@ -45,7 +49,7 @@ def linear_problem(problem: Problem) -> LinearProblem:
     return LinearProblem(
         tuple(steps.phase(i, frames[i]) for i in range(count)), tuple(events), start,
         np.vstack([_padded(tie, len(of.b)) for tie, of in zip(ties, (zero, most), strict=True)]),
-        zero, most, _durations(problem)[:count],
+        zero, most, np.append(soft, np.zeros(len(zero.b) - len(soft))), _durations(problem)[:count],
         problem.final_time_bounds, model.sizes, np.diag(model.M), _left_out(model, frames),
     )  # fmt: skip
 
@@ -152,6 +156,13 @@ def _state(model: LinearModel, frame: Frame, name: str) -> Rows:
             if kind(q) == name:
                 return row(model, frame, j, 1.0, 0.0)
     raise ProblemError(f"proofs do not cover the quantity {name} in periodic.")
+
+
+def _squares(model: LinearModel, frame: Frame) -> Rows:
+    """The squares that the end costs."""
+    p = model.problem
+    cost = cost_of_end(p, model.sizes, p.final_time_bounds[1] / p.phases)
+    return model.rows(frame, cost.E[:, : p.nq], cost.E[:, p.nq :], cost.e)
 
 
 def _ends(

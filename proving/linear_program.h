@@ -60,6 +60,7 @@ typedef struct {
     const Phase *phase;         /* (phases,) */
     const Event *event;         /* (phases - 1,) */
     Rows goal_zero, goal_most;
+    const double *soft;         /* (goal_zero rows,): a row w costs w^2/(2 soft), where that is not 0 */
     const double *middle;       /* of the state at the start, (2 r,) */
     int spreads;
     const double *spread;       /* (spreads, 2 r): of each any share from -1 to 1 is added */

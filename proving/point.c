@@ -99,6 +99,13 @@ double point_dual(const Problem *p, const Centre *c, const Point *at, const doub
             }
         }
     }
+    for (int j = 0; j < p->goal_zero.rows; j++) { /* squares at the end */
+        value -= p->soft[j] * m[j] * m[j] / 2;
+        if (gradient)
+            gradient[j] -= p->soft[j] * m[j];
+        if (H)
+            H[j * n + j] += p->soft[j];
+    }
     /* A start within a range is an input that costs nothing. */
     for (int k = 0; k < p->spreads; k++, row += WIDTH, u++) {
         const double R = START_SMOOTHING(p), inverse = 1 / R, low = -1, high = 1;

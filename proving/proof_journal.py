@@ -27,7 +27,7 @@ def digest(linear: LinearProblem, limit: float, gap: float) -> str:
     for of in (*rows, linear.goal_zero, linear.goal_most):
         for part in vars(of).values() if isinstance(of, Rows) else ():
             numbers.update(np.asarray(part).tobytes())
-    ends = linear.start, linear.tie, linear.durations, linear.final_time, (limit, gap)
+    ends = linear.soft, linear.start, linear.tie, linear.durations, linear.final_time, (limit, gap)
     for part in ends:
         numbers.update(np.asarray(part, dtype=float).tobytes())
     return numbers.hexdigest()

@@ -189,7 +189,8 @@ def lower_bound(
     problem = problem.in_rates()
     linear = linear_problem(problem)
     check_size(linear)
-    if growing and any(phase.c.any() or phase.c_0 < 0 for phase in linear.phases):
+    lowered = any(phase.c.any() or phase.c_0 < 0 for phase in linear.phases) or linear.soft.any()
+    if growing and lowered:
         return -np.inf, np.inf, False
     size, most = _size_of_cost(linear), _largest_cost(linear)
     most += ABOVE * (most + size)  # what is nearly as dear as can be is a motion still
@@ -265,8 +266,9 @@ def _claim(
 
 
 def _largest_cost(linear: LinearProblem) -> float:
-    """What the inputs within their bounds cost at most; infinite where nothing bounds them."""
-    most = 0.0
+    """What the inputs within their bounds cost at most; infinite where nothing bounds them, or
+    where states cost something."""
+    most = np.inf if linear.soft.any() else 0.0
     for phase in linear.phases:
         reach = np.maximum(np.abs(phase.lower), np.abs(phase.upper))
         own = np.where(np.diag(phase.R) > 0, reach, 0.0)

@@ -7,6 +7,7 @@ condition gives a bound, as any other one does.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.proving.linear import LinearPhase
 from dmoc.proving.linear_model import Frame
-from dmoc.proving.recognition import SAME_VALUE
+from dmoc.proving.recognition import SAME_VALUE, TRIALS
 
 # Shares of the largest curvature, and of a cost, that are rounding errors.
 FLAT, NOTHING = 1e-10, 1e-12
@@ -52,12 +53,58 @@ class Squares:
 def state_cost(problem: Problem, sizes: Array, seconds: float) -> StateCost:
     """What positions and velocities cost beside the inputs; raise ProblemError where that is no
     convex quadratic function of them."""
-    n, model = problem.nq, problem.model
-    size, none = np.concatenate([sizes, sizes / seconds]), np.zeros((1, problem.nu))
+    none = np.zeros((1, problem.nu))
+
+    def cost(q: Array, v: Array) -> Array:
+        return np.asarray(problem.model.running_cost(q, v, np.repeat(none, len(q), axis=0)))
+
+    return squares_in(cost, "cost", problem, np.concatenate([sizes, sizes / seconds]))
+
+
+def cost_of_end(problem: Problem, sizes: Array, seconds: float) -> StateCost:
+    """What positions and velocities at the end cost, as :func:`state_cost`."""
+    n, model, size = problem.nq, problem.model, np.concatenate([sizes, sizes / seconds])
+    if not model.has_terminal_cost:
+        return StateCost(np.zeros((0, 2 * n)), np.zeros(0), 0.0)
+    first, last = (np.full((1, 1), t) for t in (0.0, problem.final_time_bounds[1]))
+
+    def cost(q: Array, v: Array, time: Array = last) -> Array:
+        return np.asarray(model.terminal_cost(q, v, np.repeat(time, len(q), axis=0))).reshape(-1)
+
+    squares = squares_in(cost, "cost of the end", problem, size)
+    x = np.random.default_rng(0).uniform(-1, 1, (TRIALS, 2 * n)) * size
+    q, v = x[:, :n], x[:, n:]
+    if (cost(q, v) != cost(q, v, first)).any():
+        raise ProblemError(
+            "the cost of the end depends on the time: proofs cover that of the state there."
+        )
+    expected = squares.at(x)
+    if (np.abs(cost(q, v) - expected) > SAME_VALUE * np.abs(expected).max()).any():
+        raise ProblemError(
+            "the cost of the end is no quadratic function of positions and velocities: proofs need "
+            "one."
+        )
+    if squares.rest < -SAME_VALUE * np.abs(expected).max():
+        raise ProblemError(
+            f"the cost of the end is {squares.rest:.6g} at least: proofs need one that is not "
+            f"negative; add {-squares.rest:.6g}."
+        )
+    rest = np.sqrt(2 * max(squares.rest, 0.0))
+    if rest == 0:
+        return squares
+    return StateCost(np.vstack([squares.E, np.zeros(2 * n)]), np.append(squares.e, rest), 0.0)
+
+
+def squares_in(
+    function: Callable[[Array, Array], Array], what: str, problem: Problem, size: Array
+) -> StateCost:
+    """The sum of squares that a function of rows (q, v) of a size is; raise ProblemError where it
+    is not convex or linear in one of them."""
+    n = problem.nq
 
     def cost(x: Array) -> Array:
         x = x * size
-        return np.asarray(model.running_cost(x[:, :n], x[:, n:], np.repeat(none, len(x), axis=0)))
+        return function(x[:, :n], x[:, n:])
 
     unit = np.eye(2 * n)
     zero = float(cost(np.zeros((1, 2 * n)))[0])
@@ -72,7 +119,7 @@ def state_cost(problem: Problem, sizes: Array, seconds: float) -> StateCost:
     most = np.abs(curved).max()
     if curved.min() < -FLAT * most:
         raise ProblemError(
-            "the cost is not convex in positions and velocities: proofs need one that is."
+            f"the {what} is not convex in positions and velocities: proofs need one that is."
         )
     kept = curved > FLAT * most
     roots, ways = np.sqrt(curved[kept]), ways[:, kept]
@@ -80,7 +127,7 @@ def state_cost(problem: Problem, sizes: Array, seconds: float) -> StateCost:
     if (np.abs(left) > SAME_VALUE * (np.abs(up) + np.abs(down) + abs(zero))).any():
         names = [*problem.kernels.coordinates, *map(velocity_name, problem.kernels.coordinates)]
         raise ProblemError(
-            f"the cost is linear in {names[int(np.argmax(np.abs(left)))]}: proofs cover costs of "
+            f"the {what} is linear in {names[int(np.argmax(np.abs(left)))]}: proofs cover costs of "
             "positions and velocities that are squares, such as (x - 1)**2."
         )
     e = ways.T @ slope / roots

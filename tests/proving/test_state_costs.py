@@ -9,44 +9,50 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.optimize import minimize_scalar
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.base.deadline import Deadline
 from dmoc.codegen.kernels import Kernels
 from dmoc.proving.engine import branch_of, check_size
 from dmoc.proving.global_proof import Claim
 from dmoc.proving.linear_problem import linear_problem
+from dmoc.proving.prove import _largest_cost, lower_bound
 
 t = dynamicsymbols._t
 x, u = dynamicsymbols("x u")
 a, b, c = sp.symbols("a b c")
 N, PLACE, SPEED, MEAN = 3, 20.0, 2.0, 0.5
 VALUES = {a: PLACE, b: SPEED, c: MEAN}
+RUNNING = u**2 / 2 + u / 4 + a * (x - c) ** 2 / 2 + b * (x.diff(t) - 1) ** 2 / 2
 
 
-def system(name: str, cost: Any) -> dmoc.MechanicalSystem:
+def system(name: str, cost: Any, end: Any = 0) -> dmoc.MechanicalSystem:
     return dmoc.MechanicalSystem(
         name, [x], x.diff(t) ** 2 / 2, inputs=[u], forces={x: u}, cost=cost,
-        surfaces={"right": x <= 1}, parameters={s: v for s, v in VALUES.items() if cost.has(s)},
+        terminal_cost=end, surfaces={"right": x <= 1},
+        parameters={s: v for s, v in VALUES.items() if cost.has(s)},
     )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def weighed() -> Kernels:
-    cost = u**2 / 2 + u / 4 + a * (x - c) ** 2 / 2 + b * (x.diff(t) - 1) ** 2 / 2
-    return dmoc.build(system("weighed", cost), order=2)
+    return dmoc.build(system("weighed", RUNNING), order=2)
 
 
 def problem_of(kernels: Kernels, **more: Any) -> dmoc.Problem:
     """From rest at 0.3 to the wall, and to rest at 0.6."""
     return dmoc.Problem(
-        kernels, start={"x": 0.3}, goal={"x": 0.6, "x_dot": 0}, sequence=["right"],
-        **{"restitution": 0.8, "final_time": 1.0, "steps": N, "controls": "constant", **more},
+        kernels, start={"x": 0.3}, sequence=["right"],
+        **{"goal": {"x": 0.6, "x_dot": 0}, "restitution": 0.8, "final_time": 1.0, "steps": N,
+           "controls": "constant", **more},
     )  # fmt: skip
 
 
-def by_hand(first: float) -> float:
-    """Least cost where the hit is at a time: the solution of the conditions of optimality."""
+def by_hand(first: float, end: bool = False) -> float:
+    """Least cost where the hit is at a time: the solution of the conditions of optimality; with a
+    goal, or with a cost of the end."""
     n = 2 * N
     q, p = np.append(np.zeros(n), 0.3), np.zeros(n + 1)  # functions of (u, 1)
     H, g, rest, rows = np.zeros((n, n)), np.zeros(n), 0.0, []
@@ -65,10 +71,25 @@ def by_hand(first: float) -> float:
         if k == N - 1:
             rows.append(q - np.eye(n + 1)[n])
             p = -0.8 * p
-    A = np.array([*rows, q - 0.6 * np.eye(n + 1)[n], p])
-    K = np.block([[H, A[:, :n].T], [A[:, :n], np.zeros((3, 3))]])
+    goal = [q - 0.6 * np.eye(n + 1)[n], p]
+    for weight, row in zip((30.0, 4.0), goal if end else (), strict=False):
+        H += weight * np.outer(row[:n], row[:n])
+        g += weight * row[:n] * row[n]
+        rest += weight * row[n] ** 2 / 2
+    A = np.array([*rows, *([] if end else goal)])
+    K = np.block([[H, A[:, :n].T], [A[:, :n], np.zeros((len(A), len(A)))]])
     best = np.linalg.solve(K, np.concatenate([-g, -A[:, n]]))[:n]
     return float(best @ H @ best / 2 + g @ best + rest)
+
+
+def least(**end: bool) -> float:
+    """The least cost of all times of the hit."""
+    times = np.linspace(0.1, 0.95, 18)
+    near = times[int(np.argmin([by_hand(first, **end) for first in times]))]
+    found = minimize_scalar(
+        lambda first: by_hand(first, **end), bounds=(near - 0.09, near + 0.049), method="bounded"
+    )
+    return float(found.fun)
 
 
 def bound(problem: dmoc.Problem, low: Any, high: Any) -> float:
@@ -80,10 +101,27 @@ def bound(problem: dmoc.Problem, low: Any, high: Any) -> float:
 
 def test_the_best_motion_is_proved(weighed: Kernels) -> None:
     proof = dmoc.prove(problem_of(weighed), 1e-3)
-    cost = min(map(by_hand, np.linspace(0.45, 0.65, 2001)))
+    cost = least()
     assert proof.claim is Claim.OPTIMAL and proof.boxes < 300 and proof.left_out == ()
     assert proof.cost == pytest.approx(cost, rel=1e-6)
     assert cost * (1 - 1.1e-3) <= proof.bound <= cost * (1 + 1e-9)
+
+
+def test_costs_of_the_end() -> None:
+    """The constant 1 beside the squares is there, whatever the motion is."""
+    ended = system("ended", RUNNING, 15 * (x - sp.Rational(3, 5)) ** 2 + 2 * x.diff(t) ** 2 + 1)
+    problem = problem_of(dmoc.build(ended, order=2), goal={})
+    cost = least(end=True) + 1
+    proof = dmoc.prove(problem, 1e-3)
+    assert proof.claim is Claim.OPTIMAL and proof.boxes < 300
+    assert proof.cost == pytest.approx(cost, rel=1e-6)
+    assert cost * (1 - 1.1e-3) <= proof.bound <= cost * (1 + 1e-9)
+    assert lower_bound(problem, 1.0, Deadline.after(9), growing=True)[0] == -np.inf
+
+
+def test_bounds_of_inputs_do_not_bound_what_the_end_costs() -> None:
+    kernels = dmoc.build(system("only_end", u**2, x**2), order=2, backend="numpy")
+    assert _largest_cost(linear_problem(problem_of(kernels, bounds={"u": (-9, 9)}))) == np.inf
 
 
 @pytest.mark.parametrize("width", [1e-9, 0.01, 0.05, 0.2])
@@ -111,17 +149,22 @@ def test_what_contacts_hold_costs_something(weighed: Kernels) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "cost", "sentence"),
+    ("name", "cost", "end", "sentence"),
     [
-        ("repelled", u**2 - x**2, "the cost is not convex in positions and velocities"),
-        ("uphill", u**2 + x, "the cost is linear in x:"),
-        ("fast", u**2 + x**2 + x.diff(t), "the cost is linear in x_dot:"),
-        ("mixed", u**2 + x**2 + u * x, "the cost is no sum of a quadratic function of the inputs"),
-        ("steep", u**2 + x**4, "the cost is no sum of a quadratic function of the inputs"),
+        ("repelled", u**2 - x**2, 0, "the cost is not convex in positions and velocities"),
+        ("uphill", u**2 + x, 0, "the cost is linear in x:"),
+        ("fast", u**2 + x**2 + x.diff(t), 0, "the cost is linear in x_dot:"),
+        ("mixed", u**2 + x**2 + u * x, 0, "the cost is no sum of a quadratic function of the inp"),
+        ("steep", u**2 + x**4, 0, "the cost is no sum of a quadratic function of the inputs"),
+        ("far", u**2, -(x**2), "the cost of the end is not convex"),
+        ("farther", u**2, x, "the cost of the end is linear in x:"),
+        ("ends_steep", u**2, x**4, "the cost of the end is no quadratic function"),
+        ("below", u**2, x**2 - 3, "the cost of the end is -3 at least: .* add 3"),
+        ("later", u**2, t * x**2, "the cost of the end depends on the time"),
     ],
 )
-def test_other_costs_are_refused_by_name(name: str, cost: Any, sentence: str) -> None:
-    kernels = dmoc.build(system(name, cost), order=2, backend="numpy")
+def test_other_costs_are_refused_by_name(name: str, cost: Any, end: Any, sentence: str) -> None:
+    kernels = dmoc.build(system(name, cost, end), order=2, backend="numpy")
     with pytest.raises(dmoc.DmocError, match=sentence):
         linear_problem(problem_of(kernels))
 
