@@ -13,7 +13,7 @@ from dmoc.check.passages import EventPassage
 from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contacts import RAIL
 from dmoc.motion.friction import states_of, sticks, turned
-from dmoc.motion.impact_laws import IMPACT_LAWS, RETURNING
+from dmoc.motion.impact_laws import BALL, IMPACT_LAWS, RETURNING
 from dmoc.simulation.sizes import Sizes
 
 SOFT = 1e-6  # own rates of a collision count by at least this share of the largest
@@ -119,9 +119,12 @@ def _unbearable(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
             yield f"{name} takes an impulse at {time:.4g} s without being hit or closed"
     there = model.in_impact_at(p.before.q[-1], time)
     bearing = np.where(np.array(model.supports) == RAIL, 0.0, there.bearing(p.law.normal[0]))
-    for k, name in enumerate(tangents):
+    for k in model.contacts.lines:
+        name, along = tangents[k], model.contacts.directions(k)
         bears = np.inf if k == p.rubs and there.hit_friction[k] == np.inf else float(bearing[k])
-        needed = max(abs(float(p.law.tangential[0, k])), abs(tangential[k]))
+        needed = float(
+            np.hypot.reduce([p.law.tangential[0, along], tangential[along]], axis=1).max()
+        )
         if needed > bears + slack * max(there.friction[k], 1.0):
             yield (
                 f"{name} would need an impulse of friction of {needed:.4g} N s at {time:.4g} s, "
@@ -163,8 +166,9 @@ def _otherwise(p: EventPassage, slack: float) -> Iterator[str]:
     c, course = p.c, p.law.course
     if p.rubs is None or p.hit is None or not c.course or c.course == course:
         return
-    normal, tangential = p.planned
-    off = normal[p.hit] - p.law.normal[0, p.hit], tangential[p.rubs] - p.law.tangential[0, p.rubs]
+    along = p.model.contacts.directions(p.rubs)
+    normal, tangential = p.planned[0][p.hit], p.planned[1][along]
+    off = normal - p.law.normal[0, p.hit], *(tangential - p.law.tangential[0, along])
     if max(map(abs, off)) > slack:
         yield (
             f"by {IMPACT_LAWS[p.impact.by].name} the hit of {c.surface} at {c.time:.4g} s goes "
@@ -174,17 +178,20 @@ def _otherwise(p: EventPassage, slack: float) -> Iterator[str]:
 
 def _not_returned(p: EventPassage, sizes: Sizes) -> Iterator[str]:
     """A hit whose tangential rate after it is not that of its tangential restitution."""
-    if p.rubs is None or p.impact.by != RETURNING or p.c.grazes:
+    if p.rubs is None or p.impact.by not in (RETURNING, BALL) or p.c.grazes:
         return
     v = np.vstack([p.before.v[-1], p.after.v[0], p.law.velocity[0]])
     q, t = np.repeat(p.before.q[-1:], len(v), axis=0), np.full(len(v), p.c.time)
-    before, after, right = p.model.slide_rates(q, v, t)[:, p.rubs]
-    if abs(after - right) > TURNED * sizes.slide[p.rubs]:
-        yield (
-            f"the hit of {p.c.surface} at {p.c.time:.4g} s violates its law of tangential "
-            f"restitution: its point slides with {before:.4g} before it and {after:.4g} after it, "
-            f"where the law has {right:.4g}"
-        )
+    law = IMPACT_LAWS[p.impact.by].name
+    law = f"its law of {law}" if p.impact.by == RETURNING else law
+    for k in p.model.contacts.directions(p.rubs):
+        before, after, right = p.model.slide_rates(q, v, t)[:, k]
+        if abs(after - right) > TURNED * sizes.slide[k]:
+            yield (
+                f"the hit of {p.c.surface} at {p.c.time:.4g} s violates {law}: its point slides "
+                f"with {before:.4g} before it and {after:.4g} after it, where the law has "
+                f"{right:.4g}"
+            )
 
 
 def _approached(p: EventPassage, sizes: Sizes) -> Iterator[str]:

@@ -12,6 +12,7 @@ from dmoc.base.tolerances import ROUNDING
 from dmoc.check.impact_law import ImpactLaw, ImpactResult
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode, without_rails
+from dmoc.mechanics.isotropy import coupled
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import Collision, Phase
 from dmoc.simulation.contact_modes import Reaction, borne
@@ -178,6 +179,7 @@ def passage_of(
     j = model.surface_numbers[c.surface]
     with_hit = replace(ours, closed=(j, *ours.closed))
     wrong = _wrong_law(model, restitution, j, (before.q[-1], before.v[-1], c.time))
+    wrong = wrong or coupled(model, j, before.q[-1], c.time)
     return EventPassage(*parts, with_hit, j, model.rubs_in_hits.get(j), wrong=wrong)
 
 

@@ -76,7 +76,8 @@ class HitTable(Experiment):
         """Velocities after hits from states (rows, nq)."""
         law, t = laws.law_of(self.event, self.touch.modes[0]), np.zeros(len(q))
         model = laws.model
-        if law.rubs is None or law.holding.closed or model.nj or model.varying_friction:
+        held = law.holding.closed or model.nj or law.hit in model.contacts.in_space
+        if law.rubs is None or held or model.varying_friction:
             return law.after(q, v, t).velocity
         return self._rubbing(law, q, v)
 

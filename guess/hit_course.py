@@ -12,7 +12,7 @@ from dmoc.mechanics.contact_mode import Course
 from dmoc.motion.friction import SLIDING, after_stop, sliding_with
 from dmoc.problem.problem import Problem
 from dmoc.program.hit_stages import Passage
-from dmoc.program.laws.tangential import returned
+from dmoc.program.laws.whole_hits import WHOLE_HITS
 from dmoc.program.layout import Layout
 
 
@@ -56,7 +56,9 @@ def course_at(problem: Problem, p: Passage, state: tuple[Array, Array, float]) -
     e = float(model.coefficients(problem.restitution_values, *state)[p.surface])
     mu, e_t = float(model.hit_friction[p.tangent]), float(model.tangential_restitution[p.tangent])
     return (
-        Course(returned(rates, A, mu, e, e_t).friction) if p.whole else course_of(rates, A, mu, e)
+        Course(WHOLE_HITS[p.law](rates, A, mu, e, e_t).friction)
+        if p.whole
+        else course_of(rates, A, mu, e)
     )
 
 

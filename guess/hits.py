@@ -13,7 +13,7 @@ from dmoc.program.hit_stages import END, STOP, Passage
 from dmoc.program.implied_values import hidden_values, with_forces
 from dmoc.program.laws.hit import RESTITUTIONS
 from dmoc.program.laws.restitution import Spent
-from dmoc.program.laws.tangential import returned
+from dmoc.program.laws.whole_hits import WHOLE_HITS
 from dmoc.program.layout import Layout
 from dmoc.program.totals import peaks_at, totals_at
 
@@ -98,13 +98,13 @@ def rates_and_response(
 
 def _rates(problem: Problem, p: Passage, state: tuple[Array, Array, float]) -> Array:
     gap_rates, slide_rates = problem.model.gap_rates(*state), problem.model.slide_rates(*state)
-    return np.array([-gap_rates[p.surface], slide_rates[p.tangent]])
+    return np.array([-gap_rates[p.surface], *slide_rates[list(p.tangents)]])
 
 
 def _directions(problem: Problem, p: Passage, q: Array, t: float) -> Array:
-    """The directions (-grad g, grad tau), shape (2, nq)."""
+    """The directions (-grad g, grad tau), shape (2, nq), (3, nq) where the tangent has two."""
     normal = problem.model.gap_slopes(q, t)[p.surface, :-1]
-    return np.array([-normal, problem.model.tangent_slopes(q, t)[p.tangent, :-1]])
+    return np.vstack([-normal, problem.model.tangent_slopes(q, t)[list(p.tangents), :-1]])
 
 
 def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None:
@@ -117,21 +117,22 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     e = float(model.coefficients(problem.restitution_values, q, v, t)[p.surface])
     mu = friction_of(problem, p, q, t)
     if p.whole:
-        hit = returned(rates, A, mu, e, float(model.tangential_restitution[p.tangent]))
-        lam = np.array(hit[:2])
+        lam = WHOLE_HITS[p.law](
+            rates, A, mu, e, float(model.tangential_restitution[p.tangent])
+        ).path
     else:
         lam = _impulses(p, rates, A, (e, mu))
     if not np.isfinite(lam).all() or not np.isfinite(pushed).all():
         return
     moments = list(p.moments)
-    x[lay.hit.P_h[i, moments]], x[lay.hit.T_h[i, moments]] = lam[:-1].T
+    x[lay.hit.P_h[i, moments]], x[lay.hit.T_h[i, moments]] = lam[:-1, 0], lam[:-1, 1]
     x[lay.hit.v_h[i, moments]] = v + lam[:-1] @ pushed.T
     closed, rubs = list(p.holding.closed), list(p.holding.rubbing)
     at = [(lay.held.P_b[i, m], lay.held.T_b[i, m]) for m in moments]
     at.append((lay.contact.P_c[i], lay.contact.T_c[i]))
     for (P, T), beside, friction in zip(at, lam @ normal, lam @ tangential, strict=True):
         x[P[closed]], x[T[rubs]] = beside[closed], friction[rubs]
-    x[lay.impact.lam[i]], x[lay.contact.T_c[i, p.tangent]] = lam[-1]
+    x[lay.impact.lam[i]], x[lay.contact.T_c[i, list(p.tangents)]] = lam[-1, 0], lam[-1, 1:]
     x[lay.impact.v_c[i]] = v + pushed @ lam[-1]
 
 

@@ -13,6 +13,7 @@ from dmoc.base.records import record
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.contact_mode import Event
 from dmoc.mechanics.contacts import NOWHERE, Contacts
+from dmoc.motion.impact_laws import BALL, second_of
 
 # Matrix outputs that are read here, and their kernels.
 MATRICES = {
@@ -91,6 +92,9 @@ class BoundKernels:
             ended=tuple(facts.within),
             grips=tuple((grip, tuple(places)) for grip, places in facts.grips.items()),
             by_rate=tuple(facts.by_rate), strong=tuple(facts.strength),
+            pairs=tuple(
+                (n, second_of(n)) for n in names.tangents if facts.impact_laws.get(n) == BALL
+            ),
         )  # fmt: skip
 
     @property

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from dmoc.base.records import value_class
 from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
-from dmoc.motion.friction import FRICTION, SLIDING, STICK, after_stop, friction_word, sticks
+from dmoc.motion.friction import FRICTION, SLIDING, SLIP, STICK, after_stop, friction_word, sticks
 from dmoc.motion.trajectory import mode_word
 
 LATE = "late"
@@ -128,8 +128,9 @@ class Course:
     def of_hits(cls, contacts: Contacts, name: str) -> list[Course]:
         """All ways through a hit of a surface; that it sticks from the beginning is a limit of two
         others, but where a hit sticks or slides as a whole."""
-        sliding = [cls(s) for s in SLIDING]
-        if contacts.said_of(name).whole:
+        law = contacts.said_of(name)
+        sliding = [cls(SLIP)] if law.in_space else [cls(s) for s in SLIDING]
+        if law.whole:
             return [*sliding, cls(STICK)]
         late = name not in contacts.plastic
         stops = [c for s in SLIDING if name in contacts.rough for c in cls.stopping(s, late)]

@@ -22,7 +22,8 @@ class Contacts:
     """What can touch in a model: its surfaces, and its tangents, of which those that are named like
     a surface belong to it and the others are rails; surfaces without restitution, those whose
     tangent has friction, surfaces with the laws of their hits, Poisson's where none is told, and
-    tangents without friction, which take part in hits alone; switches; surfaces that have ends.
+    tangents without friction, which take part in hits alone; switches; surfaces that have ends;
+    surfaces whose tangent has two directions, which takes part in hits alone too, with the second.
 
     Behind the surfaces come the places of ``grips``: conditions that a sequence closes and opens,
     whose forces have both signs, and which hold nothing back while they are open.  Those that are
@@ -36,6 +37,7 @@ class Contacts:
     frictionless: tuple[str, ...] = ()
     switches: tuple[str, ...] = ()
     ended: tuple[str, ...] = ()
+    pairs: tuple[tuple[str, str], ...] = ()
     grips: tuple[tuple[str, tuple[str, ...]], ...] = ()
     by_rate: tuple[str, ...] = ()
     strong: tuple[str, ...] = ()
@@ -93,7 +95,28 @@ class Contacts:
     @property
     def rubbing(self) -> tuple[str, ...]:
         """Tangents that rub where a contact lasts."""
-        return tuple(t for t in self.tangents if t not in self.frictionless)
+        alone = *self.frictionless, *(name for pair in self.pairs for name in pair)
+        return tuple(t for t in self.tangents if t not in alone)
+
+    @cached_property
+    def in_space(self) -> tuple[int, ...]:
+        """Numbers of the surfaces whose tangent has two directions."""
+        return tuple(self.surface_numbers[name] for name, _ in self.pairs)
+
+    def directions(self, tangent: int) -> list[int]:
+        """A tangent with its second direction, where it has one."""
+        second = dict(self.pairs).get(self.tangents[tangent])
+        return [tangent] if second is None else [tangent, self.tangent_numbers[second]]
+
+    def tangents_of(self, surface: int) -> tuple[int, ...]:
+        """The directions of the tangent of a surface."""
+        return tuple(self.directions(self.supports.index(surface)))
+
+    @cached_property
+    def lines(self) -> tuple[int, ...]:
+        """Numbers of the tangents that are no second directions."""
+        seconds = [second for _, second in self.pairs]
+        return tuple(k for k, name in enumerate(self.tangents) if name not in seconds)
 
     def rubs_on(self, surface: int) -> int | None:
         """The tangent that rubs where a contact with a surface lasts, if there is one."""
@@ -102,7 +125,8 @@ class Contacts:
 
     @property
     def rails(self) -> tuple[str, ...]:
-        return tuple(t for t in self.tangents if t not in self.surface_numbers)
+        names = (self.tangents[k] for k in self.lines)
+        return tuple(name for name in names if name not in self.surface_numbers)
 
     def impact_law(self, surface: str) -> str:
         """The law of hits of a surface that have a tangential impulse."""

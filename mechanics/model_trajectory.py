@@ -16,7 +16,7 @@ from dmoc.mechanics.contact_mode import mode_by_names
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.phase_models import PhaseModels
 from dmoc.motion.friction import sticks
-from dmoc.motion.impact_laws import RETURNING
+from dmoc.motion.impact_laws import BALL, RETURNING
 from dmoc.motion.scene import Scene, resampled, shapes_in
 from dmoc.motion.states import PARTS, positions
 from dmoc.motion.trajectory import Collision, Phase, Trajectory, last_inputs
@@ -48,6 +48,8 @@ def motion_along(
             for i, p in enumerate(phases)
         ]
     mu = np.array([m.friction for m in models.different])
+    for k in model.contacts.lines:
+        mu[:, model.contacts.directions(k)] = mu[:, [k]]
     if model.varying_friction or model.paired.any() or np.ptp(mu, axis=0).any():
         last = last_inputs(phases, form)
         phases = [
@@ -81,7 +83,7 @@ def motion_along(
         tangential_restitution={
             kernels.surfaces[j]: float(model.tangential_restitution[k])
             for j, k in model.rubs_in_hits.items()
-            if model.impact_laws[j] == RETURNING
+            if model.impact_laws[j] in (RETURNING, BALL)
         },
         units=dict(kernels.manifest.units),
         scene=scene_of(models, [(p.t, p.q, p.v) for p in phases]) if drawn else None,

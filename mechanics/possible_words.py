@@ -35,6 +35,7 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     landings = [
         f"+{name}{state}"
         for name in open_ones
+        if name not in dict(contacts.pairs)
         for state in (landing_states if name in contacts.rubbing else ("",))
     ]
     for word in (*impacts, *landings):
@@ -50,7 +51,10 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     yield from (*leaving, *slipping, *turns)
     yield from _together(leaving, {name: s for name, s in rubbing.items() if name in closed})
     for state in landing_states:
-        both = [name for name in open_ones if not state or name in contacts.tangents]
+        both = [
+            name for name in open_ones
+            if name not in dict(contacts.pairs) and (not state or name in contacts.tangents)
+        ]  # fmt: skip
         yield from (f"+{a}{state} +{b}{state}" for a, b in combinations(both, 2))
 
 

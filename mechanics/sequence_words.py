@@ -9,6 +9,7 @@ A mode says which contacts are closed in a phase and how friction acts in it.  T
                     begins to slide in the first way, stops during compression and sticks, or turns
     wall:slip+:stick:late, wall:slip+:slip-:late
                     the same, but it stops during restitution
+    wall:slip       slides all along, where the tangent has two directions; also wall:stick
     +foot           lands plastically and stays closed; it sticks if the model gives it friction
     +foot:slip+     lands sliding, in the direction in which tau grows; slip- in the other one
     +foot:slip+:stick, +foot:slip+:slip-
@@ -36,6 +37,7 @@ from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
 from dmoc.mechanics.touch import Touch, friction_changes
 from dmoc.motion.friction import (
     FRICTION,
+    IN_SPACE,
     STICK,
     STICKING,
     friction_word,
@@ -67,7 +69,8 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
         if name in seen:
             raise ProblemError(f"{shown(word)} in the sequence names {name!r} twice: say it once.")
         seen.append(name)
-        names = contacts.grasped(contacts.surfaces) if sign or not colon else contacts.tangents
+        tangents = tuple(contacts.tangents[k] for k in contacts.lines)
+        names = contacts.grasped(contacts.surfaces) if sign or not colon else tangents
         if name not in names:
             plain = contacts.switches if not (sign or colon) else ()
             kinds = ["surface", *["grip"] * bool(contacts.grips), *["switch"] * bool(plain)]
@@ -87,13 +90,19 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
             (lands if sign == "+" else leaves).extend(contacts.places(name))
             continue
         is_hit = not sign and name in numbers and numbers[name] not in closed
+        if sign == "+" and name in dict(contacts.pairs):
+            raise ProblemError(f"{part!r} in the sequence: {_hit_alone(name)}.")
         if colon:
             if name in contacts.frictionless:
                 raise ProblemError(
                     f"{part!r} in the sequence: {name} has tangential restitution and no friction, "
                     f"so that there is no way to say; say {sign + name!r}, or give it friction."
                 )
-            course = _course(part, course_words, name in contacts.tangents and sign in ("", "+"))
+            if is_hit and name in dict(contacts.pairs):
+                course = _course_in_space(part, name, course_words, contacts)
+            else:
+                rubs = name in contacts.tangents and sign in ("", "+")
+                course = _course(part, course_words, rubs)
             if is_hit or course.then is not None:
                 _check_course(part, name, course, (is_hit, sign == "+"), contacts)
                 courses[name] = course
@@ -144,6 +153,29 @@ def _switch_in(word: str, contacts: Contacts) -> int | None:
                 )
             return contacts.switches.index(name)
     return None
+
+
+def _hit_alone(name: str) -> str:
+    """What does not last."""
+    return (
+        f"the tangent of {name!r} has two directions, in which friction acts in hits alone; let it "
+        "be hit, state rolling as constraints of velocities, or give its tangent one direction"
+    )
+
+
+def _course_in_space(part: str, name: str, word: str, contacts: Contacts) -> Course:
+    """Read how a contact with two tangential directions is hit."""
+    if word not in IN_SPACE:
+        raise ProblemError(
+            f"{part!r} in the sequence: the tangent of {name!r} has two directions, and the one in "
+            f"which it slides is part of the motion; say '{name}:slip' or '{name}:stick'."
+        )
+    if name not in contacts.rough:
+        raise ProblemError(
+            f"{part!r} in the sequence: the friction of {name!r} is 0, so that there is no way to "
+            f"say; say {name!r}, or give it friction."
+        )
+    return Course(IN_SPACE[word])
 
 
 def _course(part: str, course_words: str, rubs: bool) -> Course:
@@ -204,6 +236,8 @@ def mode_of(parts: Sequence[str], contacts: Contacts) -> Mode:
         name, colon, state = text.partition(":")
         among = contacts.grasped(contacts.surfaces)
         check_known(name, (*among, *contacts.rails), "contact", "in contacts")
+        if name in dict(contacts.pairs):
+            raise ProblemError(f"{text!r} in contacts: {_hit_alone(name)}.")
         if colon and (state not in FRICTION or name not in contacts.rubbing):
             raise ProblemError(
                 f"{text!r} in contacts: expected a contact with friction and stick, slip+ or slip-."

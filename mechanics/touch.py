@@ -166,7 +166,7 @@ class Touch:
         passes = np.zeros((len(self.events), len(self.contacts.tangents)), dtype=bool)
         for i, event in enumerate(self.events):
             if self.courses[i] is not None:
-                passes[i, self.contacts.supports.index(event.surface)] = True
+                passes[i, list(self.contacts.tangents_of(event.surface))] = True
         return passes
 
 

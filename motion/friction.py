@@ -1,7 +1,8 @@
 """The states of friction and their words: a tangent sticks, or slides in a direction.
 
 A state is 0 where the tangent sticks, 1 or -1 where it slides with that sign of tau'.  What a state
-makes of a motion, its mode and the conditions of this know (:mod:`dmoc.mechanics.conditions`).
+makes of a motion, its mode and the conditions of this know (:mod:`dmoc.mechanics.conditions`).  A
+hit of a contact with two tangential directions slides in one that is part of the motion.
 """
 
 from __future__ import annotations
@@ -14,7 +15,10 @@ STICKING = "stick"
 FRICTION = {STICKING: STICK, "slip+": 1, "slip-": -1}  # states by their words
 STATES = (1, STICK, -1)  # from one direction to the other
 SLIDING = tuple(state for state in STATES if state != STICK)
-_WORDS = {state: word for word, state in FRICTION.items()}
+# Hits of contacts with two tangential directions.
+SLIP = 2
+IN_SPACE = {STICKING: STICK, "slip": SLIP}
+_WORDS = {state: word for word, state in (FRICTION | IN_SPACE).items()}
 
 
 def friction_word(state: int) -> str:

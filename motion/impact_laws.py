@@ -27,6 +27,8 @@ class ImpactLaw:
         It is a law of one contact: nothing else may touch.
     constant : bool
         Its coefficient of restitution is a number of a program.
+    in_space : bool
+        The contact has two tangential directions: what slides has no sign.
     """
 
     name: str
@@ -34,9 +36,11 @@ class ImpactLaw:
     whole: bool = False
     alone: bool = False
     constant: bool = False
+    in_space: bool = False
 
 
 POISSON, STRONGE, RETURNING = "poisson", "stronge", "tangential restitution"
+BALL = "ball"
 IMPACT_LAWS = {
     POISSON: ImpactLaw("Poisson's law", "restitution has e times the impulse of compression"),
     STRONGE: ImpactLaw(
@@ -49,7 +53,18 @@ IMPACT_LAWS = {
         "that is above mu P",
         whole=True, alone=True,
     ),
+    BALL: ImpactLaw(
+        "the law of a ball",
+        "T is opposite to the sliding velocity before the hit, and leaves -e_t times that, or is "
+        "mu P where that would be more",
+        whole=True, alone=True, in_space=True,
+    ),
 }  # fmt: skip
+
+
+def second_of(tangent: str) -> str:
+    """The name of the second direction of a tangent that has two."""
+    return f"{tangent}_2"
 
 
 def law_of(surface: str, stated: Mapping[str, str], returning: Collection[str]) -> str:

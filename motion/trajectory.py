@@ -162,7 +162,8 @@ class Collision:
         Friction of tangents from here on, where it changes: 0 sticks, 1 and -1 slide.
     impulses, tractions : mappings of str to float
         Normal impulses P of all contacts that take one, and their tangential impulses S: the
-        momentum changes by -P grad g + S grad tau + R grad phi, or R dc/dv.
+        momentum changes by -P grad g + S grad tau + R grad phi, or R dc/dv.  ``"floor_2"`` is the
+        second direction of ``"floor"``, where it has two.
     reactions : mapping of str to float
         Impulses R of the constraints of the model.
     course : str

@@ -16,7 +16,7 @@ from dmoc.mechanics.contact_mode import FREE, Course, Event, Mode
 from dmoc.mechanics.contacts import NOWHERE
 from dmoc.mechanics.touch import Touch
 from dmoc.motion.friction import STICK, sticks
-from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON
+from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON, ImpactLaw
 from dmoc.program.blocks import Bools, Index, Numbering
 
 # Moments within an impact.
@@ -32,7 +32,9 @@ class Passage:
 
     Attributes
     ----------
-    event, surface, tangent : int
+    event, surface : int
+    tangents : tuple of int
+        The directions of its tangent, one or two.
     lands : bool
         The contact stays closed: there is no restitution.
     moments : tuple of int
@@ -43,17 +45,22 @@ class Passage:
         What else is closed during the impact, and its friction.
     law : str
         That of the impact (:mod:`dmoc.motion.impact_laws`).  Where it is one of whole hits, the
-        moment is that of the hit that stops all at once, and the last stage the whole impact.
+        moment is that of the hit that stops all at once, and the last stage the whole impact; the
+        law of a ball has no moment.
     """
 
     event: int
     surface: int
-    tangent: int
+    tangents: tuple[int, ...]
     lands: bool
     moments: tuple[int, ...]
     friction: tuple[int, ...]
     holding: Mode = FREE
     law: str = POISSON
+
+    @property
+    def tangent(self) -> int:
+        return self.tangents[0]
 
     @property
     def whole(self) -> bool:
@@ -185,11 +192,10 @@ class HeldUnknowns:
 def passages_of(touch: Touch) -> tuple[Passage, ...]:
     """The ways through the impacts with friction of a motion that have a course: hits, and
     landings during which sliding stops."""
-    tangents = touch.contacts.supports.index
     return tuple(
         Passage(
-            i, event.surface, tangents(event.surface), bool(event.lands),
-            *_stages(course, bool(event.lands), IMPACT_LAWS[law].whole), _holding(touch, i), law,
+            i, event.surface, touch.contacts.tangents_of(event.surface), bool(event.lands),
+            *_stages(course, bool(event.lands), IMPACT_LAWS[law]), _holding(touch, i), law,
         )
         for i, (event, course) in enumerate(zip(touch.events, touch.courses, strict=True))
         if course is not None
@@ -210,9 +216,11 @@ def _holding(touch: Touch, event: int) -> Mode:
     return touch.modes[event + 1].among(beside, lambda k: bool(touch.drags[event, k]))
 
 
-def _stages(course: Course, lands: bool, whole: bool) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def _stages(course: Course, lands: bool, law: ImpactLaw) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Moments and friction of the stages of a course."""
-    if whole:
+    if law.in_space:
+        return (), (course.first,)
+    if law.whole:
         return (END,), (STICK, course.first)
     moments, friction = [END], [course.first, course.first]
     if course.then is not None:

@@ -13,6 +13,7 @@ from dmoc.base.arguments import shown
 from dmoc.base.errors import SimulationError
 from dmoc.base.signatures import public
 from dmoc.base.table import Shown, Table
+from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Kernels
 from dmoc.control.controller import Steers, controlled
 from dmoc.control.disturbance import Disturbance
@@ -108,8 +109,11 @@ def _rows(s: Simulation) -> Iterator[tuple[str, str]]:
     yield "final time", f"{s.final_time:.6g} s in {len(s.t) - 1} recorded steps"
     for c in s.collisions[:MOST_EVENTS]:
         impulse = f", impulse {c.impulse:.6g}" if c.impulse else ""
-        if along := c.tractions.get(c.surface):
-            impulse += f", along it {along:.6g}"
+        if any(c.tractions.values()):
+            least = SAME * c.impulse
+            values = (T if abs(T) > least else 0 for T in c.tractions.values())
+            along = " and ".join(f"{T:.6g}" for T in values)
+            impulse += f", along it {along}"
         what = f"event {c.switch}" if c.switch else f"collision {c.surface}"
         yield what, f"at {c.time:.6g} s{impulse}"
     more = len(s.collisions) - MOST_EVENTS

@@ -12,6 +12,7 @@ from dmoc.base.discretisation import DISCRETISATIONS, FORMS, ORDERS
 from dmoc.base.tolerances import SAME
 from dmoc.check.verdict import Verification
 from dmoc.mechanics.contact_mode import COURSES
+from dmoc.motion.friction import IN_SPACE
 from dmoc.motion.scene import COLUMNS, Scene, Shape, wrong_scene
 from dmoc.motion.states import PARTS
 from dmoc.motion.trajectory import FORCES, Collision, Phase, Trajectory
@@ -196,7 +197,7 @@ COLLISION = Record(
         "friction": Mapped(SIGN, names=Name()),
         "impulses": Mapped(Number(), names=Name()),
         "tractions": Mapped(Number(), names=Name()),
-        "course": Choice(COURSES),
+        "course": Choice(tuple(dict.fromkeys((*COURSES, *IN_SPACE)))),
         "reactions": Mapped(Number(), names=Name()),
         "switch": Either(Choice(("",)), Name()),
         "off": Listed(Name()),

@@ -139,7 +139,8 @@ def _other_courses(event: Event, contacts: Contacts) -> list[Course]:
     if event.course is None or contacts.surfaces[event.hit] not in contacts.rough:
         return []
     if contacts.said_of(contacts.surfaces[event.hit]).whole:
-        return [course for course in map(Course, STATES) if course != event.course]
+        ways = Course.of_hits(contacts, contacts.surfaces[event.hit])
+        return [course for course in ways if course != event.course]
     s, late = event.course.first, contacts.surfaces[event.hit] not in contacts.plastic
     return [] if sticks(s) else [Course(s), *Course.stopping(s, late)]
 

@@ -98,7 +98,8 @@ class Relaxation:
         places = [s for g in named if g in contacts.grip_names for s in contacts.places(g)]
         can = [contacts.surface_numbers[s] for s in named if s not in contacts.grip_names]
         grips = (*(contacts.surface_numbers[s] for s in places), *mode.closed)
-        closing = tuple(j for j in can if lasts or e[j] == 0)  # a law is no number
+        lasting = [j for j in can if j not in contacts.in_space]
+        closing = tuple(j for j in lasting if lasts or e[j] == 0)  # a law is no number
         closing += tuple(j for j in dict.fromkeys(grips) if contacts.pull[j])
         on = (RAIL, *closing)
         rubbing = tuple(k for k, j in enumerate(contacts.supports) if j in on and rubs[k])

@@ -159,8 +159,8 @@ def _course(relaxed: RelaxedMotion, i: int) -> Course | None:
     surface, node = int(lay.touch.surfaces[i]), lay.collision_nodes[i]
     if contacts.surfaces[surface] not in contacts.rough:
         return None
-    law, tangent = contacts.impact_law(contacts.surfaces[surface]), contacts.supports.index(surface)
-    hit = Passage(i, surface, tangent, False, (), (), law=law)
+    law = contacts.impact_law(contacts.surfaces[surface])
+    hit = Passage(i, surface, contacts.tangents_of(surface), False, (), (), law=law)
     state = x[lay.index_q[node]], x[lay.impact.v_a[i]], float(lay.times(x)[node])
     return course_at(lay.problem_at(relaxed.nlp.problem, x), hit, state)
 

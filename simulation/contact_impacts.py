@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_forces import unknown_in_impacts
 from dmoc.mechanics.contact_mode import FREE, Mode
+from dmoc.mechanics.isotropy import coupled
 from dmoc.mechanics.model import Model
 from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON
 from dmoc.simulation.contact_modes import Reaction
@@ -33,11 +34,11 @@ MOST_IN_TURN = 20  # impacts on several surfaces after the first one of an order
 
 @record(frozen=True, eq=False)
 class Struck:
-    """Velocity after impacts (nq,) and their impulses, in their order: of surfaces, with that of
-    the surface's tangent or 0; where the order decides, the velocity with one of them hit first."""
+    """Velocity after impacts (nq,) and their impulses, in their order: of surfaces, with those of
+    their tangents; where the order decides, the velocity with one of them hit first."""
 
     velocity: Array
-    impulses: tuple[tuple[int, float, float], ...]
+    impulses: tuple[tuple[int, float, Mapping[int, float]], ...]
     orders: tuple[tuple[int, Array], ...] = ()
 
 
@@ -103,7 +104,7 @@ def _at_once(model: Model, at: Place, on: list[int], hit: list[int], e: Array) -
     apart = [v - orders[0][1] for _, v in orders]
     if orders and all(off @ M @ off <= SAME**2 * (change @ M @ change) for off in apart):
         blow, orders = next(way for _, way in ways if way is not None), ()
-    return Struck(blow.velocity, tuple(_felt(blow, on, model.rough)), orders)
+    return Struck(blow.velocity, tuple(_felt(model, blow, on, model.rough)), orders)
 
 
 def _first(
@@ -129,15 +130,17 @@ def _first(
 
 def _struck_by(model: Model, hit: SingleHit, on: list[int]) -> Struck:
     blow = Blow(hit.velocity, hit.normal, hit.tangential)
-    return Struck(blow.velocity, tuple(_felt(blow, on, model.rubs_in_hits)))
+    return Struck(blow.velocity, tuple(_felt(model, blow, on, model.rubs_in_hits)))
 
 
-def _felt(blow: Blow, on: list[int], tangent: dict[int, int]) -> Iterator[tuple[int, float, float]]:
-    """Surfaces that take an impulse, with it and with that of their friction."""
+def _felt(
+    model: Model, blow: Blow, on: list[int], tangent: dict[int, int]
+) -> Iterator[tuple[int, float, Mapping[int, float]]]:
+    """Surfaces that take an impulse, with it and with those of their friction."""
     for j in on:
         if blow.normal[j] > SAME * blow.normal.max():
-            traction = float(blow.tangential[tangent[j]]) if j in tangent else 0.0
-            yield j, float(blow.normal[j]), traction
+            along = model.contacts.directions(tangent[j]) if j in tangent else []
+            yield j, float(blow.normal[j]), {k: float(blow.tangential[k]) for k in along}
 
 
 def _effective(
@@ -203,7 +206,9 @@ def _one_by_one(model: Model, at: Place, e: Array) -> Struck:
             "simulated, change the start or give the surfaces a restitution below 1."
         )
     moment = undecided_of(model, (q, v, at.t), impacts)
-    impulses = tuple((j, impulse, 0.0) for j, impulse in impacts.impulses)
+    impulses = tuple[tuple[int, float, Mapping[int, float]], ...](
+        (j, impulse, {}) for j, impulse in impacts.impulses
+    )
     return Struck(moment.taken, impulses, moment.orders)
 
 
@@ -220,11 +225,13 @@ def _alone(model: Model, at: Place, j: int, by: str | None, e: float) -> Struck:
     normal = -model.gap_slopes(q, at.t)[j, :-1]
     pushed = model.responses(q, normal, at.t)
     impulse = (1 + e) * float(model.gap_rates(q, v, at.t)[j]) / float(normal @ pushed)
-    return Struck(v + impulse * pushed, ((j, impulse, 0.0),))
+    return Struck(v + impulse * pushed, ((j, impulse, {}),))
 
 
 def _by_law(model: Model, state: tuple[Array, Array, float], j: int, by: str, e: float) -> Struck:
     """An impact with a tangential impulse on one surface in a state (q, v, t)."""
+    if reason := coupled(model, j, state[0], state[2]):
+        raise SimulationError(f"{reason}: there is one at t = {state[2]:.6g} s.")
     hit = single_hit(model, (j, model.rubs_in_hits[j]), FREE, state, e, by)
     if not hit.way.normal > 0:
         raise SimulationError(

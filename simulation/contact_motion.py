@@ -11,7 +11,7 @@ code (:meth:`dmoc.simulation.integrator.Integrator.stay`).
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -257,23 +257,25 @@ def _resolved(
 
 def _records(
     model: Model, place: Place, before: tuple[Array, Mode],
-    impulses: tuple[tuple[int, float, float], ...],
+    impulses: tuple[tuple[int, float, Mapping[int, float]], ...],
 ) -> Iterator[Collision]:  # fmt: skip
     """The collisions of one moment, in their order."""
     kernels, (v, mode) = model.kernels, before
     q = place.y[: model.nq].copy()
     p, normals = model.momentum(q, v, place.t), model.gap_slopes(q, place.t)[:, :-1]
-    along = dict(zip(kernels.tangents, model.tangent_slopes(q, place.t)[:, :-1], strict=True))
+    along = model.tangent_slopes(q, place.t)[:, :-1]
     M = model.mass(q, place.t)
-    for j, impulse, traction in impulses:
+    for j, impulse, tractions in impulses:
         name = kernels.surfaces[j]
-        change = -impulse * normals[j] + traction * along.get(name, np.zeros(model.nq))
+        own = dict.fromkeys((k for k, on in enumerate(model.supports) if on == j), 0.0)
+        own |= tractions
+        change = -impulse * normals[j] + sum(T * along[k] for k, T in own.items())
         change = model.with_joints(M, change, q, place.t)
         yield Collision(
             name, place.t, q, impulse, p, p + change,
             lands=(name,) if j in mode.closed else (),
             impulses={name: impulse},
-            tractions={name: traction} if name in along else {},
+            tractions={kernels.tangents[k]: T for k, T in own.items()},
         )  # fmt: skip
         p = p + change
 

@@ -167,6 +167,7 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
         return False
 
     mode = first_mode(model, on, sigma, at.small.slide, hints, holds, rails=True)
+    _check_lasting(model, at, mode)
     if others:
         mode = _at_rest(setting, at, mode, others)
     if mode is None and not np.isfinite(model.acceleration(q, v, at.u[None], t)).all():
@@ -182,6 +183,17 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
             "Coulomb (Painleve's paradox): lower the friction, or stop before it."
         )
     return mode
+
+
+def _check_lasting(model: Model, at: Place, mode: Mode | None) -> None:
+    """Refuse contacts that last whose tangent has two directions."""
+    for j in mode.closed if mode else ():
+        if j in model.contacts.in_space:
+            raise SimulationError(
+                f"{model.kernels.surfaces[j]!r} stays closed from t = {at.t:.6g} s on, and the "
+                "friction of its two tangential directions acts in hits alone: stop before it, or "
+                "state rolling as constraints of velocities."
+            )
 
 
 def check_driven(model: Model, at: Place, on: Sequence[int]) -> None:

@@ -38,15 +38,19 @@ def single_hit(
     e: float,
     law: str,
 ) -> SingleHit:
-    """The hit of a surface and its tangent in a state (q, v, t) by a law of impact."""
+    """The hit of a surface and its tangent in a state (q, v, t) by a law of impact; where this has
+    two directions, the hit is in the plane of the normal and the sliding velocity."""
     (j, k), (q, v, t) = contact, state
     model = model.in_impact_at(q, t)
     rows, times, mu = q[None], np.array([t]), float(model.hit_friction[k])
     coefficients = Coefficients(mu, e, float(model.tangential_restitution[k]))
-    D = np.stack([-model.gap_slopes(q, t)[j, :-1], model.tangent_slopes(q, t)[k, :-1]])
+    along = model.contacts.directions(k)
+    slides = model.slide_rates(q, v, t)[along]
+    way_of = _direction(slides)
+    D = np.stack([-model.gap_slopes(q, t)[j, :-1], way_of @ model.tangent_slopes(q, t)[along, :-1]])
     pushed, normal, tangential = held_responses(model, holding, q, D, t)
     beside = Reaction(pushed.T, normal, tangential, np.zeros((2, model.nj)))
-    rates = np.array([-model.gap_rates(q, v, t)[j], model.slide_rates(q, v, t)[k]])
+    rates = np.array([-model.gap_rates(q, v, t)[j], way_of @ slides])
     response, free = D @ pushed, D[1] @ model.responses(q, D[1], t)
     if response[1, 1] <= SAME * free:  # what holds leaves it nothing to slide along
         response[1], response[:, 1] = 0.0, 0.0
@@ -54,12 +58,19 @@ def single_hit(
     lam = np.array([way.normal, way.tangential])
     both = borne(model, holding, _grown(beside, lam), rows, times)
     normal, tangential = both.normal[0], both.tangential[0]
-    normal[j], tangential[k] = lam
+    normal[j], tangential[along] = lam[0], lam[1] * way_of
     passed = v + np.array([(0.0, 0.0), *way.stops, lam]) @ pushed.T
     slides = model.slide_rates(np.repeat(rows, len(passed), 0), passed, np.full(len(passed), t))
     unheld = _unheld(model, holding, (rows, times), beside, way.slopes(response, mu))
     unheld += _stopped(model, holding, slides)
     return SingleHit(passed[-1], normal, tangential, way, tuple(dict.fromkeys(unheld)))
+
+
+def _direction(slides: Array) -> Array:
+    """The unit vector of the tangent along which a contact slides: of one direction, this, whatever
+    the sign."""
+    speed = float(np.hypot(*slides)) if len(slides) > 1 else 0.0
+    return slides / speed if speed > 0 else np.eye(len(slides))[0]
 
 
 def _grown(beside: Reaction, lam: Array) -> Reaction:

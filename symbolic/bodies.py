@@ -101,6 +101,28 @@ class Body(Member):
         """
         return self._placed(vector((a, b, c), 3, f"point of body {self.name}"))
 
+    def velocity_at(self, x: Any, y: Any, z: Any) -> Vector:
+        """The velocity in the world of what of the body is at a place: where it touches, as the
+        lowest point of a ball, ``ball.velocity_at(x, y, z - r)``.
+
+        Parameters
+        ----------
+        x, y, z : Expr
+            The place in the world, in the unit of lengths.
+
+        Returns
+        -------
+        triple of Expr
+
+        Raises
+        ------
+        ModelError
+            If they are no expressions.
+        """
+        place = vector((x, y, z), 3, f"place on body {self.name}")
+        arm = added(place, times(-1, self.origin))
+        return added(rate(self.origin), cross(self._directed(self.spin), arm))
+
     def draw(self, *shapes: Part) -> Body:
         """Show the body by some shapes, in the place of those that its joints and its inertia have.
 

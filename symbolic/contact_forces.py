@@ -21,6 +21,7 @@ from dmoc.symbolic.continuous import (
     dot,
     keeps_rate,
     mass_matrix,
+    own_rates,
     rates,
 )
 from dmoc.symbolic.graph import gradient
@@ -51,7 +52,7 @@ def equations_of_forces(f: Continuous, supports: Sequence[int | None]) -> list[A
     """The left sides of the equations above at a state, in the order of y, and behind them those of
     all tangents that slide forth and of all that slide back; ``supports`` are the surfaces of the
     tangents, None of rails."""
-    n, kept = len(f.q), (*rates(f, (*f.g, *f.tau)), *constraint_rates(f))
+    n, kept = len(f.q), (*rates(f, f.g), *own_rates(f, f.tau), *constraint_rates(f))
     a, forces = f.y[:n], f.y[n:]
     signs = [-1] * len(f.g) + [1] * (len(f.tau) + len(f.phi))
     rows = zip(signs, forces, (*f.g, *f.tau, *f.phi), strict=True)
@@ -67,7 +68,7 @@ def equations_of_forces(f: Continuous, supports: Sequence[int | None]) -> list[A
         a + s * mu * N
         for s in (1, -1)
         for a, mu, N in zip(
-            T, at_speeds(f, f.mu, [s * r for r in rates(f, f.tau)]), presses, strict=True
+            T, at_speeds(f, f.mu, [s * r for r in own_rates(f, f.tau)]), presses, strict=True
         )
     ]
     return [*(r + p for r, p in zip(residual(f, a), pushed, strict=True)), *bent, *slides]

@@ -14,7 +14,7 @@ from dmoc.symbolic.continuous import (
     impact_work,
     keeps_rate,
     mass_matrix,
-    rates,
+    own_rates,
     sum_of,
 )
 from dmoc.symbolic.discrete import StepElement
@@ -66,18 +66,25 @@ def surface_kernels(f: Continuous) -> list[KernelSpec]:
 
 def tangent_kernels(f: Continuous, degree: int) -> list[KernelSpec]:
     """Kernels of the tangential positions tau(q, t), of the tangential impulse T . grad tau, and
-    of the coefficients of friction, with steps of a degree."""
+    of the coefficients of friction, with steps of a degree.  Sliding velocities in the place of tau
+    are taken as constraints of velocities are (:func:`joint_kernels`)."""
     if not f.tau:
         return []
     q, v, _, t, par = state_inputs(f)
     T = Input.vector(f.L.graph, "T", len(f.tau))
-    along = gradient(dot(T.symbols, f.tau), f.q)
-    slides = rates(f, f.tau)
+    places, linear = _places_and_rates(f, f.tau)
+    along = _pushed(f, T.symbols, places, linear)
+    slides = own_rates(f, f.tau)
     ends = _ends_of_step(f)
-    before, after = ([_at(f, tau, end) for tau in f.tau] for end in ends)
+    before, after = ([_at(f, tau, end) for tau in places] for end in ends)
     slipped = zip(T.symbols, before, after, strict=True)
     return [
-        *family("tangent", "Tangential positions tau.", (q, t), {"tau": f.tau}, par),
+        *_with_rate_slopes(
+            f,
+            family("tangent", "Tangential positions tau.", (q, t), {"tau": places}, par),
+            places,
+            linear,
+        ),
         *family("slide_rate", "Sliding velocities sigma.", (q, v, t), {"sigma": slides}, par),
         *family(
             "traction", "Tangential impulse s = sum_j T_j grad tau_j.", (q, T, t), {"s": along}, par
@@ -138,9 +145,10 @@ def _friction_kernels(f: Continuous, degree: int) -> list[KernelSpec]:
         kernels += family("holding", f"{text}, that sticks.", state, {"holds": bears["mu_s"]}, par)
     if any(sliding(f) in mu.free_symbols for mu in f.mu):
         ways = Input.vector(graph, "ways", len(f.tau))
-        speeds = [s * rate for s, rate in zip(ways.symbols, rates(f, f.tau), strict=True)]
+        speeds = [s * rate for s, rate in zip(ways.symbols, own_rates(f, f.tau), strict=True)]
         kernels += _dragging(f, degree, (ways, *sides, place), N, borne(f.mu, speeds))
-    moved = [_at(f, tau, ends[1]) - _at(f, tau, ends[0]) for tau in f.tau]
+    places, _ = _places_and_rates(f, f.tau)
+    moved = [_at(f, tau, ends[1]) - _at(f, tau, ends[0]) for tau in places]
     step = (ends[0][0], ends[1][0], ends[0][1], ends[1][1])
     return [
         *kernels,
@@ -207,7 +215,7 @@ def _at_speed(symbol: Any, mu: Any, speed: Any) -> Any:
 
 def varying(f: Continuous, tangents: Sequence[str]) -> tuple[list[str], list[Any]]:
     """The tangents whose friction varies, and what has the symbols of both coefficients."""
-    mu = at_speeds(f, f.mu, rates(f, f.tau))
+    mu = at_speeds(f, f.mu, own_rates(f, f.tau))
     both = [(name, a * a + b * b) for name, a, b in zip(tangents, mu, f.mu_s, strict=True)]
     pairs = [(name, mu) for name, mu in both if varies(f, mu)]
     return [name for name, _ in pairs], [mu for _, mu in pairs]
@@ -225,21 +233,14 @@ def joint_kernels(f: Continuous) -> list[KernelSpec]:
     if not f.phi:
         return []
     q, v, _, t, par = state_inputs(f)
-    zero, own = f.L.graph.zero, constraint_rates(f)
+    own = constraint_rates(f)
     R = Input.vector(f.L.graph, "R", len(f.phi))
     (q_k, t_k), (q_kp1, t_kp1) = _ends_of_step(f)
-    of_rates = [keeps_rate(f, phi) for phi in f.phi]
-    places = [zero if rate else phi for rate, phi in zip(of_rates, f.phi, strict=True)]
-    along = gradient(dot(R.symbols, places), f.q)
+    places, linear = _places_and_rates(f, f.phi)
+    along = _pushed(f, R.symbols, places, linear)
     values = family("joint", "Constraints phi = 0.", (q, t), {"phi": places}, par)
-    if any(of_rates):
-        by_rate = [c if rate else zero for rate, c in zip(of_rates, own, strict=True)]
-        linear = [_linear(f, c) for c in by_rate]
-        more = gradient(dot(R.symbols, linear), f.v)
-        along = [a + b for a, b in zip(along, more, strict=True)]
-        values = [_with_rate_slopes(f, spec, places, linear) for spec in values]
     return [
-        *values,
+        *_with_rate_slopes(f, values, places, linear),
         *family("joint_rate", "Their rates.", (q, v, t), {"phi_dot": own}, par),
         *family("reaction", "Impulse s = sum_j R_j grad phi_j.", (q, R, t), {"s": along}, par),
         *family(
@@ -258,20 +259,48 @@ def _linear(f: Continuous, c: Any) -> Any:
     return dot([slope.subs(rest) for slope in gradient(c, f.v)], f.v) + c.subs(rest)
 
 
+def _places_and_rates(f: Continuous, functions: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    """Functions that are places, zero where they are rates, and these, linear in the velocities,
+    zero where they are places."""
+    zero = f.L.graph.zero
+    of_rates = [keeps_rate(f, e) for e in functions]
+    places = [zero if rate else e for rate, e in zip(of_rates, functions, strict=True)]
+    return places, [
+        _linear(f, e) if rate else zero for rate, e in zip(of_rates, functions, strict=True)
+    ]
+
+
+def _pushed(
+    f: Continuous, forces: Sequence[Any], places: list[Any], linear: list[Any]
+) -> list[Any]:
+    """What forces push the coordinates with: along the gradients of places, or along the slopes of
+    rates."""
+    along = gradient(dot(forces, places), f.q)
+    if all(c is f.L.graph.zero for c in linear):
+        return along
+    more = gradient(dot(forces, linear), f.v)
+    return [a + b for a, b in zip(along, more, strict=True)]
+
+
 def _with_rate_slopes(
-    f: Continuous, spec: KernelSpec, places: list[Any], by_rate: list[Any]
-) -> KernelSpec:
-    """The kernel of slopes (dphi/dq, dphi/dt) with (dc/dv, c at rest) of constraints c of
-    velocities; others as they are."""
-    if spec.name != "joint_jac":
-        return spec
+    f: Continuous, specs: list[KernelSpec], places: list[Any], by_rate: list[Any]
+) -> list[KernelSpec]:
+    """Kernels of places phi, those of their slopes (dphi/dq, dphi/dt) with (dc/dv, c at rest) of
+    rates c in their place."""
+    if all(c is f.L.graph.zero for c in by_rate):
+        return specs
     rest = dict.fromkeys(f.v, f.L.graph.zero)
     rows = [
         [*(a + b for a, b in zip(gradient(phi, f.q), gradient(c, f.v), strict=True)),
          phi.diff(f.t) + c.subs(rest)]
         for phi, c in zip(places, by_rate, strict=True)
     ]  # fmt: skip
-    return replace(spec, outputs=(Output.matrix("phi_D", rows, len(f.q) + 1),))
+    return [
+        replace(spec, outputs=(Output.matrix(spec.outputs[0].name, rows, len(f.q) + 1),))
+        if spec.name.endswith("_jac")
+        else spec
+        for spec in specs
+    ]
 
 
 def joint_step_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list[KernelSpec]:

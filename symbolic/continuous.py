@@ -15,6 +15,7 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.names import name_of, velocity_name
+from dmoc.motion.impact_laws import BALL
 from dmoc.symbolic.contact_references import forces_of
 from dmoc.symbolic.conversion import plain_nodes, to_nodes
 from dmoc.symbolic.definitions import rate_of, rate_symbol, symbols_of
@@ -227,8 +228,11 @@ def coefficients_of_restitution(system: MechanicalSystem) -> tuple[Any, ...]:
 
 def coefficients_of_tangential_restitution(system: MechanicalSystem) -> tuple[Any, ...]:
     """Coefficients of all tangents, -1 where none is stated; empty where the system states
-    none."""
-    stated = system.tangential_restitution
+    none.  A contact with two directions has that of the first, 0 where none is stated."""
+    stated = dict(system.tangential_restitution)
+    for name, law in system.impact_laws.items():
+        if law == BALL:
+            stated.setdefault(name, sp.S.Zero)
     return tuple(stated.get(n, sp.S.NegativeOne) for n in system.tangents) if stated else ()
 
 
@@ -322,11 +326,15 @@ def keeps_rate(f: Continuous, constraint: Any) -> bool:
     return bool(constraint.free_symbols & {*f.v, *f.x_dot})
 
 
+def own_rates(f: Continuous, functions: Sequence[Any]) -> list[Any]:
+    """Derivatives of functions of (q, t) along the motion; of rates, these themselves."""
+    return [e if keeps_rate(f, e) else rates(f, [e])[0] for e in functions]
+
+
 def constraint_rates(f: Continuous) -> list[Any]:
     """Rates that all constraints keep at zero along the motion: dphi/dt of those of places, or
     c."""
-    places = iter(rates(f, [phi for phi in f.phi if not keeps_rate(f, phi)]))
-    return [phi if keeps_rate(f, phi) else next(places) for phi in f.phi]
+    return own_rates(f, f.phi)
 
 
 def impact_work(f: Continuous, lam: Sequence[Any]) -> tuple[Any, Any]:

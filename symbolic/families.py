@@ -65,6 +65,7 @@ from dmoc.symbolic.shortest_times import shortest_time_kernels
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.strengths import strength_kernels
 from dmoc.symbolic.system import MechanicalSystem, check_system
+from dmoc.symbolic.tangent_pairs import pair_kernels
 from dmoc.symbolic.traversal import operations
 
 FORMAT = 26  # of the facts and the kernel list
@@ -123,6 +124,7 @@ def model_spec(system: MechanicalSystem, order: int = 2, design: Sequence[str] =
         *rebound_kernels(f),
         *tangent_kernels(f, points),
         *tangential_kernels(f),
+        *pair_kernels(f, system),
         *joint_kernels(f),
         *strength_kernels(f, plain.as_nodes(strengths, graph)),
         *_terminal_kernels(f),

@@ -9,7 +9,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
-from dmoc.motion.impact_laws import IMPACT_LAWS, RETURNING
+from dmoc.motion.impact_laws import BALL, IMPACT_LAWS, RETURNING
 from dmoc.symbolic.continuous import Continuous, dot, gap_rates
 from dmoc.symbolic.expressions import approach_speed
 from dmoc.symbolic.graph import GraphNode
@@ -63,12 +63,12 @@ def check_impact_laws(system: MechanicalSystem) -> None:
                 f"the impact law of {name!r} is {shown(law)}: expected one of "
                 f"{', '.join(map(repr, stated))}."
             )
-        if name in system.tangential_restitution:
+        if name in system.tangential_restitution and law != BALL:
             raise ModelError(
                 f"{name!r} has tangential restitution, which is a law of impact by itself, and "
                 f"the impact law {law!r}: leave one of them out."
             )
-        if name not in system.friction:
+        if name not in system.friction and law != BALL:
             raise ModelError(
                 f"{name!r} has the impact law {law!r} but no friction, without which all laws of "
                 f'impact are one: leave it out, or give friction={{"{name}": 0.5}}.'

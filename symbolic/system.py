@@ -76,6 +76,8 @@ class MechanicalSystem(Shown):
         Tangential positions tau(q, t) of what rubs, by name: ``{"floor": x}`` for the contact with
         the surface ``floor``, whose point slides with the velocity tau'; the time where the
         other side moves.  A name that is no surface is a rail or a joint with dry friction.
+        A pair ``{"floor": (v_x, v_y)}`` has both directions of a contact in space, as positions or
+        as sliding velocities; its friction acts in hits alone, which are those of a ball.
     friction : mapping of str to Expr or pair of Expr, optional
         Of each tangent, as a smooth expression in q, u, t, parameters and ``dmoc.sliding_speed``,
         the magnitude of the tangent's rate, that is never negative:
@@ -101,7 +103,8 @@ class MechanicalSystem(Shown):
         Law of the hits of surfaces with friction, ``"poisson"`` where none is stated: how much
         normal impulse restitution has where sliding stops in a hit, e times that of compression, or
         as much as gives e^2 of its work back (``"stronge"``).  Equations :eq:`poisson` and
-        :eq:`stronge` of the theory.
+        :eq:`stronge` of the theory.  A tangent with two directions has ``"ball"``, equation
+        :eq:`ball`.
     cost : Expr, optional
         Integrand C(q, q', u, t) of the cost.  Abs and Max with a positive factor and Min with a
         negative one are split into smooth functions, equation :eq:`kink` of the theory.

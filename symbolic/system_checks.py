@@ -45,6 +45,7 @@ from dmoc.symbolic.restitution import (
 )
 from dmoc.symbolic.strengths import check_strengths
 from dmoc.symbolic.surface_ends import check_jumps, check_within
+from dmoc.symbolic.tangent_pairs import check_pairs, pairs_of
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -63,6 +64,7 @@ def check_parts(system: MechanicalSystem) -> None:
     check_definitions(system)
     check_restitution(system)
     check_tangential_restitution(system)
+    check_pairs(system)
     check_impact_laws(system)
     check_forces(system)
     check_event_terms(system)
@@ -178,13 +180,17 @@ def _check_friction(system: MechanicalSystem) -> None:
                 f"{shown(name)} has friction but no tangent: give the tangential position of "
                 f'its contact, as tangents={{"{name}": x}}.'
             )
+    pairs = pairs_of(system)
     for name, tau in system.tangents.items():
+        if name in pairs.values():
+            continue
         if name not in system.friction and name not in system.tangential_restitution:
             raise ModelError(
                 f"{shown(name)} has a tangent but no friction: give its coefficient mu, or, of "
                 f'a rail, its largest force, as friction={{"{name}": 0.5}}; 0 for none.'
             )
-        if not atoms_below(tau, system.definitions) & set(system.coordinates):
+        place = atoms_below(tau, system.definitions) & set(system.coordinates)
+        if not place and name not in pairs:
             raise ModelError(
                 f"the tangent of {name!r} contains no coordinate: expected a position along "
                 f"the contact in {_listed(system.coordinates)}."
@@ -267,6 +273,9 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
     yield "the dissipation", system.dissipation, STATE
     yield "the terminal cost", system.terminal_cost, STATE
     ends = {name: sp.Tuple(*w) for name, w in system.inside.items()}
+    in_space = {n for pair in pairs_of(system).items() for n in pair}
+    of_pairs = {name: tau for name, tau in system.tangents.items() if name in in_space}
+    others = {name: tau for name, tau in system.tangents.items() if name not in in_space}
     for what, expressions, allowed in (
         ("the force on {}", {name_of(q): e for q, e in system.forces.items()}, KINDS),
         ("an end of surface {!r}", ends, PLACE),
@@ -275,7 +284,8 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("constraint {!r}", system.constraints, STATE),
         ("grip {!r}", {n: sp.Tuple(*parts) for n, parts in system.grips.items()}, STATE),
         ("the strength of {!r}", system.strength, ("parameters",)),
-        ("the tangent of {!r}", system.tangents, PLACE),
+        ("the tangent of {!r}", others, PLACE),
+        ("the tangential direction {!r}", of_pairs, STATE),
         ("the friction of {!r}", system.friction, (*PLACE, "inputs", "the sliding speed")),
         ("the restitution of {!r}", system.restitution, (*PLACE, "the approach speed")),
         ("quantity {!r}", system.quantities_along, (*KINDS, "forces")),

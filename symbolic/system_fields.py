@@ -17,6 +17,7 @@ from dmoc.symbolic.drawing import parts_in
 from dmoc.symbolic.expressions import expression_in, zero_of
 from dmoc.symbolic.grips import grip_in
 from dmoc.symbolic.surface_ends import joined
+from dmoc.symbolic.tangent_pairs import with_pairs
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -50,6 +51,7 @@ def containers_of(system: MechanicalSystem) -> dict[str, Any]:
     read: dict[str, Any] = {n: _sequence(getattr(system, n), n) for n in SEQUENCES}
     read |= {n: mapping(getattr(system, n), n, example) for n, example in MAPPINGS.items()}
     within = {name: joined(value) for name, value in read["within"].items()}
+    read |= with_pairs(read["tangents"], read["impact_laws"])
     return read | {"path_constraints": _relations(read["path_constraints"]), "within": within}
 
 
@@ -69,13 +71,6 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
         s: expression_in(e, f"definition {name_of(s)}") for s, e in system.definitions.items()
     }
     read["friction"] = {name: _friction(name, mu) for name, mu in system.friction.items()}
-    for name, tangent in system.tangents.items():
-        if isinstance(tangent, (tuple, list, sp.MatrixBase, sp.Tuple)):
-            raise ModelError(
-                f"the tangent of {name!r} has {len(tangent)} directions: expected one expression, "
-                "because friction acts along one line of a contact; in space leave it out, and the "
-                "contact is smooth."
-            )
     for name in ("tangents", "restitution", "tangential_restitution", "strength"):
         what = name.removesuffix("s").replace("_", " ")
         read[name] = {

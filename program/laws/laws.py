@@ -17,6 +17,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Block, Index, Numbering, Spread
 from dmoc.program.elements import Structure
+from dmoc.program.laws.ball import BallLaw
 from dmoc.program.laws.breakaway import BreakawayLaw
 from dmoc.program.laws.complementarity import ComplementarityLaw
 from dmoc.program.laws.contact import ContactLaw
@@ -80,6 +81,7 @@ class Laws:
     breakaway: BreakawayLaw
     hit: HitLaw
     tangential: TangentialLaw
+    ball: BallLaw
     held: HeldLaw
     joint: JointLaw
     complementarity: ComplementarityLaw
@@ -114,7 +116,7 @@ class Laws:
         if _is_untouched(self.contact.lay):
             return ()
         rubbing = self.friction, self.sliding, self.breakaway
-        return self.contact, *rubbing, self.hit, self.tangential, self.held
+        return self.contact, *rubbing, self.hit, self.tangential, self.ball, self.held
 
     def stating(self, problem: Problem) -> Laws:
         """The same rows with the numbers that another problem has for its hits and both ends, in
@@ -171,9 +173,10 @@ def laws_of(
         hit = HitLaw.of(problem, lay, impact)
         in_hits = np.where(np.isinf(model.hit_friction), np.inf, mu[:-1])
         returning = TangentialLaw(lay, in_hits, model.tangential_restitution, impact.grazing)
+        ball = BallLaw(lay, mu[:-1], model.tangential_restitution, impact.grazing)
         held = HeldLaw(contact, mu[:-1], impact.grazing, following_joints(problem))
         rubbing = friction, sliding, BreakawayLaw(friction)
-        of_contacts = contact, *rubbing, hit, returning, held
+        of_contacts = contact, *rubbing, hit, returning, ball, held
     return Laws(
         StepLaw(problem, lay), PathLaw.of(problem, lay), PathLaw.of_quantities(problem, lay),
         QuantityLaw(problem, lay),
@@ -236,7 +239,9 @@ def _is_untouched(lay: Layout) -> bool:
 @lru_cache(maxsize=SHARED)
 def _untouched(
     lay: Layout,
-) -> tuple[ContactLaw, FrictionLaw, SlidingLaw, BreakawayLaw, HitLaw, TangentialLaw, HeldLaw]:
+) -> tuple[
+    ContactLaw, FrictionLaw, SlidingLaw, BreakawayLaw, HitLaw, TangentialLaw, BallLaw, HeldLaw
+]:
     """Laws of contacts where there are none: their blocks have no members, so that all programs of
     a layout share them."""
     mu, events = np.zeros((lay.phases, len(lay.touch.contacts.tangents))), len(lay.touch.surfaces)
@@ -248,8 +253,8 @@ def _untouched(
     none = np.zeros((lay.phases, len(lay.joint.names)), dtype=bool)
     held = HeldLaw(contact, mu[:-1], grazing, none)
     returning = TangentialLaw(lay, mu[:-1], mu[0], grazing)
-    breakaway = BreakawayLaw(friction)
-    laws = contact, friction, sliding, breakaway, hit, returning, held
+    breakaway, ball = BreakawayLaw(friction), BallLaw(lay, mu[:-1], mu[0], grazing)
+    laws = contact, friction, sliding, breakaway, hit, returning, ball, held
     for law in laws:
         law.equations(Numbering())
         law.inequalities(Numbering())

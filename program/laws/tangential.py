@@ -63,6 +63,11 @@ class Returned(NamedTuple):
     impulses: Array
     friction: int
 
+    @property
+    def path(self) -> Array:
+        """Both impulses, shape (2, 2)."""
+        return np.array([self.stopping, self.impulses])
+
 
 def _is_bound(A: Array) -> bool:
     """Whether a tangent moves with the gap alone, so that nothing is left to come back along it."""

@@ -163,8 +163,8 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
     if f.tau:
         equations = []
         for k, (name, tau, mu) in enumerate(zip(system.tangents, f.tau, f.mu, strict=True)):
-            tag = upright(name)
-            equations.append(definition(own, f"tau_{name}", rf"\tau_{tag}", tau))
+            tag, of = upright(name), "sigma" if keeps_rate(f, tau) else "tau"
+            equations.append(definition(own, f"{of}_{name}", rf"\{of}_{tag}", tau))
             letter, symbol = ("mu", r"\mu") if name in system.surfaces else ("F", "F")
             if name in system.friction:
                 equations.append(definition(own, f"{letter}_{name}", f"{symbol}_{tag}", mu))
@@ -178,6 +178,8 @@ def held_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) ->
             "|T| <= mu P and P the normal one; one that slides with the sign s has T = -s mu P. A "
             "rail has the largest force F instead of mu P/h."
         )
+        if any(keeps_rate(f, tau) for tau in f.tau):
+            text += " Of others the sliding velocities sigma are given."
         if any(isinstance(mu, sp.Tuple) for mu in system.friction.values()):
             text += (
                 " What sticks in a phase has mu_s, or F_s, which it has reached where it slides."

@@ -99,14 +99,17 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
         if force != 0:
             yield f"Q_{name}", mathml.symbol(f"Q_{name}"), force
     of_rates = {n for n, c in zip(system.constraints, f.phi, strict=True) if keeps_rate(f, c)}
+    slides = {n for n, tau in zip(system.tangents, f.tau, strict=True) if keeps_rate(f, tau)}
     laws = {
         "mu": system.friction, "e": system.restitution, "e_t": system.tangential_restitution,
         "mu_s": [n for n, mu in system.friction.items() if isinstance(mu, sp.Tuple)],
         "phi": {*system.constraints} - of_rates, "c": of_rates,
+        "tau": {*system.tangents} - slides, "sigma": slides,
     }  # fmt: skip
     for letter, owners, values in (
         ("g", system.gaps, f.g),
         ("tau", system.tangents, f.tau),
+        ("sigma", system.tangents, f.tau),
         ("mu", system.tangents, f.mu),
         ("mu_s", system.tangents, f.mu_s),
         ("e", system.gaps if f.e else (), f.e),

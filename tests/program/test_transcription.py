@@ -36,6 +36,7 @@ MORE = (
     *("ending contacts", "ending contacts, periodic, order 4", "ending joints, order 6"),
     *("ending joints, periodic", "ending hits with friction", "ending tangential"),
     *("ending forces, linear", "ending forces, order 4", "ending rebound, design"),
+    *("balls, order 2", "balls, design, order 4", "ending balls, design, order 2"),
     *("ending slippery contacts, order 4", "ending forces, constant"),
 )
 
@@ -196,7 +197,8 @@ def test_rows_say_what_it_costs_to_miss_them_and_in_what_words(nlp: Transcriptio
         "momentum", "inside", "time", "passing", "time inside", "arrival", "departure", "energy",
         "start velocity",
         "goal velocity", "within", "restitution", "slips", "stops all", "returns", "total",
-        "force", "force at ends", "force before lift-off",
+        "force", "force at ends", "force before lift-off", "stops as a ball",
+        "slides as a ball",
     } & set(prices)  # fmt: skip
     assert {name for name, price in prices.items() if price == GOAL} == {
         "goal", "goal >=", "periodic", "quantity fixed", "quantity within",

@@ -19,7 +19,7 @@ ModelError: rubbing(...)
     tangents={"rail": X} | has a tangent but no friction
     tangents={"rail": F}, friction={"rail": F} | contains no coordinate
     tangents={"rail": X}, friction={"rail": -1} | expected 0 or a positive
-    tangents={"rail": (X, 2 * X)}, friction={"rail": 1} | 'rail' has 2 directions: expected one
+    tangents={"rail": (X, 2 * X)}, friction={"rail": 1} | 'rail' has two directions but is at no
     tangents={"rail": X}, friction={"rail": X.diff()} | the friction of 'rail' contains
 ModelError: bob_with(...)
     {"rod": X <= 1} | constraint 'rod' is not an equation: expected one such as

@@ -252,6 +252,27 @@ def test_tangential_restitution_turns_the_rate_and_takes_energy() -> None:
     assert zero(first.dot(A * second)) and zero(work + lost / 2)
 
 
+def test_a_ball_slides_in_one_direction_and_takes_energy() -> None:
+    """{ball}: where A is diagonal, friction opposite to sigma keeps its direction; in the plane of
+    both, the impulse is that of {tangential}."""
+    e, back, mu, A_nn, A_tt, n = sp.symbols("e e_t mu A_nn A_tt n")
+    sigma = sp.Matrix(sp.symbols("sigma_1 sigma_2", real=True))
+    speed = sp.sqrt(sigma.dot(sigma))
+    P = (1 + e) * n / A_nn  # n is the rate of the gap, which falls
+    sticks, slides = -(1 + back) / A_tt * sigma, -mu * P * sigma / speed
+    for T in (sticks, slides):
+        after = sigma + A_tt * T
+        assert zero(after[0] * sigma[1] - after[1] * sigma[0])
+        work = n * -P + P**2 * A_nn / 2 + T.dot(sigma) + A_tt * T.dot(T) / 2
+        kappa = -T.dot(sigma) * A_tt / speed**2 - 1
+        lost = (1 - e**2) * n**2 / A_nn + (1 - kappa**2) * speed**2 / A_tt
+        assert zero(sp.simplify(work + lost / 2))
+    assert all(map(zero, sigma + A_tt * sticks + back * sigma))
+    m, k, r = sp.symbols("m k r")
+    share = 1 / (1 / m + r**2 / (k * m * r**2))
+    assert zero(share.subs(k, sp.Rational(2, 5)) - sp.Rational(2, 7) * m)
+
+
 # The program --------------------------------------------------------------------------------------
 
 
