@@ -24,9 +24,11 @@ int engine_begin(Engine *e, const Problem *p, int workers)
     memset(e, 0, sizeof *e);
     e->problem = p;
     e->best = INFINITY;
+    frame_begin(p->phases, &e->frame);
+    frame_begin(0, &e->point);
     for (int i = 0; i < p->phases; i++) {
         const size_t d = 2 * p->phase[i].r + MOST_PRICED + 1;
-        lines += d * (d + 1);
+        lines += 2 * d * (d + 1); /* a curve has less room than a line */
         inputs += (size_t)p->phase[i].steps * p->phase[i].nb;
     }
     const size_t costates = (size_t)p->phases * MOST_COSTATE * (MOST_MULTIPLIERS + 1);
@@ -40,6 +42,7 @@ int engine_begin(Engine *e, const Problem *p, int workers)
         const size_t d = 2 * p->phase[i].r + MOST_PRICED + 1;
         e->values[i].linear = at, at += d;
         e->values[i].square = at, at += d * d;
+        e->values[i].curves = (curve *)at, at += d + d * d;
     }
     double *number = (double *)at;
     for (int i = 0; i < POINTS; i++, number += of_point) {
@@ -127,7 +130,6 @@ static double by_longest(Engine *e, const double *low, const double *high, doubl
     const Problem *p = e->problem;
     interval wide[MOST_PHASES];
     const Steps *steps[MOST_PHASES];
-    static _Thread_local jet box;
     if (centre_at(e, high, high, enough, multipliers, steps))
         return -INFINITY;
     for (int i = 0; i < p->phases; i++) {
@@ -136,8 +138,8 @@ static double by_longest(Engine *e, const double *low, const double *high, doubl
         if (!steps[i])
             return -INFINITY;
     }
-    dual_jet(e, 0, steps, high, wide, wide, &box);
-    return box.v.lo;
+    dual_model(e, &e->point, steps, high, wide);
+    return model_range(&e->dual.value).lo;
 }
 
 /* See whether the motion of durations that add up costs less than all that were met. */
@@ -159,17 +161,13 @@ static void meet(Engine *e, const double *t, const double *multipliers)
 static double over_range(Engine *e, const Steps *const *steps, const double *t, const Range *range,
                          double *widths, double *slope)
 {
-    const int n = e->problem->phases;
-    static _Thread_local jet box;
-    dual_jet(e, n, steps, t, range->wide, range->away, &box);
-    const double *low = range->below, *high = range->above;
-    const double bound =
-        fmax(box.v.lo, by_slopes(n, &box, low, high, range->least, range->most));
-    for (int i = 0; i < n; i++)
-        slope[i] = interval_mid(box.g0[i]);
-    if (!(bound < e->aim))
-        return bound;
-    return fmax(bound, by_curvature(n, &box, low, high, range->least, range->most, widths));
+    const Frame *f = &e->frame;
+    const model *value = &e->dual.value;
+    dual_model(e, f, steps, t, 0);
+    for (int i = 0; i < f->n; i++)
+        slope[i] = value->c[1 + i] / f->most[i];
+    const double bound = model_range(value).lo;
+    return bound < e->aim ? fmax(bound, by_curvature(f, value, range, widths)) : bound;
 }
 
 double box_bound(Engine *e, const double *low, const double *high, double enough,
@@ -180,7 +178,7 @@ double box_bound(Engine *e, const double *low, const double *high, double enough
     const int n = p->phases;
     double t[MOST_PHASES], below[MOST_PHASES], above[MOST_PHASES], slope[MOST_PHASES];
     double ratio = 1, bound = -INFINITY;
-    interval wide[MOST_PHASES], away[MOST_PHASES];
+    interval away[MOST_PHASES];
     const Steps *steps[MOST_PHASES];
     const Value *values[MOST_PHASES];
     cache_trim(&e->cache);
@@ -205,7 +203,7 @@ double box_bound(Engine *e, const double *low, const double *high, double enough
     double least = 0, most = 0;
     for (int i = 0; i < n; i++) {
         t[i] = low[i] + (high[i] - low[i]) / 2;
-        wide[i] = (interval){low[i], high[i]};
+        e->frame.most[i] = steps[i]->most;
         known = plus(known, interval_of(t[i]));
         least += low[i], most += high[i];
     }
@@ -230,12 +228,12 @@ double box_bound(Engine *e, const double *low, const double *high, double enough
     for (int j = 0; j < c->multipliers; j++) {
         if (c->may_be_negative[j])
             continue;
-        jet m;
-        multiplier_jet(c, n, j, away, &m);
-        for (int i = 0; i < n && !(m.v.lo >= 0); i++)
+        model m;
+        multiplier_model(c, &e->frame, j, &m);
+        for (int i = 0; i < n && !(model_range(&m).lo >= 0); i++)
             c->slope[i][j] = 0;
     }
-    const Range range = {wide, away, below, above, interval_sub(interval_of(p->earliest), known).lo,
+    const Range range = {below, above, interval_sub(interval_of(p->earliest), known).lo,
                          interval_sub(interval_of(p->latest), known).hi};
     bound = fmax(bound, over_range(e, steps, t, &range, widths, slope));
     /* Where what is asked decides durations, the dual of the centre grows for ever. */

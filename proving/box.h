@@ -3,7 +3,13 @@
 #define DMOC_BOX_H
 
 #include "centre.h"
+#include "models.h"
 #include "steps_cache.h"
+
+/* Memory for the dual over a box. */
+typedef struct {
+    model costate[MOST_COSTATE], start[MOST_STATE], price, bent, value;
+} Dual;
 
 typedef struct {
     const Problem *problem;
@@ -12,6 +18,8 @@ typedef struct {
     double best, at[MOST_PHASES]; /* the least cost that was met, and its durations */
     long number;                /* of the box */
     Centre centre;
+    Frame frame, point;         /* of all durations, of none */
+    Dual dual;
     Point ends[2];
     Value values[MOST_PHASES];  /* memory for values */
     void *memory;

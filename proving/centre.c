@@ -64,10 +64,13 @@ static void choose(const Problem *p, Centre *c)
         for (int k = 0; k < ph->steps * ph->nb; k++, u++, choice++) {
             const int a = k % ph->nb;
             const int flat = !(ph->R[a * ph->nb + a] > 0);
+            choice->price = choice->offset = 0;
+            choice->kind = FREE;
+            if (c->at.quadratic)
+                continue;
             choice->kind = *u <= ph->lower[a] ? AT_LOWER : *u >= ph->upper[a] ? AT_UPPER : FREE;
             if (flat && choice->kind == FREE)
                 choice->kind = AT_LOWER; /* no bound of it can be left out: a chord follows */
-            choice->price = choice->offset = 0;
         }
     }
 }
@@ -171,7 +174,8 @@ void centre_maximise(const Problem *p, int points, const Point *const *at, doubl
 
 void centre_choose(const Problem *p, Centre *c)
 {
-    point_dual(p, c, &c->at, c->m, 0, 0);
+    if (!c->at.quadratic)
+        point_inputs(p, c, &c->at, c->m);
     choose(p, c);
 }
 
@@ -253,7 +257,8 @@ void centre_slopes(const Problem *p, const Steps *const *steps, const Value *con
             const int d = steps[i]->d;
             const double *L = COSTATES(&c->at, i);
             double *own = slopes[i % 2], change[MOST_COSTATE];
-            memset(own, 0, sizeof slopes[0]);
+            for (int a = 0; a < d; a++)
+                memset(own + a * WIDTH, 0, sizeof(double) * (size_t)(n + 1));
             if (i < by)
                 costates_of(p, steps, c, by, i, COSTATES(&c->at, i + 1), slopes[(i + 1) % 2], own);
             for (int a = 0; a < d; a++) {

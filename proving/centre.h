@@ -15,6 +15,9 @@ typedef struct {
     int count;                  /* inputs of all steps */
     double share;               /* where several are maximised together */
     double constant[MOST_MULTIPLIERS + 1];
+    int quadratic;              /* whether nothing has bounds: the dual is constant.(m, 1) - m.curved.m/2,
+                                   and rows and inputs are unknown */
+    double curved[MOST_MULTIPLIERS * MOST_MULTIPLIERS];
     double *costates;           /* of each phase (d, multipliers + 1), (phases, MOST_COSTATE, MOST_MULTIPLIERS + 1) */
     double *rows;               /* what the multipliers make of each input */
     double *inputs;             /* of all steps, and shares of the spreads of the start */
@@ -44,9 +47,12 @@ void point_begin(const Problem *p, const Centre *centre, const double *t, const 
                  Point *point);
 
 /* The dual at multipliers m, its gradient and minus its second derivatives where they are asked
- * for; the inputs at which it is taken. */
+ * for. */
 double point_dual(const Problem *p, const Centre *centre, const Point *point, const double *m,
                   double *gradient, double *H);
+
+/* The inputs at which the dual is taken. */
+void point_inputs(const Problem *p, const Centre *centre, const Point *point, const double *m);
 
 /* Maximise the mean of the duals at some points from the multipliers that are there; ``enough`` is a
  * value beyond which nobody asks. */

@@ -1,16 +1,17 @@
-/* Bounds of a function over a box of n durations, at distances from ``low`` to ``high`` from its
- * centre whose sum lies between ``least`` and ``most``. */
+/* Bounds of a function over a box from its model. */
 #ifndef DMOC_CONVEX_H
 #define DMOC_CONVEX_H
 
-#include "taylor.h"
+#include "models.h"
 
-/* By its second derivatives; ``widths`` become what each duration costs the bound. */
-double by_curvature(int n, const jet *box, const double *low,
-                           const double *high, double least, double most, double *widths);
+/* Where distances from the centre lie, from ``below`` to ``above``, and their sum. */
+typedef struct {
+    const double *below, *above;
+    double least, most;
+} Range;
 
-/* By its slopes. */
-double by_slopes(int n, const jet *box, const double *low,
-                        const double *high, double least, double most);
+/* A number that is below a function over a range, by its second derivatives; ``widths`` become what
+ * each duration costs the bound. */
+double by_curvature(const Frame *frame, const model *f, const Range *range, double *widths);
 
 #endif

@@ -17,7 +17,8 @@ void costates_of(const Problem *p, const Steps *const *steps, const Centre *c, i
                         const double *later, const double *later_slope, double *L)
 {
     const int n = c->multipliers, s = 2 * p->phase[i].r;
-    memset(L, 0, sizeof(double) * MOST_COSTATE * WIDTH);
+    for (int z = 0; z < steps[i]->d; z++)
+        memset(L + z * WIDTH, 0, sizeof(double) * (size_t)(n + 1));
     if (i == p->phases - 1) {
         if (by < 0) {
             add_rows(&p->goal_zero, 0, L);

@@ -1,100 +1,120 @@
-/* The dual over a box of durations, as a jet. */
+/* See dual.h. */
 #include "dual.h"
 
-/* A multiplier as function of the durations. */
-void multiplier_jet(const Centre *c, int n, int j, const interval *away, jet *m)
+void multiplier_model(const Centre *c, const Frame *f, int j, model *m)
 {
-    jet_zero(n, m);
-    m->v = m->v0 = interval_of(c->m[j]);
-    for (int i = 0; i < n; i++) {
-        m->g[i] = m->g0[i] = interval_of(c->slope[i][j]);
-        m->v = plus(m->v, times(m->g[i], away[i]));
+    double sum = 0;
+    model_zero(f, m);
+    m->c[0] = c->m[j];
+    for (int i = 0; i < f->n; i++) {
+        m->c[1 + i] = c->slope[i][j] * f->most[i];
+        sum += fabs(m->c[1 + i]);
     }
+    m->size[0] = fabs(m->c[0]), m->size[1] = upward(sum);
+}
+
+/* The time at the end of a phase. */
+static void time_after(const Frame *f, int phase, const double *t, const interval *box, model *time)
+{
+    interval sum = {0, 0};
+    for (int i = 0; i <= phase; i++)
+        sum = plus(sum, f->n ? interval_of(t[i]) : box[i]);
+    model_constant(f, sum, time);
+    for (int i = 0; i <= phase && f->n; i++)
+        time->c[1 + i] = f->most[i];
+    model_settle(f, time);
 }
 
 /* Add what rows A z + b + b_t t, priced from multiplier ``first`` on, make of the costate and of
  * the value. */
-static void add_priced(const Centre *c, int n, const Rows *rows, int first, const interval *away,
-                       const jet *time, jet *costate, jet *value)
+static void add_priced(const Centre *c, const Frame *f, const Rows *rows, int first,
+                       const model *time, Dual *dual)
 {
+    model *m = &dual->price;
     for (int k = 0; k < rows->rows; k++) {
-        jet m, rest;
-        multiplier_jet(c, n, first + k, away, &m);
+        multiplier_model(c, f, first + k, m);
         for (int z = 0; z < rows->columns; z++)
-            jet_add_scaled(n, costate + z, rows->A[k * rows->columns + z], &m);
-        jet_zero(n, &rest);
-        rest.v = rest.v0 = interval_of(rows->b[k]);
-        jet_add_scaled(n, &rest, rows->b_t[k], time);
-        jet_add_mul(n, value, &m, &rest);
+            model_add_scaled(f, rows->A[k * rows->columns + z], m, dual->costate + z);
+        model_add_scaled(f, rows->b[k], m, &dual->value);
+        if (rows->b_t[k] != 0)
+            model_add_mul(f, rows->b_t[k], m, time, &dual->value);
     }
 }
 
 /* Add what ties of both ends make of the prices of the start, (2 r,). */
-static void add_ties(const Problem *p, const Centre *c, int n, const interval *away, jet *start)
+static void add_ties(const Problem *p, const Centre *c, const Frame *f, Dual *dual)
 {
     const int s = 2 * p->phase[0].r;
     for (int k = 0; k < p->goal_zero.rows + p->goal_most.rows; k++) {
-        jet m;
-        multiplier_jet(c, n, k, away, &m);
+        multiplier_model(c, f, k, &dual->price);
         for (int z = 0; z < s; z++)
-            jet_add_scaled(n, start + z, p->tie[k * s + z], &m);
+            model_add_scaled(f, p->tie[k * s + z], &dual->price, dual->start + z);
     }
 }
 
 /* Subtract what prices of squares at the end make of the value. */
-static void subtract_squares(const Problem *p, const Centre *c, int n, const interval *away, jet *value)
+static void subtract_squares(const Problem *p, const Centre *c, const Frame *f, Dual *dual)
 {
     for (int k = 0; k < p->goal_zero.rows; k++)
         if (p->soft[k] > 0) {
-            jet m, half;
-            multiplier_jet(c, n, k, away, &m);
-            jet_zero(n, &half);
-            jet_add_scaled(n, &half, -p->soft[k] / 2, &m);
-            jet_add_mul(n, value, &half, &m);
+            multiplier_model(c, f, k, &dual->price);
+            model_add_mul(f, -p->soft[k] / 2, &dual->price, &dual->price, &dual->value);
         }
 }
 
 /* Subtract what a start within a range makes of its prices, at most |price| of each spread: by a
  * chord above the absolute value, which is the same in the box and in its centre. */
-static void subtract_start(const Problem *p, int n, const interval *away, const jet *start, jet *value)
+static void subtract_start(const Problem *p, const Frame *f, Dual *dual)
 {
     const int s = 2 * p->phase[0].r;
-    static _Thread_local jet price;
+    model *price = &dual->price;
     for (int k = 0; k < p->spreads; k++) {
-        jet_zero(n, &price);
+        model_zero(f, price);
         for (int z = 0; z < s; z++)
-            jet_add_scaled(n, &price, p->spread[k * s + z] * (1 + 4 * DBL_EPSILON), start + z);
-        jet_centred(n, &price, away);
-        const double lo = price.v.lo, hi = price.v.hi;
+            model_add_scaled(f, p->spread[k * s + z] * (1 + 4 * DBL_EPSILON), dual->start + z, price);
+        model_settle(f, price);
+        const interval range = model_range(price);
+        const double lo = range.lo, hi = range.hi;
         const double slope = lo >= 0 ? 1 : hi <= 0 ? -1 : (hi + lo) / (hi - lo);
         const interval at_lo = interval_sub(interval_of(fabs(lo)), times(interval_of(slope), interval_of(lo)));
         const interval at_hi = interval_sub(interval_of(fabs(hi)), times(interval_of(slope), interval_of(hi)));
         const double offset = lo >= 0 || hi <= 0 ? 0 : at_lo.hi > at_hi.hi ? at_lo.hi : at_hi.hi;
-        jet_add_scaled(n, value, -slope, &price);
-        const interval lost = interval_of(-offset);
-        value->v = plus(value->v, lost), value->v0 = plus(value->v0, lost);
+        model_add_scaled(f, -slope, price, &dual->value);
+        model lost;
+        model_constant(f, interval_of(-offset), &lost);
+        model_add_scaled(f, 1, &lost, &dual->value);
     }
 }
 
-/* The dual as function of durations in a box, at distances ``away`` from its centre t. */
-void dual_jet(Engine *e, int n, const Steps *const *all, const double *t, const interval *box,
-                     const interval *away, jet *value)
+/* Add what a phase makes of its costates, the last of which is 1: w.costate - costate.W.costate/2. */
+static void add_value(const Frame *f, int i, int d, const Value *v, Dual *dual)
+{
+    model *bent = &dual->bent;
+    for (int a = 0; a < d; a++) {
+        const curve linear = f->n ? v->curves[a] : curve_over(v->linear[a]);
+        model_of_curve(f, i, &linear, bent);
+        for (int b = a; b < d; b++) {
+            const int at = a * d + b;
+            const curve square = f->n ? v->curves[d + at] : curve_over(v->square[at]);
+            model_add_curve(f, a == b ? -0.5 : -1, i, &square, dual->costate + b, bent);
+        }
+        model_settle(f, bent);
+        model_add_mul(f, 1, bent, dual->costate + a, &dual->value);
+    }
+}
+
+void dual_model(Engine *e, const Frame *f, const Steps *const *all, const double *t,
+                const interval *box)
 {
     const Problem *p = e->problem;
     const Centre *c = &e->centre;
     const int phases = p->phases;
-    const interval one = {1, 1};
-    static _Thread_local jet costate[MOST_COSTATE], start[MOST_STATE], bent;
+    Dual *dual = &e->dual;
     Choice *choices = c->choices;
-    jet time;
-    jet_zero(n, value);
-    jet_zero(n, &time);
-    for (int i = 0; i < phases; i++) {
-        time.v = plus(time.v, box[i]), time.v0 = plus(time.v0, interval_of(t[i]));
-        if (n)
-            time.g[i] = time.g0[i] = one;
+    model time;
+    for (int i = 0; i < phases; i++)
         choices += p->phase[i].steps * p->phase[i].nb;
-    }
+    model_zero(f, &dual->value);
     for (int i = phases - 1; i >= 0; i--) {
         const Phase *ph = p->phase + i;
         const Steps *steps = all[i];
@@ -102,44 +122,38 @@ void dual_jet(Engine *e, int n, const Steps *const *all, const double *t, const 
         const Rows *zero = last ? &p->goal_zero : &p->event[i].zero;
         const Rows *most = last ? &p->goal_most : &p->event[i].most;
         const int first = last ? 0 : c->first_event[i];
-        for (int a = 0; a < d; a++)
-            jet_zero(n, costate + a);
+        for (int z = 0; z < s; z++)
+            model_zero(f, dual->costate + z);
         if (!last)
             for (int z = 0; z < s; z++)
                 for (int k = 0; k < p->event[i].after.rows; k++)
-                    jet_add_scaled(n, costate + z, p->event[i].after.A[k * s + z], start + k);
-        add_priced(c, n, zero, first, away, &time, costate, value);
-        add_priced(c, n, most, first + zero->rows, away, &time, costate, value);
+                    model_add_scaled(f, p->event[i].after.A[k * s + z], dual->start + k,
+                                     dual->costate + z);
+        time_after(f, i, t, box, &time);
+        add_priced(c, f, zero, first, &time, dual);
+        add_priced(c, f, most, first + zero->rows, &time, dual);
         for (int z = 0; z < s; z++)
-            jet_centred(n, costate + z, away);
+            model_settle(f, dual->costate + z);
         for (int k = 0; k < steps->priced; k++)
-            multiplier_jet(c, n, c->first_priced + steps->which[k], away, costate + s + k);
-        costate[d - 1].v = costate[d - 1].v0 = one;
+            multiplier_model(c, f, c->first_priced + steps->which[k], dual->costate + s + k);
+        model_constant(f, interval_of(1), dual->costate + d - 1);
         choices -= ph->steps * ph->nb;
         interval range[MOST_COSTATE];
         for (int a = 0; a < d; a++)
-            range[a] = costate[a].v;
-        const Value *v = phase_value(ph, steps, choices, range, e->values + i);
-        for (int a = 0; a < d; a++) {
-            jet_add_line(n, i, value, v->linear[a], costate + a);
-            jet_zero(n, &bent);
-            for (int b = 0; b < d; b++)
-                jet_add_line(n, i, &bent, line_scaled(v->square[a * d + b], -0.5), costate + b);
-            jet_centred(n, &bent, away);
-            jet_add_mul(n, value, &bent, costate + a);
-        }
-        jet_centred(n, value, away);
+            range[a] = model_range(dual->costate + a);
+        add_value(f, i, d, phase_value(ph, steps, choices, range, e->values + i), dual);
         for (int z = 0; z < s; z++) {
-            jet_zero(n, start + z);
-            for (int a = 0; a < d; a++)
-                jet_add_line(n, i, start + z, steps->start[z * d + a], costate + a);
-            jet_centred(n, start + z, away);
+            model_zero(f, dual->start + z);
+            for (int a = 0; a < d; a++) {
+                const int k = z * d + a;
+                const curve at = f->n ? steps->start_curves[k] : curve_over(steps->start[k]);
+                model_add_curve(f, 1, i, &at, dual->costate + a, dual->start + z);
+            }
+            model_settle(f, dual->start + z);
         }
-        time.v = interval_sub(time.v, box[i]), time.v0 = interval_sub(time.v0, interval_of(t[i]));
-        if (n)
-            time.g[i] = time.g0[i] = interval_of(0);
     }
-    add_ties(p, c, n, away, start);
-    subtract_squares(p, c, n, away, value);
-    subtract_start(p, n, away, start, value);
+    add_ties(p, c, f, dual);
+    subtract_squares(p, c, f, dual);
+    subtract_start(p, f, dual);
+    model_settle(f, &dual->value);
 }

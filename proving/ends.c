@@ -9,8 +9,10 @@
 
 #include <string.h>
 
-/* How often the share is halved, where it ends, and how much of the largest change takes part. */
-#define HALVINGS 16
+/* How often the share is halved; how nearly both ends are as good then: far less than a gap; how little
+ * a final time varies that counts as known; how much of the largest change takes part. */
+#define HALVINGS 40
+#define EVEN 1e-6
 #define NEAR 1e-3
 #define TAKES_PART 0.1
 
@@ -53,7 +55,7 @@ static double maximise_lesser(Engine *e, double enough)
             best = fmin(first, second);
             memcpy(found, c->m, sizeof found);
         }
-        if (best >= enough || fabs(first - second) <= NEAR * fabs(best))
+        if (best >= enough || fabs(first - second) <= EVEN * fabs(best))
             break;
         if (first > second)
             high = share;

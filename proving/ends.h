@@ -3,13 +3,7 @@
 #define DMOC_ENDS_H
 
 #include "box.h"
-
-/* Durations of a box, their distances from its centre, bounds of these, and of their sum. */
-typedef struct {
-    const interval *wide, *away;
-    const double *below, *above;
-    double least, most;
-} Range;
+#include "convex.h"
 
 /* Multipliers for which the dual is large at both ends of a box, in the direction of its ``slope`` at
  * the centre t, where it has none that are the best, and the steps for them; conditions that are

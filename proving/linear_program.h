@@ -14,6 +14,7 @@
 
 /* Inputs of a step, conditions along the phases that are priced at one time, rows of a step,
  * multipliers. */
+#define MOST_PHASES 10
 #ifndef MOST_INPUTS
 #define MOST_INPUTS 8
 #endif
@@ -91,6 +92,7 @@ typedef struct {
 typedef struct {
     line *linear;               /* (d,) */
     line *square;               /* (d, d) */
+    curve *curves;              /* of both, (d + d d,) */
 } Value;
 
 /* The steps of a phase over a range of durations. */
@@ -99,11 +101,13 @@ typedef struct {
     int which[MOST_PRICED];     /* their numbers among all that are priced */
     line h;
     interval away;              /* of the duration from its centre */
+    double most;                /* its size */
     line *map;                  /* (2 r, 2 r + nb + 1): state after a step of (y, h p, u, 1) */
     line *inner;                /* (na - r, 2 r + nb + 1): places inside a step */
     line *rows;                 /* (rows, 2 r + nb + 1): those of S */
     line *response;             /* (steps, nb, d): what a unit of an input costs at its end */
     line *start;                /* (2 r, d): prices of the state at the start */
+    curve *start_curves;        /* (2 r, d) */
     Value without;              /* inputs left out but for their linear part; squares are unused */
     Value unbounded;            /* inputs without bounds, where they have a cost */
 } Steps;

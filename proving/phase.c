@@ -7,8 +7,8 @@
 
 size_t steps_size(const Phase *p, int d)
 {
-    const size_t s = 2 * p->r;
-    return (s + p->na - p->r + p->rows) * (s + p->nb + 1) + (size_t)p->steps * p->nb * d + s * d + 2 * d + (size_t)d * d;
+    const size_t s = 2 * p->r, values = s * d + 2 * d + (size_t)d * d; /* curves have less room */
+    return (s + p->na - p->r + p->rows) * (s + p->nb + 1) + (size_t)p->steps * p->nb * d + 2 * values;
 }
 
 void steps_place(Steps *steps, const Phase *p, int d, line *at)
@@ -20,9 +20,11 @@ void steps_place(Steps *steps, const Phase *p, int d, line *at)
     steps->response = at, at += p->steps * p->nb * d;
     steps->start = at, at += s * d;
     steps->without.linear = at, at += d;
-    steps->without.square = 0;
+    steps->without.square = 0, steps->without.curves = 0;
     steps->unbounded.linear = at, at += d;
-    steps->unbounded.square = at;
+    steps->unbounded.square = at, at += d * d;
+    steps->unbounded.curves = (curve *)at, at += d + d * d;
+    steps->start_curves = (curve *)at;
 }
 
 /* The sum that a value takes from the inputs of all steps by choices. */
@@ -99,8 +101,7 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
     const interval share = interval_div(interval_of(1), N);
     const line h = {interval_div(interval_of(centre), N), share, none, interval_div(duration, N), share, none, none};
     const interval away = interval_sub(duration, interval_of(centre));
-    steps->h = h;
-    steps->away = away;
+    steps->h = h, steps->away = away, steps->most = interval_mag(away);
     steps->priced = 0;
     for (int i = 0; i < count; i++)
         if (priced[i].phase == number)
@@ -148,6 +149,7 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
             *at = i < r ? now[i * d + j] : line_centred(line_mul(h, now[i * d + j]), away);
             if (begin[i] != 0)
                 linear[j] = line_add(linear[j], line_scaled(*at, begin[i]));
+            steps->start_curves[i * d + j] = curve_of(*at, steps->most);
         }
     for (int j = 0; j < d; j++)
         linear[j] = line_centred(linear[j], away);
@@ -351,8 +353,12 @@ static void add_inputs(const Phase *p, const Steps *steps, Choice *choices, cons
         for (int b = a; b < d; b++)
             W[b * d + a] = W[a * d + b] =
                 line_centred(line_mul(line_centred(W[a * d + b], steps->away), by_h), steps->away);
-    for (int a = 0; a < d; a++)
+    for (int a = 0; a < d; a++) {
         w[a] = line_centred(w[a], steps->away);
+        value->curves[a] = curve_of(w[a], steps->most);
+    }
+    for (int i = 0; i < d * d; i++)
+        value->curves[d + i] = curve_of(W[i], steps->most);
 }
 
 const Value *phase_value(const Phase *p, const Steps *steps, Choice *choices,

@@ -28,8 +28,9 @@ static void constants_of(const Problem *p, const Centre *c, Point *at)
     }
 }
 
-double point_dual(const Problem *p, const Centre *c, const Point *at, const double *m,
-                  double *gradient, double *H)
+/* The dual by the best inputs of all steps, which it keeps. */
+static double dual_by_inputs(const Problem *p, const Centre *c, const Point *at, const double *m,
+                             double *gradient, double *H)
 {
     const Steps *const *steps = at->steps;
     const int n = c->multipliers;
@@ -126,6 +127,31 @@ double point_dual(const Problem *p, const Centre *c, const Point *at, const doub
     return value;
 }
 
+/* The dual where it is one quadratic function, as no input has bounds. */
+static double quadratic_dual(int n, const Point *at, const double *m, double *gradient, double *H)
+{
+    double value = at->constant[n];
+    for (int j = 0; j < n; j++) {
+        double bent = 0;
+        for (int l = 0; l < n; l++)
+            bent += at->curved[j * n + l] * m[l];
+        value += m[j] * (at->constant[j] - bent / 2);
+        if (gradient)
+            gradient[j] = at->constant[j] - bent;
+    }
+    if (H)
+        memcpy(H, at->curved, sizeof(double) * (size_t)(n * n));
+    return value;
+}
+
+double point_dual(const Problem *p, const Centre *c, const Point *at, const double *m,
+                  double *gradient, double *H)
+{
+    if (at->quadratic)
+        return quadratic_dual(c->multipliers, at, m, gradient, H);
+    return dual_by_inputs(p, c, at, m, gradient, H);
+}
+
 /* What the multipliers make of the inputs of all steps. */
 static void rows_of(const Problem *p, const Centre *c, const Point *at)
 {
@@ -151,6 +177,45 @@ static void rows_of(const Problem *p, const Centre *c, const Point *at)
                 row[j] += p->spread[k * s + z] * p->tie[j * s + z];
 }
 
+/* Whether neither inputs nor the start have bounds. */
+static int is_quadratic(const Problem *p)
+{
+    for (int i = 0; i < p->phases; i++)
+        for (int j = 0; j < p->phase[i].nb; j++)
+            if (!isinf(p->phase[i].lower[j]) || !isinf(p->phase[i].upper[j]))
+                return 0;
+    return !p->spreads;
+}
+
+/* Take what inputs without bounds make of the dual: minus its second derivatives, and what that adds
+ * to its constants. */
+static void take_inputs(const Problem *p, const Centre *c, Point *at)
+{
+    const int n = c->multipliers;
+    double bent[WIDTH], *H = at->curved;
+    memset(H, 0, sizeof(double) * (size_t)(n * n));
+    for (int j = 0; j < p->goal_zero.rows; j++)
+        H[j * n + j] = p->soft[j];
+    for (int i = 0; i < p->phases; i++) {
+        const int d = at->steps[i]->d;
+        const double *L = COSTATES(at, i);
+        for (int a = 0; a < d; a++, L += WIDTH) {
+            memset(bent, 0, sizeof(double) * (size_t)(n + 1));
+            for (int b = 0; b < d; b++) {
+                const double share = interval_mid(at->steps[i]->unbounded.square[a * d + b].v0);
+                for (int j = 0; j <= n && share != 0; j++)
+                    bent[j] += share * COSTATES(at, i)[b * WIDTH + j];
+            }
+            for (int j = 0; j < n; j++) {
+                at->constant[j] -= L[j] * bent[n];
+                for (int l = 0; l < n && L[j] != 0; l++)
+                    H[j * n + l] += L[j] * bent[l];
+            }
+            at->constant[n] -= L[n] * bent[n] / 2;
+        }
+    }
+}
+
 void point_begin(const Problem *p, const Centre *c, const double *t, const Steps *const *steps,
                  Point *at)
 {
@@ -158,6 +223,17 @@ void point_begin(const Problem *p, const Centre *c, const double *t, const Steps
     for (int i = p->phases - 1; i >= 0; i--)
         costates_of(p, steps, c, -1, i, i + 1 < p->phases ? COSTATES(at, i + 1) : 0, 0,
                     COSTATES(at, i));
-    rows_of(p, c, at);
     constants_of(p, c, at);
+    at->quadratic = is_quadratic(p);
+    if (at->quadratic)
+        take_inputs(p, c, at);
+    else
+        rows_of(p, c, at);
+}
+
+void point_inputs(const Problem *p, const Centre *c, const Point *at, const double *m)
+{
+    if (at->quadratic)
+        rows_of(p, c, at);
+    dual_by_inputs(p, c, at, m, 0, 0);
 }

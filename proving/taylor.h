@@ -1,17 +1,9 @@
-/* Values with their first, second and third derivatives, as intervals.
- *
- * A line is a function of one duration over an interval of it; a jet is a function of all of them,
- * whose second derivatives are stored by rows of the upper triangle, the third ones by those i <= j
- * <= k; one of no durations is a value alone.
- */
+/* Functions of one duration over an interval of it: values with their first, second and third
+ * derivatives, as intervals. */
 #ifndef DMOC_TAYLOR_H
 #define DMOC_TAYLOR_H
 
 #include "intervals.h"
-
-#define MOST_PHASES 10
-#define MOST_SECONDS (MOST_PHASES * (MOST_PHASES + 1) / 2)
-#define MOST_THIRDS (MOST_SECONDS * (MOST_PHASES + 2) / 3)
 
 static inline int interval_is_zero(interval a) { return a.lo == 0 && a.hi == 0; }
 static inline double interval_mid(interval a) { return a.lo + (a.hi - a.lo) / 2; }
@@ -52,8 +44,6 @@ static inline interval both(interval a, interval b)
 {
     return (interval){a.lo > b.lo ? a.lo : b.lo, a.hi < b.hi ? a.hi : b.hi};
 }
-
-/* Functions of one duration ----------------------------------------------------------------- */
 
 typedef struct {
     interval v0, d0, dd0;    /* at the centre */
@@ -144,168 +134,51 @@ static inline line line_centred(line a, interval away)
     return a;
 }
 
-/* Functions of all durations ---------------------------------------------------------------- */
-
+/* The same function as a polynomial that differs from it by a rest at most, of distances from the
+ * centre in units of what these are at most, from -1 to 1. */
+#define DEGREE 3
 typedef struct {
-    interval v0, g0[MOST_PHASES], H0[MOST_SECONDS]; /* at the centre */
-    interval v, g[MOST_PHASES], H[MOST_SECONDS], T[MOST_THIRDS]; /* over the box */
-} jet;
+    double c[DEGREE + 1], rest;
+} curve;
 
-/* Place of the second derivative by two of n durations. */
-static inline int second_at(int n, int i, int j)
+/* What polynomials lose to rounding: a coefficient of a product has at most 16 roundings of half an
+ * epsilon; sums of numbers that are not negative have fewer than 512. */
+#define ROUNDING (16 * DBL_EPSILON)
+static inline double upward(double x) { return x * (1 + 512 * DBL_EPSILON) + DBL_MIN; }
+
+static inline double interval_radius(interval a, double mid) { return fmax(a.hi - mid, mid - a.lo); }
+
+/* All values of a line. */
+static inline curve curve_over(line a)
 {
-    return i <= j ? i * n - i * (i - 1) / 2 + j - i : j * n - j * (j - 1) / 2 + i - j;
+    const double mid = interval_mid(a.v);
+    return (curve){{mid, 0, 0, 0}, upward(interval_radius(a.v, mid))};
 }
 
-static inline void jet_zero(int n, jet *a)
+/* A line at distances of at most ``most``: its derivatives at the centre up to the order that leaves
+ * the least rest, and the next one over the range. */
+static inline curve curve_of(line a, double most)
 {
-    const interval none = {0, 0};
-    a->v = a->v0 = none;
-    for (int i = 0; i < n; i++)
-        a->g[i] = a->g0[i] = none;
-    for (int i = 0; i < n * (n + 1) / 2; i++)
-        a->H[i] = a->H0[i] = none;
-    for (int i = 0; i < n * (n + 1) * (n + 2) / 6; i++)
-        a->T[i] = none;
-}
-
-/* a += s b */
-static inline void jet_add_scaled(int n, jet *a, double s, const jet *b)
-{
-    if (s == 0)
-        return;
-    a->v0 = plus(a->v0, scaled(b->v0, s));
-    a->v = plus(a->v, scaled(b->v, s));
-    for (int i = 0; i < n; i++) {
-        a->g0[i] = plus(a->g0[i], scaled(b->g0[i], s));
-        a->g[i] = plus(a->g[i], scaled(b->g[i], s));
-    }
-    for (int i = 0; i < n * (n + 1) / 2; i++) {
-        a->H0[i] = plus(a->H0[i], scaled(b->H0[i], s));
-        a->H[i] = plus(a->H[i], scaled(b->H[i], s));
-    }
-    for (int i = 0; i < n * (n + 1) * (n + 2) / 6; i++)
-        a->T[i] = plus(a->T[i], scaled(b->T[i], s));
-}
-
-/* a += b c */
-static inline void jet_add_mul(int n, jet *a, const jet *b, const jet *c)
-{
-    a->v0 = plus_times(a->v0, b->v0, c->v0);
-    a->v = plus_times(a->v, b->v, c->v);
-    for (int i = 0; i < n; i++) {
-        a->g0[i] = plus(a->g0[i], plus(times(b->g0[i], c->v0), times(b->v0, c->g0[i])));
-        a->g[i] = plus(a->g[i], plus(times(b->g[i], c->v), times(b->v, c->g[i])));
-    }
-    for (int i = 0, at = 0, third = 0; i < n; i++)
-        for (int j = i; j < n; j++, at++) {
-            const interval bent0 = plus(times(b->H0[at], c->v0), times(b->v0, c->H0[at]));
-            const interval cross0 = plus(times(b->g0[i], c->g0[j]), times(b->g0[j], c->g0[i]));
-            a->H0[at] = plus(a->H0[at], plus(bent0, cross0));
-            const interval bent = plus(times(b->H[at], c->v), times(b->v, c->H[at]));
-            const interval cross = plus(times(b->g[i], c->g[j]), times(b->g[j], c->g[i]));
-            a->H[at] = plus(a->H[at], plus(bent, cross));
-            for (int k = j; k < n; k++, third++) {
-                const int ik = second_at(n, i, k), jk = second_at(n, j, k);
-                interval sum = plus(times(b->T[third], c->v), times(b->v, c->T[third]));
-                sum = plus(sum, plus(times(b->g[i], c->H[jk]), times(b->H[jk], c->g[i])));
-                sum = plus(sum, plus(times(b->g[j], c->H[ik]), times(b->H[ik], c->g[j])));
-                sum = plus(sum, plus(times(b->g[k], c->H[at]), times(b->H[at], c->g[k])));
-                a->T[third] = plus(a->T[third], sum);
-            }
+    const interval at[DEGREE] = {a.v0, a.d0, a.dd0}, over[DEGREE + 1] = {a.v, a.d, a.dd, a.ddd};
+    const double power[DEGREE + 1] = {1, most, most * most / 2, most * most * most / 6};
+    curve made = {{0}, INFINITY};
+    double certain = 0, size = 0;
+    for (int d = 0, last = 0; d <= DEGREE; d++) {
+        const double mid = interval_mid(over[d]);
+        const double rest = certain + interval_radius(over[d], mid) * power[d];
+        if (rest < made.rest) {
+            for (; last < d; last++)
+                made.c[last] = interval_mid(at[last]) * power[last];
+            made.c[d] = mid * power[d];
+            made.rest = rest;
         }
-}
-
-/* a += f b, where f is a function of duration k alone. */
-static inline void jet_add_line(int n, int k, jet *a, line f, const jet *b)
-{
-    if (line_is_zero(f))
-        return;
-    a->v0 = plus_times(a->v0, f.v0, b->v0);
-    a->v = plus_times(a->v, f.v, b->v);
-    for (int i = 0, at = 0, third = 0; i < n; i++) {
-        a->g0[i] = plus_times(a->g0[i], f.v0, b->g0[i]);
-        a->g[i] = plus_times(a->g[i], f.v, b->g[i]);
-        if (i == k) {
-            a->g0[i] = plus_times(a->g0[i], f.d0, b->v0);
-            a->g[i] = plus_times(a->g[i], f.d, b->v);
-        }
-        for (int j = i; j < n; j++, at++) {
-            const int by_i = i == k, by_j = j == k;
-            a->H0[at] = plus_times(a->H0[at], f.v0, b->H0[at]);
-            a->H[at] = plus_times(a->H[at], f.v, b->H[at]);
-            if (by_i) {
-                a->H0[at] = plus_times(a->H0[at], f.d0, b->g0[j]);
-                a->H[at] = plus_times(a->H[at], f.d, b->g[j]);
-            }
-            if (by_j) {
-                a->H0[at] = plus_times(a->H0[at], f.d0, b->g0[i]);
-                a->H[at] = plus_times(a->H[at], f.d, b->g[i]);
-            }
-            if (by_i && by_j) {
-                a->H0[at] = plus_times(a->H0[at], f.dd0, b->v0);
-                a->H[at] = plus_times(a->H[at], f.dd, b->v);
-            }
-            for (int l = j; l < n; l++, third++) {
-                const int by_l = l == k;
-                interval sum = times(f.v, b->T[third]);
-                if (by_i)
-                    sum = plus_times(sum, f.d, b->H[second_at(n, j, l)]);
-                if (by_j)
-                    sum = plus_times(sum, f.d, b->H[second_at(n, i, l)]);
-                if (by_l)
-                    sum = plus_times(sum, f.d, b->H[at]);
-                if (by_i && by_j)
-                    sum = plus_times(sum, f.dd, b->g[l]);
-                if (by_i && by_l)
-                    sum = plus_times(sum, f.dd, b->g[j]);
-                if (by_j && by_l)
-                    sum = plus_times(sum, f.dd, b->g[i]);
-                if (by_i && by_j && by_l)
-                    sum = plus_times(sum, f.ddd, b->v);
-                a->T[third] = plus(a->T[third], sum);
-            }
-        }
+        if (d < DEGREE)
+            certain += interval_radius(at[d], interval_mid(at[d])) * power[d];
     }
-}
-
-/* Values and derivatives from those at the centre, as of a line. */
-static inline void jet_centred(int n, jet *a, const interval *away)
-{
-    if (!n)
-        return;
-    const interval none = {0, 0};
-    interval bent[MOST_SECONDS]; /* sums over k of T_ijk away_k */
-    for (int i = 0; i < n * (n + 1) / 2; i++)
-        bent[i] = none;
-    for (int i = 0, third = 0; i < n; i++)
-        for (int j = i; j < n; j++)
-            for (int k = j; k < n; k++, third++) {
-                const interval T = a->T[third];
-                const int ij = second_at(n, i, j), ik = second_at(n, i, k), jk = second_at(n, j, k);
-                bent[ij] = plus_times(bent[ij], T, away[k]);
-                if (k != j)
-                    bent[ik] = plus_times(bent[ik], T, away[j]);
-                if (j != i)
-                    bent[jk] = plus_times(bent[jk], T, away[i]);
-            }
-    interval v = a->v0, second = none, third = none;
-    for (int i = 0; i < n; i++) {
-        interval slope = none, turn = none;
-        for (int j = 0; j < n; j++) {
-            const int at = second_at(n, i, j);
-            slope = plus_times(slope, a->H0[at], away[j]);
-            turn = plus_times(turn, bent[at], away[j]);
-        }
-        a->g[i] = both(a->g[i], plus(a->g0[i], plus(slope, scaled(turn, 0.5))));
-        v = plus_times(v, a->g0[i], away[i]);
-        second = plus_times(second, slope, away[i]);
-        third = plus_times(third, turn, away[i]);
-    }
-    for (int i = 0; i < n * (n + 1) / 2; i++)
-        a->H[i] = both(a->H[i], plus(a->H0[i], bent[i]));
-    third = interval_div(third, interval_of(6));
-    a->v = both(a->v, plus(v, plus(scaled(second, 0.5), third)));
+    for (int d = 0; d <= DEGREE; d++)
+        size += fabs(made.c[d]);
+    made.rest = upward(made.rest + ROUNDING * size);
+    return made;
 }
 
 #endif

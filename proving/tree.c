@@ -7,6 +7,8 @@
 
 /* Boxes of a batch, whatever the number of threads is. */
 #define MOST_TAKEN 64
+/* Of the widest duration of a box, beside its own size, so much has one by which it is divided. */
+#define NARROWEST 0.45
 
 int tree_push(Tree *t, const double *box)
 {
@@ -53,15 +55,16 @@ static double aim(const Tree *t)
  * the one that is widest beside its own size. */
 static int worst(const Problem *p, const double *low, const double *high, const double *widths)
 {
-    int at = 0, known = 0;
-    double most = 0;
-    for (int i = 0; i < p->phases; i++)
-        known |= isfinite(widths[i]) && widths[i] > 0;
+    int at = 0, known = 1;
+    double most = 0, widest = 0;
     for (int i = 0; i < p->phases; i++) {
-        const double width = known ? widths[i] : log(high[i] / low[i]);
-        if (width > most)
-            most = width, at = i;
+        known &= isfinite(widths[i]);
+        if (log(high[i] / low[i]) > widest)
+            widest = log(high[i] / low[i]), at = i;
     }
+    for (int i = 0; i < p->phases && known; i++)
+        if (widths[i] > most && log(high[i] / low[i]) > NARROWEST * widest)
+            most = widths[i], at = i;
     return at;
 }
 
@@ -189,10 +192,12 @@ static int keep_batch(Tree *t)
     return failed;
 }
 
-/* Add a box to the batch, whose place it may have; be done with it where no time is left for it. */
+/* Add what has time of a box to the batch, whose place it may have; be done with it where no time is
+ * left for it. */
 static void add(Tree *t, double *box)
 {
     const int n = t->problem->phases;
+    grid_contract(&t->grid, t->problem, box + 1, box + 1 + n);
     if (box_has_time(t->problem, box + 1, box + 1 + n)) {
         memmove(t->batch + t->taken++ * t->width, box, t->width * sizeof(double));
     } else {
@@ -252,8 +257,8 @@ int tree_begin(Tree *t, const Problem *p, int workers, double best, double limit
         const double slack = 4 * p->phases * DBL_EPSILON * most;
         const double low = p->earliest - (most - p->longest[i]) - slack;
         const double high = p->latest - (least - p->shortest[i]) + slack;
-        box[1 + i] = fmax(p->shortest[i], low);
-        box[1 + p->phases + i] = fmin(p->longest[i], high);
+        box[1 + i] = t->grid.low[i] = fmax(p->shortest[i], low);
+        box[1 + p->phases + i] = t->grid.high[i] = fmin(p->longest[i], high);
     }
     add(t, box);
     look_at_all(t);
@@ -279,8 +284,8 @@ static void take(Tree *t)
         pop(t, box);
         double *low = box + 1, *high = low + t->problem->phases;
         const int i = (int)box[t->width - 1];
-        const double middle = sqrt(low[i]) * sqrt(high[i]);
-        if (!(low[i] < middle && middle < high[i])) { /* nothing is left to divide */
+        const double middle = grid_middle(&t->grid, i, low[i], high[i]);
+        if (middle == low[i]) { /* nothing is left to divide */
             leave(t, box);
             continue;
         }

@@ -6,6 +6,7 @@
 #include <stdatomic.h>
 
 #include "box.h"
+#include "grid.h"
 
 #define MOST_THREADS 64
 
@@ -21,6 +22,7 @@ typedef struct {
 
 typedef struct {
     const Problem *problem;
+    Grid grid;
     int workers;
     Engine *engines;            /* (workers,) */
     double best, at[MOST_PHASES]; /* the least cost that was met, and its durations */

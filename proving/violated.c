@@ -76,6 +76,13 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
     const double *u = c->at.inputs;
     double state[MOST_STATE], next[MOST_STATE], inner[MOST_STATE], most = 0;
     double rows[MOST_STEP_ROWS];
+    int paths = 0;
+    for (int i = 0; i < p->phases; i++)
+        paths += p->phase[i].paths + p->phase[i].conditions;
+    if (!paths)
+        return 0;
+    if (c->at.quadratic)
+        point_inputs(p, c, &c->at, c->m);
     const int size = 2 * p->phase[0].r;
     const double *share = c->at.inputs;
     for (int i = 0; i < p->phases; i++)
