@@ -14,7 +14,10 @@ from answers import answer_of
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.base.deadline import ENDLESS
+from dmoc.check.checked_motion import Motion
 from dmoc.check.depth import dips, distances
+from dmoc.check.limit_functions import LimitFunctions
 from dmoc.codegen.kernels import Array
 
 X, Y, U = dynamicsymbols("x y u")
@@ -128,6 +131,20 @@ def test_no_motion_gets_through_a_wire(kind: str) -> None:
     assert through.path_excess == pytest.approx(0.01, rel=1e-3) and not through.passed
     shallow = past(kind, False, 0.0, {"c": 0.5125, "b": 0.0016, "r": 0.002}, 10)
     assert shallow.path_excess == pytest.approx(0.2 / 2 / 50, rel=1e-2) and shallow.passed
+
+
+def test_beside_a_straight_way_there_is_as_much_room_as_along_it() -> None:
+    """By the masses: a fourfold one moves half as far and half as fast."""
+    system = dmoc.MechanicalSystem(
+        "straight", [X, Y], (X.diff() ** 2 + 4 * Y.diff() ** 2) / 2,
+        path_constraints={"far": X + Y <= 9},
+    )  # fmt: skip
+    kernels = dmoc.build(system)
+    piece = motions.Piece(1.0, lambda t: (3 * t, 0 * t, 3, 0))
+    motion = Motion.of(motions.trajectory(kernels, [piece], [], 10), kernels, ENDLESS)
+    limits = LimitFunctions.of(motion)
+    states = np.array([[0.0, 0, 3, 0, 0], [3.0, 0, 3, 0, 1]])
+    assert limits.even_widths(states)[:4] == pytest.approx([3, 1.5, 6, 3])
 
 
 @pytest.mark.slow

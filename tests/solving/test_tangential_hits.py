@@ -28,6 +28,8 @@ from superballs import (
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.motion.friction import STICK
+from dmoc.program.laws import tangential
 
 pytestmark = pytest.mark.slow
 
@@ -214,3 +216,14 @@ def test_a_landing_keeps_its_law():
         ball, {"z": HEIGHT}, {"x": 1, "a": 3}, step_size=0.01, steps=50, restitution=0
     )
     np.testing.assert_allclose(run.v[-1], [1, 0, 3], atol=1e-9)
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_what_a_guess_takes_for_a_hit(turned: int) -> None:
+    """That of a disc of 1 kg: its impulses and how it ends, as above."""
+    A, spin = np.diag([1.0, 3.0]), turned * 2.0
+    for coefficient, ends in ((0.9, STICK), (0.1, turned)):
+        hit = tangential.returned(np.array([-3.0, spin]), A, coefficient, 0.8, 0.6)
+        velocity = bounced([spin, -3.0, 0.0], 0.8, 0.6, coefficient)
+        assert hit.impulses == pytest.approx([velocity[1] + 3, velocity[0] - spin])
+        assert hit.friction == ends
