@@ -213,6 +213,21 @@ def test_a_motion_is_not_shifted_with_parameters_that_were_refused(wall: LoadedS
     assert wall.solve().status == "solved"
 
 
+def test_a_motion_is_not_shifted_by_masses_that_have_no_velocities(tmp_path: Path) -> None:
+    m = sp.Symbol("m")
+    system = pushed([x], m * x.diff() ** 2 / 2, {m: 1.0})
+    problem = dmoc.Problem(system, {x: 0, "x_dot": 1}, {x: 1}, final_time=2, steps=10)
+    solver = carried(problem, tmp_path)
+    assert solver.solve().status == "solved"
+    solver.set(parameters={"m": 0.0})
+    with pytest.raises(ProblemError, match=r"parameters\.m"):
+        solver.solve()
+    with pytest.raises(ProblemError, match="nothing is left"):
+        solver.shift(0.1)
+    solver.set(parameters={"m": 1.0})
+    assert solver.solve().status == "solved"
+
+
 @pytest.mark.slow
 def test_static_friction_is_no_less_than_kinetic(tmp_path: Path) -> None:
     """Which of two numbers is refused is the one that spoils it, in their order."""
