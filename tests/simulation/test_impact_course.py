@@ -195,6 +195,7 @@ rate, any_box = st.floats(-2, 2), cache(partial(boxes, 1))
 
 @settings(max_examples=150)
 @example(0.001, 0.375, -1.5, 0.0, 0.3, 0.5, 0.5, 0.0)  # feet that nearly push along each other
+@example(0.0, -0.97, -1.7, -0.97, 3.0, 0.138, 0.498, 0.0)  # sliding jams, so that it goes backwards
 @given(
     st.integers(-1000, 1000).map(lambda n: n / 1000), rate, rate, rate,
     st.sampled_from([0.05, 0.3, 1.0, 3.0]),
