@@ -239,7 +239,7 @@ double box_bound(Engine *e, const double *low, const double *high, double enough
     /* Where what is asked decides durations, the dual of the centre grows for ever. */
     if (bound < e->aim && c->grows &&
         !ends_maximise(e, low, high, t, &range, slope, enough, steps)) {
-        double others[MOST_PHASES];
+        double others[MOST_PHASES] = {0};
         const double by_ends = over_range(e, steps, t, &range, others, slope);
         if (by_ends > bound) {
             bound = by_ends;

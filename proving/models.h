@@ -126,6 +126,7 @@ static inline void model_add_mul(const Frame *f, double s, const model *b, const
     const double beyond = B[1] * C[3] + B[2] * (C[2] + C[3]) + B[3] * (C[1] + C[2] + C[3]);
     const double size = model_size(b) * model_size(c);
     a->rest += share * (beyond + model_size(b) * c->rest + b->rest * (model_size(c) + c->rest));
+    a->rest += DBL_MIN * (model_size(b) + model_size(c)); /* what underflows before it is multiplied */
     model_round(share * size, a);
     a->size[0] = upward(a->size[0] + share * B[0] * C[0]);
     a->size[1] = upward(a->size[1] + share * (B[0] * C[1] + B[1] * C[0]));
@@ -143,6 +144,7 @@ static inline void model_add_curve(const Frame *f, double s, int i, const curve 
     const double G[] = {fabs(c[0]), fabs(c[1]), fabs(c[2]), fabs(c[3])}, *B = b->size;
     const double whole = G[0] + G[1] + G[2] + G[3], share = fabs(s) * g->rest;
     double *to = a->c;
+    a->rest += DBL_MIN * model_size(b); /* what underflows before it is multiplied */
     if (whole == 0 && share == 0)
         return;
     for (int k = 0; k < f->terms; k++)

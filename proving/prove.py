@@ -170,7 +170,7 @@ def _proved(
     if motion is None or branch.best < motion.cost - gap / 4 * abs(motion.cost):
         motion = _best(motion, _at(problem, branch, seed))
     return Proof(
-        _claim(branch, motion, gap, least, going_on), motion, branch.bound, gap, least,
+        _claim(branch, motion, (gap, least, beyond), going_on), motion, branch.bound, gap, least,
         np.inf if np.isfinite(limit) else beyond,
         tuple((float(a), float(b)) for a, b in linear.durations),
         linear.final_time, tuple(phase.steps for phase in linear.phases), problem.order,
@@ -249,13 +249,16 @@ def _best(*motions: Solution | None) -> Solution | None:
 
 
 def _claim(
-    branch: Branch, motion: Solution | None, gap: float, least: float, going_on: bool
+    branch: Branch, motion: Solution | None, asked: tuple[float, float, float], going_on: bool
 ) -> Claim:
-    """What is shown by the bound of all durations."""
+    """What is shown by the bound of all durations; asked are the gap, the least one, and the cost
+    beyond which there is no motion.  Boxes that cannot be halved are left with lower bounds."""
+    gap, least, beyond = asked
     if going_on:
         return Claim.OPEN
     if motion is None:
-        return Claim.OPEN if np.isfinite(branch.best) else Claim.IMPOSSIBLE
+        none = np.isinf(branch.best) and branch.bound >= beyond
+        return Claim.IMPOSSIBLE if none else Claim.OPEN
     if branch.bound > motion.cost + CONTRADICTION * abs(motion.cost) + least:
         raise ProblemError(
             f"a motion costs {motion.cost:.9g}, below the bound {branch.bound:.9g} of all: the "

@@ -4,10 +4,13 @@ functions."""
 from __future__ import annotations
 
 import ast
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from joint_problems import double_pendulum
+from sympy.physics.mechanics import dynamicsymbols
 from systems import unit_mass
 
 import dmoc
@@ -16,6 +19,8 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.algebra import is_positive
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row, restitution_row
+
+X1, Y1 = dynamicsymbols("x1 y1")
 
 ROOT = Path(__file__).resolve().parents[2]
 # Who may name kernels: the model, and the code that makes them.
@@ -201,3 +206,17 @@ def test_whether_a_mass_matrix_is_positive_does_not_depend_on_units() -> None:
             assert is_positive(np.array([[1.0, r], [r, 1.0]]) * scale) is positive
     for wrong in (0.0, -1.0, np.nan, np.inf):
         assert not is_positive(np.array([[1.0, 0.0], [0.0, wrong]]))
+
+
+@pytest.mark.parametrize("shrunk", [1.0, 1e-9])
+def test_forces_of_joints_leave_them_alone_whatever_their_units(shrunk: float) -> None:
+    """J M^-1 (F + J^T lam) + J_dot v = 0 of two rods, also where one is stated in other units."""
+    system, _ = double_pendulum()
+    rods = dict(system.constraints)
+    rods["first"] = shrunk * (X1**2 + Y1**2 - 1)
+    kernels = dmoc.build(replace(system, constraints=rods))
+    model, q = Model(kernels, parameter_row(kernels, {})), np.array([[0.6, -0.8, 0.6, -1.6]])
+    bent, F = np.array([[2.0 * shrunk, 1.0]]), np.array([[[0.3, -9.81, 0.2, -6.0]]])
+    J, lam = model.kept_slopes(q), model.joint_forces(model.mass(q), F, q, 0.0, bent)
+    left = J[0] @ np.linalg.solve(model.mass(q)[0], (F + lam @ J)[0, 0]) + bent[0]
+    assert left / [shrunk, 1.0] == pytest.approx(0, abs=1e-9)

@@ -253,8 +253,12 @@ def test_bounds_that_contradict_a_motion_are_no_proof() -> None:
 
     def claim(bound: float, cost: float) -> Claim:
         branch: Any = SimpleNamespace(bound=bound, best=cost)
-        motion: Any = SimpleNamespace(cost=cost)
-        return _claim(branch, motion, 1e-4, 0.0, False)
+        motion: Any = SimpleNamespace(cost=cost) if cost < np.inf else None
+        return _claim(branch, motion, (1e-4, 0.0, 9.0), False)
+
+    assert claim(9.0, np.inf) is Claim.IMPOSSIBLE
+    # Durations that are fixed leave one box, whose bound may be too low to say anything.
+    assert claim(8.99, np.inf) is claim(0.0, np.inf) is claim(np.nan, np.inf) is Claim.OPEN
 
     assert claim(0.99995, 1.0) is Claim.OPTIMAL
     assert claim(0.9998, 1.0) is Claim.OPEN
