@@ -19,6 +19,8 @@ import dmoc
 from dmoc.base.errors import DmocError
 from dmoc.motion.largest_forces import largest_forces
 from dmoc.motion.motion_tables import columns
+from dmoc.program.blocks import NOWHERE
+from dmoc.program.transcription import Transcription
 
 pytestmark = pytest.mark.slow
 
@@ -278,3 +280,20 @@ def test_a_bound_of_power_beside_a_rod_is_no_obstacle_to_a_blow() -> None:
     a, b = best(by_rod, starts=4), best(by_angle, starts=4)
     assert a.cost == pytest.approx(b.cost, rel=1e-5)
     assert a.active_bounds and b.active_bounds
+
+
+def test_a_constraint_that_is_stated_twice_counts_once_in_a_hit_with_friction() -> None:
+    """A mass on a rod that slides up and down a post, and falls on a rough floor."""
+    z, mu = dynamicsymbols("z"), sp.Symbol("mu")
+    rod = X**2 + Y**2 - 1
+    system = dmoc.MechanicalSystem(
+        "held_twice", [X, Y, z], (X.diff() ** 2 + Y.diff() ** 2 + z.diff() ** 2) / 2 - 9.81 * z,
+        {mu: 0.2}, [U], {X: -U * Y, Y: U * X}, cost=U**2, surfaces={"floor": z >= 0},
+        tangents={"floor": X}, friction={"floor": mu}, constraints={"rod": rod, "again": 2 * rod},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        system, {"x": 0, "y": -1, "z": 1, "x_dot": 1, "z_dot": 0}, {"x": 0.5}, ["floor:slip+"],
+        restitution=0.5, final_time=0.8, steps=5,
+    )  # fmt: skip
+    joined = Transcription(problem).laws.held.joined
+    assert joined.count == 1 and joined.index[0, :, 1].tolist() == [NOWHERE, NOWHERE]
