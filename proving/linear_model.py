@@ -148,11 +148,12 @@ class LinearModel:
         """Rows of the forces of surfaces and of tangents that stick, in the directions of
         ``pushes``, that are not positive: surfaces push, along them acts no more than friction."""
         unit, supports = np.eye(len(surfaces) + len(tangents)), self.problem.touch.contacts.supports
-        yield from unit[: len(surfaces)]
+        forces = dict(zip(surfaces, unit, strict=False))
+        yield from forces.values()
         for along, k in zip(unit[len(surfaces) :], tangents, strict=True):
             mu = float(self.problem.static_friction[0, k])
-            if supports[k] in surfaces and np.isfinite(mu):
-                limit = mu * unit[surfaces.index(supports[k])]
+            if supports[k] in forces and np.isfinite(mu):
+                limit = mu * forces[supports[k]]
                 yield along + limit
                 yield -along + limit
 

@@ -345,7 +345,7 @@ CALL = "print(dmoc.solve_many([problem] * 2, workers=2, guess=GUESS).status)"
         (CALL.replace("GUESS", "None"), ["run __main__"]),
         (
             f"if __name__ == '__main__': {CALL.replace('GUESS', '{chr(120): east}')}",
-            ["run __main__", "run __mp_main__", "run __mp_main__"],
+            ["run __main__", "run __mp_main__"],
         ),
     ],
     ids=["no guard", "its function"],
@@ -358,8 +358,9 @@ def test_workers_run_the_script_only_for_its_functions(
     done = subprocess.run(
         [sys.executable, str(script)], capture_output=True, text=True, timeout=120
     )
-    lines = sorted(done.stdout.splitlines())
-    assert lines == ["('solved', 'solved')", *runs], done.stderr
+    # A worker that is quick leaves nothing to do for another one.
+    lines = done.stdout.splitlines()
+    assert {*lines} == {"('solved', 'solved')", *runs} and len(lines) <= 4, done.stderr
 
 
 def test_a_sweep_goes_over_every_combination(block: dmoc.Problem) -> None:
