@@ -167,8 +167,7 @@ class Collision:
     reactions : mapping of str to float
         Impulses R of the constraints of the model.
     course : str
-        How friction acts in the course of the impact, as "slip+:stick"; empty where it does not, or
-        in one way.
+        How friction acts in the course of the impact, as "slip+:stick"; empty for one way or none.
     switch : str
         The switch of the model that passes zero here; empty where none does.  Nothing else happens.
     off : tuple of str
