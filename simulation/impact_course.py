@@ -12,13 +12,14 @@ compression.  Of one contact by itself this is Poisson's law.
 
 Between two moments at which a contact begins or ceases to push, to stick or to slide, all rates and
 impulses change in proportion.  Where sliding jams, pressing the bodies together harder and harder,
-the compression goes backwards until the sliding stops.
+the compression goes backwards until the sliding stops.  A touched contact that is not approached,
+and jams, has the impact of one that is approached ever more slowly: by itself, before the others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -159,7 +160,9 @@ class _Course:
                 return True
             part = self._next()
             if part is None:
-                return False
+                if not self._jams():
+                    return False
+                continue
             lengths = [s for s in self._ends(part, whole) if s >= 0]
             if not lengths:
                 return False
@@ -175,6 +178,25 @@ class _Course:
             done = (self.falling > 0) & (compressed | released)
             self.bounds[done], self.falling[done] = 0.0, 0.0
         return False
+
+    def _jams(self) -> bool:
+        """Have touched contacts that are not approached, but jam as they slide, take an impact of
+        their own, as one does that is approached ever more slowly; return whether it is one."""
+        resting = [j for j in self.on if not self.falling[j] and self._meets(j)]
+        size = np.where(np.isin(np.arange(self.model.nc), resting), self.approach.max(), 0.0)
+        bounds = np.where(size > 0, 0.0, np.inf)
+        own = replace(self, approach=size, bounds=bounds, falling=size.copy())
+        ended = own.follow(np.zeros(self.model.nc))
+        moved = bool((own.velocity != self.velocity).any())
+        self.velocity, self.normal, self.tangential = own.velocity, own.normal, own.tangential
+        fall = self.falling > 0
+        reached = np.append(self.rates[0][fall], self.bounds[fall]) / np.tile(self.falling[fall], 2)
+        self.bounds[fall] = reached.max() * self.falling[fall]
+        return ended and moved
+
+    def _meets(self, j: int) -> bool:
+        """Whether a touched gap has the rate of its bound."""
+        return bool(self.rates[0][j] >= self.bounds[j] - self.at.small.rate[j])
 
     def _ends(self, part: _Part, whole: Array) -> Iterator[float]:
         """Amounts of compression after which something ends a part; ``whole`` has the shape
@@ -200,9 +222,7 @@ class _Course:
     def _next(self) -> _Part | None:
         """The part that begins, in which compression goes on or, where sliding jams, backwards;
         None where no state of contact and friction obeys the laws."""
-        rates, slides = self.rates
-        near = self.bounds - self.at.small.rate
-        meeting = [j for j in self.on if rates[j] >= near[j]]
+        slides, meeting = self.rates[1], [j for j in self.on if self._meets(j)]
         parts: dict[Mode, _Part] = {}
         for sense in (1.0, -1.0):
 

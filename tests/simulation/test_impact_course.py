@@ -196,6 +196,12 @@ rate, any_box = st.floats(-2, 2), cache(partial(boxes, 1))
 @settings(max_examples=150)
 @example(0.001, 0.375, -1.5, 0.0, 0.3, 0.5, 0.5, 0.0)  # feet that nearly push along each other
 @example(0.0, -0.97, -1.7, -0.97, 3.0, 0.138, 0.498, 0.0)  # sliding jams, so that it goes backwards
+@example(0.0, 0.0, -0.5, 1.0, 3.0, 0.5, 0.5, 0.0)  # a corner jams that is not approached
+@example(  # and turns the other one faster towards the floor
+    0.5, 1.962978872964888, 0.045013564435985566, -0.9412194864462404, 5.0, 0.05220473674485902,
+    0.1953143616487903, 0.0,
+)  # fmt: skip
+@example(0.0, 0.0, -0.5, 1.0001, 2.9, 0.5, 0.5, 0.0)  # or leaves before the other one turns it
 @given(
     st.integers(-1000, 1000).map(lambda n: n / 1000), rate, rate, rate,
     st.sampled_from([0.05, 0.3, 1.0, 3.0]),
@@ -222,3 +228,16 @@ def test_what_holds_of_every_impact(
     assert (model.gap_rates(q, blow.velocity) <= size).all()
     if e == 0:
         assert blow.velocity @ M @ blow.velocity <= v @ M @ v * (1 + 1e-9) + size**2
+
+
+@pytest.mark.parametrize("turn", [1.0, 1.000001])
+def test_a_corner_that_jams_at_rest_is_the_limit_of_one_that_is_approached(turn: float) -> None:
+    """The corner at rest slides to a stop by an impulse of its own and is compressed before the
+    other one, as it is where it is approached ever so slowly."""
+    data = {"b": 0.5, "h": 0.5, "mu_l": 3.0, "mu_r": 3.0}
+    q, down = np.array([0.0, 0.5, 0.0]), -0.5
+    _, at_rest = impact(any_box(), q, np.array([0.0, down, turn]), 0.0, data)
+    _, approached = impact(any_box(), q, np.array([0.0, down, 1 - 1e-6]), 0.0, data)
+    assert at_rest.velocity == pytest.approx(approached.velocity, abs=2e-6)
+    assert at_rest.normal == pytest.approx([25 / 64, 3 / 16], abs=2e-6)
+    assert at_rest.tangential == pytest.approx([-5 / 128, -5 / 128], abs=2e-6)
