@@ -108,8 +108,10 @@ def _stops(model: LinearModel, i: int, before: Frame, impact: Impact) -> Iterato
 def _directions(model: LinearModel, i: int, before: Frame, impact: Impact) -> Iterator[Rows]:
     """What slides after an impact does so in its direction, and before it in that of then."""
     touch = model.problem.touch
-    for k in np.flatnonzero(touch.rubs_in_impact[i] & touch.slides[i + 1]).tolist():
-        row = -touch.signs[i + 1, k] * model.tangent(k)[None]
+    for k, way in model.ways(touch.modes[i + 1]):
+        if not touch.rubs_in_impact[i, k]:
+            continue
+        row = -way[None]
         yield model.rows(before, 0 * row, -row if touch.turns[i, k] else row, np.zeros(1))
         yield model.rows(before, 0 * row, row @ impact.jump, row @ impact.offset)
 

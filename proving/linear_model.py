@@ -138,9 +138,9 @@ class LinearModel:
         p = self.problem
         pushes = {j: self.gap(j).A[0, : p.nq] for j in mode.closed}
         supports = p.touch.contacts.supports
-        for k, s in mode.sliding:
+        for k, way in self.ways(mode):
             if supports[k] != RAIL:
-                pushes[supports[k]] = pushes[supports[k]] + s * self.friction(k) * self.tangent(k)
+                pushes[supports[k]] = pushes[supports[k]] + self.friction(k) * way
         stuck = (k for k in mode.sticking if rails or supports[k] != RAIL)
         return [*pushes.values(), *map(self.tangent, stuck)]
 
@@ -160,9 +160,12 @@ class LinearModel:
     def drag(self, mode: Mode) -> Array:
         """The force of the rails that slide, shape (nq,)."""
         supports = self.problem.touch.contacts.supports
-        forces = (s * self.friction(k) * self.tangent(k) for k, s in mode.sliding
-                  if supports[k] == RAIL)  # fmt: skip
-        return -sum(forces, np.zeros(self.problem.nq))
+        rails = (self.friction(k) * way for k, way in self.ways(mode) if supports[k] == RAIL)
+        return -sum(rails, np.zeros(self.problem.nq))
+
+    def ways(self, mode: Mode) -> list[tuple[int, Array]]:
+        """What slides in a mode, and its gradient in its direction, shape (nq,)."""
+        return [(k, s * self.tangent(k)) for k, s in mode.sliding]
 
     def _standing(self, j: int) -> Affine:
         """The gap to a surface that is touched for a while."""

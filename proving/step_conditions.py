@@ -77,8 +77,7 @@ class StepConditions:
         Z, r = self.frame.Z, self.frame.size
         V, v_0 = self.model.velocity(self.frame)
         end = 2 * r + (self.scheme.degree - 1) * r
-        for k, s in self.mode.sliding:
-            tangent = s * self.model.tangent(k)
+        for _, tangent in self.model.ways(self.mode):
             way, speed = np.zeros((2, 3, self.width))
             way[0, :r], way[0, end : end + r] = tangent @ Z, -tangent @ Z
             self._add(0, self.steps - 1, way)

@@ -32,7 +32,8 @@ from dmoc.program.coefficients import AFTER, Product, against, at_events, entrie
 from dmoc.program.hit_stages import MOMENTS, STOP, HeldUnknowns, moment
 from dmoc.program.laws.contact import LawAtContacts
 from dmoc.program.laws.law import COLLISION, Pivot, key
-from dmoc.program.terms import Places, Term, forward
+from dmoc.program.laws.sliding import forward_after
+from dmoc.program.terms import Places, Term
 
 if TYPE_CHECKING:
     from dmoc.program.laws.laws import Laws
@@ -156,8 +157,7 @@ class HeldLaw(LawAtContacts):
                     impulse = places.or_zero(unknown[here, m])
                     terms.append(Term(push, (q, impulse, t), (within,), sign))
                     terms.append(Term(rate, (q, v, t), (row.index[here, m],)))
-        signs, rows = lay.touch.signs[1:], self.slides_on.index
-        terms += forward(lay, nodes, lay.hit.v_h[:, STOP], signs, rows, places)
+        terms += forward_after(lay, lay.hit.v_h[:, STOP], self.slides_on.index, places)
         return [*terms, *terms_of(self.mu, self._holding, at_events(lay), places)]
 
     def entries(self, laws: Laws) -> list[Entries]:

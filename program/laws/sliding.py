@@ -21,10 +21,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.motion.friction import friction_word
-from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Numbering, two_sided
+from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Index, Numbering, two_sided
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.laws.contact import LawAtContacts
 from dmoc.program.laws.impact import ends_motion
+from dmoc.program.layout import Layout
 from dmoc.program.terms import Places, Term, forward
 
 if TYPE_CHECKING:
@@ -117,10 +118,9 @@ class SlidingLaw(LawAtContacts):
         if not len(nodes):
             return
         before = np.where(touch.turns, touch.signs[:-1], touch.signs[1:])
-        sides = ((lay.impact.v_a, before), (lay.impact.v_c, touch.signs[1:]))
-        for side, (v, signs) in enumerate(sides):
-            rows = self.in_impacts.index[:, :, side]
-            yield from forward(lay, nodes, v, signs, rows, places)
+        rows = np.moveaxis(self.in_impacts.index, -1, 0)
+        yield from forward(lay, nodes, lay.impact.v_a, before, rows[0], places)
+        yield from forward_after(lay, lay.impact.v_c, rows[1], places)
 
     def _rates_at_ends(self, places: Places) -> Iterator[Term]:
         """Sliding velocities at both ends of the motion."""
@@ -145,3 +145,9 @@ class SlidingLaw(LawAtContacts):
             for nodes, side in ((np.arange(1, lay.total + 1), sign), (np.arange(lay.total), -sign)):
                 place = (lay.index_q[nodes], places.times(nodes))
                 yield Term("tangent", place, (at,), side)
+
+
+def forward_after(lay: Layout, v: Index, rows: Index, places: Places) -> Iterator[Term]:
+    """Sliding velocities in impacts, in the direction of after, of the velocities of unknowns v
+    (events, nq) in rows (events, nt)."""
+    return forward(lay, lay.collision_nodes, v, lay.touch.signs[1:], rows, places)
