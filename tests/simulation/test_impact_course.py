@@ -101,6 +101,8 @@ def test_a_block_that_rocks_comes_to_rest(box: Kernels) -> None:
         assert run.q[-1] == pytest.approx([0, 0.3, 0], abs=1e-9)
         rests = max(s.begin for s in run.contacts)
         assert rests == pytest.approx(falls + sum(arches), rel=2e-4)
+        flights = np.diff([hit.time for hit in run.collisions])  # none of less than 1e-4 in all
+        assert flights.min() > 1e-5 * h
         assert run.normal[-1] == pytest.approx([GRAVITY / 2] * 2)
 
 
