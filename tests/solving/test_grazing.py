@@ -169,3 +169,21 @@ def test_a_way_that_no_hit_goes_pays_nothing() -> None:
     grazing = Programs(hit, scale_of(hit, point)).program(grazing=[0])
     graze = MINIMISE(grazing, grazing.scaled(point), SHARP, None)
     assert graze.status == "solved" and not slopes(grazing, graze, 0) and not pays(grazing, graze)
+
+
+def test_what_a_constraint_keeps_from_moving_grazes_alone() -> None:
+    """x = sin t touches x = 1 with a rate of zero, and no impulse changes it; the cost of y is that
+    of the least u^2/2 from rest to rest, 6 / T^3."""
+    system = dmoc.MechanicalSystem(
+        "driven_graze", [X, Y], (X.diff() ** 2 + Y.diff() ** 2) / 2, {}, inputs=[U],
+        forces={Y: U}, cost=U**2 / 2, surfaces={"wall": X <= 1},
+        constraints={"drive": X - sp.sin(dynamicsymbols._t)},
+    )  # fmt: skip
+    start, goal = {"x": 0, "y": 0, "x_dot": 1, "y_dot": 0}, {"y": 1, "y_dot": 0}
+    stated = dmoc.Problem(
+        dmoc.build(system), start=start, goal=goal, sequence=["wall"], steps=20, final_time=np.pi,
+        restitution=0.5,
+    )  # fmt: skip
+    solution = dmoc.solve(stated, starts=1)
+    assert solution.status == "grazes"
+    assert solution.cost == pytest.approx(6 / np.pi**3, rel=1e-2)
