@@ -22,10 +22,14 @@ def cart(order: int, steps: int) -> dmoc.Problem:
     )
 
 
-def linkage(order: int) -> dmoc.Problem:
-    """The bob on its rod, from below to the side."""
+def linkage(order: int, twice: bool = False) -> dmoc.Problem:
+    """The bob on its rod, which may be stated twice, from below to the side."""
+    system = bob()
+    if twice:
+        (rod,) = system.constraints.values()
+        system = replace(system, name="bob_twice", constraints={"rod": rod, "again": 3 * rod})
     return dmoc.Problem(
-        dmoc.build(bob(), order=order), start={"x": 0, "y": -1}, goal={"x": 0.6, "y": -0.8},
+        dmoc.build(system, order=order), start={"x": 0, "y": -1}, goal={"x": 0.6, "y": -0.8},
         steps=12, final_time=1.0, bounds={"u": (-30, 30)},
     )  # fmt: skip
 

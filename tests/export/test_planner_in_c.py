@@ -201,9 +201,9 @@ def test_what_sticks_does_not_move(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("order", [2, 4])
 def test_constraints_and_ranges_of_the_final_time(order: int, tmp_path: Path) -> None:
-    """A state off the rod is moved onto it, its velocity along it; a horizon of at most 1.1 s that
-    recedes."""
-    problem = linkage(order).but(steps=48 // order, final_time=(0.0, 1.1))
+    """A state off the rod is moved onto it, its velocity along it, also where the rod is stated
+    twice; a horizon of at most 1.1 s that recedes."""
+    problem = linkage(order, twice=order == 4).but(steps=48 // order, final_time=(0.0, 1.1))
     planner = dmoc.Planner(problem, horizon="recedes")
     steps = [Step(0.1, (0.05, -0.99, 0.5, 0.1)), Step(0.3, (0.2, -0.97, 0.9, 0.0))]
     plans = planned(folder_of(planner, tmp_path / "swung"), tmp_path / "swung", steps)
