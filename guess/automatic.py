@@ -22,13 +22,14 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import BALANCED, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import standing
-from dmoc.guess.hits import through_hits, with_hidden
+from dmoc.guess.hits import completed
 from dmoc.guess.inverse_dynamics import acting
 from dmoc.guess.limit_excess import is_limited, largest_excess
 from dmoc.guess.tracking import Choice, March, Tracker, resting
 from dmoc.guess.transfer import on_mesh
 from dmoc.guess.waypoints import Waypoints, end_velocity
 from dmoc.problem.problem import Problem
+from dmoc.program.iterate import Iterate
 from dmoc.program.layout import Layout
 from dmoc.program.scaling import cost_of, scale_of
 from dmoc.program.transcription import Transcription
@@ -85,7 +86,7 @@ def initial_guesses(problem: Problem, deadline: Deadline = ENDLESS) -> tuple[Gue
 
 
 def _guesses(problem: Problem, deadline: Deadline) -> tuple[Guess, ...]:
-    tracker, lay = Tracker.of(problem), Layout.of(problem)
+    tracker = Tracker.of(problem)
     times = _final_times(tracker)
     prescribed = tracker.prescribed(float(times[-1]))
     final_time = _best_time(tracker, prescribed, times, deadline)
@@ -97,13 +98,13 @@ def _guesses(problem: Problem, deadline: Deadline) -> tuple[Guess, ...]:
         motion = tracker.march(plan, choice, problem.phase_steps)
         if motion is not None:
             names = tuple(problem.kernels.coordinates[i] for i in choice)
-            x = _unknowns(problem, lay, plan, motion)
+            x = _unknowns(problem, plan, motion)
             guesses.append(Guess(x, length, names, motion.free_steps, motion.excess))
     if not guesses:
         plan = tracker.plan(prescribed, final_time)
-        x = _unknowns(problem, lay, plan, resting(problem, plan))
+        x = _unknowns(problem, plan, resting(problem, plan))
         guesses.append(Guess(x, final_time, (), 0, 0.0))
-    return _without_drift(problem, lay, guesses)
+    return _without_drift(problem, guesses)
 
 
 def _best_time(tracker: Tracker, prescribed: Choice, times: Array, deadline: Deadline) -> float:
@@ -129,16 +130,15 @@ def _trials(
         return tracker.trials(choice, times, steps)
     excess, cost = np.full((2, len(times)), np.nan)
     coarse = problem.meshed(steps)
-    lay = Layout.of(coarse)
     for i, final_time in enumerate(times):
         if deadline.passed:
             break
         plan = tracker.plan(choice, float(final_time))
         motion = tracker.march(plan, choice, steps)
         if motion is not None:
-            x = _unknowns(coarse, lay, plan, motion)
-            excess[i] = max(motion.excess, largest_excess(coarse, lay, x))
-            cost[i] = cost_of(coarse, lay, x)
+            at = Iterate.of(coarse, _unknowns(coarse, plan, motion))
+            excess[i] = max(motion.excess, largest_excess(at))
+            cost[i] = cost_of(at)
     return excess, cost
 
 
@@ -160,9 +160,10 @@ def _choices(
         yield prescribed, final_time, True
 
 
-def _without_drift(problem: Problem, lay: Layout, guesses: list[Guess]) -> tuple[Guess, ...]:
+def _without_drift(problem: Problem, guesses: list[Guess]) -> tuple[Guess, ...]:
     """The guesses, the first one last if it has drifted off its goal and another one has not."""
-    if len(guesses) > 1 and _misses_goal(problem, guesses[0].x[lay.index_q[-1]]):
+    end = Layout.of(problem).index_q[-1]
+    if len(guesses) > 1 and _misses_goal(problem, guesses[0].x[end]):
         nlp = Transcription(problem, scale_of(problem, guesses[-1].x))
         errors = [
             float(np.abs(nlp.equality(np.clip(nlp.scaled(g.x), nlp.lower, nlp.upper))).max())
@@ -249,7 +250,8 @@ def _cheapest_decade(tracker: Tracker) -> float:
 # Unknowns -----------------------------------------------------------------------------------------
 
 
-def _unknowns(problem: Problem, lay: Layout, plan: Waypoints, motion: March) -> Array:
+def _unknowns(problem: Problem, plan: Waypoints, motion: March) -> Array:
+    lay = Layout.of(problem)
     x = lay.zeros(problem)
     x[lay.index_h] = lay.step_sizes(plan.durations)
     x[lay.index_q] = motion.q
@@ -269,7 +271,7 @@ def _unknowns(problem: Problem, lay: Layout, plan: Waypoints, motion: March) -> 
         x[index_p] = problem.models[node].momentum(motion.q[node], v, times[node])
         if len(index_v):
             x[index_v] = v
-    return with_hidden(problem, lay, through_hits(problem, lay, x))
+    return completed(Iterate.of(problem, x))
 
 
 def _to_nodes(u: Array, phase_steps: tuple[int, ...]) -> Array:

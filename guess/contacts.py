@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.guess.hits import follows, through_hits, with_hidden
+from dmoc.guess.hits import completed, follows
 from dmoc.guess.inverse_dynamics import acting
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
@@ -17,6 +17,7 @@ from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import midpoints
 from dmoc.program.blocks import NOWHERE
 from dmoc.program.implied_values import with_forces
+from dmoc.program.iterate import Iterate
 from dmoc.program.layout import Layout
 
 
@@ -83,25 +84,23 @@ def all_in_contact(problem: Problem, x: Array) -> Array:
     held = any(map(lay.reactions, range(lay.phases)))
     if not len(x) or not (held or follows(lay)):
         return x
-    return np.array([_in_contact(problem, lay, row, held) for row in x])
+    each = (Iterate.of(problem, row) for row in x)
+    return np.array([_held(at) if held else completed(at) for at in each])
 
 
-def _in_contact(problem: Problem, lay: Layout, x: Array, held: bool) -> Array:
-    problem = lay.problem_at(problem, x)
-    x = with_hidden(problem, lay, through_hits(problem, lay, x))
-    if not held:
-        return x
-    x = x.copy()
+def _held(at: Iterate) -> Array:
+    at = at.moved(completed(at))
+    for moved in (_onto_contacts, _balanced):
+        at = at.moved(moved(at))
+    return with_forces(at)
+
+
+def _onto_contacts(at: Iterate) -> Array:
+    """Unknowns whose positions are moved in each phase to where it is held, what sticks to where
+    it is at the phase's first node; velocities at nodes inside phases are those between their
+    neighbours."""
+    problem, lay, x = at.problem, at.lay, at.x.copy()
     lay.put_times(x)
-    _put_onto(problem, lay, x)
-    _pass_nodes(lay, x)
-    _balance(problem, lay, x)
-    return with_forces(problem, lay, x)
-
-
-def _put_onto(problem: Problem, lay: Layout, x: Array) -> None:
-    """Move the positions of each phase to where it is held, what sticks to where it is at the
-    phase's first node."""
     t = lay.place_times(x)
     fixed = [
         np.asarray(b.position[:, 0] == b.position[:, 1])
@@ -109,20 +108,17 @@ def _put_onto(problem: Problem, lay: Layout, x: Array) -> None:
     ]
     for i in range(lay.phases):
         places = lay.places_of_phase(i)
-        at = lay.index_places[places]
-        held = np.ones(at.shape)
+        q = lay.index_places[places]
+        held = np.ones(q.shape)
         if i == 0:
             held[0] = ~fixed[0]
         if i >= lay.stepped - 1:
             held[-1] = ~fixed[1]
-        x[at] = _onto(problem, lay, i, x[at], t[places], held)
-
-
-def _pass_nodes(lay: Layout, x: Array) -> None:
-    """Put velocities at nodes inside phases into x, those between their neighbours."""
+        x[q] = _onto(problem, lay, i, x[q], t[places], held)
     (k,) = np.nonzero(lay.index_w[:, 0] != NOWHERE)
     h = x[lay.index_h][lay.phase_of_step[k - 1]][:, None]
     x[lay.index_w[k]] = (x[lay.index_q[k + 1]] - x[lay.index_q[k - 1]]) / (2 * h)
+    return x
 
 
 def _onto(problem: Problem, lay: Layout, i: int, q: Array, t: Array, free: Array) -> Array:
@@ -140,11 +136,12 @@ def _onto(problem: Problem, lay: Layout, i: int, q: Array, t: Array, free: Array
     return onto(conditions, q, problem.reach * free)
 
 
-def _balance(problem: Problem, lay: Layout, x: Array) -> None:
-    """Impulses along phases that leave the least imbalance of the momenta, and of the equations
-    inside steps."""
-    model, t, at = problem.model, lay.place_times(x), lay.stations
-    starts, ends, inside = lay.model_of_steps(problem).step_balance(lay.step_inputs(x))
+def _balanced(at: Iterate) -> Array:
+    """Unknowns with the impulses along phases that leave the least imbalance of the momenta, and of
+    the equations inside steps."""
+    problem, lay, x = at.problem, at.lay, at.x.copy()
+    model, t, stations = problem.model, lay.place_times(x), lay.stations
+    starts, ends, inside = at.model.step_balance(at.steps)
     left = np.full((len(lay.index_places), lay.nq), np.nan)
     left[:: lay.scheme.degree][1:-1] = ends[:-1] - starts[1:]
     left[:-1].reshape(lay.total, -1, lay.nq)[:, 1:] = inside
@@ -166,10 +163,10 @@ def _balance(problem: Problem, lay: Layout, x: Array) -> None:
         if not len(impulses):
             continue
         # Those of a place by the share of each row; at the ends of the phase by those beside.
-        rows = at.rows(i)
-        whole, share = np.bincount(at.place[rows], at.share[rows]), at.share[rows]
-        row = at.place[rows] - places[0]
-        beside = np.clip(row, at.scheme.degree - 1, len(places) - at.scheme.degree)
+        rows, degree = stations.rows(i), lay.scheme.degree
+        share = stations.share[rows]
+        whole, row = np.bincount(stations.place[rows], share), stations.place[rows] - places[0]
+        beside = np.clip(row, degree - 1, len(places) - degree)
         beside = np.where((row < 0) | (row == len(places)), beside, row)
         first = 0
         for r in reactions:
@@ -177,3 +174,4 @@ def _balance(problem: Problem, lay: Layout, x: Array) -> None:
             pushed = pushed * (share / whole[places[beside]])[:, None]
             first += len(r.columns)
             x[r.unknowns] = np.where(r.pulls, pushed, np.maximum(pushed, 0.0))
+    return x

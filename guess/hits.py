@@ -11,6 +11,7 @@ from dmoc.motion.friction import friction_word
 from dmoc.problem.problem import Problem
 from dmoc.program.hit_stages import END, STOP, Passage
 from dmoc.program.implied_values import hidden_values, with_forces
+from dmoc.program.iterate import Iterate
 from dmoc.program.laws.hit import RESTITUTIONS
 from dmoc.program.laws.restitution import Spent
 from dmoc.program.laws.whole_hits import WHOLE_HITS
@@ -25,45 +26,32 @@ def follows(lay: Layout) -> bool:
     return bool(lay.hit.passages) or any(sizes)
 
 
-def through_hits(problem: Problem, lay: Layout, x: Array) -> Array:
-    """Unknowns with velocities and impulses within impacts with friction that follow from the
-    velocities before them; those of a problem without such impacts are as they were."""
-    if not lay.hit.passages:
-        return x
-    problem = lay.problem_at(problem, x)
-    x, t = x.copy(), lay.times(x)
+def completed(at: Iterate) -> Array:
+    """Unknowns, shape (n,), with those that follow from the others: velocities and impulses within
+    impacts with friction, from the velocities before them; totals, peaks and forces, from the
+    motion; hidden ones, which are on the functions with kinks for which they stand."""
+    lay = at.lay
     for p in lay.hit.passages:
-        node = lay.collision_nodes[p.event]
-        _pass(problem, lay, x, p, float(t[node]))
-    return x
-
-
-def with_hidden(problem: Problem, lay: Layout, x: Array) -> Array:
-    """Unknowns, shape (n,), whose hidden ones are on the functions with kinks for which they stand,
-    and whose totals, peaks and forces fit the motion."""
-    problem = lay.problem_at(problem, x)
+        at = at.moved(_passed(at, p))
     if lay.index_totals.size or lay.index_peaks.size:
+        x = at.x.copy()
+        x[lay.index_totals], x[lay.index_peaks] = totals_at(at), peaks_at(at)
+        at = at.moved(x)
+    x = with_forces(at)
+    if lay.index_s.size:
         x = x.copy()
-        x[lay.index_totals] = totals_at(problem, lay, x)
-        x[lay.index_peaks] = peaks_at(problem, lay, x)
-    x = with_forces(problem, lay, x)
-    if not lay.index_s.size:
-        return x
-    x = x.copy()
-    x[lay.index_s] = hidden_values(problem, lay, lay.step_inputs(x))
+        x[lay.index_s] = hidden_values(at, at.steps)
     return x
 
 
-def jams(problem: Problem, x: Array) -> tuple[str, ...]:
-    """Sentences on impacts, in unknowns x, shape (n,), that slide to the end of compression where
-    sliding presses the contact together (Painleve's paradox)."""
-    lay = Layout.of(problem)
-    problem = lay.problem_at(problem, x)
-    t, sentences = lay.times(x), []
+def jams(at: Iterate) -> tuple[str, ...]:
+    """Sentences on impacts of a motion that slide to the end of compression where sliding presses
+    the contact together (Painleve's paradox)."""
+    problem, lay, sentences = at.problem, at.lay, []
     for p in lay.hit.passages:
         s = p.friction[p.moments.index(END) if END in p.moments else -1]
         node = lay.collision_nodes[p.event]
-        q, time = x[lay.index_q[node]], float(t[node])
+        q, time = at.q[node], float(at.t[node])
         A, mu = response(problem, p, q, time), friction_of(problem, p, q, time)
         if s and A[0, 0] <= s * mu * A[0, 1]:
             name = problem.kernels.surfaces[p.surface]
@@ -107,10 +95,11 @@ def _directions(problem: Problem, p: Passage, q: Array, t: float) -> Array:
     return np.vstack([-normal, problem.model.tangent_slopes(q, t)[list(p.tangents), :-1]])
 
 
-def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None:
-    """Put the impulses of one impact, the velocities within it and the one after it into x."""
-    model, i = problem.models[p.event], p.event
-    q, v = x[lay.index_q[lay.collision_nodes[i]]], x[lay.impact.v_a[i]]
+def _passed(at: Iterate, p: Passage) -> Array:
+    """Unknowns with the impulses of one impact, the velocities within it and the one after it."""
+    problem, lay, i = at.problem, at.lay, p.event
+    model, node = problem.models[i], lay.collision_nodes[i]
+    q, v, t = at.q[node], at.x[lay.impact.v_a[i]], float(at.t[node])
     D = _directions(problem, p, q, t)
     pushed, normal, tangential = held_responses(model, p.holding, q, D, t)
     rates, A = _rates(problem, p, (q, v, t)), D @ pushed
@@ -123,17 +112,18 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     else:
         lam = _impulses(p, rates, A, (e, mu))
     if not np.isfinite(lam).all() or not np.isfinite(pushed).all():
-        return
-    moments = list(p.moments)
+        return at.x
+    x, moments = at.x.copy(), list(p.moments)
     x[lay.hit.P_h[i, moments]], x[lay.hit.T_h[i, moments]] = lam[:-1, 0], lam[:-1, 1]
     x[lay.hit.v_h[i, moments]] = v + lam[:-1] @ pushed.T
     closed, rubs = list(p.holding.closed), list(p.holding.rubbing)
-    at = [(lay.held.P_b[i, m], lay.held.T_b[i, m]) for m in moments]
-    at.append((lay.contact.P_c[i], lay.contact.T_c[i]))
-    for (P, T), beside, friction in zip(at, lam @ normal, lam @ tangential, strict=True):
+    unknowns = [(lay.held.P_b[i, m], lay.held.T_b[i, m]) for m in moments]
+    unknowns.append((lay.contact.P_c[i], lay.contact.T_c[i]))
+    for (P, T), beside, friction in zip(unknowns, lam @ normal, lam @ tangential, strict=True):
         x[P[closed]], x[T[rubs]] = beside[closed], friction[rubs]
     x[lay.impact.lam[i]], x[lay.contact.T_c[i, list(p.tangents)]] = lam[-1, 0], lam[-1, 1:]
     x[lay.impact.v_c[i]] = v + pushed @ lam[-1]
+    return x
 
 
 def _sticking(A: Array, mu: float) -> float:

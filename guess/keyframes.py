@@ -36,6 +36,7 @@ from dmoc.mechanics.model_values import by_name
 from dmoc.motion.attitude import Attitude, logarithm, nearer, turned
 from dmoc.problem.design import designed
 from dmoc.problem.problem import Problem
+from dmoc.program.iterate import Iterate
 from dmoc.program.layout import Layout
 
 DURATIONS = "durations"
@@ -135,7 +136,7 @@ def along(problem: Problem, courses: Sequence[Courses], automatic: Array) -> Arr
                 if name in part.named:
                     u[rows, j] = _sampled(part.named[name], name, at, whole, smooth=False)
     x[lay.index_q], x[lay.index_u] = q, u
-    return _completed(problem, lay, acting(problem, x))
+    return _completed(problem, acting(problem, x))
 
 
 # Reading ------------------------------------------------------------------------------------------
@@ -242,12 +243,12 @@ def _called(course: Callable[[Array], Any], name: str, t: Array) -> Array:
     return values
 
 
-def _completed(problem: Problem, lay: Layout, x: Array) -> Array:
+def _completed(problem: Problem, x: Array) -> Array:
     """The unknowns that follow from times, positions and inputs: nodes inside the steps, momenta
     and velocities at both ends, impulses and velocities at the collisions; contacts that last
     correct the positions and take impulses."""
-    q, t = x[lay.index_q], lay.times(x)
-    rates = np.diff(q, axis=0) / np.diff(t)[:, None]
+    before, x = Iterate.of(problem, x), x.copy()
+    lay, q, t, rates = before.lay, before.q, before.t, before.rates
     lay.put_times(x)
     x[lay.index_q_i] = lay.scheme.within(q[:-1], q[1:]).reshape(lay.total, -1)
     for i, (node, event) in enumerate(zip(lay.collision_nodes, problem.touch.events, strict=True)):

@@ -6,10 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.model import Model
 from dmoc.problem.problem import Problem
 from dmoc.program.implied_values import quantity_inputs
-from dmoc.program.layout import Layout
+from dmoc.program.iterate import Iterate
 
 
 def is_limited(problem: Problem) -> bool:
@@ -17,17 +16,16 @@ def is_limited(problem: Problem) -> bool:
     return bool(problem.limits or problem.kernels.integrals or len(_limiting_rows(problem)))
 
 
-def largest_excess(problem: Problem, lay: Layout, x: Array) -> float:
-    """Largest excess of a velocity, a quantity, a total or a path constraint over its limit,
-    relative to both."""
-    step = lay.step_inputs(x)
-    rates = np.diff(x[lay.index_q], axis=0) / step[4]
-    values, boxes = [rates, x[lay.index_totals]], [problem.velocity_bounds, problem.total_bounds]
+def largest_excess(at: Iterate) -> float:
+    """Largest excess of a velocity, a quantity, a total or a path constraint of a motion over its
+    limit, relative to both."""
+    problem, totals = at.problem, at.x[at.lay.index_totals]
+    values, boxes = [at.rates, totals], [problem.velocity_bounds, problem.total_bounds]
     if problem.kernels.quantities:
-        z = lay.model_of_steps(problem).path(quantity_inputs(problem, lay, x), "quantity")
+        z = at.model.path(quantity_inputs(at), "quantity")
         values.append(z.reshape(-1, problem.model.nz))
         boxes.append(problem.quantity_bounds)
-    most = _path_excess(problem, lay.model_of_steps(problem), step, rates)
+    most = _path_excess(at)
     for value, (low, high) in zip(values, (box.T for box in boxes), strict=True):
         over = np.maximum(low - value, value - high)
         limit = np.where(low - value > value - high, low, high)
@@ -36,16 +34,16 @@ def largest_excess(problem: Problem, lay: Layout, x: Array) -> float:
     return most
 
 
-def _path_excess(problem: Problem, model: Model, step: list[Array], rates: Array) -> float:
+def _path_excess(at: Iterate) -> float:
     """Excess of the path constraints on velocities or inputs, beside their values at rest without
     inputs: those of |u| <= 5 are |u| and 5."""
-    rows = _limiting_rows(problem)
+    rows = _limiting_rows(at.problem)
     if not rows:
         return 0.0
-    q_k, q_kp1, u_k, u_kp1, h, t_k, _ = step
+    q_k, q_kp1, u_k, u_kp1, h, t_k, _ = at.steps
     q, u, t = (q_k + q_kp1) / 2, (u_k + u_kp1) / 2, (t_k + h / 2)[:, 0]
-    kept = model.path_at(q, rates, u, t)[:, rows]
-    idle = model.path_at(q, np.zeros_like(q), np.zeros_like(u), t)[:, rows]
+    kept = at.model.path_at(q, at.rates, u, t)[:, rows]
+    idle = at.model.path_at(q, np.zeros_like(q), np.zeros_like(u), t)[:, rows]
     return _largest(-kept, np.abs(kept - idle) + np.abs(idle))
 
 

@@ -11,11 +11,12 @@ import numpy as np
 from dmoc.base.discretisation import FORMS
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
-from dmoc.guess.hits import through_hits, with_hidden
+from dmoc.guess.hits import completed
 from dmoc.motion.trajectory import Trajectory
 from dmoc.problem.design import designed_as
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE
+from dmoc.program.iterate import Iterate
 from dmoc.program.layout import Layout
 
 # How far inside of its step an input at a node counts where inputs may jump there, as a share of
@@ -138,7 +139,7 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
         x[index_p] = problem.models[k].momentum(piece.q[k], piece.v[k], piece.t[k])
         if len(index_v):
             x[index_v] = piece.v[k]
-    return with_hidden(problem, lay, through_hits(problem, lay, x))
+    return completed(Iterate.of(problem, x))
 
 
 def _push(lay: Layout, pieces: Sequence[Piece], x: Array) -> None:

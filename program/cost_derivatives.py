@@ -209,7 +209,8 @@ def _ends(nlp: Transcription, x: Array, z: Array, node: int) -> dict[str, float]
         (momentum_name, p, z[p]),
     ]
     if boundary.by_velocity:
-        model, t = lay.problem_at(nlp.problem, x).models[node], lay.times(x)[node]
+        at = nlp.iterate(x)
+        model, t = at.problem.models[node], at.t[node]
         slopes = model.momentum_slopes(x[q], model.velocity(x[q], x[p], t), t)
         by_q, by_v = z[p] @ slopes[:, : lay.nq], z[p] @ slopes[:, lay.nq : 2 * lay.nq]
         states = [(str, q, z[q] + by_q), (velocity_name, p, by_v)]

@@ -60,7 +60,7 @@ def trajectory(nlp: Transcription, x: Array, whole: bool = True) -> Trajectory:
         ignored=problem.ignored,
         limits=problem.limits | problem.total_limits,
         totals=_totals(nlp, x) if whole else None,
-        cost=cost_of(problem, lay, x) if whole else nan,  # hidden unknowns at their kinks
+        cost=cost_of(nlp.iterate(x)) if whole else nan,  # hidden unknowns at their kinks
         drawn=whole,
     )
 
@@ -141,7 +141,7 @@ def _totals(nlp: Transcription, x: Array) -> dict[str, float]:
     """Integrals of the model, and the largest values of the quantities whose peaks the objective
     has; a peak without a price lies anywhere above."""
     model, lay = nlp.problem.model, nlp.layout
-    values = totals_at(nlp.problem, lay, x).tolist()
+    values = totals_at(nlp.iterate(x)).tolist()
     totals = dict(zip(model.totals_of, values, strict=True))
     totals.pop("final_time", None)
     peaks = x[lay.index_peaks] - loose_peaks(nlp, x / nlp.sizes) * nlp.scale.peaks
@@ -163,9 +163,8 @@ def loose_totals(nlp: Transcription, x: Array) -> Array:
     lay = nlp.layout
     if not lay.index_totals.size:
         return np.zeros(0)
-    at = nlp.physical(x)
-    problem = lay.problem_at(nlp.problem, at)
-    off = at[lay.index_totals] - totals_at(problem, lay, at)
+    at = nlp.iterate(nlp.physical(x))
+    off = at.x[lay.index_totals] - totals_at(at)
     return np.asarray(off / nlp.scale.totals)
 
 

@@ -22,6 +22,7 @@ from dmoc.mechanics.model import Model
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Index, Numbering
 from dmoc.program.evaluator import Matrix
+from dmoc.program.iterate import Iterate
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.transcription import Transcription
@@ -30,9 +31,9 @@ from dmoc.program.transcription import Transcription
 CHANGE = 1e-6
 
 
-def phase_minimal_time(problem: Problem, lay: Layout, x: Array, i: int) -> float:
-    """T_min of phase i in seconds, from the unknowns x, shape (n,), in units of the problem."""
-    return _minimal_time(problem, lay, x[_unknowns(lay, i)], i)[0]
+def phase_minimal_time(at: Iterate, i: int) -> float:
+    """T_min of phase i of a motion in seconds."""
+    return _minimal_time(at.problem, at.lay, at.x[_unknowns(at.lay, i)], i)[0]
 
 
 def _unknowns(lay: Layout, i: int) -> Index:

@@ -18,6 +18,7 @@ from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Index
 from dmoc.program.force_unknowns import sizes as pushing
 from dmoc.program.implied_values import lifted, quantity_inputs
+from dmoc.program.iterate import Iterate
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.structure_cache import MEMORY, MOST_REMEMBERED
@@ -70,20 +71,18 @@ class Reached:
     end_slopes: Array
 
 
-def _reached(problem: Problem, lay: Layout, x: Array) -> Reached:
-    """Sizes that the motion of unknowns x, shape (n,), reaches; those of recent motions are
-    kept."""
+def _reached(at: Iterate) -> Reached:
+    """Sizes that a motion reaches; those of recent motions are kept."""
+    problem, lay = at.problem, at.lay
     kernels, par = problem.kernels, problem.parameter_values
     few = lay.is_shared and lay.size <= MOST_REMEMBERED
-    key = (lay, *kernels.identity, par.tobytes(), x.tobytes()) if few else None
-    return MEMORY.reached.of(key, lambda: _measured(problem, lay, x))
+    key = (lay, *kernels.identity, par.tobytes(), at.x.tobytes()) if few else None
+    return MEMORY.reached.of(key, lambda: _measured(at))
 
 
-def _measured(problem: Problem, lay: Layout, x: Array) -> Reached:
-    models, h, step = problem.models, x[lay.index_h], lay.step_inputs(x)
-    model = lay.model_of_steps(problem)
-    q, t = x[lay.index_q], lay.times(x)
-    rates = (q[1:] - q[:-1]) / h[lay.phase_of_step][:, None]
+def _measured(at: Iterate) -> Reached:
+    problem, model, models = at.problem, at.model, at.problem.models
+    q, t, rates = at.q, at.t, at.rates
     middle, now = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
     mass, F = model.equations(middle, rates, t=now)
     kinetic = _finite(np.einsum("ki,kij,kj->k", rates, mass, rates) / 2, 0.0).max(initial=0.0)
@@ -97,7 +96,7 @@ def _measured(problem: Problem, lay: Layout, x: Array) -> Reached:
     gap, tangent, joint, within = (np.abs(_finite(slopes, 0.0)).max(axis=0) for slopes in places)
     by_input = np.abs(model.input_matrix(middle, rates, t=now)).max(axis=0) if problem.nu else None
     return Reached(
-        float(lay.durations(x).sum()),
+        float(at.lay.durations(at.x).sum()),
         np.abs(q).max(axis=0),
         np.ptp(q, axis=0),
         np.abs(rates).max(axis=0),
@@ -105,52 +104,50 @@ def _measured(problem: Problem, lay: Layout, x: Array) -> Reached:
         _finite(np.abs(F).max(axis=0), 0.0),
         _finite(np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0), 1.0),
         float(kinetic),
-        np.abs(x[lay.index_u]).max(axis=0, initial=0.0),
+        np.abs(at.x[at.lay.index_u]).max(axis=0, initial=0.0),
         np.zeros((problem.nq, 0)) if by_input is None else by_input,
         gap,
         tangent,
         joint,
         np.abs(_finite(model.crossing_slopes(middle, rates, now), 0.0)).max(axis=0),
         within,
-        cost_of(problem, lay, x),
-        np.abs(model.step_cost_slopes(step)),
-        np.abs(model.step_cost_curvatures(step)),
-        np.abs(models[-1].terminal_cost_slopes(*end_of(lay, x, -1))),
+        cost_of(at),
+        np.abs(model.step_cost_slopes(at.steps)),
+        np.abs(model.step_cost_curvatures(at.steps)),
+        np.abs(models[-1].terminal_cost_slopes(*at.end(-1))),
     )
 
 
 def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
     """Read sizes off the unknowns x, shape (n,), of a motion, a first one or a minimum: ranges,
     velocities, momenta, inputs, gaps; the cost with its slopes and curvatures."""
-    lay = Layout.of(problem)
-    problem = lay.problem_at(problem, x)
-    model = problem.model
+    at = Iterate.of(problem, x)
+    problem, lay, model = at.problem, at.lay, at.problem.model
     with np.errstate(all="ignore"):
-        reached = _reached(problem, lay, x)
-        scale = _of_motion(problem, lay, x, reached, minimum)
+        reached = _reached(at)
+        scale = _of_motion(at, reached, minimum)
         sizes = lay.sizes(scale)
         local = _local(lay, sizes)
-        cost = _cost(problem, lay, x, reached, (sizes, local, scale.v))
+        cost = _cost(at, reached, (sizes, local, scale.v))
         scale = replace(scale, cost=cost / (MINIMUM_COST if minimum else FIRST_COST))
         of_motion = scale.path, scale.quantity, scale.totals, scale.hit_quantity
         if not any(sizes.size for sizes in of_motion):
             return scale
-        step = lay.step_inputs(x)
-        sized = _sized(lay, step, scale)
-        path = _path(problem, (step, sized), local, "path")
+        sized = _sized(at, scale)
+        path = _path(at, (at.steps, sized), local, "path")
         pushed = np.tile(pushing(scale)[: model.ny], (lay.total, lay.scheme.points))
         local = np.hstack([local, pushed])
-        along = quantity_inputs(problem, lay, x), [*sized, *[pushed] * bool(lay.force.count)]
-        quantity = _path(problem, along, local, "quantity")
-        at = [j for j, _ in model.peaks_of]
-        totals = _totals(problem, lay, x, (step, sized))
-        peaks = [quantity[at], scale.hit_quantity[[j for j, _ in model.hit_peaks_of]]]
-        peaks_of = np.concatenate(peaks)
-        return replace(scale, path=path, quantity=quantity, peaks=peaks_of, totals=totals)
+        inputs = quantity_inputs(at), [*sized, *[pushed] * bool(lay.force.count)]
+        quantity = _path(at, inputs, local, "quantity")
+        totals = _totals(at, (at.steps, sized))
+        of_steps, at_hits = ([j for j, _ in of] for of in (model.peaks_of, model.hit_peaks_of))
+        peaks = np.concatenate([quantity[of_steps], scale.hit_quantity[at_hits]])
+        return replace(scale, path=path, quantity=quantity, peaks=peaks, totals=totals)
 
 
-def _of_motion(problem: Problem, lay: Layout, x: Array, reached: Reached, minimum: bool) -> Scale:
+def _of_motion(at: Iterate, reached: Reached, minimum: bool) -> Scale:
     """The sizes of what moves and pushes; those of the cost, constraints and totals are 1."""
+    problem, lay = at.problem, at.lay
     time, force, inertia = reached.time, reached.force, reached.inertia
     size_q = _ranges(problem, reached)
     size_v = np.maximum(reached.rate, size_q / time)
@@ -166,46 +163,43 @@ def _of_motion(problem: Problem, lay: Layout, x: Array, reached: Reached, minimu
         time, 1.0, energy, size_q, size_v, size_p, size_u, gap, rate, energy / rate, slide,
         energy / slide, np.ones(len(problem.kernels.manifest.path_rows)),
         np.ones(problem.model.nz), np.ones(lay.index_totals.size), np.ones(lay.index_peaks.size),
-        _hidden(problem, lay, x, (*moving, size_u)), x[lay.index_h], joint_rate,
+        _hidden(at, (*moving, size_u)), at.x[lay.index_h], joint_rate,
         energy / joint_rate, _places(reached.crossing, states)[0],
-        _hit_quantities(problem, lay, x), _designs(problem), *_places(reached.within, moving),
+        _hit_quantities(at), _designs(problem), *_places(reached.within, moving),
     )  # fmt: skip
 
 
-def _hit_quantities(problem: Problem, lay: Layout, x: Array) -> Array:
-    """Sizes of the quantities of hits: of those of the motion x, or of what bounds them."""
-    if not problem.kernels.manifest.hit_quantities:
+def _hit_quantities(at: Iterate) -> Array:
+    """Sizes of the quantities of hits: of those of a motion, or of what bounds them."""
+    if not at.problem.kernels.manifest.hit_quantities:
         return np.zeros(0)
-    values, there = hit_quantities(problem, lay, x)
-    bounds = problem.hit_quantity_bounds
+    values, there = hit_quantities(at)
+    bounds = at.problem.hit_quantity_bounds
     size = np.abs(np.where(there, _finite(values, 0.0), 0.0)).max(axis=0, initial=0.0)
     bounded = np.where(np.isfinite(bounds), np.abs(bounds), 0.0).max(axis=1, initial=0.0)
     size = np.maximum(size, bounded)
     return np.where(size > 0, size, 1.0)
 
 
-def _totals(
-    problem: Problem, lay: Layout, x: Array, steps: tuple[list[Array], list[Array]]
-) -> Array:
+def _totals(at: Iterate, steps: tuple[list[Array], list[Array]]) -> Array:
     """Sizes of the totals: of what bounds them, or of what all steps add to them without their
-    signs, with the hits of the motion x, in it and in one whose velocities and inputs are of their
+    signs, with the hits of a motion, in it and in one whose velocities and inputs are of their
     sizes."""
-    model = lay.model_of_steps(problem)
-    both = (lifted(problem, lay, step) for step in steps)
-    parts = [np.abs(_finite(model.integrals(s), 0.0)).sum(axis=0) for s in both]
-    hits = np.abs(_finite(of_hits(problem, lay, x), 0.0)).sum(axis=0)
-    np.add.at(parts[0], model.hit_sums[:, 0], hits)
-    bounds = np.where(np.isfinite(problem.total_bounds), np.abs(problem.total_bounds), 0.0)
+    both, bounds = (lifted(at, step) for step in steps), at.problem.total_bounds
+    parts = [np.abs(_finite(at.model.integrals(s), 0.0)).sum(axis=0) for s in both]
+    hits = np.abs(_finite(of_hits(at), 0.0)).sum(axis=0)
+    np.add.at(parts[0], at.model.hit_sums[:, 0], hits)
+    bounds = np.where(np.isfinite(bounds), np.abs(bounds), 0.0)
     size = np.maximum(np.max(parts, axis=0), bounds.max(axis=1, initial=0.0))
     return np.where(size > 0, size, 1.0)
 
 
-def _sized(lay: Layout, step: list[Array], scale: Scale) -> list[Array]:
+def _sized(at: Iterate, scale: Scale) -> list[Array]:
     """Steps that begin as those of a motion do, with velocities and inputs of their sizes."""
-    q, _, u, _, h, t, *_ = step
+    q, _, u, _, h, t, *_ = at.steps
     u, end = u.copy(), q + h * scale.v
     u[:] = scale.u
-    return [q, end, u, u, h, t, lay.scheme.within(q, end).reshape(lay.total, -1)]
+    return [q, end, u, u, h, t, at.lay.scheme.within(q, end).reshape(at.lay.total, -1)]
 
 
 def _designs(problem: Problem) -> Array:
@@ -265,17 +259,13 @@ def _inputs(problem: Problem, reached: Reached, forces: tuple[Array, Array]) -> 
     return np.where(size > 0, size, 1.0)
 
 
-def _hidden(
-    problem: Problem, lay: Layout, x: Array, sizes: tuple[Array, Array, float, Array]
-) -> Array:
+def _hidden(at: Iterate, sizes: tuple[Array, Array, float, Array]) -> Array:
     """Sizes of the hidden unknowns: of their values, and of what moves them."""
-    if not problem.model.ns:
+    if not at.problem.model.ns:
         return np.zeros(0)
-    q, t, h = x[lay.index_q], lay.times(x), x[lay.index_h]
-    v, u = (q[1:] - q[:-1]) / h[lay.phase_of_step][:, None], x[lay.index_u[lay.row_u_k]]
+    q, t, v, u, model = at.q, at.t, at.rates, at.steps[2], at.model
     q, t = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
     size_q, size_v, time, size_u = sizes
-    model = lay.model_of_steps(problem)
     values = _finite(np.abs(model.hidden(q, v, u, t)), 0.0).max(axis=0)
     slopes = np.abs(_finite(model.hidden_slopes(q, v, u, t), 0.0)).max(axis=0)
     size = np.maximum(values, slopes @ np.concatenate([size_q, size_v, size_u, [time]]))
@@ -294,40 +284,26 @@ def _places(slope: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Arr
     return np.where(place > 0, place, 1.0), np.where(rate > 0, rate, 1.0)
 
 
-def end_of(lay: Layout, x: Array, node: int) -> tuple[Array, Array, Array]:
-    """Position, velocity and time at the first or the last node; velocities that are no unknowns
-    are zero."""
-    index = lay.index_v_B if node == 0 else lay.index_v_E
-    v = x[index] if len(index) else np.zeros(lay.nq)
-    return x[lay.index_q[node]], v, lay.times(x)[node] if node else np.zeros(())
-
-
-def cost_of(problem: Problem, lay: Layout, x: Array) -> float:
-    """The cost of unknowns x, shape (n,), with the objective."""
-    chosen = lay.problem_at(problem, x)
-    models, step = chosen.models, lifted(chosen, lay, lay.step_inputs(x))
-    model = lay.model_of_steps(chosen)
-    start, end = end_of(lay, x, 0), end_of(lay, x, -1)
-    shared = totals_at(chosen, lay, x), peaks_at(problem, lay, x)
-    value = model.step_costs(step[:7]).sum() + model.lifted_costs(step).sum()
+def cost_of(at: Iterate) -> float:
+    """The cost of a motion, with the objective."""
+    models, step = at.problem.models, lifted(at, at.steps)
+    start, end = at.end(0), at.end(-1)
+    shared = totals_at(at), peaks_at(at)
+    value = at.model.step_costs(step[:7]).sum() + at.model.lifted_costs(step).sum()
     value += models[-1].terminal_cost(*end)
     return float(value + models[0].objective(*shared, start[:2], end[:2]))
 
 
-def _cost(
-    problem: Problem, lay: Layout, x: Array, reached: Reached, of: tuple[Array, Array, Array]
-) -> float:
+def _cost(at: Iterate, reached: Reached, of: tuple[Array, Array, Array]) -> float:
     """Size of the cost: its value, at least a small share of what its slopes and curvatures make
     of the sizes ``of`` the unknowns, of those of each step, and of the velocities."""
     (sizes, local, speeds), value = of, reached.cost
     slope = (reached.cost_slopes * local).sum()
     bend = (reached.cost_curvatures * local**2).sum() / 2
-    if problem.model.ns:
-        every, step = np.hstack([local, sizes[lay.hidden_of_kernels]]), lay.step_inputs(x)
-        model = lay.model_of_steps(problem)
-        slopes = model.lifted_cost_slopes(lifted(problem, lay, step))
-        slope += np.abs(slopes * every).sum()
-    around = np.concatenate([sizes[lay.index_q[-1]], speeds, [reached.time]])
+    if at.problem.model.ns:
+        every = np.hstack([local, sizes[at.lay.hidden_of_kernels]])
+        slope += np.abs(at.model.lifted_cost_slopes(lifted(at, at.steps)) * every).sum()
+    around = np.concatenate([sizes[at.lay.index_q[-1]], speeds, [reached.time]])
     slope += (reached.end_slopes * around).sum()
     flat = FLAT * float(slope + bend)
     size = max(abs(value), flat if np.isfinite(flat) else 0.0)
@@ -339,36 +315,35 @@ def _local(lay: Layout, sizes: Array) -> Array:
     return np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
 
 
-def _path(problem: Problem, steps: tuple[list[Array], ...], local: Array, kind: str) -> Array:
+def _path(at: Iterate, steps: tuple[list[Array], ...], local: Array, kind: str) -> Array:
     """Sizes of the path constraints, or of the quantities: the largest change that an unknown of
     its ``local`` size makes in any step, of a constraint that the motion is near to the limit of
     where it is met; of what none changes, as a product where both factors vanish, the largest value
     in these ``steps`` or in sized ones."""
-    kernels = problem.kernels
+    kernels, model = at.problem.kernels, at.model
     count = len(kernels.quantities if kind == "quantity" else kernels.manifest.path_rows)
     if not count:
         return np.ones(0)
-    model = Layout.of(problem).model_of_steps(problem)
     changes = _finite(np.abs(model.path_slopes(steps[0], kind) * local[:, None]), 0.0)
     size = changes.max(axis=(0, 2)).reshape(-1, count).max(axis=0)
     if kind == "path":
-        at_limits = _at_limits(problem, steps[0], local, count)
+        at_limits = _at_limits(at, local, count)
         size = np.where(at_limits > 0, at_limits, size)
     for step in steps:
-        at = _finite(np.abs(model.path(step, kind)), 0.0).max(axis=0)
-        size = np.where(size > 0, size, at.reshape(-1, count).max(axis=0))
+        values = _finite(np.abs(model.path(step, kind)), 0.0).max(axis=0)
+        size = np.where(size > 0, size, values.reshape(-1, count).max(axis=0))
     return np.where(size > 0, size, 1.0)
 
 
-def _at_limits(problem: Problem, step: list[Array], local: Array, count: int) -> Array:
+def _at_limits(at: Iterate, local: Array, count: int) -> Array:
     """The largest changes of path constraints (count,) by unknowns of their sizes where each is
     met, near the step that is closest to there; zero where that is farther away than these sizes.
     A violation divided by them is a distance."""
-    phases, rows = Layout.of(problem).phase_of_step, np.arange(count)
+    phases, rows, step = at.lay.phase_of_step, np.arange(count), at.steps
 
     def looked_at(phases: Index, step: list[Array], local: Array) -> tuple[Array, Array]:
         """Values and changes of all constraints at their places."""
-        model = problem.models.along(phases)
+        model = at.problem.models.along(phases)
         return model.path(step), model.path_slopes(step) * local[:, None]
 
     values, changes = looked_at(phases, step, local)

@@ -10,6 +10,7 @@ from dmoc.mechanics.touch import Touch
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Bools, Index
 from dmoc.program.implied_values import lifted, quantity_inputs
+from dmoc.program.iterate import Iterate
 from dmoc.program.layout import Layout
 
 
@@ -34,47 +35,45 @@ def impulses_at_events(lay: Layout) -> Index:
     return rows
 
 
-def totals_at(problem: Problem, lay: Layout, x: Array) -> Array:
-    """The totals of unknowns x, shape (totals,)."""
-    model = problem.model
+def totals_at(at: Iterate) -> Array:
+    """The totals of a motion, shape (totals,)."""
+    model = at.problem.model
     if not model.totals_of:
         return np.zeros(0)
-    along = lay.model_of_steps(problem)
-    totals = along.totals(lifted(problem, lay, lay.step_inputs(x)))
-    np.add.at(totals, model.hit_sums[:, 0], of_hits(problem, lay, x).sum(axis=0))
+    totals = at.model.totals(lifted(at, at.steps))
+    np.add.at(totals, model.hit_sums[:, 0], of_hits(at).sum(axis=0))
     return totals
 
 
-def peaks_at(problem: Problem, lay: Layout, x: Array) -> Array:
-    """The peaks of quantities of unknowns x, those of hits last, shape (peaks,)."""
-    if not lay.index_peaks.size:
+def peaks_at(at: Iterate) -> Array:
+    """The peaks of quantities of a motion, those of hits last, shape (peaks,)."""
+    if not at.lay.index_peaks.size:
         return np.zeros(0)
-    model = lay.model_of_steps(lay.problem_at(problem, x))
-    along = model.peaks(quantity_inputs(problem, lay, x))
-    return np.append(along, model.hit_peaks(*hit_quantities(problem, lay, x)))
+    along = at.model.peaks(quantity_inputs(at))
+    return np.append(along, at.model.hit_peaks(*hit_quantities(at)))
 
 
-def of_hits(problem: Problem, lay: Layout, x: Array) -> Array:
+def of_hits(at: Iterate) -> Array:
     """What the events add to the totals, shape (events, terms)."""
-    terms, events = len(problem.model.hit_sums), len(lay.collision_nodes)
+    terms, events = len(at.problem.model.hit_sums), len(at.lay.collision_nodes)
     if not (terms and events):
         return np.zeros((events, terms))
-    values = problem.models.along(np.arange(events)).hit_terms(*_at_events(lay, x))
-    return np.where(counted(problem, lay), values, 0.0)
+    values = at.problem.models.along(np.arange(events)).hit_terms(*_at_events(at))
+    return np.where(counted(at.problem, at.lay), values, 0.0)
 
 
-def hit_quantities(problem: Problem, lay: Layout, x: Array) -> tuple[Array, Bools]:
+def hit_quantities(at: Iterate) -> tuple[Array, Bools]:
     """The quantities of hits at the events, and which of them have some, shape (events, number)
     each."""
-    model = lay.problem_at(problem, x).models.along(np.arange(len(lay.touch.events)))
-    there = model.hits_of_quantities(surfaces_hit(lay.touch))
+    model = at.problem.models.along(np.arange(len(at.lay.touch.events)))
+    there = model.hits_of_quantities(surfaces_hit(at.lay.touch))
     if not there.size:
         return np.zeros(there.shape), there
-    return model.hit_quantities(*_at_events(lay, x)), there
+    return model.hit_quantities(*_at_events(at)), there
 
 
-def _at_events(lay: Layout, x: Array) -> tuple[Array, Array, Array, Array, Array]:
+def _at_events(at: Iterate) -> tuple[Array, Array, Array, Array, Array]:
     """Places, velocities before and after, normal impulses and times of the events."""
-    nodes, lam = lay.collision_nodes, impulses_at_events(lay)
-    pushed = np.where(lam == NOWHERE, 0.0, x[lam])
-    return x[lay.index_q[nodes]], x[lay.impact.v_a], x[lay.impact.v_c], pushed, lay.times(x)[nodes]
+    lay, x, lam = at.lay, at.x, impulses_at_events(at.lay)
+    pushed, nodes = np.where(lam == NOWHERE, 0.0, x[lam]), lay.collision_nodes
+    return at.q[nodes], x[lay.impact.v_a], x[lay.impact.v_c], pushed, at.t[nodes]

@@ -33,6 +33,7 @@ from dmoc.program.elements import (
     structure_of,
 )
 from dmoc.program.evaluator import Evaluator
+from dmoc.program.iterate import Iterate
 from dmoc.program.laws.laws import Laws, laws_of, rows_follow_from
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
@@ -200,12 +201,15 @@ class Transcription(Evaluator):
         """Scaled unknowns from those in units of the problem, shape (n,) each."""
         return np.asarray(y / self.sizes)
 
+    def iterate(self, y: Array) -> Iterate:
+        """Values of the unknowns in units of the problem, shape (n,)."""
+        return Iterate(self.layout.problem_at(self.problem, y), self.layout, y)
+
     def momenta(self, x: Array) -> tuple[Array, Array]:
         """Return p at the start and at the end of every step in units of the problem, shape
         (total, nq) each."""
-        y = self.physical(x)
-        model = self.layout.model_of_steps(self.layout.problem_at(self.problem, y))
-        return model.step_momenta(self.layout.step_inputs(y))
+        at = self.iterate(self.physical(x))
+        return at.model.step_momenta(at.steps)
 
     def relaxed_by(self, eps: float) -> Self:
         """The same program whose contacts are relaxed by another eps."""

@@ -20,6 +20,7 @@ from dmoc.mechanics.sequence_words import word_between
 from dmoc.mechanics.touch import Bools, Touch
 from dmoc.motion.friction import states_of
 from dmoc.program.hit_stages import Passage
+from dmoc.program.iterate import Iterate
 from dmoc.program.transcription import Transcription
 
 # A hit that is none: its impulse, and its gap, as shares of their sizes.
@@ -58,6 +59,10 @@ class RelaxedMotion:
     nlp: Transcription
     x: Array
     cost: float
+
+    @cached_property
+    def at(self) -> Iterate:
+        return self.nlp.iterate(self.x)
 
     @cached_property
     def reading(self) -> Reading:
@@ -107,9 +112,7 @@ def sequence_in(relaxed: RelaxedMotion, fewest: int) -> Reading:
 def _at_ends(relaxed: RelaxedMotion) -> Bools:
     """Surfaces whose ends are passed outwards in the step before or after each node, shape (nodes,
     nc)."""
-    lay, x = relaxed.nlp.layout, relaxed.x
-    model = lay.problem_at(relaxed.nlp.problem, x).model
-    W = model.within(x[lay.index_q], lay.times(x))
+    W = relaxed.at.problem.model.within(relaxed.at.q, relaxed.at.t)
     late = np.vstack([W[1:], W[-1:]])
     ahead = late + np.minimum(late - W, 0.0)  # a node further, where the steps go on
     return np.asarray(ahead < 0)
@@ -118,9 +121,8 @@ def _at_ends(relaxed: RelaxedMotion) -> Bools:
 def _hits(relaxed: RelaxedMotion) -> dict[int, Hit]:
     """The hits of the program, by their nodes, at which something is hit."""
     nlp, lay, x = relaxed.nlp, relaxed.nlp.layout, relaxed.x
-    surfaces, t = lay.touch.surfaces, lay.times(x)
-    gaps = lay.problem_at(nlp.problem, x).model.covered_gaps(x[lay.index_q], t)
-    lam = x[lay.impact.lam]
+    surfaces, lam = lay.touch.surfaces, x[lay.impact.lam]
+    gaps = relaxed.at.problem.model.covered_gaps(relaxed.at.q, relaxed.at.t)
     return {
         int(node): Hit(int(j), float(lam[i]), _course(relaxed, i))
         for i, (node, j) in enumerate(zip(lay.collision_nodes, surfaces, strict=True))
@@ -154,15 +156,14 @@ def _stays(modes: Sequence[Mode], j: int) -> list[tuple[int, int]]:
 
 def _course(relaxed: RelaxedMotion, i: int) -> Course | None:
     """The course that a hit with friction takes from the velocity before it."""
-    lay, x = relaxed.nlp.layout, relaxed.x
+    lay, at = relaxed.nlp.layout, relaxed.at
     contacts = lay.touch.contacts
     surface, node = int(lay.touch.surfaces[i]), lay.collision_nodes[i]
     if contacts.surfaces[surface] not in contacts.rough:
         return None
     law = contacts.impact_law(contacts.surfaces[surface])
     hit = Passage(i, surface, contacts.tangents_of(surface), False, (), (), law=law)
-    state = x[lay.index_q[node]], x[lay.impact.v_a[i]], float(lay.times(x)[node])
-    return course_at(lay.problem_at(relaxed.nlp.problem, x), hit, state)
+    return course_at(at.problem, hit, (at.q[node], at.x[lay.impact.v_a[i]], float(at.t[node])))
 
 
 def _modes(relaxed: RelaxedMotion) -> list[Mode]:
@@ -170,9 +171,8 @@ def _modes(relaxed: RelaxedMotion) -> list[Mode]:
     larger, in its size: a contact is closed where it presses, and slides where its friction leaves
     the cone no room."""
     nlp, lay, x = relaxed.nlp, relaxed.nlp.layout, relaxed.x
-    problem = lay.problem_at(nlp.problem, x)
-    model, s, steps, left_open = problem.model, nlp.scale, lay.total, lay.touch.open
-    q, t = x[lay.index_q], lay.times(x)
+    model, q, t = relaxed.at.problem.model, relaxed.at.q, relaxed.at.t
+    s, steps, left_open = nlp.scale, lay.total, lay.touch.open
     P = np.where(lay.relaxed.P_r == NOWHERE, 0.0, x[lay.relaxed.P_r])[:-1] * steps
     T = np.where(lay.relaxed.T_r == NOWHERE, 0.0, x[lay.relaxed.T_r])[:-1] * steps
     away = -model.covered_gaps(q, t)[1:] * steps

@@ -107,7 +107,7 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
         least,
         tuple(text for _, text in missed),
         against,
-        (*_times(nlp, outcome.x), *jams(problem, nlp.physical(outcome.x))),
+        (*_times(nlp, outcome.x), *jams(nlp.iterate(nlp.physical(outcome.x)))),
         _pulls(problem, scale, x, limits) if amount > INFEASIBLE else (),
     )
 
@@ -194,7 +194,7 @@ def _kinds(blocks: Iterable[Block]) -> Iterator[tuple[Block, Index]]:
 
 def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
     """Phases whose estimated shortest time at full input exceeds what the bounds allow."""
-    problem, lay = nlp.layout.problem_at(nlp.problem, x * nlp.sizes), nlp.layout
+    problem, lay = nlp.iterate(x * nlp.sizes).problem, nlp.layout
     if (
         not problem.nu
         or problem.held
@@ -211,7 +211,7 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
             at[lay.index_q[0]] = np.clip(
                 at[lay.index_q[0]], nlp.lower[lay.index_q[0]], nlp.upper[lay.index_q[0]]
             )
-        shortest = phase_minimal_time(problem, lay, at * nlp.sizes, i)
+        shortest = phase_minimal_time(nlp.iterate(at * nlp.sizes), i)
         if np.isfinite(shortest) and shortest > (1 + CLEARLY) * allowed:
             name = problem.kernels.surfaces[problem.touch.surfaces[i]]
             sentences.append(

@@ -39,8 +39,9 @@ def falling_inputs(nlp: Transcription, x: Array, duals: Duals) -> Array | None:
 
 def _flat_rows(nlp: Transcription, x: Array) -> np.ndarray:
     """Rows of the inputs in unknowns x where the forces have no slope by one, shape (rows, nu)."""
-    lay, problem = nlp.layout, nlp.layout.problem_at(nlp.problem, x)
-    q_k, q_kp1, _, _, h, t_k, _ = (part[lay.step_of_input] for part in lay.step_inputs(x))
+    lay, at = nlp.layout, nlp.iterate(x)
+    problem = at.problem
+    q_k, q_kp1, _, _, h, t_k, _ = (part[lay.step_of_input] for part in at.steps)
     state, t = ((q_k + q_kp1) / 2, (q_kp1 - q_k) / h), (t_k + h / 2)[:, 0]
     around = np.tile(problem.operating_inputs, (len(t), 1))
     own, others = (slopes_by_inputs(problem, *state, u, t) for u in (x[lay.index_u], around))

@@ -20,7 +20,7 @@ from dmoc.mechanics.contact_mode import Course
 from dmoc.mechanics.contacts import NOWHERE
 from dmoc.problem.design import designed_as
 from dmoc.problem.problem import Problem
-from dmoc.program.layout import Layout
+from dmoc.program.iterate import Iterate
 from dmoc.results.solution import Solution, saying
 from dmoc.solvers.outcome import Status
 from dmoc.solving.answer import answer_of
@@ -104,7 +104,7 @@ class _Tries:
         motion, those that it takes where they end."""
         way = first_way(self.problem)
         x = starts_of(way, self.guess).points[0]
-        chosen = Layout.of(way).problem_at(way, x)
+        chosen = Iterate.of(way, x).problem
         words = _words_with(self.problem, courses_at(chosen, states_before(way, x)))
         others = len(_alike(self.problem))
         for _ in range(LAPS):

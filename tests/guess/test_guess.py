@@ -15,6 +15,7 @@ from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.tracker import WINDOW
 from dmoc.mechanics.model import Model
 from dmoc.models.registry import find
+from dmoc.program.iterate import Iterate
 from dmoc.program.minimal_times import WithMinimalTimes, minimal_time, phase_minimal_time
 from dmoc.program.transcription import Transcription
 
@@ -175,7 +176,7 @@ def test_minimal_times_bound_the_phases_where_they_are_asked_for(seed: dmoc.Prob
     nlp = WithMinimalTimes(seed)
     (row,) = nlp.minimal_times
     x = initial_guesses(seed)[0].x
-    shortest = phase_minimal_time(seed, nlp.layout, x, 0)
+    shortest = phase_minimal_time(Iterate.of(seed, x), 0)
     assert nlp.inequality(x)[row] == pytest.approx(x[0] * 100 - shortest)
     assert 0.04 < shortest < 0.07
     assert not len(WithMinimalTimes(seed.but(bounds={})).minimal_times)

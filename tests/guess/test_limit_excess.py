@@ -9,6 +9,8 @@ from systems import unit_mass
 
 import dmoc
 from dmoc.guess.limit_excess import _path_excess
+from dmoc.program.iterate import Iterate
+from dmoc.program.layout import Layout
 
 X, U = dynamicsymbols("x u")
 
@@ -30,7 +32,8 @@ def test_an_excess_is_a_share_of_limit_and_value(
         "limited", path_constraints={"push": U <= 5, "back": X.diff() >= -2, "room": X <= 1}
     )
     problem = dmoc.Problem(system, {"x": 0.0}, {}, steps=3, final_time=3.0)
-    q, u, rates = np.full((3, 1), 9.0), np.zeros((3, 1)), np.zeros((3, 1))
-    u[at], rates[at] = force, rate
-    step = [q, q, u, u, np.ones((3, 1)), np.zeros((3, 1)), np.zeros((3, 1))]
-    assert _path_excess(problem, problem.model, step, rates) == pytest.approx(excess)
+    lay = Layout.of(problem)
+    x, q = np.zeros(lay.size), np.full(4, 9.0)
+    q[at + 1 :] += rate
+    x[lay.index_h], x[lay.index_q[:, 0]], x[lay.index_u[at]] = 1.0, q, force
+    assert _path_excess(Iterate.of(problem, x)) == pytest.approx(excess)

@@ -17,6 +17,7 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.guess.automatic import initial_guesses
 from dmoc.program import scaling
+from dmoc.program.iterate import Iterate
 from dmoc.program.laws.laws import rows_follow_from
 from dmoc.program.layout import Layout
 from dmoc.program.structure_cache import MEMORY, MOST, Recent
@@ -63,10 +64,10 @@ def test_what_a_motion_reaches_is_remembered_for_that_motion_alone(
     the key; bounds, which it does not follow from, are not."""
     problem = stated(walls)
     lay, x = Layout.of(problem), initial_guesses(problem)[0].x
-    monkeypatch.setattr(scaling, "_measured", lambda problem, lay, x: (problem, lay, x))
+    monkeypatch.setattr(scaling, "_measured", lambda at: (at.problem, at.lay, at.x))
 
     def reached(problem: dmoc.Problem, lay: Any = lay, x: np.ndarray = x) -> Any:
-        return scaling._reached(problem, lay, x)
+        return scaling._reached(Iterate(problem, lay, x))
 
     first = reached(problem)
     same = stated(walls, bounds={"power": (-8.0, 9.0)}, goal={"x": 0.5})
