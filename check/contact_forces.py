@@ -92,6 +92,8 @@ def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
     """Contacts that leave while they are pressed."""
     model = motion.model
     c, after = motion.trajectory.collisions[i], motion.trajectory.phases[i + 1]
+    if not c.leaves:
+        return
     q, v, t = after.q[:1], after.v[:1], after.t[:1]
     rates = model.gap_rates(q, v, t)[0]
     for name in c.leaves:
@@ -115,6 +117,9 @@ def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
         return  # an impact may set it off
     begin = float(after.t[0])
     changed = friction_changes(motion.modes[i - 1] if i else FREE, mode)
+    begun = [k for k, state in changed.items() if not sticks(state)]
+    if not begun:
+        return
     late = ON_TIME * max(p.duration for p in motion.trajectory.phases[max(i - 1, 0) : i + 1])
     soon = int((after.t[:-1] - begin < late).sum())
 
@@ -125,8 +130,8 @@ def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
     q, v, t = (sides(rows[:-1], rows[1:]) for rows in (after.q, after.v, after.t))
     u = sides(motion.steps[i].u0, motion.steps[i].u1)
     fast = np.abs(model.slide_rates(after.q[:1], after.v[:1], after.t[:1])[0])
-    for k, state in changed.items():
-        if sticks(state) or fast[k] > DRIFT * motion.sizes.slide[k]:
+    for k in begun:
+        if fast[k] > DRIFT * motion.sizes.slide[k]:
             continue
         sticking = mode.stopping((k,))
         reaction = motion.flow.integrator.reaction(sticking, np.hstack([q, v]), u, t)

@@ -15,7 +15,7 @@ from dmoc.check.hits import hit_peaks, planned_hits
 from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.check.limit_functions import Bools, LimitFunctions
 from dmoc.check.path_limits import ALMOST_NOTHING, Excess, counted
-from dmoc.check.quadrature import Integrals, Integrands, Place, integrals_along, together
+from dmoc.check.quadrature import Integrals, Integrands, Place, integrals_along, joined, together
 from dmoc.codegen.kernels import Array
 
 # Change of totals and peaks, in their sizes, that shows how much of an objective they make.
@@ -23,8 +23,9 @@ NUDGE = 1e-3
 # What positions may be off by and still pass, in their sizes, and the share of the steps in which
 # integrands are no larger than what counts: a peak makes no error of its own small.
 PLACED, MOST = 0.01, 0.9
-# Errors below this share of the magnitude need no look at how little that is.
-SMALL = 1e-6
+# Errors below this share of the magnitude need no look at how little that is, and those below the
+# other one no explanation.
+SMALL, CLEAR = 1e-6, 1e-3
 INTEGRAL, COST, PEAK = "error of an integral", "error of the cost", "error of a peak"
 
 
@@ -55,7 +56,7 @@ def integral_errors(
     measured, origins, errors = {}, {}, totals.errors.tolist()
     for name, part in ((INTEGRAL, errors[:count]), (COST, errors[count:])):
         measured[name] = worst = max(part, default=0.0)
-        if SMALL < worst < np.inf:
+        if CLEAR < worst < np.inf:
             origins[name] = _explained(motion, totals, errors.index(worst))
     sentences, excesses = _contradictions(motion, totals), _excesses(motion, totals)
     return Findings(measured, tuple(sentences), origins), tuple(excesses)
@@ -147,21 +148,17 @@ def _least(motion: Motion, courses: Sequence[IntegratedSteps], integrands: Integ
     """Sizes of integrals below which there are rounding errors and errors of positions that pass:
     a share of those over the whole time of motions whose velocities and inputs are of their sizes,
     and what positions beside the own ones make, shape (number,)."""
-    sizes, states = motion.sizes, [c.at(0.5) for c in courses if len(c.steps)]
-    q, v, u, t = (np.concatenate(part) for part in zip(*states, strict=True))
+    sizes, (q, v, u, t) = motion.sizes, joined(courses).at(0.5)
     used = np.abs(u).max(axis=0, initial=0.0)
     needed = np.where(np.isfinite(motion.needed_inputs), motion.needed_inputs, 0.0)
     fast, strong = np.tile(sizes.v, (len(q), 1)), np.tile(np.maximum(used, needed), (len(q), 1))
-    beside = PLACED * sizes.q
-    looks = (
-        ALMOST_NOTHING * integrands(q, fast, strong, t),
-        *(integrands(q + off, v, u, t) - integrands(q, v, u, t) for off in (beside, -beside)),
-    )
-    most = [
-        np.quantile(np.nan_to_num(np.abs(look), nan=0.0, posinf=0.0), MOST, axis=0)
-        for look in looks
-    ]
-    return np.asarray(sizes.time * np.max(most, axis=0))
+    off = PLACED * sizes.q
+    rows = np.concatenate([q, q, q + off, q - off]), np.concatenate([fast, v, v, v])
+    values = integrands(*rows, np.concatenate([strong, u, u, u]), np.tile(t, 4))
+    usual, own, *beside = np.split(values, 4)
+    looks = np.abs([ALMOST_NOTHING * usual, *(look - own for look in beside)])
+    most = np.quantile(np.nan_to_num(looks, nan=0.0, posinf=0.0), MOST, axis=1)
+    return np.asarray(sizes.time * most.max(axis=0))
 
 
 def _explained(motion: Motion, totals: _Totals, j: int) -> str:
