@@ -11,6 +11,7 @@ from dmoc.mechanics.small_systems import largest_form as largest_form
 from dmoc.mechanics.small_systems import largest_stretch as stretch_of_small
 from dmoc.mechanics.small_systems import most_of as most_of
 from dmoc.mechanics.small_systems import products_from as products_from
+from dmoc.mechanics.small_systems import reached as reached
 from dmoc.mechanics.small_systems import solved as solved_small
 
 # Unknowns of a system, and rows of a matrix with singular values, up to which calling LAPACK takes

@@ -249,7 +249,7 @@ def conditions_of(model: Model, mode: Mode, *, joints: bool = True) -> Condition
 
 def number_of(model: Model, mode: Mode) -> int:
     """How many conditions a mode has, joints and grips that are closed beside it among them."""
-    return len(conditions_of(model, mode))
+    return len({*mode.closed, *model.gripped}) + len(mode.sticking) + model.nj
 
 
 @lru_cache(maxsize=256)

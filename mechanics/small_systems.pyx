@@ -121,3 +121,32 @@ def largest_form(v, M):
             if not form <= most:
                 most = NAN if isnan(most) else form
     return most
+
+
+def reached(slopes, sizes, M):
+    """What motions of some sizes (k, n) make of functions with slopes (m, n) at most, |slopes|
+    sizes, shape (k, m); and C . M^-1 C of each slope C by the masses M (n, n), shape (m,), which is
+    not a number where M is singular or not finite."""
+    cdef const double[:, ::1] C = np.ascontiguousarray(slopes, float)
+    cdef const double[:, ::1] by = np.ascontiguousarray(sizes, float)
+    cdef ptrdiff_t m = C.shape[0], n = C.shape[1], k = by.shape[0], i, j, c
+    if not (by.shape[1] == n and M.shape == (n, n)):
+        raise ValueError(f"expected sizes and masses of {n} coordinates")
+    most, squares_by_mass = np.zeros((k, m)), np.full(m, NAN)
+    cdef double[:, ::1] out = most
+    cdef double[::1] square = squares_by_mass, LU = np.array(M, float, order="C").reshape(-1)
+    cdef double[::1] pushed = np.empty(n)
+    cdef ptrdiff_t[::1] pivot = np.empty(n, np.intp)
+    cdef bint regular = isfinite(squares(&LU[0], n * n)) and factor(&LU[0], &pivot[0], n, n)
+    for i in range(m):
+        for c in range(k):
+            for j in range(n):
+                out[c, i] += fabs(C[i, j]) * by[c, j]
+        if not regular:
+            continue
+        square[i] = 0.0
+        pushed[:] = C[i]
+        solve(&LU[0], &pivot[0], &pushed[0], n, n, 1)
+        for j in range(n):
+            square[i] += C[i, j] * pushed[j]
+    return most, squares_by_mass

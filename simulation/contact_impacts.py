@@ -167,14 +167,15 @@ def dying(setting: Setting, place: Place, mode: Mode, before: Array) -> list[int
     q, v = place.y[:nq], place.y[nq : 2 * nq]
     on = np.flatnonzero((model.gaps(q, place.t) >= -place.small.gap) & there(model, place))
     slopes, rates = model.gap_slopes(q, place.t)[on, :-1], model.gap_rates(q, v, place.t)[on]
-    across = np.sqrt(np.einsum("ji,ij->j", slopes, model.responses(q, slopes, place.t)))
-    kept = (-rates / across).max() / (before[on] / across).max()
     pushed = setting.integrator.reaction(mode, place.y[None], place.u[None], t).acceleration[0]
     back = slopes @ pushed + model.gap_accelerations(q, v, place.t)[on]
-    soon = 2 * -rates < DYING * setting.h * (1 - kept) * back
-    low = rates**2 < 2 * back * place.small.gap[on]
-    dying = (rates < 0) & (back > 0) & (soon | low)
-    return [j for j in on[dying].tolist() if j not in mode.closed]
+    returns, low = (rates < 0) & (back > 0), rates**2 < 2 * back * place.small.gap[on]
+    soon = 2 * -rates < DYING * setting.h * back  # if nothing is kept
+    if (returns & soon).any():
+        across = np.sqrt(np.einsum("ji,ij->j", slopes, model.responses(q, slopes, place.t)))
+        kept = (-rates / across).max() / (before[on] / across).max()
+        soon = 2 * -rates < DYING * setting.h * (1 - kept) * back
+    return [j for j in on[returns & (soon | low)].tolist() if j not in mode.closed]
 
 
 def _uncoupled(model: Model, at: Place, j: int, on: list[int]) -> bool:

@@ -210,15 +210,27 @@ def kept(
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
     if stuck:
         bears[:, stuck] = (model.bearing(reaction.normal) - np.abs(reaction.tangential))[:, stuck]
-    held = conditions_of(model, mode)
-    if held.drags:
-        for k, forward in held.forward(model.slide_rates(q, v, t)).items():
+    if mode.sliding:
+        rates = model.slide_rates(q, v, t)
+        for k, forward in conditions_of(model, mode).forward(rates).items():
             slides[:, k] = forward
     ends = np.full_like(least, np.inf)
     on = [j for j in closed if j in model.ends]
     if on:
         ends[:, on] = model.within(q, t)[:, on]
     return np.concatenate([least, bears, slides, ends], axis=1)
+
+
+def limit_by_motion(
+    model: Model, mode: Mode, which: int, at: tuple[Array, Array, Array]
+) -> float | None:
+    """One of the limits :func:`kept` of a mode at q and v (1, nq) and t (1,), of those that no
+    force has a part in: of an open surface, or of what slides; None of others."""
+    (q, v, t), tangent = at, which - model.nc - model.nt
+    if which < model.nc and not (which in mode.closed or model.contacts.pull[which]):
+        return -float(model.gaps(q, t)[0, which])
+    slides = conditions_of(model, mode).forward(model.slide_rates(q, v, t)) if tangent >= 0 else {}
+    return float(slides[tangent][0]) if tangent in slides else None
 
 
 def slack(model: Model, mode: Mode, small: Tolerances) -> Array:

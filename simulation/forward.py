@@ -29,7 +29,14 @@ from dmoc.simulation.given_inputs import nodes
 from dmoc.simulation.grips import Grasp, grasps_of
 from dmoc.simulation.impact_orders import Undecided, notes_of, undecided_of
 from dmoc.simulation.mode_choice import Setting
-from dmoc.simulation.motion_record import ContactState, ModeChange, MotionRecord, Stretch, phases_at
+from dmoc.simulation.motion_record import (
+    ContactState,
+    ModeChange,
+    MotionRecord,
+    Rows,
+    Stretch,
+    phases_at,
+)
 from dmoc.simulation.simultaneous_impacts import Lasting
 from dmoc.simulation.start_state import state_of
 from dmoc.simulation.steered import Control, steered
@@ -79,6 +86,8 @@ class Run:
 
     def model_of(self, t: float, after: bool) -> Model:
         """The model before or after what happens at a time."""
+        if not self.models.change:
+            return self.models[0]
         return self.models[min(int(phases_at(self.changes, t, after)), len(self.models.par) - 1)]
 
 
@@ -172,7 +181,7 @@ def _notes(model: Model, marks: list[ModeChange]) -> Iterator[str]:
 
 @record(frozen=True, eq=False)
 class _Recorded:
-    """Recorded nodes, filled one by one."""
+    """Recorded nodes, filled one by one; ``p`` are velocities until the momenta are known."""
 
     t: Array
     q: Array
@@ -180,10 +189,17 @@ class _Recorded:
     normal: Array
     tangential: Array
 
-    def put(self, row: int, model: Model, at: ContactState) -> None:
-        q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
-        self.q[row], self.p[row] = q, model.momentum(q, v, at.t)
-        self.normal[row], self.tangential[row] = at.normal, at.tangential
+    def put(self, row: int, of: Rows) -> None:
+        """Put nodes from a row on."""
+        (y, normal, tangential), nq, at = of, self.q.shape[1], slice(row, row + len(of[0]))
+        self.q[at], self.p[at] = y[:, :nq], y[:, nq : 2 * nq]
+        self.normal[at], self.tangential[at] = normal, tangential
+
+    def momenta_from(self, row: int, journal: MotionRecord, models: PhaseModels) -> None:
+        """Put the momenta of the nodes from a row on in the place of their velocities."""
+        q, v, t = self.q[row:], self.p[row:], self.t[row:]
+        if len(t):
+            self.p[row:] = journal.model_at(models, t).momentum(q, v, t)
 
 
 @record(frozen=True, eq=False)
@@ -297,13 +313,15 @@ def _through_contacts(
         if run.control
         else nodes(setting, y, run.u, first, journal, run.grasps)
     )
-    for k, at in enumerate(ways, start=first + 1):
-        if k % run.every == 0:
-            times = np.array([at.t])
-            states.put(k // run.every, journal.model_at(run.models, times), at)
+    k = first
+    for rows in ways:
+        ends, normal, tangential = (of[-(k + 1) % run.every :: run.every] for of in rows)
+        states.put(k // run.every + 1, (ends, normal, tangential))
+        k += len(rows[0])
     if first % run.every == 0:
         mode = start(setting, y, run.u[first], t)
-        states.put(first // run.every, run.model, node(setting, mode, y, run.u[first], t))
+        states.put(first // run.every, node(setting, mode, y, run.u[first], t).rows)
+    states.momenta_from(-(-first // run.every), journal, run.models)
     return journal
 
 

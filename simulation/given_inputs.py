@@ -15,7 +15,7 @@ from dmoc.simulation.contact_motion import node
 from dmoc.simulation.grips import Grasp
 from dmoc.simulation.mode_choice import Setting
 from dmoc.simulation.mode_flow import PLACES
-from dmoc.simulation.motion_record import ContactState, MotionRecord
+from dmoc.simulation.motion_record import ContactState, MotionRecord, Rows
 from dmoc.simulation.phase_changes import through_changes, unswitched
 from dmoc.simulation.tolerances import Magnitudes, magnitudes_at
 
@@ -26,15 +26,16 @@ AT_ONCE = 256
 def nodes(
     setting: Setting, y: Array, u: Array, first: int, journal: MotionRecord,
     grasps: Sequence[Grasp] = (),
-) -> Iterator[ContactState]:  # fmt: skip
-    """States at the end of the steps from ``first`` on, each with its inputs u (steps, nu)."""
+) -> Iterator[Rows]:  # fmt: skip
+    """States at the end of the steps from ``first`` on, each with its inputs u (steps, nu), some at
+    a time."""
     largest, k, ahead = Magnitudes(), first, deque(grasps)
     while k < len(u):
         t, end = k * setting.h, (k + 1) * setting.h
         largest = magnitudes_at(setting.model, y, u[k], t, setting.h, largest)
         setting, y, mode = through_changes(setting, y, u[k], (t, end), (largest, journal), ahead)
         journal.last, k = node(setting, mode, y, u[k], end), k + 1
-        yield journal.last
+        yield journal.last.rows
         count = quiet_steps(setting.h, ahead, k, AT_ONCE)
         inputs, so_far = np.ascontiguousarray(u[k : k + count]), np.array(astuple(largest))
         before, y = y, y.copy()
@@ -44,15 +45,15 @@ def nodes(
             y = rows[0][quiet - 1] if quiet else before
             rows = rows[0][:quiet], rows[1][:quiet], rows[2][:quiet]
         largest = Magnitudes(*map(float, so_far))
-        for state, normal, tangential in zip(*rows, strict=True):
-            k += 1
-            journal.last = ContactState(k * setting.h, state, normal, tangential)
-            yield journal.last
+        k += len(rows[0])
+        if len(rows[0]):
+            journal.last = ContactState(k * setting.h, *(of[-1] for of in rows))
+            yield rows
         rests = not len(rows[0]) and _rests(setting, mode, journal.last, u[k - 1], largest)
         while rests and not ahead and k < len(u) and (u[k] == u[k - 1]).all():
             k += 1
             journal.last = replace(journal.last, t=k * setting.h)
-            yield journal.last
+            yield journal.last.rows
 
 
 def quiet_steps(h: float, ahead: Sequence[Grasp], k: int, most: int) -> int:

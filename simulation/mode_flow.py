@@ -12,7 +12,7 @@ from dmoc.base.errors import SimulationError
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
-from dmoc.simulation.contact_modes import limits, slack
+from dmoc.simulation.contact_modes import limit_by_motion, limits, slack
 from dmoc.simulation.friction_at import with_friction
 from dmoc.simulation.mode_choice import Place, Setting, there
 from dmoc.simulation.roots import crossing
@@ -49,6 +49,11 @@ class ModeFlow:
         return model.tangents(at.y[None, : model.nq], np.array([at.t]))
 
     @cached_property
+    def sizes(self) -> Array:
+        """Sizes of the rows that are integrated, and of their energy, shape (2 nq + 1,)."""
+        return np.append(self.place.small.size, 1.0)
+
+    @cached_property
     def past(self) -> Array | None:
         """The W up to which surfaces are not there, shape (nc,): of those with ends that the place
         is beside, behind their gaps, what is zero, and none of others."""
@@ -73,9 +78,9 @@ class ModeFlow:
     def rows(self, times: Array) -> Array:
         """States, shape (n, 2 nq), at later times, shape (n,)."""
         n, integrator, at = len(times), self.setting.integrator, self.place
-        y, u, anchors = (np.repeat(a, n, axis=0) for a in (at.y[None], at.u[None], self.anchors))
-        number, t = np.arange(n), np.full(n, at.t)
-        integrator.sizes = np.append(at.small.size, 1.0)
+        y, u, anchors = (_repeated(row, n) for row in (at.y, at.u, self.anchors[0]))
+        number, t = np.arange(n), _repeated(at.t, n)
+        integrator.sizes = self.sizes
         integrator.advance(y, number, number + 1, t, times - t, u, u, self.mode, anchors)
         if integrator.worst > ASTRAY:
             raise SimulationError(
@@ -97,6 +102,17 @@ class ModeFlow:
         with_friction(setting.model, rows, u, times, self.mode.closed)
         react = setting.integrator.reaction
         return limits(setting.model, react, self.mode, (rows, u, times), self.past)
+
+    def _limit(self, j: int, at: Array) -> float:
+        """One of the limits at a later time, shape (1,); by itself where no force has a part in
+        it."""
+        model, rows = self.setting.model, self.rows(at)
+        if not (model.varying_friction or model.gripped or self.past is not None):
+            q, v = np.split(rows, 2, axis=1)
+            alone = limit_by_motion(model, self.mode, j, (q, v, at))
+            if alone is not None:
+                return alone
+        return float(self._limits(rows, at)[0, j])
 
     def _first(self, end: float, rows: Array) -> ModeEnd | None:
         """Where a limit is passed first, None if there is none until the end.  ``rows`` are the
@@ -151,8 +167,14 @@ class ModeFlow:
         low, high = int(inside[-1]), row
 
         def limit(time: float) -> float:
-            at = np.array([time])
-            return float(self._limits(self.rows(at), at)[0, j])
+            return self._limit(j, np.array([time]))
 
         ends = [(float(times[k]), float(kept[k, j])) for k in (low, high)]
         return crossing(limit, ends[0], ends[1], self._located(ends[1][0])), j
+
+
+def _repeated(row: Array | float, n: int) -> Array:
+    """So many rows of the same numbers."""
+    rows = np.empty((n, *np.shape(row)))
+    rows[...] = row
+    return rows

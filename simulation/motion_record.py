@@ -38,6 +38,15 @@ class ContactState:
     normal: Array
     tangential: Array
 
+    @property
+    def rows(self) -> Rows:
+        """It alone, as rows of states one after the other."""
+        return self.y[None], self.normal[None], self.tangential[None]
+
+
+# States (n, 2 nq) after steps in their order, with contact (n, nc) and friction forces (n, nt).
+Rows = tuple[Array, Array, Array]
+
 
 @dataclass(frozen=True)
 class ModeChange:

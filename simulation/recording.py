@@ -203,8 +203,8 @@ def _collision(run: Run, event: _Moment, before: Phase, after: Phase) -> Collisi
     impulses = {c.surface: float(c.impulse) for c in event.collisions}
     tractions = {name: v for c in event.collisions for name, v in c.tractions.items()}
     q, t = np.array([event.before.q]), np.array([event.t])
-    still = [name for name in stays if name in model.contacts.named(model.contacts.of_grips)]
-    still = [name for name in still if name not in impulses]
+    of_grips = model.contacts.named(model.contacts.of_grips)
+    still = [name for name in stays if name in of_grips and name not in impulses]
     of = _kept_impulses(model, event, still, (impulses, tractions))
     reactions = dict(zip(kernels.joints, of, strict=False))
     impulses |= dict(zip(still, of[len(kernels.joints) :] if impulses else (), strict=False))
@@ -244,10 +244,10 @@ def _kept_impulses(
 ) -> list[float]:  # fmt: skip
     """Impulses of the joints, and of grips that stay closed: what normal and tangential ones of
     contacts leave of the change of the momentum."""
+    if not (model.nj or grips):
+        return []
     model = model.gripping(tuple(map(model.surface_numbers.__getitem__, grips)))
     impulses, tractions = of_contacts
-    if not model.kept:
-        return []
     q, t = event.before.q, event.t
     rest = model.momentum(q, event.after.v, t) - event.before.p
     normals, along = model.gap_slopes(q, t)[:, :-1], model.tangent_slopes(q, t)[:, :-1]

@@ -51,7 +51,8 @@ def single_hit(
     pushed, normal, tangential = held_responses(model, holding, q, D, t)
     beside = Reaction(pushed.T, normal, tangential, np.zeros((2, model.nj)))
     rates = np.array([-model.gap_rates(q, v, t)[j], way_of @ slides])
-    response, free = D @ pushed, D[1] @ model.responses(q, D[1], t)
+    response = D @ pushed
+    free = response[1, 1] if holding.free else D[1] @ model.responses(q, D[1], t)
     if response[1, 1] <= SAME * free:  # what holds leaves it nothing to slide along
         response[1], response[:, 1] = 0.0, 0.0
     way = LAWS[law](rates, response, coefficients)

@@ -16,7 +16,7 @@ from dmoc.simulation.contact_motion import node
 from dmoc.simulation.given_inputs import quiet_steps
 from dmoc.simulation.grips import Grasp
 from dmoc.simulation.mode_choice import Setting
-from dmoc.simulation.motion_record import ContactState, MotionRecord
+from dmoc.simulation.motion_record import ContactState, MotionRecord, Rows
 from dmoc.simulation.phase_changes import through_changes, unswitched
 from dmoc.simulation.tolerances import Magnitudes, magnitudes_at
 
@@ -41,7 +41,7 @@ class Control(Protocol):
 def steered(
     setting: Setting, y: Array, u: Array, control: Control, journal: MotionRecord,
     grasps: Sequence[Grasp] = (),
-) -> Iterator[ContactState]:  # fmt: skip
+) -> Iterator[Rows]:  # fmt: skip
     """States at the end of steps with the inputs that a control decides on, which are written into
     u (steps, nu)."""
     largest, mode, h = Magnitudes(), FREE, setting.h
@@ -58,11 +58,11 @@ def steered(
                 y = rows[0][0]
                 journal.last = ContactState((k + 1) * h, y, rows[1][0], rows[2][0])
                 control.feel(k, (), setting.whole(mode))
-                yield journal.last
+                yield journal.last.rows
                 continue
         largest = magnitudes_at(setting.model, y, u[k], k * h, h, largest)
         span, record = (k * h, (k + 1) * h), (largest, journal)
         setting, y, mode = through_changes(setting, y, u[k], span, record, ahead)
         journal.last, keeps = node(setting, mode, y, u[k], (k + 1) * h), True
         control.feel(k, journal.collisions[count:], setting.whole(mode))
-        yield journal.last
+        yield journal.last.rows

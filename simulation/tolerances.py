@@ -7,7 +7,7 @@ import numpy as np
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.algebra import reached
 from dmoc.mechanics.model import Model
 
 # Shares of the sizes of gaps, of rates, and of accelerations.
@@ -61,18 +61,18 @@ def magnitudes_at(
 def tolerances(model: Model, q: Array, t: float, h: float, largest: Magnitudes) -> Tolerances:
     """Sizes that count as zero at a position, shape (nq,)."""
     M = model.mass(q, t)
-    mass = np.sqrt(np.diagonal(M))
-    sizes = [part / mass for part in (largest.coordinate, largest.velocity, largest.acceleration)]
-    size = np.concatenate(sizes[:2])
+    largest_of = np.array([[largest.coordinate], [largest.velocity], [largest.acceleration]])
+    sizes = largest_of / np.sqrt(M.diagonal())
+    size = sizes[:2].reshape(-1)
     small = []
     functions = [model.gap_slopes, model.tangent_slopes]
     functions += [model.within_slopes] if model.ends else []
     for slopes in (function(q, t) for function in functions):
-        along, moving = np.abs(slopes[:, :-1]), np.abs(slopes[:, -1])
-        rate = along @ sizes[1] + moving
-        place = GAP * (along @ sizes[0] + moving * max(abs(t), h)) + MOMENT * abs(t) * rate
-        bend = ACCELERATION * (along @ sizes[2] + moving / h)
-        inertia = np.einsum("ji,ji->j", slopes[:, :-1], solved(M, slopes[:, :-1].T).T)
+        (places, rates, bends), inertia = reached(slopes[:, :-1], sizes, M)
+        moving = np.abs(slopes[:, -1])
+        rate = rates + moving
+        place = GAP * (places + moving * max(abs(t), h)) + MOMENT * abs(t) * rate
+        bend = ACCELERATION * (bends + moving / h)
         small.append((place, RATE * rate, bend, bend / np.where(inertia > 0, inertia, 1.0)))
     if not model.ends:
         small.append((np.zeros(model.nc),) * 4)

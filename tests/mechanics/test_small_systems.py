@@ -12,6 +12,7 @@ from dmoc.mechanics.algebra import (
     largest_stretch,
     most_of,
     products_from,
+    reached,
     solved,
     solved_small,
 )
@@ -104,3 +105,24 @@ def test_extremes_of_rows() -> None:
         assert np.isnan(largest_form(v, M))
     with pytest.raises(ValueError, match="expected 20 matrices"):
         largest_form(v, M[:3])
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+@pytest.mark.parametrize("m", [0, 1, 4])
+def test_what_motions_of_some_sizes_reach_is_that_of_numpy(n: int, m: int) -> None:
+    """Slopes that do not lie together in memory, and masses that need exchanges of rows."""
+    slopes, sizes = RNG.normal(size=(m, n + 1))[:, :-1], RNG.random((3, n))
+    M = RNG.normal(size=(n, n))
+    M[0, 0] = 0.0 if n > 1 else M[0, 0]
+    most, squares = reached(slopes, sizes, M)
+    assert most == pytest.approx(sizes @ np.abs(slopes.T)) and most.shape == (3, m)
+    assert squares == pytest.approx(np.diag(slopes @ np.linalg.solve(M, slopes.T)), rel=1e-9)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 0.0])
+def test_nothing_answers_without_masses(bad: float) -> None:
+    M = np.diag([1.0, bad])
+    most, squares = reached(np.ones((2, 2)), np.ones((1, 2)), M)
+    assert np.isnan(squares).all() and (most == 2).all()
+    with pytest.raises(ValueError, match="of 2 coordinates"):
+        reached(np.ones((2, 2)), np.ones((1, 3)), M)

@@ -215,3 +215,14 @@ def test_constant_inputs_of_a_system_with_two(puck: Kernels) -> None:
     for inputs in ([1.0, 2.0], np.asfortranarray(np.tile([1.0, 2.0], (5, 1)))):
         run = dmoc.simulate(puck, [0.0, -1.0], step_size=0.1, steps=5, inputs=inputs)
         np.testing.assert_allclose(run.q[-1], [0.125, -0.75], atol=1e-12)
+
+
+def test_what_comes_to_rest_behind_the_last_recorded_node_is_not_recorded() -> None:
+    """A ball without restitution lands in step 8 of ten, of which every seventh is recorded."""
+    ball = dmoc.build(dropped_ball())
+    fields = {"step_size": 0.1, "steps": 10, "restitution": 0.0}
+    few, all_of_them = (
+        dmoc.simulate(ball, [9.81 * 0.83**2 / 2], every=n, **fields) for n in (7, 1)
+    )
+    assert few.q == pytest.approx(all_of_them.q[::7]) and few.p == pytest.approx(all_of_them.p[::7])
+    assert few.contacts[0].begin == pytest.approx(0.83) and len(few.q) == 2
