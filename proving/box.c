@@ -15,6 +15,9 @@
  * are tried too, or are all that is tried. */
 #define NARROW 1.3
 #define WIDE 1.5
+/* Boxes whose durations vary by less than this factor are as good as points, which are not divided:
+ * all that is violated in them is priced at once. */
+#define POINTED (1 + 1e-9)
 /* The centre and two ends. */
 #define POINTS 3
 
@@ -89,8 +92,8 @@ static void middle_of(const Problem *p, const double *low, const double *high, d
 }
 
 /* The best multipliers at the centres of the steps; conditions along the phases that the motion there
- * violates are priced. 1 where it cannot be said. */
-static int centre_at(Engine *e, const double *low, const double *high, double enough,
+ * violates are priced, so many at most. 1 where it cannot be said. */
+static int centre_at(Engine *e, const double *low, const double *high, double enough, int rounds,
                      double *multipliers, const Steps **steps)
 {
     const Problem *p = e->problem;
@@ -113,7 +116,7 @@ static int centre_at(Engine *e, const double *low, const double *high, double en
         memcpy(multipliers, c->m, sizeof(double) * MOST_MULTIPLIERS);
         Priced worst;
         if (!c->converged || !(c->value < e->aim) || cache->count == MOST_PRICED ||
-            c->multipliers == MOST_MULTIPLIERS || round == MOST_ROUNDS)
+            c->multipliers == MOST_MULTIPLIERS || round == rounds)
             return 0;
         if (!centre_violated(p, steps, c, cache->count, cache->priced, &worst))
             return 0;
@@ -130,7 +133,7 @@ static double by_longest(Engine *e, const double *low, const double *high, doubl
     const Problem *p = e->problem;
     interval wide[MOST_PHASES];
     const Steps *steps[MOST_PHASES];
-    if (centre_at(e, high, high, enough, multipliers, steps))
+    if (centre_at(e, high, high, enough, MOST_ROUNDS, multipliers, steps))
         return -INFINITY;
     for (int i = 0; i < p->phases; i++) {
         wide[i] = (interval){low[i], high[i]};
@@ -149,7 +152,7 @@ static void meet(Engine *e, const double *t, const double *multipliers)
     double m[MOST_MULTIPLIERS];
     Priced worst;
     memcpy(m, multipliers, sizeof m);
-    if (centre_at(e, t, t, INFINITY, m, steps) || !e->centre.converged || !(e->centre.value < e->best))
+    if (centre_at(e, t, t, INFINITY, MOST_ROUNDS, m, steps) || !e->centre.converged || !(e->centre.value < e->best))
         return;
     if (centre_violated(e->problem, steps, &e->centre, e->cache.count, e->cache.priced, &worst))
         return;
@@ -197,7 +200,8 @@ double box_bound(Engine *e, const double *low, const double *high, double enough
         if (ratio > WIDE || bound >= e->aim)
             return bound;
     }
-    if (centre_at(e, low, high, enough, multipliers, steps))
+    const int rounds = ratio < POINTED ? MOST_PRICED : MOST_ROUNDS;
+    if (centre_at(e, low, high, enough, rounds, multipliers, steps))
         return bound;
     interval known = {0, 0};
     double least = 0, most = 0;

@@ -55,11 +55,14 @@ cdef extern from "tree.h" nogil:
         double *waiting
         size_t left, keep
         double *leaves
+        int fixed
     int tree_begin(Tree *, const Problem *, int, double, double, double, double, size_t)
     void tree_end(Tree *)
     int tree_push(Tree *, const double *)
     int tree_run(Tree *, long)
     double tree_bound(const Tree *)
+    double tree_aim(const Tree *)
+    int tree_is_full(const Tree *)
 
 
 # Threads at most, and what the arrays of the engine have room for: phases, inputs of a step, numbers
@@ -82,11 +85,13 @@ cdef class Branch:
     cdef Event events[MOST_PHASES]
     cdef list held
     cdef bint begun
+    cdef readonly tuple arguments
 
     def __init__(self, linear, double best, double limit, double gap, double least_gap, double scale,
                  size_t keep=0, int workers=1):
         cdef Py_ssize_t i
         self.held = []
+        self.arguments = linear, best, limit, gap, least_gap, scale, keep, workers
         if linear.definitions > MOST_PRICED:
             raise ValueError("the engine has no room for so many definitions")
         for i, phase in enumerate(linear.phases):
@@ -144,6 +149,16 @@ cdef class Branch:
         return tree_bound(&self.tree)
 
     @property
+    def full(self):
+        """Whether no more conditions along phases can have prices."""
+        return bool(tree_is_full(&self.tree))
+
+    @property
+    def missed(self):
+        """Whether a box was left that is of interest, as it cannot be divided."""
+        return self.tree.shed < tree_aim(&self.tree)
+
+    @property
     def best(self):
         """The least cost that was met."""
         return self.tree.best
@@ -192,10 +207,17 @@ cdef class Branch:
             "numbers": np.array(numbers),
         }
 
+    def _own(self, waiting):
+        """Boxes that another one has left, with the prices that have the same numbers here."""
+        shared = 1 + 2 * self.problem.phases + self.tree.fixed + self.problem.definitions
+        boxes = np.zeros((len(waiting), self.tree.width))
+        boxes[:, :shared], boxes[:, -1] = waiting[:, :shared], waiting[:, -1]
+        return boxes
+
     def restore(self, waiting, leaves, numbers):
-        """Go on where another one has stopped."""
+        """Go on where another one has stopped, which may have had other arrays."""
         cdef Py_ssize_t i
-        cdef const double[:, ::1] boxes = np.ascontiguousarray(waiting)
+        cdef const double[:, ::1] boxes = self._own(waiting)
         cdef const double[:, ::1] done = np.ascontiguousarray(leaves)
         self.tree.count = 0
         for i in range(boxes.shape[0]):

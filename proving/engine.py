@@ -1,5 +1,5 @@
 """Which of the two engines bounds a problem: the same sources with small arrays, which are quicker,
-or with large ones."""
+or with large ones, which have room for the prices of more conditions."""
 
 from __future__ import annotations
 
@@ -17,6 +17,18 @@ def branch_of(linear: LinearProblem) -> type[Branch]:
     """The engine with the smallest arrays that have room for a problem."""
     fits = all(count <= most for _, count, most in _counts(linear, LIMITS))
     return Branch if fits else WideBranch
+
+
+def run(branch: Branch, boxes: int) -> tuple[Branch, bool]:
+    """Look at so many boxes more; the engine that goes on, which has larger arrays where there was
+    no room for prices, and whether something is left to do."""
+    going_on = branch.run(boxes)
+    if not (branch.full and isinstance(branch, Branch) and (going_on or branch.missed)):
+        return branch, going_on
+    wide = WideBranch(*branch.arguments)
+    if not branch.missed:
+        wide.restore(**branch.state())
+    return wide, True
 
 
 def check_size(linear: LinearProblem) -> None:

@@ -15,7 +15,7 @@ from dmoc.mechanics.contacts import NOWHERE, RAIL
 from dmoc.problem.problem import Problem
 from dmoc.proving.linear import LinearEvent, Rows
 from dmoc.proving.linear_model import Frame, LinearModel
-from dmoc.proving.step_conditions import told
+from dmoc.proving.step_conditions import sides, told
 
 # A value that a mode decides, in the coordinates of the mode.
 DECIDED = 1e-12
@@ -51,6 +51,7 @@ def event_of(model: LinearModel, i: int, before: Frame, after: Frame) -> LinearE
     impact = impact_of(model, i)
     zero += [*_stops(model, i, before, impact)]
     most += [*_directions(model, i, before, impact), *_impulses(model, before, impact)]
+    most += [*_speeds(model, before, impact)]
     for j, (low, high) in enumerate(p.via_bounds[i]):
         add_range(zero, most, low, high, partial(coordinate, model, before, j))
     V, v_0 = model.velocity(before)
@@ -116,6 +117,18 @@ def _directions(model: LinearModel, i: int, before: Frame, impact: Impact) -> It
         yield model.rows(before, 0 * row, row @ impact.jump, row @ impact.offset)
 
 
+def _speeds(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]:
+    """Velocities on both sides of an event are within their bounds; what it does not change is
+    said once."""
+    for j, sign, most in sides(model.problem.velocity_bounds):
+        row = sign * np.eye(model.problem.nq)[[j]]
+        yield rate(model, before, j, sign, sign * most)
+        after = row @ impact.jump
+        if (after != row).any() or impact.offset[j] != 0:
+            shift = row @ impact.offset - most
+            yield model.rows(before, 0 * row, after, shift)
+
+
 def _impulses(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]:
     """What takes an impulse only pushes, and takes no more than its friction along it; the impulse
     of one surface alone does so."""
@@ -139,6 +152,12 @@ def coordinate(model: LinearModel, frame: Frame, j: int, sign: float, value: flo
     """A coordinate's distance from a value, with a sign."""
     row = sign * np.eye(model.problem.nq)[[j]]
     return model.rows(frame, row, 0 * row, np.array([-sign * value]))
+
+
+def rate(model: LinearModel, frame: Frame, j: int, sign: float, value: float) -> Rows:
+    """A velocity's distance from a value, with a sign."""
+    row = sign * np.eye(model.problem.nq)[[j]]
+    return model.rows(frame, 0 * row, row, np.array([-sign * value]))
 
 
 def add_range(

@@ -14,7 +14,7 @@ from dmoc.program.bounds import shortest_durations
 from dmoc.program.liftoffs import liftoffs_of
 from dmoc.proving.coverage import check_covered
 from dmoc.proving.linear import LinearProblem, Rows, through
-from dmoc.proving.linear_events import DECIDED, add_range, coordinate, event_of
+from dmoc.proving.linear_events import DECIDED, add_range, coordinate, event_of, rate
 from dmoc.proving.linear_model import Frame, LinearModel
 from dmoc.proving.linear_steps import LinearSteps
 from dmoc.proving.recognition import check_linear
@@ -66,10 +66,11 @@ def _left_out(model: LinearModel, frames: list[Frame]) -> tuple[str, ...]:
     p = model.problem
     others = [name for j, name in enumerate(p.kernels.surfaces) if j not in model.flat]
     untold = not all(told(frame.pushes) for frame in frames)
+    rates = {*map(velocity_name, p.kernels.coordinates)}
     moving = [p.kernels.surfaces[j] for j, gap in model.flat.items() if gap.A[0, p.nq] != 0]
     return (
         *(f"the gap to {name} along phases" for name in (*others, *moving)),
-        *(f"bounds of {name}" for name in p.limits),
+        *(f"bounds of {name}" for name in p.limits if name not in rates),
         *(f"the path constraint {name}" for name in p.kernels.manifest.path_constraints),
         *(("forces that the motion does not tell",) if untold else ()),
         *(("that what leaves does not press any more",) if liftoffs_of(p) else ()),
@@ -81,13 +82,7 @@ def _start(model: LinearModel, frame: Frame) -> Array:
     shares from -1 to 1."""
     p, n = model.problem, model.problem.nq
     bounds, names = p.start_bounds, p.kernels.coordinates
-    place = np.stack(
-        [
-            np.maximum(bounds.position[:, 0], p.coordinate_bounds[:, 0]),
-            np.minimum(bounds.position[:, 1], p.coordinate_bounds[:, 1]),
-        ],
-        axis=1,
-    )
+    place = _within(bounds.position, p.coordinate_bounds)
     free = ~np.isfinite(place).all(axis=1)
     if free.any():
         name = names[int(np.argmax(free))]
@@ -96,9 +91,9 @@ def _start(model: LinearModel, frame: Frame) -> Array:
             f"bounds={{{name!r}: (-1, 1)}}."
         )
     given = bool(np.isfinite(bounds.momentum).all())
-    rate = bounds.momentum if given else bounds.velocity
-    if not np.isfinite(rate).all():
-        name = velocity_name(names[int(np.argmin(np.isfinite(rate).all(axis=1)))])
+    speed = bounds.momentum if given else _within(bounds.velocity, p.velocity_bounds)
+    if not np.isfinite(speed).all():
+        name = velocity_name(names[int(np.argmin(np.isfinite(speed).all(axis=1)))])
         raise ProblemError(
             f"a velocity at the start is free: proofs need values, or ranges with both ends, such "
             f"as start={{{name!r}: (-1, 1)}}."
@@ -106,12 +101,12 @@ def _start(model: LinearModel, frame: Frame) -> Array:
     G, M, p_0 = model.momentum.A[:, :n], model.M, model.momentum.b
     by_place = 0 * G if given else G
     by_rate = np.eye(n) if given else M
-    middle, reach = (np.concatenate([place, rate]) @ half for half in ((0.5, 0.5), (-0.5, 0.5)))
+    middle, reach = (np.concatenate([place, speed]) @ half for half in ((0.5, 0.5), (-0.5, 0.5)))
     momentum = by_place @ middle[:n] + by_rate @ middle[n:] + (0 if given else p_0)
     first = frame.state(middle[:n] - frame.origin, momentum)
-    free = np.ones(2 * n) if frame.moving == n else _freedoms(model, frame, given)
-    if (reach > 0)[free == 0].any():
-        name = [*names, *map(velocity_name, names)][int(np.argmax((reach > 0) & (free == 0)))]
+    alone = np.ones(2 * n) if frame.moving == n else _freedoms(model, frame, given)
+    if (reach > 0)[alone == 0].any():
+        name = [*names, *map(velocity_name, names)][int(np.argmax((reach > 0) & (alone == 0)))]
         raise ProblemError(
             f"the start of {name} is a range, which a contact that is closed there decides or ties "
             "to others: proofs need its value."
@@ -151,7 +146,7 @@ def _ties(model: LinearModel, first: Frame, last: Frame) -> tuple[list[Rows], li
 def _state(model: LinearModel, frame: Frame, name: str) -> Rows:
     """A coordinate, velocity or momentum as function of a state."""
     names = model.problem.kernels.coordinates
-    for kind, row in ((str, coordinate), (velocity_name, _rate), (momentum_name, _impetus)):
+    for kind, row in ((str, coordinate), (velocity_name, rate), (momentum_name, _impetus)):
         for j, q in enumerate(names):
             if kind(q) == name:
                 return row(model, frame, j, 1.0, 0.0)
@@ -188,21 +183,33 @@ def _padded(rows: Array, count: int) -> Array:
 
 def _goal(model: LinearModel, frame: Frame) -> tuple[list[Rows], list[Rows]]:
     """What vanishes at the goal, and what is not positive there."""
-    bounds = model.problem.goal_bounds
+    bounds, speeds = model.problem.goal_bounds, _speeds_at_goal(model)
     zero, most = list[Rows](), list[Rows]()
     for j in range(model.problem.nq):
         for (low, high), row in (
             (bounds.position[j], coordinate),
-            (bounds.velocity[j], _rate),
+            (speeds[j], rate),
             (bounds.momentum[j], _impetus),
         ):
             add_range(zero, most, low, high, partial(row, model, frame, j))
     return zero, most
 
 
-def _rate(model: LinearModel, frame: Frame, j: int, sign: float, value: float) -> Rows:
-    row = sign * np.eye(model.problem.nq)[[j]]
-    return model.rows(frame, 0 * row, row, np.array([-sign * value]))
+def _speeds_at_goal(model: LinearModel) -> Array:
+    """Ranges of the velocities at the goal, shape (nq, 2), within their bounds where no event or
+    momentum says so already."""
+    p = model.problem
+    low, high = p.goal_bounds.momentum.T
+    decided = (low == high).all() and not model.momentum.A[:, : p.nq].any()
+    if p.ends_with_event or decided:
+        return p.goal_bounds.velocity
+    return _within(p.goal_bounds.velocity, p.velocity_bounds)
+
+
+def _within(ranges: Array, bounds: Array) -> Array:
+    """What ranges and bounds have in common, shape (n, 2)."""
+    low, high = np.maximum(ranges[:, 0], bounds[:, 0]), np.minimum(ranges[:, 1], bounds[:, 1])
+    return np.stack([low, high], axis=1)
 
 
 def _impetus(model: LinearModel, frame: Frame, j: int, sign: float, value: float) -> Rows:

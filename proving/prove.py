@@ -16,7 +16,7 @@ from dmoc.base.records import record
 from dmoc.base.signatures import public
 from dmoc.problem.problem import Problem
 from dmoc.proving.branch import MOST_WORKERS, Branch
-from dmoc.proving.engine import branch_of, check_size
+from dmoc.proving.engine import branch_of, check_size, run
 from dmoc.proving.global_proof import Claim, Proof
 from dmoc.proving.linear import LinearProblem
 from dmoc.proving.linear_problem import linear_problem
@@ -161,7 +161,7 @@ def _proved(
     going_on = True
     try:
         while going_on and not deadline.passed:
-            going_on = branch.run(SLICE)
+            branch, going_on = run(branch, SLICE)
             if tell:
                 tell(Bounding(branch.best, branch.bound, branch.boxes, branch.waiting))
     except KeyboardInterrupt:
@@ -197,15 +197,17 @@ def lower_bound(
     limit -= LEAST_GAP * size
     asked = min(limit, DEAR * size if np.isinf(most) else most)
     branch = branch_of(linear)(linear, np.inf, asked, BOUNDED, LEAST_GAP * size, size, 0, workers)
-    while not until.passed and branch.run(SLICE):
-        if branch.best < limit:
-            break  # there is a motion that costs less
+    going_on = True
+    while going_on and not until.passed and branch.best >= limit:  # none is known that costs less
+        branch, going_on = run(branch, SLICE)
     if limit < most < np.inf and branch.bound >= limit and np.isinf(branch.best):
         # It costs too much: is there any?
         beyond = branch_of(linear)(
             linear, np.inf, most, BOUNDED, LEAST_GAP * size, size, 0, workers
         )
-        going_on = not until.passed and beyond.run(MORE)
+        going_on = not until.passed
+        if going_on:
+            beyond, going_on = run(beyond, MORE)
         if not going_on and np.isinf(beyond.best):
             return max(branch.bound, beyond.bound), most, True
     return branch.bound, most, branch.bound >= min(limit, most)

@@ -1,5 +1,6 @@
-"""What contacts that last ask of the steps of a phase: they only push, what sticks takes no more
-than its friction, and what slides does so in its direction.
+"""What is asked of the steps of a phase beside places: bounds of velocities; and of contacts that
+last, which only push, that what sticks takes no more than its friction, and that what slides does
+so in its direction.
 
 The pushes of a mode take impulses imp = -F (r_plus + r_minus) where steps meet, -F r_i inside
 them, with the inverse F of their directions. At the ends of a phase, and of each step of degree 2
@@ -12,6 +13,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contacts import RAIL
@@ -33,7 +35,7 @@ class Momenta:
 
 
 class StepConditions:
-    """What the contacts of a phase ask: rows ``S`` of a step and ``conditions`` that they make, as
+    """What is asked of a phase: rows ``S`` of a step and ``conditions`` that they make, as
     :class:`~dmoc.proving.linear.LinearPhase` has them."""
 
     def __init__(self, model: LinearModel, i: int, frame: Frame, P: Array) -> None:
@@ -44,7 +46,10 @@ class StepConditions:
         self.leaving = {j for one in liftoffs_of(p) if one.event == i for j in one.surfaces}
         self.width = frame.size + P.shape[3]
         self._rows, self._conditions = list[Array](), list[tuple[int, ...]]()
-        if self.steps and not self.mode.free:
+        if not self.steps:
+            return
+        self._add_speeds(p.velocity_bounds)
+        if not self.mode.free:
             self._add_directions()
             if told(frame.pushes):
                 self._add_forces(_momenta(model, frame, P, self._wide))
@@ -65,7 +70,8 @@ class StepConditions:
         """Add a condition that holds from one step to another one."""
         numbers = list[int]()
         for one in (row,) if of_next is None else (row, of_next):
-            one = np.where(np.abs(one) > NOTHING * np.abs(one).max(), one, 0.0)
+            one, size = one.copy(), np.abs(one[:, :-1])
+            one[:, :-1][size <= NOTHING * size.max(initial=0.0)] = 0.0
             numbers.append(len(self._rows))
             self._rows.append(one)
         if first <= last and np.abs(self._rows[numbers[0]]).max() > 0:
@@ -85,6 +91,33 @@ class StepConditions:
                 speed[0, r : 2 * r] = -tangent @ V[:, r:]
                 speed[1, :r], speed[1, -1] = -tangent @ V[:, :r], -tangent @ v_0
                 self._add(1, self.steps - 1, speed)
+
+    def _add_speeds(self, bounds: Array) -> None:
+        """Bounds of the velocities of steps, shape (nq, 2), where the program has them."""
+        r, scheme = self.frame.size, self.scheme
+        order = [0, *range(2, scheme.degree + 1), 1]
+        for j, sign, most in sides(bounds):
+            for first, last, place in self._places():
+                row = np.zeros((3, self.width))
+                slopes = np.kron(sign * scheme.slopes(np.array([place]))[0, order], self.frame.Z[j])
+                row[0, :r], row[0, 2 * r : r + len(slopes)] = slopes[:r], slopes[r:]
+                row[1, -1] = -most
+                self._add(first, last, row)
+
+    def _places(self) -> Iterator[tuple[int, int, float]]:
+        """Places in a step where the program bounds velocities: the first step that has it, the
+        last one, and the place."""
+        last = self.steps - 1
+        if not self.scheme.inside:
+            yield 0, last, 0.5
+            return
+        places = np.sort(DISCRETISATIONS[self.scheme.order - 2].nodes).tolist()
+        yield 0, 0, sum(places[:2]) / 2
+        yield 1, last, places[0]
+        for place in places[1:-1]:
+            yield 0, last, place
+        yield 0, last - 1, places[-1]
+        yield last, last, sum(places[-2:]) / 2
 
     def _add_forces(self, momenta: Momenta) -> None:
         """The forces of all pushes, each where steps meet, or at the ends of each step of its
@@ -122,6 +155,15 @@ class StepConditions:
             if p.touch.contacts.supports[k] == RAIL and np.isfinite(limit):
                 yield along, limit
                 yield -along, limit
+
+
+def sides(bounds: Array) -> Iterator[tuple[int, float, float]]:
+    """The bounds that there are, shape (n, 2), as limits of sign * value from above."""
+    for j, (low, high) in enumerate(bounds.tolist()):
+        if np.isfinite(high):
+            yield j, 1.0, high
+        if np.isfinite(low):
+            yield j, -1.0, -low
 
 
 def told(pushes: Array) -> bool:

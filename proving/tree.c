@@ -45,8 +45,7 @@ static void pop(Tree *t, double *box)
     memmove(t->waiting + i * w, last, w * sizeof(double));
 }
 
-/* A cost below which nothing is of interest any more. */
-static double aim(const Tree *t)
+double tree_aim(const Tree *t)
 {
     return isinf(t->best) ? t->limit : t->best - fmax(t->gap * fabs(t->best), t->least_gap);
 }
@@ -101,7 +100,7 @@ static void look(const Tree *t, Engine *e, size_t k)
     const Problem *p = t->problem;
     double *box = t->batch + k * t->width, *low = box + 1, *high = low + p->phases;
     double widths[MOST_PHASES];
-    const double now = aim(t);
+    const double now = tree_aim(t);
     const double enough = isinf(t->best) ? 2 * fabs(t->limit) + t->limit : now + fabs(now);
     e->aim = now, e->best = t->best, e->number = t->boxes + (long)k;
     memcpy(e->at, t->at, sizeof e->at);
@@ -147,13 +146,18 @@ static void look_at_all(Tree *t)
         pthread_join(threads[i], 0);
 }
 
+int tree_is_full(const Tree *t)
+{
+    return t->count_priced == MOST_PRICED || t->fixed + t->count_priced == MOST_MULTIPLIERS;
+}
+
 /* The number of a condition that is priced from now on; -1 where there is no room. */
 static int number_of(Tree *t, Priced at)
 {
     for (int i = 0; i < t->count_priced; i++)
         if (!memcmp(t->priced + i, &at, sizeof at))
             return i;
-    if (t->count_priced == MOST_PRICED || t->fixed + t->count_priced == MOST_MULTIPLIERS)
+    if (tree_is_full(t))
         return -1;
     t->priced[t->count_priced] = at;
     return t->count_priced++;
@@ -183,7 +187,7 @@ static int keep_batch(Tree *t)
     }
     for (size_t k = 0; k < t->taken && !failed; k++) {
         const double *box = t->batch + k * t->width;
-        if (box[0] >= aim(t))
+        if (box[0] >= tree_aim(t))
             leave(t, box);
         else
             failed = tree_push(t, box);
@@ -274,7 +278,7 @@ void tree_end(Tree *t)
     memset(t, 0, sizeof *t);
 }
 
-static int going_on(const Tree *t) { return t->count && t->waiting[0] < aim(t); }
+static int going_on(const Tree *t) { return t->count && t->waiting[0] < tree_aim(t); }
 
 /* Take boxes and divide them. */
 static void take(Tree *t)

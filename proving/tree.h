@@ -56,4 +56,10 @@ int tree_run(Tree *tree, long boxes);
 /* A number that no motion costs less than. */
 double tree_bound(const Tree *tree);
 
+/* A cost below which nothing is of interest any more. */
+double tree_aim(const Tree *tree);
+
+/* Whether no more conditions along the phases can have prices. */
+int tree_is_full(const Tree *tree);
+
 #endif

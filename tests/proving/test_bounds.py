@@ -133,6 +133,12 @@ def test_bounds_with_coordinates_at_theirs(curved: Kernels) -> None:
     check(problem, 1e-6, 2)
 
 
+def test_bounds_with_velocities_at_theirs(curved: Kernels) -> None:
+    """In steps, on both sides of a hit and at the goal, whose velocities are free."""
+    speeds = {"x_dot": (-1.2, 1.6), "y_dot": (-1.0, 1.8)}
+    check(bounded(curved).but(bounds={"u": (-14, 9), "w": (-7, 7), **speeds}), 1e-6, 2)
+
+
 def test_threads_change_no_box(curved: Kernels) -> None:
     """Conditions that are priced on the way have the same numbers for any number of threads."""
     problem = bounded(curved).but(bounds={"y": (-0.3, 0.15)})

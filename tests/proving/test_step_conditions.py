@@ -71,3 +71,10 @@ def test_what_slides_keeps_its_direction(asked: Kernels) -> None:
     but for what the last nodes may do."""
     bound, _ = least(asked, ["rail:slip+"], {"a": -4.0, "f": 1.0}, start={"x": 0, "y": 9})
     assert 10 < bound < 12.5
+
+
+def test_what_slides_is_no_faster_than_its_bound(asked: Kernels) -> None:
+    """It would be faster by 3 m/s; from 0.5 to 1 m/s it takes 0.5 N, 2.5 less than are asked."""
+    more = {"start": {"x": 0, "y": 9, "x_dot": 0.5}, "bounds": {"x_dot": (-1, 1)}}
+    bound, left_out = least(asked, ["rail:slip+"], {"a": 3.0}, **more)
+    assert bound == pytest.approx(2.5**2 / 2, rel=1e-6) and left_out == ()
