@@ -97,6 +97,8 @@ class StepConditions:
         r, scheme = self.frame.size, self.scheme
         order = [0, *range(2, scheme.degree + 1), 1]
         for j, sign, most in sides(bounds):
+            if np.abs(self.frame.Z[j]).max(initial=0.0) <= NOTHING:
+                continue  # it stays where it is
             for first, last, place in self._places():
                 row = np.zeros((3, self.width))
                 slopes = np.kron(sign * scheme.slopes(np.array([place]))[0, order], self.frame.Z[j])
