@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from dmoc.base.arguments import choice, listed
+from dmoc.base.arguments import choice, listed, shown
 from dmoc.base.arguments import names as names_in
 from dmoc.base.errors import ModelError
 from dmoc.base.signatures import public
@@ -16,12 +16,14 @@ from dmoc.robots.held import based, held_values, joints_of
 from dmoc.robots.machine import Machine
 from dmoc.robots.mujoco_reader import read_description
 from dmoc.robots.names import Names, known
+from dmoc.robots.pairs import pairs_of
 from dmoc.robots.parts import Part, carried, parts_of, several
 from dmoc.robots.records import Description
-from dmoc.robots.shapes import gaps_to_plane, plain
+from dmoc.robots.shapes import gaps_to_plane, plain, rounded, solid_of
 from dmoc.robots.tools import numbers_of, with_tools
 from dmoc.robots.tree import table_of
 from dmoc.symbolic.expressions import expression_in
+from dmoc.symbolic.solids import Box, Capsule, Sphere
 from dmoc.symbolic.spatial import Body, World
 from dmoc.symbolic.system import MechanicalSystem
 from dmoc.symbolic.system_fields import MAPPINGS, mapping
@@ -75,6 +77,7 @@ class Robot(Shown):
         self.bodies: dict[str, Body] = {}
         self._places: dict[str, tuple[Body, Any, Any]] = {}
         self._shapes: dict[str, tuple[Body, Any]] = {}
+        self._touching: list[tuple[str, Part, Any]] = []
         surfaces = Names()
         self.shapes: dict[str, str] = {}
         for part, body in zip(parts, machine.bodies, strict=True):
@@ -97,6 +100,7 @@ class Robot(Shown):
             name = surfaces.give(shape.name)
             self.shapes[name] = link
             self._shapes[name] = body, replace(shape, name=name)
+            self._touching.append((name, part, shape))
 
     def point(self, link: str, at: Any = (0, 0, 0)) -> Vector:
         """A point of a link: its place (x, y, z) in the world.
@@ -163,6 +167,77 @@ class Robot(Shown):
             body, shape = self._shapes[name]
             gaps |= gaps_to_plane(shape, body, p, n)
         return gaps
+
+    def shape(self, name: str) -> Box | Capsule | Sphere:
+        """A shape where it is in the world, for ``world.distance``.
+
+        Parameters
+        ----------
+        name : str
+            Of a shape.
+
+        Returns
+        -------
+        shape in space
+            A cylinder as the capsule around it, which is longer by its radius at both ends.
+
+        Raises
+        ------
+        ModelError
+            If there is no such shape.
+        """
+        known(name, self._shapes, "shape", f"of {self.name}")
+        body, shape = self._shapes[name]
+        placed: Box | Capsule | Sphere = body.carried(rounded(solid_of(shape)))
+        return placed
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Names of shapes that may meet: all pairs but those of one body, of bodies that one joint
+        connects, and those that overlap where the robot is as the file draws it."""
+        return pairs_of(self._touching)
+
+    def distances(self, pairs: Any = None) -> dict[str, Any]:
+        """Distances of shapes of the robot from each other, for the surfaces of a system.
+
+        Parameters
+        ----------
+        pairs : list of pair of str, optional
+            Names of shapes; :attr:`pairs` by default.
+
+        Returns
+        -------
+        dict of str to Expr
+            In m, by both names with ``_`` between: those that ``world.distance`` has of what
+            :meth:`shape` returns.
+
+        Raises
+        ------
+        ModelError
+            If there is no such shape, or a pair is of one body.
+        """
+        chosen = self.pairs if pairs is None else pairs
+        read = listed(chosen, "pairs", 'pairs of names, such as ("left", "right")', ModelError)
+        own = Names()
+        found: dict[str, Any] = {}
+        for pair in read:
+            a, b = self._pair(pair)
+            found[own.give(f"{a}_{b}")] = self.world.distance(self.shape(a), self.shape(b))
+        return found
+
+    def _pair(self, pair: Any) -> tuple[str, str]:
+        """Two names of shapes of different bodies."""
+        both = [*pair] if isinstance(pair, (list, tuple)) else []
+        if len(both) != 2:
+            raise ModelError(f"pair {shown(pair)}: expected two names of shapes.")
+        for name in both:
+            known(name, self._shapes, "shape", f"of {self.name}")
+        if self._shapes[both[0]][0] is self._shapes[both[1]][0]:
+            raise ModelError(
+                f"shapes {both[0]} and {both[1]} of {self.name} belong to one body: their distance "
+                "does not change."
+            )
+        return both[0], both[1]
 
     def system(
         self, name: str | None = None, parameters: Mapping[Any, float | None] | None = None,

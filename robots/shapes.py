@@ -46,6 +46,14 @@ def solid_of(shape: Shape) -> Box | Capsule | Cylinder | Sphere:
     return (Capsule if shape.kind == "capsule" else Cylinder)(radius, 2 * half, **look)
 
 
+def rounded(solid: Box | Capsule | Cylinder | Sphere) -> Box | Capsule | Sphere:
+    """A shape as one whose distance from each other one has a closed form: a cylinder as the
+    capsule around it."""
+    if isinstance(solid, Cylinder):
+        return Capsule(solid.radius, solid.length, solid.at, sp.Matrix(solid.attitude))
+    return solid
+
+
 def gaps_to_plane(shape: Shape, body: Body, place: Vector, normal: Vector) -> dict[str, Any]:
     """Distances of the features of a shape from a plane, by their names."""
     parts = [(ending, body.point(*plain(at)), radius) for ending, at, radius in features(shape)]

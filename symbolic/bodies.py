@@ -11,17 +11,17 @@ from dmoc.base.errors import ModelError
 from dmoc.base.names import check_name
 from dmoc.base.signatures import public
 from dmoc.symbolic.attitudes import quaternion, regularised
+from dmoc.symbolic.distances import carried_shape
 from dmoc.symbolic.drawing import Part
 from dmoc.symbolic.expressions import expression_in
 from dmoc.symbolic.joints import (
-    AXES,
     ORIGIN,
     Ball,
     Hinge,
     Joint,
     Load,
     read_axis,
-    read_moments,
+    read_load,
 )
 from dmoc.symbolic.linkage import Linkage, Member
 from dmoc.symbolic.looks import BodyLook, shapes_in_space
@@ -159,6 +159,37 @@ class Body(Member):
         self._look.shapes = [*(self._look.shapes or ()), *shapes_in_space(shapes, self.name)]
         return self
 
+    def carried(self, shape: Any) -> Any:
+        """A shape of the body as it is in the world, for :meth:`World.distance`.
+
+        Parameters
+        ----------
+        shape : Sphere, Capsule, Box, Cylinder, Hull or Plane of ``dmoc.spatial``
+            In the frame of the body.
+
+        Returns
+        -------
+        shape in space
+            With its place and attitude in the world.
+
+        Raises
+        ------
+        ModelError
+            If it is no such shape.
+
+        Examples
+        --------
+        >>> from sympy.physics.mechanics import dynamicsymbols
+        >>> import dmoc
+        >>> a = dynamicsymbols("a")
+        >>> world = dmoc.spatial.World()
+        >>> arm = world.hinge(a, "y", tip=(1, 0, 0), mass=1)
+        >>> hand = arm.carried(dmoc.spatial.Sphere(0.1, at=(0.9, 0, 0)))
+        >>> world.distance(hand, dmoc.spatial.Plane(at=(0, 0, -0.5)))
+        z_a_p(t) + 0.4
+        """
+        return carried_shape(shape, self._placed, self._directed, self.name)
+
     def hinge(
         self,
         angle: Any,
@@ -212,7 +243,7 @@ class Body(Member):
         name, start = self._read_joint(angle, name, at)
         turn = angle + expression_in(zero, f"the zero of body {name}")
         joint = Hinge(start, read_axis(axis, name), turn)
-        load = self._read_load(name, tip, mass, centre, inertia)
+        load = read_load(self._linkage.size, name, tip, mass, centre, inertia)
         self._linkage.join(name, (angle, "rad"), torque, turn)
         return self._joined(name, joint, load, times(torque, joint.axis), True)
 
@@ -249,7 +280,7 @@ class Body(Member):
         """
         name, start = self._read_joint(distance, name, at)
         along = read_axis(axis, name)
-        load = self._read_load(name, tip, mass, centre, inertia)
+        load = read_load(self._linkage.size, name, tip, mass, centre, inertia)
         self._linkage.join(name, (distance, "m"), force, distance + dot(start, along))
         rail = Hinge(added(start, times(distance, along)))
         return self._joined(name, rail, load, times(force, along))
@@ -302,7 +333,7 @@ class Body(Member):
         """
         p = quaternion(check_name(attitude, "attitude"))
         (name, start), *_ = [self._read_joint(e, attitude if name is None else name, at) for e in p]
-        load = self._read_load(name, tip, mass, centre, inertia)
+        load = read_load(self._linkage.size, name, tip, mass, centre, inertia)
         acting = vector(torque, 3, f"the torque on body {name}")
         choice(axes, f"the axes of body {name}", ("body", "world"), ModelError)
         ball = Ball.of(start, p, name, self._linkage.define)
@@ -315,17 +346,6 @@ class Body(Member):
         moments = load.inertia.trace() / 3 + load.mass * dot(load.centre, load.centre)
         self._linkage.lagrangian += regularised(p, moments if moments != 0 else 1)
         return body
-
-    def _read_load(self, name: str, tip: Any, mass: Any, centre: Any, inertia: Any) -> Load:
-        what, size = f"of body {name}", self._linkage.size
-        end = vector(tip, 3, f"the tip {what}")
-        mass = size(mass, f"the mass {what}")
-        middle = tuple(e / 2 for e in end) if centre is None else centre
-        rod = mass * (dot(end, end) * sp.eye(3) - sp.Matrix(end) * sp.Matrix(end).T) / 12
-        moments = rod if inertia is None else read_moments(inertia, f"the inertia {what}")
-        for k, axis in enumerate(AXES):
-            size(moments[k, k], f"the inertia {what} about {axis}")
-        return Load(end, mass, vector(middle, 3, f"the centre {what}"), moments)
 
     def _joined(
         self, name: str, joint: Joint, load: Load, effort: Vector, turns: bool = False

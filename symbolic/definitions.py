@@ -3,7 +3,7 @@ of, and their rates."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from dmoc.base.errors import ModelError
 from dmoc.base.names import name_of
 from dmoc.symbolic.expressions import atoms_of
 from dmoc.symbolic.graph import SUM, GraphNode
-from dmoc.symbolic.kinks import check_smooth
+from dmoc.symbolic.kinks import KINKS, check_smooth
 from dmoc.symbolic.traversal import reached
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ EXPRESSIONS = (
     "lagrangian", "forces", "dissipation", "surfaces", "tangents", "cost", "terminal_cost",
     "constraints", "path_constraints", "quantities", "integrals", "within",
 )  # fmt: skip
+WITH_KINKS = ("surfaces", "path_constraints")  # of them, those whose definitions may have kinks
 
 
 def rate_symbol(function: Any) -> Any:
@@ -45,7 +46,7 @@ def symbols_of(definitions: Iterable[Any]) -> set[Any]:
 
 def check_definitions(system: MechanicalSystem) -> None:
     """Raise ModelError for definitions that contain themselves, what is defined after them, or a
-    kink."""
+    kink where one is of no use."""
     later = set(system.definitions)
     for symbol, value in system.definitions.items():
         where = f"definition {name_of(symbol)}"
@@ -57,8 +58,38 @@ def check_definitions(system: MechanicalSystem) -> None:
                     f"{where} contains {name_of(atom)}, which is defined after it: put "
                     f"{name_of(atom)} before {name_of(symbol)}."
                 )
-        check_smooth(value, where, kinks=True)
+        check_smooth(value, where)
         later.remove(symbol)
+    _check_kinks(system)
+
+
+def _check_kinks(system: MechanicalSystem) -> None:
+    """Refuse definitions with kinks in what is no distance: what splits kinks does not see them."""
+    bent: set[Any] = set()
+    for symbol, value in system.definitions.items():
+        if value.has(*KINKS) or atoms_of(value) & bent:
+            bent |= {symbol, rate_symbol(symbol)}
+    for field in EXPRESSIONS if bent else ():
+        if field in WITH_KINKS:
+            continue
+        for atom in sorted(set().union(*map(atoms_of, _flat(getattr(system, field)))), key=str):
+            if atom in bent:
+                raise ModelError(
+                    f"the {field.replace('_', ' ')} of model {system.name!r} contains "
+                    f"{name_of(_function(atom))}, a definition with a kink, which may stand in "
+                    "surfaces and path constraints alone: write it out there."
+                )
+
+
+def _flat(values: Any) -> Iterator[Any]:
+    """The expressions of a field."""
+    if isinstance(values, Mapping):
+        values = tuple(values.values())
+    if isinstance(values, tuple):
+        for value in values:
+            yield from _flat(value)
+    else:
+        yield values
 
 
 def kinds_of(system: MechanicalSystem) -> dict[str, set[Any]]:

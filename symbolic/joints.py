@@ -101,3 +101,18 @@ def read_moments(inertia: Any, what: str) -> sp.Matrix:
             raise ModelError(f"{what} = {shown(inertia)}: expected a symmetric matrix.")
         return inertia.applyfunc(lambda e: expression_in(e, what))
     return sp.diag(*vector(inertia, 3, what))
+
+
+def read_load(
+    size: Callable[[Any, str], Any], name: str, tip: Any, mass: Any, centre: Any, inertia: Any
+) -> Load:
+    """What a body consists of, as it was passed; ``size`` reads what is 0 or more."""
+    what = f"of body {name}"
+    end = vector(tip, 3, f"the tip {what}")
+    mass = size(mass, f"the mass {what}")
+    middle = tuple(e / 2 for e in end) if centre is None else centre
+    rod = mass * (dot(end, end) * sp.eye(3) - sp.Matrix(end) * sp.Matrix(end).T) / 12
+    moments = rod if inertia is None else read_moments(inertia, f"the inertia {what}")
+    for k, axis in enumerate(AXES):
+        size(moments[k, k], f"the inertia {what} about {axis}")
+    return Load(end, mass, vector(middle, 3, f"the centre {what}"), moments)

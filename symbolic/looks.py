@@ -15,6 +15,7 @@ from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
 from dmoc.symbolic.drawing import EITHER, Contact, Link, Part, Point, carried, in_space
 from dmoc.symbolic.expressions import slack_of
+from dmoc.symbolic.hulls import Hull
 from dmoc.symbolic.joints import ORIGIN, Joint, Load
 from dmoc.symbolic.solids import SOLIDS, Arrow, Box, Moved, Plane, Sphere
 from dmoc.symbolic.vectors import Vector, added, dot, times
@@ -43,14 +44,19 @@ class BodyLook:
 
 def shapes_in_space(shapes: Sequence[Any], body: str) -> list[Part]:
     """Shapes that a body is shown by; raise ModelError for what is none in space."""
-    for shape in shapes:
+    parts = [part for s in shapes for part in (edges_of(s) if isinstance(s, Hull) else (s,))]
+    for shape in parts:
         known: bool = isinstance(shape, (*SOLIDS, *EITHER))
         if not known or not in_space(shape):
             raise ModelError(
                 f"body {body} is drawn by {shown(shape)}: expected shapes in space, such as "
                 "dmoc.spatial.Sphere(0.1)."
             )
-    return list(shapes)
+    return parts
+
+
+def edges_of(hull: Hull) -> list[Link]:
+    return [Link(hull.points[i], hull.points[j]) for i, j in hull.edges]
 
 
 def looks_of(bodies: Sequence[BodyLook], fields: Mapping[str, Any]) -> list[Part]:

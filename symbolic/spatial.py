@@ -24,12 +24,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import sympy as sp
+
 from dmoc.base.errors import ModelError
 from dmoc.base.names import check_name
 from dmoc.base.signatures import public
 from dmoc.symbolic.bodies import Body as Body
+from dmoc.symbolic.distances import distance_of
+from dmoc.symbolic.distances import features as features
 from dmoc.symbolic.drawing import Part
 from dmoc.symbolic.expressions import expression_in
+from dmoc.symbolic.hulls import Hull as Hull
 from dmoc.symbolic.joints import ORIGIN, Hinge
 from dmoc.symbolic.linkage import Ground, Linkage, coordinates
 from dmoc.symbolic.looks import looks_of
@@ -120,3 +125,55 @@ class World(Body, Ground):
         label = check_name(attitude or f"{turned.name}_attitude", "attitude")
         self._linkage.attitudes[label] = yaw, pitch, roll
         return turned
+
+    def distance(self, a: Any, b: Any) -> Any:
+        """The distance of two shapes, for a surface ``world.distance(a, b) >= 0``, or for a path
+        constraint.
+
+        It is negative where both overlap, and zero where they touch.  Of spheres, capsules and
+        points against anything, and of anything against a plane, it is the least distance of two
+        of their points.  Of boxes and hulls against each other it is the largest gap between both
+        along the normals of faces and the directions across two edges: the least distance where a
+        corner is nearest to a face or an edge to another one, less where corners or edges pass
+        each other, and zero exactly where both touch.
+
+        Parameters
+        ----------
+        a, b : shapes in space, or triples of Expr
+            Where they are in the world, as :meth:`Body.carried` has them:
+            ``dmoc.spatial.Sphere``, ``Capsule``, ``Box``, ``Cylinder``, ``Hull`` and ``Plane``; a
+            point is its place (x, y, z).
+
+        Returns
+        -------
+        Expr
+            In the unit of lengths; names for its parts are definitions of the system.
+
+        Raises
+        ------
+        ModelError
+            If something is no shape, both are planes, or a cylinder meets what is no plane, sphere
+            or point: that distance has no closed form.
+
+        Notes
+        -----
+        Two segments c + s a, abs(s) <= h, and e + t b, abs(t) <= k, with d = c - e, p = d . a,
+        q = d . b, u = a . b are nearest at s = (u q - p)/(1 - u^2), brought between -p - abs(u) k
+        and -p + abs(u) k and then between -h and h, and at w = q + u s, brought between -k and k.
+        Normals and directions across edges are the separating axes of S. Gottschalk, M. C. Lin,
+        D. Manocha, "OBBTree", SIGGRAPH 1996.
+
+        Where the nearest points jump, as on parallel segments or faces, the distance has a kink:
+        state a surface for each of :func:`dmoc.spatial.features` there.
+
+        Examples
+        --------
+        >>> import dmoc
+        >>> world = dmoc.spatial.World()
+        >>> rod, ball = dmoc.spatial.Capsule(0.1, 2.0), dmoc.spatial.Sphere(0.2, at=(0.5, 0, 0.3))
+        >>> round(float(world.distance(rod, ball)), 12)
+        0.2
+        >>> round(float(world.distance((0, 3, 5), dmoc.spatial.Box((2, 2, 4)))), 8)
+        3.60555128
+        """
+        return distance_of(a, b, lambda e: self._linkage.define("apart", sp.sympify(e)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,7 @@ from dmoc.base.names import name_of
 from dmoc.base.tolerances import SAME
 from dmoc.symbolic.definitions import expanded
 from dmoc.symbolic.expressions import slack_of
+from dmoc.symbolic.kinks import KINKS
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -56,33 +56,36 @@ def check_within(system: MechanicalSystem) -> None:
 def check_jumps(system: MechanicalSystem) -> None:
     """Refuse gaps with a ``Piecewise`` that jumps where one piece ends."""
     for name, gap in system.gaps.items():
-        for pieces in expanded(gap, system.definitions).atoms(sp.Piecewise):
+        for pieces in gap.atoms(sp.Piecewise):
             for (before, condition), (after, _) in pairwise(pieces.args):
-                seam = _seam(condition, system.coordinates)
-                if seam and _differ((before - after).subs(*seam), system.parameters):
+                seam = _seam(condition, system)
+                if seam and _differs(before - after, seam, system):
                     raise ModelError(
                         f"surface {name!r} jumps where {name_of(seam[0])} = {seam[1]}: give each "
                         "piece a surface of its own, and say with `within` where it is."
                     )
 
 
-def _seam(condition: Any, coordinates: Sequence[Any]) -> tuple[Any, Any] | None:
+def _seam(condition: Any, system: MechanicalSystem) -> tuple[Any, Any] | None:
     """A coordinate and its value where a relation begins to hold; None where it is not linear in
     one."""
-    if not isinstance(condition, sp.core.relational.Relational):
+    if not isinstance(condition, sp.core.relational.Relational) or condition.has(*KINKS):
         return None
     edge = condition.lhs - condition.rhs
-    for q in coordinates:
+    if any(edge.diff(symbol).atoms(AppliedUndef) for symbol in edge.atoms(AppliedUndef)):
+        return None
+    edge = expanded(edge, system.definitions)
+    for q in system.coordinates:
         slope = edge.diff(q)
         if slope != 0 and not slope.has(q):
             return q, sp.expand(q - edge / slope)
     return None
 
 
-def _differ(off: Any, parameters: Mapping[Any, float | None]) -> bool:
-    """Whether an expression is not zero at an ordinary point."""
-    known = {s: value for s, value in parameters.items() if value is not None}
-    off = off.subs(known)
+def _differs(off: Any, seam: tuple[Any, Any], system: MechanicalSystem) -> bool:
+    """Whether an expression is not zero at an ordinary point of a seam."""
+    known = {s: value for s, value in system.parameters.items() if value is not None}
+    off = expanded(off, system.definitions).subs(*seam).subs(known)
     left = sorted(off.atoms(AppliedUndef) | off.free_symbols, key=str)
     value = off.subs({s: sp.Rational(31 + 7 * i, 53) for i, s in enumerate(left)}).evalf()
     return bool(value.is_number and abs(value) > SAME)

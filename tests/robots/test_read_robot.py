@@ -98,6 +98,38 @@ def test_gaps_are_the_distances_of_shapes_from_a_plane(tmp_path: Path) -> None:
     assert number(leg, sideways["foot"], 0.4) == pytest.approx(2 - s - 0.1, abs=1e-12)
 
 
+def test_distances_of_shapes_of_a_robot(tmp_path: Path) -> None:
+    """Of an arm that folds: neighbours do not count, a cylinder does as the capsule around it."""
+    drum = '<collision name="{}"><origin xyz="0 0 0.5"/><geometry>{}</geometry></collision>'
+    solids = ('<box size="0.2 0.2 0.6"/>', '<cylinder radius="0.1" length="0.4"/>',
+              '<sphere radius="0.1"/>', '<sphere radius="0.2"/>')  # fmt: skip
+    links = [link(f"link{k}", HEAVY + drum.format(f"s{k}", e)) for k, e in enumerate(solids)]
+    place = '<origin xyz="0 0 1"/><axis xyz="0 1 0"/>' + LIMITS
+    joints = [joint(f"j{k}", "revolute", f"link{k}", f"link{k + 1}", place) for k in range(3)]
+    arm = read(tmp_path, robot("arm", "".join(links + joints)))
+    assert arm.pairs == (("s0", "s2"), ("s0", "s3"), ("s1", "s3"))
+    found = arm.distances([("s0", "s2"), ("s1", "s3")])
+    assert [*found] == ["s0_s2", "s1_s3"]
+    # link 1 stands on link 0 and is turned by 0.3: places in the plane of the motion
+    c, s = math.cos(0.3), math.sin(0.3)
+    values = dict.fromkeys(arm.coordinates.values(), 0.0) | {arm.coordinates["j0"]: 0.3}
+    for name, value in arm.system(cost=1).definitions.items():
+        if not value.has(sp.Derivative):
+            values[name] = value.xreplace(values)
+    gaps = {key: float(gap.xreplace(values)) for key, gap in found.items()}
+    x, z = 1.5 * s, 1 + 1.5 * c  # the middle of the ball of link 2
+    assert gaps["s0_s2"] == pytest.approx(math.hypot(x - 0.1, z - 0.8) - 0.1, abs=1e-9)
+    assert gaps["s1_s3"] == pytest.approx(2 - 0.2 - 0.1 - 0.2, abs=1e-9)  # along one line
+    assert isinstance(arm.shape("s1"), dmoc.spatial.Capsule)
+    folded = robot("arm", "".join(links + joints)).replace('xyz="0 0 1"', 'xyz="0 0 0"')
+    assert read(tmp_path, folded).pairs == ()  # all overlap as they are drawn
+    for pair, message in (
+        (("s0", "none"), "shape"), (("s0",), "expected two names"), (("s1", "s1"), "one body"),
+    ):  # fmt: skip
+        with pytest.raises(ModelError, match=message):
+            arm.distances([pair])
+
+
 def test_a_tool_is_a_link_that_is_fixed(tmp_path: Path) -> None:
     racket = {"link": "leg", "at": (0, 0, 1), "mass": 0.5, "inertia": (0, 0, 0), "radius": 0.2}
     leg = read(tmp_path, LEG, tools={"racket": racket})

@@ -205,7 +205,7 @@ MISTAKES = [
     ({dynamicsymbols("p_a"): 2 * b}, "'p_a' is used twice"),
     ({sp.Symbol("x"): a}, "definition x is not a function of time: make it with"),
     ({"x": a}, "definition 'x' is not a function of time"),
-    ({x: sp.Abs(a)}, r"definition x contains Abs\(a\(t\)\), whose kink"),
+    ({x: sp.sign(a)}, r"definition x contains sign\(a\(t\)\), whose jump"),
     ({x: "a"}, "definition x is not a scalar SymPy expression"),
     ([x], r"definitions = .*: expected a mapping such as \{x1: l \* sp.sin\(a\)\}"),
 ]

@@ -1,0 +1,257 @@
+"""Distances between shapes in space, as expressions with names for their parts.
+
+A shape is what lies within a radius of a point or a segment (spheres, capsules), what corners hold
+(boxes, hulls: :mod:`dmoc.symbolic.cores`), a cylinder, or what is behind a plane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import sympy as sp
+
+from dmoc.base.arguments import shown
+from dmoc.base.errors import ModelError
+from dmoc.base.signatures import public
+from dmoc.symbolic.cores import Block, Core, Cut, Drum, HalfSpace, Round, core_of
+from dmoc.symbolic.hulls import Hull, carried_hull
+from dmoc.symbolic.solids import Box, Capsule, Cylinder, Moved, Plane, Sphere, carried_solid
+from dmoc.symbolic.vectors import Vector, added, cross, dot, times
+
+Define = Callable[[Any], Any]  # a name for an expression
+
+# Squares of lengths below it count as zero, where a root has no slope: of shapes in m that is
+# 1e-12 m.
+LEAST = sp.Float(1e-24)
+# By how much a distance from an edge or a corner is too small, so that it does not hide one from a
+# face that vanishes.
+SHY = sp.Float(2e-12)
+# Squares of sines below it are those of parallel segments, and of edges between which the faces
+# beside them separate what is apart.
+PARALLEL = sp.Float(1e-12)
+STEEP = sp.Integer(10**6)  # by how much what does not count is made larger
+
+
+def distance_of(a: Any, b: Any, define: Define) -> Any:
+    """The distance of two shapes in the world, negative where they overlap."""
+    first, second = core_of(a), core_of(b)
+    if isinstance(first, HalfSpace):
+        first, second = second, first
+    if isinstance(first, HalfSpace):
+        raise ModelError("both shapes of a distance are planes: expected one that moves.")
+    if isinstance(second, HalfSpace):
+        n = second.normal
+        return _lowest(first, n, define) - dot(n, second.at)
+    return _between(first, second, define)
+
+
+@public(ModelError)
+def features(shape: Any) -> dict[str, Any]:
+    """What of a shape meets another one first: each a shape of its own, for a surface of its own.
+
+    A box and a hull have their corners, ``_1``, ``_2``, ...; a capsule has the spheres at its ends,
+    ``_a`` and ``_b``; a sphere or a point is one feature, without an ending.
+
+    Parameters
+    ----------
+    shape : shape in space
+        As those of :meth:`World.distance`.
+
+    Returns
+    -------
+    dict of str to shape
+        By the endings of their names.
+
+    Raises
+    ------
+    ModelError
+        If the shape has no such features, as a cylinder and a plane.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> world = dmoc.spatial.World()
+    >>> box, floor = dmoc.spatial.Box((2, 2, 2), at=(0, 0, 1.5)), dmoc.spatial.Plane()
+    >>> corners = dmoc.spatial.features(box)
+    >>> [float(world.distance(corners[k], floor)) for k in ("_1", "_8")]
+    [2.5, 0.5]
+    """
+    core = core_of(shape)
+    match core:
+        case Round():
+            ends = core.ends
+            balls = ends if core.radius == 0 else [Sphere(core.radius, end) for end in ends]
+            return dict(zip(("_a", "_b") if core.along else ("",), balls, strict=True))
+        case Block() | Cut():
+            return {f"_{k}": corner for k, corner in enumerate(core.corners, 1)}
+    raise ModelError(
+        f"{shown(shape)} has no corners or ends: expected a box, a capsule, a hull or a sphere."
+    )
+
+
+def carried_shape(shape: Any, point: Moved, turned: Moved, body: str) -> Any:
+    """A shape in the frame of a body as one in the world."""
+    if isinstance(shape, Hull):
+        return carried_hull(shape, point, turned)
+    if not isinstance(shape, (Sphere, Capsule, Cylinder, Box, Plane)):
+        raise ModelError(
+            f"body {body} carries {shown(shape)}: expected a shape in space, such as "
+            "dmoc.spatial.Sphere(0.1)."
+        )
+    return carried_solid(shape, point, turned)
+
+
+def _between(a: Core, b: Core, define: Define) -> Any:
+    match a, b:
+        case (Round(), Round()):
+            square = _square(a, b, define)
+            points = a.along is None and b.along is None
+            way = sp.sqrt(square) if points else define(_root(square))
+            return way - a.radius - b.radius
+        case (Round(along=None), Drum()):
+            return define(_to_drum(a.at, b, define)) - a.radius
+        case (Drum(), Round(along=None)):
+            return _between(b, a, define)
+        case (Round(), Block() | Cut()):
+            return define(_to_corners(a, b, define)) - a.radius
+        case (Block() | Cut(), Round()):
+            return _between(b, a, define)
+        case (Block() | Cut(), Block() | Cut()):
+            return define(_separation(a, b, define))
+    raise ModelError(
+        "the distance of a cylinder from what is no plane, sphere or point has no closed form: "
+        "state it as a Capsule or a Box that holds it."
+    )
+
+
+def _lowest(core: Core, n: Vector, define: Define) -> Any:
+    """The least n . x of a shape."""
+    match core:
+        case Round():
+            return _span(core, n, define)[0] - core.radius
+        case Drum():
+            slope = define(dot(n, core.along))
+            reach = core.half * sp.Abs(slope) + core.radius * _root(1 - slope**2)
+            return dot(n, core.at) - define(reach)
+    return _span(core, n, define)[0]
+
+
+def _span(core: Any, n: Vector, define: Define) -> tuple[Any, Any]:
+    """The least and the largest n . x of a segment, a box or a hull."""
+    if isinstance(core, Cut):
+        along = [define(dot(n, corner)) for corner in core.corners]
+        return define(sp.Min(*along)), define(sp.Max(*along))
+    middle = define(dot(n, core.at))
+    reach = define(sum(h * sp.Abs(define(dot(n, a))) for a, h in core.sides))
+    return middle - reach, middle + reach
+
+
+def _square(a: Round, b: Round, define: Define) -> Any:
+    """The least square of the distance of two segments or points.
+
+    Of c + s a and e + t b, |s| <= h, |t| <= k, with d = c - e: the least over t is a convex
+    function of s, quadratic on either side of the ends of b, whose least place lies between the
+    places that are nearest to these.
+    """
+    if b.along is None:
+        a, b = b, a
+    d = tuple(define(e) for e in added(a.at, times(-1, b.at)))
+    D = define(dot(d, d))
+    if b.along is None:
+        return D
+    q = define(dot(d, b.along))
+    if a.along is None:
+        return define(D - q**2 + _excess(q, b.half, define))
+    p, u = define(dot(d, a.along)), define(dot(a.along, b.along))
+    free = define((u * q - p) / sp.Max(1 - u**2, PARALLEL))
+    reach = define(sp.Abs(u) * b.half)
+    near = define(_within(free, -p - reach, reach - p))
+    s = define(_within(near, -a.half, a.half))
+    w = define(q + u * s)
+    return define(D + s**2 + 2 * s * p - w**2 + _excess(w, b.half, define))
+
+
+def _within(x: Any, low: Any, high: Any) -> Any:
+    return sp.Min(sp.Max(x, low), high)
+
+
+def _excess(w: Any, k: Any, define: Define) -> Any:
+    return define(sp.Max(sp.Abs(w) - k, 0)) ** 2
+
+
+def _to_drum(point: Vector, drum: Drum, define: Define) -> Any:
+    """The distance of a point from a cylinder, negative within."""
+    d = added(point, times(-1, drum.at))
+    along = define(dot(d, drum.along))
+    square, beyond = define(dot(d, d) - along**2), define(sp.Abs(along) - drum.half)
+    over = _root(define(sp.Max(square, drum.radius**2))) - drum.radius
+    outside = define(over**2 + sp.Max(beyond, 0) ** 2)
+    apart = define(sp.Max(beyond, define(_root(square) - drum.radius)))
+    return _signed(apart, outside, define)
+
+
+def _to_corners(ball: Round, solid: Block | Cut, define: Define) -> Any:
+    """The distance of a point or a segment from what corners hold, negative within."""
+    if isinstance(solid, Block) and ball.along is None:
+        beyond = _beyond(solid, ball.at, define)
+        return _signed(define(sp.Max(*beyond)), define(_outside(beyond)), define)
+    squares = [_square_to(solid, end, define) for end in ball.ends]
+    squares += [_square(ball, edge, define) for edge in solid.edges]
+    apart = define(_separation(solid, ball, define))
+    return _signed(apart, define(sp.Min(*squares)), define)
+
+
+def _signed(apart: Any, square: Any, define: Define) -> Any:
+    """The distance of which there are a lower bound, that of both within each other, and the square
+    where they are not; it is that bound where a face is nearest."""
+    near = define(_root(square) - SHY)
+    return sp.Max(apart, define(sp.Min(near, STEEP * apart)))
+
+
+def _beyond(block: Block, point: Vector, define: Define) -> list[Any]:
+    """How far a point is beyond each pair of faces of a box."""
+    arm = tuple(define(e) for e in added(point, times(-1, block.at)))
+    return [define(sp.Abs(define(dot(arm, axis))) - half) for axis, half in block.sides]
+
+
+def _outside(beyond: list[Any]) -> Any:
+    return sum(sp.Max(e, 0) ** 2 for e in beyond)
+
+
+def _square_to(solid: Block | Cut, point: Vector, define: Define) -> Any:
+    """The square of the distance of a point from a box, or from the faces of a hull above which it
+    is: beside these it is larger than that from an edge."""
+    if isinstance(solid, Block):
+        return define(_outside(_beyond(solid, point, define)))
+    squares = []
+    for normal, place, sides in solid.faces:
+        height = define(dot(normal, added(point, times(-1, place))))
+        off = [define(dot(out, added(point, times(-1, at)))) for out, at in sides]
+        beside = define(sp.Max(0, *off))
+        squares.append(define(height**2 + STEEP * beside**2))
+    return define(sp.Min(*squares))
+
+
+def _separation(a: Block | Cut, b: Block | Cut | Round, define: Define) -> Any:
+    """The largest gap between both along normals and across two edges, negative where they
+    overlap."""
+    gaps = [_gap(a, b, n, define) for n in (*a.normals, *b.normals)]
+    for u, v in product(a.directions, b.directions):
+        n = tuple(define(e) for e in cross(u, v))
+        square = define(dot(n, n))
+        safe = sp.Max(square, PARALLEL)
+        # across parallel edges, where nothing is learnt, far less than along any normal
+        across = _gap(a, b, n, define) - STEEP * sp.Max(PARALLEL - square, 0)
+        gaps.append(define(across / sp.sqrt(safe)))
+    return sp.Max(*gaps)
+
+
+def _gap(a: Any, b: Any, n: Vector, define: Define) -> Any:
+    (low, high), (bottom, top) = _span(a, n, define), _span(b, n, define)
+    return define(sp.Max(low - top, bottom - high))
+
+
+def _root(square: Any) -> Any:
+    return sp.sqrt(sp.Max(square, LEAST))
