@@ -170,12 +170,6 @@ class Body(Member):
         Returns
         -------
         shape in space
-            With its place and attitude in the world.
-
-        Raises
-        ------
-        ModelError
-            If it is no such shape.
 
         Examples
         --------

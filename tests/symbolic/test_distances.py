@@ -110,6 +110,18 @@ def test_boxes_and_hulls_are_apart_where_a_plane_separates_them(kinds: str) -> N
     assert len(signs) == 2 or kinds != "box box"
 
 
+def test_within_a_solid_the_nearest_face_counts() -> None:
+    cube, drum = dmoc.spatial.Box((2, 2, 2)), dmoc.spatial.Cylinder(1.0, 4.0)
+    rod = dmoc.spatial.Capsule(0.1, 0.5, at=(0.2, 0, 0))
+    corner = dmoc.spatial.Hull([(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)])
+    for shape, other, depth in (
+        ((0.3, 0, 0), cube, 0.7), ((0.2, 0.4, 0), drum, 1 - np.hypot(0.2, 0.4)),
+        ((0, 0, 1.9), drum, 0.1), (rod, cube, 0.9), ((0.3, 0.2, 0.4), corner, 0.2),
+        (dmoc.spatial.Sphere(0.5, at=(0.3, 0, 0)), cube, 1.2),
+    ):  # fmt: skip
+        assert float(WORLD.distance(shape, other)) == pytest.approx(-depth, abs=1e-11)
+
+
 def test_two_edges_that_cross_meet() -> None:
     """Of two boxes on their edges: neither has a corner in the other."""
     roof = dmoc.attitude(axis=(1, 0, 0), angle=np.pi / 4)
