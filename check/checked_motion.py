@@ -68,6 +68,16 @@ class PlannedNodes(NamedTuple):
     reaction: Array
 
 
+class HeldNodes(NamedTuple):
+    """The nodes of a motion, those of phases that have steps moved to where the conditions of their
+    modes hold: states (n, 2 nq), the tangential positions that they keep (n, nt), and by how much
+    their momenta have changed (n, nq)."""
+
+    y: Array
+    anchors: Array
+    moved: Array
+
+
 @record(frozen=True, eq=False)
 class Motion:
     """A motion, its models with the parameters of the phases, its nodes and sizes, its steps, the
@@ -99,7 +109,9 @@ class Motion:
         model = models[0]
         for there in models.different:
             check_coefficients(there, SimulationError)
-        modes = tuple(_mode_of(phase, model) for phase in trajectory.phases)
+        same = dict[Mode, Mode]()  # one of those that are alike, to be entered once
+        every = (_mode_of(phase, model) for phase in trajectory.phases)
+        modes = tuple(same.setdefault(mode, mode) for mode in every)
         nodes = nodes_of(trajectory, models)
         sizes = sizes_of(trajectory, nodes)
         arcs = arcs_of(trajectory, nodes, sizes)
@@ -208,26 +220,46 @@ class Motion:
         def forces(kind: str, names: Sized) -> Array:
             if not names:
                 return np.zeros((len(phase.t) + len(t), 0))
-            return np.vstack([getattr(phase, kind), phase.inside(kind).reshape(-1, len(names))])
+            inside = phase.inside(kind).reshape(-1, len(names))
+            return np.concatenate([getattr(phase, kind), inside])
 
         return PlannedNodes(
-            np.vstack([phase.q, q]),
-            np.vstack([phase.v, v]),
+            np.concatenate([phase.q, q]),
+            np.concatenate([phase.v, v]),
             np.concatenate([phase.t, t]),
-            (np.vstack([before, u]), np.vstack([after, u])),
+            (np.concatenate([before, u]), np.concatenate([after, u])),
             forces("normal", phase.closed),
             forces("tangential", phase.rubbing),
             forces("reaction", phase.joints),
         )
 
     @cached_property
+    def held(self) -> HeldNodes:
+        """The nodes in the modes of their phases; of a phase of its own, those of this one."""
+        nodes, nq, model = self.nodes, self.model.nq, self.model
+        y, anchors, moved = (
+            nodes.y.copy(),
+            np.zeros((len(nodes.t), model.nt)),
+            np.zeros_like(nodes.p),
+        )
+        for piece in self.pieces:
+            at = slice(*nodes.begins[[piece.numbers[0], piece.numbers[-1] + 1]].tolist())
+            if holds(self, piece.mode):
+                y[at], anchors[at] = put(self, piece.mode, nodes.y[at], nodes.t[at])
+                p = model.momentum(y[at, :nq], y[at, nq:], nodes.t[at])
+                moved[at] = p - nodes.momentum[at]
+        return HeldNodes(y, anchors, moved)
+
+    @cached_property
     def rubbing(self) -> tuple[Model, ...]:
         """The model with its friction at the places of each phase that has steps, with the inputs
-        before each and after it, shape (2, n, nt)."""
+        before each and after it, shape (2, n, nt), or (nt,) where it does not vary."""
         return tuple(map(self._rubbing, range(self.stepped)))
 
     def _rubbing(self, i: int) -> Model:
         at, model = self.places[i], self.models[i]
+        if not model.varying_friction:
+            return model
         sides = [model.with_friction_at(at.q, at.v, u, at.t) for u in at.inputs]
         shape = 2, len(at.t), model.nt
         kinds = ([s.friction for s in sides], [s.static_friction for s in sides])
@@ -288,6 +320,22 @@ class Motion:
         off[:, :nq] = (q - q_wanted) / self.sizes.q
         off[:, nq:] = (self.model.momentum(q, v, t) - p_wanted) / self.sizes.p
         return np.abs(off)
+
+
+def put(motion: Motion, mode: Mode, y: Array, t: Array) -> tuple[Array, Array]:
+    """Rows (q | v ...), shape (n, 2 nq or more), at times (n,), moved to where the conditions of a
+    mode hold, and the tangential positions that they keep, shape (n, nt)."""
+    if not holds(motion, mode):
+        return y, np.zeros((len(y), motion.model.nt))
+    y = y.copy()
+    anchors = motion.model.tangents(np.ascontiguousarray(y[:, : motion.model.nq]), t)
+    motion.flow.integrator.project(mode, y, t, anchors)
+    return y, anchors
+
+
+def holds(motion: Motion, mode: Mode) -> bool:
+    """Whether a mode has conditions that hold positions."""
+    return bool(mode.closed or mode.sticking or motion.model.nj)
 
 
 def check_shapes(trajectory: Trajectory) -> None:

@@ -10,10 +10,9 @@ import numpy as np
 
 from dmoc.base.names import unit_constraint
 from dmoc.base.tolerances import ROUNDING
-from dmoc.check.checked_motion import Motion, PlannedNodes
+from dmoc.check.checked_motion import Motion, PlannedNodes, put
 from dmoc.check.consistency import DRIFT, OFF
 from dmoc.check.findings import Findings, largest
-from dmoc.check.segments import put
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_mode import FREE
@@ -40,7 +39,11 @@ def forces(motion: Motion, i: int) -> Reaction:
     """The forces (2, n, ...) that hold a phase at its places, with the inputs before each and after
     it: where others have the same effect, those next to the planned ones."""
     at, mode = motion.places[i], motion.modes[i]
-    y, _ = put(motion, mode, np.hstack([at.q, at.v]), at.t)
+    own = motion.nodes.of_phase(i)
+    y, inside = motion.held.y[own], slice(own.stop - own.start, None)
+    if len(at.t[inside]):
+        rows, _ = put(motion, mode, np.hstack([at.q[inside], at.v[inside]]), at.t[inside])
+        y = np.concatenate([y, rows])
     planned = np.hstack([at.normal, _sticking(motion, i, at), at.reaction])
     y, v, t, planned = (np.concatenate([a, a]) for a in (y, at.v, at.t, planned))
     q, u = np.ascontiguousarray(y[:, : motion.model.nq]), np.concatenate(at.inputs)
@@ -183,7 +186,7 @@ def _sizes(motion: Motion, flows: list[Reaction]) -> tuple[Array, Array, Array]:
     smooth = SMOOTH * pushes(nodes, sizes, nodes.tangent_slopes)
     rubbing = [motion.rubbing[i] for i in range(motion.stepped)]
     kinds = [mu for there in rubbing for mu in (there.static_friction, there.friction)]
-    most = np.max([mu.max(axis=(0, 1)) for mu in kinds], axis=0)
+    most = np.max([mu.max(axis=tuple(range(mu.ndim - 1))) for mu in kinds], axis=0)
     bearing = model.with_coefficients(most).bearing(normal)
     friction = np.maximum.reduce([bearing, BEARABLE * traction, smooth])
     joint = np.maximum(joint, pushes(nodes, sizes, model.joint_slopes(nodes.q, nodes.t)))

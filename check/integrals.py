@@ -12,7 +12,7 @@ from dmoc.base.records import record
 from dmoc.check.checked_motion import Motion
 from dmoc.check.findings import Findings, infinite_where_none
 from dmoc.check.hits import hit_peaks, planned_hits
-from dmoc.check.integrated_steps import IntegratedSteps
+from dmoc.check.integrated_steps import IntegratedSteps, basis_at
 from dmoc.check.limit_functions import Bools, LimitFunctions
 from dmoc.check.path_limits import ALMOST_NOTHING, Excess, counted
 from dmoc.check.quadrature import Integrals, Integrands, Place, integrals_along, joined, together
@@ -23,6 +23,9 @@ NUDGE = 1e-3
 # What positions may be off by and still pass, in their sizes, and the share of the steps in which
 # integrands are no larger than what counts: a peak makes no error of its own small.
 PLACED, MOST = 0.01, 0.9
+# The middle of a step.
+HALF = np.array([0.5])
+HALF_BASIS = basis_at(HALF)
 # Errors below this share of the magnitude need no look at how little that is, and those below the
 # other one no explanation.
 SMALL, CLEAR = 1e-6, 1e-3
@@ -71,7 +74,7 @@ def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) ->
     """The integrals and the cost of a motion."""
     model, trajectory = motion.model, motion.trajectory
     names, has_cost = tuple(model.kernels.integrals), _has_cost(motion)
-    parts = [(part, own) for part, own in motion.by_values(courses) if own]
+    parts = [(part, [joined(own)]) for part, own in motion.by_values(courses) if own]
     along = together([integrals_along(own, _integrands(part)) for part, own in parts])
     values, sizes = along.values.copy(), along.sizes.copy()
     if len(model.hit_sums) and trajectory.collisions:
@@ -90,8 +93,8 @@ def _totals(motion: Motion, courses: Sequence[IntegratedSteps], peaks: Array) ->
         sizes[-1] += size
     off = np.abs(values - claims) + along.left
     if trajectory.limits or not (off <= SMALL * sizes).all():
-        of_parts = [_least(part, own, _integrands(part)) for part, own in parts]
-        sizes = np.maximum(sizes, np.max(of_parts, axis=0))
+        for part, (own,) in parts:
+            sizes = _at_least(sizes, part, own, _integrands(part))
     sizes = np.where(sizes > 0, sizes, 1.0)
     errors = np.where(along.undefined | along.has_pole, np.inf, infinite_where_none(off / sizes))
     what = (*map(repr, names), "the cost")
@@ -144,21 +147,26 @@ def _beside_running_cost(
     return terminal + value, abs(terminal) + abs(value) + sum(moved)
 
 
-def _least(motion: Motion, courses: Sequence[IntegratedSteps], integrands: Integrands) -> Array:
-    """Sizes of integrals below which there are rounding errors and errors of positions that pass:
-    a share of those over the whole time of motions whose velocities and inputs are of their sizes,
-    and what positions beside the own ones make, shape (number,)."""
-    sizes, (q, v, u, t) = motion.sizes, joined(courses).at(0.5)
+def _at_least(
+    of_values: Array, motion: Motion, course: IntegratedSteps, integrands: Integrands
+) -> Array:
+    """Sizes of integrals, shape (number,), not below those of rounding errors and of errors of
+    positions that pass: a share of those over the whole time of motions whose velocities and inputs
+    are of their sizes, and what positions beside the own ones make."""
+    sizes, (q, v, u, t) = motion.sizes, (part[0] for part in course.along(HALF, HALF_BASIS))
     used = np.abs(u).max(axis=0, initial=0.0)
     needed = np.where(np.isfinite(motion.needed_inputs), motion.needed_inputs, 0.0)
     fast, strong = np.tile(sizes.v, (len(q), 1)), np.tile(np.maximum(used, needed), (len(q), 1))
     off = PLACED * sizes.q
-    rows = np.concatenate([q, q, q + off, q - off]), np.concatenate([fast, v, v, v])
-    values = integrands(*rows, np.concatenate([strong, u, u, u]), np.tile(t, 4))
-    usual, own, *beside = np.split(values, 4)
+    states = (q, q, q + off, q - off), (fast, v, v, v), (strong, u, u, u), (t, t, t, t)
+    values = integrands(*(np.concatenate(rows) for rows in states))
+    usual, own, *beside = values.reshape(4, len(q), -1)
     looks = np.abs([ALMOST_NOTHING * usual, *(look - own for look in beside)])
-    most = np.quantile(np.nan_to_num(looks, nan=0.0, posinf=0.0), MOST, axis=1)
-    return np.asarray(sizes.time * most.max(axis=0))
+    looks = np.where(np.isfinite(looks), looks, 0.0)
+    if (sizes.time * looks.max(axis=(0, 1)) <= of_values).all():
+        return of_values
+    least = sizes.time * np.quantile(looks, MOST, axis=1).max(axis=0)
+    return np.asarray(np.maximum(of_values, least))
 
 
 def _explained(motion: Motion, totals: _Totals, j: int) -> str:

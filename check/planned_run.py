@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.base.records import record
-from dmoc.check.checked_motion import Motion
+from dmoc.check.checked_motion import Motion, put
 from dmoc.check.consistency import OFF
 from dmoc.check.contact_forces import BEARABLE, ON_TIME, TURNED
 from dmoc.check.findings import largest
 from dmoc.check.integrated_steps import IntegratedSteps
 from dmoc.check.runs import Departures, WholeRun, contacts_of_phases, is_planned
-from dmoc.check.segments import Segments, between, put
+from dmoc.check.segments import Segments, between
 from dmoc.check.verdict import PASSING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode

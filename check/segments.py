@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.base.records import record
-from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
+from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments, put
 from dmoc.check.findings import Findings, infinite_where_none, largest, together
 from dmoc.check.hits import hit_excesses
 from dmoc.check.integrals import integral_errors, peak_errors
@@ -27,32 +27,13 @@ from dmoc.simulation.sizes import penetration
 COARSE = 1e-3  # error of a coarse integration, in sizes, that still shows it
 
 
-def put(motion: Motion, mode: Mode, y: Array, t: Array) -> tuple[Array, Array]:
-    """Rows (q | v ...), shape (n, 2 nq or more), at times (n,), moved to where the conditions of a
-    mode hold, and the tangential positions that they keep, shape (n, nt)."""
-    if not _holds(motion, mode):
-        return y, np.zeros((len(y), motion.model.nt))
-    y = y.copy()
-    anchors = motion.model.tangents(np.ascontiguousarray(y[:, : motion.model.nq]), t)
-    motion.flow.integrator.project(mode, y, t, anchors)
-    return y, anchors
-
-
-def _holds(motion: Motion, mode: Mode) -> bool:
-    """Whether a mode has conditions that hold positions."""
-    return bool(mode.closed or mode.sticking or motion.model.nj)
-
-
-def _errors(motion: Motion, mode: Mode, y: Array, at: Index) -> tuple[Array, Array]:
+def _errors(motion: Motion, y: Array, at: Index) -> tuple[Array, Array]:
     """Relative errors of rows beside nodes, of positions and momenta (n, 2 nq), and the positions
     and velocities that they should have.  What closed contacts and what sticks would not let pass
     is judged by itself (:mod:`dmoc.check.contact_forces`)."""
-    nodes, nq = motion.nodes, motion.model.nq
-    planned, p, t = nodes.y[at], nodes.p[at], nodes.t[at]
-    if _holds(motion, mode):
-        planned, _ = put(motion, mode, planned, t)
-        p += motion.model.momentum(planned[:, :nq], planned[:, nq:], t) - nodes.momentum[at]
-    return motion.errors(y, t, planned[:, :nq], p), planned
+    planned, held = motion.held.y[at], motion.held
+    p = motion.nodes.p[at] + held.moved[at]
+    return motion.errors(y, motion.nodes.t[at], planned[:, : motion.model.nq], p), planned
 
 
 # Steps --------------------------------------------------------------------------------------------
@@ -87,10 +68,9 @@ def step_errors(motion: Motion) -> StepErrors:
 
 def _course(motion: Motion, piece: ModeSpan) -> IntegratedSteps:
     """The steps of a piece, with their work."""
-    nodes, at = motion.nodes, motion.nodes.starts[piece.places]
-    rows = np.zeros((len(at), 2 * motion.model.nq + 1))
-    rows[:, :-1] = nodes.y[at]
-    start, anchors = put(motion, piece.mode, rows, nodes.t[at])
+    at = motion.nodes.starts[piece.places]
+    start, anchors = np.zeros((len(at), 2 * motion.model.nq + 1)), motion.held.anchors[at]
+    start[:, :-1] = motion.held.y[at]
     stop, first = start.copy(), np.arange(len(start))
     mode = None if piece.mode == FREE else piece.mode
     ends = motion.flow.advance(stop, piece.steps, first, first + 1, mode, anchors)
@@ -105,7 +85,7 @@ def _errors_on(motion: Motion, piece: ModeSpan, course: IntegratedSteps) -> Step
     gaps = penetration(motion.model, motion.sizes, path, times, _open(motion, piece.mode))
     beside = path.T.copy()  # coordinates side by side have their extremes more quickly
     over = np.maximum(low - beside.min(axis=1), beside.max(axis=1) - high)
-    errors, _ = _errors(motion, piece.mode, course.stop, motion.nodes.starts[piece.places] + 1)
+    errors, _ = _errors(motion, course.stop, motion.nodes.starts[piece.places] + 1)
     measured = {
         "step error": max(largest(errors), _inside_error(motion, piece, course)),
         "penetration": gaps,
@@ -205,14 +185,13 @@ def _segments_of(motion: Motion, piece: ModeSpan) -> tuple[NDArray[Any], ...]:
     last = np.concatenate([cut[1:] for cut in cuts.values()])
     at, to = (nodes.begins[phase] + part for part in (first, last))
     begin, end = (motion.begins[phase] - piece.places.start + part for part in (first, last))
-    start, t = nodes.y[at], nodes.t[at]
+    start, t, anchors = nodes.y[at], nodes.t[at], motion.held.anchors[at]
     course = np.empty((len(piece.steps), 3 * m))
     if mode != FREE or motion.model.nj:
-        ends, anchors = put(motion, mode, start.copy(), t)
+        ends = motion.held.y[at]
         motion.flow.advance(ends, piece.steps, begin, end, mode, anchors, course=course)
         slopes = _differences(motion, piece, (start, t, ends), begin, end)
     else:
-        anchors = np.zeros((len(start), motion.model.nt))
         ends = np.empty((len(start), m + m * m))
         ends[:, :m], ends[:, m:] = start, np.eye(m).ravel()
         motion.flow.advance(ends, piece.steps, begin, end, course=course)
@@ -221,7 +200,7 @@ def _segments_of(motion: Motion, piece: ModeSpan) -> tuple[NDArray[Any], ...]:
         if bad.any():
             kinked = start[bad], t[bad], ends[bad, :m]
             slopes[bad] = _differences(motion, piece, kinked, begin[bad], end[bad])
-    errors, planned = _errors(motion, mode, ends, to)
+    errors, planned = _errors(motion, ends, to)
     worst, defects = infinite_where_none(errors.max(axis=1)), ends[:, :m] - planned
     return phase, first, last, worst, slopes, defects, anchors, course
 

@@ -18,8 +18,7 @@ from dmoc.base.files import write_whole
 from dmoc.base.names import velocity_name
 from dmoc.base.signatures import public
 from dmoc.base.table import Cell, Shown, Table
-from dmoc.check.checked_motion import Motion
-from dmoc.check.segments import put
+from dmoc.check.checked_motion import Motion, put
 from dmoc.codegen.kernels import Array
 from dmoc.control.controller import BEYOND, Measured, digest_of
 from dmoc.control.linearisation import (

@@ -15,8 +15,7 @@ import numpy as np
 from dmoc.base.errors import SimulationError
 from dmoc.base.records import record
 from dmoc.base.tolerances import TINY
-from dmoc.check.checked_motion import Motion
-from dmoc.check.segments import put
+from dmoc.check.checked_motion import Motion, put
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.contact_mode import FREE, Mode

@@ -120,7 +120,8 @@ class FrictionModel(BoundKernels):
     @cached_property
     def has_friction(self) -> NDArray[np.bool_]:
         """Which tangents have friction, shape (nt,): that which varies may be zero somewhere."""
-        in_states = np.isin(np.arange(self.nt), list(self._in_states))
+        in_states = np.zeros(self.nt, dtype=bool)
+        in_states[list(self._in_states)] = True
         return np.asarray(in_states | (self.friction != 0) | (self.static_friction != 0))
 
     @cached_property

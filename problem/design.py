@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 SAMPLES = 3
 # What depends on the values of design parameters, beside these.
 OF_DESIGN = {
-    "parameter_values", "models", "redundant", "start_position", "goal_position", "inertia",
-    "reach", "spread", "end_speeds",
+    "parameter_values", "models", "model", "redundant", "start_position", "goal_position",
+    "inertia", "reach", "spread", "end_speeds",
 }  # fmt: skip
 
 

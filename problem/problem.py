@@ -382,7 +382,7 @@ class Problem(Shown):
         """The model with its parameter values in each phase."""
         return PhaseModels(self.kernels, self.parameter_values)
 
-    @property
+    @cached_property
     def model(self) -> Model:
         """The model at the start; what does not change by phase is that of all phases."""
         return self.models[0]

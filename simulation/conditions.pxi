@@ -14,6 +14,7 @@ cdef enum:
 cdef class Conditions:
     """What a mode demands of one model: closed gaps, what sticks, joints; for one thread."""
     cdef object kernels, contacts, entered  # the mode whose conditions these are
+    cdef dict known  # conditions of modes, and the places of what is closed and of what sticks
     cdef bint ready  # for joints, and modes with contacts or friction
     cdef bint free  # nothing of the mode acts on the motion
     cdef ptrdiff_t nq, nu, nc, nt, nj, capacity
@@ -73,7 +74,7 @@ cdef class Conditions:
     def grip(self, gripped, strong):
         """Keep places of grips closed in every mode, by their numbers; ``strong`` are those of each
         grip that has a strength, with this."""
-        self.gripped, self.entered = tuple(gripped), NONE
+        self.gripped, self.entered, self.known = tuple(gripped), NONE, {}
         self.strong = np.array([j for places, _ in strong for j in places], dtype=np.intp)
         self.strength = np.array(
             [x for places, F in strong for x in (*[-1.0] * (len(places) - 1), F * F)], dtype=float
@@ -142,17 +143,19 @@ cdef class Conditions:
             return
         if not self.ready:
             self._contacts()
-        own = FREE if mode is None else mode
-        held = conditions_among(self.contacts, own, self.nj, self.gripped)
-        closed, sticking = held.places(GAPS), held.places(TANGENTS)
-        self.m, self.sliding = len(held), len(held.drags)
+        if mode not in self.known:
+            own = FREE if mode is None else mode
+            held = conditions_among(self.contacts, own, self.nj, self.gripped)
+            self.known[mode] = held.drags, len(held), held.places(GAPS), held.places(TANGENTS)
+        drags, self.m, closed, sticking = self.known[mode]
+        self.sliding = len(drags)
         self.free = not (self.m or self.sliding)
         self.closed, self.sticking = len(closed[0]), len(sticking[0])
         self.closed_at[:], self.sticks_at[:], self.slides_at[:] = -1, -1, -1
         for places, (here, numbers) in ((self.closed_at, closed), (self.sticks_at, sticking)):
             for i, k in zip(here, numbers):
                 places[k] = i
-        for i, (k, way, pressed_by) in enumerate(held.drags):
+        for i, (k, way, pressed_by) in enumerate(drags):
             self.slides_at[k], self.way[i], self.presses[i] = i, way, pressed_by
         self.entered = mode
 
