@@ -14,6 +14,7 @@ import numpy as np
 
 from dmoc.base.deadline import Deadline
 from dmoc.base.tolerances import SAME_COST
+from dmoc.problem.attitudes import with_goal_of
 from dmoc.problem.problem import Problem
 from dmoc.results.exploration import exploration_in_words
 from dmoc.results.solution import Minimum, Solution, saying
@@ -59,7 +60,7 @@ def _explored(
 ) -> Solution:
     """The best motion that many starts lead to, that of a node among them; or what that leads to
     alone, where it costs less."""
-    problem = tree.problem_of(node.sequence)
+    problem = with_goal_of(tree.problem_of(node.sequence), motion.phases[-1].q[-1])
     problem = problem.meshed(motion.steps) if stated.steps else problem.but(steps=None)
     tried = STARTS_SHARE * sum(len(n.starts) for n in tree.nodes.values())
     request = request_of(problem, Keywords(tree.settings.method, seed=tree.settings.seed))

@@ -13,6 +13,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from dmoc.base.deadline import Deadline
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
@@ -21,17 +23,20 @@ from dmoc.guess.contacts import in_contact
 from dmoc.guess.extension import impulse_between, with_event
 from dmoc.guess.random_motions import FEW_IN_TURN
 from dmoc.guess.transfer import equally_long, pieces_of, unknowns_along
+from dmoc.problem.attitudes import with_goal_of
 from dmoc.problem.design import designed_as
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import MOST_STEPS
 from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Solution
+from dmoc.sequences.comparison import better
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.solvers.diagnosis import Diagnosis, diagnose
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.checked_solution import without_effect
+from dmoc.solving.either_sign import ways_of
 from dmoc.solving.mesh.one_mesh import on_mesh_of, solved_on_mesh
 from dmoc.solving.methods import COMPILED_METHOD, METHODS
 from dmoc.solving.multistart.effort import Effort
@@ -96,9 +101,53 @@ def _solve(task: NodeTask) -> Node:
     if task.doubtful is not None:
         node = _on_finer_meshes(task, task.doubtful)
         return replace(node, seconds=node.seconds + time.perf_counter() - begin)
-    compiled = task.problem.kernels.compiled
-    node = _explored(task) if compiled else _from_parent(task)
+    tasks = _each_way(task)
+    nodes = [_one_way(own) for own in tasks]
+    node = nodes[0] if len(nodes) == 1 else _best_way(nodes)
     return replace(node, attempts=task.attempts, seconds=time.perf_counter() - begin)
+
+
+def _one_way(task: NodeTask) -> Node:
+    return _explored(task) if task.problem.kernels.compiled else _from_parent(task)
+
+
+def _each_way(task: NodeTask) -> list[NodeTask]:
+    """The task with each sign of the quaternions at its goal, for its share of the time, and with
+    the motions to start from that go that way; unknowns to start from go the near one."""
+    ways = ways_of(task.problem) if task.start is None else [task.problem]
+    seconds = None if task.seconds is None else task.seconds / len(ways)
+    return [
+        replace(
+            task, problem=way, seconds=seconds, parent=_going(task.parent, way, ways),
+            proposer=_going(task.proposer, way, ways),
+        )
+        for way in ways
+    ]  # fmt: skip
+
+
+def _going(motion: Solution | None, way: Problem, ways: Sequence[Problem]) -> Solution | None:
+    """A motion that ends nearest to the goal of this way, if it is one."""
+    if motion is None or len(ways) == 1:
+        return motion
+    end = motion.phases[-1].q[-1]
+    nearest = min(ways, key=lambda w: float(np.nansum((w.goal_position - end) ** 2)))
+    return motion if way is nearest else None
+
+
+def _best_way(nodes: Sequence[Node]) -> Node:
+    """The best node of several signs of quaternions at the goal, with what the others have led
+    to."""
+    best = nodes[0]
+    for node in nodes[1:]:
+        best = better(best, node) if best.solution or node.solution else best
+    costs = [n.cost for n in nodes if n is not best and n.cost is not None]
+    cost = f"it costs {min(costs):.6g}" if costs else "no motion was found"
+    return replace(
+        best,
+        evidence=(*best.evidence, f"with the other sign of a quaternion at the goal {cost}"),
+        starts=tuple(start for n in nodes for start in n.starts),
+        minima=tuple(sorted({cost for n in nodes for cost in n.minima})),
+    )
 
 
 def _from_parent(task: NodeTask) -> Node:
@@ -174,9 +223,11 @@ def _explored(task: NodeTask) -> Node:
 def _on_finer_meshes(task: NodeTask, node: Node) -> Node:
     """A node that the simulation contradicts, from its motion on finer meshes, until that is
     confirmed or its errors do not fall any more."""
-    deadline, before, steps = Deadline.after(task.seconds), node.solution, task.problem.phase_steps
+    before = node.solution
     if before is None or before.verification is None:
         return node
+    task = replace(task, problem=with_goal_of(task.problem, before.phases[-1].q[-1]))
+    deadline, steps = Deadline.after(task.seconds), task.problem.phase_steps
     errors = before.verification.excess
     for factor in task.finer:
         mesh = task.problem.meshed([min(factor * n, MOST_STEPS) for n in steps])
